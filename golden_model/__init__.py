@@ -1,0 +1,1 @@
+"""Integer NumPy models: the definition of what the hardware computes."""

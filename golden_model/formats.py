@@ -1,0 +1,128 @@
+"""Fixed-point formats of the data path: range, rounding and saturation, stated once.
+
+Rounding everywhere is "add half, then arithmetic shift right" (ties toward plus infinity);
+every plain ``>>`` is an arithmetic shift (floor).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+Integer = TypeVar("Integer", bound=np.integer)
+
+
+@dataclass(frozen=True)
+class FixedPoint:
+    """A fixed-point format: ``integer_bits`` (sign included) and ``fraction_bits``."""
+
+    integer_bits: int
+    fraction_bits: int
+    signed: bool
+
+    @property
+    def bits(self) -> int:
+        """Total width in bits."""
+        return self.integer_bits + self.fraction_bits
+
+    @property
+    def min_raw(self) -> int:
+        """Smallest raw integer."""
+        return -(1 << (self.bits - 1)) if self.signed else 0
+
+    @property
+    def max_raw(self) -> int:
+        """Largest raw integer."""
+        return (1 << (self.bits - 1)) - 1 if self.signed else (1 << self.bits) - 1
+
+    @property
+    def one(self) -> int:
+        """The raw integer that stands for 1.0."""
+        return 1 << self.fraction_bits
+
+    def quantise(self, value: float) -> int:
+        """Nearest raw integer of a real ``value`` (half rounds up).
+
+        Raises
+        ------
+        ValueError
+            If the rounded value does not fit the format.
+        """
+        raw = int(np.floor(value * self.one + 0.5))
+        if not self.min_raw <= raw <= self.max_raw:
+            raise ValueError(f"{value} does not fit {self}")
+        return raw
+
+    def holds(self, raw: NDArray[np.integer]) -> bool:
+        """Whether every element of ``raw`` is representable."""
+        return bool(raw.size == 0 or (raw.min() >= self.min_raw and raw.max() <= self.max_raw))
+
+    def __str__(self) -> str:
+        return f"{'SQ' if self.signed else 'UQ'}({self.integer_bits}, {self.fraction_bits})"
+
+
+def UQ(integer_bits: int, fraction_bits: int = 0) -> FixedPoint:
+    """Unsigned fixed-point format."""
+    return FixedPoint(integer_bits, fraction_bits, signed=False)
+
+
+def SQ(integer_bits: int, fraction_bits: int = 0) -> FixedPoint:
+    """Signed fixed-point format; ``integer_bits`` includes the sign."""
+    return FixedPoint(integer_bits, fraction_bits, signed=True)
+
+
+PIXEL = UQ(8)
+GRADIENT = SQ(11)
+"""Sobel output: |g| <= 4 * 255."""
+TENSOR_DIAGONAL = UQ(17)
+"""A and B, the windowed sums of squared gradients after the shift."""
+TENSOR_TRACE = UQ(17)
+"""A + B: one 17x17 unsigned multiplier squares it."""
+TENSOR_MIXED = SQ(17)
+"""C, the windowed sum of gradient products after the shift."""
+RAW_RESPONSE = SQ(32)
+"""The Harris measure before threshold and compression; it never saturates (bounded in harris.py)."""
+RESPONSE_FRACTION_BITS = 10
+RESPONSE_CODE = UQ(15)
+"""The response as stored: 5-bit exponent field, 10-bit fraction, hidden one, denormal below 1024."""
+POSITION = UQ(12, 4)
+"""Pixel position in full-resolution coordinates, 1/16 px; pixel centres are integers."""
+MEMBERSHIP = UQ(1, 8)
+"""Degree of membership and output singletons: 256 stands for 1."""
+WEIGHT = UQ(0, 8)
+"""Weight of a match as the fuzzy stage gives it; 255 is the largest."""
+
+
+def round_shift(raw: NDArray[Integer], shift: int) -> NDArray[Integer]:
+    """``raw / 2**shift`` rounded to the nearest integer, halves up."""
+    if shift == 0:
+        return raw
+    return (raw + (1 << (shift - 1))) >> shift
+
+
+def encode_response(value: NDArray[np.integer]) -> NDArray[np.uint16]:
+    """Compress non-negative responses to the 15-bit code that keeps their 11 leading bits.
+
+    Codes compare as values do. ``value`` is below 2**30.
+    """
+    magnitude = np.asarray(value, dtype=np.int64)
+    exponent = np.maximum(_bit_length(magnitude) - 1 - RESPONSE_FRACTION_BITS, 0)
+    # With the hidden one left in place, (e << 10) + (value >> e) carries it into the exponent field.
+    return ((exponent << RESPONSE_FRACTION_BITS) + (magnitude >> exponent)).astype(np.uint16)
+
+
+def decode_response(code: NDArray[np.integer]) -> NDArray[np.int32]:
+    """The value a 15-bit response code stands for (its dropped low bits are zero)."""
+    wide = np.asarray(code, dtype=np.int32)
+    field = wide >> RESPONSE_FRACTION_BITS
+    hidden = (field > 0).astype(np.int32) << RESPONSE_FRACTION_BITS
+    mantissa = (wide & ((1 << RESPONSE_FRACTION_BITS) - 1)) + hidden
+    return mantissa << np.maximum(field - 1, 0)
+
+
+def _bit_length(value: NDArray[np.int64]) -> NDArray[np.int64]:
+    # frexp is exact for integers below 2**53: value = m * 2**e with 0.5 <= m < 1, so e is the bit length.
+    return np.frexp(value.astype(np.float64))[1].astype(np.int64)

@@ -1,0 +1,1 @@
+"""Runs the designs: one interface, four simulators, and synthetic flights to feed them."""
