@@ -6,7 +6,7 @@ One `DescriptorPattern` describes them all, here and in ``hdl/ilbp.py``.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 SQUARE_RING = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
@@ -116,5 +116,7 @@ def thesis_ilbp(rings: int) -> DescriptorPattern:
     )
 
 
-PATTERNS = {pattern.name: pattern for pattern in (ILBP_128, ILBP_256, *(thesis_ilbp(n) for n in range(1, 5)))}
+_UPRIGHT = tuple(replace(p, name=f"{p.name}-upright", oriented=False) for p in (ILBP_128, ILBP_256))
+
+PATTERNS = {p.name: p for p in (ILBP_128, ILBP_256, *_UPRIGHT, *(thesis_ilbp(n) for n in range(1, 5)))}
 """Every descriptor by its name in configurations."""
