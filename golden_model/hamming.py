@@ -1,0 +1,85 @@
+"""Hamming distances between descriptor sets (thesis, equation III-5) and the mutual check (thesis, III.5.2)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+_WORD_BYTES = 8
+_CHUNK_ROWS = 32
+"""Rows a step, so that the words in flight stay in the cache."""
+
+
+def distances(left: NDArray[np.uint8], right: NDArray[np.uint8]) -> NDArray[np.uint8] | NDArray[np.uint16]:
+    """Number of bits in which each left descriptor differs from each right one.
+
+    Parameters
+    ----------
+    left, right : (F1, B), (F2, B) uint8
+        Descriptors of B bytes.
+
+    Returns
+    -------
+    (F1, F2) uint8, or uint16 where 8 B exceeds 255
+        ``popcount(left XOR right)``.
+
+    Raises
+    ------
+    ValueError
+        If the descriptors differ in length.
+    """
+    if left.shape[1] != right.shape[1]:
+        raise ValueError(
+            f"left descriptors have {left.shape[1]} bytes, right ones {right.shape[1]}; "
+            "describe both images with the same pattern"
+        )
+    left_words, right_words = _words(left), _words(right)
+    result = np.zeros((len(left), len(right)), dtype=np.min_scalar_type(8 * left.shape[1]))
+    for start in range(0, len(left), _CHUNK_ROWS):
+        rows = slice(start, start + _CHUNK_ROWS)
+        for left_word, right_word in zip(left_words, right_words, strict=True):
+            result[rows] += np.bitwise_count(left_word[rows, np.newaxis] ^ right_word)
+    return result
+
+
+def mutual_matches(
+    distance: NDArray[np.unsignedinteger], bits: int
+) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.uint16], NDArray[np.uint16]]:
+    """Pairs that are each other's nearest, with their distance and their lead over the next best.
+
+    Ties go to the lowest index. The second best of a pair is the smaller of its row's and its column's, where only
+    the pair itself is left out: an equal distance elsewhere gives margin 0. A missing second counts as ``bits``.
+
+    Parameters
+    ----------
+    distance : (F1, F2) unsigned
+        As `distances` gives it; either side may be empty.
+    bits : int
+        Length of the descriptors: the largest distance.
+
+    Returns
+    -------
+    left, right : (M,) intp
+        Row and column of each pair, in rising row.
+    best, margin : (M,) uint16
+        Its distance, and second best minus best.
+    """
+    if distance.size == 0:
+        nothing, zero = np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.uint16)
+        return nothing, nothing, zero, zero
+    nearest_right = distance.argmin(axis=1)
+    nearest_left = distance.argmin(axis=0)
+    left = np.flatnonzero(nearest_left[nearest_right] == np.arange(len(distance)))
+    right = nearest_right[left]
+    # A row or column holds at most one pair, so one copy without the pairs serves both second bests.
+    others = distance.copy()
+    others[left, right] = bits
+    second = np.minimum(others.min(axis=1)[left], others.min(axis=0)[right]).astype(np.uint16)
+    best = distance[left, right].astype(np.uint16)
+    return left, right, best, second - best
+
+
+def _words(descriptors: NDArray[np.uint8]) -> NDArray[np.uint64]:
+    """(F, B) bytes, padded with zeros, as (ceil(B / 8), F) words."""
+    padding = -descriptors.shape[1] % _WORD_BYTES
+    return np.ascontiguousarray(np.pad(descriptors, ((0, 0), (0, padding))).view(np.uint64).T)
