@@ -158,13 +158,22 @@ def to_8_bit(decoded: NDArray[np.generic], name: str) -> tuple[Pixels, tuple[str
     return np.clip(np.rint(levels), 0, 255).astype(np.uint8), (f"{decoded.dtype}: {low:g}..{high:g} mapped to 0..255",)
 
 
-def reduced(pixels: Pixels, width_px: int) -> tuple[Pixels, float]:
-    """``pixels`` reduced by area to at most ``width_px``, and how many original pixels one of them spans."""
+def reduced(pixels: Pixels, width_px: int) -> tuple[Pixels, NDArray[np.float64]]:
+    """``pixels`` reduced by area to at most ``width_px``.
+
+    Returns
+    -------
+    pixels : ndarray of uint8
+    to_original : ndarray of float64, shape (3, 3)
+        Maps reduced pixels to original ones, pixel centres at integers.
+    """
     height, width = pixels.shape[:2]
     if width <= width_px:
-        return pixels, 1.0
+        return pixels, np.eye(3)
     size = (width_px, max(round(height * width_px / width), 1))
-    return cv2.resize(pixels, size, interpolation=cv2.INTER_AREA).astype(np.uint8, copy=False), width / width_px
+    x, y = width / size[0], height / size[1]
+    to_original = np.array([[x, 0, (x - 1) / 2], [0, y, (y - 1) / 2], [0, 0, 1]])
+    return cv2.resize(pixels, size, interpolation=cv2.INTER_AREA).astype(np.uint8, copy=False), to_original
 
 
 def check_output(path: Path, inputs: tuple[str, ...] = ()) -> None:
@@ -192,7 +201,9 @@ def save(path: Path, pixels: Pixels) -> None:
         done, encoded = cv2.imencode(path.suffix, pixels)
         encoded = encoded if done else None
     if encoded is None:
-        raise InputError(f"{path}: {pixels.shape[1]}x{pixels.shape[0]} cannot be stored as {path.suffix}; use .png or .tif")
+        raise InputError(
+            f"{path}: {pixels.shape[1]}x{pixels.shape[0]} cannot be stored as {path.suffix}; use .png or .tif"
+        )
     save_bytes(path, encoded.tobytes())
 
 

@@ -1,0 +1,5 @@
+"""``python -m skymosaic``."""
+
+from skymosaic.cli import main
+
+main()

@@ -1,0 +1,152 @@
+"""The command line. Exit status: 0 done; 2 bad input; 3 the images could not be registered."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from golden_model.config import Config, load_config, preset_config
+from skymosaic import images, report
+from skymosaic.demo import run_demo
+from skymosaic.errors import InputError, RegistrationError
+from skymosaic.mosaicing import mosaic_of_pair
+from skymosaic.registration import WORKING_WIDTH_PX, Pair
+from skymosaic.registration import register as register_pair
+
+app = typer.Typer(
+    help="Overlapping UAV images in, one mosaic out.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+console = Console(stderr=True)
+
+PresetOption = Annotated[str, typer.Option(help="aerial or thesis.")]
+BackendOption = Annotated[str, typer.Option(help="Who computes features and matches: golden.")]
+ConfigOption = Annotated[Path | None, typer.Option("--config", help="TOML file that overrides the preset.")]
+WorkingWidthOption = Annotated[
+    int, typer.Option("--working-width", min=images.SMALLEST_SIDE_PX, max=4096, help="Pixels wide during registration.")
+]
+SeedOption = Annotated[int, typer.Option(min=0, help="Seed of the robust estimator.")]
+RefineOption = Annotated[bool, typer.Option("--refine", help="Second, guided pass: about half the error.")]
+
+
+@app.command()
+def demo(
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for mosaic, pictures and report.")] = Path("demo"),
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the rendered landscape.")] = 1,
+) -> None:
+    """Render a synthetic flight with known poses, make its mosaic, and measure how far it is from the truth."""
+    run_demo(output, seed, console)
+
+
+@app.command()
+def mosaic(
+    photographs: Annotated[list[Path], typer.Argument(help="Two overlapping photographs.", metavar="LEFT RIGHT")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The mosaic: .png, .jpg, .tif ...")],
+    report_folder: Annotated[Path | None, typer.Option("--report", help="Folder for pictures and numbers.")] = None,
+    blending: Annotated[str, typer.Option("--blend", help="average, distance or multiband.")] = "distance",
+    scale: Annotated[float, typer.Option(help="Size of the mosaic against the photographs.")] = 1.0,
+    preset: PresetOption = "aerial",
+    backend: BackendOption = "golden",
+    config: ConfigOption = None,
+    working_width_px: WorkingWidthOption = WORKING_WIDTH_PX,
+    seed: SeedOption = 0,
+    refine: RefineOption = False,
+) -> None:
+    """Make one mosaic of overlapping photographs."""
+    if len(photographs) != 2:
+        raise InputError(f"a mosaic takes two photographs, not {len(photographs)}; name LEFT and RIGHT")
+    images.check_output(output, tuple(map(str, photographs)))
+    if report_folder:
+        report.prepare(report_folder)
+    with console.status("registering") as status:
+        pair = register_pair(
+            *photographs,
+            config=_configuration(preset, config),
+            backend=backend,
+            seed=seed,
+            working_width_px=working_width_px,
+            refine=refine,
+        )
+        result = None
+        try:
+            status.update("warping and blending")
+            result = mosaic_of_pair(pair, blending=blending, scale=scale)
+            status.update("writing")
+            images.save(output, result.image)
+        finally:
+            # The report matters most where registration failed: it shows why.
+            if report_folder:
+                report.write_pair_report(report_folder, pair, result.image if result else None)
+    _print_pair(pair)
+    height_px, width_px = result.image.shape[:2]
+    console.print(f"mosaic {output} ({width_px}x{height_px})" + (f", report {report_folder}" if report_folder else ""))
+
+
+@app.command()
+def register(
+    left: Annotated[Path, typer.Argument(help="Left photograph.")],
+    right: Annotated[Path, typer.Argument(help="Right photograph.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
+    preset: PresetOption = "aerial",
+    backend: BackendOption = "golden",
+    config: ConfigOption = None,
+    working_width_px: WorkingWidthOption = WORKING_WIDTH_PX,
+    seed: SeedOption = 0,
+    refine: RefineOption = False,
+) -> None:
+    """Print the homography that maps LEFT pixels to RIGHT pixels, and how it was found."""
+    with console.status("registering"):
+        pair = register_pair(
+            left,
+            right,
+            config=_configuration(preset, config),
+            backend=backend,
+            seed=seed,
+            working_width_px=working_width_px,
+            refine=refine,
+        )
+    if as_json:
+        typer.echo(json.dumps(pair.summary()))
+    elif pair.homography is not None:
+        _print_pair(pair)
+        for row in pair.homography:
+            typer.echo("  ".join(f"{value: .9e}" for value in row))
+    if not pair.accepted:
+        raise RegistrationError(f"{left} and {right} cannot be registered: {pair.reason}")
+
+
+def _configuration(preset: str, file: Path | None) -> Config:
+    try:
+        return load_config(file, preset) if file else preset_config(preset)
+    except (OSError, ValueError) as error:
+        raise InputError(str(error)) from None
+
+
+def _print_pair(pair: Pair) -> None:
+    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+    summary: dict[str, Any] = pair.summary()
+    table.add_row("features", "{} and {}".format(*summary["features"]))
+    for count in ("matches", "kept", "inliers"):
+        table.add_row(count, str(summary[count]))
+    table.add_row("seconds", ", ".join(f"{stage} {value:.3f}" for stage, value in summary["seconds"].items()))
+    for photograph in (pair.left, pair.right):
+        for note in photograph.notes:
+            table.add_row("note", f"{photograph.name}: {note}")
+    console.print(table)
+
+
+def main() -> None:
+    """Run the command line; every expected failure is one line and an exit status."""
+    try:
+        app()
+    except (InputError, RegistrationError) as error:
+        console.print(f"error: {error}", style="red", markup=False, highlight=False, soft_wrap=True)
+        sys.exit(error.exit_status)

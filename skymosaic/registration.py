@@ -1,0 +1,240 @@
+"""Registers a pair of overlapping photographs: features, matches, homography, and why it failed where it did."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.config import Config, preset_config
+from golden_model.records import Cause
+from sim.backend import FrameResult, FrontEnd, create
+from skymosaic.homography import apply
+from skymosaic.images import Photograph, Pixels, load, reduced
+from skymosaic.ransac import MIN_INLIERS, estimate_homography
+from skymosaic.refine import refine_pair
+
+WORKING_WIDTH_PX = 1280
+POSITIONS_PER_PX = 16
+Records = NDArray[np.void]
+Matrix = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two photographs and what was found between them.
+
+    Attributes
+    ----------
+    left, right : Photograph
+        The originals.
+    to_original : tuple of ndarray, shape (3, 3)
+        Working pixels to original pixels, of left and right.
+    working : tuple of ndarray
+        The images as the front end saw them.
+    features : tuple of structured arrays
+        Feature records of left and right (`golden_model.records.feature_record`), in 1/16 working px.
+    matches, kept, inliers : structured arrays
+        Match records (`golden_model.records.MATCH`) after the mutual check, after the fuzzy stage,
+        and within 2 working px of the homography.
+    homography : ndarray of float64, shape (3, 3), or None
+        Left original pixels to right original pixels, pixel centres at integers; None where not accepted.
+    reason : str
+        Why the pair was not accepted, with the counts; empty where it was.
+    config : Config
+        What was computed.
+    backend : str
+        What computed it.
+    seconds : dict
+        Wall time of each stage.
+    """
+
+    left: Photograph
+    right: Photograph
+    to_original: tuple[Matrix, Matrix]
+    working: tuple[Pixels, Pixels]
+    features: tuple[Records, Records]
+    matches: Records
+    kept: Records
+    inliers: Records
+    homography: Matrix | None
+    reason: str
+    config: Config
+    backend: str
+    seconds: dict[str, float]
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the homography can be trusted (at least 12 inliers at 2 px)."""
+        return self.homography is not None
+
+    def summary(self) -> dict[str, Any]:
+        """The pair in plain numbers, as ``register --json`` prints it."""
+        return {
+            "accepted": self.accepted,
+            "homography": None if self.homography is None else self.homography.tolist(),
+            "features": [len(side) for side in self.features],
+            "matches": len(self.matches),
+            "kept": len(self.kept),
+            "inliers": len(self.inliers),
+            "reason": self.reason,
+            "seconds": {stage: round(value, 4) for stage, value in self.seconds.items()},
+            "backend": self.backend,
+            "preset": self.config.preset,
+        }
+
+
+def register(
+    left: str | Path | Pixels,
+    right: str | Path | Pixels,
+    *,
+    preset: str = "aerial",
+    config: Config | None = None,
+    backend: str = "golden",
+    seed: int = 0,
+    working_width_px: int = WORKING_WIDTH_PX,
+    refine: bool = False,
+) -> Pair:
+    """Find the homography between two photographs.
+
+    Parameters
+    ----------
+    left, right : path or ndarray of uint8, shape (H, W) or (H, W, 3) BGR
+        The photographs; they need not be of one size.
+    preset : str
+        ``"aerial"`` or ``"thesis"``; `config` overrides it.
+    backend : str
+        Who computes features and matches: ``golden``, ``rtl``, ...
+    seed : int
+        Of the robust estimator.
+    working_width_px : int
+        Wider photographs are reduced by area for registration; the result is in original pixels.
+    refine : bool
+        A second, guided pass: about twice the inliers and half the error.
+
+    Returns
+    -------
+    Pair
+        With ``accepted`` False and a ``reason`` where the photographs cannot be registered.
+
+    Raises
+    ------
+    skymosaic.errors.InputError
+        For a photograph that cannot be used.
+    """
+    clock = _Stopwatch()
+    photographs = load(left, "left image"), load(right, "right image")
+    clock.lap("reading")
+    return register_photographs(
+        photographs,
+        config=config or preset_config(preset),
+        front_end=create(backend),
+        seed=seed,
+        working_width_px=working_width_px,
+        refine=refine,
+        seconds=clock.seconds,
+    )
+
+
+def register_photographs(
+    photographs: tuple[Photograph, Photograph],
+    *,
+    config: Config,
+    front_end: FrontEnd,
+    seed: int,
+    working_width_px: int,
+    refine: bool,
+    seconds: dict[str, float],
+) -> Pair:
+    """`register` for photographs that are already decoded; ``seconds`` holds the time spent so far."""
+    clock = _Stopwatch(seconds)
+    (left, to_left), (right, to_right) = (reduced(photo.pixels, working_width_px) for photo in photographs)
+    results, config = extract_within_capacity(front_end, [left, right], config)
+    matches = results[1].matches
+    clock.lap("features and matches")
+
+    kept = matches[matches["verdict"] == 1]
+    left_points, right_points = match_points(kept)
+    rng = np.random.default_rng(seed)
+    estimate = estimate_homography(left_points, right_points, kept["weight"].astype(np.float64), rng=rng)
+    inliers = kept[estimate.inliers]
+    homography = estimate.homography if estimate.accepted else None
+    clock.lap("homography")
+    if refine and homography is not None:
+        homography, inliers = refine_pair(left, right, results[0].features, results[1].features, homography, config)
+        clock.lap("refinement")
+    return Pair(
+        left=photographs[0],
+        right=photographs[1],
+        to_original=(to_left, to_right),
+        working=(left, right),
+        features=(results[0].features, results[1].features),
+        matches=matches,
+        kept=kept,
+        inliers=inliers,
+        homography=None if homography is None else _in_originals(homography, to_left, to_right),
+        reason="" if homography is not None else _why_not(results, matches, kept, int(estimate.inliers.sum())),
+        config=config,
+        backend=front_end.name,
+        seconds=clock.seconds,
+    )
+
+
+def extract_within_capacity(
+    front_end: FrontEnd, frames: Sequence[Pixels], config: Config
+) -> tuple[list[FrameResult], Config]:
+    """Run the front end; a frame with more corners than a feature bank holds raises the threshold for all.
+
+    Only a configuration without cell selection can exceed the capacity. The thesis raises its threshold in
+    the same way (section II.2.1.2); we double it until every frame fits.
+    """
+    while True:
+        results = front_end.run(frames, config)
+        if not any(int(result.status["causes"]) & Cause.TOO_MANY_FEATURES for result in results):
+            return results, config
+        raised = dataclasses.replace(config.front_end, threshold=2 * config.front_end.threshold)
+        config = dataclasses.replace(config, front_end=raised)
+
+
+def match_points(matches: Records) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Left and right positions of match records in working pixels, shape (N, 2) each."""
+    left = np.stack((matches["left_x"], matches["left_y"]), axis=1) / POSITIONS_PER_PX
+    right = np.stack((matches["right_x"], matches["right_y"]), axis=1) / POSITIONS_PER_PX
+    return left, right
+
+
+def _in_originals(homography: Matrix, to_left: Matrix, to_right: Matrix) -> Matrix:
+    original = to_right @ homography @ np.linalg.inv(to_left)
+    scaled: Matrix = original / original[2, 2]
+    return scaled
+
+
+def _why_not(results: Sequence[FrameResult], matches: Records, kept: Records, inliers: int) -> str:
+    features = [len(result.features) for result in results]
+    counts = f"features {features[0]} and {features[1]}, matches {len(matches)}, kept {len(kept)}, inliers {inliers}"
+    if min(features) < MIN_INLIERS:
+        cause = "too few features (flat or blurred image?)"
+    elif len(kept) < MIN_INLIERS:
+        cause = "too few matches (do the images overlap?)"
+    else:
+        cause = f"too few inliers, {MIN_INLIERS} needed (do the images overlap?)"
+    return f"{cause}: {counts}"
+
+
+class _Stopwatch:
+    """Wall time of consecutive stages."""
+
+    def __init__(self, seconds: dict[str, float] | None = None) -> None:
+        self.seconds = dict(seconds or {})
+        self._last = time.perf_counter()
+
+    def lap(self, stage: str) -> None:
+        now = time.perf_counter()
+        self.seconds[stage] = now - self._last
+        self._last = now
