@@ -1,0 +1,189 @@
+"""Plane transformations from point pairs, linear estimates.
+
+A homography is a (3, 3) float64 matrix that maps left pixels to right pixels, x' = Hx; pixel centres are
+integers, x to the right and y down. It is scaled to H[2, 2] = 1, so where the third coordinate of Hx is positive
+the point lies on the same side of the camera as the left image's first pixel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+RANK_TOLERANCE = 1e-10
+"""A system whose deciding singular value is smaller, relative to the largest, is degenerate."""
+
+
+class DegenerateError(ValueError):
+    """The point pairs do not determine the transformation."""
+
+
+def scaled(H: Array) -> Array:
+    """``H`` scaled to H[2, 2] = 1.
+
+    Raises
+    ------
+    DegenerateError
+        If H[2, 2] vanishes (the origin maps to infinity) or an element is not finite.
+    """
+    if not np.isfinite(H).all() or abs(H[2, 2]) <= 1e-14 * np.abs(H).max():
+        raise DegenerateError("the homography maps the origin to infinity")
+    return np.asarray(H / H[2, 2])
+
+
+def apply(H: Array, points: ArrayLike) -> Array:
+    """Map points (..., 2) by the homography; points that go to infinity come back as infinite or NaN."""
+    mapped = np.asarray(points, dtype=np.float64) @ H[:, :2].T + H[:, 2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(mapped[..., :2] / mapped[..., 2:])
+
+
+def estimate(left: ArrayLike, right: ArrayLike, *, model: str = "projective", weight: ArrayLike | None = None) -> Array:
+    """The transformation of one model that maps ``left`` to ``right`` best (thesis, equations II-12 to II-15).
+
+    Parameters
+    ----------
+    left, right : (N, 2) array_like
+        Corresponding points, px.
+    model : {"isometry", "similarity", "affine", "projective"}
+        Isometry: rotation and translation; similarity: with scale; both keep the orientation. They need 2, 2, 3
+        and 4 pairs. Isometry, similarity and affine minimise the transfer error, projective the algebraic error.
+    weight : (N,) array_like, optional
+        Non-negative weights of the squared errors; default 1.
+
+    Returns
+    -------
+    (3, 3) float64 ndarray
+        Maps left to right, H[2, 2] = 1.
+
+    Raises
+    ------
+    DegenerateError
+        If there are too few pairs, or they are coincident or collinear.
+    ValueError
+        For arrays of wrong shape or an unknown model.
+    """
+    if model not in _MODELS:
+        raise ValueError(f"model is {model!r}; valid: {', '.join(_MODELS)}")
+    return _MODELS[model](left, right, weight)
+
+
+def dlt(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None = None) -> Array:
+    """Normalised direct linear transformation: smallest singular vector of A h = 0 (thesis, equation III-8).
+
+    Parameters, result and errors as in `estimate`. Both point sets are first moved to their centroid and scaled
+    to a mean distance of sqrt(2) (Hartley 1997).
+    """
+    x, y, root = checked_pairs(left, right, weight, minimum=4)
+    to_x, to_y = normalisation(x, root), normalisation(y, root)
+    rows = _design_matrix(apply(to_x, x), apply(to_y, y), root)
+    # The triangle of a QR decomposition has the singular values and right vectors of the tall matrix.
+    _, singular, vectors = np.linalg.svd(np.linalg.qr(rows, mode="r"))
+    if singular[7] <= RANK_TOLERANCE * singular[0]:
+        raise DegenerateError("the points do not determine a homography: three of four are collinear")
+    return scaled(np.linalg.inv(to_y) @ vectors[-1].reshape(3, 3) @ to_x)
+
+
+def inhomogeneous(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None = None) -> Array:
+    """The eight-parameter least squares h = (A'A)^-1 A'b with h33 = 1 (thesis, equation III-9).
+
+    Parameters, result and errors as in `estimate`. h33 is fixed in normalised coordinates, where it is the
+    third coordinate of the centroid, so that it cannot vanish.
+    """
+    x, y, root = checked_pairs(left, right, weight, minimum=4)
+    to_x, to_y = normalisation(x, root), normalisation(y, root)
+    rows = _design_matrix(apply(to_x, x), apply(to_y, y), root)
+    h = _solve(rows[:, :8], -rows[:, 8])
+    return scaled(np.linalg.inv(to_y) @ np.append(h, 1.0).reshape(3, 3) @ to_x)
+
+
+def checked_pairs(
+    left: ArrayLike, right: ArrayLike, weight: ArrayLike | None, *, minimum: int
+) -> tuple[Array, Array, Array]:
+    """Point pairs as (N, 2) float64 arrays and the square roots (N,) of their weights.
+
+    Raises
+    ------
+    ValueError
+        For a wrong shape, values that are not finite, or negative weights.
+    DegenerateError
+        If fewer than ``minimum`` pairs have a positive weight.
+    """
+    x, y = np.asarray(left, dtype=np.float64), np.asarray(right, dtype=np.float64)
+    w = np.ones(len(x)) if weight is None else np.asarray(weight, dtype=np.float64)
+    if x.ndim != 2 or x.shape[1] != 2 or x.shape != y.shape or w.shape != (len(x),):
+        raise ValueError(f"point pairs have shapes {x.shape} and {y.shape}, weights {w.shape}; need (N, 2) and (N,)")
+    if not (np.isfinite(x).all() and np.isfinite(y).all() and np.isfinite(w).all() and (w >= 0).all()):
+        raise ValueError("point pairs must be finite and their weights not negative")
+    if np.count_nonzero(w) < minimum:
+        raise DegenerateError(f"{np.count_nonzero(w)} point pairs; at least {minimum} are needed")
+    return x, y, np.sqrt(w)
+
+
+def normalisation(points: Array, root_weight: Array) -> Array:
+    """The similarity (3, 3) that moves the weighted centroid to 0 and the mean distance from it to sqrt(2)."""
+    weight = root_weight**2
+    centre = np.average(points, axis=0, weights=weight)
+    distance = float(np.average(np.linalg.norm(points - centre, axis=1), weights=weight))
+    if distance == 0:
+        raise DegenerateError("the points coincide")
+    scale = np.sqrt(2) / distance
+    return np.array([[scale, 0, -scale * centre[0]], [0, scale, -scale * centre[1]], [0, 0, 1]])
+
+
+def _design_matrix(x: Array, y: Array, root_weight: Array) -> Array:
+    """The two DLT rows of every pair, (2N, 9): [-x, 0, x'x] h = 0 and [0, -x, y'x] h = 0."""
+    homogeneous = np.column_stack([x, np.ones(len(x))]) * root_weight[:, None]
+    rows = np.zeros((len(x), 2, 9))
+    rows[:, 0, :3] = rows[:, 1, 3:6] = -homogeneous
+    rows[:, :, 6:] = y[:, :, None] * homogeneous[:, None, :]
+    return rows.reshape(-1, 9)
+
+
+def _isometry(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None) -> Array:
+    return _rotation_scale(left, right, weight, keep_scale=False)
+
+
+def _similarity(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None) -> Array:
+    return _rotation_scale(left, right, weight, keep_scale=True)
+
+
+def _rotation_scale(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None, *, keep_scale: bool) -> Array:
+    """Closed form in complex numbers: about the centroids, x' = a x with a = sum(w x' x*) / sum(w |x|^2)."""
+    x, y, root = checked_pairs(left, right, weight, minimum=2)
+    w = root**2
+    centre_x, centre_y = np.average(x, axis=0, weights=w), np.average(y, axis=0, weights=w)
+    z, target = (x - centre_x) @ [1, 1j], (y - centre_y) @ [1, 1j]
+    spread, turn = np.sum(w * np.abs(z) ** 2), np.sum(w * target * z.conj())
+    if abs(turn) <= RANK_TOLERANCE * spread:
+        raise DegenerateError("the points coincide, or their arrangement has no common rotation")
+    a = turn / spread if keep_scale else turn / abs(turn)
+    linear = np.array([[a.real, -a.imag], [a.imag, a.real]])
+    return np.block([[linear, (centre_y - linear @ centre_x)[:, None]], [np.zeros((1, 2)), np.ones((1, 1))]])
+
+
+def _affine(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None) -> Array:
+    x, y, root = checked_pairs(left, right, weight, minimum=3)
+    to_x = normalisation(x, root)
+    rows = np.column_stack([apply(to_x, x), np.ones(len(x))]) * root[:, None]
+    return np.vstack([_solve(rows, y * root[:, None]).T, [0.0, 0.0, 1.0]]) @ to_x
+
+
+def _solve(rows: Array, target: Array) -> Array:
+    """Least squares that refuses a rank-deficient system."""
+    solution, _, rank, _ = np.linalg.lstsq(rows, target, rcond=RANK_TOLERANCE)
+    if rank < rows.shape[1]:
+        raise DegenerateError("the points do not determine the transformation: too many are collinear")
+    return np.asarray(solution)
+
+
+_MODELS: dict[str, Callable[[ArrayLike, ArrayLike, ArrayLike | None], Array]] = {
+    "isometry": _isometry,
+    "similarity": _similarity,
+    "affine": _affine,
+    "projective": dlt,
+}
