@@ -16,6 +16,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from golden_model.correlation import NCC, SAD_PER_PIXEL, ZSSD_PER_PIXEL
 from golden_model.formats import MEMBERSHIP, WEIGHT, round_shift
 
 ONE = MEMBERSHIP.one
@@ -230,8 +231,9 @@ def _rising_margin(bits: int, zero_until: float, one_from: float) -> Variable:
     return _complementary("margin", table, ("big", "small"))
 
 
-def _good_medium_bad(name: str, entries: int, corners: NDArray[np.floating | np.integer]) -> Variable:
+def _good_medium_bad(name: str, corners: NDArray[np.floating | np.integer]) -> Variable:
     """Three overlapping sets: good up to the first corner, medium from the second to the third, bad from the fourth."""
+    entries = math.ceil(corners.max()) + 1
     sets = {
         "good": ramp(entries, corners[1], corners[0]),
         "medium": trapezoid(entries, corners),
@@ -326,14 +328,13 @@ def ilbp(bits: int) -> SugenoSystem:
 def correlation() -> SugenoSystem:
     """The thesis's fuzzy correlation (Tables III-1, III-2): minimum, 27 rules over SAD, ZSSD and NCC.
 
-    Inputs are as `golden_model.correlation.fuzzy_inputs` scales them: SAD a pixel in 1/16 gray level, ZSSD a pixel
-    in 1/4 squared gray level, NCC in 1/256. Sets ramp where the table's ranges overlap; the lower edge of the
-    medium NCC, on which the thesis is silent, ramps from .25 to .3. Outputs: good match 1, medium .5, bad 0. Any
-    bad input gives a bad match; two or three good ones a good match; the other combinations a medium one.
+    Inputs are as `golden_model.correlation.fuzzy_inputs` scales them. Sets ramp where the table's ranges overlap;
+    the lower edge of the medium NCC, on which the thesis is silent, ramps from .25 to .3. Outputs: good match 1,
+    medium .5, bad 0. Any bad input gives a bad match; two or three good ones a good match; the rest a medium one.
     """
-    sad = _good_medium_bad("SAD", 257, np.array([4, 6, 13, 15]) * 16)
-    zssd = _good_medium_bad("ZSSD", 257, np.array([20, 30, 45, 50]) * 4)
-    ncc = _good_medium_bad("NCC", ONE + 1, np.array([0.55, 0.5, 0.3, 0.25]) * ONE)
+    sad = _good_medium_bad("SAD", np.array([4, 6, 13, 15]) * SAD_PER_PIXEL.one)
+    zssd = _good_medium_bad("ZSSD", np.array([20, 30, 45, 50]) * ZSSD_PER_PIXEL.one)
+    ncc = _good_medium_bad("NCC", np.array([0.55, 0.5, 0.3, 0.25]) * NCC.one)
 
     def output(sets: tuple[str, ...]) -> float:
         if "bad" in sets:
