@@ -14,17 +14,19 @@ DETECTORS = ("harris", "fast")
 RULE_BASES = ("aerial", "ilbp", "none")
 MIN_FRAME_PX = 64
 MAX_FRAME_PX = 4096
-SELECTION_MARGIN_PX = 3
+CELL_SIZES_PX = (32, 64, 128, 256)
+SUPPRESSION_MARGIN_PX = 3
+LARGEST_THRESHOLD = {"harris": (1 << 30) - 1, "fast": 254}
 
 
 def _one_of(what: str, value: object, allowed: tuple[object, ...]) -> None:
-    if value not in allowed:
-        raise ValueError(f"{what} is {value!r}; valid: {', '.join(map(str, allowed))}")
+    if not any(type(value) is type(choice) and value == choice for choice in allowed):  # True is not 1, nor is 1.0
+        raise ValueError(f"{what} is {value!r}; valid: {', '.join(str(choice).lower() for choice in allowed)}")
 
 
-def _in_range(what: str, value: int, low: int, high: int) -> None:
-    if not low <= value <= high:
-        raise ValueError(f"{what} is {value}; it must be {low} to {high}")
+def _in_range(what: str, value: object, low: int, high: int) -> None:
+    if type(value) is not int or not low <= value <= high:
+        raise ValueError(f"{what} is {value!r}; it must be a whole number from {low} to {high}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,9 +42,9 @@ class FrontEndConfig:
     smoothed_gradients : bool
         3x3 binomial before Sobel.
     tensor_window_px : {3, 5}
-        Box of the structure tensor.
+        Box of the structure tensor; 5 only with smoothed gradients, or R would leave its 32 bits.
     harris_k_numerator, harris_k_shift : int
-        k = numerator / 2**shift of R = AB - C**2 - k (A + B)**2.
+        k = numerator / 2**shift of R = AB - C**2 - k (A + B)**2, below 1/4.
     threshold : int
         Smallest response that survives, in units of R (Harris; cut to its 11 leading bits) or gray levels (FAST).
     suppression_radius_px : {1, 3}
@@ -82,16 +84,32 @@ class FrontEndConfig:
     def __post_init__(self) -> None:
         _one_of("detector", self.detector, DETECTORS)
         _one_of("levels", self.levels, (1, 2))
-        _one_of("tensor_window_px", self.tensor_window_px, (3, 5))
-        _in_range("harris_k_numerator", self.harris_k_numerator, 0, 31)
-        _in_range("harris_k_shift", self.harris_k_shift, 0, 15)
-        _in_range("threshold", self.threshold, 1, (1 << 30) - 1)
+        self._check_harris()
+        _in_range("threshold", self.threshold, 1, LARGEST_THRESHOLD[self.detector])
         _one_of("suppression_radius_px", self.suppression_radius_px, (1, 3))
         _one_of("descriptor", self.descriptor, tuple(PATTERNS))
         _in_range("border_px", self.border_px, self.smallest_border_px, 255)
+        self._check_selection()
+
+    def _check_harris(self) -> None:
+        _one_of("smoothed_gradients", self.smoothed_gradients, (True, False))
+        if self.smoothed_gradients:
+            _one_of("tensor_window_px", self.tensor_window_px, (3, 5))
+        else:
+            _one_of("tensor_window_px without smoothed_gradients", self.tensor_window_px, (3,))
+        _in_range("harris_k_shift", self.harris_k_shift, 0, 15)
+        # With k = 1/4 or more no response is positive.
+        _in_range("harris_k_numerator", self.harris_k_numerator, 0, min(((1 << self.harris_k_shift) - 1) // 4, 31))
+
+    def _check_selection(self) -> None:
+        _one_of("selection", self.selection, (True, False))
+        if not self.selection and self.levels == 2:
+            raise ValueError("selection is False, which leaves the order of two levels open; set levels = 1")
+        if not self.selection and (self.cell_px or self.per_cell):
+            raise ValueError("selection is False, but cell_px or per_cell is set; leave them out")
         _in_range("max_features", self.max_features, 16, 4096)
         if self.cell_px is not None:
-            _one_of("cell_px", self.cell_px, (32, 64, 128, 256))
+            _one_of("cell_px", self.cell_px, CELL_SIZES_PX)
         if self.per_cell is not None:
             _in_range("per_cell", self.per_cell, 1, 8)
 
@@ -109,14 +127,15 @@ class FrontEndConfig:
 
     @property
     def smallest_border_px(self) -> int:
-        """The border that keeps every feature's support inside the frame (DESIGN rule: support + 3)."""
-        return max(self.pattern.support_px, self.response_support_px) + SELECTION_MARGIN_PX
+        """The border that keeps what a feature depends on, suppression included, inside the frame."""
+        return max(self.pattern.support_px, self.response_support_px) + SUPPRESSION_MARGIN_PX
 
     def for_size(self, width_px: int, height_px: int) -> FrontEndConfig:
         """This configuration with cell and per-cell count fixed for frames of one size.
 
         The cell is the smallest power of two from 32 px whose count over all levels lets at least 3 features
-        a cell fit in ``max_features``; values that are set already stay.
+        a cell fit in ``max_features``; as many a cell as fit are kept, at most 5 at 32 px and 8 above. Values that
+        are set already stay.
 
         Raises
         ------
@@ -127,11 +146,12 @@ class FrontEndConfig:
         _in_range("frame height", height_px, MIN_FRAME_PX, MAX_FRAME_PX)
         if not self.selection:
             return self
-        for cell_px in (self.cell_px,) if self.cell_px else (32, 64, 128, 256):
+        fewest = self.per_cell or (1 if self.cell_px else 3)
+        for cell_px in (self.cell_px,) if self.cell_px else CELL_SIZES_PX:
             fitting = self.max_features // self.cells(width_px, height_px, cell_px)
-            per_cell = self.per_cell or min(fitting, 5 if cell_px == 32 else 8)
-            if per_cell <= fitting and (self.cell_px or self.per_cell or fitting >= 3) and per_cell > 0:
-                return dataclasses.replace(self, cell_px=cell_px, per_cell=per_cell)
+            if fitting >= fewest:
+                most = self.per_cell or (5 if cell_px == CELL_SIZES_PX[0] else 8)
+                return dataclasses.replace(self, cell_px=cell_px, per_cell=min(fitting, most))
         raise ValueError(
             f"{width_px}x{height_px}: no cell size keeps the features within {self.max_features}; "
             "use a larger cell_px or fewer per_cell"
@@ -197,3 +217,80 @@ PRESETS = {
     ),
 }
 """The named configurations: `aerial` is ours, `thesis` is as the thesis has it."""
+TABLES = ("front_end", "matcher")
+"""The tables of a configuration file."""
+
+
+def preset_config(name: str) -> Config:
+    """The preset of that name.
+
+    Raises
+    ------
+    ValueError
+        For an unknown name, with the valid ones.
+    """
+    _one_of("preset", name, tuple(PRESETS))
+    return PRESETS[name]
+
+
+def load_config(path: str | Path, preset: str = "aerial") -> Config:
+    """Read a configuration from a TOML file.
+
+    The file changes values of a preset in the tables ``[front_end]`` and ``[matcher]``; which preset, its own key
+    ``preset`` says, or else the argument.
+
+    Raises
+    ------
+    ValueError
+        If the file cannot be read, is not TOML, or has an unknown key or an impossible value: one line with the
+        file, the key and what is valid.
+    """
+    try:
+        tables = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        return _changed_preset(tables.pop("preset", preset), tables)
+    except OSError as error:
+        raise ValueError(f"{path}: cannot be read ({error.strerror}); give a TOML file") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path}: not valid TOML: {error}") from error
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+
+
+def to_toml(config: Config) -> str:
+    """TOML text that `load_config` reads back to an equal configuration; values that are None are left out."""
+    lines = [f"preset = {_toml_value(config.preset)}"]
+    for table in TABLES:
+        values = dataclasses.asdict(getattr(config, table))
+        lines += ["", f"[{table}]"]
+        lines += [f"{key} = {_toml_value(value)}" for key, value in values.items() if value is not None]
+    return "\n".join(lines) + "\n"
+
+
+def _changed_preset(name: str, tables: dict[str, Any]) -> Config:
+    config = preset_config(name)
+    _known_keys("", tables, ("preset", *TABLES))
+    changed: dict[str, Any] = {table: _changed(table, getattr(config, table), tables[table]) for table in tables}
+    return dataclasses.replace(config, **changed)
+
+
+def _changed(table: str, defaults: Any, values: Any) -> Any:
+    """The dataclass instance ``defaults`` with the ``values`` of a table."""
+    if type(values) is not dict:
+        raise ValueError(f"{table} is {values!r}; it must be a table, [{table}]")
+    _known_keys(f"{table}.", values, tuple(field.name for field in dataclasses.fields(defaults)))
+    try:
+        return dataclasses.replace(defaults, **values)
+    except ValueError as error:
+        raise ValueError(f"{table}.{error}") from error
+
+
+def _known_keys(prefix: str, values: dict[str, Any], known: tuple[str, ...]) -> None:
+    for key in values:
+        if key not in known:
+            raise ValueError(f"unknown key {prefix}{key}; valid: {', '.join(known)}")
+
+
+def _toml_value(value: bool | int | str) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f'"{value}"' if isinstance(value, str) else str(value)

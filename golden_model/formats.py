@@ -7,12 +7,9 @@ every plain ``>>`` is an arithmetic shift (floor).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-
-Integer = TypeVar("Integer", bound=np.integer)
 
 
 @dataclass(frozen=True)
@@ -96,22 +93,24 @@ WEIGHT = UQ(0, 8)
 """Weight of a match as the fuzzy stage gives it; 255 is the largest."""
 
 
-def round_shift(raw: NDArray[Integer], shift: int) -> NDArray[Integer]:
+def round_shift(raw: NDArray[np.int64], shift: int) -> NDArray[np.int64]:
     """``raw / 2**shift`` rounded to the nearest integer, halves up."""
     if shift == 0:
         return raw
-    return (raw + (1 << (shift - 1))) >> shift
+    rounded: NDArray[np.int64] = (raw + (1 << (shift - 1))) >> shift
+    return rounded
 
 
 def encode_response(value: NDArray[np.integer]) -> NDArray[np.uint16]:
     """Compress non-negative responses to the 15-bit code that keeps their 11 leading bits.
 
-    Codes compare as values do. ``value`` is below 2**30.
+    Codes compare as values do. ``value`` is below 2**31.
     """
-    magnitude = np.asarray(value, dtype=np.int64)
-    exponent = np.maximum(_bit_length(magnitude) - 1 - RESPONSE_FRACTION_BITS, 0)
-    # With the hidden one left in place, (e << 10) + (value >> e) carries it into the exponent field.
-    return ((exponent << RESPONSE_FRACTION_BITS) + (magnitude >> exponent)).astype(np.uint16)
+    magnitude = np.asarray(value, dtype=np.float64)
+    # The code is the head of the float64 of the same value, exponent and fraction cut to 10 bits, rebiased so that
+    # the exponent field of 2**10 is 1; below that the code is the value itself.
+    head = (magnitude.view(np.int64) >> (52 - RESPONSE_FRACTION_BITS)) - ((1023 + 9) << RESPONSE_FRACTION_BITS)
+    return np.where(magnitude < 1 << RESPONSE_FRACTION_BITS, magnitude, head).astype(np.uint16)
 
 
 def decode_response(code: NDArray[np.integer]) -> NDArray[np.int32]:
@@ -120,9 +119,5 @@ def decode_response(code: NDArray[np.integer]) -> NDArray[np.int32]:
     field = wide >> RESPONSE_FRACTION_BITS
     hidden = (field > 0).astype(np.int32) << RESPONSE_FRACTION_BITS
     mantissa = (wide & ((1 << RESPONSE_FRACTION_BITS) - 1)) + hidden
-    return mantissa << np.maximum(field - 1, 0)
-
-
-def _bit_length(value: NDArray[np.int64]) -> NDArray[np.int64]:
-    # frexp is exact for integers below 2**53: value = m * 2**e with 0.5 <= m < 1, so e is the bit length.
-    return np.frexp(value.astype(np.float64))[1].astype(np.int64)
+    value: NDArray[np.int32] = mantissa << np.maximum(field - 1, 0)
+    return value

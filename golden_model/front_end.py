@@ -1,0 +1,206 @@
+"""The front end: one frame in, its features out; `trace` also gives every plane on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model import fast, harris, ilbp, nms, selection, sobel, subpixel
+from golden_model.config import FrontEndConfig
+from golden_model.formats import encode_response
+from golden_model.gray import to_gray
+from golden_model.half import halve
+from golden_model.records import FRAME_STATUS, Cause, Tag, feature_record
+from golden_model.smooth import binomial3, binomial5
+
+Pixels = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, eq=False)
+class FrameFeatures:
+    """What leaves the front end for one frame.
+
+    Parameters
+    ----------
+    features : structured ndarray, shape (N,)
+        `golden_model.records.feature_record` in the order of emission; empty where the frame is bad.
+    status : structured scalar
+        `golden_model.records.FRAME_STATUS`; ``threshold`` is the response code in use, ``features`` is N.
+    """
+
+    features: NDArray[np.void]
+    status: np.void
+
+
+@dataclass(frozen=True, eq=False)
+class Plane:
+    """One stage's output for a level: an array of the level's shape, specified ``margin_px`` and more inside it."""
+
+    values: NDArray[Any]
+    margin_px: int
+
+    @property
+    def specified(self) -> NDArray[Any]:
+        """The part that hardware must reproduce."""
+        height, width = self.values.shape
+        return self.values[self.margin_px : height - self.margin_px, self.margin_px : width - self.margin_px]
+
+
+@dataclass(frozen=True, eq=False)
+class FrontEndTrace:
+    """The result for one frame, and by level the planes of its stages in the order of the data flow.
+
+    Stages: ``gray``; for Harris ``smoothed``, ``gradient_x``, ``gradient_y``, ``tensor_a``, ``tensor_b``,
+    ``tensor_c``, ``raw_response``; for both detectors ``response_code``, ``candidates`` (the code where it survived
+    suppression and border, else 0) and, where the descriptor is smoothed, ``smoothed5``.
+    """
+
+    result: FrameFeatures
+    levels: tuple[dict[str, Plane], ...]
+
+
+class _Corners(NamedTuple):
+    """The chosen corners of one level, each an array of shape (N,)."""
+
+    x: NDArray[np.intp]
+    y: NDArray[np.intp]
+    response: NDArray[np.uint16]
+    full_x: NDArray[np.uint16]
+    full_y: NDArray[np.uint16]
+
+
+Keep = Callable[[str, NDArray[Any], int], None]
+"""Receives each stage's name, plane and margin."""
+
+
+def extract(image: Pixels, config: FrontEndConfig, *, frame: int = 0) -> FrameFeatures:
+    """Features of one frame.
+
+    Parameters
+    ----------
+    image : ndarray of uint8, shape (H, W) or (H, W, 3) BGR
+        64 to 4096 px a side.
+    config : FrontEndConfig
+        Cells still open are settled by `FrontEndConfig.for_size`.
+    frame : int
+        Number of the frame, for the records.
+
+    Returns
+    -------
+    FrameFeatures
+        More corners than ``max_features`` make a bad frame, cause `Cause.TOO_MANY_FEATURES`, without features.
+
+    Raises
+    ------
+    ValueError
+        For an image of another type, shape or size.
+    """
+    return _extract(image, config, frame, lambda _level, _name, _values, _margin_px: None)
+
+
+def trace(image: Pixels, config: FrontEndConfig, *, frame: int = 0) -> FrontEndTrace:
+    """`extract`, keeping the plane of every stage."""
+    levels: tuple[dict[str, Plane], ...] = tuple({} for _ in range(config.levels))
+
+    def keep(level: int, name: str, values: NDArray[Any], margin_px: int) -> None:
+        levels[level][name] = Plane(values, margin_px)
+
+    return FrontEndTrace(_extract(image, config, frame, keep), levels)
+
+
+def _extract(
+    image: Pixels, config: FrontEndConfig, frame: int, keep: Callable[[int, str, NDArray[Any], int], None]
+) -> FrameFeatures:
+    full = to_gray(image)
+    size_px = full.shape[1], full.shape[0]
+    config = config.for_size(*size_px)
+    pyramid = [full, halve(full)][: config.levels]
+    corners = [_corners(gray, level, config, partial(keep, level)) for level, gray in enumerate(pyramid)]
+    if sum(len(found.x) for found in corners) > config.max_features:
+        void = np.zeros(0, _feature_dtype(config))
+        return FrameFeatures(void, _status(config, frame, size_px, void, Cause.TOO_MANY_FEATURES))
+    parts = [
+        _records(gray, found, level, config, partial(keep, level))
+        for level, (gray, found) in enumerate(zip(pyramid, corners, strict=True))
+    ]
+    features = np.concatenate(parts)
+    if config.cell_px:
+        cell_row = np.concatenate([found.y // config.cell_px for found in corners])
+        features = features[selection.emission_order(features["level"], cell_row)]
+    features["index"] = np.arange(len(features))
+    features["frame"] = frame
+    return FrameFeatures(features, _status(config, frame, size_px, features, Cause(0)))
+
+
+def _corners(gray: Pixels, level: int, config: FrontEndConfig, keep: Keep) -> _Corners:
+    keep("gray", gray, 0)
+    code = _response_code(gray, config, keep)
+    keep("response_code", code, config.response_support_px)
+    survivors = nms.suppress(code, config.suppression_radius_px, "lose" if config.detector == "fast" else "first")
+    candidates = np.zeros_like(survivors)
+    rows, columns = (slice(config.border_px, max(side_px - config.border_px, 0)) for side_px in gray.shape)
+    candidates[rows, columns] = survivors[rows, columns]
+    keep("candidates", candidates, 0)
+    if config.cell_px and config.per_cell:
+        x, y = selection.best_of_cells(candidates, config.cell_px, config.per_cell)
+    else:
+        x, y = selection.raster(candidates)
+    return _Corners(x, y, code[y, x], *subpixel.refine(code, x, y, level))
+
+
+def _response_code(gray: Pixels, config: FrontEndConfig, keep: Keep) -> NDArray[np.uint16]:
+    if config.detector == "fast":
+        return fast.response_code(gray, config.threshold)
+    smoothed, margin_px = (binomial3(gray), 1) if config.smoothed_gradients else (gray, 0)
+    keep("smoothed", smoothed, margin_px)
+    gradients = sobel.gradients(smoothed)
+    for name, gradient in zip(("gradient_x", "gradient_y"), gradients, strict=True):
+        keep(name, gradient, margin_px + 1)
+    tensor = harris.structure_tensor(*gradients, config.tensor_window_px)
+    for name, plane in zip(("tensor_a", "tensor_b", "tensor_c"), tensor, strict=True):
+        keep(name, plane, config.response_support_px)
+    raw = harris.raw_response(*tensor, config.harris_k_numerator, config.harris_k_shift)
+    keep("raw_response", raw, config.response_support_px)
+    return harris.response_code(raw, config.threshold)
+
+
+def _records(gray: Pixels, corners: _Corners, level: int, config: FrontEndConfig, keep: Keep) -> NDArray[np.void]:
+    pattern = config.pattern
+    smoothed5 = gray
+    if pattern.smoothed:
+        smoothed5 = binomial5(gray)
+        keep("smoothed5", smoothed5, 2)
+    records = np.zeros(len(corners.x), _feature_dtype(config))
+    records["tag"] = Tag.FEATURE
+    records["level"] = level
+    records["response"] = corners.response
+    records["x"] = corners.full_x
+    records["y"] = corners.full_y
+    records["sector"], records["descriptor"] = ilbp.describe(gray, smoothed5, corners.x, corners.y, pattern)
+    if pattern.carries_window:
+        records["window"] = ilbp.window3x3(gray, corners.x, corners.y)
+    return records
+
+
+def _feature_dtype(config: FrontEndConfig) -> np.dtype[np.void]:
+    return feature_record(config.pattern.descriptor_bytes, config.pattern.window_bytes).dtype
+
+
+def _status(
+    config: FrontEndConfig, frame: int, size_px: tuple[int, int], features: NDArray[np.void], causes: Cause
+) -> np.void:
+    status = np.zeros(1, FRAME_STATUS.dtype)
+    status["tag"] = Tag.FRAME_STATUS
+    status["good"] = causes == 0
+    status["causes"] = causes
+    status["frame"] = frame
+    status["width"], status["height"] = size_px
+    status["features"] = len(features)
+    status["threshold"] = encode_response(np.array(config.threshold))
+    record: np.void = status[0]
+    return record

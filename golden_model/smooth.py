@@ -1,0 +1,45 @@
+"""Binomial smoothing: 3x3 ahead of the gradients, 5x5 ahead of the descriptor."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Pixels = NDArray[np.uint8]
+
+
+def binomial3(gray: Pixels) -> Pixels:
+    """``[1 2 1]`` in x and y, divided by 16 with halves rounded up.
+
+    Parameters
+    ----------
+    gray : ndarray of uint8, shape (H, W)
+
+    Returns
+    -------
+    ndarray of uint8, shape (H, W)
+        Specified 1 px and more inside the frame.
+    """
+    return _binomial(gray, 3)
+
+
+def binomial5(gray: Pixels) -> Pixels:
+    """``[1 4 6 4 1]`` in x and y, divided by 256 with halves rounded up.
+
+    Parameters
+    ----------
+    gray : ndarray of uint8, shape (H, W)
+
+    Returns
+    -------
+    ndarray of uint8, shape (H, W)
+        Specified 2 px and more inside the frame.
+    """
+    return _binomial(gray, 5)
+
+
+def _binomial(gray: Pixels, window_px: int) -> Pixels:
+    # For bytes, sigma 0 and size 3 or 5, OpenCV's Gaussian is the binomial in exact fixed point, rounded once.
+    smoothed = cv2.GaussianBlur(gray, (window_px, window_px), 0, hint=cv2.ALGO_HINT_ACCURATE)
+    return np.asarray(smoothed, dtype=np.uint8)

@@ -1,0 +1,47 @@
+"""Windows over whole planes.
+
+Every stage keeps the frame's shape. Where a window leaves the frame the result is unspecified: hardware and model
+may differ there, and no feature depends on it (`golden_model.config.FrontEndConfig.smallest_border_px`).
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+
+def box_sum(plane: NDArray[np.int32], window_px: int) -> NDArray[np.int32]:
+    """Sum over the ``window_px`` x ``window_px`` window around each pixel.
+
+    Parameters
+    ----------
+    plane : ndarray of int32, shape (H, W)
+        The sums must fit 32 bits.
+    window_px : int, odd
+
+    Returns
+    -------
+    ndarray of int32, shape (H, W)
+        Specified ``window_px // 2`` px and more inside the region where ``plane`` is.
+    """
+    sums = cv2.boxFilter(plane, cv2.CV_32S, (window_px, window_px), normalize=False)
+    return np.asarray(sums, dtype=np.int32)
+
+
+def neighbour(plane: NDArray[np.uint8], x: int, y: int, margin_px: int) -> NDArray[np.uint8]:
+    """View of the neighbour at offset (x, y) of every pixel at least ``margin_px`` inside the frame.
+
+    Parameters
+    ----------
+    plane : ndarray, shape (H, W)
+    x, y : int
+        At most ``margin_px`` in magnitude; y points down.
+    margin_px : int
+
+    Returns
+    -------
+    ndarray, shape (H - 2 margin_px, W - 2 margin_px)
+    """
+    height, width = plane.shape
+    return plane[margin_px + y : height - margin_px + y, margin_px + x : width - margin_px + x]
