@@ -1,0 +1,118 @@
+"""What every way of computing features looks like from outside: frames in, features and matches out."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.config import Config
+
+Reference = Literal["held", "previous"]
+"""What a frame is matched with: the first frame of the run (a pair, a template) or the one before (a sequence)."""
+
+BACKENDS = {
+    "golden": "sim.golden",
+    "rtl": "sim.verilator",
+    "verilator": "sim.verilator",
+    "cxxrtl": "sim.cxxrtl",
+    "pysim": "sim.pysim",
+}
+"""The module behind each name; ``rtl`` is the fastest simulation of the hardware."""
+
+Progress = Callable[[str], None]
+"""Receives one line of text when something slow starts, advances or ends."""
+
+
+def silent(_line: str) -> None:
+    """Progress that nobody wants to read."""
+
+
+class BackendError(Exception):
+    """A backend cannot do what it was asked: one line that names the thing, what is wrong and what to do."""
+
+
+@dataclass(frozen=True)
+class FrameResult:
+    """What came out for one frame.
+
+    Parameters
+    ----------
+    features : structured ndarray
+        Feature records (`golden_model.records.feature_record`) in the order of emission.
+    matches : structured ndarray
+        Match records (`golden_model.records.MATCH`), reference left, this frame right; empty without a reference.
+    status : structured scalar
+        The FrameStatus record that ended the features.
+    match_status : structured scalar or None
+        The FrameStatus record that ended the matches, where hardware made them.
+    cycles : int or None
+        Clocks from the first pixel in to the last word out; None where there is no clock.
+    """
+
+    features: NDArray[np.void]
+    matches: NDArray[np.void]
+    status: np.void
+    match_status: np.void | None = None
+    cycles: int | None = None
+
+
+class FrontEnd(Protocol):
+    """Computes features and matches: the golden model, a simulation of the hardware, or a board."""
+
+    def run(
+        self, frames: Sequence[NDArray[np.uint8]], config: Config, *, reference: Reference = "held"
+    ) -> list[FrameResult]:
+        """Features of each frame, and its matches with its reference; the first frame has none.
+
+        Parameters
+        ----------
+        frames : sequence of uint8 ndarray, shape (H, W) or (H, W, 3) BGR
+            Sizes may differ between frames.
+        config : Config
+            What to compute.
+        reference : {"held", "previous"}
+            Match every later frame with the first one, or with the one before it.
+
+        Raises
+        ------
+        ValueError
+            For a frame the configuration cannot take.
+        BackendError
+            If the backend cannot run.
+        """
+        ...
+
+
+def create(name: str, *, progress: Progress = silent, waves: Path | None = None) -> FrontEnd:
+    """The front end called ``name``.
+
+    Parameters
+    ----------
+    name : str
+        A key of `BACKENDS`.
+    progress : callable
+        Receives a line of text when something slow (a first build) starts, advances or ends.
+    waves : Path or None
+        Where a simulation writes the waves of its runs (VCD); the golden model has none.
+
+    Raises
+    ------
+    BackendError
+        For an unknown name, with the valid ones; for a wave file that cannot be written.
+    """
+    if name not in BACKENDS:
+        raise BackendError(f"unknown backend {name!r}; valid: {', '.join(BACKENDS)}")
+    if waves is not None:
+        try:
+            waves.touch()
+        except OSError as error:
+            raise BackendError(f"cannot write the waves to {waves}: {error.strerror}") from error
+    # Imported when asked for: the golden model needs neither Amaranth nor a compiler.
+    front_end: FrontEnd = importlib.import_module(BACKENDS[name]).front_end(progress=progress, waves=waves)
+    return front_end

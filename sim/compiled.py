@@ -1,0 +1,249 @@
+"""Designs compiled to shared libraries: what Verilator and CXXRTL have in common.
+
+Each simulator turns a design into C++ in its own way; ``harness/harness.cpp`` around it streams whole frames in one
+C loop, and `Library` drives that loop through ctypes.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import functools
+import os
+import shutil
+import subprocess
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.backend import BackendError, Progress, silent
+from sim.build_cache import digest, digest_files
+from sim.design import Design, Ports
+from sim.recording import NO_PAUSES, Output, Pauses, Recording, Segment
+
+HARNESS = Path(__file__).parent / "harness"
+LIBRARY_NAME = "simulator.so"
+CXX_FLAGS = (
+    "-std=c++17", "-O3", "-march=native", "-fPIC", "-fvisibility=hidden", "-fno-gnu-unique", "-DCXXRTL_NDEBUG", "-w",
+)  # fmt: skip
+
+
+def identity() -> str:
+    """What every library's key must hold besides its design: compiler, machine, flags and harness."""
+    # -### tells the compiler's version and what -march=native stands for on this machine.
+    command = [_compiler(), "-###", "-march=native", "-E", "-x", "c++", os.devnull]
+    compiler = subprocess.run(command, capture_output=True, text=True, check=True).stderr
+    return digest(compiler, " ".join(CXX_FLAGS), digest_files(HARNESS.iterdir()))
+
+
+def compile_library(
+    folder: Path, sources: Sequence[Path], model: str, includes: Sequence[str], *, waves: bool, progress: Progress
+) -> None:
+    """Compile the harness around ``model`` and ``sources`` on all cores; link them to ``folder / LIBRARY_NAME``.
+
+    Raises
+    ------
+    BackendError
+        With the first error of the compiler.
+    """
+    flags = [*CXX_FLAGS, f'-DMODEL="{model}"', *(["-DWAVES", "-DVM_TRACE=1", "-DVM_TRACE_VCD=1"] if waves else [])]
+    sources = [HARNESS / "harness.cpp", *sources]
+    objects = [folder / f"{source.stem}.o" for source in sources]
+
+    def compile_one(source: Path, target: Path) -> None:
+        run_tool([_compiler(), *flags, *includes, f"-I{HARNESS}", "-c", str(source), "-o", str(target)])
+        progress(f"compiled {source.name}, one of {len(sources)} files")
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        list(pool.map(compile_one, sources, objects))
+    run_tool([_compiler(), "-shared", "-o", str(folder / LIBRARY_NAME), *map(str, objects)])
+    for made in objects:
+        made.unlink()
+
+
+def _compiler() -> str:
+    path = shutil.which("g++")
+    if path is None:
+        raise BackendError("g++ is not installed, and compiled simulators need it; Debian, Ubuntu: apt install g++")
+    return path
+
+
+def run_tool(command: Sequence[str], **options: Any) -> None:
+    """Run a compiler.
+
+    Raises
+    ------
+    BackendError
+        If it fails, with its first line that speaks of an error.
+    """
+    done = subprocess.run(command, capture_output=True, text=True, check=False, **options)
+    if done.returncode:
+        lines = (done.stderr + done.stdout).splitlines()
+        reason = next((line for line in lines if "error" in line.lower()), f"exit status {done.returncode}")
+        raise BackendError(f"{Path(command[0]).name} failed: {reason}")
+
+
+def ports_header(ports: Ports, mangle: Callable[[str], str]) -> str:
+    """``ports.hpp`` for the harness; ``mangle`` gives the C++ member of a port's name or of a prefix of names."""
+
+    def prefix_macros(kind: str, prefixes: Sequence[str]) -> list[str]:
+        macros = [f"#define {kind}_{i}(member) {mangle(prefix + '_')}##member" for i, prefix in enumerate(prefixes)]
+        return [*macros, f"#define {kind}S(X) " + " ".join(f"X({i}, {kind}_{i})" for i in range(len(prefixes)))]
+
+    settings = " ".join(f"X({i}, {mangle(name)})" for i, name in enumerate(ports.settings))
+    return "\n".join(
+        [
+            f"#define VIDEO(member) {mangle(ports.video + '_')}##member",
+            *prefix_macros("OUTPUT", ports.outputs),
+            *prefix_macros("TAP", ports.taps),
+            f"#define SETTINGS(X) {settings}\n",
+        ]
+    )
+
+
+class _Request(ctypes.Structure):
+    """``struct Request`` of harness.cpp."""
+
+    _fields_ = (
+        ("data", ctypes.c_void_p),
+        ("flags", ctypes.c_void_p),
+        ("beats", ctypes.c_uint64),
+        ("packets", ctypes.c_uint64),
+        ("cycle_limit", ctypes.c_uint64),
+        ("gaps", ctypes.c_uint32),
+        ("stalls", ctypes.c_uint32),
+        ("seed", ctypes.c_uint32),
+    )
+
+
+class Bench:
+    """One running model of a compiled design, just out of reset.
+
+    Parameters
+    ----------
+    library : Path
+        The shared library.
+    ports : Ports
+        The ports it was compiled for.
+    waves : Path or None
+        VCD file to write; the library must have been compiled for waves.
+    """
+
+    def __init__(self, library: Path, ports: Ports, waves: Path | None = None):
+        self.ports = ports
+        self._library = _load(library)
+        self._bench = self._library.bench_open(os.fsencode(waves or ""))
+
+    def close(self) -> None:
+        """End the simulation and complete the wave file."""
+        self._library.bench_close(self._bench)
+
+    def reset(self) -> None:
+        """Reset the design, wherever it is."""
+        self._library.bench_reset(self._bench)
+
+    def run(self, segment: Segment, pauses: Pauses = NO_PAUSES) -> Recording:
+        """Stream a segment.
+
+        Raises
+        ------
+        ValueError
+            For a setting that does not exist or does not fit.
+        BackendError
+            If the design does not end it within its cycle limit.
+        """
+        self.ports.check(segment.settings)
+        if segment.reset:
+            self.reset()
+        for index, name in enumerate(self.ports.settings):
+            if name in segment.settings:
+                self._library.bench_set(self._bench, index, segment.settings[name])
+        data, flags = np.ascontiguousarray(segment.data, np.uint32), np.ascontiguousarray(segment.flags, np.uint8)
+        request = _Request(
+            data.ctypes.data, flags.ctypes.data, data.size, segment.packets, segment.cycle_limit,
+            pauses.gaps, pauses.stalls, pauses.seed,
+        )  # fmt: skip
+        if not self._library.bench_run(self._bench, ctypes.byref(request)):
+            raise segment.overdue(self._library.bench_cycle(self._bench))
+        return self._recording()
+
+    def _recording(self) -> Recording:
+        names = (*self.ports.outputs, *self.ports.taps)
+        words = {name: self._copy("bench_words", index) for index, name in enumerate(names)}
+        return Recording(
+            self._copy("bench_starts"),
+            {
+                name: Output(words[name], self._copy("bench_ends", index).reshape(-1, 2))
+                for index, name in enumerate(self.ports.outputs)
+            },
+            {name: words[name] for name in self.ports.taps},
+        )
+
+    def _copy(self, function: str, *stream: int) -> NDArray[np.uint64]:
+        values = ctypes.POINTER(ctypes.c_uint64)()
+        count = getattr(self._library, function)(self._bench, *stream, ctypes.byref(values))
+        size = count * (2 if function == "bench_ends" else 1)
+        return np.ctypeslib.as_array(values, (size,)).copy() if size else np.empty(0, np.uint64)
+
+
+@functools.cache
+def _load(library: Path) -> ctypes.CDLL:
+    loaded = ctypes.CDLL(str(library))
+    pointer, values = ctypes.c_void_p, ctypes.POINTER(ctypes.POINTER(ctypes.c_uint64))
+    signatures = {
+        "bench_open": (pointer, (ctypes.c_char_p,)),
+        "bench_close": (None, (pointer,)),
+        "bench_reset": (None, (pointer,)),
+        "bench_set": (None, (pointer, ctypes.c_int, ctypes.c_uint64)),
+        "bench_run": (ctypes.c_bool, (pointer, ctypes.POINTER(_Request))),
+        "bench_cycle": (ctypes.c_uint64, (pointer,)),
+        "bench_starts": (ctypes.c_uint64, (pointer, values)),
+        "bench_words": (ctypes.c_uint64, (pointer, ctypes.c_int, values)),
+        "bench_ends": (ctypes.c_uint64, (pointer, ctypes.c_int, values)),
+    }
+    for name, (result, arguments) in signatures.items():
+        function = getattr(loaded, name)
+        function.restype, function.argtypes = result, arguments
+    return loaded
+
+
+def simulate(
+    library: Callable[..., Path],
+    design: Design,
+    segments: Sequence[Segment],
+    *,
+    pauses: Pauses = NO_PAUSES,
+    waves: Path | None = None,
+    progress: Progress = silent,
+) -> list[Recording]:
+    """Run segments one after the other on a model fresh out of reset.
+
+    Parameters
+    ----------
+    library : callable
+        Gives the shared library of ``design`` (`sim.verilator.library`, `sim.cxxrtl.library`).
+    design : Design
+        What is simulated.
+    segments : sequence of Segment
+        What goes in.
+    pauses : Pauses
+        Of the streams around the design.
+    waves : Path or None
+        VCD file to write.
+    progress : callable
+        Told of a first build.
+
+    Raises
+    ------
+    ValueError
+        For a setting that does not exist or does not fit.
+    BackendError
+        If a tool is missing or fails, or the design hangs.
+    """
+    built = library(design, waves=waves is not None, progress=progress)
+    with contextlib.closing(Bench(built, design.ports, waves)) as bench:
+        return [bench.run(segment, pauses) for segment in segments]

