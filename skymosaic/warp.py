@@ -153,7 +153,7 @@ def shrunk(image: Pixels, transform: Array) -> tuple[Pixels, Array]:
 def source_window(size: tuple[int, int], transform: Array, tile: Canvas) -> Canvas | None:
     """The rectangle of an image's own pixels that a tile of the reference frame shows; None for none."""
     whole = Canvas(0, 0, *size)
-    inverse: Array = np.linalg.inv(scaled(transform))
+    inverse = np.asarray(np.linalg.inv(scaled(transform)), dtype=np.float64)
     depth = tile.corners @ inverse[2, :2] + inverse[2, 2]
     if depth.min() <= 0:
         return whole  # The tile reaches beyond the horizon: its corners do not bound what it shows.
