@@ -37,7 +37,7 @@ class BackendError(Exception):
     """A backend cannot do what it was asked: one line that names the thing, what is wrong and what to do."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FrameResult:
     """What came out for one frame.
 
@@ -49,8 +49,8 @@ class FrameResult:
         Match records (`golden_model.records.MATCH`), reference left, this frame right; empty without a reference.
     status : structured scalar
         The FrameStatus record that ended the features.
-    match_status : structured scalar or None
-        The FrameStatus record that ended the matches, where hardware made them.
+    match_status : structured scalar
+        The FrameStatus record that ended the matches.
     cycles : int or None
         Clocks from the first pixel in to the last word out; None where there is no clock.
     """
@@ -58,8 +58,8 @@ class FrameResult:
     features: NDArray[np.void]
     matches: NDArray[np.void]
     status: np.void
-    match_status: np.void | None = None
-    cycles: int | None = None
+    match_status: np.void
+    cycles: int | None
 
 
 class FrontEnd(Protocol):

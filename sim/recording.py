@@ -47,7 +47,7 @@ class Pauses:
 NO_PAUSES = Pauses()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Segment:
     """Beats that are streamed in one go.
 
@@ -82,7 +82,7 @@ class Segment:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Output:
     """What one output stream delivered during a segment.
 
@@ -103,7 +103,7 @@ class Output:
         return np.split(self.words, self.ends[:, 0].astype(np.intp))[:-1]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Recording:
     """What a design did during a segment; cycles count from the end of the reset.
 

@@ -1,0 +1,188 @@
+"""Equality of two backends' results: the first mismatch with its place, and what an equality run has covered."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.config import FrontEndConfig
+from golden_model.front_end import FrontEndTrace, Plane
+from golden_model.ilbp import SECTORS
+from sim.backend import FrameResult
+
+LEAST_LEVEL_0_FEATURES = 1000
+LEAST_LEVEL_1_FEATURES = 100
+LEAST_MATCHES = 100
+POSITION_UNITS_PER_PX = 16
+
+
+@dataclass(frozen=True)
+class Mismatch:
+    """Where two results first differ.
+
+    Parameters
+    ----------
+    frame : int
+    stage : str
+        A stage of the front end with its level, or a field of a record.
+    x, y : float or None
+        Position in pixels: of the stage's level for a stage, of the full frame for a record; None for a status.
+    expected, actual : object
+        Both values.
+    """
+
+    frame: int
+    stage: str
+    x: float | None
+    y: float | None
+    expected: Any
+    actual: Any
+
+    def __str__(self) -> str:
+        place = "" if self.x is None else f", x {self.x:g}, y {self.y:g}"
+        return f"frame {self.frame}, {self.stage}{place}: expected {self.expected}, got {self.actual}"
+
+
+def first_mismatch(expected: Sequence[FrameResult], actual: Sequence[FrameResult]) -> Mismatch | None:
+    """The first difference in features, matches or status records, frame by frame and record by record.
+
+    ``cycles`` is left out: the golden model has no clock.
+    """
+    for number, (wanted, got) in enumerate(zip(expected, actual, strict=True)):
+        differences = (
+            _first_record(number, "feature", wanted.features, got.features, ("x", "y")),
+            _first_record(number, "match", wanted.matches, got.matches, ("left_x", "left_y")),
+            _first_field(number, "feature status", wanted.status, got.status, None),
+            _first_field(number, "match status", wanted.match_status, got.match_status, None),
+        )
+        found = next((difference for difference in differences if difference), None)
+        if found:
+            return found
+    return None
+
+
+def _first_record(
+    frame: int, kind: str, expected: NDArray[np.void], actual: NDArray[np.void], position: tuple[str, str]
+) -> Mismatch | None:
+    common = min(len(expected), len(actual))
+    wrong = np.zeros(common, bool)
+    for name in expected.dtype.names or ():
+        differs = expected[name][:common] != actual[name][:common]
+        wrong |= differs.any(axis=tuple(range(1, differs.ndim)))
+    if wrong.any():
+        row = int(wrong.argmax())
+        return _first_field(frame, f"{kind} {row}", expected[row], actual[row], position)
+    if len(expected) != len(actual):
+        return Mismatch(frame, f"{kind} count", None, None, len(expected), len(actual))
+    return None
+
+
+def _first_field(
+    frame: int, kind: str, expected: np.void, actual: np.void, position: tuple[str, str] | None
+) -> Mismatch | None:
+    for name in expected.dtype.names or ():
+        if name != "cycles" and not np.array_equal(expected[name], actual[name]):
+            x, y = (float(expected[axis]) / POSITION_UNITS_PER_PX for axis in position) if position else (None, None)
+            return Mismatch(frame, f"{kind}, {name}", x, y, expected[name], actual[name])
+    return None
+
+
+def plane_mismatch(stage: str, expected: Plane, actual: NDArray[np.integer], *, frame: int = 0) -> Mismatch | None:
+    """The first pixel in raster order at which a stage's plane differs inside its specified part.
+
+    Parameters
+    ----------
+    stage : str
+        Name for the message.
+    expected : Plane
+        The golden plane with its margin.
+    actual : integer ndarray
+        The hardware's plane, of the same shape.
+    """
+    margin_px = expected.margin_px
+    wrong = expected.specified != Plane(actual, margin_px).specified
+    if not wrong.any():
+        return None
+    y, x = (int(axis[0]) + margin_px for axis in np.nonzero(wrong))
+    return Mismatch(frame, stage, x, y, int(expected.values[y, x]), int(actual[y, x]))
+
+
+def first_stage_mismatch(
+    golden: FrontEndTrace, planes: Sequence[dict[str, NDArray[np.integer]]], *, frame: int = 0
+) -> Mismatch | None:
+    """The first stage, in the order of the data flow, whose hardware plane differs from the golden one.
+
+    Parameters
+    ----------
+    golden : FrontEndTrace
+        From `golden_model.front_end.trace`.
+    planes : sequence of dict of str to ndarray
+        By level, the hardware's planes under the golden names; stages that are missing are not compared.
+    """
+    return next(_stage_mismatches(golden, planes, frame), None)
+
+
+def _stage_mismatches(
+    golden: FrontEndTrace, planes: Sequence[dict[str, NDArray[np.integer]]], frame: int
+) -> Iterator[Mismatch]:
+    for level, (expected, actual) in enumerate(zip(golden.levels, planes, strict=True)):
+        for stage in (name for name in expected if name in actual):
+            found = plane_mismatch(f"level {level} {stage}", expected[stage], actual[stage], frame=frame)
+            if found:
+                yield found
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """How much an equality run compared.
+
+    Parameters
+    ----------
+    frames : int
+    features : tuple of (int, int)
+        Of level 0 and of level 1.
+    sectors : int
+        How many of the 16 orientation sectors occurred.
+    matches : int
+    """
+
+    frames: int
+    features: tuple[int, int]
+    sectors: int
+    matches: int
+
+    @classmethod
+    def of(cls, results: Sequence[FrameResult]) -> Coverage:
+        """What ``results`` cover."""
+        levels = np.concatenate([result.features["level"] for result in results])
+        sectors = np.concatenate([result.features["sector"] for result in results])
+        return cls(
+            frames=len(results),
+            features=(np.count_nonzero(levels == 0), np.count_nonzero(levels == 1)),
+            sectors=len(np.unique(sectors)),
+            matches=sum(len(result.matches) for result in results),
+        )
+
+    def missing(self, config: FrontEndConfig) -> list[str]:
+        """Why equality would prove too little; empty where it proves enough.
+
+        Enough is 1000 features of level 0 and 100 matches, and where the configuration has them, 100 features of
+        level 1 and all sectors.
+        """
+        counts = (
+            ("level-0 features", self.features[0], LEAST_LEVEL_0_FEATURES),
+            ("level-1 features", self.features[1], LEAST_LEVEL_1_FEATURES if config.levels == 2 else 0),
+            ("sectors", self.sectors, SECTORS if config.pattern.oriented else 0),
+            ("matches", self.matches, LEAST_MATCHES),
+        )
+        return [f"{count} {what}, at least {least} needed" for what, count, least in counts if count < least]
+
+    def __str__(self) -> str:
+        return (
+            f"{self.frames} frames, {self.features[0]} + {self.features[1]} features of levels 0 + 1, "
+            f"{self.sectors} of {SECTORS} sectors, {self.matches} matches"
+        )
