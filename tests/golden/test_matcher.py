@@ -7,7 +7,7 @@ import pytest
 from golden_model import fuzzy, matcher
 from golden_model.config import MatcherConfig
 from golden_model.ilbp import ILBP_128, ILBP_256, PATTERNS, DescriptorPattern
-from golden_model.records import MATCH, feature_record
+from golden_model.records import MATCH, Tag, feature_record
 
 TOLERANCE = 7 / 512
 """Rounding of three degrees, a singleton and the weight to 8 fraction bits, and 1 stored as 255/256."""
@@ -77,6 +77,7 @@ def test_aerial_matches_equal_loops_over_real_numbers(pattern, turn):
     matches = matcher.match(left, right, pattern, MatcherConfig())
 
     assert matches.dtype == MATCH.dtype
+    assert (matches["tag"] == Tag.MATCH).all()
     assert len(matches) > 200
     assert (np.diff(matches["left_index"].astype(int)) > 0).all()
     if pattern.oriented:
@@ -171,6 +172,13 @@ def test_first_maximum_of_the_histogram_wins():
     """Two turns with equal support: the smaller."""
     turn = np.array([12, 4, 12, 4], dtype=np.uint8)
     assert matcher.common_turn(turn, np.zeros(4, dtype=np.uint16), np.full(4, 30, dtype=np.uint16), bits=128) == 4
+
+
+def test_histogram_counts_squared_weights():
+    """Three matches of weight .5 against one of weight 1: 3 * .25 < 1."""
+    turn = np.array([3, 3, 3, 9], dtype=np.uint8)
+    distance = np.array([60, 60, 60, 0], dtype=np.uint16)
+    assert matcher.common_turn(turn, distance, np.full(4, 30, dtype=np.uint16), bits=128) == 9
 
 
 def test_histogram_wraps_around_the_circle():
