@@ -72,6 +72,18 @@ def match(
     return matches
 
 
+def rule_names(pattern: DescriptorPattern, config: MatcherConfig) -> list[str]:
+    """Each rule of the configured rule base in words, by the index that match records carry."""
+    if config.rule_base == "none":
+        return ["no rules"]
+    system = (fuzzy.aerial if config.rule_base == "aerial" else fuzzy.ilbp)(pattern.bits)
+    names = [
+        ", ".join(f"{variable.name} {chosen}" for variable, chosen in zip(system.inputs, rule.sets, strict=True))
+        for rule in system.rules
+    ]
+    return names
+
+
 def common_turn(turn: NDArray[np.uint8], distance: NDArray[np.uint16], margin: NDArray[np.uint16], bits: int) -> int:
     """The sector difference most matches agree on: peak of their weighted, smoothed histogram.
 

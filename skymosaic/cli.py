@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from golden_model.config import Config, load_config, preset_config
+from sim.backend import BackendError
 from skymosaic import images, report
 from skymosaic.demo import run_demo
 from skymosaic.errors import InputError, RegistrationError
@@ -48,6 +49,7 @@ def demo(
 
 @app.command()
 def mosaic(
+    *,
     photographs: Annotated[list[Path], typer.Argument(help="Two overlapping photographs.", metavar="LEFT RIGHT")],
     output: Annotated[Path, typer.Option("-o", "--output", help="The mosaic: .png, .jpg, .tif ...")],
     report_folder: Annotated[Path | None, typer.Option("--report", help="Folder for pictures and numbers.")] = None,
@@ -92,6 +94,7 @@ def mosaic(
 
 @app.command()
 def register(
+    *,
     left: Annotated[Path, typer.Argument(help="Left photograph.")],
     right: Annotated[Path, typer.Argument(help="Right photograph.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
@@ -147,6 +150,6 @@ def main() -> None:
     """Run the command line; every expected failure is one line and an exit status."""
     try:
         app()
-    except (InputError, RegistrationError) as error:
+    except (InputError, BackendError, RegistrationError) as error:
         console.print(f"error: {error}", style="red", markup=False, highlight=False, soft_wrap=True)
-        sys.exit(error.exit_status)
+        sys.exit(3 if isinstance(error, RegistrationError) else 2)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skymosaic.blend import blend
+from skymosaic.blend import METHODS, blend
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.images import Pixels
 from skymosaic.registration import Pair, register
@@ -84,6 +84,8 @@ def mosaic_of_pair(
     """Warp and blend a registered pair; the time it takes is added to ``pair.seconds``."""
     if not 0 < scale <= 1:
         raise InputError(f"scale is {scale}; it must be more than 0 and at most 1")
+    if blending not in METHODS:
+        raise InputError(f"blending is {blending!r}; valid: {', '.join(METHODS)}")
     if pair.homography is None:
         raise RegistrationError(f"{pair.left.name} and {pair.right.name} cannot be registered: {pair.reason}")
     start = time.perf_counter()

@@ -17,7 +17,7 @@ from golden_model.records import Cause
 from sim.backend import FrameResult, FrontEnd, create
 from skymosaic.homography import apply
 from skymosaic.images import Photograph, Pixels, load, reduced
-from skymosaic.ransac import MIN_INLIERS, estimate_homography
+from skymosaic.ransac import INLIER_PX, MIN_INLIERS, estimate_homography
 from skymosaic.refine import refine_pair
 
 WORKING_WIDTH_PX = 1280
@@ -43,6 +43,8 @@ class Pair:
     matches, kept, inliers : structured arrays
         Match records (`golden_model.records.MATCH`) after the mutual check, after the fuzzy stage,
         and within 2 working px of the homography.
+    refined_inliers : int
+        Matches of the second pass within 2 working px; 0 where there was none.
     homography : ndarray of float64, shape (3, 3), or None
         Left original pixels to right original pixels, pixel centres at integers; None where not accepted.
     reason : str
@@ -63,6 +65,7 @@ class Pair:
     matches: Records
     kept: Records
     inliers: Records
+    refined_inliers: int
     homography: Matrix | None
     reason: str
     config: Config
@@ -83,6 +86,7 @@ class Pair:
             "matches": len(self.matches),
             "kept": len(self.kept),
             "inliers": len(self.inliers),
+            "refined_inliers": self.refined_inliers,
             "reason": self.reason,
             "seconds": {stage: round(value, 4) for stage, value in self.seconds.items()},
             "backend": self.backend,
@@ -134,7 +138,7 @@ def register(
     return register_photographs(
         photographs,
         config=config or preset_config(preset),
-        front_end=create(backend),
+        backend=backend,
         seed=seed,
         working_width_px=working_width_px,
         refine=refine,
@@ -146,7 +150,7 @@ def register_photographs(
     photographs: tuple[Photograph, Photograph],
     *,
     config: Config,
-    front_end: FrontEnd,
+    backend: str,
     seed: int,
     working_width_px: int,
     refine: bool,
@@ -155,7 +159,7 @@ def register_photographs(
     """`register` for photographs that are already decoded; ``seconds`` holds the time spent so far."""
     clock = _Stopwatch(seconds)
     (left, to_left), (right, to_right) = (reduced(photo.pixels, working_width_px) for photo in photographs)
-    results, config = extract_within_capacity(front_end, [left, right], config)
+    results, config = extract_within_capacity(create(backend), [left, right], config)
     matches = results[1].matches
     clock.lap("features and matches")
 
@@ -163,11 +167,12 @@ def register_photographs(
     left_points, right_points = match_points(kept)
     rng = np.random.default_rng(seed)
     estimate = estimate_homography(left_points, right_points, kept["weight"].astype(np.float64), rng=rng)
-    inliers = kept[estimate.inliers]
-    homography = estimate.homography if estimate.accepted else None
+    homography, inliers, refined_inliers = estimate.homography, estimate.inliers, 0
     clock.lap("homography")
     if refine and homography is not None:
-        homography, inliers = refine_pair(left, right, results[0].features, results[1].features, homography, config)
+        features = results[0].features, results[1].features
+        homography, refined_inliers = refine_pair(left, right, features, homography, config)
+        inliers = np.linalg.norm(apply(homography, left_points) - right_points, axis=1) <= INLIER_PX
         clock.lap("refinement")
     return Pair(
         left=photographs[0],
@@ -177,11 +182,12 @@ def register_photographs(
         features=(results[0].features, results[1].features),
         matches=matches,
         kept=kept,
-        inliers=inliers,
+        inliers=kept[inliers],
+        refined_inliers=refined_inliers,
         homography=None if homography is None else _in_originals(homography, to_left, to_right),
-        reason="" if homography is not None else _why_not(results, matches, kept, int(estimate.inliers.sum())),
+        reason="" if homography is not None else _why_not(results, matches, kept, int(inliers.sum())),
         config=config,
-        backend=front_end.name,
+        backend=backend,
         seconds=clock.seconds,
     )
 

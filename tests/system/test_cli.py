@@ -1,0 +1,139 @@
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from sim.scene import pair as rendered_pair
+from skymosaic.metrics import grid_error
+
+SEED = 5
+
+
+def skymosaic(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "skymosaic", *map(str, arguments)]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=120, check=False)
+
+
+def one_line_error(result: subprocess.CompletedProcess[str], status: int) -> str:
+    lines = [line for line in result.stderr.splitlines() if line.strip()]
+    assert result.returncode == status, result.stderr
+    assert len(lines) == 1, result.stderr
+    assert lines[0].startswith("error: ")
+    return lines[0]
+
+
+@pytest.fixture(scope="module")
+def flight():
+    return rendered_pair(seed=SEED)
+
+
+@pytest.fixture(scope="module")
+def photographs(tmp_path_factory: pytest.TempPathFactory, flight) -> tuple[Path, Path]:
+    folder = tmp_path_factory.mktemp("photographs")
+    paths = folder / "left.png", folder / "right.png"
+    for path, image in zip(paths, flight.images, strict=True):
+        cv2.imwrite(str(path), image)
+    return paths
+
+
+def test_register_prints_the_true_homography(photographs, flight, tmp_path: Path) -> None:
+    result = skymosaic("register", *photographs, "--json", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    printed = json.loads(result.stdout)
+    assert set(printed) >= {
+        "accepted", "homography", "features", "matches", "kept", "inliers", "seconds", "backend", "preset",
+    }  # fmt: skip
+    error = grid_error(np.array(printed["homography"]), flight.homography_between(0, 1), (640, 480), (640, 480))
+    assert error < 0.5
+    assert printed["inliers"] <= printed["kept"] <= printed["matches"] <= min(printed["features"])
+
+
+def test_mosaic_writes_picture_and_report(photographs, tmp_path: Path) -> None:
+    result = skymosaic("mosaic", *photographs, "-o", "m.png", "--report", "r", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    picture = cv2.imread(str(tmp_path / "m.png"))
+    assert picture.shape[1] > 700
+    names = {path.name for path in (tmp_path / "r").iterdir()}
+    assert names == {"corners_left.png", "corners_right.png", "matches.png", "mosaic.jpg", "report.json", "index.html"}
+    report = json.loads((tmp_path / "r" / "report.json").read_text())
+    assert report["accepted"]
+    assert report["configuration"]["front_end"]["descriptor"] == "ilbp-128"
+
+
+def test_demo_measures_itself_against_the_truth(tmp_path: Path) -> None:
+    result = skymosaic("demo", "-o", "out", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "mean homography error" in result.stderr
+    for name in ("mosaic.png", "report/matches.png", "report/index.html"):
+        assert (tmp_path / "out" / name).stat().st_size > 0
+
+
+def test_missing_file(photographs, tmp_path: Path) -> None:
+    assert "missing.png" in one_line_error(skymosaic("register", photographs[0], "missing.png", cwd=tmp_path), 2)
+
+
+def test_text_file_named_png(photographs, tmp_path: Path) -> None:
+    (tmp_path / "text.png").write_text("words, not pixels\n")
+    assert "text.png" in one_line_error(skymosaic("register", photographs[0], "text.png", cwd=tmp_path), 2)
+
+
+def test_image_too_small(photographs, tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "tiny.png"), np.zeros((10, 10), np.uint8))
+    assert "10x10" in one_line_error(skymosaic("register", photographs[0], "tiny.png", cwd=tmp_path), 2)
+
+
+def test_unrelated_photographs_say_why_and_write_no_mosaic(photographs, tmp_path: Path) -> None:
+    other = rendered_pair(seed=SEED + 100).images[0]
+    cv2.imwrite(str(tmp_path / "other.png"), other)
+    result = skymosaic("mosaic", photographs[0], "other.png", "-o", "m.png", "--report", "r", cwd=tmp_path)
+    line = one_line_error(result, 3)
+    for count in ("features", "matches", "kept", "inliers"):
+        assert count in line
+    assert not (tmp_path / "m.png").exists()
+    assert (tmp_path / "r" / "matches.png").exists()
+
+
+def test_flat_image_says_too_few_features(photographs, tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "flat.png"), np.full((480, 640), 128, np.uint8))
+    line = one_line_error(skymosaic("register", photographs[0], "flat.png", cwd=tmp_path), 3)
+    assert "too few features" in line
+
+
+def test_identical_images_give_the_identity(photographs, tmp_path: Path) -> None:
+    result = skymosaic("register", photographs[0], photographs[0], "--json", cwd=tmp_path)
+    assert np.allclose(json.loads(result.stdout)["homography"], np.eye(3), atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (("--preset", "martian"), "aerial, thesis"),
+        (("--backend", "abacus"), "golden"),
+        (("--blend", "stirred"), "distance"),
+        (("-o", "nowhere/m.png"), "folder does not exist"),
+        (("-o", "m.docx"), ".png"),
+        (("--scale", "0"), "scale"),
+        (("--config", "absent.toml"), "absent.toml"),
+        (("--config", "unknown.toml"), "thresold"),
+        (("--config", "impossible.toml"), "levels"),
+    ],
+)
+def test_bad_options_are_one_line(photographs, tmp_path: Path, options: tuple[str, ...], says: str) -> None:
+    (tmp_path / "unknown.toml").write_text("[front_end]\nthresold = 4\n")
+    (tmp_path / "impossible.toml").write_text("[front_end]\nlevels = 7\n")
+    output = () if "-o" in options else ("-o", "m.png")
+    result = skymosaic("mosaic", *photographs, *output, *options, cwd=tmp_path)
+    assert says in one_line_error(result, 2)
+    assert not (tmp_path / "m.png").exists()
+
+
+def test_a_configuration_file_is_obeyed(photographs, tmp_path: Path) -> None:
+    (tmp_path / "c.toml").write_text('[front_end]\nlevels = 1\ndescriptor = "ilbp-256"\n')
+    result = skymosaic("mosaic", *photographs, "-o", "m.png", "--config", "c.toml", "--report", "r", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    configured = json.loads((tmp_path / "r" / "report.json").read_text())["configuration"]["front_end"]
+    assert (configured["levels"], configured["descriptor"]) == (1, "ilbp-256")
