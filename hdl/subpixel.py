@@ -1,0 +1,173 @@
+"""Sub-pixel positions of candidates: a parabola through three responses, separately in x and y."""
+
+from __future__ import annotations
+
+from amaranth import Cat, Module, Mux, Signal, Value, signed
+from amaranth.lib import wiring
+from amaranth.lib.wiring import In, Out
+
+from golden_model.formats import POSITION, RAW_RESPONSE, RESPONSE_CODE, RESPONSE_FRACTION_BITS
+from hdl.delay import delayed
+
+OFFSET = signed(5)
+"""Offset from the pixel's centre, -8 to 8 sixteenths."""
+_VALUE_BITS = RAW_RESPONSE.bits - 2
+"""Responses are positive and below 2**30."""
+_MANTISSA_BITS = RESPONSE_FRACTION_BITS + 1
+_LARGEST_EXPONENT = _VALUE_BITS - _MANTISSA_BITS
+_QUOTIENT_BITS = 4
+
+
+class Vertex(wiring.Component):
+    """Vertex of the parabola through three response codes: one set a clock.
+
+    With u = centre - after and v = centre - before, ``o_offset`` is
+    sign(v - u) * floor((16 |v - u| + u + v) / (2 (u + v))), and 0 where u + v is.
+
+    Members
+    -------
+    i_before, i_centre, i_after : In(15)
+        Response codes; the centre is at least as large as the others.
+    o_offset : Out(signed(5))
+        In 1/16 px, -8 to 8, ``latency_cycles`` later.
+
+    Attributes
+    ----------
+    latency_cycles : int
+    """
+
+    i_before: Signal
+    i_centre: Signal
+    i_after: Signal
+    o_offset: Signal
+
+    def __init__(self) -> None:
+        self.latency_cycles = 5 + _QUOTIENT_BITS
+        code = In(RESPONSE_CODE.bits)
+        super().__init__({"i_before": code, "i_centre": code, "i_after": code, "o_offset": Out(OFFSET)})
+
+    def elaborate(self, platform: object) -> Module:
+        """Decode, subtract, divide a quotient bit a clock."""
+        m = Module()
+        before, centre, after = self._decoded(m)
+        fall_after, fall_before = Signal(_VALUE_BITS, reset_less=True), Signal(_VALUE_BITS, reset_less=True)
+        m.d.sync += [fall_after.eq(centre - after), fall_before.eq(centre - before)]
+
+        total = Signal(_VALUE_BITS + 1, reset_less=True)
+        difference = Signal(_VALUE_BITS, reset_less=True)
+        negative = Signal(reset_less=True)
+        m.d.sync += [
+            total.eq(fall_before + fall_after),
+            negative.eq(fall_before < fall_after),
+            difference.eq(Mux(fall_before < fall_after, fall_after - fall_before, fall_before - fall_after)),
+        ]
+        quotient = self._quotient(m, (difference << POSITION.fraction_bits) + total, total)
+        # Only 0 / 0 gives more than 8: every trial subtraction of nothing succeeds.
+        magnitude = Mux(quotient > POSITION.one // 2, 0, quotient)
+        m.d.sync += self.o_offset.eq(Mux(delayed(m, negative, _QUOTIENT_BITS), -magnitude, magnitude))
+        return m
+
+    def _decoded(self, m: Module) -> list[Value]:
+        """The three responses in two clocks, scaled so that the centre has the largest exponent.
+
+        The vertex depends on ratios only; so the centre needs no shifter.
+        """
+        codes = [self.i_before, self.i_centre, self.i_after]
+        fields = [code[RESPONSE_FRACTION_BITS:] for code in codes]
+        exponents = [field - field.any() for field in fields]
+        values = []
+        for code, field, exponent in zip(codes, fields, exponents, strict=True):
+            mantissa = delayed(m, Cat(code[:RESPONSE_FRACTION_BITS], field.any()), 1)
+            below_centre = delayed(m, (exponents[1] - exponent)[:5], 1)
+            values.append(delayed(m, ((mantissa << _LARGEST_EXPONENT) >> below_centre)[:_VALUE_BITS], 1))
+        return values
+
+    @staticmethod
+    def _quotient(m: Module, remainder: Value, total: Value) -> Value:
+        """``remainder // (2 * total)``, below 16, by one trial subtraction a clock."""
+        quotient = Cat()
+        for bit in reversed(range(_QUOTIENT_BITS)):
+            trial = remainder - (total << bit + 1)
+            fits = trial >= 0
+            remainder = delayed(m, Mux(fits, trial, remainder)[: len(total) + bit + 1], 1)
+            quotient = delayed(m, Cat(fits, quotient), 1)
+            total = delayed(m, total, 1)
+        return quotient
+
+
+class SubPixel(wiring.Component):
+    """Position of each candidate in full-resolution pixels.
+
+    Parameters
+    ----------
+    level : {0, 1}
+        Half-size pixel x stands at 2 (x + 1/2) - 1/2 of the full frame.
+
+    Members
+    -------
+    i_candidate : In(1)
+        At least 2 clocks apart.
+    i_x, i_y : In(12)
+        The candidate's pixel in its own level.
+    i_centre, i_left, i_right, i_up, i_down : In(15)
+        Response codes of the candidate and its neighbours.
+    o_x, o_y : Out(16)
+        UQ(12, 4), ``latency_cycles`` after ``i_candidate``, for one clock at least.
+
+    Attributes
+    ----------
+    latency_cycles : int
+    """
+
+    i_candidate: Signal
+    i_x: Signal
+    i_y: Signal
+    i_centre: Signal
+    i_left: Signal
+    i_right: Signal
+    i_up: Signal
+    i_down: Signal
+    o_x: Signal
+    o_y: Signal
+
+    def __init__(self, *, level: int) -> None:
+        if level not in (0, 1):
+            raise ValueError(f"level is {level}; valid: 0, 1")
+        self.level = level
+        self._vertex = Vertex()
+        self.latency_cycles = 1 + self._vertex.latency_cycles + 2
+        code, pixel, position = In(RESPONSE_CODE.bits), In(POSITION.integer_bits), Out(POSITION.bits)
+        neighbourhood = dict.fromkeys(("i_centre", "i_left", "i_right", "i_up", "i_down"), code)
+        super().__init__(
+            {"i_candidate": In(1), "i_x": pixel, "i_y": pixel, **neighbourhood, "o_x": position, "o_y": position}
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """One `Vertex` for both directions: x in the first clock, y in the second."""
+        m = Module()
+        m.submodules.vertex = vertex = self._vertex
+        up, before, centre, after, down = (Signal(RESPONSE_CODE.bits, reset_less=True) for _ in range(5))
+        m.d.sync += [before.eq(up), after.eq(down)]
+        with m.If(self.i_candidate):
+            m.d.sync += [
+                up.eq(self.i_up),
+                before.eq(self.i_left),
+                centre.eq(self.i_centre),
+                after.eq(self.i_right),
+                down.eq(self.i_down),
+            ]
+        m.d.comb += [vertex.i_before.eq(before), vertex.i_centre.eq(centre), vertex.i_after.eq(after)]
+
+        x_cycles = 1 + vertex.latency_cycles
+        x_done = delayed(m, self.i_candidate, x_cycles, reset_less=False)
+        y_done = delayed(m, x_done, 1, reset_less=False)
+        x, y = delayed(m, self.i_x, x_cycles), delayed(m, self.i_y, x_cycles + 1)
+        with m.If(x_done):
+            m.d.sync += self.o_x.eq(self._full_resolution(x, vertex.o_offset))
+        with m.If(y_done):
+            m.d.sync += self.o_y.eq(self._full_resolution(y, vertex.o_offset))
+        return m
+
+    def _full_resolution(self, pixel: Value, offset: Value) -> Value:
+        fine = (pixel << POSITION.fraction_bits) + offset
+        return fine if self.level == 0 else (fine << 1) + POSITION.one // 2

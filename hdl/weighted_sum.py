@@ -1,0 +1,126 @@
+"""Sums of signals times constants, without multipliers: shifts and a tree of registered adders."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from amaranth import Module, Shape, Signal, Value
+from amaranth.lib import wiring
+from amaranth.lib.wiring import In, Out
+
+
+def signed_digits(constant: int) -> list[tuple[int, int]]:
+    """The fewest ``(shift, sign)`` terms, sign 1 or -1, whose sum of ``sign << shift`` is ``constant``.
+
+    This is the canonical signed digit form, e.g. 15 = 16 - 1.
+    """
+    digits = []
+    shift = 0
+    while constant:
+        if constant & 1:
+            sign = 2 - (constant & 3)
+            digits.append((shift, sign))
+            constant -= sign
+        constant >>= 1
+        shift += 1
+    return digits
+
+
+@dataclass(frozen=True)
+class _Term:
+    """``sign * value`` with value in ``low..high``; the sign stays symbolic until two terms meet in an adder."""
+
+    value: Value
+    low: int
+    high: int
+    sign: int
+
+    def plus(self, other: _Term) -> _Term:
+        if self.sign == other.sign:
+            return _Term(self.value + other.value, self.low + other.low, self.high + other.high, self.sign)
+        plus, minus = (self, other) if self.sign > 0 else (other, self)
+        return _Term(plus.value - minus.value, plus.low - minus.high, plus.high - minus.low, 1)
+
+
+class WeightedSum(wiring.Component):
+    """``o_sum`` = sum of ``weights[n] * i_values[n]``, one set of values a clock.
+
+    Parameters
+    ----------
+    weights : sequence of int
+        Constant weight of each value, positive or negative; 0 leaves the value out.
+    shape : Shape
+        Of the values.
+
+    Members
+    -------
+    i_valid, i_values : In
+        Values are used where ``i_valid``; the adders rest otherwise.
+    o_valid, o_sum : Out
+        The sum, in just the bits that its range needs.
+
+    Attributes
+    ----------
+    latency_cycles : int
+        Clocks from values to sum: the depth of the tree of two-operand adders.
+    low, high : int
+        Range of the sum.
+
+    Raises
+    ------
+    ValueError
+        If every weight is 0.
+    """
+
+    i_valid: Signal
+    i_values: Sequence[Signal]
+    o_valid: Signal
+    o_sum: Signal
+
+    def __init__(self, *, weights: Sequence[int], shape: Shape) -> None:
+        if not any(weights):
+            raise ValueError(f"weights are {list(weights)}; at least one must not be 0")
+        self.weights = tuple(weights)
+        extremes = (
+            (-(1 << shape.width - 1), (1 << shape.width - 1) - 1) if shape.signed else (0, (1 << shape.width) - 1)
+        )
+        self._extremes = extremes
+        self.low = sum(min(weight * extreme for extreme in extremes) for weight in weights)
+        self.high = sum(max(weight * extreme for extreme in extremes) for weight in weights)
+        terms = sum(len(signed_digits(weight)) for weight in weights)
+        self.latency_cycles = max((terms - 1).bit_length(), 1)
+        super().__init__(
+            {
+                "i_valid": In(1),
+                "i_values": In(shape).array(len(weights)),
+                "o_valid": Out(1),
+                "o_sum": Out(Shape.cast(range(self.low, self.high + 1))),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """Build the tree, equal shifts beside each other so that the first adders stay narrow."""
+        m = Module()
+        low, high = self._extremes
+        digits = sorted(
+            (shift, sign, n) for n, weight in enumerate(self.weights) for shift, sign in signed_digits(weight)
+        )
+        terms = [_Term(self.i_values[n] << shift, low << shift, high << shift, sign) for shift, sign, n in digits]
+        valid: Value = self.i_valid
+        for level in range(self.latency_cycles):
+            sums = [a.plus(b) for a, b in zip(terms[0::2], terms[1::2], strict=False)] + terms[len(terms) & ~1 :]
+            terms = [self._registered(m, valid, term, f"level{level}_term{n}") for n, term in enumerate(sums)]
+            registered_valid = Signal(name=f"level{level}_valid")
+            m.d.sync += registered_valid.eq(valid)
+            valid = registered_valid
+        (total,) = terms
+        m.d.comb += [self.o_valid.eq(valid), self.o_sum.eq(total.value if total.sign > 0 else -total.value)]
+        return m
+
+    @staticmethod
+    def _registered(m: Module, valid: Value, term: _Term, name: str) -> _Term:
+        register = Signal(range(term.low, term.high + 1), name=name, reset_less=True)
+        with m.If(valid):
+            m.d.sync += register.eq(term.value)
+        return _Term(register, term.low, term.high, term.sign)
