@@ -296,7 +296,7 @@ def ilbp(bits: int) -> SugenoSystem:
     The thesis prints neither corners nor which SAD gives which belonging. Our reading: both belongings come from
     the SAD (equation III-1) between the 3x3 gray windows of the two features, given as the raw sum of 9 pixels. It
     is symmetric, so r1 = r2 = r: rules 3 and 4, which want one without the other, speak only in the twilight where
-    r is neither 0 nor 1.
+    r is neither 0 nor 1. At a low distance, rules 1 and 3 then balance for r up to one half: the weight is 1/2.
 
     The sigmoid is centred at 9.5 gray levels a pixel, midway between the SAD that Table III-1 calls surely good (6)
     and surely bad (13), and is .95 and .05 there. The distance is low until 1/8 of ``bits`` and high from 3/8: they

@@ -77,11 +77,10 @@ def rule_names(pattern: DescriptorPattern, config: MatcherConfig) -> list[str]:
     if config.rule_base == "none":
         return ["no rules"]
     system = (fuzzy.aerial if config.rule_base == "aerial" else fuzzy.ilbp)(pattern.bits)
-    names = [
+    return [
         ", ".join(f"{variable.name} {chosen}" for variable, chosen in zip(system.inputs, rule.sets, strict=True))
         for rule in system.rules
     ]
-    return names
 
 
 def common_turn(turn: NDArray[np.uint8], distance: NDArray[np.uint16], margin: NDArray[np.uint16], bits: int) -> int:

@@ -168,6 +168,15 @@ def test_no_features_no_matches(counts, rule_base, name):
     assert matches.dtype == MATCH.dtype
 
 
+def test_rules_are_named_by_the_index_a_match_carries():
+    names = matcher.rule_names(ILBP_128, MatcherConfig())
+    assert names[1] == "distance low, margin big, turn other"
+    assert [
+        len(matcher.rule_names(p, MatcherConfig(rule_base=base)))
+        for p, base in ((ILBP_128, "aerial"), (PATTERNS["thesis-ilbp-2"], "ilbp"), (ILBP_128, "none"))
+    ] == [8, 4, 1]
+
+
 def test_first_maximum_of_the_histogram_wins():
     """Two turns with equal support: the smaller."""
     turn = np.array([12, 4, 12, 4], dtype=np.uint8)
