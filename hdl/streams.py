@@ -1,0 +1,134 @@
+"""What flows between the blocks: beats inside the pixel pipeline, stream payloads and records at its edges.
+
+A *beat* is a struct ``{valid, x, y, ...}`` without ready: an admitted pixel never waits, and clocks without one
+(``valid`` 0) may come anywhere. ``x, y`` is the *scan position*: the pixel, in its own level, that entered last.
+Every block hands it on unchanged, delayed with the data. A block whose window is centred behind the scan position
+has a static ``lag_px``: its output at scan (x, y) describes pixel (x - lag_px, y - lag_px); lags add up along the
+pipeline.
+
+No block counts pixels: line memories are addressed by x. So a reset in mid-frame, or a frame that breaks off, leaves
+nothing behind but pixels in places that the next frame overwrites before it reads them. What a block gives within
+the support of its window from the frame's border is unspecified; `FrontEndConfig.border_px` keeps features off it.
+
+``latency_cycles`` of a block counts the clocks from a beat at its input to the same beat at its output.
+"""
+
+from __future__ import annotations
+
+from amaranth import Module, Shape, ShapeLike, Value, ValueLike, unsigned
+from amaranth.lib import data
+
+from golden_model.config import MAX_FRAME_PX
+from golden_model.formats import RESPONSE_CODE
+from golden_model.records import WORD_BYTES, Record
+from hdl.delay import delayed
+
+COORDINATE = Shape.cast(range(MAX_FRAME_PX))
+"""x or y of a beat."""
+WORD = unsigned(8 * WORD_BYTES)
+
+
+def beat(**payload: ShapeLike) -> data.StructLayout:
+    """Layout of a beat: ``valid``, the scan position ``x``, ``y``, and the payload's fields."""
+    return data.StructLayout({"valid": 1, "x": COORDINATE, "y": COORDINATE, **payload})
+
+
+def carry_scan(m: Module, source: data.View, sink: data.View, cycles: int) -> None:
+    """Hand ``valid``, ``x`` and ``y`` of a beat to another one ``cycles`` clocks later."""
+    m.d.comb += [
+        sink.valid.eq(delayed(m, source.valid, cycles, reset_less=False)),
+        sink.x.eq(delayed(m, source.x, cycles)),
+        sink.y.eq(delayed(m, source.y, cycles)),
+    ]
+
+
+class PixelPayload(data.Struct):
+    """A pixel at the door, as AXI4-Stream video carries it (UG934).
+
+    Members
+    -------
+    data : G in bits 7..0, B in 15..8, R in 23..16; or gray in 7..0.
+    first : first pixel of a frame.
+    last : last pixel of a line.
+    """
+
+    data: unsigned(24)
+    first: unsigned(1)
+    last: unsigned(1)
+
+
+class WordPayload(data.Struct):
+    """A word of a record at the front end's output; ``last`` ends the frame (the last word of its FrameStatus)."""
+
+    data: WORD
+    last: unsigned(1)
+
+
+class RowPayload(data.Struct):
+    """A word of a Feature record of one level, or the end of one of its cell rows.
+
+    Members
+    -------
+    data : word of a record; index and frame number are still 0.
+    ends_row : no word, but the end of a cell row. Every cell row ends with one, even an empty one; without selection
+        the whole level is one row.
+    ends_level : with ``ends_row``: it was the frame's last cell row of this level.
+    """
+
+    data: WORD
+    ends_row: unsigned(1)
+    ends_level: unsigned(1)
+
+
+CANDIDATE = beat(
+    code=RESPONSE_CODE.bits,
+    left=RESPONSE_CODE.bits,
+    right=RESPONSE_CODE.bits,
+    up=RESPONSE_CODE.bits,
+    down=RESPONSE_CODE.bits,
+    ends_row=1,
+    ends_level=1,
+)
+"""A corner candidate: its response code (0: this beat holds none) and those of its four neighbours.
+
+``ends_row``: every candidate of the cell row has passed, this beat is the row's last; ``ends_level``: with
+``ends_row``, no candidate of this frame will follow. Candidates of a line are at least the suppression's radius + 1
+beats apart.
+"""
+
+
+class FrontEndSettings(data.Struct):
+    """Run-time settings of the front end, from `FrontEndConfig.for_size`. They take effect at a start of frame.
+
+    Members
+    -------
+    width_px, height_px : size of the frames, 64 to the built maximum.
+    cell_log2 : log2 of the cell's side.
+    per_cell : features kept in a cell.
+    threshold_code : the threshold as a response code; where it starts, if it is adaptive.
+    gray_input : pixels are gray already.
+    adaptive : the threshold moves between frames, towards ``target_features``.
+    target_features : below ``max_features``.
+    """
+
+    width_px: range(MAX_FRAME_PX + 1)
+    height_px: range(MAX_FRAME_PX + 1)
+    cell_log2: unsigned(4)
+    per_cell: unsigned(4)
+    threshold_code: unsigned(RESPONSE_CODE.bits)
+    gray_input: unsigned(1)
+    adaptive: unsigned(1)
+    target_features: unsigned(13)
+
+
+def record_layout(record: Record, length_bytes: int | None = None) -> data.FlexibleLayout:
+    """Hardware layout of a record, its tag included, padded with zeros to ``length_bytes`` (by itself if None)."""
+    fields = {field.name: data.Field(unsigned(field.bits), 8 * offset) for field, offset in record.offsets()}
+    length_bytes = record.record_bytes if length_bytes is None else length_bytes
+    return data.FlexibleLayout(8 * length_bytes, {"tag": data.Field(unsigned(8), 0), **fields})
+
+
+def words(record: ValueLike) -> list[Value]:
+    """The 64-bit words of a record, first word first."""
+    bits = Value.cast(record)
+    return [bits[low : low + WORD.width] for low in range(0, len(bits), WORD.width)]

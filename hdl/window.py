@@ -1,0 +1,118 @@
+"""Line memories and windows: they turn beats of pixels into beats of columns and of windows."""
+
+from __future__ import annotations
+
+from amaranth import Cat, Module, ShapeLike, Signal
+from amaranth.lib import data, memory, wiring
+from amaranth.lib.wiring import In, Out
+
+from hdl.delay import delayed
+from hdl.streams import beat, carry_scan
+
+
+class LineBuffer(wiring.Component):
+    """The column above each pixel, from one memory that holds the lines before it.
+
+    Parameters
+    ----------
+    shape : ShapeLike
+        Of a pixel.
+    lines : int
+        How many lines before the current one.
+    width_px : int
+        Largest width of a line, at least 4.
+
+    Members
+    -------
+    i : In(beat(pixel))
+    o : Out(beat(column))
+        ``column[r]`` is the pixel r lines above the scan position.
+
+    Attributes
+    ----------
+    latency_cycles : int
+
+    Raises
+    ------
+    ValueError
+        For less than one line or too small a width.
+    """
+
+    i: data.View
+    o: data.View
+
+    latency_cycles = 2
+
+    def __init__(self, *, shape: ShapeLike, lines: int, width_px: int) -> None:
+        if lines < 1:
+            raise ValueError(f"lines is {lines}; it must be at least 1")
+        if width_px < 4:
+            raise ValueError(f"width_px is {width_px}; it must be at least 4, the clocks from a read to its write")
+        self.shape = shape
+        self.lines = lines
+        self.width_px = width_px
+        super().__init__({"i": In(beat(pixel=shape)), "o": Out(beat(column=data.ArrayLayout(shape, lines + 1)))})
+
+    def elaborate(self, platform: object) -> Module:
+        """Read the column at x, register it, write it back one line further."""
+        m = Module()
+        m.submodules.memory = lines = memory.Memory(
+            shape=data.ArrayLayout(self.shape, self.lines), depth=self.width_px, init=[]
+        )
+        read, write = lines.read_port(), lines.write_port()
+        carry_scan(m, self.i, self.o, self.latency_cycles)
+        column = Signal.like(self.o.column, reset_less=True)
+        with m.If(delayed(m, self.i.valid, 1, reset_less=False)):
+            m.d.sync += column.eq(Cat(delayed(m, self.i.pixel, 1), read.data))
+        m.d.comb += [
+            read.addr.eq(self.i.x),
+            read.en.eq(self.i.valid),
+            self.o.column.eq(column),
+            write.addr.eq(self.o.x),
+            write.en.eq(self.o.valid),
+            write.data.eq(Cat(column)[: len(write.data.as_value())]),
+        ]
+        return m
+
+
+class Window(wiring.Component):
+    """The last columns, side by side.
+
+    Parameters
+    ----------
+    shape : ShapeLike
+        Of a column.
+    columns : int
+
+    Members
+    -------
+    i : In(beat(column))
+    o : Out(beat(columns))
+        ``columns[n]`` is the column n pixels left of the scan position.
+
+    Attributes
+    ----------
+    latency_cycles : int
+    """
+
+    i: data.View
+    o: data.View
+
+    latency_cycles = 1
+
+    def __init__(self, *, shape: ShapeLike, columns: int) -> None:
+        if columns < 1:
+            raise ValueError(f"columns is {columns}; it must be at least 1")
+        self.shape = shape
+        self.columns = columns
+        super().__init__({"i": In(beat(column=shape)), "o": Out(beat(columns=data.ArrayLayout(shape, columns)))})
+
+    def elaborate(self, platform: object) -> Module:
+        """Shift a column in where there is one."""
+        m = Module()
+        carry_scan(m, self.i, self.o, self.latency_cycles)
+        columns = [Signal(self.shape, name=f"column{n}", reset_less=True) for n in range(self.columns)]
+        with m.If(self.i.valid):
+            m.d.sync += [new.eq(old) for new, old in zip(columns, [self.i.column, *columns], strict=False)]
+        m.d.comb += [target.eq(column) for target, column in zip(self.o.columns, columns, strict=True)]
+        return m
