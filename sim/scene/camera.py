@@ -1,0 +1,197 @@
+"""The camera: exact homographies of a pinhole over flat ground, rendering, and what light and lens do to a picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+_RESAMPLING_MARGIN_PX = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class Camera:
+    """A pinhole camera whose principal point is the middle of its images.
+
+    Parameters
+    ----------
+    width_px, height_px : int
+        Size of its images.
+    focal_px : float
+        Focal length in image pixels.
+
+    Raises
+    ------
+    ValueError
+        If a length is not positive.
+    """
+
+    width_px: int
+    height_px: int
+    focal_px: float
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if value <= 0:
+                raise ValueError(f"camera {name} is {value}; it must be positive")
+
+    @property
+    def matrix(self) -> NDArray[np.float64]:
+        """The calibration matrix K, shape (3, 3); pixel centres at integers."""
+        middle_x, middle_y = (self.width_px - 1) / 2, (self.height_px - 1) / 2
+        return np.array([[self.focal_px, 0, middle_x], [0, self.focal_px, middle_y], [0, 0, 1]])
+
+    @property
+    def corners(self) -> NDArray[np.float64]:
+        """Outer corners of the image, shape (4, 2), clockwise from the top left."""
+        right, bottom = self.width_px - 0.5, self.height_px - 0.5
+        return np.array([[-0.5, -0.5], [right, -0.5], [right, bottom], [-0.5, bottom]])
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraPose:
+    """Where the camera is and where it looks. All zero but the altitude, it looks straight down, top edge to -y.
+
+    Parameters
+    ----------
+    x_px, y_px : float
+        Ground pixel under the camera.
+    altitude_px : float
+        Height over the ground in ground pixels: the image scale is ``focal_px / altitude_px``.
+    heading_deg : float
+        Turn about the vertical, clockwise from above.
+    pitch_deg, roll_deg : float
+        Tilt of the optical axis towards the top and towards the right edge of the image.
+
+    Raises
+    ------
+    ValueError
+        If the altitude is not positive.
+    """
+
+    x_px: float
+    y_px: float
+    altitude_px: float
+    heading_deg: float = 0.0
+    pitch_deg: float = 0.0
+    roll_deg: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.altitude_px <= 0:
+            raise ValueError(f"altitude_px is {self.altitude_px}; it must be positive")
+
+    @property
+    def rotation(self) -> NDArray[np.float64]:
+        """Camera axes (right, down, forward) as columns in ground axes (x, y, downwards), shape (3, 3)."""
+        heading, pitch, roll = np.radians([self.heading_deg, self.pitch_deg, self.roll_deg])
+        turns = ([0, 0, heading], [0, roll, 0], [pitch, 0, 0])
+        about_z, about_y, about_x = (cv2.Rodrigues(np.array(turn, np.float64))[0] for turn in turns)
+        return about_z @ about_y @ about_x
+
+    def homography(self, camera: Camera) -> NDArray[np.float64]:
+        """Ground pixels to image pixels, shape (3, 3), scaled to a last element of 1.
+
+        Raises
+        ------
+        ValueError
+            If part of the image looks at or above the horizon.
+        """
+        to_ground_plane = np.array([[1, 0, -self.x_px], [0, 1, -self.y_px], [0, 0, self.altitude_px]])
+        ground_to_image = camera.matrix @ self.rotation.T @ to_ground_plane
+        rays = np.column_stack([camera.corners, np.ones(4)]) @ np.linalg.inv(camera.matrix).T @ self.rotation.T
+        if rays[:, 2].min() <= 0.05:
+            raise ValueError(
+                f"pitch {self.pitch_deg} and roll {self.roll_deg} degrees show the horizon; tilt the camera less"
+            )
+        return ground_to_image / ground_to_image[2, 2]
+
+    def footprint(self, camera: Camera) -> NDArray[np.float64]:
+        """Ground positions of the corners of the image, shape (4, 2), clockwise from the image's top left."""
+        return project(np.linalg.inv(self.homography(camera)), camera.corners)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Photometry:
+    """What lens, exposure and sensor do to a picture; the defaults do nothing.
+
+    In this order: Gaussian blur; ``255 * clip(gain * falloff * value / 255, 0, 1) ** gamma``, where the falloff is
+    1 in the middle and ``1 - vignetting`` in the corners; Gaussian noise in gray levels, independent by channel.
+    """
+
+    gain: float = 1.0
+    gamma: float = 1.0
+    blur_sigma_px: float = 0.0
+    noise_sigma: float = 0.0
+    vignetting: float = 0.0
+
+    def apply(self, image: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.uint8]:
+        """The picture as taken; ``image`` has shape (H, W, 3) and is left as it is."""
+        if self.blur_sigma_px > 0:
+            image = cv2.GaussianBlur(image, (0, 0), self.blur_sigma_px)
+        height, width = image.shape[:2]
+        x, y = np.linspace(-1, 1, width, dtype=np.float32), np.linspace(-1, 1, height, dtype=np.float32)
+        falloff = 1 - np.float32(self.vignetting / 2) * (x[np.newaxis, :] ** 2 + y[:, np.newaxis] ** 2)
+        value = image * (falloff * np.float32(self.gain / 255))[..., np.newaxis]
+        value = 255 * np.clip(value, 0, 1) ** np.float32(self.gamma)
+        if self.noise_sigma > 0:
+            value += np.float32(self.noise_sigma) * rng.standard_normal(value.shape, dtype=np.float32)
+        return np.clip(np.rint(value), 0, 255).astype(np.uint8)
+
+
+def project(homography: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Points, shape (n, 2), carried by a homography."""
+    return cv2.perspectiveTransform(np.asarray(points, np.float64)[np.newaxis], homography)[0]
+
+
+def visible_box(pose: CameraPose, camera: Camera) -> tuple[int, int, int, int]:
+    """x, y, width and height of the ground that a view needs, with what its resampling reads around it."""
+    footprint = pose.footprint(camera)
+    margin = _RESAMPLING_MARGIN_PX * max(1.0, pose.altitude_px / camera.focal_px)
+    left, top = np.floor(footprint.min(axis=0) - margin).astype(int)
+    right, bottom = np.ceil(footprint.max(axis=0) + margin).astype(int)
+    return int(left), int(top), int(right - left + 1), int(bottom - top + 1)
+
+
+def render_view(
+    ground: NDArray[np.uint8],
+    pose: CameraPose,
+    camera: Camera,
+    photometry: Photometry,
+    rng: np.random.Generator,
+    *,
+    origin: tuple[int, int] = (0, 0),
+) -> NDArray[np.uint8]:
+    """One picture of the ground.
+
+    Parameters
+    ----------
+    ground : ndarray
+        Shape (H, W, 3), uint8. What the camera sees beyond it is black.
+    pose, camera, photometry
+        Position, camera and picture quality.
+    rng : numpy.random.Generator
+        Source of the sensor noise.
+    origin : (int, int)
+        Ground coordinates of the pixel ``ground[0, 0]``.
+
+    Returns
+    -------
+    ndarray
+        Shape (camera.height_px, camera.width_px, 3), uint8. Its geometry is ``pose.homography(camera)``, but for
+        the 1/32 px to which OpenCV rounds sampling positions.
+    """
+    left, top, width, height = visible_box(pose, camera)
+    x, y = max(left - origin[0], 0), max(top - origin[1], 0)
+    seen = ground[y : max(top - origin[1] + height, 0), x : max(left - origin[0] + width, 0)]
+    if not seen.size:
+        raise ValueError(f"the view at ({pose.x_px:.0f}, {pose.y_px:.0f}) misses the ground; move the camera")
+    reduction = pose.altitude_px / camera.focal_px
+    if reduction > 1:
+        # What a pixel of the smaller image averages, minus what the ground's own pixels average already.
+        seen = cv2.GaussianBlur(seen, (0, 0), 0.5 * np.sqrt(reduction**2 - 1))
+    shift = np.array([[1, 0, x + origin[0]], [0, 1, y + origin[1]], [0, 0, 1]])
+    size = (camera.width_px, camera.height_px)
+    image = cv2.warpPerspective(seen, pose.homography(camera) @ shift, size, flags=cv2.INTER_CUBIC)
+    return photometry.apply(image, rng)

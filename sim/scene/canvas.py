@@ -1,0 +1,61 @@
+"""The window of the plane being painted: reflectance, relief and the noise that both are made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Plane = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Canvas:
+    """A window of the plane with its top left pixel at ``x_px``, ``y_px``.
+
+    ``reflectance`` has shape (3, H, W), BGR, display values 0..1; ``relief`` (H, W) is the height of the surface in
+    pixels; ``noise`` is that of `sim.scene.noise.noise_bands`, shape (octaves, H, W). The first two are painted on.
+    """
+
+    x_px: int
+    y_px: int
+    reflectance: Plane
+    relief: Plane
+    noise: Plane
+
+    def window(self, x: float, y: float, reach_px: float) -> tuple[slice, slice] | None:
+        """Rows and columns within ``reach_px`` of a point of the plane; None where that misses the canvas."""
+        height, width = self.relief.shape
+        left, top = int(x - reach_px) - self.x_px, int(y - reach_px) - self.y_px
+        size = int(2 * reach_px) + 2
+        if left >= width or top >= height or left + size <= 0 or top + size <= 0:
+            return None
+        return slice(max(top, 0), min(top + size, height)), slice(max(left, 0), min(left + size, width))
+
+    def offsets(self, window: tuple[slice, slice], x: float, y: float) -> tuple[Plane, Plane]:
+        """Horizontal and vertical distance of a window's pixels from a point, shapes (1, w) and (h, 1)."""
+        rows, columns = window
+        across = np.arange(columns.start, columns.stop, dtype=np.float32) + np.float32(self.x_px - x)
+        down = np.arange(rows.start, rows.stop, dtype=np.float32) + np.float32(self.y_px - y)
+        return across[np.newaxis, :], down[:, np.newaxis]
+
+    def local(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points of the plane, shape (n, 2), relative to the canvas."""
+        return points - (self.x_px, self.y_px)
+
+    def meets(self, points: NDArray[np.float64]) -> bool:
+        """Whether the bounding box of points of the plane, with 64 px around it, meets the canvas."""
+        (left, top), (right, bottom) = self.local(points.min(0)) - 64, self.local(points.max(0)) + 64
+        height, width = self.relief.shape
+        return bool(left < width and top < height and right > 0 and bottom > 0)
+
+
+def bgr(red: float, green: float, blue: float) -> Plane:
+    """A display colour 0..255, given as RGB, as BGR in 0..1; shape (3, 1, 1)."""
+    return np.array([blue, green, red], np.float32).reshape(3, 1, 1) / np.float32(255)
+
+
+def lay_over(under: Plane, over: Plane, share: Plane) -> None:
+    """Paint ``over`` on ``under``, in place, as far as ``share`` (0..1) says."""
+    under += (over - under) * share

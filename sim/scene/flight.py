@@ -1,0 +1,188 @@
+"""Flights over the synthetic landscape: pictures rendered on demand, poses and homographies known exactly."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.scene.camera import Camera, CameraPose, Photometry, project, render_view, visible_box
+from sim.scene.ground import render_ground
+
+_FOCAL_WIDTHS = 0.8
+"""Focal length in image widths: 64 degrees across, as on common drones."""
+
+
+@dataclass(frozen=True)
+class Flight:
+    """A sequence of pictures of the landscape ``seed``.
+
+    Parameters
+    ----------
+    seed : int
+        Landscape and sensor noise; non-negative.
+    camera : Camera
+        The one camera on board.
+    poses : tuple of CameraPose
+        One a picture, in order of time.
+    photometries : tuple of Photometry
+        One a picture.
+    """
+
+    seed: int
+    camera: Camera
+    poses: tuple[CameraPose, ...]
+    photometries: tuple[Photometry, ...]
+
+    @property
+    def images(self) -> Sequence[NDArray[np.uint8]]:
+        """The pictures, (H, W, 3) uint8 BGR: each is rendered when it is asked for, and not kept."""
+        return _Images(self)
+
+    @property
+    def homographies(self) -> tuple[NDArray[np.float64], ...]:
+        """Ground pixels to pixels of each picture."""
+        return tuple(pose.homography(self.camera) for pose in self.poses)
+
+    def homography_between(self, left: int, right: int) -> NDArray[np.float64]:
+        """Pixels of picture ``left`` to pixels of picture ``right``, shape (3, 3), last element 1."""
+        to_left, to_right = (self.poses[index].homography(self.camera) for index in (left, right))
+        between = to_right @ np.linalg.inv(to_left)
+        return between / between[2, 2]
+
+    def overlap_between(self, left: int, right: int) -> float:
+        """Share of the area of picture ``left`` that picture ``right`` shows too."""
+        corners = self.camera.corners
+        seen = project(self.homography_between(right, left), corners)
+        area, _ = cv2.intersectConvexConvex(corners.astype(np.float32), seen.astype(np.float32))
+        return float(area) / (self.camera.width_px * self.camera.height_px)
+
+
+class _Images(Sequence[NDArray[np.uint8]]):
+    """The pictures of a flight, rendered one at a time."""
+
+    def __init__(self, flight: Flight) -> None:
+        self._flight = flight
+
+    def __len__(self) -> int:
+        return len(self._flight.poses)
+
+    def __getitem__(self, index: int) -> NDArray[np.uint8]:
+        flight, number = self._flight, range(len(self))[index]
+        pose, photometry = flight.poses[number], flight.photometries[number]
+        left, top, width_px, height_px = visible_box(pose, flight.camera)
+        ground = render_ground(flight.seed, width_px, height_px, (left, top))
+        rng = np.random.default_rng([flight.seed, number])
+        return render_view(ground, pose, flight.camera, photometry, rng, origin=(left, top))
+
+
+def pair(seed: int, size: tuple[int, int] = (640, 480), overlap: float = 0.6) -> Flight:
+    """Two overlapping pictures: a few degrees of rotation, another scale, tilt and exposure.
+
+    Parameters
+    ----------
+    seed : int
+        Landscape, poses and noise; non-negative.
+    size : (int, int)
+        Width and height of the pictures; one of their pixels is about one ground pixel (0.15 m).
+    overlap : float
+        Share of the left picture that the right one shows, 0..1; kept to within 0.03.
+
+    Returns
+    -------
+    Flight
+        Of two pictures; the right one lies to the right of the left one.
+    """
+    _check_overlap("overlap", overlap)
+    rng = np.random.default_rng([seed, 9])
+    camera = Camera(width_px=size[0], height_px=size[1], focal_px=_FOCAL_WIDTHS * size[0])
+    heading, turn = rng.uniform(0, 360), rng.choice([-1, 1]) * rng.uniform(3, 8)
+    away = (1 - overlap) * size[0] * np.array([np.cos(np.radians(heading)), np.sin(np.radians(heading))])
+    start = rng.uniform(-500, 500, 2)
+    poses = [
+        _aimed_at(start, camera.focal_px, heading, rng),
+        _aimed_at(start + away, camera.focal_px * rng.uniform(0.97, 1.05), heading + turn, rng),
+    ]
+    left = Photometry(blur_sigma_px=0.4, noise_sigma=1.5, vignetting=0.1)
+    right = Photometry(
+        gain=rng.uniform(0.8, 0.95), gamma=rng.uniform(1.02, 1.15), blur_sigma_px=0.5, noise_sigma=2.0, vignetting=0.1
+    )
+    return Flight(seed, camera, tuple(poses), (left, right))
+
+
+def _aimed_at(
+    target: NDArray[np.float64], altitude_px: float, heading_deg: float, rng: np.random.Generator
+) -> CameraPose:
+    """A pose, tilted up to 2 degrees each way, whose image centre shows ``target``."""
+    pitch, roll = rng.uniform(-2, 2, 2)
+    pose = CameraPose(x_px=0, y_px=0, altitude_px=altitude_px, heading_deg=heading_deg, pitch_deg=pitch, roll_deg=roll)
+    axis = pose.rotation[:, 2]
+    x, y = target - axis[:2] / axis[2] * altitude_px
+    return replace(pose, x_px=x, y_px=y)
+
+
+def lawnmower(
+    seed: int,
+    images: int,
+    size: tuple[int, int] = (1600, 1200),
+    forward_overlap: float = 0.75,
+    side_overlap: float = 0.6,
+) -> Flight:
+    """A survey in parallel legs over a roughly square area, turning round at the end of each leg.
+
+    Position, heading, altitude, tilt and exposure wander a little, as those of a drone do. Pictures are rendered on
+    demand; memory is bounded by one picture and the cached tiles of `sim.scene.ground` (144 MiB), whatever the length.
+
+    Parameters
+    ----------
+    seed : int
+        Landscape, poses and noise; non-negative.
+    images : int
+        Number of pictures, at least 1.
+    size : (int, int)
+        Width and height of the pictures.
+    forward_overlap, side_overlap : float
+        Shares common to neighbours in a leg and in neighbouring legs, 0..1, but for the wandering.
+
+    Returns
+    -------
+    Flight
+        In order of time.
+    """
+    _check_overlap("forward_overlap", forward_overlap)
+    _check_overlap("side_overlap", side_overlap)
+    if images < 1:
+        raise ValueError(f"images is {images}; a flight has at least 1")
+    rng = np.random.default_rng([seed, 10])
+    camera = Camera(width_px=size[0], height_px=size[1], focal_px=_FOCAL_WIDTHS * size[0])
+    side, forward = (1 - side_overlap) * size[0], (1 - forward_overlap) * size[1]
+    leg_images = max(1, round(np.sqrt(images * side / forward)))
+    poses, photometries = [], []
+    gain = 1.0
+    for number in range(images):
+        leg, along = divmod(number, leg_images)
+        backwards = leg % 2 == 1
+        row = leg_images - 1 - along if backwards else along
+        x, y = np.array([leg * side, -row * forward]) + rng.normal(0, 0.01, 2) * size
+        pitch, roll = rng.normal(0, 0.8, 2)
+        poses.append(
+            CameraPose(
+                x_px=x,
+                y_px=y,
+                altitude_px=camera.focal_px * rng.normal(1, 0.01),
+                heading_deg=180 * backwards + rng.normal(0, 1.5),
+                pitch_deg=pitch,
+                roll_deg=roll,
+            )
+        )
+        gain = np.clip(gain + rng.normal(0, 0.02), 0.85, 1.15)
+        photometries.append(Photometry(gain=gain, blur_sigma_px=0.4, noise_sigma=1.5, vignetting=0.1))
+    return Flight(seed, camera, tuple(poses), tuple(photometries))
+
+
+def _check_overlap(name: str, share: float) -> None:
+    if not 0 <= share < 1:
+        raise ValueError(f"{name} is {share}; it must be at least 0 and less than 1")

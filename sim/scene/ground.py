@@ -1,0 +1,110 @@
+"""The ground as one picture from straight above: tiles are painted, then lit by one sun."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.scene.canvas import Canvas, Plane
+from sim.scene.layout import sections_around
+from sim.scene.noise import noise_bands
+from sim.scene.objects import paint_boxes, paint_plants
+from sim.scene.surface import paint_parcels, paint_ponds, paint_roads
+
+TILE_PX = 1024
+CACHED_TILES = 48
+"""Tiles kept ready: 3 MiB each."""
+
+_MARGIN_PX = 96
+"""Painted around a tile, as far as the longest shadow and the widest edge strip reach."""
+
+_SUN, _SKY, _HAZE = (0.74, 0.82, 0.86), (0.21, 0.17, 0.14), (0.050, 0.046, 0.042)
+"""Light of the sun and of the sky, and the haze between ground and camera; blue, green, red."""
+
+
+def render_ground(seed: int, width_px: int, height_px: int, origin: tuple[int, int] = (0, 0)) -> NDArray[np.uint8]:
+    """An aerial photograph of an invented landscape, at about 0.15 m a pixel.
+
+    The landscape is an endless plane that the seed alone decides; this is the part of it from ``origin``.
+
+    Parameters
+    ----------
+    seed : int
+        Non-negative.
+    width_px, height_px : int
+        Size of the part.
+    origin : (int, int)
+        x and y of its top left pixel in the plane; may be negative.
+
+    Returns
+    -------
+    ndarray
+        Shape (height_px, width_px, 3), uint8, BGR. Parts that overlap agree exactly.
+    """
+    left, top = origin
+    ground = np.empty((height_px, width_px, 3), np.uint8)
+    for row in range(top // TILE_PX, (top + height_px - 1) // TILE_PX + 1):
+        for column in range(left // TILE_PX, (left + width_px - 1) // TILE_PX + 1):
+            x, y = column * TILE_PX - left, row * TILE_PX - top
+            tile = _tile(seed, column, row)[max(-y, 0) : height_px - y, max(-x, 0) : width_px - x]
+            x, y = max(x, 0), max(y, 0)
+            ground[y : y + tile.shape[0], x : x + tile.shape[1]] = tile
+    return ground
+
+
+@lru_cache(maxsize=CACHED_TILES)
+def _tile(seed: int, column: int, row: int) -> NDArray[np.uint8]:
+    """Paint and light one tile with its margin, and cut the margin off."""
+    x_px, y_px = column * TILE_PX - _MARGIN_PX, row * TILE_PX - _MARGIN_PX
+    size = TILE_PX + 2 * _MARGIN_PX
+    noise = noise_bands(seed, x_px, y_px, size, size)
+    canvas = Canvas(x_px, y_px, np.empty((3, size, size), np.float32), np.empty((size, size), np.float32), noise)
+    sections = sections_around(seed, x_px, y_px, size, size)
+    paint_parcels(
+        canvas, [parcel for section in sections for parcel in section.parcels if canvas.meets(parcel.outline)]
+    )
+    paint_ponds(canvas, np.concatenate([section.ponds for section in sections]))
+    paint_roads(canvas, [road for section in sections for road in section.roads if canvas.meets(road.points)])
+    paint_boxes(canvas, [box for section in sections for box in section.boxes])
+    paint_plants(canvas, np.concatenate([section.plants for section in sections]))
+    lit = _light(canvas, np.random.default_rng([seed, 8]))
+    tile = lit[_MARGIN_PX:-_MARGIN_PX, _MARGIN_PX:-_MARGIN_PX].copy()
+    tile.flags.writeable = False
+    return tile
+
+
+def _light(canvas: Canvas, rng: np.random.Generator) -> NDArray[np.uint8]:
+    """Display values of the canvas under a sun and a blue sky: Lambert shading, cast shadows, darker hollows."""
+    azimuth, elevation = rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(40, 54))
+    toward_sun = np.float32([np.cos(azimuth), np.sin(azimuth)])
+    relief = cv2.GaussianBlur(canvas.relief, (0, 0), 0.6)
+    across, down = (np.clip(cv2.Sobel(relief, -1, *axes, scale=1 / 8), -1.2, 1.2) for axes in ((1, 0), (0, 1)))
+    facing = np.float32(np.tan(elevation)) - toward_sun[0] * across - toward_sun[1] * down
+    facing = np.maximum(facing, 0) / np.sqrt(1 + across**2 + down**2) / np.float32(np.tan(elevation))
+    sunlit = facing * (1 - _shadow(relief, toward_sun, np.tan(elevation)))
+    open_sky = 1 - np.clip((cv2.blur(relief, (25, 25)) - relief) / 40, 0, 0.5)
+    channels = []
+    for reflectance, sun, sky, haze in zip(canvas.reflectance, _SUN, _SKY, _HAZE, strict=True):
+        lit = reflectance * np.sqrt(sunlit * sun + open_sky * sky) + haze
+        channels.append(cv2.convertScaleAbs(cv2.GaussianBlur(lit, (0, 0), 0.5), alpha=255))
+    return cv2.merge(channels)
+
+
+def _shadow(relief: Plane, toward_sun: NDArray[np.float64], rise: float) -> Plane:
+    """Share of the sun that is hidden, 0..1.
+
+    The height of the shadow over each pixel is the largest relief towards the sun, lowered by ``rise`` a pixel of
+    way; doubling the way at each step covers 127 px in seven steps.
+    """
+    shade = relief
+    for way_px in (1, 2, 4, 8, 16, 32, 64):
+        dx, dy = np.rint(toward_sun * way_px).astype(int)
+        shift = np.float32([[1, 0, -dx], [0, 1, -dy]])
+        moved = cv2.warpAffine(
+            shade, shift, relief.shape[::-1], flags=cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE
+        )
+        shade = np.maximum(shade, moved - np.float32(rise * np.hypot(dx, dy)))
+    return cv2.GaussianBlur(np.clip((shade - relief - 0.3) / 1.5, 0, 1), (0, 0), 0.9)

@@ -1,0 +1,56 @@
+"""Noise that is a function of position: any window of an endless plane, without storing the plane."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+OCTAVES = 9
+"""Band k has a lattice of 2**k px: from pixel grain to patches of 256 px."""
+
+_LATTICE_MARGIN = 3
+
+
+def noise_bands(seed: int, x_px: int, y_px: int, width_px: int, height_px: int) -> NDArray[np.float32]:
+    """Band-limited noise of a window, one band an octave.
+
+    Parameters
+    ----------
+    seed : int
+        Chooses the plane; non-negative.
+    x_px, y_px : int
+        Top left pixel of the window in the plane.
+    width_px, height_px : int
+        Size of the window.
+
+    Returns
+    -------
+    ndarray
+        Shape (OCTAVES, height_px, width_px), float32, mean 0, standard deviation 0.6 to 1. Overlapping windows
+        agree where they overlap.
+    """
+    keys = np.random.SeedSequence(seed).generate_state(OCTAVES)
+    bands = np.empty((OCTAVES, height_px, width_px), np.float32)
+    for octave, key in enumerate(keys):
+        spacing = 1 << octave
+        column, row = x_px // spacing - _LATTICE_MARGIN, y_px // spacing - _LATTICE_MARGIN
+        columns, rows = (-(-size // spacing) + 1 + 2 * _LATTICE_MARGIN for size in (width_px, height_px))
+        fine = _lattice(key, column, row, columns, rows)
+        if octave > 0:
+            fine = cv2.resize(fine, None, fx=spacing, fy=spacing, interpolation=cv2.INTER_CUBIC)
+        left, top = x_px - column * spacing, y_px - row * spacing
+        bands[octave] = fine[top : top + height_px, left : left + width_px]
+    return bands
+
+
+def _lattice(key: np.uint32, column: int, row: int, columns: int, rows: int) -> NDArray[np.float32]:
+    """White noise of unit variance at integer lattice points: a 32-bit integer hash of column, row and key."""
+    x = np.arange(column, column + columns).astype(np.uint32) * np.uint32(0x9E3779B1)
+    y = (np.arange(row, row + rows).astype(np.uint32) ^ key) * np.uint32(0x85EBCA77)
+    mixed = x[np.newaxis, :] ^ (y ^ (y >> np.uint32(13)))[:, np.newaxis]
+    for shift, factor in ((15, 0x2C1B3C6D), (12, 0x297A2D39)):
+        mixed ^= mixed >> np.uint32(shift)
+        mixed *= np.uint32(factor)
+    mixed ^= mixed >> np.uint32(15)
+    return (mixed.astype(np.float32) * np.float32(2**-31) - np.float32(1)) * np.float32(3**0.5)
