@@ -14,6 +14,7 @@ import shutil
 import subprocess
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,7 @@ from sim.recording import NO_PAUSES, Output, Pauses, Recording, Segment
 HARNESS = Path(__file__).parent / "harness"
 LIBRARY_NAME = "simulator.so"
 CXX_FLAGS = (
-    "-std=c++17", "-O3", "-march=native", "-fPIC", "-fvisibility=hidden", "-fno-gnu-unique", "-DCXXRTL_NDEBUG", "-w",
+    "-std=c++17", "-march=native", "-fPIC", "-fvisibility=hidden", "-fno-gnu-unique", "-DCXXRTL_NDEBUG", "-w",
 )  # fmt: skip
 
 
@@ -40,26 +41,50 @@ def identity() -> str:
     return digest(compiler, " ".join(CXX_FLAGS), digest_files(HARNESS.iterdir()))
 
 
-def compile_library(
-    folder: Path, sources: Sequence[Path], model: str, includes: Sequence[str], *, waves: bool, progress: Progress
-) -> None:
-    """Compile the harness around ``model`` and ``sources`` on all cores; link them to ``folder / LIBRARY_NAME``.
+@dataclass(frozen=True)
+class Sources:
+    """What is compiled into a library besides the harness.
+
+    Parameters
+    ----------
+    model : str
+        The harness's header for the simulator.
+    includes : tuple of Path
+        Folders of headers.
+    each_cycle : tuple of Path
+        C++ files that run each cycle; the compiler takes its time over them.
+    others : tuple of Path
+        C++ files that run at the start or seldom.
+    """
+
+    model: str
+    includes: tuple[Path, ...]
+    each_cycle: tuple[Path, ...] = ()
+    others: tuple[Path, ...] = ()
+
+
+def compile_library(folder: Path, sources: Sources, *, waves: bool, progress: Progress) -> None:
+    """Compile ``sources`` and the harness on all cores; link them to ``folder / LIBRARY_NAME``.
 
     Raises
     ------
     BackendError
         With the first error of the compiler.
     """
-    flags = [*CXX_FLAGS, f'-DMODEL="{model}"', *(["-DWAVES", "-DVM_TRACE=1", "-DVM_TRACE_VCD=1"] if waves else [])]
-    sources = [HARNESS / "harness.cpp", *sources]
-    objects = [folder / f"{source.stem}.o" for source in sources]
+    flags = [*CXX_FLAGS, f'-DMODEL="{sources.model}"', *(f"-I{path}" for path in (HARNESS, *sources.includes))]
+    if waves:
+        flags += ["-DWAVES", "-DVM_TRACE=1", "-DVM_TRACE_VCD=1"]
+    jobs = [(path, "-O3") for path in (HARNESS / "harness.cpp", *sources.each_cycle)]
+    jobs += [(path, "-O1") for path in sources.others]
+    objects = [folder / f"{path.stem}.o" for path, _ in jobs]
 
-    def compile_one(source: Path, target: Path) -> None:
-        run_tool([_compiler(), *flags, *includes, f"-I{HARNESS}", "-c", str(source), "-o", str(target)])
-        progress(f"compiled {source.name}, one of {len(sources)} files")
+    def compile_one(job: tuple[Path, str], target: Path) -> None:
+        source, optimisation = job
+        run_tool([_compiler(), *flags, optimisation, "-c", str(source), "-o", str(target)])
+        progress(f"compiled {source.name}, one of {len(jobs)} files")
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        list(pool.map(compile_one, sources, objects))
+        list(pool.map(compile_one, jobs, objects))
     run_tool([_compiler(), "-shared", "-o", str(folder / LIBRARY_NAME), *map(str, objects)])
     for made in objects:
         made.unlink()

@@ -19,8 +19,8 @@ def library(design: Design, *, waves: bool = False, progress: Progress = silent)
     def build(folder: Path) -> None:
         (folder / "design.cpp").write_text(cpp, encoding="utf-8")
         (folder / "ports.hpp").write_text(ports, encoding="utf-8")
-        includes = [f"-I{path}" for path in (folder, _runtime_folder())]
-        compiled.compile_library(folder, [], "cxxrtl.hpp", includes, waves=waves, progress=progress)
+        sources = compiled.Sources(model="cxxrtl.hpp", includes=(folder, _runtime_folder()))
+        compiled.compile_library(folder, sources, waves=waves, progress=progress)
 
     key = digest(cpp, ports, str(waves), compiled.identity())
     folder = cached(f"cxxrtl-{key}", build, what=f"{design.name} for CXXRTL", progress=progress)

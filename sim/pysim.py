@@ -78,12 +78,12 @@ class _Bench:
                 len(traces[prefix].ends) >= segment.packets for prefix in self._ports.outputs
             ):
                 return _recording(self._ports, starts, traces)
-            offered = offered or (sent < segment.data.size and not self._pauses.at(self._cycle, 0))
+            offered = offered or (sent < segment.data.size and not self._pauses.gap(self._cycle))
             if offered:
                 self._offer(ctx, int(segment.data[sent]), int(segment.flags[sent]))
             ctx.set(self._port(self._ports.video, "tvalid"), offered)
             for index, prefix in enumerate(self._ports.outputs, start=1):
-                ctx.set(self._port(prefix, "tready"), not self._pauses.at(self._cycle, index))
+                ctx.set(self._port(prefix, "tready"), not self._pauses.stall(self._cycle, index))
             await self._settle(ctx)
             if offered and ctx.get(self._port(self._ports.video, "tready")):
                 if segment.flags[sent] & START_OF_FRAME:

@@ -37,11 +37,19 @@ class Pauses:
             if not 0 <= getattr(self, name) < limit:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must be 0 to {limit - 1}")
 
-    def at(self, cycle: int, stream: int) -> bool:
-        """Whether stream 0 (the input) or 1.. (the outputs) pauses in ``cycle``; harness.cpp computes the same."""
-        hash_ = ((self.seed ^ (stream << 24) ^ cycle) & 0xFFFFFFFF) * 2654435761 & 0xFFFFFFFF
-        hash_ = (hash_ ^ (hash_ >> 15)) * 2246822519 & 0xFFFFFFFF
-        return ((hash_ ^ (hash_ >> 13)) & 255) < (self.stalls if stream else self.gaps)
+    def gap(self, cycle: int, stream: int = 0) -> bool:
+        """Whether no beat is offered to input ``stream`` in ``cycle``."""
+        return self._hash(cycle, stream) < self.gaps
+
+    def stall(self, cycle: int, stream: int) -> bool:
+        """Whether output ``stream`` is not taken in ``cycle``; inputs and outputs are numbered together."""
+        return self._hash(cycle, stream) < self.stalls
+
+    def _hash(self, cycle: int, stream: int) -> int:
+        """0..255; ``pauses`` of harness.cpp computes the same."""
+        mixed = ((self.seed ^ (stream << 24) ^ cycle) & 0xFFFFFFFF) * 2654435761 & 0xFFFFFFFF
+        mixed = (mixed ^ (mixed >> 15)) * 2246822519 & 0xFFFFFFFF
+        return (mixed ^ (mixed >> 13)) & 255
 
 
 NO_PAUSES = Pauses()

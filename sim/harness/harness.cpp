@@ -25,7 +25,7 @@ struct Output {
     uint64_t packets() const { return ends.size() / 2; }
 };
 
-// Whether a stream pauses in a cycle, with a probability in 1/256; the same hash as Pauses.at in Python.
+// Whether a stream pauses in a cycle, with a probability in 1/256; sim/recording.py has the same hash.
 bool pauses(uint32_t share, uint32_t seed, uint32_t stream, uint64_t cycle) {
     if (share == 0) return false;
     uint32_t hash = (seed ^ (stream << 24) ^ static_cast<uint32_t>(cycle)) * 2654435761u;
