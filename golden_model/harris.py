@@ -1,9 +1,8 @@
 """The Harris corner measure (thesis, equations III-6 and III-7) in integers.
 
-Bounds, for 3x3 smoothed gradients and a 5x5 window: each pixel adds at most 821.02**2 to A + B before the shift
-(the largest gradient of any binary image, rounding included), so A + B <= 65 827 and |C| <= (A + B) / 2. With
-k < 1/4 the determinant and the penalty stay below 2**31. Unsmoothed gradients reach 1140.4 and are therefore
-limited to the 3x3 window, where A + B <= 45 720.
+Bounds, for smoothed gradients and a 5x5 window: the gradient of any image is at most 821.5 long, the rounding of
+its smoothing included, so A + B <= 65 899 and |C| <= (A + B) / 2. With k < 1/4 the determinant and the penalty stay
+below 2**31. Unsmoothed gradients reach 1140.4 and are therefore limited to the 3x3 window, where A + B <= 45 720.
 """
 
 from __future__ import annotations

@@ -60,17 +60,16 @@ def best_of_cells(candidates: NDArray[np.uint16], cell_px: int, per_cell: int) -
 def emission_order(level: NDArray[np.integer], cell_row: NDArray[np.integer]) -> NDArray[np.intp]:
     """The order in which the two levels' features interleave, the order in which their cell rows complete.
 
-    Level-0 cell rows 2j and 2j + 1, then level-1 cell row j; within a cell row the order stays.
+    Level-0 cell rows 2j and 2j + 1, then level-1 cell row j.
 
     Parameters
     ----------
     level, cell_row : ndarray of int, shape (N,)
-        Of each feature.
+        Of each feature; rising by level, and in a level by cell row.
 
     Returns
     -------
     ndarray of int, shape (N,)
         Indices into the arguments.
     """
-    turn = np.where(level == 0, 3 * (cell_row // 2) + cell_row % 2, 3 * cell_row + 2)
-    return np.argsort(turn, kind="stable")
+    return np.argsort(np.where(level == 0, cell_row // 2, cell_row), kind="stable")

@@ -1,0 +1,203 @@
+"""The composed front end: features against the planes of their stages, and what must not change them."""
+
+import dataclasses
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from golden_model import ilbp
+from golden_model.config import PRESETS, FrontEndConfig
+from golden_model.formats import decode_response, encode_response
+from golden_model.front_end import extract, trace
+from golden_model.records import Cause, Tag
+from golden_model.smooth import binomial5
+
+AERIAL = PRESETS["aerial"].front_end
+FAST = FrontEndConfig(detector="fast", threshold=20, suppression_radius_px=1)
+THESIS = dataclasses.replace(PRESETS["thesis"].front_end, threshold=2_000_000)
+CONFIGS = pytest.mark.parametrize("config", [AERIAL, FAST, THESIS], ids=["aerial", "fast", "thesis"])
+
+
+def level_positions(features, level):
+    """Level pixels of features of one level; offsets are at most half a pixel, so rounding must be told the sign."""
+    fine = np.stack((features["x"], features["y"])).astype(np.int64)
+    return fine if level == 0 else (fine - 8) // 2
+
+
+def near(plane, fine):
+    """Position of the candidate at most 8/16 px from each fine position in x and y."""
+    rows, columns = np.nonzero(plane)
+    distance = np.abs(np.stack((columns, rows))[:, None, :] * 16 - fine[:, :, None]).max(axis=0)
+    assert ((distance <= 8).sum(axis=1) == 1).all()
+    nearest = distance.argmin(axis=1)
+    return columns[nearest], rows[nearest]
+
+
+@CONFIGS
+def test_every_feature_is_what_its_planes_say(texture, config):
+    image = texture(240, 320)
+    result = trace(image, config)
+    features = result.result.features
+    assert len(features) > 300
+    for level, planes in enumerate(result.levels):
+        values = {name: plane.values for name, plane in planes.items()}
+        chosen = features[features["level"] == level]
+        assert len(chosen) > 20
+        fine = level_positions(chosen, level)
+        x, y = near(values["candidates"], fine)
+        np.testing.assert_array_equal(chosen["response"], values["candidates"][y, x])
+        r = decode_response(values["response_code"]).astype(float)
+        for measured, (dx, dy), centre in zip(fine, ((1, 0), (0, 1)), (x, y), strict=True):
+            u, v = r[y, x] - r[y + dy, x + dx], r[y, x] - r[y - dy, x - dx]
+            top = np.divide(v - u, 2 * (u + v), out=np.zeros_like(u), where=u + v > 0)
+            assert np.abs(measured / 16 - centre - top).max() <= 1 / 32
+        smoothed5 = binomial5(values["gray"])
+        sector, descriptor = ilbp.describe(values["gray"], smoothed5, x, y, config.pattern)
+        np.testing.assert_array_equal(chosen["sector"], sector)
+        np.testing.assert_array_equal(chosen["descriptor"], descriptor)
+        if config.pattern.carries_window:
+            windows = [values["gray"][v - 1 : v + 2, u - 1 : u + 2].ravel() for u, v in zip(x, y, strict=True)]
+            np.testing.assert_array_equal(chosen["window"], windows)
+
+
+@pytest.mark.parametrize("config", [AERIAL, FAST], ids=["aerial", "fast"])
+def test_cells_keep_their_best_in_the_order_of_emission(texture, config):
+    image = texture(333, 417)
+    result = trace(image, config)
+    settled = config.for_size(417, 333)
+    keys = []
+    for level, planes in enumerate(result.levels):
+        candidates = planes["candidates"].values
+        y, x = np.nonzero(candidates)
+        cells = {}
+        for u, v in zip(x, y, strict=True):
+            cells.setdefault((v // settled.cell_px, u // settled.cell_px), []).append((-int(candidates[v, u]), v, u))
+        for (row, column), found in cells.items():
+            turn = 3 * (row // 2) + row % 2 if level == 0 else 3 * row + 2
+            keys += [(turn, column, *key, level) for key in sorted(found)[: settled.per_cell]]
+    features = result.result.features
+    assert [(-key[2], key[5]) for key in sorted(keys)] == list(
+        zip(features["response"].tolist(), features["level"].tolist(), strict=True)
+    )
+    np.testing.assert_array_equal(features["index"], np.arange(len(features)))
+
+
+def test_fast_candidates_are_opencvs(texture):
+    for planes in trace(texture(160, 200), FAST).levels:
+        gray, candidates = planes["gray"].values, planes["candidates"].values
+        expected = np.zeros_like(candidates)
+        for corner in cv2.FastFeatureDetector_create(FAST.threshold).detect(gray):
+            expected[int(corner.pt[1]), int(corner.pt[0])] = corner.response
+        inside = (slice(FAST.border_px, -FAST.border_px),) * 2
+        np.testing.assert_array_equal(candidates[inside], expected[inside])
+
+
+def test_of_equal_harris_corners_the_first_in_raster_order_stays():
+    # The responses around a symmetrical dot are symmetrical, too: its four pixels tie.
+    image = np.zeros((100, 100), np.uint8)
+    image[50:52, 50:52] = 255
+    candidates = trace(image, AERIAL).levels[0]["candidates"].values
+    assert np.argwhere(candidates).tolist() == [[50, 50]]
+
+
+@CONFIGS
+def test_planes_are_specified_up_to_their_margin(texture, config):
+    """What lies beyond a frame's border may not reach further in than each stage's margin."""
+    image = texture(160, 200)
+    whole, part = trace(image, config), trace(image[32:140, 48:190], config)
+    for level, (around, planes) in enumerate(zip(whole.levels, part.levels, strict=True)):
+        for name, plane in planes.items():
+            height, width = plane.values.shape
+            top, left = 32 >> level, 48 >> level
+            expected = around[name].values[top : top + height, left : left + width]
+            margin = config.border_px if name == "candidates" else plane.margin_px
+            inside = (slice(margin, height - margin), slice(margin, width - margin))
+            np.testing.assert_array_equal(plane.values[inside], expected[inside], err_msg=f"{name}, level {level}")
+
+
+@given(data=st.data())
+@settings(max_examples=30)
+def test_any_content_and_size(contents, data):
+    config = data.draw(st.sampled_from([AERIAL, FAST, THESIS]))
+    image = data.draw(contents(64, 110))
+    result = extract(image, config, frame=7)
+    assert result.status["tag"] == Tag.FRAME_STATUS
+    assert (result.status["height"], result.status["width"]) == image.shape
+    assert result.status["features"] == len(result.features)
+    assert (result.features["tag"] == Tag.FEATURE).all()
+    assert (result.features["frame"] == 7).all()
+    for level in range(config.levels):
+        chosen = result.features[result.features["level"] == level]
+        fine = level_positions(chosen, level)
+        limits = np.array([image.shape[1] >> level, image.shape[0] >> level])[:, None]
+        assert (fine >= 16 * config.border_px - 8).all()
+        assert (fine <= 16 * (limits - 1 - config.border_px) + 8).all()
+
+
+@pytest.mark.parametrize("value", [0, 255])
+@CONFIGS
+def test_flat_images_have_no_features(config, value):
+    result = extract(np.full((96, 128), value, np.uint8), config)
+    assert len(result.features) == 0
+    assert result.status["good"] == 1
+
+
+def test_half_turn_mirrors_the_features(texture):
+    # Cells of 32 px tile both levels of this frame, so that the half turn maps cells onto cells.
+    image = texture(256, 256, seed=3)
+    turned = np.ascontiguousarray(image[::-1, ::-1])
+    first, second = extract(image, AERIAL).features, extract(turned, AERIAL).features
+    expected = sorted(
+        (level, 16 * 255 - x, 16 * 255 - y, r) for level, x, y, r in first[["level", "x", "y", "response"]]
+    )
+    assert sorted(second[["level", "x", "y", "response"]].tolist()) == expected
+    assert len(expected) > 300
+
+
+def test_both_levels_see_a_square_at_the_same_place():
+    image = np.zeros((160, 160), np.uint8)
+    image[64:96, 64:96] = 200  # its corners, between pixels, are at 63.5 and 95.5
+    features = extract(cv2.GaussianBlur(image, (0, 0), 2), AERIAL).features
+    for level in (0, 1):
+        corners = np.sort(features[features["level"] == level], order="response")[-4:]
+        x, y = corners["x"] / 16, corners["y"] / 16
+        # Harris peaks inside a corner, by symmetry equally far in x and y and at all four.
+        depth = 16 - np.abs(np.stack((x, y)) - 79.5)
+        assert np.ptp(depth) == 0
+        assert 0 < depth[0, 0] < 2 << level
+        assert {(px < 79.5, py < 79.5) for px, py in zip(x, y, strict=True)} == {(a, b) for a in (0, 1) for b in (0, 1)}
+
+
+def test_colour_is_its_gray(texture):
+    colour = np.stack([texture(128, 160, seed) for seed in range(3)], axis=2)
+    gray = trace(colour, AERIAL).levels[0]["gray"].values
+    np.testing.assert_array_equal(extract(colour, AERIAL).features, extract(gray, AERIAL).features)
+
+
+def test_too_many_corners_make_a_bad_frame_without_features(texture):
+    config = dataclasses.replace(THESIS, threshold=1, max_features=100)
+    result = extract(texture(128, 160), config, frame=3)
+    assert len(result.features) == 0
+    assert result.status["good"] == 0
+    assert result.status["causes"] == Cause.TOO_MANY_FEATURES
+    assert (result.status["frame"], result.status["features"]) == (3, 0)
+
+
+def test_status_gives_the_threshold_as_a_code(texture):
+    result = extract(texture(128, 160), dataclasses.replace(AERIAL, threshold=1_000_003))
+    assert result.status["threshold"] == encode_response(np.array(1_000_003))
+    assert (result.features["response"] >= result.status["threshold"]).all()
+
+
+def test_a_level_smaller_than_its_border_is_empty(texture):
+    features = extract(texture(64, 79), AERIAL).features
+    assert len(features) > 0
+    assert not features["level"].any()
+
+
+def test_size_out_of_range_is_refused():
+    with pytest.raises(ValueError, match="frame width is 63"):
+        extract(np.zeros((64, 63), np.uint8), AERIAL)
