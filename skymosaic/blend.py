@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -20,6 +20,7 @@ METHODS = ("average", "distance", "multiband")
 SMALLEST_WEIGHT = 1e-3
 """Weight of a pixel on the image's own border: it counts only where no other image shows anything."""
 BANDS = 5
+TINY = float(np.finfo(np.float32).tiny)
 PREVIEW_PX = 1_000_000
 """Area of the reduced canvas on which overlaps are compared."""
 INTENSITY_SIGMA = 10.0
@@ -51,8 +52,6 @@ class _Layer:
     def border_distance(self, part: Canvas) -> Float32:
         """Distance from each pixel to the image's border, in the image's own pixels; 0 outside the image."""
         source = source_window(self.size, self.transform, part)
-        if source is None:
-            return np.zeros((part.height_px, part.width_px), dtype=np.float32)
         x = np.arange(source.x_px, source.x_px + source.width_px, dtype=np.float32)
         y = np.arange(source.y_px, source.y_px + source.height_px, dtype=np.float32)
         along_x, along_y = np.minimum(x, self.size[0] - 1 - x), np.minimum(y, self.size[1] - 1 - y)
@@ -101,11 +100,12 @@ def blend(
     if method not in METHODS:
         raise ValueError(f"blending method is {method!r}; valid: {', '.join(METHODS)}")
     layers = _layers(images, transforms, np.ones(len(images)) if gains is None else np.asarray(gains))
-    if method == "multiband":
-        return _blend_bands(layers, canvas)
     mosaic = np.zeros((canvas.height_px, canvas.width_px, *layers[0].image.shape[2:]), dtype=np.uint8)
     for tile in canvas.tiles():
-        mosaic[tile.within(canvas)] = _blend_tile(layers, tile, by_distance=method == "distance")
+        if method == "multiband":
+            mosaic[tile.within(canvas)] = _blend_bands(layers, tile)
+        else:
+            mosaic[tile.within(canvas)] = _blend_average(layers, tile, by_distance=method == "distance")
     return mosaic
 
 
@@ -152,7 +152,7 @@ def _layers(images: Sequence[Pixels], transforms: Sequence[Array], gains: Array)
     return layers
 
 
-def _blend_tile(layers: Sequence[_Layer], tile: Canvas, *, by_distance: bool) -> Pixels:
+def _blend_average(layers: Sequence[_Layer], tile: Canvas, *, by_distance: bool) -> Pixels:
     """The weighted average of all images in one tile."""
     total = np.zeros((tile.height_px, tile.width_px, *layers[0].image.shape[2:]), dtype=np.float32)
     total_weight = np.zeros((tile.height_px, tile.width_px), dtype=np.float32)
@@ -164,26 +164,50 @@ def _blend_tile(layers: Sequence[_Layer], tile: Canvas, *, by_distance: bool) ->
         weight = distance if by_distance else np.sign(distance)
         total[part.within(tile)] += layer.pixels(part) * _per_channel(weight, total)
         total_weight[part.within(tile)] += weight
-    total /= _per_channel(np.maximum(total_weight, SMALLEST_WEIGHT), total)
-    return np.asarray(np.rint(np.clip(total, 0, 255)), dtype=np.uint8)
+    return _as_uint8(_divided(total, total_weight))
 
 
-def _blend_bands(layers: Sequence[_Layer], canvas: Canvas) -> Pixels:
-    """Multi-band blending along the seams where another image's border becomes the farthest."""
-    owner = _owners(layers, canvas)
-    blender = cv2.detail.MultiBandBlender(try_gpu=0, num_bands=BANDS)
-    blender.prepare((0, 0, canvas.width_px, canvas.height_px))
-    for index, layer in enumerate(layers):
-        part = layer.part_of(canvas)
-        if part is None:
-            continue
-        rows, columns = part.within(canvas)
-        pixels = _as_bgr(layer.pixels(part)).astype(np.int16)
-        mask = np.where(owner[rows, columns] == index, 255, 0).astype(np.uint8)
-        blender.feed(pixels, mask, (columns.start, rows.start))
-    blended, _ = blender.blend(None, None)
-    shown = blended if layers[0].image.ndim == 3 else blended[..., 0]
-    return np.asarray(np.clip(shown, 0, 255), dtype=np.uint8)
+def _blend_bands(layers: Sequence[_Layer], tile: Canvas) -> Pixels:
+    """Multi-band blending of one tile along the seams where another image's border becomes the farthest.
+
+    In float32: the 16-bit pyramids of OpenCV's blender darken a mosaic by two gray levels on average.
+    """
+    around = _with_margin(tile)
+    owner = _owners(layers, around)
+    shape = (*owner.shape, *layers[0].image.shape[2:])
+    total = [np.zeros((shape[0] >> k, shape[1] >> k, *shape[2:]), dtype=np.float32) for k in range(BANDS + 1)]
+    total_weight = [np.zeros(band.shape[:2], dtype=np.float32) for band in total]
+    for index in np.unique(owner[owner >= 0]):
+        weight = (owner == index).astype(np.float32)
+        for level, band in enumerate(_bands(layers[index].pixels(around).astype(np.float32))):
+            total[level] += band * _per_channel(weight, band)
+            total_weight[level] += weight
+            weight = cv2.pyrDown(weight)
+    blended = _divided(total[-1], total_weight[-1])
+    for band, weight in zip(total[-2::-1], total_weight[-2::-1], strict=True):
+        blended = cv2.pyrUp(blended) + _divided(band, weight)
+    blended[owner < 0] = 0
+    return _as_uint8(blended[tile.within(around)])
+
+
+def _bands(image: Float32) -> Iterator[Float32]:
+    """The Laplacian pyramid, finest first, and last what is left."""
+    for _ in range(BANDS):
+        coarser = cv2.pyrDown(image)
+        yield image - cv2.pyrUp(coarser)
+        image = coarser
+    yield image
+
+
+def _with_margin(tile: Canvas) -> Canvas:
+    """The tile and all that its bands depend on, in whole pixels of the coarsest band.
+
+    Reduction and expansion by `BANDS` levels reach less than two of its pixels each way, so the bands of
+    neighbouring tiles agree: their sides are multiples of that pixel.
+    """
+    cell = 1 << BANDS
+    width, height = (-(-side // cell) * cell for side in (tile.width_px, tile.height_px))
+    return Canvas(tile.x_px - 4 * cell, tile.y_px - 4 * cell, width + 8 * cell, height + 8 * cell)
 
 
 def _owners(layers: Sequence[_Layer], canvas: Canvas) -> NDArray[np.int16]:
@@ -191,14 +215,20 @@ def _owners(layers: Sequence[_Layer], canvas: Canvas) -> NDArray[np.int16]:
     owner = np.full((canvas.height_px, canvas.width_px), -1, dtype=np.int16)
     farthest = np.zeros(owner.shape, dtype=np.float32)
     for index, layer in enumerate(layers):
-        covered = layer.part_of(canvas)
-        for part in covered.tiles() if covered else ():
-            where = part.within(canvas)
-            distance = layer.border_distance(part)
-            farther = distance > farthest[where]
-            farthest[where][farther] = distance[farther]
-            owner[where][farther] = index
+        part = layer.part_of(canvas)
+        if part is None:
+            continue
+        where = part.within(canvas)
+        distance = layer.border_distance(part)
+        farther = distance > farthest[where]
+        farthest[where][farther] = distance[farther]
+        owner[where][farther] = index
     return owner
+
+
+def _divided(total: Float32, weight: Float32) -> Float32:
+    """The mean of what was summed up; 0 where there is no weight."""
+    return np.asarray(total / _per_channel(np.maximum(weight, TINY), total), dtype=np.float32)
 
 
 def _per_channel(plane: Float32, pixels: Float32) -> Float32:
@@ -211,3 +241,7 @@ def _as_bgr(image: Pixels) -> Pixels:
 
 def _as_gray(image: Pixels) -> Pixels:
     return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+
+
+def _as_uint8(values: Float32) -> Pixels:
+    return np.asarray(np.rint(np.clip(values, 0, 255)), dtype=np.uint8)

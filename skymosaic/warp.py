@@ -150,19 +150,20 @@ def shrunk(image: Pixels, transform: Array) -> tuple[Pixels, Array]:
     return np.asarray(cv2.resize(image, small, interpolation=cv2.INTER_AREA), dtype=np.uint8), transform @ enlarge
 
 
-def source_window(size: tuple[int, int], transform: Array, tile: Canvas) -> Canvas | None:
-    """The rectangle of an image's own pixels that a tile of the reference frame shows; None for none."""
-    whole = Canvas(0, 0, *size)
+def source_window(size: tuple[int, int], transform: Array, tile: Canvas) -> Canvas:
+    """The rectangle of an image's own pixels that a tile of the reference frame needs.
+
+    Where the tile shows nothing of the image, it is the border next to it.
+    """
     inverse = np.asarray(np.linalg.inv(scaled(transform)), dtype=np.float64)
     depth = tile.corners @ inverse[2, :2] + inverse[2, 2]
     if depth.min() <= 0:
-        return whole  # The tile reaches beyond the horizon: its corners do not bound what it shows.
+        return Canvas(0, 0, *size)  # The tile reaches beyond the horizon: its corners do not bound what it shows.
     mapped = apply(inverse, tile.corners)
-    first = np.maximum(np.floor(mapped.min(axis=0)) - SUPPORT_PX, 0)
-    last = np.minimum(np.ceil(mapped.max(axis=0)) + SUPPORT_PX, np.array(size) - 1)
-    if (last < first).any():
-        return None
-    return Canvas(int(first[0]), int(first[1]), int(last[0] - first[0]) + 1, int(last[1] - first[1]) + 1)
+    last_pixel = np.array(size) - 1
+    x, y = np.clip(np.floor(mapped.min(axis=0)) - SUPPORT_PX, 0, last_pixel).astype(int).tolist()
+    last_x, last_y = np.clip(np.ceil(mapped.max(axis=0)) + SUPPORT_PX, 0, last_pixel).astype(int).tolist()
+    return Canvas(x, y, last_x - x + 1, last_y - y + 1)
 
 
 def backward(image: Pixels, transform: Array, canvas: Canvas, *, border: int = cv2.BORDER_CONSTANT) -> Pixels:
@@ -184,12 +185,12 @@ def backward(image: Pixels, transform: Array, canvas: Canvas, *, border: int = c
     uint8 ndarray
         The canvas's pixels.
     """
-    warped = np.zeros((canvas.height_px, canvas.width_px, *image.shape[2:]), dtype=np.uint8)
+    whole_size = (image.shape[1], image.shape[0])
+    warped = np.empty((canvas.height_px, canvas.width_px, *image.shape[2:]), dtype=np.uint8)
     for tile in canvas.tiles():
-        source = source_window(image.shape[1::-1], transform, tile)
-        if source is not None:
-            part = image[source.within(Canvas(0, 0, *image.shape[1::-1]))]
-            warped[tile.within(canvas)] = warp_tile(part, transform, source, tile, border)
+        source = source_window(whole_size, transform, tile)
+        part = image[source.within(Canvas(0, 0, *whole_size))]
+        warped[tile.within(canvas)] = warp_tile(part, transform, source, tile, border)
     return warped
 
 
