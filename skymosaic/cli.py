@@ -40,7 +40,9 @@ RefineOption = Annotated[bool, typer.Option("--refine", help="Second, guided pas
 
 @app.command()
 def demo(
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for mosaic, pictures and report.")] = Path("demo"),
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for mosaic, pictures and report.")] = Path(
+        "demo"
+    ),
     seed: Annotated[int, typer.Option(min=0, help="Seed of the rendered landscape.")] = 1,
 ) -> None:
     """Render a synthetic flight with known poses, make its mosaic, and measure how far it is from the truth."""

@@ -23,7 +23,9 @@ _RULE_COLORS: tuple[Color, ...] = (
 _SECTORS = 16
 _SUBPIXEL_SHIFT = 4
 _PANEL_GAP_PX = 8
-_HEADER_PX = 34
+_HEADER_ROW_PX = 26
+_TEXT_GAP_PX = 16
+_FONT, _FONT_SCALE = cv2.FONT_HERSHEY_SIMPLEX, 0.5
 
 
 def corners(image: Pixels, features: NDArray[np.void]) -> Pixels:
@@ -46,11 +48,8 @@ def matches(pair: Pair, rule_names: Sequence[str]) -> Pixels:
     """Kept matches above, rejected below; each line in the colour of the rule that spoke loudest."""
     rejected = pair.matches[pair.matches["verdict"] == 0]
     inlier_note = f"{len(pair.kept)} kept, {len(pair.inliers)} of them within 2 px of the homography (rings)"
-    upper = _match_panel(pair, pair.kept, inlier_note, rule_names)
-    for left, right in zip(*match_points(pair.inliers), strict=True):
-        _ring(upper, left, 0)
-        _ring(upper, right, _right_offset(pair))
-    lower = _match_panel(pair, rejected, f"{len(rejected)} rejected", rule_names)
+    upper = _match_panel(pair, pair.kept, pair.inliers, inlier_note, rule_names)
+    lower = _match_panel(pair, rejected, rejected[:0], f"{len(rejected)} rejected", rule_names)
     return np.concatenate((upper, lower), axis=0)
 
 
@@ -59,7 +58,9 @@ def rule_color(rule: int) -> Color:
     return _RULE_COLORS[rule % len(_RULE_COLORS)]
 
 
-def _match_panel(pair: Pair, shown: NDArray[np.void], title: str, rule_names: Sequence[str]) -> Pixels:
+def _match_panel(
+    pair: Pair, shown: NDArray[np.void], ringed: NDArray[np.void], title: str, rule_names: Sequence[str]
+) -> Pixels:
     left, right = (_dimmed(image) for image in pair.working)
     height = max(left.shape[0], right.shape[0])
     panel = np.full((height, left.shape[1] + _PANEL_GAP_PX + right.shape[1], 3), 24, np.uint8)
@@ -70,6 +71,9 @@ def _match_panel(pair: Pair, shown: NDArray[np.void], title: str, rule_names: Se
         start = (int(match["left_x"]), int(match["left_y"]))
         end = (int(match["right_x"]) + shift, int(match["right_y"]))
         cv2.line(panel, start, end, rule_color(int(match["rule"])), 1, cv2.LINE_AA, _SUBPIXEL_SHIFT)
+    for left_point, right_point in zip(*match_points(ringed), strict=True):
+        _ring(panel, left_point, 0)
+        _ring(panel, right_point, _right_offset(pair))
     spoke = np.bincount(shown["rule"], minlength=len(rule_names))
     legend = [(f"{name} {spoke[rule]}", rule_color(rule)) for rule, name in enumerate(rule_names) if spoke[rule]]
     return _with_header(panel, title, legend)
@@ -80,7 +84,7 @@ def _right_offset(pair: Pair) -> int:
 
 
 def _ring(panel: Pixels, point: NDArray[np.float64], offset_px: int) -> None:
-    center = (round(point[0]) + offset_px, round(point[1]) + _HEADER_PX)
+    center = (round(point[0]) + offset_px, round(point[1]))
     cv2.circle(panel, center, 3, INLIER_COLOR, 1, cv2.LINE_AA)
 
 
@@ -91,14 +95,19 @@ def _dimmed(image: Pixels) -> Pixels:
 
 
 def _with_header(picture: Pixels, title: str, legend: Sequence[tuple[str, Color]]) -> Pixels:
-    header = np.full((_HEADER_PX, picture.shape[1], 3), 24, np.uint8)
-    x = _text(header, title, 10, TEXT_COLOR)
-    for label, color in legend:
-        x = _text(header, label, x + 18, color)
+    """The picture under a title and its legend, which wraps at the picture's width."""
+    rows: list[list[tuple[str, Color, int]]] = [[]]
+    x = _TEXT_GAP_PX
+    for text, color in ((title, TEXT_COLOR), *legend):
+        width = int(cv2.getTextSize(text, _FONT, _FONT_SCALE, 1)[0][0])
+        if x + width > picture.shape[1] and rows[-1]:
+            rows.append([])
+            x = _TEXT_GAP_PX
+        rows[-1].append((text, color, x))
+        x += width + _TEXT_GAP_PX
+    header = np.full((_HEADER_ROW_PX * len(rows), picture.shape[1], 3), 24, np.uint8)
+    for index, row in enumerate(rows):
+        for text, color, left in row:
+            baseline = (left, _HEADER_ROW_PX * index + 18)
+            cv2.putText(header, text, baseline, _FONT, _FONT_SCALE, color, 1, cv2.LINE_AA)
     return np.concatenate((header, picture), axis=0)
-
-
-def _text(header: Pixels, text: str, x: int, color: Color) -> int:
-    font, scale = cv2.FONT_HERSHEY_SIMPLEX, 0.5
-    cv2.putText(header, text, (x, 22), font, scale, color, 1, cv2.LINE_AA)
-    return x + int(cv2.getTextSize(text, font, scale, 1)[0][0])

@@ -44,7 +44,7 @@ class Pair:
         Match records (`golden_model.records.MATCH`) after the mutual check, after the fuzzy stage,
         and within 2 working px of the homography.
     refined_inliers : int
-        Matches of the second pass within 2 working px; 0 where there was none.
+        Matches of the second pass within 2 working px; 0 where there was none, or it found less than the first.
     homography : ndarray of float64, shape (3, 3), or None
         Left original pixels to right original pixels, pixel centres at integers; None where not accepted.
     reason : str
@@ -171,8 +171,11 @@ def register_photographs(
     clock.lap("homography")
     if refine and homography is not None:
         features = results[0].features, results[1].features
-        homography, refined_inliers = refine_pair(left, right, features, homography, config)
-        inliers = np.linalg.norm(apply(homography, left_points) - right_points, axis=1) <= INLIER_PX
+        refined, found = refine_pair(left, right, features, homography, config)
+        # Over strong relief the upright search finds less than the first pass, which then stands.
+        if found >= inliers.sum():
+            homography, refined_inliers = refined, found
+            inliers = np.linalg.norm(apply(homography, left_points) - right_points, axis=1) <= INLIER_PX
         clock.lap("refinement")
     return Pair(
         left=photographs[0],

@@ -46,7 +46,10 @@ def write_pair_report(folder: Path, pair: Pair, mosaic: Pixels | None) -> Path:
     pictures = {
         "corners_left.png": ("Corners of the left image", figures.corners(pair.working[0], pair.features[0])),
         "corners_right.png": ("Corners of the right image", figures.corners(pair.working[1], pair.features[1])),
-        "matches.png": ("Matches kept and rejected", figures.matches(pair, rule_names(pair.config.front_end.pattern, pair.config.matcher))),
+        "matches.png": (
+            "Matches kept and rejected",
+            figures.matches(pair, rule_names(pair.config.front_end.pattern, pair.config.matcher)),
+        ),
     }
     if mosaic is not None:
         pictures["mosaic.jpg"] = ("Mosaic (reduced)", _reduced(mosaic))
