@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable, Coroutine, Mapping, Sequence
+from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
-from amaranth.hdl import Value
-from amaranth.lib import stream, wiring
+import numpy as np
+from amaranth.hdl import Shape, ShapeLike, Value
+from amaranth.lib import data, stream, wiring
 from amaranth.sim import Simulator
+from numpy.typing import NDArray
 
 from sim.recording import NO_PAUSES, Pauses
 
@@ -64,6 +67,123 @@ def run_streams(
     simulator.add_testbench(_limit(cycle_limit, received), background=True)
     simulator.run()
     return received
+
+
+@dataclass(frozen=True, eq=False)
+class Beats:
+    """Valid beats (`hdl.streams.beat`) in order.
+
+    Parameters
+    ----------
+    cycles : int64 ndarray, shape (N,)
+        Clock of each beat.
+    fields : dict of str to ndarray
+        ``x``, ``y`` and the payload, each of shape (N,) or, for arrays in the payload, (N, ...).
+    """
+
+    cycles: NDArray[np.int64]
+    fields: dict[str, NDArray[Any]]
+
+    def plane(self, field: str, shape: tuple[int, int], *, lag_px: int = 0) -> NDArray[Any]:
+        """A field as a plane of ``shape``, each value at the pixel that it describes; pixels without a beat are 0."""
+        values = self.fields[field]
+        x, y = self.fields["x"] - lag_px, self.fields["y"] - lag_px
+        inside = (x >= 0) & (y >= 0) & (x < shape[1]) & (y < shape[0])
+        plane = np.zeros((*shape, *values.shape[1:]), values.dtype)
+        plane[y[inside], x[inside]] = values[inside]
+        return plane
+
+    def split(self) -> list[Beats]:
+        """The beats of each frame: one starts where y falls."""
+        starts = np.flatnonzero(np.diff(self.fields["y"]) < 0) + 1
+        parts = {name: np.split(values, starts) for name, values in self.fields.items()}
+        return [
+            Beats(cycles, {name: part[number] for name, part in parts.items()})
+            for number, cycles in enumerate(np.split(self.cycles, starts))
+        ]
+
+
+def run_beats(
+    dut: wiring.Component,
+    frames: Sequence[Mapping[str, NDArray[np.integer]]],
+    *,
+    settings: Mapping[str, Any] | None = None,
+    pauses: Pauses = NO_PAUSES,
+    drain_cycles: int = 64,
+) -> tuple[Beats, Beats]:
+    """Send frames as beats to the port ``i`` of a component and record those at its port ``o``.
+
+    Parameters
+    ----------
+    dut : Component
+        In the domain ``sync``, with beats at ``i`` and ``o``.
+    frames : sequence of mapping of str to ndarray
+        For each frame, the planes of the payload's fields: shape (H, W) or, for arrays, (H, W, ...). They are sent in
+        raster order without a pause between frames other than the seeded gaps, which hold garbage.
+    settings : mapping of str to values, optional
+        Other input ports, set once.
+    pauses : Pauses
+        Gaps of the input.
+    drain_cycles : int
+        Clocks after the last beat.
+
+    Returns
+    -------
+    sent, received : Beats
+        ``received.cycles - sent.cycles`` is the latency of a block that answers each beat.
+    """
+    layout = dut.i.shape()
+    beats = [layout.const(beat).as_bits() for frame in frames for beat in _raster(frame)]
+    sent: list[tuple[int, int]] = []
+    received: list[tuple[int, int]] = []
+
+    async def testbench(ctx: Any) -> None:
+        garbage = Garbage(pauses.seed)
+        waiting = iter(beats)
+        left, cycle = len(beats), 0
+        for name, value in (settings or {}).items():
+            ctx.set(getattr(dut, name), value)
+        while left or cycle <= sent[-1][0] + drain_cycles:
+            garbage.put(ctx, dut.i)
+            ctx.set(dut.i.valid, 0)
+            if left and not pauses.gap(cycle):
+                sent.append((cycle, next(waiting)))
+                ctx.set(Value.cast(dut.i), sent[-1][1])
+                left -= 1
+            *_, valid, bits = await ctx.tick().sample(dut.o.valid, Value.cast(dut.o))
+            if valid:
+                received.append((cycle, bits))
+            cycle += 1
+
+    simulator = Simulator(dut)
+    simulator.add_clock(CLOCK_S)
+    simulator.add_testbench(testbench)
+    simulator.run()
+    return _decoded(sent, layout), _decoded(received, dut.o.shape())
+
+
+def _raster(frame: Mapping[str, NDArray[np.integer]]) -> Iterator[dict[str, Any]]:
+    height, width = next(iter(frame.values())).shape[:2]
+    for y, x in np.ndindex(height, width):
+        yield {"valid": 1, "x": x, "y": y, **{name: plane[y, x].tolist() for name, plane in frame.items()}}
+
+
+def _decoded(beats: Sequence[tuple[int, int]], layout: data.Layout) -> Beats:
+    fields = {
+        name: np.array([_plain(bits >> field.offset, field.shape) for _, bits in beats])
+        for name, field in layout
+        if name != "valid"
+    }
+    return Beats(np.array([cycle for cycle, _ in beats]), fields)
+
+
+def _plain(bits: int, shape: ShapeLike) -> Any:
+    """The low bits of ``bits`` as an integer, or as lists where ``shape`` is an array."""
+    if isinstance(shape, data.ArrayLayout):
+        return [_plain(bits >> field.offset, field.shape) for _, field in shape]
+    plain = Shape.cast(shape)
+    value = bits & ((1 << plain.width) - 1)
+    return value - (1 << plain.width) if plain.signed and value >> (plain.width - 1) else value
 
 
 def _setting(dut: wiring.Component, settings: Mapping[str, Any]) -> Testbench:
