@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 RATIO = 0.8
 MAGSAC_THRESHOLD_PX = 3.0
-MAGSAC_ITERATIONS = 5000
+MAGSAC_ITERATIONS = 10_000
 FEWEST_MATCHES = 4
 
 
@@ -32,7 +32,7 @@ class Baseline:
             return None, 0
         source, target = left_points[pairs[:, 0]], right_points[pairs[:, 1]]
         found, inliers = cv2.findHomography(
-            source, target, cv2.USAC_MAGSAC, MAGSAC_THRESHOLD_PX, maxIters=MAGSAC_ITERATIONS, confidence=0.999
+            source, target, cv2.USAC_MAGSAC, MAGSAC_THRESHOLD_PX, maxIters=MAGSAC_ITERATIONS, confidence=0.9999
         )
         return found, 0 if found is None else int(inliers.sum())
 
@@ -56,9 +56,9 @@ class Baseline:
 
 
 DETECTORS: dict[str, Callable[[int], cv2.Feature2D]] = {
-    "sift": lambda count: cv2.SIFT_create(nfeatures=count),
-    "orb": lambda count: cv2.ORB_create(nfeatures=count),
-    "akaze": lambda _: cv2.xfeatures2d.AKAZE_create(),
-    "brisk": lambda _: cv2.xfeatures2d.BRISK_create(),
+    "sift": lambda count: cv2.SIFT_create(nfeatures=count, contrastThreshold=0.02),
+    "orb": lambda count: cv2.ORB_create(nfeatures=count, fastThreshold=10),
+    "akaze": lambda _: cv2.xfeatures2d.AKAZE_create(threshold=1e-4),
+    "brisk": lambda _: cv2.xfeatures2d.BRISK_create(thresh=15),
 }
-"""Each baseline's OpenCV constructor; those without a limit of their own are cut by response."""
+"""Each baseline's OpenCV constructor, thresholds low enough to fill the count; the rest is cut by response."""

@@ -91,7 +91,7 @@ def _ring(panel: Pixels, point: NDArray[np.float64], offset_px: int) -> None:
 def _dimmed(image: Pixels) -> Pixels:
     """A colour copy at 60 % brightness, so that lines stand out."""
     colour = image if image.ndim == 3 else cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
-    return cv2.convertScaleAbs(colour, alpha=0.6).astype(np.uint8, copy=False)
+    return np.asarray(cv2.convertScaleAbs(colour, alpha=0.6), dtype=np.uint8)
 
 
 def _with_header(picture: Pixels, title: str, legend: Sequence[tuple[str, Color]]) -> Pixels:

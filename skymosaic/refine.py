@@ -102,7 +102,8 @@ def _well_inside(features: Records, covered: Pixels, border_px: int) -> Records:
     kernel = np.ones((2 * border_px + 1, 2 * border_px + 1), np.uint8)
     interior = cv2.erode(covered, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0)
     points = np.rint(_points(features)).astype(np.intp)
-    return features[interior[points[:, 1], points[:, 0]] == 255]
+    inside: Records = features[interior[points[:, 1], points[:, 0]] == 255]
+    return inside
 
 
 def _points(features: Records) -> NDArray[np.float64]:

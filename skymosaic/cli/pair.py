@@ -1,44 +1,32 @@
-"""The command line. Exit status: 0 done; 2 bad input; 3 the images could not be registered."""
+"""The commands for a pair of photographs: demo, mosaic, register."""
 
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
-from golden_model.config import Config, load_config, preset_config
-from sim.backend import BackendError
 from skymosaic import images, report
+from skymosaic.cli.options import (
+    BackendOption,
+    ConfigOption,
+    PresetOption,
+    RefineOption,
+    SeedOption,
+    WorkingWidthOption,
+    configuration,
+    console,
+)
 from skymosaic.demo import run_demo
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.mosaicing import mosaic_of_pair
 from skymosaic.registration import WORKING_WIDTH_PX, Pair
 from skymosaic.registration import register as register_pair
 
-app = typer.Typer(
-    help="Overlapping UAV images in, one mosaic out.",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-)
-console = Console(stderr=True)
 
-PresetOption = Annotated[str, typer.Option(help="aerial or thesis.")]
-BackendOption = Annotated[str, typer.Option(help="Who computes features and matches: golden.")]
-ConfigOption = Annotated[Path | None, typer.Option("--config", help="TOML file that overrides the preset.")]
-WorkingWidthOption = Annotated[
-    int, typer.Option("--working-width", min=images.SMALLEST_SIDE_PX, max=4096, help="Pixels wide during registration.")
-]
-SeedOption = Annotated[int, typer.Option(min=0, help="Seed of the robust estimator.")]
-RefineOption = Annotated[bool, typer.Option("--refine", help="Second, guided pass: about half the error.")]
-
-
-@app.command()
 def demo(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for mosaic, pictures and report.")] = Path(
         "demo"
@@ -49,7 +37,6 @@ def demo(
     run_demo(output, seed, console)
 
 
-@app.command()
 def mosaic(
     *,
     photographs: Annotated[list[Path], typer.Argument(help="Two overlapping photographs.", metavar="LEFT RIGHT")],
@@ -73,7 +60,7 @@ def mosaic(
     with console.status("registering") as status:
         pair = register_pair(
             *photographs,
-            config=_configuration(preset, config),
+            config=configuration(preset, config),
             backend=backend,
             seed=seed,
             working_width_px=working_width_px,
@@ -94,7 +81,6 @@ def mosaic(
     console.print(f"mosaic {output} ({width_px}x{height_px})" + (f", report {report_folder}" if report_folder else ""))
 
 
-@app.command()
 def register(
     *,
     left: Annotated[Path, typer.Argument(help="Left photograph.")],
@@ -112,7 +98,7 @@ def register(
         pair = register_pair(
             left,
             right,
-            config=_configuration(preset, config),
+            config=configuration(preset, config),
             backend=backend,
             seed=seed,
             working_width_px=working_width_px,
@@ -128,13 +114,6 @@ def register(
         raise RegistrationError(f"{left} and {right} cannot be registered: {pair.reason}")
 
 
-def _configuration(preset: str, file: Path | None) -> Config:
-    try:
-        return load_config(file, preset) if file else preset_config(preset)
-    except (OSError, ValueError) as error:
-        raise InputError(str(error)) from None
-
-
 def _print_pair(pair: Pair) -> None:
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     summary: dict[str, Any] = pair.summary()
@@ -146,12 +125,3 @@ def _print_pair(pair: Pair) -> None:
         for note in photograph.notes:
             table.add_row("note", f"{photograph.name}: {note}")
     console.print(table)
-
-
-def main() -> None:
-    """Run the command line; every expected failure is one line and an exit status."""
-    try:
-        app()
-    except (InputError, BackendError, RegistrationError) as error:
-        console.print(f"error: {error}", style="red", markup=False, highlight=False, soft_wrap=True)
-        sys.exit(3 if isinstance(error, RegistrationError) else 2)

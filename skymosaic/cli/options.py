@@ -1,0 +1,38 @@
+"""Options and helpers that several commands share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from golden_model.config import Config, load_config, preset_config
+from skymosaic import images
+from skymosaic.errors import InputError
+
+console = Console(stderr=True)
+
+PresetOption = Annotated[str, typer.Option(help="aerial or thesis.")]
+BackendOption = Annotated[str, typer.Option(help="Who computes features and matches: golden.")]
+ConfigOption = Annotated[Path | None, typer.Option("--config", help="TOML file that overrides the preset.")]
+WorkingWidthOption = Annotated[
+    int, typer.Option("--working-width", min=images.SMALLEST_SIDE_PX, max=4096, help="Pixels wide during registration.")
+]
+SeedOption = Annotated[int, typer.Option(min=0, help="Seed of the robust estimator.")]
+RefineOption = Annotated[bool, typer.Option("--refine", help="Second, guided pass: about half the error.")]
+
+
+def configuration(preset: str, file: Path | None) -> Config:
+    """The configuration of a file, or of a preset.
+
+    Raises
+    ------
+    InputError
+        For an unknown preset, key or value.
+    """
+    try:
+        return load_config(file, preset) if file else preset_config(preset)
+    except (OSError, ValueError) as error:
+        raise InputError(str(error)) from None
