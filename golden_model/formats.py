@@ -106,11 +106,14 @@ def encode_response(value: NDArray[np.integer]) -> NDArray[np.uint16]:
 
     Codes compare as values do. ``value`` is below 2**31.
     """
-    magnitude = np.asarray(value, dtype=np.float64)
-    # The code is the head of the float64 of the same value, exponent and fraction cut to 10 bits, rebiased so that
-    # the exponent field of 2**10 is 1; below that the code is the value itself.
-    head = (magnitude.view(np.int64) >> (52 - RESPONSE_FRACTION_BITS)) - ((1023 + 9) << RESPONSE_FRACTION_BITS)
-    return np.where(magnitude < 1 << RESPONSE_FRACTION_BITS, magnitude, head).astype(np.uint16)
+    magnitude = np.asarray(value, dtype=np.int32)
+    # The code is the head of the same value as a float32: 10 of its 23 fraction bits, and the exponent rebiased so
+    # that 2**10 has field 1. The mask zeroes the bit 13 below the leading one (and only bits further down), so that
+    # no rounding carry reaches the bits that are kept.
+    float32 = (magnitude & ~(magnitude >> 13)).astype(np.float32)
+    code = (float32.view(np.int32) >> 13) - ((127 + 9) << RESPONSE_FRACTION_BITS)
+    # Below 2**10 the code is the value itself.
+    return np.where(magnitude < 1 << RESPONSE_FRACTION_BITS, magnitude, code).astype(np.uint16)
 
 
 def decode_response(code: NDArray[np.integer]) -> NDArray[np.int32]:

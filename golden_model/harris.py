@@ -58,9 +58,13 @@ def raw_response(a: Plane, b: Plane, c: Plane, k_numerator: int, k_shift: int) -
     """
     # (A + B)**2 needs 33 bits. Its product with a dyadic k is exact in float64, and truncation is floor as it is
     # not negative.
-    trace = (a + b).astype(np.float64)
-    penalty = (trace * trace * (k_numerator / (1 << k_shift))).astype(np.int32)
-    return a * b - c * c - penalty
+    penalty = np.add(a, b, dtype=np.float64)
+    penalty *= penalty
+    penalty *= k_numerator / (1 << k_shift)
+    raw = a * b
+    raw -= c * c
+    raw -= penalty.astype(np.int32)
+    return raw
 
 
 def response_code(raw: Plane, threshold: int) -> NDArray[np.uint16]:
