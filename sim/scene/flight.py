@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from sim.scene.camera import Camera, CameraPose, Photometry, project, render_view, visible_box
 from sim.scene.ground import render_ground
+from sim.scene.noise import Stream, random_stream
 
 _FOCAL_WIDTHS = 0.8
 """Focal length in image widths: 64 degrees across, as on common drones."""
@@ -75,7 +76,7 @@ class _Images(Sequence[NDArray[np.uint8]]):
         pose, photometry = flight.poses[number], flight.photometries[number]
         left, top, width_px, height_px = visible_box(pose, flight.camera)
         ground = render_ground(flight.seed, width_px, height_px, (left, top))
-        rng = np.random.default_rng([flight.seed, number])
+        rng = random_stream(flight.seed, Stream.SENSOR, number)
         return render_view(ground, pose, flight.camera, photometry, rng, origin=(left, top))
 
 
@@ -89,7 +90,7 @@ def pair(seed: int, size: tuple[int, int] = (640, 480), overlap: float = 0.6) ->
     size : (int, int)
         Width and height of the pictures; one of their pixels is about one ground pixel (0.15 m).
     overlap : float
-        Share of the left picture that the right one shows, 0..1; kept to within 0.03.
+        Share of the left picture that the right one shows, 0..1; rotation and scale make it differ by up to 0.07.
 
     Returns
     -------
@@ -97,7 +98,7 @@ def pair(seed: int, size: tuple[int, int] = (640, 480), overlap: float = 0.6) ->
         Of two pictures; the right one lies to the right of the left one.
     """
     _check_overlap("overlap", overlap)
-    rng = np.random.default_rng([seed, 9])
+    rng = random_stream(seed, Stream.PAIR)
     camera = Camera(width_px=size[0], height_px=size[1], focal_px=_FOCAL_WIDTHS * size[0])
     heading, turn = rng.uniform(0, 360), rng.choice([-1, 1]) * rng.uniform(3, 8)
     away = (1 - overlap) * size[0] * np.array([np.cos(np.radians(heading)), np.sin(np.radians(heading))])
@@ -120,7 +121,7 @@ def _aimed_at(
     pitch, roll = rng.uniform(-2, 2, 2)
     pose = CameraPose(x_px=0, y_px=0, altitude_px=altitude_px, heading_deg=heading_deg, pitch_deg=pitch, roll_deg=roll)
     axis = pose.rotation[:, 2]
-    x, y = target - axis[:2] / axis[2] * altitude_px
+    x, y = (target - axis[:2] / axis[2] * altitude_px).tolist()
     return replace(pose, x_px=x, y_px=y)
 
 
@@ -143,7 +144,7 @@ def lawnmower(
     images : int
         Number of pictures, at least 1.
     size : (int, int)
-        Width and height of the pictures.
+        Width and height of the pictures; one of their pixels is about one ground pixel (0.15 m).
     forward_overlap, side_overlap : float
         Shares common to neighbours in a leg and in neighbouring legs, 0..1, but for the wandering.
 
@@ -156,30 +157,25 @@ def lawnmower(
     _check_overlap("side_overlap", side_overlap)
     if images < 1:
         raise ValueError(f"images is {images}; a flight has at least 1")
-    rng = np.random.default_rng([seed, 10])
+    rng = random_stream(seed, Stream.LAWNMOWER)
     camera = Camera(width_px=size[0], height_px=size[1], focal_px=_FOCAL_WIDTHS * size[0])
-    side, forward = (1 - side_overlap) * size[0], (1 - forward_overlap) * size[1]
-    leg_images = max(1, round(np.sqrt(images * side / forward)))
-    poses, photometries = [], []
-    gain = 1.0
-    for number in range(images):
-        leg, along = divmod(number, leg_images)
-        backwards = leg % 2 == 1
-        row = leg_images - 1 - along if backwards else along
-        x, y = np.array([leg * side, -row * forward]) + rng.normal(0, 0.01, 2) * size
-        pitch, roll = rng.normal(0, 0.8, 2)
-        poses.append(
-            CameraPose(
-                x_px=x,
-                y_px=y,
-                altitude_px=camera.focal_px * rng.normal(1, 0.01),
-                heading_deg=180 * backwards + rng.normal(0, 1.5),
-                pitch_deg=pitch,
-                roll_deg=roll,
-            )
-        )
-        gain = np.clip(gain + rng.normal(0, 0.02), 0.85, 1.15)
-        photometries.append(Photometry(gain=gain, blur_sigma_px=0.4, noise_sigma=1.5, vignetting=0.1))
+    side_px, forward_px = (1 - side_overlap) * size[0], (1 - forward_overlap) * size[1]
+    leg_images = max(1, round(np.sqrt(images * side_px / forward_px)))
+    leg, along = np.divmod(np.arange(images), leg_images)
+    backwards = leg % 2
+    row = np.where(backwards, leg_images - 1 - along, along)
+    wandering = {
+        "x_px": leg * side_px + rng.normal(0, 0.01 * size[0], images),
+        "y_px": -row * forward_px + rng.normal(0, 0.01 * size[1], images),
+        "altitude_px": camera.focal_px * rng.normal(1, 0.01, images),
+        "heading_deg": 180 * backwards + rng.normal(0, 1.5, images),
+        "pitch_deg": rng.normal(0, 0.8, images),
+        "roll_deg": rng.normal(0, 0.8, images),
+    }
+    rows = np.column_stack([*wandering.values()]).tolist()
+    poses = [CameraPose(**dict(zip(wandering, values, strict=True))) for values in rows]
+    gains = np.clip(1 + np.cumsum(rng.normal(0, 0.02, images)), 0.85, 1.15).tolist()
+    photometries = [Photometry(gain=gain, blur_sigma_px=0.4, noise_sigma=1.5, vignetting=0.1) for gain in gains]
     return Flight(seed, camera, tuple(poses), tuple(photometries))
 
 

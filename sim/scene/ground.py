@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sim.scene.canvas import Canvas, Plane
 from sim.scene.layout import sections_around
-from sim.scene.noise import noise_bands
+from sim.scene.noise import Stream, noise_bands, random_stream
 from sim.scene.objects import paint_boxes, paint_plants
 from sim.scene.surface import paint_parcels, paint_ponds, paint_roads
 
@@ -18,6 +18,7 @@ TILE_PX = 1024
 CACHED_TILES = 48
 """Tiles kept ready: 3 MiB each."""
 
+_EDGE = cv2.BORDER_REPLICATE
 _MARGIN_PX = 96
 """Painted around a tile, as far as the longest shadow and the widest edge strip reach."""
 
@@ -63,14 +64,13 @@ def _tile(seed: int, column: int, row: int) -> NDArray[np.uint8]:
     noise = noise_bands(seed, x_px, y_px, size, size)
     canvas = Canvas(x_px, y_px, np.empty((3, size, size), np.float32), np.empty((size, size), np.float32), noise)
     sections = sections_around(seed, x_px, y_px, size, size)
-    paint_parcels(
-        canvas, [parcel for section in sections for parcel in section.parcels if canvas.meets(parcel.outline)]
-    )
+    parcels = [parcel for section in sections for parcel in section.parcels]
+    paint_parcels(canvas, [parcel for parcel in parcels if canvas.meets(parcel.outline)])
     paint_ponds(canvas, np.concatenate([section.ponds for section in sections]))
     paint_roads(canvas, [road for section in sections for road in section.roads if canvas.meets(road.points)])
     paint_boxes(canvas, [box for section in sections for box in section.boxes])
     paint_plants(canvas, np.concatenate([section.plants for section in sections]))
-    lit = _light(canvas, np.random.default_rng([seed, 8]))
+    lit = _light(canvas, random_stream(seed, Stream.SUN))
     tile = lit[_MARGIN_PX:-_MARGIN_PX, _MARGIN_PX:-_MARGIN_PX].copy()
     tile.flags.writeable = False
     return tile
@@ -103,8 +103,6 @@ def _shadow(relief: Plane, toward_sun: NDArray[np.float64], rise: float) -> Plan
     for way_px in (1, 2, 4, 8, 16, 32, 64):
         dx, dy = np.rint(toward_sun * way_px).astype(int)
         shift = np.float32([[1, 0, -dx], [0, 1, -dy]])
-        moved = cv2.warpAffine(
-            shade, shift, relief.shape[::-1], flags=cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE
-        )
+        moved = cv2.warpAffine(shade, shift, relief.shape[::-1], flags=cv2.INTER_NEAREST, borderMode=_EDGE)
         shade = np.maximum(shade, moved - np.float32(rise * np.hypot(dx, dy)))
     return cv2.GaussianBlur(np.clip((shade - relief - 0.3) / 1.5, 0, 1), (0, 0), 0.9)

@@ -13,6 +13,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.scene.noise import Stream, random_stream
+
 SECTION_PX = 1500
 LARGEST_OFFSET_PX = 560
 """How far anything of a section lies outside its lattice square."""
@@ -22,6 +24,8 @@ FIELD_SHARES = {
     "soil": 0.10, "orchard": 0.08, "wood": 0.11, "scrub": 0.07,
 }  # fmt: skip
 VILLAGE_SHARES = {"lot": 0.78, "garden": 0.13, "yard": 0.09}
+MAIN_ROAD_SHARES = {"street": 2.0, "gravel": 1.0}
+DRIVE_SHARES = {"drive": 3.0, "gravel": 1.0}
 
 _JITTER_PX = 300
 _FIELD_PX = 560
@@ -142,7 +146,7 @@ class _Land:
 @lru_cache(maxsize=8)
 def _waves(seed: int) -> tuple[Points, Points, Points]:
     """Wave vectors (2, n), phases (n,) and displacements (n, 2) of the plane's slow bends."""
-    rng = np.random.default_rng([seed, 1])
+    rng = random_stream(seed, Stream.WAVES)
     count = 3
     direction, length_px = rng.uniform(0, 2 * np.pi, count), rng.uniform(1100, 2600, count)
     vectors = np.array([np.cos(direction), np.sin(direction)]) * 2 * np.pi / length_px
@@ -155,29 +159,27 @@ def _bend(seed: int, points: Points) -> Points:
     return points + np.sin(points @ vectors + phases) @ displacements
 
 
-def _rng(seed: int, purpose: int, column: int, row: int) -> np.random.Generator:
-    return np.random.default_rng([seed, purpose, column & 0xFFFFFFFF, row & 0xFFFFFFFF])
-
-
 def _variety(rng: np.random.Generator) -> int:
     return int(rng.integers(1 << 30))
 
 
 def _node(seed: int, column: int, row: int) -> Points:
-    jitter = _rng(seed, 2, column, row).uniform(-_JITTER_PX, _JITTER_PX, 2)
+    jitter = random_stream(seed, Stream.NODES, column, row).uniform(-_JITTER_PX, _JITTER_PX, 2)
     return np.array([column, row]) * SECTION_PX + jitter
 
 
 @lru_cache(maxsize=64)
 def _plan_section(seed: int, column: int, row: int) -> Section:
     """Plan the section at ``column``, ``row`` of the lattice."""
-    rng = _rng(seed, 3, column, row)
+    rng = random_stream(seed, Stream.SECTIONS, column, row)
     nodes = [[_node(seed, column + i, row + j) for i in (0, 1)] for j in (0, 1)]
     whole = _Land(np.array(nodes), seed)
     t = np.linspace(0, 1, 120)
     # Each boundary road is planned, alike, by both sections that it divides.
-    roads = [Road(whole.at(t, np.full_like(t, j)), _main_surface(seed, 4, column, row + j)) for j in (0, 1)]
-    roads += [Road(whole.at(np.full_like(t, i), t), _main_surface(seed, 5, column + i, row)) for i in (0, 1)]
+    across = [random_stream(seed, Stream.ROADS_ACROSS, column, row + j) for j in (0, 1)]
+    down = [random_stream(seed, Stream.ROADS_DOWN, column + i, row) for i in (0, 1)]
+    roads = [Road(whole.at(t, np.full_like(t, j)), _choice(across[j], MAIN_ROAD_SHARES)) for j in (0, 1)]
+    roads += [Road(whole.at(np.full_like(t, i), t), _choice(down[i], MAIN_ROAD_SHARES)) for i in (0, 1)]
     inner = whole.between(_ROADSIDE, 1 - _ROADSIDE).lengthwise().between(_ROADSIDE, 1 - _ROADSIDE)
     parcels = [whole.parcel("verge", rng)]
     boxes: list[Box] = []
@@ -192,10 +194,6 @@ def _plan_section(seed: int, column: int, row: int) -> Section:
             ponds.append(np.hstack([land.at(*rng.uniform(0.3, 0.7, 2)), rng.uniform(25, 75, (1, 1))]))
         plants += [_scattered(land, use, rng), *_hedges(land, rng, often=use in VILLAGE_SHARES)]
     return Section(tuple(parcels), tuple(roads), tuple(boxes), np.concatenate(plants), np.concatenate(ponds))
-
-
-def _main_surface(seed: int, purpose: int, column: int, row: int) -> str:
-    return _choice(_rng(seed, purpose, column, row), {"street": 2, "gravel": 1})
 
 
 def _join(line: Points, roads: list[Road]) -> Points:
@@ -244,7 +242,7 @@ def _homestead(land: _Land, rng: np.random.Generator, roads: list[Road]) -> list
     if rng.random() < 0.6:
         shed = land.at(rng.choice([0.14, 0.86]), rng.uniform(0.15, 0.85))[0]
         boxes.append(Box(*shed, rng.uniform(20, 34), rng.uniform(16, 24), angle, 13, "shed", _variety(rng)))
-    roads.append(Road(_join(np.array([house, gate]), roads), _choice(rng, {"drive": 3, "gravel": 1})))
+    roads.append(Road(_join(np.array([house, gate]), roads), _choice(rng, DRIVE_SHARES)))
     drive_angle = np.arctan2(*(gate - house)[::-1])
     cars = rng.permutation([0.62, 0.95])[: rng.integers(0, 3)]
     return boxes + [_car(house + share * (gate - house), drive_angle, rng) for share in cars]
@@ -258,16 +256,14 @@ def _farmyard(land: _Land, rng: np.random.Generator) -> list[Box]:
         barn, size = land.at(rng.uniform(0.42, 0.58), v)[0], (rng.uniform(90, 150), min(70, width_px * 0.36))
         boxes.append(Box(*barn, *size, land.angle_rad, rng.uniform(24, 32), "barn", _variety(rng)))
     parked = np.flatnonzero(rng.random(7) < 0.6) * 0.13 + 0.1
-    return boxes + [
-        _car(place, land.angle_rad + np.pi / 2, rng) for place in land.at(parked, np.full_like(parked, 0.5))
-    ]
+    places = land.at(parked, np.full_like(parked, 0.5))
+    return boxes + [_car(place, land.angle_rad + np.pi / 2, rng) for place in places]
 
 
 def _car(place: Points, angle: float, rng: np.random.Generator) -> Box:
     x, y = place + rng.normal(0, 1.5, 2)
-    return Box(
-        x, y, rng.uniform(27, 32), 13, angle + rng.choice([0, np.pi]) + rng.normal(0, 0.05), 9, "car", _variety(rng)
-    )
+    angle += rng.choice([0, np.pi]) + rng.normal(0, 0.05)
+    return Box(x, y, rng.uniform(27, 32), 13, angle, 9, "car", _variety(rng))
 
 
 def _scattered(land: _Land, use: str, rng: np.random.Generator) -> NDArray[np.float64]:
@@ -279,11 +275,8 @@ def _scattered(land: _Land, use: str, rng: np.random.Generator) -> NDArray[np.fl
     length_px, width_px = land.size_px
     if use == "orchard":
         columns, rows = int(length_px / spacing), int(width_px / spacing)
-        u, v = (
-            axis.ravel() for axis in np.meshgrid((np.arange(columns) + 0.5) / columns, (np.arange(rows) + 0.5) / rows)
-        )
-        standing = rng.random(u.size) < 0.93
-        u, v = u[standing], v[standing]
+        standing = np.argwhere(rng.random((columns, rows)) < 0.93)
+        u, v = ((standing + 0.5) / (columns, rows)).T
     else:
         u, v = rng.uniform(0.03, 0.97, (2, rng.poisson(length_px * width_px / spacing**2)))
     if use in ("lot", "garden"):

@@ -1,6 +1,8 @@
-"""Noise that is a function of position: any window of an endless plane, without storing the plane."""
+"""Random numbers by purpose, and noise as a function of position: any window of a plane, without storing the plane."""
 
 from __future__ import annotations
+
+import enum
 
 import cv2
 import numpy as np
@@ -10,6 +12,25 @@ OCTAVES = 9
 """Band k has a lattice of 2**k px: from pixel grain to patches of 256 px."""
 
 _LATTICE_MARGIN = 3
+
+
+class Stream(enum.IntEnum):
+    """What random numbers are for; each purpose draws from a generator of its own."""
+
+    WAVES = 1
+    NODES = 2
+    SECTIONS = 3
+    ROADS_ACROSS = 4
+    ROADS_DOWN = 5
+    SUN = 6
+    PAIR = 7
+    LAWNMOWER = 8
+    SENSOR = 9
+
+
+def random_stream(seed: int, purpose: Stream, *indices: int) -> np.random.Generator:
+    """The generator for one purpose, and for one place or picture by its indices (which may be negative)."""
+    return np.random.default_rng([seed, purpose, *(index & 0xFFFFFFFF for index in indices)])
 
 
 def noise_bands(seed: int, x_px: int, y_px: int, width_px: int, height_px: int) -> NDArray[np.float32]:

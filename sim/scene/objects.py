@@ -57,12 +57,10 @@ def _paint_building(box: Box, u: Plane, v: Plane, noise: Plane) -> tuple[Plane, 
     height = box.height_px + pitch * from_eaves + 0.25 * courses
     painted = colour * tone
     if tiled:
-        for at_u, at_v in rng.uniform((-0.4, -0.4), (0.4, 0.4), (rng.integers(0, 5), 2)) * (
-            box.length_px,
-            box.width_px,
-        ):
+        size = box.length_px, box.width_px
+        for at_u, at_v in size * rng.uniform(-0.4, 0.4, (rng.integers(0, 5), 2)):
             lay_over(painted, _GLASS, (np.abs(u - at_u) < 3.5) & (np.abs(v - at_v) < 4.5))
-        at_u, at_v = rng.uniform(-0.35, 0.35) * box.length_px, rng.uniform(-0.15, 0.15) * box.width_px
+        at_u, at_v = size * rng.uniform((-0.35, -0.15), (0.35, 0.15))
         chimney = (np.abs(u - at_u) < 3.2) & (np.abs(v - at_v) < 2.6)
         lay_over(painted, _BRICK * (1 + 0.1 * noise[0]), chimney)
         height += 8 * chimney

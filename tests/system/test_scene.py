@@ -268,11 +268,10 @@ def test_same_seed_same_bytes():
 
 def test_tiling_leaves_no_trace(monkeypatch):
     """Another tile size moves every border into the middle of a tile: the picture must stay as it is."""
-    reference = render_ground(3, 420, 420, origin=(814, 814))
+    reference = render_ground(9, 120, 1000, origin=(964, 0))
     clear_caches()
     monkeypatch.setattr(ground, "TILE_PX", 700)
-    moved = render_ground(3, 420, 420, origin=(814, 814))
+    moved = render_ground(9, 120, 1000, origin=(964, 0))
     clear_caches()
-    difference = cv2.absdiff(reference, moved)
-    # Rasterised lines that leave the canvas may be cut one pixel differently, and floats rounded.
-    assert np.mean(difference > 2) < 2e-4
+    # Shadows, crowns and road verges cross the old border alike; only the last bit of a float may round otherwise.
+    assert cv2.absdiff(reference, moved).max() <= 2
