@@ -13,8 +13,7 @@ the support of its window from the frame's border is unspecified; `FrontEndConfi
 ``latency_cycles`` of a block counts the clocks from a beat at its input to the same beat at its output.
 """
 
-from __future__ import annotations
-
+# No postponed annotations here: data.Struct reads its fields from them.
 from amaranth import Module, Shape, ShapeLike, Value, ValueLike, unsigned
 from amaranth.lib import data
 
