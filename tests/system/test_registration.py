@@ -1,0 +1,125 @@
+import csv
+import os
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from golden_model.records import MATCH
+from sim.scene import pair as rendered_pair
+from skymosaic import mosaic, register
+from skymosaic.errors import InputError, RegistrationError
+from skymosaic.metrics import grid_error
+
+DATA = Path(os.environ.get("SKYMOSAIC_DATA", Path(__file__).parents[3] / "shared" / "data"))
+VGA = (640, 480)
+
+
+def error_px(pair, flight, size=VGA) -> float:
+    assert pair.accepted, pair.reason
+    return grid_error(pair.homography, flight.homography_between(0, 1), size, size)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_rendered_pairs_are_registered_within_half_a_pixel(seed: int) -> None:
+    flight = rendered_pair(seed=seed)
+    assert error_px(register(*flight.images), flight) < 0.5
+
+
+def test_the_refined_pass_is_closer_to_the_truth() -> None:
+    flights = [rendered_pair(seed=seed) for seed in range(4)]
+    plain = [error_px(register(*flight.images), flight) for flight in flights]
+    refined = [register(*flight.images, refine=True) for flight in flights]
+    assert np.mean([error_px(*both) for both in zip(refined, flights, strict=True)]) < np.mean(plain)
+    assert all(pair.refined_inliers > len(pair.inliers) for pair in refined)
+
+
+def test_the_result_is_the_same_on_every_run() -> None:
+    flight = rendered_pair(seed=2)
+    first, second = (register(*flight.images, seed=3) for _ in range(2))
+    assert np.array_equal(first.homography, second.homography)
+    assert np.array_equal(first.inliers, second.inliers)
+
+
+def test_sets_of_matches_are_nested_and_typed() -> None:
+    pair = register(*rendered_pair(seed=1).images)
+    assert pair.matches.dtype == MATCH.dtype
+    assert np.all(pair.kept["verdict"] == 1)
+    assert len(pair.inliers) <= len(pair.kept) <= len(pair.matches)
+    assert np.all(np.isin(pair.inliers["left_index"], pair.kept["left_index"]))
+
+
+def test_colour_and_gray_of_one_photograph_give_the_same_features() -> None:
+    left, right = rendered_pair(seed=1).images
+    grays = [((i.astype(int) @ [29, 150, 77] + 128) >> 8).astype(np.uint8) for i in (left, right)]
+    colour, gray = register(left, right), register(*grays)
+    assert np.array_equal(colour.matches, gray.matches)
+    assert mosaic([left, right]).image.ndim == 3
+    assert mosaic(grays).image.ndim == 2
+
+
+def test_photographs_of_different_size() -> None:
+    flight = rendered_pair(seed=1)
+    left, right = flight.images
+    cropped = right[:400, :560]
+    pair = register(left, cropped)
+    assert grid_error(pair.homography, flight.homography_between(0, 1), VGA, (560, 400)) < 0.5
+
+
+def test_twenty_megapixels_are_registered_reduced_and_reported_in_their_own_pixels() -> None:
+    times = 6
+    flight = rendered_pair(seed=1, size=(912, 608))
+    large = [cv2.resize(image, None, fx=times, fy=times, interpolation=cv2.INTER_CUBIC) for image in flight.images]
+    grow = np.array([[times, 0, (times - 1) / 2], [0, times, (times - 1) / 2], [0, 0, 1]])
+    truth = grow @ flight.homography_between(0, 1) @ np.linalg.inv(grow)
+    size = (912 * times, 608 * times)
+    result = mosaic(large)
+    pair = result.pairs[0]
+    assert max(image.shape[1] for image in pair.working) == 1280
+    assert grid_error(pair.homography, truth, size, size) < 2.0  # half a working pixel
+    assert result.image.shape[1] > size[0]
+
+
+def test_a_canvas_beyond_the_limit_is_refused_with_its_size() -> None:
+    with pytest.raises(RegistrationError, match="limit"):
+        mosaic(list(rendered_pair(seed=1).images), canvas_limit_px=100_000)
+
+
+def test_scale_sets_the_size_of_the_mosaic() -> None:
+    images = list(rendered_pair(seed=1).images)
+    full, half = mosaic(images).image, mosaic(images, scale=0.5).image
+    assert abs(full.shape[1] / 2 - half.shape[1]) <= 1
+    grown = cv2.resize(half, (full.shape[1], full.shape[0]), interpolation=cv2.INTER_LINEAR)
+    middle = (slice(150, 300), slice(200, 500))
+    assert np.abs(grown[middle].astype(int) - full[middle]).mean() < 12
+
+
+def test_unknown_presets_and_one_image_are_refused() -> None:
+    images = list(rendered_pair(seed=1).images)
+    with pytest.raises(ValueError, match="aerial, thesis"):
+        register(*images, preset="martian")
+    with pytest.raises(InputError):
+        mosaic(images[:1])
+
+
+def test_a_thesis_frame_with_too_many_corners_raises_the_threshold_for_both() -> None:
+    rng = np.random.default_rng(0)
+    noise = cv2.GaussianBlur(rng.integers(0, 256, (480, 640), dtype=np.uint8), (0, 0), 1.0)
+    pair = register(noise, noise, preset="thesis")
+    assert pair.config.front_end.threshold > 1000
+    assert 0 < len(pair.features[0]) <= pair.config.front_end.max_features
+    assert np.allclose(pair.homography, np.eye(3), atol=1e-3)
+
+
+@pytest.mark.needs_data
+@pytest.mark.skipif(not (DATA / "registration").is_dir(), reason="public photographs absent; set SKYMOSAIC_DATA")
+def test_rotated_photographs_are_all_registered_within_a_pixel() -> None:
+    folder = DATA / "registration"
+    with (folder / "pairs.csv").open(newline="") as file:
+        rows = [row for row in csv.DictReader(file) if row["group"] == "rotation_180"]
+    for row in rows:
+        truth = np.array([float(row[f"h{r}{c}"]) for r in range(3) for c in range(3)]).reshape(3, 3)
+        pair = register(folder / row["left"], folder / row["right"])
+        assert pair.accepted, row["name"]
+        assert grid_error(pair.homography, truth, pair.left.size, pair.right.size) < 1.0, row["name"]
