@@ -83,14 +83,13 @@ def test_outside_is_black_and_no_border_is_darkened(method):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_tiles_leave_no_trace(method):
-    images = [smooth_image(700, 900, seed=1), smooth_image(700, 900, seed=2)]
-    transforms = [shift(0, 0), TURNED @ shift(400, 300)]
-    canvas = canvas_of([(900, 700)] * 2, transforms)
-    assert canvas.width_px > TILE_PX
-    mosaic = blend(images, transforms, canvas, method=method)
-    # On the grid of the coarsest band, across the edge of two tiles.
-    window = Canvas(canvas.x_px + TILE_PX - 96, canvas.y_px + 320, 192, 192)
-    part = blend(images, transforms, window, method=method)
+    # Very different images, and a window on the coarsest band's grid that crosses two tiles and the seam.
+    images = [smooth_image(700, 1300, seed=1) // 4, smooth_image(700, 1300, seed=2) // 2 + 150]
+    transforms = [np.eye(3), TURNED @ shift(600, 300)]
+    canvas = canvas_of([(1300, 700)] * 2, transforms)
+    window = Canvas(canvas.x_px + TILE_PX - 384, canvas.y_px + 320, 512, 320)
+    mosaic, part = (blend(images, transforms, whole, method=method) for whole in (canvas, window))
+    assert np.ptp(part) > 100
     assert np.abs(mosaic[window.within(canvas)].astype(int) - part).max() <= 1
 
 

@@ -15,9 +15,9 @@ SHIFT = np.array([[1.0, 0, 10], [0, 1, 0], [0, 0, 1]])
 
 
 def test_confusion_counts_each_case():
-    counts = confusion([1, 1, 1, 0, 0, 0, 0], [1, 1, 0, 0, 0, 0, 1])
-    assert counts == Confusion(true_positives=2, false_positives=1, true_negatives=3, false_negatives=1)
-    assert counts.recall == pytest.approx(2 / 3)
+    counts = confusion([1, 1, 1, 0, 0, 0, 0, 0], [1, 1, 0, 0, 0, 0, 1, 1])
+    assert counts == Confusion(true_positives=2, false_positives=1, true_negatives=3, false_negatives=2)
+    assert counts.recall == pytest.approx(2 / 4)
     assert counts.precision == pytest.approx(2 / 3)
 
 

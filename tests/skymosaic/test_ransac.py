@@ -72,12 +72,28 @@ def test_unrelated_images_are_refused():
         assert estimate.samples == MAX_SAMPLES
 
 
-@pytest.mark.parametrize(("correct", "accepted"), [(MIN_INLIERS - 1, False), (MIN_INLIERS, True)])
+@pytest.mark.parametrize(("correct", "accepted"), [(11, False), (12, True)])
 def test_twelve_inliers_are_needed(correct, accepted):
     left, right, weight, _ = matches(correct, 1.0, seed=6, noise_px=0.1)
     estimate = estimated(left, right, weight)
     assert estimate.inliers.sum() == correct
     assert estimate.accepted is accepted
+
+
+def test_inliers_are_within_two_pixels():
+    left, right, weight, _ = matches(200, 1.0, seed=15, noise_px=0.01)
+    right[:3] += np.array([(1.8, 0), (0, -2.2), (1.5, 1.5)])
+    np.testing.assert_array_equal(estimated(left, right, weight).inliers[:4], [True, False, False, True])
+
+
+def test_local_optimisation_pulls_a_rough_homography_in():
+    left, right, weight, correct = matches(300, 0.5, seed=16)
+    sorted_matches = ransac._Matches(left, right, weight)
+    rough = TRUTH + np.array([[0.008, 0, 0], [0, -0.008, 3], [0, 0, 0]])
+    start = float(sorted_matches.score(sorted_matches.squared_error(rough)))
+    improved, score = ransac._optimise_locally(rough, start, sorted_matches)
+    assert score > 0.95 * weight[correct].sum() > 2 * start
+    assert grid_error(improved, TRUTH, SIZE, SIZE) < 0.3 < grid_error(rough, TRUTH, SIZE, SIZE)
 
 
 def test_a_mirrored_view_is_refused():
