@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from amaranth import Cat, Module, ShapeLike, Signal
+from amaranth import Cat, Module, Shape, ShapeLike, Signal
 from amaranth.lib import data, memory, wiring
 from amaranth.lib.wiring import In, Out
 
 from hdl.delay import delayed
 from hdl.streams import beat, carry_scan
+from hdl.weighted_sum import WeightedSum
 
 
 class LineBuffer(wiring.Component):
@@ -62,8 +63,9 @@ class LineBuffer(wiring.Component):
         read, write = lines.read_port(), lines.write_port()
         carry_scan(m, self.i, self.o, self.latency_cycles)
         column = Signal.like(self.o.column, reset_less=True)
-        with m.If(delayed(m, self.i.valid, 1, reset_less=False)):
-            m.d.sync += column.eq(Cat(delayed(m, self.i.pixel, 1), read.data))
+        valid, pixel = delayed(m, self.i.valid, 1, reset_less=False), delayed(m, self.i.pixel, 1)
+        with m.If(valid):
+            m.d.sync += column.eq(Cat(pixel, read.data))
         m.d.comb += [
             read.addr.eq(self.i.x),
             read.en.eq(self.i.valid),
@@ -115,4 +117,61 @@ class Window(wiring.Component):
         with m.If(self.i.valid):
             m.d.sync += [new.eq(old) for new, old in zip(columns, [self.i.column, *columns], strict=False)]
         m.d.comb += [target.eq(column) for target, column in zip(self.o.columns, columns, strict=True)]
+        return m
+
+
+class SeparableSum(wiring.Component):
+    """Weighted sum over a window: down the columns, then along the line.
+
+    Parameters
+    ----------
+    vertical, horizontal : tuple of int
+        Weights, for the newest line and column first.
+    shape : Shape
+        Of a pixel.
+
+    Members
+    -------
+    i : In(beat(column))
+        ``len(vertical)`` pixels, the newest line first.
+    o : Out(beat(sum))
+        In just the bits that the sum's range needs.
+
+    Attributes
+    ----------
+    latency_cycles : int
+    """
+
+    i: data.View
+    o: data.View
+
+    def __init__(self, *, vertical: tuple[int, ...], horizontal: tuple[int, ...], shape: Shape) -> None:
+        self._down = WeightedSum(weights=vertical, shape=shape)
+        column_sum = self._down.o_sum.shape()
+        self._window = Window(shape=column_sum, columns=len(horizontal))
+        self._along = WeightedSum(weights=horizontal, shape=column_sum)
+        self.latency_cycles = self._down.latency_cycles + self._window.latency_cycles + self._along.latency_cycles
+        super().__init__(
+            {
+                "i": In(beat(column=data.ArrayLayout(shape, len(vertical)))),
+                "o": Out(beat(sum=self._along.o_sum.shape())),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """A sum of each column, the last sums side by side, their sum."""
+        m = Module()
+        m.submodules.down, m.submodules.window, m.submodules.along = self._down, self._window, self._along
+        carry_scan(m, self.i, self.o, self.latency_cycles)
+        m.d.comb += [
+            self._down.i_valid.eq(self.i.valid),
+            self._window.i.valid.eq(self._down.o_valid),
+            self._window.i.column.eq(self._down.o_sum),
+            self._along.i_valid.eq(self._window.o.valid),
+            self.o.sum.eq(self._along.o_sum),
+        ]
+        m.d.comb += [value.eq(pixel) for value, pixel in zip(self._down.i_values, self.i.column, strict=True)]
+        m.d.comb += [
+            value.eq(column) for value, column in zip(self._along.i_values, self._window.o.columns, strict=True)
+        ]
         return m

@@ -1,0 +1,200 @@
+"""The Harris corner measure (thesis, equations III-6 and III-7), pipelined for DSP slices."""
+
+from __future__ import annotations
+
+from amaranth import Cat, Const, Module, Mux, Shape, Signal, Value, signed, unsigned
+from amaranth.lib import data, wiring
+from amaranth.lib.wiring import In, Out
+
+from golden_model.formats import (
+    GRADIENT,
+    RAW_RESPONSE,
+    RESPONSE_CODE,
+    RESPONSE_FRACTION_BITS,
+    TENSOR_DIAGONAL,
+    TENSOR_MIXED,
+    TENSOR_TRACE,
+)
+from golden_model.harris import TENSOR_SHIFT
+from hdl.delay import delayed
+from hdl.streams import beat, carry_scan
+from hdl.weighted_sum import signed_digits
+from hdl.window import LineBuffer, SeparableSum
+
+TENSOR = beat(a=TENSOR_DIAGONAL.bits, b=TENSOR_DIAGONAL.bits, c=signed(TENSOR_MIXED.bits))
+"""The structure tensor: sums of Ix**2, Iy**2 and Ix Iy."""
+
+
+class StructureTensor(wiring.Component):
+    """Sums of gradient products over a box, ``>> 8`` (floor).
+
+    The line memory holds the gradients, 22 bits a pixel, and their products are formed for the whole column anew;
+    products would take 61 bits.
+
+    Parameters
+    ----------
+    window_px : {3, 5}
+    width_px : int
+        Largest width of a line.
+
+    Members
+    -------
+    i : In(beat(gradient_x, gradient_y))
+    o : Out(beat(a, b, c))
+
+    Attributes
+    ----------
+    lag_px : int
+    latency_cycles : int
+
+    Raises
+    ------
+    ValueError
+        For another window.
+    """
+
+    i: data.View
+    o: data.View
+
+    def __init__(self, *, window_px: int, width_px: int) -> None:
+        if window_px not in (3, 5):
+            raise ValueError(f"window_px is {window_px}; valid: 3, 5")
+        self.window_px = window_px
+        self.lag_px = window_px // 2
+        gradient = signed(GRADIENT.bits)
+        self._gradients = data.StructLayout({"x": gradient, "y": gradient})
+        self._lines = LineBuffer(shape=self._gradients, lines=window_px - 1, width_px=width_px)
+        square, mixed = unsigned(2 * GRADIENT.bits - 2), signed(2 * GRADIENT.bits - 1)
+        self._sums = [self._box_sum(shape) for shape in (square, square, mixed)]
+        self.latency_cycles = self._lines.latency_cycles + 2 + self._sums[0].latency_cycles
+        super().__init__({"i": In(beat(gradient_x=gradient, gradient_y=gradient)), "o": Out(TENSOR)})
+
+    def _box_sum(self, product: Shape) -> SeparableSum:
+        ones = (1,) * self.window_px
+        return SeparableSum(vertical=ones, horizontal=ones, shape=product)
+
+    def elaborate(self, platform: object) -> Module:
+        """Columns of gradients, of products, and their sums."""
+        m = Module()
+        m.submodules.lines = lines = self._lines
+        m.d.comb += [lines.i.pixel.x.eq(self.i.gradient_x), lines.i.pixel.y.eq(self.i.gradient_y)]
+        carry_scan(m, self.i, lines.i, 0)
+        carry_scan(m, lines.o, self.o, self.latency_cycles - lines.latency_cycles)
+        multiplied = delayed(m, lines.o.valid, 1, reset_less=False)
+        product_valid = delayed(m, multiplied, 1, reset_less=False)
+        targets = (self.o.a, self.o.b, self.o.c)
+        for name, factors, total, target in zip("abc", ("xx", "yy", "xy"), self._sums, targets, strict=True):
+            m.submodules[f"sum_{name}"] = total
+            m.d.comb += [total.i.valid.eq(product_valid), target.eq(total.o.sum >> TENSOR_SHIFT)]
+            for gradients, pixel in zip(lines.o.column, total.i.column, strict=True):
+                multiplier, product = (Signal.like(pixel, reset_less=True) for _ in range(2))
+                with m.If(lines.o.valid):
+                    m.d.sync += multiplier.eq(gradients[factors[0]] * gradients[factors[1]])
+                with m.If(multiplied):
+                    m.d.sync += product.eq(multiplier)
+                m.d.comb += pixel.eq(product)
+        return m
+
+
+class RawResponse(wiring.Component):
+    """``R = A B - C**2 - ((k_numerator (A + B)**2) >> k_shift)`` (floor).
+
+    R fits 32 bits (`golden_model.harris`), so all is computed modulo 2**32.
+
+    Parameters
+    ----------
+    k_numerator, k_shift : int
+
+    Members
+    -------
+    i : In(beat(a, b, c))
+    o : Out(beat(raw))
+        `golden_model.formats.RAW_RESPONSE`.
+
+    Attributes
+    ----------
+    latency_cycles : int
+    """
+
+    i: data.View
+    o: data.View
+
+    latency_cycles = 5
+
+    def __init__(self, *, k_numerator: int, k_shift: int) -> None:
+        self.k_numerator = k_numerator
+        self.k_shift = k_shift
+        super().__init__({"i": In(TENSOR), "o": Out(beat(raw=signed(RAW_RESPONSE.bits)))})
+
+    def elaborate(self, platform: object) -> Module:
+        """Operands, multipliers, products, determinant and penalty, response."""
+        m = Module()
+        carry_scan(m, self.i, self.o, self.latency_cycles)
+        a, b, c = delayed(m, self.i.a, 1), delayed(m, self.i.b, 1), delayed(m, self.i.c, 1)
+        trace = delayed(m, (self.i.a + self.i.b)[: TENSOR_TRACE.bits], 1)
+        a_b, c_c, trace_squared = (delayed(m, product, 2) for product in (a * b, c * c, trace * trace))
+        determinant = delayed(m, (a_b - c_c)[: RAW_RESPONSE.bits], 1)
+        penalty = delayed(m, self._penalty(trace_squared), 1)
+        m.d.comb += self.o.raw.eq(delayed(m, (determinant - penalty)[: RAW_RESPONSE.bits], 1))
+        return m
+
+    def _penalty(self, trace_squared: Value) -> Value:
+        scaled: Value = Const(0)
+        for shift, sign in signed_digits(self.k_numerator):
+            term = trace_squared << shift
+            scaled = scaled + term if sign > 0 else scaled - term
+        return (scaled >> self.k_shift)[: RAW_RESPONSE.bits]
+
+
+class ResponseCode(wiring.Component):
+    """Responses as stored: 15-bit codes, 0 below the threshold.
+
+    Members
+    -------
+    i : In(beat(raw))
+    i_threshold_code : In(15)
+        Smallest code that survives. Static within a frame.
+    o : Out(beat(code))
+        `golden_model.formats.RESPONSE_CODE`.
+
+    Attributes
+    ----------
+    latency_cycles : int
+    """
+
+    i: data.View
+    i_threshold_code: Signal
+    o: data.View
+
+    latency_cycles = 4
+
+    def __init__(self) -> None:
+        super().__init__(
+            {
+                "i": In(beat(raw=signed(RAW_RESPONSE.bits))),
+                "i_threshold_code": In(RESPONSE_CODE.bits),
+                "o": Out(beat(code=RESPONSE_CODE.bits)),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """Shift right until 11 bits are left, join with the shifts' count, compare."""
+        m = Module()
+        carry_scan(m, self.i, self.o, self.latency_cycles)
+        value = Mux(self.i.raw < 0, 0, self.i.raw[: RAW_RESPONSE.bits - 1])
+        value, exponent = self._normalised(m, value, Cat(), (16, 8))
+        value, exponent = self._normalised(m, value, exponent, (4, 2, 1))
+        # A hidden one that is left at the fraction's upper end carries into the exponent field, as it should.
+        code = delayed(m, ((exponent << RESPONSE_FRACTION_BITS) + value)[: RESPONSE_CODE.bits], 1)
+        m.d.comb += self.o.code.eq(delayed(m, Mux(code < self.i_threshold_code, 0, code), 1))
+        return m
+
+    @staticmethod
+    def _normalised(m: Module, value: Value, exponent: Value, steps: tuple[int, ...]) -> tuple[Value, Value]:
+        """One clock of conditional shifts, the largest first; ``exponent`` collects which were taken."""
+        for step in steps:
+            kept_bits = RESPONSE_FRACTION_BITS + step
+            too_long = value[kept_bits:].any()
+            value = Mux(too_long, value >> step, value)[:kept_bits]
+            exponent = Cat(too_long, exponent)
+        return delayed(m, value, 1), delayed(m, exponent, 1)

@@ -1,0 +1,57 @@
+"""A register stage of a stream that breaks every combinational path."""
+
+from __future__ import annotations
+
+from amaranth import Module, ShapeLike, Signal
+from amaranth.lib import stream, wiring
+from amaranth.lib.wiring import In, Out
+
+
+class SkidBuffer(wiring.Component):
+    """Hand a stream on, with ``valid``, payload and ``ready`` all from registers.
+
+    A payload that arrives while the output waits is kept aside until the input has seen that it must wait, too. One
+    payload a clock.
+
+    Parameters
+    ----------
+    shape : ShapeLike
+        Of the payload.
+
+    Members
+    -------
+    i, o : stream
+
+    Attributes
+    ----------
+    latency_cycles : int
+    """
+
+    i: stream.Interface
+    o: stream.Interface
+
+    latency_cycles = 1
+
+    def __init__(self, *, shape: ShapeLike) -> None:
+        self.shape = shape
+        super().__init__({"i": In(stream.Signature(shape)), "o": Out(stream.Signature(shape))})
+
+    def elaborate(self, platform: object) -> Module:
+        """An output register, and one aside."""
+        m = Module()
+        aside = Signal(self.shape, reset_less=True)
+        waiting = Signal()
+        # Not ready in reset, so that nothing is lost there.
+        ready = Signal()
+        m.d.comb += self.i.ready.eq(ready)
+        with m.If(ready):
+            m.d.sync += aside.eq(self.i.payload)
+        with m.If(self.o.ready | ~self.o.valid):
+            m.d.sync += [self.o.valid.eq(waiting | (self.i.valid & ready)), waiting.eq(0), ready.eq(1)]
+            with m.If(waiting):
+                m.d.sync += self.o.payload.eq(aside)
+            with m.Else():
+                m.d.sync += self.o.payload.eq(self.i.payload)
+        with m.Elif(self.i.valid & ready):
+            m.d.sync += [waiting.eq(1), ready.eq(0)]
+        return m
