@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from golden_model.config import Config, preset_config
+from golden_model.config import LARGEST_THRESHOLD, Config, preset_config
 from golden_model.records import Cause
 from sim.backend import FrameResult, FrontEnd, create
 from skymosaic.homography import apply
@@ -205,9 +205,11 @@ def extract_within_capacity(
     """
     while True:
         results = front_end.run(frames, config)
-        if not any(int(result.status["causes"]) & Cause.TOO_MANY_FEATURES for result in results):
+        threshold, limit = config.front_end.threshold, LARGEST_THRESHOLD[config.front_end.detector]
+        too_many = any(int(result.status["causes"]) & Cause.TOO_MANY_FEATURES for result in results)
+        if not too_many or threshold == limit:
             return results, config
-        raised = dataclasses.replace(config.front_end, threshold=2 * config.front_end.threshold)
+        raised = dataclasses.replace(config.front_end, threshold=min(2 * threshold, limit))
         config = dataclasses.replace(config, front_end=raised)
 
 

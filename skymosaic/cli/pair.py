@@ -31,7 +31,7 @@ def demo(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for mosaic, pictures and report.")] = Path(
         "demo"
     ),
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the rendered landscape.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the rendered landscape.")] = 9,
 ) -> None:
     """Render a synthetic flight with known poses, make its mosaic, and measure how far it is from the truth."""
     run_demo(output, seed, console)
