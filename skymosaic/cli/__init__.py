@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 
+import cv2
 import typer
 
 from sim.backend import BackendError
@@ -24,7 +25,17 @@ for command in (pair.demo, pair.mosaic, pair.register):
 def main() -> None:
     """Run the command line; every expected failure is one line and an exit status."""
     try:
+        _check_opencv()
         app()
     except (InputError, BackendError, RegistrationError) as error:
         console.print(f"error: {error}", style="red", markup=False, highlight=False, soft_wrap=True)
         sys.exit(3 if isinstance(error, RegistrationError) else 2)
+
+
+def _check_opencv() -> None:
+    """A package that pulls in another build of OpenCV overwrites ours, and pip does not notice."""
+    if not hasattr(cv2, "xfeatures2d"):
+        raise InputError(
+            f"OpenCV {cv2.__version__} lacks its contrib modules: another package replaced it; run "
+            "pip install --force-reinstall --no-deps opencv-contrib-python-headless"
+        )

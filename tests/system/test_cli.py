@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from sim.scene import pair as rendered_pair
+from skymosaic.cli import main
 from skymosaic.metrics import grid_error
 
 SEED = 5
@@ -137,3 +138,11 @@ def test_a_configuration_file_is_obeyed(photographs, tmp_path: Path) -> None:
     assert result.returncode == 0, result.stderr
     configured = json.loads((tmp_path / "r" / "report.json").read_text())["configuration"]["front_end"]
     assert (configured["levels"], configured["descriptor"]) == (1, "ilbp-256")
+
+
+def test_an_opencv_without_contrib_is_told_with_the_cure(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    monkeypatch.delattr(cv2, "xfeatures2d")
+    with pytest.raises(SystemExit) as stopped:
+        main()
+    assert stopped.value.code == 2
+    assert "opencv-contrib-python-headless" in capsys.readouterr().err
