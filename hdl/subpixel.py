@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from amaranth import Cat, Module, Mux, Signal, Value, signed
-from amaranth.lib import wiring
+from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.formats import POSITION, RAW_RESPONSE, RESPONSE_CODE, RESPONSE_FRACTION_BITS
 from hdl.delay import delayed
+from hdl.streams import CANDIDATE
 
 OFFSET = signed(5)
 """Offset from the pixel's centre, -8 to 8 sixteenths."""
@@ -102,70 +103,64 @@ class SubPixel(wiring.Component):
     ----------
     level : {0, 1}
         Half-size pixel x stands at 2 (x + 1/2) - 1/2 of the full frame.
+    lag_px : int
+        The candidate's pixel is so far left of and above the scan position.
 
     Members
     -------
-    i_candidate : In(1)
-        At least 2 clocks apart.
-    i_x, i_y : In(12)
-        The candidate's pixel in its own level.
-    i_centre, i_left, i_right, i_up, i_down : In(15)
-        Response codes of the candidate and its neighbours.
+    i : In(CANDIDATE)
+        Candidates come at least 2 clocks apart.
     o_x, o_y : Out(16)
-        UQ(12, 4), ``latency_cycles`` after ``i_candidate``, for one clock at least.
+        UQ(12, 4), ``latency_cycles`` after the candidate, for one clock at least.
 
     Attributes
     ----------
     latency_cycles : int
+
+    Raises
+    ------
+    ValueError
+        For another level.
     """
 
-    i_candidate: Signal
-    i_x: Signal
-    i_y: Signal
-    i_centre: Signal
-    i_left: Signal
-    i_right: Signal
-    i_up: Signal
-    i_down: Signal
+    i: data.View
     o_x: Signal
     o_y: Signal
 
-    def __init__(self, *, level: int) -> None:
+    def __init__(self, *, level: int, lag_px: int) -> None:
         if level not in (0, 1):
             raise ValueError(f"level is {level}; valid: 0, 1")
         self.level = level
+        self.lag_px = lag_px
         self._vertex = Vertex()
         self.latency_cycles = 1 + self._vertex.latency_cycles + 2
-        code, pixel, position = In(RESPONSE_CODE.bits), In(POSITION.integer_bits), Out(POSITION.bits)
-        neighbourhood = dict.fromkeys(("i_centre", "i_left", "i_right", "i_up", "i_down"), code)
-        super().__init__(
-            {"i_candidate": In(1), "i_x": pixel, "i_y": pixel, **neighbourhood, "o_x": position, "o_y": position}
-        )
+        super().__init__({"i": In(CANDIDATE), "o_x": Out(POSITION.bits), "o_y": Out(POSITION.bits)})
 
     def elaborate(self, platform: object) -> Module:
         """One `Vertex` for both directions: x in the first clock, y in the second."""
         m = Module()
         m.submodules.vertex = vertex = self._vertex
         up, before, centre, after, down = (Signal(RESPONSE_CODE.bits, reset_less=True) for _ in range(5))
+        candidate = self.i.valid & self.i.code.any()
         m.d.sync += [before.eq(up), after.eq(down)]
-        with m.If(self.i_candidate):
+        with m.If(candidate):
             m.d.sync += [
-                up.eq(self.i_up),
-                before.eq(self.i_left),
-                centre.eq(self.i_centre),
-                after.eq(self.i_right),
-                down.eq(self.i_down),
+                up.eq(self.i.up),
+                before.eq(self.i.left),
+                centre.eq(self.i.code),
+                after.eq(self.i.right),
+                down.eq(self.i.down),
             ]
         m.d.comb += [vertex.i_before.eq(before), vertex.i_centre.eq(centre), vertex.i_after.eq(after)]
 
         x_cycles = 1 + vertex.latency_cycles
-        x_done = delayed(m, self.i_candidate, x_cycles, reset_less=False)
+        x_done = delayed(m, candidate, x_cycles, reset_less=False)
         y_done = delayed(m, x_done, 1, reset_less=False)
-        x, y = delayed(m, self.i_x, x_cycles), delayed(m, self.i_y, x_cycles + 1)
+        x, y = delayed(m, self.i.x, x_cycles), delayed(m, self.i.y, x_cycles + 1)
         with m.If(x_done):
-            m.d.sync += self.o_x.eq(self._full_resolution(x, vertex.o_offset))
+            m.d.sync += self.o_x.eq(self._full_resolution(x - self.lag_px, vertex.o_offset))
         with m.If(y_done):
-            m.d.sync += self.o_y.eq(self._full_resolution(y, vertex.o_offset))
+            m.d.sync += self.o_y.eq(self._full_resolution(y - self.lag_px, vertex.o_offset))
         return m
 
     def _full_resolution(self, pixel: Value, offset: Value) -> Value:
