@@ -6,6 +6,7 @@ import contextlib
 import os
 import tempfile
 import warnings
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -176,10 +177,10 @@ def reduced(pixels: Pixels, width_px: int) -> tuple[Pixels, NDArray[np.float64]]
     return cv2.resize(pixels, size, interpolation=cv2.INTER_AREA).astype(np.uint8, copy=False), to_original
 
 
-def check_output(path: Path, inputs: tuple[str, ...] = ()) -> None:
+def check_output(path: Path, inputs: tuple[str, ...] = (), suffixes: tuple[str, ...] = OUTPUT_SUFFIXES) -> None:
     """Refuse an output that cannot be written, before the long work begins."""
-    if path.suffix.lower() not in OUTPUT_SUFFIXES:
-        raise InputError(f"{path}: unknown kind of picture; end the name in one of {', '.join(OUTPUT_SUFFIXES)}")
+    if path.suffix.lower() not in suffixes:
+        raise InputError(f"{path}: unknown kind of file; end the name in one of {', '.join(suffixes)}")
     if not path.parent.is_dir():
         raise InputError(f"{path}: its folder does not exist; create it first")
     if path.is_dir() or not os.access(path.parent, os.W_OK):
@@ -209,17 +210,31 @@ def save(path: Path, pixels: Pixels) -> None:
 
 def save_bytes(path: Path, data: bytes) -> None:
     """Write ``data`` under a temporary name beside ``path``, then rename it."""
-    temporary = ""
+    with replacing(path) as temporary:
+        temporary.write_bytes(data)
+
+
+@contextlib.contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A temporary file beside ``path`` to write to; it takes its place at the end, or vanishes on any failure.
+
+    Raises
+    ------
+    InputError
+        Where writing fails: no permission, a full disk.
+    """
+    temporary = None
     try:
         with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as file:
-            temporary = file.name
-            file.write(data)
-        Path(temporary).chmod(0o666 & ~_umask())
-        Path(temporary).replace(path)
+            temporary = Path(file.name)
+        yield temporary
+        temporary.chmod(0o666 & ~_umask())
+        temporary.replace(path)
     except OSError as error:
-        if temporary:
-            Path(temporary).unlink(missing_ok=True)
         raise InputError(f"{path}: cannot be written ({error.strerror}); choose another place") from None
+    finally:
+        if temporary:
+            temporary.unlink(missing_ok=True)
 
 
 def _umask() -> int:
