@@ -28,7 +28,7 @@ class FrameGeometry(wiring.Component):
     i_may_start : In(1)
         A frame may start.
     i_may_end : In(1)
-        A frame may end.
+        A frame may end. Not looked at in the clock of ``o_end``.
     i_hold : In(1)
         Nothing may be admitted.
     o : Out(beat(data))
@@ -79,11 +79,12 @@ class FrameGeometry(wiring.Component):
         line_ends, frame_ends = x == last_x, (x == last_x) & (y == last_y)
 
         resynchronising, padding = Signal(), Signal()
-        allowed = ~self.i_hold & (self.i_may_end | ~frame_ends)
-        starts = self.i.valid & pixel.first & ~self.o_running & self.i_may_start
+        may_end = self.i_may_end & ~self.o_end
+        allowed = ~self.i_hold & (may_end | ~frame_ends)
+        starts = self.i.valid & pixel.first & ~self.o_running & self.i_may_start & allowed
         proceeds = self.i.valid & ~pixel.first & self.o_running & ~padding & allowed
         stray = self.i.valid & ~pixel.first & ~self.o_running
-        reported = stray & ~resynchronising & self.i_may_end
+        reported = stray & ~resynchronising & may_end
         emits = Signal()
         m.d.comb += [
             emits.eq(starts | proceeds | (padding & allowed)),

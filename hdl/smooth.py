@@ -17,7 +17,8 @@ class Binomial(wiring.Component):
 
     Parameters
     ----------
-    window_px : {3, 5}
+    window_px : {1, 3, 5}
+        1 leaves the pixels as they are.
 
     Members
     -------
@@ -40,8 +41,8 @@ class Binomial(wiring.Component):
     o: data.View
 
     def __init__(self, *, window_px: int) -> None:
-        if window_px not in (3, 5):
-            raise ValueError(f"window_px is {window_px}; valid: 3, 5")
+        if window_px not in (1, 3, 5):
+            raise ValueError(f"window_px is {window_px}; valid: 1, 3, 5")
         self.window_px = window_px
         self.lag_px = window_px // 2
         weights = tuple(comb(window_px - 1, n) for n in range(window_px))
@@ -58,6 +59,6 @@ class Binomial(wiring.Component):
         shift = 2 * (self.window_px - 1)
         pixel = Signal(8, reset_less=True)
         with m.If(weighted.o.valid):
-            m.d.sync += pixel.eq((weighted.o.sum + (1 << shift - 1)) >> shift)
+            m.d.sync += pixel.eq((weighted.o.sum + (1 << shift >> 1)) >> shift)
         m.d.comb += self.o.pixel.eq(pixel)
         return m

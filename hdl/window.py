@@ -120,6 +120,55 @@ class Window(wiring.Component):
         return m
 
 
+class Displaced(wiring.Component):
+    """Columns from further up and left, so that what follows lags more.
+
+    Parameters
+    ----------
+    shape : ShapeLike
+        Of a pixel.
+    rows : int
+        Pixels of an output column.
+    distance_px : int
+        How much further up and left.
+
+    Members
+    -------
+    i : In(beat(column))
+        ``distance_px + rows`` pixels, the newest line first.
+    o : Out(beat(column))
+
+    Attributes
+    ----------
+    latency_cycles : int
+    """
+
+    i: data.View
+    o: data.View
+
+    latency_cycles = Window.latency_cycles
+
+    def __init__(self, *, shape: ShapeLike, rows: int, distance_px: int) -> None:
+        self.distance_px = distance_px
+        self._window = Window(shape=data.ArrayLayout(shape, rows), columns=distance_px + 1)
+        super().__init__(
+            {
+                "i": In(beat(column=data.ArrayLayout(shape, distance_px + rows))),
+                "o": Out(beat(column=data.ArrayLayout(shape, rows))),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """The leftmost column of a window."""
+        m = Module()
+        m.submodules.window = window = self._window
+        carry_scan(m, self.i, window.i, 0)
+        carry_scan(m, window.o, self.o, 0)
+        m.d.comb += [pixel.eq(self.i.column[self.distance_px + n]) for n, pixel in enumerate(window.i.column)]
+        m.d.comb += self.o.column.eq(window.o.columns[self.distance_px])
+        return m
+
+
 class SeparableSum(wiring.Component):
     """Weighted sum over a window: down the columns, then along the line.
 

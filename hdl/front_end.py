@@ -1,0 +1,145 @@
+"""The front end: pixels in, feature records and a status a frame out."""
+
+from __future__ import annotations
+
+from amaranth import Cat, Module, Signal, Value
+from amaranth.lib import data, stream, wiring
+from amaranth.lib.wiring import In, Out
+
+from golden_model.config import MAX_FRAME_PX, MIN_FRAME_PX, FrontEndConfig
+from golden_model.records import feature_record
+from hdl.geometry import FrameGeometry
+from hdl.gray import Gray
+from hdl.half import Half
+from hdl.level import Level
+from hdl.level_merge import LevelMerge
+from hdl.skid_buffer import SkidBuffer
+from hdl.streams import FrontEndSettings, PixelPayload, WordPayload
+from hdl.threshold import AdaptiveThreshold
+
+
+class FrontEnd(wiring.Component):
+    """Features of one or two levels, one pixel a clock.
+
+    Nothing stalls inside. Pixels wait at the door, and only where a cell row would end before the previous one has
+    left, where the last frame's status has not left at the end of a frame, and where the settings change. Whatever
+    waits at the output, nothing is lost or doubled.
+
+    Parameters
+    ----------
+    config : FrontEndConfig
+        Threshold, cell and per-cell count are settings instead.
+    max_width_px, max_height_px : int
+        Largest frame, 64 to 4096.
+
+    Members
+    -------
+    i_pixels : In(stream(PixelPayload))
+    settings : In(FrontEndSettings)
+        Looked at where a frame may start; a change waits until the frame before has left.
+    o_features : Out(stream(WordPayload))
+        Feature records in the golden order of emission, then the frame's FrameStatus.
+
+    Attributes
+    ----------
+    levels : tuple of Level
+
+    Raises
+    ------
+    ValueError
+        For an impossible size.
+    """
+
+    i_pixels: stream.Interface
+    settings: data.View
+    o_features: stream.Interface
+
+    def __init__(self, *, config: FrontEndConfig, max_width_px: int, max_height_px: int) -> None:
+        for name, size_px in (("max_width_px", max_width_px), ("max_height_px", max_height_px)):
+            if not MIN_FRAME_PX <= size_px <= MAX_FRAME_PX:
+                raise ValueError(f"{name} is {size_px}; it must be {MIN_FRAME_PX} to {MAX_FRAME_PX}")
+        self.config = config
+        self.max_width_px = max_width_px
+        self.max_height_px = max_height_px
+        self.levels = tuple(
+            Level(config=config, level=level, width_px=max_width_px >> level) for level in range(config.levels)
+        )
+        super().__init__(
+            {
+                "i_pixels": In(stream.Signature(PixelPayload)),
+                "settings": In(FrontEndSettings),
+                "o_features": Out(stream.Signature(WordPayload)),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """Door, gray, levels, merge; and what changes between frames."""
+        m = Module()
+        m.submodules.skid_buffer = skid_buffer = SkidBuffer(shape=PixelPayload)
+        m.submodules.geometry = geometry = FrameGeometry()
+        m.submodules.gray = gray = Gray()
+        m.submodules.merge = merge = self._merge()
+        wiring.connect(m, wiring.flipped(self.i_pixels), skid_buffer.i)
+        wiring.connect(m, skid_buffer.o, geometry.i)
+        wiring.connect(m, merge.o, wiring.flipped(self.o_features))
+        under_way = geometry.o_running | geometry.o_end | merge.o_pending
+        active, changing = self._settings(m, under_way)
+        threshold_code = self._threshold(m, geometry, changing & ~under_way)
+        m.d.comb += [
+            geometry.i_width_px.eq(active.width_px),
+            geometry.i_height_px.eq(active.height_px),
+            geometry.i_may_start.eq(~changing),
+            geometry.i_may_end.eq(~merge.o_pending),
+            geometry.i_hold.eq(Cat(level.o_hold for level in self.levels).any()),
+            gray.i.eq(geometry.o),
+            gray.i_gray_input.eq(active.gray_input),
+            merge.i_settings.eq(active),
+            merge.i_starts.eq(geometry.o_start),
+            merge.i_ends.eq(geometry.o_end),
+            merge.i_causes.eq(geometry.o_causes),
+            merge.i_threshold_code.eq(threshold_code),
+        ]
+        for n, (level, pixels) in enumerate(zip(self.levels, self._pyramid(m, gray.o), strict=True)):
+            m.submodules[f"level{n}"] = level
+            wiring.connect(m, level.o, merge.i_levels[n])
+            m.d.comb += [
+                level.i.eq(pixels),
+                level.i_settings.eq(active),
+                level.i_threshold_code.eq(threshold_code),
+            ]
+        return m
+
+    def _merge(self) -> LevelMerge:
+        pattern = self.config.pattern
+        record = feature_record(pattern.descriptor_bytes, pattern.window_bytes)
+        return LevelMerge(record=record, levels=self.config.levels, max_features=self.config.max_features)
+
+    def _pyramid(self, m: Module, gray: data.View) -> list[data.View]:
+        """Each level's pixels."""
+        if self.config.levels == 1:
+            return [gray]
+        m.submodules.half = half = Half(width_px=self.max_width_px)
+        m.d.comb += half.i.eq(gray)
+        return [gray, half.o]
+
+    def _settings(self, m: Module, under_way: Value) -> tuple[data.View, Value]:
+        """The settings in use, and whether they are about to change: then no frame may start."""
+        active, changing = Signal(FrontEndSettings), Signal()
+        m.d.sync += changing.eq(active.as_value() != self.settings.as_value())
+        with m.If(changing & ~under_way):
+            m.d.sync += active.eq(self.settings)
+        return active, changing
+
+    def _threshold(self, m: Module, geometry: FrameGeometry, load: Value) -> Value:
+        m.submodules.threshold = threshold = AdaptiveThreshold(
+            detector=self.config.detector, max_features=self.config.max_features
+        )
+        m.d.comb += [
+            threshold.i_load.eq(load),
+            threshold.i_code.eq(self.settings.threshold_code),
+            threshold.i_added.eq(sum(level.o_added for level in self.levels)),
+            threshold.i_frame_ends.eq(geometry.o_end),
+            threshold.i_adapt.eq(self.settings.adaptive & ~geometry.o_causes.any()),
+            threshold.i_target.eq(self.settings.target_features),
+        ]
+        return threshold.o_code

@@ -1,0 +1,190 @@
+"""The extractor of one level: gray pixels in, feature records out."""
+
+from __future__ import annotations
+
+from amaranth import Cat, Module, Mux, Signal
+from amaranth.lib import data, stream, wiring
+from amaranth.lib.wiring import In, Out
+
+from golden_model.config import FrontEndConfig
+from golden_model.formats import RESPONSE_CODE
+from hdl.corners import Corners, Stage
+from hdl.delay import delayed
+from hdl.emission import FeatureWords
+from hdl.features import CandidateFeatures
+from hdl.level_scan import LevelScan
+from hdl.ring_window import RingWindow
+from hdl.selection import CellSelection, RasterSelection
+from hdl.smooth import Binomial
+from hdl.streams import CANDIDATE, FrontEndSettings, RowPayload, beat, carry_scan
+from hdl.window import Displaced, LineBuffer
+
+DOOR_CYCLES = 16
+"""From the admission of a pixel to its beat here and from ``o_hold`` to the last admission, together at most."""
+RASTER_DEPTH = 512
+"""Features that may wait where there is no selection."""
+
+
+class Level(wiring.Component):
+    """Corners, descriptors and selection of one level.
+
+    One memory of gray lines serves corners and descriptors. Whichever of the two lags less takes its gray from
+    further up and left, so that a corner meets the descriptor's window around it.
+
+    Parameters
+    ----------
+    config : FrontEndConfig
+    level : {0, 1}
+    width_px : int
+        Largest width of this level's lines.
+
+    Members
+    -------
+    i : In(beat(pixel))
+        Gray pixels of this level.
+    i_settings : In(FrontEndSettings)
+        Static from 2 clocks before a frame's first beat. Width and height are those of the full size.
+    i_threshold_code : In(15)
+    o_hold : Out(1)
+        Admit no more pixels: a cell row would end while the one before has not left. It rises early enough for
+        ``DOOR_CYCLES`` more.
+    o_added : Out(1)
+        The frame has one more feature.
+    o : Out(stream(RowPayload))
+
+    Attributes
+    ----------
+    lag_px : int
+        From the scan position to the candidate that meets it.
+    latency_cycles : int
+        From a beat to its feature's entry into the selection.
+    """
+
+    i: data.View
+    i_settings: data.View
+    i_threshold_code: Signal
+    o_hold: Signal
+    o_added: Signal
+    o: stream.Interface
+
+    def __init__(self, *, config: FrontEndConfig, level: int, width_px: int) -> None:
+        self.level = level
+        self.pattern = pattern = config.pattern
+        self._corners = Corners(config=config, width_px=width_px)
+        self._smooth = Binomial(window_px=5 if pattern.smoothed else 1)
+        self._rings = RingWindow(pattern=pattern, width_px=width_px)
+        self.lag_px = max(self._corners.lag_px, pattern.support_px)
+        self._scan = LevelScan(lag_px=self.lag_px, border_px=config.border_px, cells=config.selection)
+        self._features = CandidateFeatures(
+            pattern=pattern, spacing_px=config.suppression_radius_px + 1, level=level, lag_px=self.lag_px
+        )
+        self._gray_for_corners = Displaced(shape=8, rows=3, distance_px=self.lag_px - self._corners.lag_px)
+        self._gray_for_rings = Displaced(
+            shape=8, rows=self._smooth.window_px, distance_px=self.lag_px - pattern.support_px
+        )
+        columns = [displaced.i.column for displaced in (self._gray_for_corners, self._gray_for_rings)]
+        self._lines = LineBuffer(shape=8, lines=max(map(len, columns)) - 1, width_px=width_px)
+        gray_cycles = self._lines.latency_cycles + Displaced.latency_cycles
+        self._candidate_cycles = gray_cycles + self._corners.latency_cycles + 1
+        self._ring_cycles = gray_cycles + self._smooth.latency_cycles + self._rings.latency_cycles
+        self.latency_cycles = self._candidate_cycles + self._features.latency_cycles
+        if config.selection:
+            self._selection = CellSelection(pattern=pattern, width_px=width_px)
+        else:
+            in_flight = (DOOR_CYCLES + self.latency_cycles) // 2 + 1
+            self._selection = RasterSelection(pattern=pattern, depth=RASTER_DEPTH, in_flight=in_flight)
+        super().__init__(
+            {
+                "i": In(beat(pixel=8)),
+                "i_settings": In(FrontEndSettings),
+                "i_threshold_code": In(RESPONSE_CODE.bits),
+                "o_hold": Out(1),
+                "o_added": Out(1),
+                "o": Out(stream.Signature(RowPayload)),
+            }
+        )
+        self._candidate = Signal(CANDIDATE)
+
+    @property
+    def stages(self) -> dict[str, Stage]:
+        """The planes on the way, by their golden names."""
+        return {
+            "gray": Stage(self.i, "pixel", 0),
+            **{
+                name: stage._replace(lag_px=stage.lag_px + self._gray_for_corners.distance_px)
+                for name, stage in self._corners.stages.items()
+            },
+            "candidates": Stage(self._candidate, "code", self.lag_px),
+            "smoothed5": Stage(self._smooth.o, "pixel", self.lag_px - self._rings.lag_px),
+        }
+
+    def elaborate(self, platform: object) -> Module:
+        """Both paths from the gray lines to the candidate, then features, selection, words."""
+        m = Module()
+        m.submodules.lines = lines = self._lines
+        m.submodules.corners = corners = self._corners
+        m.submodules.smooth = smooth = self._smooth
+        m.d.comb += [
+            lines.i.eq(self.i),
+            corners.i.eq(self._displaced(m, "gray_for_corners", self._gray_for_corners)),
+            corners.i_threshold_code.eq(self.i_threshold_code),
+            smooth.i.eq(self._displaced(m, "gray_for_rings", self._gray_for_rings)),
+        ]
+        self._connect_candidate(m)
+        self._connect_features(m)
+        self._connect_selection(m)
+        return m
+
+    def _displaced(self, m: Module, name: str, displaced: Displaced) -> data.View:
+        m.submodules[name] = displaced
+        carry_scan(m, self._lines.o, displaced.i, 0)
+        m.d.comb += [pixel.eq(self._lines.o.column[n]) for n, pixel in enumerate(displaced.i.column)]
+        return displaced.o
+
+    def _connect_candidate(self, m: Module) -> None:
+        """Corners inside the border, with the marks of their scan position."""
+        m.submodules.scan = scan = self._scan
+        carry_scan(m, self.i, scan.i, 0)
+        m.d.comb += [
+            scan.i_width_px.eq(self.i_settings.width_px >> self.level),
+            scan.i_height_px.eq(self.i_settings.height_px >> self.level),
+            scan.i_cell_log2.eq(self.i_settings.cell_log2),
+        ]
+        wait_cycles = self._candidate_cycles - scan.latency_cycles
+        inside = delayed(m, scan.o_inside, wait_cycles - 1)
+        ends = delayed(m, Cat(scan.o_ends_row, scan.o_ends_level), wait_cycles)
+        corner = self._corners.o
+        carry_scan(m, corner, self._candidate, 1)
+        m.d.comb += Cat(self._candidate.ends_row, self._candidate.ends_level).eq(ends)
+        m.d.comb += self._candidate.code.eq(delayed(m, Mux(inside, corner.code, 0), 1))
+        for name in ("left", "right", "up", "down"):
+            m.d.comb += self._candidate[name].eq(delayed(m, corner[name], 1))
+
+    def _connect_features(self, m: Module) -> None:
+        """Ring pixels wait until they meet their candidate."""
+        m.submodules.rings = rings = self._rings
+        m.submodules.features = features = self._features
+        wait_cycles = self._candidate_cycles - self._ring_cycles
+        carry_scan(m, self._smooth.o, rings.i, wait_cycles)
+        m.d.comb += [
+            rings.i.pixel.eq(delayed(m, self._smooth.o.pixel, wait_cycles)),
+            features.i.eq(self._candidate),
+        ]
+        for i_ring, ring in zip(features.i_pixels, rings.o_pixels, strict=True):
+            m.d.comb += [i_pixel.eq(pixel) for i_pixel, pixel in zip(i_ring, ring, strict=True)]
+
+    def _connect_selection(self, m: Module) -> None:
+        m.submodules.selection = selection = self._selection
+        m.submodules.words = feature_words = FeatureWords(pattern=self.pattern, level=self.level)
+        wiring.connect(m, selection.o, feature_words.i)
+        wiring.connect(m, feature_words.o, wiring.flipped(self.o))
+        m.d.comb += [selection.i.eq(self._features.o), self.o_added.eq(selection.o_added)]
+        if isinstance(selection, RasterSelection):
+            m.d.comb += self.o_hold.eq(selection.o_busy)
+        else:
+            m.d.comb += [
+                selection.i_cell_log2.eq(self.i_settings.cell_log2),
+                selection.i_per_cell.eq(self.i_settings.per_cell),
+                selection.i_reserve.eq(self._scan.o_ends_row),
+            ]
+            m.d.sync += self.o_hold.eq(selection.o_busy & self._scan.o_row_closes)

@@ -1,0 +1,181 @@
+"""The levels' features become one stream in the golden order of emission, closed by each frame's status."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from amaranth import Array, Module, Mux, Signal, Value
+from amaranth.lib import data, stream, wiring
+from amaranth.lib.wiring import In, Out
+
+from golden_model.formats import RESPONSE_CODE
+from golden_model.records import FRAME_STATUS, WORD_BYTES, Cause, Record, Tag
+from hdl.geometry import CAUSES
+from hdl.skid_buffer import SkidBuffer
+from hdl.streams import FrontEndSettings, RowPayload, WordPayload, record_layout, words
+
+TURNS = (0, 0, 1)
+"""Level of each cell row in turn: two of the full size, one of the half size."""
+
+
+class LevelMerge(wiring.Component):
+    """Two level-0 cell rows, then one of level 1, and so on; then the FrameStatus.
+
+    Features get their index and frame number here. Those beyond ``max_features`` are dropped, which makes the frame
+    bad.
+
+    Parameters
+    ----------
+    record : Record
+        Of the features (`golden_model.records.feature_record`).
+    levels : {1, 2}
+    max_features : int
+
+    Members
+    -------
+    i_levels : In(stream(RowPayload)).array(levels)
+    i_settings : In(FrontEndSettings)
+        Of the frame whose features come.
+    i_starts : In(1)
+        The first pixel of a frame has been admitted.
+    i_ends : In(1)
+        The last one has, or a frame without pixels (`Cause.MISSING_START`) is to be reported.
+    i_causes, i_threshold_code : In
+        With ``i_ends``: what is wrong with the frame, and its threshold.
+    o_pending : Out(1)
+        A frame has ended and its status has not left: no other one may end.
+    o : Out(stream(WordPayload))
+
+    Raises
+    ------
+    ValueError
+        For another number of levels.
+    """
+
+    i_levels: Sequence[stream.Interface]
+    i_settings: data.View
+    i_starts: Signal
+    i_ends: Signal
+    i_causes: Signal
+    i_threshold_code: Signal
+    o_pending: Signal
+    o: stream.Interface
+
+    def __init__(self, *, record: Record, levels: int, max_features: int) -> None:
+        if levels not in (1, 2):
+            raise ValueError(f"levels is {levels}; valid: 1, 2")
+        self.record = record
+        self.levels = levels
+        self.max_features = max_features
+        super().__init__(
+            {
+                "i_levels": In(stream.Signature(RowPayload)).array(levels),
+                "i_settings": In(FrontEndSettings),
+                "i_starts": In(1),
+                "i_ends": In(1),
+                "i_causes": In(CAUSES),
+                "i_threshold_code": In(RESPONSE_CODE.bits),
+                "o_pending": Out(1),
+                "o": Out(stream.Signature(WordPayload)),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """Rows by turns until every level has ended, then the status."""
+        m = Module()
+        m.submodules.output = output = SkidBuffer(shape=WordPayload)
+        wiring.connect(m, wiring.flipped(self.o), output.o)
+        record_words = self.record.record_bytes // WORD_BYTES
+        word, index = Signal(range(record_words)), Signal(range(self.max_features + 1))
+        record_ends, full, overflow, sent = word == record_words - 1, index == self.max_features, Signal(), Signal()
+        item, offered, taken, exhausted = self._turns(m, restart=sent)
+        passing = Signal()
+        status, without_pixels = self._status(m, index, overflow, passing, sent)
+        numbers = Signal(record_layout(self.record))
+        m.d.comb += [numbers.index.eq(index), numbers.frame.eq(status.frame)]
+        with m.FSM():
+            with m.State("Pass-Rows"):
+                m.d.comb += [
+                    passing.eq(1),
+                    output.i.valid.eq(offered & ~full),
+                    output.i.payload.data.eq(item.data | Array(words(numbers))[word]),
+                    taken.eq(output.i.ready | full),
+                ]
+                with m.If(offered & taken):
+                    m.d.sync += [
+                        word.eq(Mux(record_ends, 0, word + 1)),
+                        index.eq(index + (record_ends & ~full)),
+                        overflow.eq(overflow | full),
+                    ]
+                with m.If(self.o_pending & (exhausted | without_pixels)):
+                    m.next = "Send-Status"
+            with m.State("Send-Status"):
+                m.d.comb += [
+                    output.i.valid.eq(1),
+                    output.i.payload.data.eq(Array(words(status))[word]),
+                    output.i.payload.last.eq(record_ends),
+                    sent.eq(output.i.ready & record_ends),
+                ]
+                with m.If(output.i.ready):
+                    m.d.sync += word.eq(Mux(record_ends, 0, word + 1))
+                with m.If(sent):
+                    m.d.sync += [index.eq(0), overflow.eq(0)]
+                    m.next = "Pass-Rows"
+        return m
+
+    def _turns(self, m: Module, *, restart: Value) -> tuple[data.View, Value, Signal, Value]:
+        """Of the level whose turn it is: its word, whether there is one, what takes it; and whether all have ended."""
+        turns = TURNS if self.levels == 2 else TURNS[:1]
+        turn, ended = Signal(range(len(turns))), Signal(self.levels)
+        level = Array(turns)[turn]
+        item, valid, taken = Signal(RowPayload), Signal(), Signal()
+        for n, source in enumerate(self.i_levels):
+            with m.If((level == n) & ~ended[n]):
+                m.d.comb += [
+                    item.eq(source.payload),
+                    valid.eq(source.valid),
+                    source.ready.eq(source.payload.ends_row | taken),
+                ]
+        row_ends = valid & item.ends_row
+        with m.If(row_ends | ended.bit_select(level, 1)):
+            m.d.sync += turn.eq(Mux(turn == len(turns) - 1, 0, turn + 1))
+        with m.If(row_ends & item.ends_level):
+            m.d.sync += ended.bit_select(level, 1).eq(1)
+        with m.If(restart):
+            m.d.sync += [turn.eq(0), ended.eq(0)]
+        return item, valid & ~item.ends_row, taken, ended.all()
+
+    def _status(self, m: Module, index: Value, overflow: Value, passing: Value, sent: Value) -> tuple[data.View, Value]:
+        """The status of the frame that has ended, and whether it had no pixels."""
+        clock, start, frame = Signal(32), Signal(32), Signal(32)
+        end = Signal(data.StructLayout({"causes": CAUSES, "threshold_code": RESPONSE_CODE.bits, "start": 32}))
+        cycles = Signal(32)
+        without_pixels = end.causes == Cause.MISSING_START
+        m.d.sync += clock.eq(clock + 1)
+        with m.If(passing):
+            m.d.sync += cycles.eq(Mux(without_pixels, 0, clock - end.start))
+        with m.If(self.i_starts):
+            m.d.sync += start.eq(clock)
+        with m.If(self.i_ends):
+            m.d.sync += [
+                self.o_pending.eq(1),
+                end.causes.eq(self.i_causes),
+                end.threshold_code.eq(self.i_threshold_code),
+                end.start.eq(start),
+            ]
+        with m.If(sent):
+            m.d.sync += [self.o_pending.eq(0), frame.eq(frame + 1)]
+
+        status = Signal(record_layout(FRAME_STATUS, self.record.record_bytes))
+        m.d.comb += [
+            status.tag.eq(Tag.FRAME_STATUS),
+            status.causes.eq(end.causes | Mux(overflow, Cause.TOO_MANY_FEATURES, 0)),
+            status.good.eq(~status.causes.any()),
+            status.frame.eq(frame),
+            status.width.eq(self.i_settings.width_px),
+            status.height.eq(self.i_settings.height_px),
+            status.features.eq(Mux(status.good, index, 0)),
+            status.threshold.eq(end.threshold_code),
+            status.cycles.eq(cycles),
+        ]
+        return status, without_pixels

@@ -1,0 +1,116 @@
+"""What a level's scan position means: whether a feature may be there, and whether a cell row ends."""
+
+from __future__ import annotations
+
+from amaranth import Const, Module, Signal
+from amaranth.lib import data, wiring
+from amaranth.lib.wiring import In, Out
+
+from golden_model.config import CELL_SIZES_PX, MAX_FRAME_PX, MIN_FRAME_PX
+from hdl.delay import delayed
+from hdl.streams import COORDINATE, beat
+
+SPARE_LINES = 2
+SMALLEST_LEVEL_PX = MIN_FRAME_PX // 2
+
+
+class LevelScan(wiring.Component):
+    """Marks of each beat: they belong to the pixel ``lag_px`` left of and above the scan position.
+
+    A cell row ends with the scan line that holds the last pixels of its lowest line, the level with the line of its
+    lowest feature. So nothing waits for lines below the frame.
+
+    Parameters
+    ----------
+    lag_px : int
+    border_px : int
+        Features keep this distance from the border; at least ``lag_px`` + 2, so that two lines are left for the last
+        features to be counted before the next frame starts.
+    cells : bool
+        Whether there are cell rows; otherwise the level is one row.
+
+    Members
+    -------
+    i : In(beat())
+    i_width_px, i_height_px : In
+        Of the level, at least 32. Static from 1 clock before a frame's first beat.
+    i_cell_log2 : In(4)
+        log2 of the cell's side, 5 to 8.
+    o_inside, o_ends_row, o_ends_level : Out(1)
+        ``latency_cycles`` after the beat: a feature may be at the pixel; the pixel is the last one of a cell row that
+        may be a feature; and of the level.
+    o_row_closes : Out(1)
+        The beat that came last is in a line at whose end a cell row ends, and it is not yet that end.
+
+    Attributes
+    ----------
+    latency_cycles : int
+
+    Raises
+    ------
+    ValueError
+        For too small a border.
+    """
+
+    i: data.View
+    i_width_px: Signal
+    i_height_px: Signal
+    i_cell_log2: Signal
+    o_inside: Signal
+    o_ends_row: Signal
+    o_ends_level: Signal
+    o_row_closes: Signal
+
+    latency_cycles = 2
+
+    def __init__(self, *, lag_px: int, border_px: int, cells: bool) -> None:
+        if border_px < lag_px + SPARE_LINES:
+            raise ValueError(
+                f"border_px is {border_px}; with this detector and descriptor the hardware needs {lag_px + SPARE_LINES}"
+            )
+        self.lag_px = lag_px
+        self.border_px = border_px
+        self.cells = cells
+        super().__init__(
+            {
+                "i": In(beat()),
+                "i_width_px": In(range(MAX_FRAME_PX + 1)),
+                "i_height_px": In(range(MAX_FRAME_PX + 1)),
+                "i_cell_log2": In(4),
+                "o_inside": Out(1),
+                "o_ends_row": Out(1),
+                "o_ends_level": Out(1),
+                "o_row_closes": Out(1),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """Compare the position with numbers that only settings change, then combine."""
+        m = Module()
+        last_x, last_y, lowest_y = (Signal(COORDINATE, name=name) for name in ("last_x", "last_y", "lowest_y"))
+        cell_mask = Signal(max(CELL_SIZES_PX).bit_length() - 1)
+        spare_px = self.border_px - self.lag_px
+        m.d.sync += [
+            last_x.eq(self.i_width_px - 1),
+            last_y.eq(self.i_height_px - 1),
+            # Above the frame's last line by so much that no feature is lost, and that even the smallest level has it.
+            lowest_y.eq(self.i_height_px - 1 - min(spare_px, SMALLEST_LEVEL_PX - 1)),
+            cell_mask.eq((1 << self.i_cell_log2) - 1),
+        ]
+        x, y, first_px = self.i.x, self.i.y, self.border_px + self.lag_px
+        inside = delayed(m, (x >= first_px) & (y >= first_px) & (x + spare_px <= last_x) & (y + spare_px <= last_y), 1)
+        line_ends, is_lowest, is_above = (delayed(m, value, 1) for value in (x == last_x, y == lowest_y, y < lowest_y))
+        cell_ends = Const(0)
+        if self.cells:
+            # The line below the pixel's is a cell's first.
+            cell_ends = delayed(m, (y >= self.lag_px) & ~((y - (self.lag_px - 1)) & cell_mask).any(), 1)
+        row_closes = is_lowest | (is_above & cell_ends)
+        valid = delayed(m, self.i.valid, 1, reset_less=False)
+        m.d.sync += [
+            self.o_inside.eq(valid & inside),
+            self.o_ends_row.eq(valid & line_ends & row_closes),
+            self.o_ends_level.eq(valid & line_ends & is_lowest),
+        ]
+        with m.If(valid):
+            m.d.sync += self.o_row_closes.eq(row_closes & ~line_ends)
+        return m

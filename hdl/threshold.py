@@ -1,0 +1,100 @@
+"""The adaptive threshold: steady feature counts without a division."""
+
+from __future__ import annotations
+
+from amaranth import Module, Mux, Signal, Value, signed
+from amaranth.lib import wiring
+from amaranth.lib.wiring import In, Out
+
+from golden_model.formats import RESPONSE_CODE
+from golden_model.threshold import STEPS
+from hdl.delay import delayed
+
+
+class AdaptiveThreshold(wiring.Component):
+    """Counts a frame's features and moves the threshold at its end (`golden_model.threshold.next_code`).
+
+    Parameters
+    ----------
+    detector : {"harris", "fast"}
+    max_features : int
+        A larger count counts as this.
+
+    Members
+    -------
+    i_load : In(1)
+        Take ``i_code``.
+    i_code : In(15)
+    i_added : In(2)
+        Features that this clock adds to the frame's.
+    i_frame_ends : In(1)
+        Begin a new count.
+    i_adapt : In(1)
+        With ``i_frame_ends``: move. The count must have been complete ``latency_cycles`` before.
+    i_target : In(13)
+        Features wanted.
+    o_code : Out(15)
+        The threshold.
+
+    Attributes
+    ----------
+    latency_cycles : int
+        From the last feature to the end of its frame, at least.
+
+    Raises
+    ------
+    ValueError
+        For another detector.
+    """
+
+    i_load: Signal
+    i_code: Signal
+    i_added: Signal
+    i_frame_ends: Signal
+    i_adapt: Signal
+    i_target: Signal
+    o_code: Signal
+
+    latency_cycles = 4
+
+    def __init__(self, *, detector: str, max_features: int) -> None:
+        if detector not in STEPS:
+            raise ValueError(f"detector is {detector!r}; valid: {', '.join(STEPS)}")
+        self.steps = STEPS[detector]
+        self.max_features = max_features
+        super().__init__(
+            {
+                "i_load": In(1),
+                "i_code": In(RESPONSE_CODE.bits),
+                "i_added": In(range(3)),
+                "i_frame_ends": In(1),
+                "i_adapt": In(1),
+                "i_target": In(13),
+                "o_code": Out(RESPONSE_CODE.bits),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """Count, step, sum, each in its clock."""
+        m = Module()
+        count = Signal(range(self.max_features + 1))
+        with m.If(self.i_frame_ends):
+            m.d.sync += count.eq(0)
+        with m.Else():
+            m.d.sync += count.eq(_clamped(count + self.i_added, 0, self.max_features))
+        excess = delayed(m, count - self.i_target, 1)
+        step = Signal(signed(self.steps.largest.bit_length() + 1), reset_less=True)
+        following = Signal(RESPONSE_CODE.bits, reset_less=True)
+        m.d.sync += [
+            step.eq(_clamped(excess >> self.steps.shift, -self.steps.largest, self.steps.largest)),
+            following.eq(_clamped(self.o_code + step, 1, self.steps.max_code)),
+        ]
+        with m.If(self.i_load):
+            m.d.sync += self.o_code.eq(self.i_code)
+        with m.Elif(self.i_frame_ends & self.i_adapt):
+            m.d.sync += self.o_code.eq(following)
+        return m
+
+
+def _clamped(value: Value, low: int, high: int) -> Value:
+    return Mux(value < low, low, Mux(value > high, high, value))
