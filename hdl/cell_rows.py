@@ -51,7 +51,7 @@ class CellRows(wiring.Component):
     o_drained: Signal
     o: stream.Interface
 
-    latency_cycles = 5
+    latency_cycles = 4
 
     def __init__(self, *, pattern: DescriptorPattern, cells: int) -> None:
         self.cells = cells

@@ -144,7 +144,7 @@ class RasterSelection(wiring.Component):
     o_added: Signal
     o: stream.Interface
 
-    latency_cycles = 3
+    latency_cycles = 2
 
     def __init__(self, *, pattern: DescriptorPattern, depth: int, in_flight: int) -> None:
         if in_flight >= depth:

@@ -158,11 +158,12 @@ class SubPixel(wiring.Component):
         y_done = delayed(m, x_done, 1, reset_less=False)
         x, y = delayed(m, self.i.x, x_cycles), delayed(m, self.i.y, x_cycles + 1)
         with m.If(x_done):
-            m.d.sync += self.o_x.eq(self._full_resolution(x - self.lag_px, vertex.o_offset))
+            m.d.sync += self.o_x.eq(self._full_resolution(x, vertex.o_offset))
         with m.If(y_done):
-            m.d.sync += self.o_y.eq(self._full_resolution(y - self.lag_px, vertex.o_offset))
+            m.d.sync += self.o_y.eq(self._full_resolution(y, vertex.o_offset))
         return m
 
-    def _full_resolution(self, pixel: Value, offset: Value) -> Value:
-        fine = (pixel << POSITION.fraction_bits) + offset
+    def _full_resolution(self, scan: Value, offset: Value) -> Value:
+        one = POSITION.fraction_bits
+        fine = (scan << one) + (offset - (self.lag_px << one))
         return fine if self.level == 0 else (fine << 1) + POSITION.one // 2
