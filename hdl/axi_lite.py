@@ -1,0 +1,151 @@
+"""AXI4-Lite, from the subordinate's side: one word at a time, every path registered."""
+
+from __future__ import annotations
+
+import enum
+
+from amaranth import Module, Signal
+from amaranth.lib import wiring
+from amaranth.lib.wiring import In, Out
+
+
+class Response(enum.IntEnum):
+    """BRESP and RRESP."""
+
+    OKAY = 0
+    SLVERR = 2
+
+
+class AxiLiteSignature(wiring.Signature):
+    """The five channels, seen from the manager; 32-bit data.
+
+    Parameters
+    ----------
+    address_bits : int
+    """
+
+    def __init__(self, *, address_bits: int) -> None:
+        self.address_bits = address_bits
+        address = {"addr": Out(address_bits), "prot": Out(3), "valid": Out(1), "ready": In(1)}
+        super().__init__(
+            {
+                **{f"aw{name}": flow for name, flow in address.items()},
+                "wdata": Out(32),
+                "wstrb": Out(4),
+                "wvalid": Out(1),
+                "wready": In(1),
+                "bresp": In(2),
+                "bvalid": In(1),
+                "bready": Out(1),
+                **{f"ar{name}": flow for name, flow in address.items()},
+                "rdata": In(32),
+                "rresp": In(2),
+                "rvalid": In(1),
+                "rready": Out(1),
+            }
+        )
+
+
+class AxiLiteSubordinate(wiring.Component):
+    """Accesses as pulses: address and data are stable while ``o_write`` or ``o_read`` is high for a clock.
+
+    Writes and reads are independent; each takes its next access when the response of the last has been taken.
+
+    Parameters
+    ----------
+    address_bits : int
+
+    Members
+    -------
+    bus : In(AxiLiteSignature)
+    o_write, o_read : Out(1)
+        Pulses.
+    o_write_word, o_read_word : Out(address_bits - 2)
+        Which word.
+    o_data : Out(32), o_strobe : Out(4)
+        Of the write.
+    i_write_known, i_read_known : In(1)
+        Whether the access is allowed, in the clock of the pulse; otherwise the response is SLVERR.
+    i_data : In(32)
+        Of the read, in the clock of the pulse.
+    """
+
+    bus: wiring.PureInterface
+    o_write: Signal
+    o_read: Signal
+    o_write_word: Signal
+    o_read_word: Signal
+    o_data: Signal
+    o_strobe: Signal
+    i_write_known: Signal
+    i_read_known: Signal
+    i_data: Signal
+
+    def __init__(self, *, address_bits: int) -> None:
+        self.address_bits = address_bits
+        super().__init__(
+            {
+                "bus": In(AxiLiteSignature(address_bits=address_bits)),
+                "o_write": Out(1),
+                "o_read": Out(1),
+                "o_write_word": Out(address_bits - 2),
+                "o_read_word": Out(address_bits - 2),
+                "o_data": Out(32),
+                "o_strobe": Out(4),
+                "i_write_known": In(1),
+                "i_read_known": In(1),
+                "i_data": In(32),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """Two small machines: one for writes, one for reads."""
+        m = Module()
+        self._writes(m)
+        self._reads(m)
+        return m
+
+    def _writes(self, m: Module) -> None:
+        """Address and data come in any order; with both, write and answer."""
+        bus = self.bus
+        has_address, has_data = Signal(), Signal()
+        # Not ready in reset, so that nothing is lost there.
+        running = Signal()
+        m.d.sync += running.eq(1)
+        m.d.comb += [
+            bus.awready.eq(running & ~has_address),
+            bus.wready.eq(running & ~has_data),
+            self.o_write.eq(has_address & has_data & ~bus.bvalid),
+        ]
+        with m.If(bus.awvalid & bus.awready):
+            m.d.sync += [has_address.eq(1), self.o_write_word.eq(bus.awaddr[2:])]
+        with m.If(bus.wvalid & bus.wready):
+            m.d.sync += [has_data.eq(1), self.o_data.eq(bus.wdata), self.o_strobe.eq(bus.wstrb)]
+        with m.If(bus.bready):
+            m.d.sync += bus.bvalid.eq(0)
+        with m.If(self.o_write):
+            m.d.sync += [has_address.eq(0), has_data.eq(0), bus.bvalid.eq(1)]
+            with m.If(self.i_write_known):
+                m.d.sync += bus.bresp.eq(Response.OKAY)
+            with m.Else():
+                m.d.sync += bus.bresp.eq(Response.SLVERR)
+
+    def _reads(self, m: Module) -> None:
+        """Take an address, read, answer."""
+        bus = self.bus
+        has_address, running = Signal(), Signal()
+        m.d.sync += running.eq(1)
+        m.d.comb += [
+            bus.arready.eq(running & ~has_address),
+            self.o_read.eq(has_address & ~bus.rvalid),
+        ]
+        with m.If(bus.arvalid & bus.arready):
+            m.d.sync += [has_address.eq(1), self.o_read_word.eq(bus.araddr[2:])]
+        with m.If(bus.rready):
+            m.d.sync += bus.rvalid.eq(0)
+        with m.If(self.o_read):
+            m.d.sync += [has_address.eq(0), bus.rvalid.eq(1), bus.rdata.eq(self.i_data)]
+            with m.If(self.i_read_known):
+                m.d.sync += bus.rresp.eq(Response.OKAY)
+            with m.Else():
+                m.d.sync += bus.rresp.eq(Response.SLVERR)
