@@ -13,7 +13,7 @@ NEIGHBOURS = {"left": (-1, 0), "right": (1, 0), "up": (0, -1), "down": (0, 1)}
 
 
 def neighbourhoods(rng):
-    """Codes of candidates and their neighbours: none larger, many equal, far smaller or 0."""
+    """Codes of candidates and their neighbours: none larger, many equal, far smaller or 0; and exact halves."""
     largest = int(encode_response(np.array((1 << 30) - 1)))
     centre = rng.integers(1, largest + 1, CANDIDATES)
     centre[:40] = [1, 2, 1023, 1024, 1025, largest, largest - 1, 2047] * 5
@@ -24,6 +24,10 @@ def neighbourhoods(rng):
         codes[name] = np.choose(rng.integers(0, 4, CANDIDATES), [centre, near.clip(0), any_smaller, 0])
     for name in NEIGHBOURS:
         codes[name][40:48] = centre[40:48]
+    # Vertices halfway between two sixteenths: u + v = 32 and |v - u| = 2, 6, 10 ...
+    falls = np.arange(1, 32, 2)
+    for name, fall in {"code": 0, "left": falls, "right": 32 - falls, "up": 32 - falls, "down": falls}.items():
+        codes[name][48:64] = 1000 - fall
     return codes
 
 
