@@ -189,7 +189,6 @@ REGISTERS = (
             Field("video_waiting", 0, 1, _STATUS, "A pixel waits at the door."),
             Field("features_waiting", 1, 1, _STATUS, "A word waits for its DMA on the features' stream."),
             Field("matches_waiting", 2, 1, _STATUS, "A word waits for its DMA on the matches' stream."),
-            Field("reference_present", 3, 1, _STATUS, "There is a frame to match with."),
         ),
     ),
     Register("FRAMES", 0x44, "Frames seen since clear.", (Field("frames", 0, 32, _STATUS, "Good and bad ones."),)),

@@ -1,0 +1,247 @@
+"""The whole accelerator: AXI4-Stream video in, features and matches out, registers on AXI4-Lite."""
+
+from __future__ import annotations
+
+from amaranth import ClockDomain, ClockSignal, Module, ResetInserter, ResetSignal, Signal, Value
+from amaranth.lib import stream, wiring
+from amaranth.lib.wiring import In, Out
+
+from golden_model.config import Config
+from golden_model.records import MATCH, WORD_BYTES
+from hdl.axi_lite import AxiLiteSignature
+from hdl.front_end import FrontEnd
+from hdl.matcher import Matcher
+from hdl.packet_gate import PacketGate
+from hdl.register_map import ADDRESS_BITS, built_constants
+from hdl.registers import RegisterFile
+from hdl.skid_buffer import SkidBuffer
+from hdl.streams import FrontEndSettings, WordPayload
+from hdl.video_input import VideoInput, VideoPayload
+
+
+class Accelerator(wiring.Component):
+    """Front end and matcher behind registers, in the domain ``sync``.
+
+    Features go to their output and to the matcher at the same time, and wait for the slower one. An output that is
+    switched off discards, so that nobody has to serve it.
+
+    Parameters
+    ----------
+    config : Config
+        What is built. Threshold, cells and the limit of the weight are registers instead.
+    lanes : int
+        Left descriptors compared at a time.
+    max_width_px, max_height_px : int
+        Largest frame.
+
+    Members
+    -------
+    i_video : In(stream of VideoPayload)
+    o_features, o_matches : Out(stream of WordPayload)
+        Packets: a frame's records, FrameStatus last.
+    control : In(AxiLiteSignature)
+        `hdl.register_map`.
+    o_interrupt : Out(1)
+        Level; an event is cleared by writing 1.
+    """
+
+    i_video: stream.Interface
+    o_features: stream.Interface
+    o_matches: stream.Interface
+    control: wiring.PureInterface
+    o_interrupt: Signal
+
+    def __init__(self, *, config: Config, lanes: int = 16, max_width_px: int = 1920, max_height_px: int = 1080) -> None:
+        self.config = config
+        self.lanes = lanes
+        self.max_width_px = max_width_px
+        self.max_height_px = max_height_px
+        size = {"max_width_px": max_width_px, "max_height_px": max_height_px}
+        self._registers = RegisterFile(
+            constants=built_constants(front_end=config.front_end, matcher=config.matcher, lanes=lanes, **size)
+        )
+        self._input = VideoInput()
+        self._front_end = FrontEnd(config=config.front_end, **size)
+        self._matcher = Matcher(
+            config=config.matcher,
+            pattern=config.front_end.pattern,
+            lanes=lanes,
+            max_features=config.front_end.max_features,
+        )
+        self._feature_gate = PacketGate(record_bytes=self._registers.constants["built_feature_bytes"])
+        self._match_gate = PacketGate(record_bytes=MATCH.record_bytes)
+        super().__init__(
+            {
+                "i_video": In(stream.Signature(VideoPayload)),
+                "o_features": Out(stream.Signature(WordPayload)),
+                "o_matches": Out(stream.Signature(WordPayload)),
+                "control": In(AxiLiteSignature(address_bits=ADDRESS_BITS)),
+                "o_interrupt": Out(1),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """The path of the data, which a write to ``clear`` resets, and the registers, which it does not."""
+        m = Module()
+        m.submodules.registers = registers = self._registers
+        wiring.connect(m, wiring.flipped(self.control), registers.bus)
+        m.d.comb += self.o_interrupt.eq(registers.o_interrupt)
+        path = self._data_path()
+        m.submodules.data_path = ResetInserter(registers.o_clear)(path)
+        self._settings(m)
+        self._status(m)
+        return m
+
+    def _data_path(self) -> Module:
+        """Video input, front end, matcher, and the two ways out."""
+        m = Module()
+        m.submodules.video_input = self._input
+        m.submodules.front_end = self._front_end
+        m.submodules.matcher = self._matcher
+        wiring.connect(m, wiring.flipped(self.i_video), self._input.i)
+        wiring.connect(m, self._input.o, self._front_end.i_pixels)
+        branches = (self._way_out(m, "features", self._feature_gate, self.o_features), SkidBuffer(shape=WordPayload))
+        m.submodules.to_matcher = branches[1]
+        wiring.connect(m, branches[1].o, self._matcher.i_features)
+        self._fork(m, self._front_end.o_features, *(branch.i for branch in branches))
+        matches = self._way_out(m, "matches", self._match_gate, self.o_matches)
+        wiring.connect(m, self._matcher.o_matches, matches.i)
+        return m
+
+    @staticmethod
+    def _way_out(m: Module, name: str, gate: PacketGate, output: stream.Interface) -> SkidBuffer:
+        """A register stage, then the gate to the output; features and gate are seen from the registers."""
+        buffer = SkidBuffer(shape=WordPayload)
+        m.submodules[f"{name}_buffer"] = buffer
+        m.submodules[f"{name}_gate"] = gate
+        wiring.connect(m, buffer.o, gate.i)
+        wiring.connect(m, gate.o, wiring.flipped(output))
+        return buffer
+
+    @staticmethod
+    def _fork(m: Module, source: stream.Interface, *sinks: stream.Interface) -> None:
+        """Hand a payload to all sinks in the clock in which all are ready; their ready comes from registers."""
+        all_ready: Value = sinks[0].ready
+        for sink in sinks[1:]:
+            all_ready = all_ready & sink.ready
+        m.d.comb += source.ready.eq(all_ready)
+        for sink in sinks:
+            m.d.comb += [sink.valid.eq(source.valid & all_ready), sink.payload.eq(source.payload)]
+
+    def _settings(self, m: Module) -> None:
+        """Registers to the blocks."""
+        registers, video, matcher = self._registers, self._input, self._matcher
+        m.d.comb += [
+            video.i_enable.eq(registers.o_enable),
+            video.i_memory_mode.eq(registers.o_memory_mode),
+            video.i_gray_input.eq(registers.o_gray_input),
+            video.i_width_px.eq(registers.o_width_px),
+            video.i_height_px.eq(registers.o_height_px),
+            *(self._front_end.settings[name].eq(getattr(registers, f"o_{name}")) for name in _setting_names()),
+            matcher.i_keep_above.eq(registers.o_keep_above),
+            matcher.i_hold_reference.eq(registers.o_hold_reference),
+            matcher.i_take_reference.eq(registers.o_take_reference),
+            registers.i_take_reference.eq(matcher.o_reference_taken),
+            self._feature_gate.i_enable.eq(registers.o_features_enable),
+            self._match_gate.i_enable.eq(registers.o_matches_enable),
+        ]
+
+    def _status(self, m: Module) -> None:
+        """What the blocks say to the registers; events and counters as packets leave."""
+        registers, features, matches = self._registers, self._feature_gate, self._match_gate
+        frame_bad = features.o_done & ~features.o_status.good
+        m.d.comb += [
+            registers.i_video_waiting.eq(self.i_video.valid & ~self.i_video.ready),
+            registers.i_features_waiting.eq(self.o_features.valid & ~self.o_features.ready),
+            registers.i_matches_waiting.eq(self.o_matches.valid & ~self.o_matches.ready),
+            registers.i_frame_done.eq(features.o_done),
+            registers.i_matches_done.eq(matches.o_done),
+            registers.i_frame_bad.eq(frame_bad),
+        ]
+        with m.If(features.o_done):
+            m.d.sync += [
+                registers.i_frames.eq(registers.i_frames + 1),
+                registers.i_last_features.eq(features.o_status.features),
+                registers.i_last_threshold.eq(features.o_status.threshold),
+                registers.i_last_cycles.eq(features.o_status.cycles),
+            ]
+        with m.If(frame_bad):
+            m.d.sync += [
+                registers.i_bad_frames.eq(registers.i_bad_frames + 1),
+                registers.i_causes.eq(features.o_status.causes),
+            ]
+        with m.If(matches.o_done):
+            m.d.sync += [
+                registers.i_last_matches.eq(matches.o_status.matches),
+                registers.i_last_kept.eq(matches.o_status.kept),
+            ]
+        with m.If(registers.o_clear):
+            m.d.sync += [registers.i_frames.eq(0), registers.i_bad_frames.eq(0)]
+
+
+def _setting_names() -> list[str]:
+    return [name for name, _ in FrontEndSettings.as_shape()]
+
+
+class AcceleratorTop(wiring.Component):
+    """`Accelerator` with the flat ports of an AMD IP core, in one clock domain.
+
+    Members
+    -------
+    aclk, aresetn : In(1)
+        Clock of everything, and its synchronous reset, active low.
+    s_axis_video_*, m_axis_features_*, m_axis_matches_* : AXI4-Stream
+    s_axi_ctrl_* : AXI4-Lite
+    interrupt : Out(1)
+        Active high, level.
+    """
+
+    def __init__(self, accelerator: Accelerator) -> None:
+        self.accelerator = accelerator
+        word = {"tdata": 8 * WORD_BYTES, "tkeep": WORD_BYTES, "tlast": 1, "tvalid": 1}
+        super().__init__(
+            {
+                "aclk": In(1),
+                "aresetn": In(1),
+                **{f"s_axis_video_{name}": In(bits) for name, bits in _VIDEO.items()},
+                "s_axis_video_tready": Out(1),
+                **{f"m_axis_{name}_{port}": Out(bits) for name in _PACKETS for port, bits in word.items()},
+                **{f"m_axis_{name}_tready": In(1) for name in _PACKETS},
+                **{f"s_axi_ctrl_{name}": member for name, member in accelerator.control.signature.members.items()},
+                "interrupt": Out(1),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """Names only."""
+        m = Module()
+        m.domains.sync = ClockDomain()
+        m.submodules.accelerator = inner = self.accelerator
+        m.d.comb += [
+            ClockSignal().eq(self.aclk),
+            ResetSignal().eq(~self.aresetn),
+            inner.i_video.valid.eq(self.s_axis_video_tvalid),
+            inner.i_video.payload.data.eq(self.s_axis_video_tdata),
+            inner.i_video.payload.first.eq(self.s_axis_video_tuser),
+            inner.i_video.payload.last.eq(self.s_axis_video_tlast),
+            self.s_axis_video_tready.eq(inner.i_video.ready),
+            self.interrupt.eq(inner.o_interrupt),
+        ]
+        for name in _PACKETS:
+            packets = getattr(inner, f"o_{name}")
+            ports = {port: getattr(self, f"m_axis_{name}_{port}") for port in ("tdata", "tkeep", "tlast", "tvalid")}
+            m.d.comb += [
+                ports["tdata"].eq(packets.payload.data),
+                ports["tkeep"].eq(~0),
+                ports["tlast"].eq(packets.payload.last),
+                ports["tvalid"].eq(packets.valid),
+                packets.ready.eq(getattr(self, f"m_axis_{name}_tready")),
+            ]
+        for name, member in inner.control.signature.members.items():
+            outer, own = getattr(self, f"s_axi_ctrl_{name}"), getattr(inner.control, name)
+            m.d.comb += outer.eq(own) if member.flow == Out else own.eq(outer)
+        return m
+
+
+_VIDEO = {"tdata": 32, "tuser": 1, "tlast": 1, "tvalid": 1}
+_PACKETS = ("features", "matches")

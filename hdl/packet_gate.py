@@ -1,0 +1,70 @@
+"""Watches a stream of records go by, and keeps the last FrameStatus."""
+
+from __future__ import annotations
+
+from amaranth import Cat, Module, Signal
+from amaranth.lib import data, stream, wiring
+from amaranth.lib.wiring import In, Out
+
+from golden_model.records import FRAME_STATUS, WORD_BYTES
+from hdl.streams import WordPayload, record_layout
+
+
+class PacketGate(wiring.Component):
+    """Let whole packets through, or discard whole packets; and tell each one's FrameStatus.
+
+    Members
+    -------
+    i : In(stream of WordPayload)
+        Records; a packet ends with its FrameStatus.
+    i_enable : In(1)
+        Looked at between packets: whether the next one goes through.
+    o : Out(stream of WordPayload)
+    o_done : Out(1)
+        The last word of a packet has left, or was discarded, in the clock before.
+    o_status : Out(FrameStatus)
+        Of the last packet; from ``o_done`` on.
+    """
+
+    i: stream.Interface
+    i_enable: Signal
+    o: stream.Interface
+    o_done: Signal
+    o_status: data.View
+
+    def __init__(self, *, record_bytes: int) -> None:
+        self.record_words = record_bytes // WORD_BYTES
+        self._layout = record_layout(FRAME_STATUS)
+        super().__init__(
+            {
+                "i": In(stream.Signature(WordPayload)),
+                "i_enable": In(1),
+                "o": Out(stream.Signature(WordPayload)),
+                "o_done": Out(1),
+                "o_status": Out(self._layout),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """A switch that only turns between packets, and the words of the last record."""
+        m = Module()
+        passes, under_way = Signal(), Signal()
+        word, status = Signal(range(self.record_words)), Signal(self._layout.size)
+        m.d.comb += [
+            self.o.valid.eq(self.i.valid & under_way & passes),
+            self.o.payload.eq(self.i.payload),
+            self.i.ready.eq(under_way & (self.o.ready | ~passes)),
+            self.o_status.eq(status),
+        ]
+        m.d.sync += self.o_done.eq(0)
+        with m.If(~under_way):
+            m.d.sync += [passes.eq(self.i_enable), under_way.eq(self.i.valid)]
+        with m.If(self.i.valid & self.i.ready):
+            m.d.sync += word.eq(word + 1)
+            with m.If(word == self.record_words - 1):
+                m.d.sync += word.eq(0)
+            with m.If(word < self._layout.size // (8 * WORD_BYTES)):
+                m.d.sync += status.eq(Cat(status, self.i.payload.data)[8 * WORD_BYTES :])
+            with m.If(self.i.payload.last):
+                m.d.sync += [self.o_done.eq(1), under_way.eq(0)]
+        return m
