@@ -48,11 +48,7 @@ def match(
     left_index, right_index, best, margin = hamming.mutual_matches(distance, pattern.bits)
     left, right = left_features[left_index], right_features[right_index]
 
-    matches = np.zeros(len(best), dtype=MATCH.dtype)
-    matches["tag"] = Tag.MATCH
-    matches["left_index"], matches["right_index"] = left_index, right_index
-    for axis in ("x", "y"):
-        matches[f"left_{axis}"], matches[f"right_{axis}"] = left[axis], right[axis]
+    matches = paired(left_features, right_features, left_index, right_index)
     matches["distance"], matches["margin"] = best, margin
     if pattern.oriented:
         matches["turn"] = (right["sector"] - left["sector"]) % SECTORS
@@ -72,11 +68,31 @@ def match(
     return matches
 
 
+def paired(
+    left_features: NDArray[np.void],
+    right_features: NDArray[np.void],
+    left_index: NDArray[np.integer],
+    right_index: NDArray[np.integer],
+) -> NDArray[np.void]:
+    """Match records (M,) of paired features: indices and positions; every other field is 0."""
+    matches = np.zeros(len(left_index), dtype=MATCH.dtype)
+    matches["tag"] = Tag.MATCH
+    matches["left_index"], matches["right_index"] = left_index, right_index
+    for axis in ("x", "y"):
+        matches[f"left_{axis}"] = left_features[axis][left_index]
+        matches[f"right_{axis}"] = right_features[axis][right_index]
+    return matches
+
+
 def rule_names(pattern: DescriptorPattern, config: MatcherConfig) -> list[str]:
     """Each rule of the configured rule base in words, by the index that match records carry."""
     if config.rule_base == "none":
         return ["no rules"]
-    system = (fuzzy.aerial if config.rule_base == "aerial" else fuzzy.ilbp)(pattern.bits)
+    return in_words((fuzzy.aerial if config.rule_base == "aerial" else fuzzy.ilbp)(pattern.bits))
+
+
+def in_words(system: fuzzy.SugenoSystem) -> list[str]:
+    """The conditions of each rule of a system that names a set for every input."""
     return [
         ", ".join(f"{variable.name} {chosen}" for variable, chosen in zip(system.inputs, rule.sets, strict=True))
         for rule in system.rules
@@ -110,6 +126,11 @@ def _check(left: NDArray[np.void], right: NDArray[np.void], pattern: DescriptorP
                 f"{side} descriptors have {length} bytes, {pattern.name} has {pattern.descriptor_bytes}; "
                 "match with the pattern the features were described with"
             )
+    check_rule_base(pattern, config)
+
+
+def check_rule_base(pattern: DescriptorPattern, config: MatcherConfig) -> None:
+    """ValueError if the rule base needs a window the pattern does not carry."""
     if config.rule_base == "ilbp" and not pattern.carries_window:
         raise ValueError(
             f"rule base 'ilbp' needs the gray window around each feature, which {pattern.name} does not carry; "

@@ -1,0 +1,138 @@
+"""SURF's key points: maxima in place and scale of a Hessian of boxes (Bay, Tuytelaars and Van Gool, 2006).
+
+Second derivatives are sums over boxes of the integral image, so that a filter of any size costs the same. OpenCV's
+own SURF is left out of its packages; only the detector is needed here, any descriptor may follow it.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Pixels = NDArray[np.uint8]
+Plane = NDArray[np.float64]
+
+OCTAVES_PX = ((9, 15, 21, 27), (15, 27, 39, 51), (27, 51, 75, 99))
+"""Side of the filters by octave; maxima are sought at the inner two."""
+MIXED_WEIGHT = 0.9
+"""Balances the boxes against the Gaussians they stand for (equation II-6)."""
+LEAST_RESPONSE = 10.0
+"""Determinants below it are noise, for gray levels 0 to 255 and filters normalised by their area."""
+LARGEST_STEP = 1.0
+"""A fitted maximum farther than one pixel or filter size from its sample belongs to another sample."""
+
+
+def key_points(gray: Pixels) -> list[cv2.KeyPoint]:
+    """Key points of an image.
+
+    Parameters
+    ----------
+    gray : ndarray of uint8, shape (H, W)
+
+    Returns
+    -------
+    list of cv2.KeyPoint
+        Sub-pixel position; ``size`` is the side of the filter in px (scale 1.2 size / 9), ``response`` the
+        determinant, ``angle`` -1: the key points are upright.
+    """
+    integral = cv2.integral(gray)
+    found = []
+    for sizes in OCTAVES_PX:
+        if sizes[-1] < min(gray.shape):
+            found += _octave(integral, sizes)
+    return found
+
+
+def determinant(integral: NDArray[np.int32], size_px: int) -> Plane:
+    """Determinant of the box Hessian, Dxx Dyy - (0.9 Dxy)**2, at every pixel (equations II-4 to II-6).
+
+    Parameters
+    ----------
+    integral : ndarray of int32, shape (H + 1, W + 1)
+        Integral image, as `cv2.integral` gives it.
+    size_px : int
+        Side of the filters, an odd multiple of 3; the derivatives are divided by its square.
+
+    Returns
+    -------
+    ndarray of float64, shape (H, W)
+        0 where the filter leaves the image.
+    """
+    lobe, half = size_px // 3, size_px // 2
+    band = 2 * lobe - 1
+    dyy = _box(integral, half, (-half, 1 - lobe), (size_px, band))
+    dyy -= 3 * _box(integral, half, (-(lobe // 2), 1 - lobe), (lobe, band))
+    dxx = _box(integral, half, (1 - lobe, -half), (band, size_px))
+    dxx -= 3 * _box(integral, half, (1 - lobe, -(lobe // 2)), (band, lobe))
+    square = (lobe, lobe)
+    dxy = _box(integral, half, (-lobe, -lobe), square) + _box(integral, half, (1, 1), square)
+    dxy -= _box(integral, half, (-lobe, 1), square) + _box(integral, half, (1, -lobe), square)
+    area = size_px**2
+    inner = (dxx / area) * (dyy / area) - (MIXED_WEIGHT * dxy / area) ** 2
+    return np.pad(inner, half)
+
+
+def _box(
+    integral: NDArray[np.int32], margin_px: int, corner: tuple[int, int], shape: tuple[int, int]
+) -> NDArray[np.int32]:
+    """Sum over a box at every pixel ``margin_px`` inside the image; the box's first (row, column) is relative to it."""
+    rows, columns = (side - 1 - 2 * margin_px for side in integral.shape)
+    top, left = margin_px + corner[0], margin_px + corner[1]
+
+    def corner_sum(row: int, column: int) -> NDArray[np.int32]:
+        return integral[top + row : top + row + rows, left + column : left + column + columns]
+
+    height, width = shape
+    total: NDArray[np.int32] = (
+        corner_sum(height, width) - corner_sum(0, width) - corner_sum(height, 0) + corner_sum(0, 0)
+    )
+    return total
+
+
+def _octave(integral: NDArray[np.int32], sizes: tuple[int, ...]) -> list[cv2.KeyPoint]:
+    planes = np.stack([determinant(integral, size) for size in sizes])
+    window = np.ones((3, 3), np.uint8)
+    largest = np.stack([cv2.dilate(plane, window) for plane in planes])
+    peaks = np.zeros(planes.shape, dtype=bool)
+    peaks[1:-1] = (planes[1:-1] > LEAST_RESPONSE) & (
+        planes[1:-1] >= np.maximum.reduce([largest[:-2], largest[1:-1], largest[2:]])
+    )
+    scale, y, x = np.nonzero(peaks)
+    step, response = _fitted_maxima(planes, scale, y, x)
+    kept = np.abs(step).max(axis=1, initial=0) <= LARGEST_STEP
+    spacing = sizes[1] - sizes[0]
+    return [
+        cv2.KeyPoint(float(column), float(row), float(size), -1, float(value))
+        for column, row, size, value in zip(
+            (x + step[:, 2])[kept],
+            (y + step[:, 1])[kept],
+            (np.array(sizes)[scale] + spacing * step[:, 0])[kept],
+            response[kept],
+            strict=True,
+        )
+    ]
+
+
+def _fitted_maxima(
+    planes: Plane, scale: NDArray[np.intp], y: NDArray[np.intp], x: NDArray[np.intp]
+) -> tuple[Plane, Plane]:
+    """Where the quadratic through each maximum's 26 neighbours has its top: steps (N, 3) in scale, y, x; its value."""
+
+    def at(ds: int, dy: int, dx: int) -> Plane:
+        values: Plane = planes[scale + ds, y + dy, x + dx]
+        return values
+
+    axes = np.eye(3, dtype=int)
+    gradient = np.stack([(at(*axis) - at(*-axis)) / 2 for axis in axes], axis=1)
+    curvature = np.empty((len(x), 3, 3))
+    for i, first in enumerate(axes):
+        for j, second in enumerate(axes):
+            if i == j:
+                curvature[:, i, j] = at(*first) - 2 * at(0, 0, 0) + at(*-first)
+            else:
+                together, apart = first + second, first - second
+                curvature[:, i, j] = (at(*together) - at(*apart) - at(*-apart) + at(*-together)) / 4
+    # The pseudo-inverse leaves out directions in which a maximum is flat.
+    step = -(np.linalg.pinv(curvature, hermitian=True) @ gradient[..., np.newaxis])[..., 0]
+    return step, at(0, 0, 0) + (gradient * step).sum(axis=1) / 2
