@@ -46,8 +46,8 @@ class Level(wiring.Component):
         Static from 2 clocks before a frame's first beat. Width and height are those of the full size.
     i_threshold_code : In(15)
     o_hold : Out(1)
-        Admit no more pixels: a cell row would end while the one before has not left. It rises early enough for
-        ``DOOR_CYCLES`` more.
+        Admit no more pixels: a cell row would end while the one before has not left. It rises `WARNING_PX` before,
+        early enough for the pixels that are on their way.
     o_added : Out(1)
         The frame has one more feature.
     o : Out(stream(RowPayload))

@@ -11,6 +11,8 @@ from hdl.delay import delayed
 from hdl.streams import COORDINATE, beat
 
 SPARE_LINES = 2
+WARNING_PX = 24
+"""How early the end of a cell row is foretold: by less than the smallest level's width."""
 SMALLEST_LEVEL_PX = MIN_FRAME_PX // 2
 
 
@@ -40,7 +42,7 @@ class LevelScan(wiring.Component):
         ``latency_cycles`` after the beat: a feature may be at the pixel; the pixel is the last one of a cell row that
         may be a feature; and of the level.
     o_row_closes : Out(1)
-        The beat that came last is in a line at whose end a cell row ends, and it is not yet that end.
+        The beat that came last is one of the last ``WARNING_PX`` before the end of a cell row.
 
     Attributes
     ----------
@@ -88,10 +90,12 @@ class LevelScan(wiring.Component):
         """Compare the position with numbers that only settings change, then combine."""
         m = Module()
         last_x, last_y, lowest_y = (Signal(COORDINATE, name=name) for name in ("last_x", "last_y", "lowest_y"))
+        warning_x = Signal(COORDINATE)
         cell_mask = Signal(max(CELL_SIZES_PX).bit_length() - 1)
         spare_px = self.border_px - self.lag_px
         m.d.sync += [
             last_x.eq(self.i_width_px - 1),
+            warning_x.eq(self.i_width_px - 1 - WARNING_PX),
             last_y.eq(self.i_height_px - 1),
             # Above the frame's last line by so much that no feature is lost, and that even the smallest level has it.
             lowest_y.eq(self.i_height_px - 1 - min(spare_px, SMALLEST_LEVEL_PX - 1)),
@@ -99,7 +103,8 @@ class LevelScan(wiring.Component):
         ]
         x, y, first_px = self.i.x, self.i.y, self.border_px + self.lag_px
         inside = delayed(m, (x >= first_px) & (y >= first_px) & (x + spare_px <= last_x) & (y + spare_px <= last_y), 1)
-        line_ends, is_lowest, is_above = (delayed(m, value, 1) for value in (x == last_x, y == lowest_y, y < lowest_y))
+        line_ends, line_ends_soon = delayed(m, x == last_x, 1), delayed(m, x >= warning_x, 1)
+        is_lowest, is_above = delayed(m, y == lowest_y, 1), delayed(m, y < lowest_y, 1)
         cell_ends = Const(0)
         if self.cells:
             # The line below the pixel's is a cell's first.
@@ -112,5 +117,5 @@ class LevelScan(wiring.Component):
             self.o_ends_level.eq(valid & line_ends & is_lowest),
         ]
         with m.If(valid):
-            m.d.sync += self.o_row_closes.eq(row_closes & ~line_ends)
+            m.d.sync += self.o_row_closes.eq(row_closes & line_ends_soon & ~line_ends)
         return m

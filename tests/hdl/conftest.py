@@ -1,0 +1,68 @@
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+from amaranth.lib import wiring
+from numpy.typing import NDArray
+
+from sim.drivers import Beats, run_beats
+from sim.recording import Pauses
+
+SHAPE = (19, 23)
+
+
+@pytest.fixture(params=[0, 100], ids=["back_to_back", "gaps"])
+def pauses(request: pytest.FixtureRequest) -> Pauses:
+    return Pauses(gaps=request.param, seed=7)
+
+
+@pytest.fixture
+def gray_frames() -> list[NDArray[np.uint8]]:
+    """Changing content and the extremes, at an odd size."""
+    noise = np.random.default_rng(11).integers(0, 256, (2, *SHAPE), dtype=np.uint8)
+    black, white = np.zeros(SHAPE, np.uint8), np.full(SHAPE, 255, np.uint8)
+    y, x = np.indices(SHAPE)
+    checkerboard = ((x + y) % 2 * 255).astype(np.uint8)
+    hot_pixel = black.copy()
+    hot_pixel[9, 11] = 255
+    steps = np.where((x // 4 + y // 4) % 2, noise[1] // 16, 255 - noise[1] // 16).astype(np.uint8)
+    return [noise[0], white, checkerboard, black, hot_pixel, steps]
+
+
+@pytest.fixture
+def run_block(pauses: Pauses) -> Callable[..., list[Beats]]:
+    """Send frames through a block that answers every beat after ``latency_cycles``; the answers of each frame."""
+
+    def run(
+        dut: wiring.Component,
+        frames: Sequence[Mapping[str, NDArray[Any]]],
+        settings: Mapping[str, int] | None = None,
+    ) -> list[Beats]:
+        sent, received = run_beats(dut, frames, settings=settings, pauses=pauses)
+        np.testing.assert_array_equal(received.cycles - sent.cycles, dut.latency_cycles)
+        return received.split()
+
+    return run
+
+
+@pytest.fixture
+def check_block(run_block: Callable[..., list[Beats]]) -> Callable[..., None]:
+    """Compare fields of a block's answers with one plane a frame, ``margin_px`` and more inside it."""
+
+    def check(
+        dut: wiring.Component,
+        frames: Sequence[Mapping[str, NDArray[Any]]],
+        expected: Mapping[str, Sequence[NDArray[Any]]],
+        *,
+        margin_px: int = 0,
+        settings: Mapping[str, int] | None = None,
+    ) -> None:
+        parts = run_block(dut, frames, settings)
+        for field, planes in expected.items():
+            for number, (part, plane) in enumerate(zip(parts, planes, strict=True)):
+                inside = tuple(slice(margin_px, side - margin_px) for side in plane.shape)
+                actual = part.plane(field, plane.shape, lag_px=getattr(dut, "lag_px", 0))
+                np.testing.assert_array_equal(actual[inside], plane[inside], f"{field} of frame {number}")
+
+    return check
