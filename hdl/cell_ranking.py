@@ -175,11 +175,11 @@ class CellRanking(wiring.Component):
         m.submodules.rankings = rankings
         m.submodules.insertion = insertion = Insertion()
         read, write = rankings.read_port(), rankings.write_port()
-        arrived = delayed(m, self.i.present, 1, reset_less=False)
+        arrived, touched = delayed(m, self.i.present, 1, reset_less=False), Signal(reset_less=True)
         m.d.comb += [
             read.addr.eq(self.i.x[SMALLEST_CELL_LOG2:] >> (self.i_cell_log2 - SMALLEST_CELL_LOG2)[:2]),
             read.en.eq(self.i.present),
-            insertion.i_ranking.eq(Mux(self.o_touched.bit_select(self.o_cell, 1), read.data, _EMPTY)),
+            insertion.i_ranking.eq(Mux(touched, read.data, _EMPTY)),
             insertion.i_response.eq(self.o_feature.response),
             insertion.i_per_cell.eq(self.i_per_cell),
             write.addr.eq(self.o_cell),
@@ -187,7 +187,11 @@ class CellRanking(wiring.Component):
             write.en.eq(arrived & insertion.o_kept),
         ]
         with m.If(self.i.present):
-            m.d.sync += [self.o_cell.eq(read.addr), self.o_feature.eq(self.i.feature)]
+            m.d.sync += [
+                self.o_cell.eq(read.addr),
+                self.o_feature.eq(self.i.feature),
+                touched.eq(self.o_touched.bit_select(read.addr, 1) & ~self.i_clear),
+            ]
         m.d.sync += self.o_kept.eq(arrived & insertion.o_kept)
         with m.If(arrived):
             m.d.sync += [

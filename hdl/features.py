@@ -61,6 +61,11 @@ class CandidateFeatures(wiring.Component):
     Attributes
     ----------
     latency_cycles : int
+
+    Raises
+    ------
+    ValueError
+        For a smoothed pattern that carries a gray window.
     """
 
     i: data.View
@@ -68,6 +73,8 @@ class CandidateFeatures(wiring.Component):
     o: data.View
 
     def __init__(self, *, pattern: DescriptorPattern, spacing_px: int, level: int, lag_px: int) -> None:
+        if pattern.carries_window and pattern.smoothed:
+            raise ValueError(f"{pattern.name} carries a gray window, but its rings are smoothed")
         self.pattern = pattern
         self.lag_px = lag_px
         self._descriptor = RingDescriptor(pattern=pattern, spacing_px=spacing_px)
@@ -109,7 +116,7 @@ class CandidateFeatures(wiring.Component):
         return m
 
     def _window(self) -> Value:
-        """The 3x3 gray window: pixels of an unsmoothed pattern's rings."""
+        """The 3x3 gray window: the inner pixels of square rings."""
         offsets = [offset for ring in self.pattern.offsets for offset in ring]
         pixels = [pixel for ring in self.i_pixels for pixel in ring]
         at = dict(zip(offsets, pixels, strict=True))

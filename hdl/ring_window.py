@@ -17,7 +17,8 @@ class RingWindow(wiring.Component):
     """Ring pixels around the pixel ``lag_px`` left of and above the scan position.
 
     One memory holds ``2 * lag_px`` lines. Along x each used line is a chain of registers as long as its leftmost
-    ring pixel needs; where the chain has no tap it packs into SRLs.
+    ring pixel needs; where the chain has no tap it packs into SRLs. Within ``lag_px`` of the frame's border the pixels
+    are unspecified. Nothing needs a reset.
 
     Parameters
     ----------
@@ -29,7 +30,8 @@ class RingWindow(wiring.Component):
     -------
     i : In(beat(pixel))
     o_pixels : Out(8).array(rings, angles)
-        As `DescriptorPattern.offsets`, ``latency_cycles`` after the beat, until the next beat's.
+        As `DescriptorPattern.offsets`, ``latency_cycles`` after the beat, until the next beat's. One signal a pixel:
+        one wide signal would slow compiled simulations by a third.
 
     Attributes
     ----------
