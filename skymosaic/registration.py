@@ -13,11 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.config import LARGEST_THRESHOLD, Config, preset_config
+from golden_model.ilbp import PATTERNS
 from golden_model.records import Cause
-from sim.backend import FrameResult, FrontEnd, create
+from sim.backend import FrameResult, FrontEnd
+from skymosaic.errors import InputError
+from skymosaic.estimators import ESTIMATORS, FUZZY_RANSAC, estimate
 from skymosaic.homography import apply
 from skymosaic.images import Photograph, Pixels, load, reduced
-from skymosaic.ransac import INLIER_PX, MIN_INLIERS, estimate_homography
+from skymosaic.methods import Method, choose, front_end_of
+from skymosaic.ransac import INLIER_PX, MIN_INLIERS
 from skymosaic.refine import refine_pair
 
 WORKING_WIDTH_PX = 1280
@@ -41,8 +45,9 @@ class Pair:
     features : tuple of structured arrays
         Feature records of left and right (`golden_model.records.feature_record`), in 1/16 working px.
     matches, kept, inliers : structured arrays
-        Match records (`golden_model.records.MATCH`) after the mutual check, after the fuzzy stage,
-        and within 2 working px of the homography.
+        Match records (`golden_model.records.MATCH`) as proposed (after the mutual check; of a ratio test, before
+        it), after the fuzzy stage or the ratio test's mutual check, and within 2 working px of the homography (of
+        fuzzy RANSAC: accepted by its rules).
     refined_inliers : int
         Matches of the second pass within 2 working px; 0 where there was none, or it found less than the first.
     homography : ndarray of float64, shape (3, 3), or None
@@ -51,6 +56,10 @@ class Pair:
         Why the pair was not accepted, with the counts; empty where it was.
     config : Config
         What was computed.
+    method : Method
+        Detector and descriptor.
+    estimator : str
+        Robust estimator.
     backend : str
         What computed it.
     seconds : dict
@@ -69,6 +78,8 @@ class Pair:
     homography: Matrix | None
     reason: str
     config: Config
+    method: Method
+    estimator: str
     backend: str
     seconds: dict[str, float]
 
@@ -91,6 +102,9 @@ class Pair:
             "seconds": {stage: round(value, 4) for stage, value in self.seconds.items()},
             "backend": self.backend,
             "preset": self.config.preset,
+            "detector": self.method.detector,
+            "descriptor": self.method.descriptor,
+            "estimator": self.estimator,
         }
 
 
@@ -100,6 +114,9 @@ def register(
     *,
     preset: str = "aerial",
     config: Config | None = None,
+    detector: str | None = None,
+    descriptor: str | None = None,
+    estimator: str = "prosac",
     backend: str = "golden",
     seed: int = 0,
     working_width_px: int = WORKING_WIDTH_PX,
@@ -113,6 +130,11 @@ def register(
         The photographs; they need not be of one size.
     preset : str
         ``"aerial"`` or ``"thesis"``; `config` overrides it.
+    detector, descriptor : str or None
+        Names of `skymosaic.detectors.DETECTORS` and `skymosaic.descriptors.DESCRIPTORS`; None: what goes with the
+        other, or as configured.
+    estimator : str
+        One of `skymosaic.estimators.ESTIMATORS`.
     backend : str
         Who computes features and matches: ``golden``, ``rtl``, ...
     seed : int
@@ -130,7 +152,7 @@ def register(
     Raises
     ------
     skymosaic.errors.InputError
-        For a photograph that cannot be used.
+        For a photograph that cannot be used, an unknown name or an impossible combination.
     """
     clock = _Stopwatch()
     photographs = load(left, "left image"), load(right, "right image")
@@ -138,6 +160,9 @@ def register(
     return register_photographs(
         photographs,
         config=config or preset_config(preset),
+        detector=detector,
+        descriptor=descriptor,
+        estimator=estimator,
         backend=backend,
         seed=seed,
         working_width_px=working_width_px,
@@ -155,19 +180,29 @@ def register_photographs(
     working_width_px: int,
     refine: bool,
     seconds: dict[str, float],
+    detector: str | None = None,
+    descriptor: str | None = None,
+    estimator: str = "prosac",
 ) -> Pair:
     """`register` for photographs that are already decoded; ``seconds`` holds the time spent so far."""
     clock = _Stopwatch(seconds)
+    method, config = _settled(config, detector, descriptor, estimator, refine)
     (left, to_left), (right, to_right) = (reduced(photo.pixels, working_width_px) for photo in photographs)
-    results, config = extract_within_capacity(create(backend), [left, right], config)
+    results, config = extract_within_capacity(front_end_of(method, backend), [left, right], config)
     matches = results[1].matches
     clock.lap("features and matches")
 
-    kept = matches[matches["verdict"] == 1]
-    left_points, right_points = match_points(kept)
-    rng = np.random.default_rng(seed)
-    estimate = estimate_homography(left_points, right_points, kept["weight"].astype(np.float64), rng=rng)
-    homography, inliers, refined_inliers = estimate.homography, estimate.inliers, 0
+    verified = matches["verdict"] == 1
+    left_points, right_points = match_points(matches)
+    homography, inliers = estimate(
+        estimator,
+        left_points,
+        right_points,
+        matches["weight"].astype(np.float64),
+        verified,
+        rng=np.random.default_rng(seed),
+    )
+    refined_inliers = 0
     clock.lap("homography")
     if refine and homography is not None:
         features = results[0].features, results[1].features
@@ -175,7 +210,8 @@ def register_photographs(
         # Over strong relief the upright search finds less than the first pass, which then stands.
         if found >= inliers.sum():
             homography, refined_inliers = refined, found
-            inliers = np.linalg.norm(apply(homography, left_points) - right_points, axis=1) <= INLIER_PX
+            near = np.linalg.norm(apply(homography, left_points) - right_points, axis=1) <= INLIER_PX
+            inliers = verified & near
         clock.lap("refinement")
     return Pair(
         left=photographs[0],
@@ -184,12 +220,14 @@ def register_photographs(
         working=(left, right),
         features=(results[0].features, results[1].features),
         matches=matches,
-        kept=kept,
-        inliers=kept[inliers],
+        kept=matches[verified],
+        inliers=matches[inliers],
         refined_inliers=refined_inliers,
         homography=None if homography is None else _in_originals(homography, to_left, to_right),
-        reason="" if homography is not None else _why_not(results, matches, kept, int(inliers.sum())),
+        reason="" if homography is not None else _why_not(results, matches, int(verified.sum()), int(inliers.sum())),
         config=config,
+        method=method,
+        estimator=estimator,
         backend=backend,
         seconds=clock.seconds,
     )
@@ -226,12 +264,27 @@ def _in_originals(homography: Matrix, to_left: Matrix, to_right: Matrix) -> Matr
     return scaled
 
 
-def _why_not(results: Sequence[FrameResult], matches: Records, kept: Records, inliers: int) -> str:
+def _settled(
+    config: Config, detector: str | None, descriptor: str | None, estimator: str, refine: bool
+) -> tuple[Method, Config]:
+    """The method and its configuration, checked against what else was asked for."""
+    if estimator not in ESTIMATORS:
+        raise InputError(f"estimator is {estimator!r}; valid: {', '.join(ESTIMATORS)}")
+    if estimator == FUZZY_RANSAC:
+        # It is a rule base itself, in the place of any other.
+        config = dataclasses.replace(config, matcher=dataclasses.replace(config.matcher, rule_base="none"))
+    method, config = choose(config, detector, descriptor)
+    if refine and method.descriptor not in PATTERNS:
+        raise InputError(f"refinement describes the images again by ILBP, not by {method.descriptor}; leave one out")
+    return method, config
+
+
+def _why_not(results: Sequence[FrameResult], matches: Records, kept: int, inliers: int) -> str:
     features = [len(result.features) for result in results]
-    counts = f"features {features[0]} and {features[1]}, matches {len(matches)}, kept {len(kept)}, inliers {inliers}"
+    counts = f"features {features[0]} and {features[1]}, matches {len(matches)}, kept {kept}, inliers {inliers}"
     if min(features) < MIN_INLIERS:
         cause = "too few features (flat or blurred image?)"
-    elif len(kept) < MIN_INLIERS:
+    elif kept < MIN_INLIERS:
         cause = "too few matches (do the images overlap?)"
     else:
         cause = f"too few inliers, {MIN_INLIERS} needed (do the images overlap?)"

@@ -11,7 +11,6 @@ from typing import Any
 import cv2
 import numpy as np
 
-from golden_model.matcher import rule_names
 from skymosaic import figures
 from skymosaic.errors import InputError
 from skymosaic.images import Pixels, save, save_bytes
@@ -48,7 +47,7 @@ def write_pair_report(folder: Path, pair: Pair, mosaic: Pixels | None) -> Path:
         "corners_right.png": ("Corners of the right image", figures.corners(pair.working[1], pair.features[1])),
         "matches.png": (
             "Matches kept and rejected",
-            figures.matches(pair, rule_names(pair.config.front_end.pattern, pair.config.matcher)),
+            figures.matches(pair, pair.method.rule_names(pair.config)),
         ),
     }
     if mosaic is not None:

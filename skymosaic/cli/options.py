@@ -10,12 +10,22 @@ from rich.console import Console
 
 from golden_model.config import Config, load_config, preset_config
 from skymosaic import images
+from skymosaic.descriptors import DESCRIPTORS
+from skymosaic.detectors import DETECTORS
 from skymosaic.errors import InputError
+from skymosaic.estimators import ESTIMATORS
 
 console = Console(stderr=True)
 
 PresetOption = Annotated[str, typer.Option(help="aerial or thesis.")]
 BackendOption = Annotated[str, typer.Option(help="Who computes features and matches: golden.")]
+DetectorOption = Annotated[
+    str | None, typer.Option(help=f"{', '.join(DETECTORS)}; by default as configured, or what suits the descriptor.")
+]
+DescriptorOption = Annotated[
+    str | None, typer.Option(help=f"{', '.join(DESCRIPTORS)}; by default as configured, or what suits the detector.")
+]
+EstimatorOption = Annotated[str, typer.Option(help=f"{', '.join(ESTIMATORS)}.")]
 ConfigOption = Annotated[Path | None, typer.Option("--config", help="TOML file that overrides the preset.")]
 WorkingWidthOption = Annotated[
     int, typer.Option("--working-width", min=images.SMALLEST_SIDE_PX, max=4096, help="Pixels wide during registration.")

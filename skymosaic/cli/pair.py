@@ -13,6 +13,9 @@ from skymosaic import images, report
 from skymosaic.cli.options import (
     BackendOption,
     ConfigOption,
+    DescriptorOption,
+    DetectorOption,
+    EstimatorOption,
     PresetOption,
     RefineOption,
     SeedOption,
@@ -45,6 +48,9 @@ def mosaic(
     blending: Annotated[str, typer.Option("--blend", help="average, distance or multiband.")] = "distance",
     scale: Annotated[float, typer.Option(help="Size of the mosaic against the photographs.")] = 1.0,
     preset: PresetOption = "aerial",
+    detector: DetectorOption = None,
+    descriptor: DescriptorOption = None,
+    estimator: EstimatorOption = "prosac",
     backend: BackendOption = "golden",
     config: ConfigOption = None,
     working_width_px: WorkingWidthOption = WORKING_WIDTH_PX,
@@ -61,6 +67,9 @@ def mosaic(
         pair = register_pair(
             *photographs,
             config=configuration(preset, config),
+            detector=detector,
+            descriptor=descriptor,
+            estimator=estimator,
             backend=backend,
             seed=seed,
             working_width_px=working_width_px,
@@ -87,6 +96,9 @@ def register(
     right: Annotated[Path, typer.Argument(help="Right photograph.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
     preset: PresetOption = "aerial",
+    detector: DetectorOption = None,
+    descriptor: DescriptorOption = None,
+    estimator: EstimatorOption = "prosac",
     backend: BackendOption = "golden",
     config: ConfigOption = None,
     working_width_px: WorkingWidthOption = WORKING_WIDTH_PX,
@@ -99,6 +111,9 @@ def register(
             left,
             right,
             config=configuration(preset, config),
+            detector=detector,
+            descriptor=descriptor,
+            estimator=estimator,
             backend=backend,
             seed=seed,
             working_width_px=working_width_px,
@@ -117,6 +132,7 @@ def register(
 def _print_pair(pair: Pair) -> None:
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     summary: dict[str, Any] = pair.summary()
+    table.add_row("method", f"{pair.method.detector} + {pair.method.descriptor}, {pair.estimator}")
     table.add_row("features", "{} and {}".format(*summary["features"]))
     for count in ("matches", "kept", "inliers"):
         table.add_row(count, str(summary[count]))
