@@ -144,15 +144,15 @@ class Level(wiring.Component):
     def _connect_candidate(self, m: Module) -> None:
         """Corners inside the border, with the marks of their scan position."""
         m.submodules.scan = scan = self._scan
-        carry_scan(m, self.i, scan.i, 0)
         m.d.comb += [
+            scan.i.eq(self.i),
             scan.i_width_px.eq(self.i_settings.width_px >> self.level),
             scan.i_height_px.eq(self.i_settings.height_px >> self.level),
             scan.i_cell_log2.eq(self.i_settings.cell_log2),
         ]
         wait_cycles = self._candidate_cycles - scan.latency_cycles
-        inside = delayed(m, scan.o_inside, wait_cycles - 1)
-        ends = delayed(m, Cat(scan.o_ends_row, scan.o_ends_level), wait_cycles)
+        inside = delayed(m, scan.o.inside, wait_cycles - 1)
+        ends = delayed(m, Cat(scan.o.ends_row, scan.o.ends_level), wait_cycles)
         corner = self._corners.o
         carry_scan(m, corner, self._candidate, 1)
         m.d.comb += Cat(self._candidate.ends_row, self._candidate.ends_level).eq(ends)
@@ -185,6 +185,6 @@ class Level(wiring.Component):
             m.d.comb += [
                 selection.i_cell_log2.eq(self.i_settings.cell_log2),
                 selection.i_per_cell.eq(self.i_settings.per_cell),
-                selection.i_reserve.eq(self._scan.o_ends_row),
+                selection.i_reserve.eq(self._scan.o.valid & self._scan.o.ends_row),
             ]
             m.d.sync += self.o_hold.eq(selection.o_busy & self._scan.o_row_closes)

@@ -8,7 +8,7 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.config import CELL_SIZES_PX, MAX_FRAME_PX, MIN_FRAME_PX
 from hdl.delay import delayed
-from hdl.streams import COORDINATE, beat
+from hdl.streams import COORDINATE, beat, carry_scan
 
 SPARE_LINES = 2
 WARNING_PX = 24
@@ -33,14 +33,14 @@ class LevelScan(wiring.Component):
 
     Members
     -------
-    i : In(beat())
+    i : In(beat(pixel))
+        Only its scan position matters.
     i_width_px, i_height_px : In
         Of the level, at least 32. Static from 1 clock before a frame's first beat.
     i_cell_log2 : In(4)
         log2 of the cell's side, 5 to 8.
-    o_inside, o_ends_row, o_ends_level : Out(1)
-        ``latency_cycles`` after the beat: a feature may be at the pixel; the pixel is the last one of a cell row that
-        may be a feature; and of the level.
+    o : Out(beat(inside, ends_row, ends_level))
+        A feature may be at the pixel; a cell row has passed; the level has.
     o_row_closes : Out(1)
         The beat that came last is one of the last ``WARNING_PX`` before the end of a cell row.
 
@@ -58,9 +58,7 @@ class LevelScan(wiring.Component):
     i_width_px: Signal
     i_height_px: Signal
     i_cell_log2: Signal
-    o_inside: Signal
-    o_ends_row: Signal
-    o_ends_level: Signal
+    o: data.View
     o_row_closes: Signal
 
     latency_cycles = 2
@@ -75,13 +73,11 @@ class LevelScan(wiring.Component):
         self.cells = cells
         super().__init__(
             {
-                "i": In(beat()),
+                "i": In(beat(pixel=8)),
                 "i_width_px": In(range(MAX_FRAME_PX + 1)),
                 "i_height_px": In(range(MAX_FRAME_PX + 1)),
                 "i_cell_log2": In(4),
-                "o_inside": Out(1),
-                "o_ends_row": Out(1),
-                "o_ends_level": Out(1),
+                "o": Out(beat(inside=1, ends_row=1, ends_level=1)),
                 "o_row_closes": Out(1),
             }
         )
@@ -110,12 +106,12 @@ class LevelScan(wiring.Component):
             # The line below the pixel's is a cell's first.
             cell_ends = delayed(m, (y >= self.lag_px) & ~((y - (self.lag_px - 1)) & cell_mask).any(), 1)
         row_closes = is_lowest | (is_above & cell_ends)
-        valid = delayed(m, self.i.valid, 1, reset_less=False)
-        m.d.sync += [
-            self.o_inside.eq(valid & inside),
-            self.o_ends_row.eq(valid & line_ends & row_closes),
-            self.o_ends_level.eq(valid & line_ends & is_lowest),
+        carry_scan(m, self.i, self.o, self.latency_cycles)
+        m.d.comb += [
+            self.o.inside.eq(delayed(m, inside, 1)),
+            self.o.ends_row.eq(delayed(m, line_ends & row_closes, 1)),
+            self.o.ends_level.eq(delayed(m, line_ends & is_lowest, 1)),
         ]
-        with m.If(valid):
+        with m.If(delayed(m, self.i.valid, 1, reset_less=False)):
             m.d.sync += self.o_row_closes.eq(row_closes & line_ends_soon & ~line_ends)
         return m

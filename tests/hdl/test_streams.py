@@ -1,0 +1,47 @@
+"""Records in hardware lie as their NumPy dtypes do; beats wait in the skid buffer without loss."""
+
+import numpy as np
+import pytest
+
+from golden_model.ilbp import PATTERNS
+from golden_model.records import FRAME_STATUS, MATCH, feature_record
+from hdl.skid_buffer import SkidBuffer
+from hdl.streams import record_layout
+from sim.drivers import run_streams
+from sim.recording import NO_PAUSES, Pauses
+
+FEATURES = [feature_record(pattern.descriptor_bytes, pattern.window_bytes) for pattern in PATTERNS.values()]
+
+
+@pytest.mark.parametrize("record", [MATCH, FRAME_STATUS, *FEATURES])
+@pytest.mark.parametrize("length_bytes", [None, 48])
+def test_record_layout_is_the_dtype(record, length_bytes):
+    rng = np.random.default_rng(2)
+    layout = record_layout(record, length_bytes)
+    expected = np.zeros((), record.dtype_padded_to(length_bytes or record.record_bytes))
+    values = {"tag": int(record.tag)}
+    for field in record.fields:
+        values[field.name] = int.from_bytes(rng.bytes(-(-field.bits // 8))) % (1 << field.bits)
+        expected[field.name] = (
+            np.frombuffer(values[field.name].to_bytes(field.bits // 8, "little"), np.uint8)
+            if field.is_bytes
+            else values[field.name]
+        )
+    expected["tag"] = record.tag
+    bits = layout.const(values).as_bits()
+    assert bits.to_bytes(layout.size // 8, "little") == expected.tobytes()
+
+
+@pytest.mark.parametrize("gaps", [0, 128])
+@pytest.mark.parametrize("stalls", [0, 128])
+def test_skid_buffer_hands_everything_on(gaps, stalls):
+    payloads = list(range(100, 200))
+    pauses = Pauses(gaps=gaps, stalls=stalls, seed=4)
+    assert run_streams(SkidBuffer(shape=8), {"i": payloads}, {"o": len(payloads)}, pauses=pauses)["o"] == payloads
+
+
+def test_skid_buffer_takes_one_payload_a_clock():
+    payloads = list(range(100))
+    limit = len(payloads) + SkidBuffer.latency_cycles + 2
+    dut = SkidBuffer(shape=8)
+    assert run_streams(dut, {"i": payloads}, {"o": 100}, pauses=NO_PAUSES, cycle_limit=limit)["o"] == payloads
