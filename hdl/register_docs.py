@@ -22,7 +22,7 @@ def markdown() -> str:
     lines = [
         "# Register map",
         "",
-        f"Version {'.'.join(map(str, VERSION))}. AXI4-Lite, {REGISTER_BITS}-bit registers in {1 << ADDRESS_BITS} bytes. "
+        f"Version {'.'.join(map(str, VERSION))}. AXI4-Lite, {REGISTER_BITS}-bit registers, {1 << ADDRESS_BITS} bytes. "
         "An access to another address, or a write to a register that has no field to write, is answered with SLVERR. "
         "Bits that are not listed read 0. Generated from `hdl/register_map.py`.",
         "",
