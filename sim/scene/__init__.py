@@ -3,15 +3,18 @@
 from sim.scene.camera import Camera, CameraPose, Photometry, project, render_view
 from sim.scene.flight import Flight, lawnmower, pair
 from sim.scene.ground import render_ground
+from sim.scene.target import Pursuit, pursuit
 
 __all__ = [
     "Camera",
     "CameraPose",
     "Flight",
     "Photometry",
+    "Pursuit",
     "lawnmower",
     "pair",
     "project",
+    "pursuit",
     "render_ground",
     "render_view",
 ]

@@ -13,7 +13,7 @@ from sim.scene.camera import Camera, CameraPose, Photometry, project, render_vie
 from sim.scene.ground import render_ground
 from sim.scene.noise import Stream, random_stream
 
-_FOCAL_WIDTHS = 0.8
+FOCAL_WIDTHS = 0.8
 """Focal length in image widths: 64 degrees across, as on common drones."""
 
 
@@ -99,7 +99,7 @@ def pair(seed: int, size: tuple[int, int] = (640, 480), overlap: float = 0.6) ->
     """
     _check_overlap("overlap", overlap)
     rng = random_stream(seed, Stream.PAIR)
-    camera = Camera(width_px=size[0], height_px=size[1], focal_px=_FOCAL_WIDTHS * size[0])
+    camera = Camera(width_px=size[0], height_px=size[1], focal_px=FOCAL_WIDTHS * size[0])
     heading, turn = rng.uniform(0, 360), rng.choice([-1, 1]) * rng.uniform(3, 8)
     away = (1 - overlap) * size[0] * np.array([np.cos(np.radians(heading)), np.sin(np.radians(heading))])
     start = rng.uniform(-500, 500, 2)
@@ -158,7 +158,7 @@ def lawnmower(
     if images < 1:
         raise ValueError(f"images is {images}; a flight has at least 1")
     rng = random_stream(seed, Stream.LAWNMOWER)
-    camera = Camera(width_px=size[0], height_px=size[1], focal_px=_FOCAL_WIDTHS * size[0])
+    camera = Camera(width_px=size[0], height_px=size[1], focal_px=FOCAL_WIDTHS * size[0])
     side_px, forward_px = (1 - side_overlap) * size[0], (1 - forward_overlap) * size[1]
     leg_images = max(1, round(np.sqrt(images * side_px / forward_px)))
     leg, along = np.divmod(np.arange(images), leg_images)

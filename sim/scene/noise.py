@@ -26,6 +26,7 @@ class Stream(enum.IntEnum):
     PAIR = 7
     LAWNMOWER = 8
     SENSOR = 9
+    PURSUIT = 10
 
 
 def random_stream(seed: int, purpose: Stream, *indices: int) -> np.random.Generator:

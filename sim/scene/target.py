@@ -1,0 +1,214 @@
+"""A car that drives through the landscape, filmed by a camera that follows it: its corners are known exactly."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.scene.camera import Camera, CameraPose, Photometry, project
+from sim.scene.flight import FOCAL_WIDTHS, Flight
+from sim.scene.noise import Stream, noise_bands, random_stream
+
+SPEED_PX = 3.0
+"""Way of the car on the ground from one picture to the next: 40 km/h at 25 pictures a second."""
+HIDDEN_IMAGES = 10
+"""For how many pictures the bridge hides the whole car."""
+
+_CAR_PX = (30.0, 13.0)
+"""Length and width of the car on the ground: 4.5 m by 2 m."""
+_DECK_PX = (_CAR_PX[0] + HIDDEN_IMAGES * SPEED_PX, 150.0)
+"""The bridge along and across the car's way."""
+_DETAIL = 8
+"""Pixels of the painted car and deck a ground pixel."""
+_RIM = 8
+"""Transparent pixels around them, so that their edges are smooth wherever they fall."""
+_BODIES = ((222, 222, 218), (60, 62, 168), (120, 76, 44), (66, 70, 74), (60, 150, 206))
+_DARK, _WHITE, _RED = (44, 38, 34), (250, 250, 250), (40, 40, 200)
+_WINDOWS_AND_LAMPS = (
+    (_DARK, (60, 0), (62, -0.66), (74, -0.78), (77, 0)),  # windscreen
+    (_DARK, (22, 0), (21, -0.66), (14, -0.74), (13, 0)),  # rear window
+    (_DARK, (26, -0.76), (58, -0.76), (66, -0.88), (20, -0.88)),  # side windows
+    (_WHITE, (95, -0.9), (99, -0.8), (99, -0.5), (96, -0.6)),  # headlamps
+    (_RED, (1, -0.9), (4, -0.9), (4, -0.5), (1, -0.5)),  # rear lamps
+)
+"""Colour, and corners of the left half: hundredths of the car's length, and halves of its width from its middle."""
+_FONT = cv2.FONT_HERSHEY_SIMPLEX
+_LENS = Photometry(blur_sigma_px=0.4, noise_sigma=2.0, vignetting=0.1)
+
+Array = NDArray[np.float64]
+Pixels = NDArray[np.uint8]
+Layer = NDArray[np.float32]
+"""Opacity, and BGR times opacity, shape (H, W, 4)."""
+
+
+@dataclass(frozen=True)
+class Pursuit:
+    """A film of a moving car.
+
+    Parameters
+    ----------
+    flight : Flight
+        Landscape, camera and poses, one a picture; the pictures as a perfect lens would take them.
+    car_to_ground : tuple of ndarray
+        For each picture the (3, 3) matrix to ground pixels from coordinates of the car: ground pixels from its
+        middle, x ahead, y to its right.
+    bridge_to_ground : ndarray or None
+        The same of the deck under which the car drives.
+    """
+
+    flight: Flight
+    car_to_ground: tuple[Array, ...]
+    bridge_to_ground: Array | None
+
+    @property
+    def images(self) -> Sequence[Pixels]:
+        """The pictures, (H, W, 3) uint8 BGR: each is rendered when it is asked for, and not kept."""
+        return _Images(self)
+
+    @property
+    def corners(self) -> Array:
+        """Corners of the car in every picture, shape (N, 4, 2): front left, front right, rear right, rear left."""
+        return np.stack([project(to_image, _outline(_CAR_PX)) for to_image in self.car_to_images])
+
+    @property
+    def car_to_images(self) -> tuple[Array, ...]:
+        """From coordinates of the car to pixels of each picture, (3, 3)."""
+        to_images = zip(self.flight.homographies, self.car_to_ground, strict=True)
+        return tuple(to_image @ to_ground for to_image, to_ground in to_images)
+
+    @property
+    def visible(self) -> Array:
+        """Share of the car that the bridge does not hide in every picture, shape (N,), 0..1."""
+        if self.bridge_to_ground is None:
+            return np.ones(len(self.car_to_ground))
+        deck = project(self.bridge_to_ground, _outline(_DECK_PX)).astype(np.float32)
+        cars = [project(to_ground, _outline(_CAR_PX)).astype(np.float32) for to_ground in self.car_to_ground]
+        return np.array([1 - cv2.intersectConvexConvex(car, deck)[0] / np.prod(_CAR_PX) for car in cars])
+
+
+class _Images(Sequence[Pixels]):
+    """The pictures of a pursuit, rendered one at a time."""
+
+    def __init__(self, film: Pursuit) -> None:
+        self._film = film
+        self._car = _paint_car(random_stream(film.flight.seed, Stream.PURSUIT, 1))
+        self._deck = _paint_deck(film.flight.seed)
+
+    def __len__(self) -> int:
+        return len(self._film.car_to_ground)
+
+    def __getitem__(self, index: int) -> Pixels:
+        film, number = self._film, range(len(self))[index]
+        image = film.flight.images[number].astype(np.float32)
+        _lay_over(image, self._car, film.car_to_images[number])
+        if film.bridge_to_ground is not None:
+            _lay_over(image, self._deck, film.flight.homographies[number] @ film.bridge_to_ground)
+        return _LENS.apply(image, random_stream(film.flight.seed, Stream.SENSOR, number))
+
+
+def pursuit(
+    seed: int, images: int, size: tuple[int, int] = (640, 480), *, magnification: float = 2.0, bridge: bool = False
+) -> Pursuit:
+    """A camera that follows a car along a winding way, and rises, turns and tilts a little.
+
+    Parameters
+    ----------
+    seed : int
+        Landscape, car, ways and noise; non-negative.
+    images : int
+        Number of pictures, 25 a second.
+    size : (int, int)
+        Width and height of the pictures.
+    magnification : float
+        Pixels of the picture a ground pixel; the car is about ``30 * magnification`` px long.
+    bridge : bool
+        Halfway the car drives under a bridge.
+    """
+    rng = random_stream(seed, Stream.PURSUIT)
+    time = np.arange(images)
+    heading = rng.uniform(0, 2 * np.pi) + _wave(time, 0.5, 25, rng)
+    x, y = rng.uniform(-500, 500, (2, 1)) + SPEED_PX * np.cumsum([np.cos(heading), np.sin(heading)], axis=1)
+    car_to_ground = tuple(_pose(*values) for values in zip(x, y, heading, strict=True))
+    camera = Camera(width_px=size[0], height_px=size[1], focal_px=FOCAL_WIDTHS * size[0])
+    sway_px = 0.15 * size[1] / magnification
+    ways = {
+        "x_px": x + _wave(time, sway_px, 15, rng),
+        "y_px": y + _wave(time, sway_px, 19, rng),
+        "altitude_px": camera.focal_px / magnification * (1 + _wave(time, 0.1, 23, rng)),
+        "heading_deg": rng.uniform(0, 360) + _wave(time, 10, 30, rng),
+        "pitch_deg": _wave(time, 1.5, 11, rng),
+        "roll_deg": _wave(time, 1.5, 13, rng),
+    }
+    rows = np.column_stack([*ways.values()]).tolist()
+    poses = [CameraPose(**dict(zip(ways, values, strict=True))) for values in rows]
+    flight = Flight(seed, camera, tuple(poses), (Photometry(),) * images)
+    return Pursuit(flight, car_to_ground, car_to_ground[images // 2] if bridge else None)
+
+
+def _wave(time: NDArray[np.int64], amplitude: float, period: float, rng: np.random.Generator) -> Array:
+    return np.asarray(amplitude * np.sin(time / period + rng.uniform(0, 2 * np.pi)))
+
+
+def _pose(x: float, y: float, heading: float) -> Array:
+    cos, sin = np.cos(heading), np.sin(heading)
+    return np.array([[cos, -sin, x], [sin, cos, y], [0, 0, 1]])
+
+
+def _outline(size_px: tuple[float, float]) -> Array:
+    """Corners of a rectangle about the origin, shape (4, 2), from the front left one to the right."""
+    return np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]]) / 2 * size_px
+
+
+def _lay_over(image: NDArray[np.float32], layer: Layer, to_image: Array) -> None:
+    """Draw a painted thing on the image, in place; ``to_image`` maps ground pixels from the thing's middle."""
+    height, width = layer.shape[:2]
+    to_ground = np.array([[1, 0, (1 - width) / 2], [0, 1, (1 - height) / 2], [0, 0, _DETAIL]])
+    middle, ahead = project(to_image, np.array([[0, 0], [1, 0]]))
+    reduction = _DETAIL / np.linalg.norm(ahead - middle)
+    # As in the camera: what a pixel of the smaller picture averages is averaged before.
+    smooth = cv2.GaussianBlur(layer, (0, 0), 0.5 * np.sqrt(reduction**2 - 1)) if reduction > 1 else layer
+    drawn = cv2.warpPerspective(smooth, to_image @ to_ground, image.shape[1::-1], flags=cv2.INTER_LINEAR)
+    image *= 1 - drawn[..., :1]
+    image += drawn[..., 1:]
+
+
+def _paint_car(rng: np.random.Generator) -> Layer:
+    """A car of some colour with windows, lamps, stripes and a number on its roof, its front to the right."""
+    length, width = (round(side * _DETAIL) for side in _CAR_PX)
+    body = rng.choice(_BODIES)
+    picture = np.full((width, length, 3), body, np.uint8)
+    for colour, *outline in _WINDOWS_AND_LAMPS:
+        shape = np.array(outline) * (length / 100, width / 2) + (0, width / 2)
+        for mirrored in (shape, (0, width) + shape * (1, -1)):
+            cv2.fillPoly(picture, [np.rint(mirrored).astype(np.int32)], colour, cv2.LINE_AA)
+    stripe = tuple(int(255 - level) for level in body)
+    for y in (0.4, 0.6):
+        for start, end in ((0.03, 0.13), (0.76, 0.97)):
+            ends = ((round(x * length), round(y * width)) for x in (start, end))
+            cv2.line(picture, *ends, stripe, 5, cv2.LINE_AA)
+    number = str(rng.integers(100, 1000))
+    cv2.putText(picture, number, (round(0.27 * length), round(0.66 * width)), _FONT, 1.4, stripe, 4, cv2.LINE_AA)
+    opacity = np.zeros((width, length), np.uint8)
+    corner = round(0.08 * width)
+    cv2.rectangle(opacity, (corner, corner), (length - 1 - corner, width - 1 - corner), 255, cv2.FILLED)
+    cv2.rectangle(opacity, (corner, corner), (length - 1 - corner, width - 1 - corner), 255, 2 * corner, cv2.LINE_AA)
+    return _layer(picture, opacity)
+
+
+def _paint_deck(seed: int) -> Layer:
+    """A concrete bridge with stains and railings, the car's way to the right."""
+    length, width = (round(side * _DETAIL) for side in _DECK_PX)
+    noise = noise_bands(seed, 0, 0, length, width)
+    tone = 150 + 6 * noise[1] + 8 * noise[3] + 10 * noise[5] + 8 * noise[7]
+    tone[:, [*range(8), *range(length - 8, length)]] -= 70
+    return _layer(np.clip(tone, 0, 255)[..., np.newaxis] * (0.96, 1.0, 1.02), np.full((width, length), 255, np.uint8))
+
+
+def _layer(picture: NDArray[np.generic], opacity: Pixels) -> Layer:
+    share = opacity[..., np.newaxis].astype(np.float32) / 255
+    layer = np.concatenate([share, share * picture.astype(np.float32)], axis=2)
+    return np.pad(layer, ((_RIM, _RIM), (_RIM, _RIM), (0, 0)))
