@@ -1,0 +1,151 @@
+# amaranth: UnusedElaboratable=no
+"""The golden order of emission, indices, and one status a frame."""
+
+import numpy as np
+import pytest
+from amaranth.sim import Simulator
+
+from golden_model.ilbp import ILBP_128
+from golden_model.records import FRAME_STATUS, Cause, Tag, feature_record
+from golden_model.selection import emission_order
+from hdl.level_merge import LevelMerge
+from sim.recording import NO_PAUSES, Pauses
+
+RECORD = feature_record(ILBP_128.descriptor_bytes)
+MAX_FEATURES = 12
+SIZE_PX = (640, 480)
+
+
+def frame(*levels):
+    """Features of a frame by level and cell row: each row a number of features."""
+    features = [[np.zeros(count, RECORD.dtype) for count in rows] for rows in levels]
+    for level, rows in enumerate(features):
+        for row, records in enumerate(rows):
+            records["tag"], records["level"], records["response"] = Tag.FEATURE, level, row
+            records["x"] = np.arange(len(records))
+    return features
+
+
+def expected(frames, causes):
+    packets = []
+    for number, (levels, cause) in enumerate(zip(frames, causes, strict=True)):
+        records = np.concatenate([records for rows in levels for records in rows] or [np.zeros(0, RECORD.dtype)])
+        records = records[emission_order(records["level"], records["response"])]
+        cause |= Cause.TOO_MANY_FEATURES if len(records) > MAX_FEATURES else 0
+        records = records[:MAX_FEATURES]
+        records["index"], records["frame"] = np.arange(len(records)), number
+        status = np.zeros((), FRAME_STATUS.dtype_padded_to(RECORD.record_bytes))
+        status["tag"], status["good"], status["causes"], status["frame"] = Tag.FRAME_STATUS, not cause, cause, number
+        status["width"], status["height"] = SIZE_PX
+        status["threshold"], status["features"] = 100 + number, 0 if cause else len(records)
+        packets.append((records, status))
+    return packets
+
+
+def merge(frames, causes, pauses):
+    """Packets ``(features, status)`` that come out; the pixels of frame n take ``40 n`` clocks."""
+    dut = LevelMerge(record=RECORD, levels=len(frames[0]), max_features=MAX_FEATURES)
+    words, packets = [], []
+
+    def source(level):
+        port = dut.i_levels[level]
+
+        async def put(ctx, **payload):
+            ctx.set(port.payload, {"data": 0, "ends_row": 0, "ends_level": 0, **payload})
+            ctx.set(port.valid, 1)
+            await ctx.tick().until(port.ready)
+            ctx.set(port.valid, 0)
+
+        async def testbench(ctx):
+            cycle = 0
+            for levels, cause in zip(frames, causes, strict=True):
+                for row, records in enumerate(levels[level]) if cause != Cause.MISSING_START else ():
+                    for word in np.frombuffer(records.tobytes(), np.uint64).tolist():
+                        cycle += 1
+                        while pauses.gap(cycle, level):
+                            cycle += 1
+                            await ctx.tick()
+                        await put(ctx, data=word)
+                    await put(ctx, ends_row=1, ends_level=row == len(levels[level]) - 1)
+
+        return testbench
+
+    async def pixels(ctx):
+        ctx.set(dut.i_settings.width_px, SIZE_PX[0])
+        ctx.set(dut.i_settings.height_px, SIZE_PX[1])
+        for number, cause in enumerate(causes):
+            ctx.set(dut.i_starts, cause != Cause.MISSING_START)
+            await ctx.tick()
+            ctx.set(dut.i_starts, 0)
+            await ctx.tick().repeat(40)
+            while ctx.get(dut.o_pending):
+                await ctx.tick()
+            ctx.set(dut.i_ends, 1)
+            ctx.set(dut.i_causes, cause)
+            ctx.set(dut.i_threshold_code, 100 + number)
+            await ctx.tick()
+            ctx.set(dut.i_ends, 0)
+
+    async def sink(ctx):
+        cycle = 0
+        while len(packets) < len(frames):
+            ready = not pauses.stall(cycle, 2)
+            ctx.set(dut.o.ready, ready)
+            *_, valid, payload = await ctx.tick().sample(dut.o.valid, dut.o.payload)
+            cycle += 1
+            assert cycle < 3000
+            if valid and ready:
+                words.append(payload.data)
+                if payload.last:
+                    packets.append(np.array(words, np.uint64))
+                    words.clear()
+
+    simulator = Simulator(dut)
+    simulator.add_clock(1e-8)
+    for testbench in (*map(source, range(dut.levels)), pixels, sink):
+        simulator.add_testbench(testbench)
+    simulator.run()
+    return [_decoded(packet) for packet in packets]
+
+
+def _decoded(packet):
+    data = packet.tobytes()
+    features = np.frombuffer(data[: -RECORD.record_bytes], RECORD.dtype)
+    return features, np.frombuffer(data[-RECORD.record_bytes :], FRAME_STATUS.dtype_padded_to(RECORD.record_bytes))[0]
+
+
+CASES = {
+    "two_levels": [frame([1, 2, 0, 1], [2, 1]), frame([0, 0, 3], [0, 0]), frame([3, 3, 2], [1, 3])],
+    "level_1_shorter": [frame([1, 1, 1, 1, 1], [2]), frame([1], [1])],
+    "one_level": [frame([3]), frame([0]), frame([5])],
+    "too_many": [frame([5, 5], [4]), frame([5, 5], [2]), frame([5, 5, 5, 5], [4])],
+}
+
+
+@pytest.mark.parametrize("pauses", [NO_PAUSES, Pauses(gaps=80, stalls=120, seed=5)], ids=["free", "pauses"])
+@pytest.mark.parametrize("frames", CASES.values(), ids=CASES)
+def test_order_index_and_status(frames, pauses):
+    causes = [Cause(0)] * len(frames)
+    for (features, status), (wanted, wanted_status) in zip(
+        merge(frames, causes, pauses), expected(frames, causes), strict=True
+    ):
+        np.testing.assert_array_equal(features, wanted)
+        assert status["cycles"] >= 40
+        status = status.copy()
+        status["cycles"] = 0
+        assert status == wanted_status
+
+
+def test_a_frame_without_start_has_a_status_and_no_features():
+    frames = [frame([2], [1]), frame([], []), frame([1, 1], [1])]
+    packets = merge(frames, [Cause(0), Cause.MISSING_START, Cause.SHORT_LINE], NO_PAUSES)
+    assert [len(features) for features, _ in packets] == [3, 0, 3]
+    assert [int(status["good"]) for _, status in packets] == [1, 0, 0]
+    assert [Cause(int(status["causes"])) for _, status in packets] == [Cause(0), Cause.MISSING_START, Cause.SHORT_LINE]
+    assert [int(status["features"]) for _, status in packets] == [3, 0, 0]
+    assert packets[1][1]["cycles"] == 0
+
+
+def test_impossible_levels_are_named():
+    with pytest.raises(ValueError, match="levels is 3"):
+        LevelMerge(record=RECORD, levels=3, max_features=MAX_FEATURES)
