@@ -28,10 +28,10 @@ def frame(*levels):
 
 def expected(frames, causes):
     packets = []
-    for number, (levels, cause) in enumerate(zip(frames, causes, strict=True)):
+    for number, (levels, geometry_cause) in enumerate(zip(frames, causes, strict=True)):
         records = np.concatenate([records for rows in levels for records in rows] or [np.zeros(0, RECORD.dtype)])
         records = records[emission_order(records["level"], records["response"])]
-        cause |= Cause.TOO_MANY_FEATURES if len(records) > MAX_FEATURES else 0
+        cause = geometry_cause | (Cause.TOO_MANY_FEATURES if len(records) > MAX_FEATURES else 0)
         records = records[:MAX_FEATURES]
         records["index"], records["frame"] = np.arange(len(records)), number
         status = np.zeros((), FRAME_STATUS.dtype_padded_to(RECORD.record_bytes))
@@ -45,7 +45,7 @@ def expected(frames, causes):
 def merge(frames, causes, pauses):
     """Packets ``(features, status)`` that come out; the pixels of frame n take ``40 n`` clocks."""
     dut = LevelMerge(record=RECORD, levels=len(frames[0]), max_features=MAX_FEATURES)
-    words, packets = [], []
+    words, packets, started = [], [], []
 
     def source(level):
         port = dut.i_levels[level]
@@ -58,7 +58,9 @@ def merge(frames, causes, pauses):
 
         async def testbench(ctx):
             cycle = 0
-            for levels, cause in zip(frames, causes, strict=True):
+            for number, (levels, cause) in enumerate(zip(frames, causes, strict=True)):
+                while number not in started:
+                    await ctx.tick()
                 for row, records in enumerate(levels[level]) if cause != Cause.MISSING_START else ():
                     for word in np.frombuffer(records.tobytes(), np.uint64).tolist():
                         cycle += 1
@@ -77,6 +79,7 @@ def merge(frames, causes, pauses):
             ctx.set(dut.i_starts, cause != Cause.MISSING_START)
             await ctx.tick()
             ctx.set(dut.i_starts, 0)
+            started.append(number)
             await ctx.tick().repeat(40)
             while ctx.get(dut.o_pending):
                 await ctx.tick()
@@ -131,9 +134,8 @@ def test_order_index_and_status(frames, pauses):
     ):
         np.testing.assert_array_equal(features, wanted)
         assert status["cycles"] >= 40
-        status = status.copy()
-        status["cycles"] = 0
-        assert status == wanted_status
+        for name in set(status.dtype.names) - {"cycles"}:
+            assert status[name] == wanted_status[name], name
 
 
 def test_a_frame_without_start_has_a_status_and_no_features():
