@@ -42,44 +42,54 @@ def expected(frames, causes):
     return packets
 
 
-def merge(frames, causes, pauses):
-    """Packets ``(features, status)`` that come out; the pixels of frame n take ``40 n`` clocks."""
-    dut = LevelMerge(record=RECORD, levels=len(frames[0]), max_features=MAX_FEATURES)
-    words, packets, started = [], [], []
+class MergeBench:
+    """Runs frames through a merge; a frame's pixels take 40 clocks, and its features come after its start."""
 
-    def source(level):
-        port = dut.i_levels[level]
+    def __init__(self, frames, causes, pauses):
+        self.dut = LevelMerge(record=RECORD, levels=len(frames[0]), max_features=MAX_FEATURES)
+        self.frames, self.causes, self.pauses = frames, causes, pauses
+        self.started, self.packets = [], []
 
-        async def put(ctx, **payload):
-            ctx.set(port.payload, {"data": 0, "ends_row": 0, "ends_level": 0, **payload})
-            ctx.set(port.valid, 1)
-            await ctx.tick().until(port.ready)
-            ctx.set(port.valid, 0)
+    def run(self):
+        simulator = Simulator(self.dut)
+        simulator.add_clock(1e-8)
+        for testbench in (*map(self.source, range(self.dut.levels)), self.pixels, self.sink):
+            simulator.add_testbench(testbench)
+        simulator.run()
+        return [_decoded(packet) for packet in self.packets]
+
+    def source(self, level):
+        port = self.dut.i_levels[level]
 
         async def testbench(ctx):
-            cycle = 0
-            for number, (levels, cause) in enumerate(zip(frames, causes, strict=True)):
-                while number not in started:
+            for cycle, (number, payload) in enumerate(self._payloads(level)):
+                while number not in self.started:
                     await ctx.tick()
-                for row, records in enumerate(levels[level]) if cause != Cause.MISSING_START else ():
-                    for word in np.frombuffer(records.tobytes(), np.uint64).tolist():
-                        cycle += 1
-                        while pauses.gap(cycle, level):
-                            cycle += 1
-                            await ctx.tick()
-                        await put(ctx, data=word)
-                    await put(ctx, ends_row=1, ends_level=row == len(levels[level]) - 1)
+                if self.pauses.gap(cycle, level):
+                    await ctx.tick()
+                ctx.set(port.payload, payload)
+                ctx.set(port.valid, 1)
+                await ctx.tick().until(port.ready)
+                ctx.set(port.valid, 0)
 
         return testbench
 
-    async def pixels(ctx):
+    def _payloads(self, level):
+        for number, (levels, cause) in enumerate(zip(self.frames, self.causes, strict=True)):
+            for row, records in enumerate(levels[level]) if cause != Cause.MISSING_START else ():
+                for word in np.frombuffer(records.tobytes(), np.uint64).tolist():
+                    yield number, {"data": word, "ends_row": 0, "ends_level": 0}
+                yield number, {"data": 0, "ends_row": 1, "ends_level": row == len(levels[level]) - 1}
+
+    async def pixels(self, ctx):
+        dut = self.dut
         ctx.set(dut.i_settings.width_px, SIZE_PX[0])
         ctx.set(dut.i_settings.height_px, SIZE_PX[1])
-        for number, cause in enumerate(causes):
+        for number, cause in enumerate(self.causes):
             ctx.set(dut.i_starts, cause != Cause.MISSING_START)
             await ctx.tick()
             ctx.set(dut.i_starts, 0)
-            started.append(number)
+            self.started.append(number)
             await ctx.tick().repeat(40)
             while ctx.get(dut.o_pending):
                 await ctx.tick()
@@ -89,26 +99,19 @@ def merge(frames, causes, pauses):
             await ctx.tick()
             ctx.set(dut.i_ends, 0)
 
-    async def sink(ctx):
-        cycle = 0
-        while len(packets) < len(frames):
-            ready = not pauses.stall(cycle, 2)
-            ctx.set(dut.o.ready, ready)
-            *_, valid, payload = await ctx.tick().sample(dut.o.valid, dut.o.payload)
+    async def sink(self, ctx):
+        words, cycle = [], 0
+        while len(self.packets) < len(self.frames):
+            ready = not self.pauses.stall(cycle, 2)
+            ctx.set(self.dut.o.ready, ready)
+            *_, valid, payload = await ctx.tick().sample(self.dut.o.valid, self.dut.o.payload)
             cycle += 1
             assert cycle < 3000
             if valid and ready:
                 words.append(payload.data)
                 if payload.last:
-                    packets.append(np.array(words, np.uint64))
-                    words.clear()
-
-    simulator = Simulator(dut)
-    simulator.add_clock(1e-8)
-    for testbench in (*map(source, range(dut.levels)), pixels, sink):
-        simulator.add_testbench(testbench)
-    simulator.run()
-    return [_decoded(packet) for packet in packets]
+                    self.packets.append(np.array(words, np.uint64))
+                    words = []
 
 
 def _decoded(packet):
@@ -130,7 +133,7 @@ CASES = {
 def test_order_index_and_status(frames, pauses):
     causes = [Cause(0)] * len(frames)
     for (features, status), (wanted, wanted_status) in zip(
-        merge(frames, causes, pauses), expected(frames, causes), strict=True
+        MergeBench(frames, causes, pauses).run(), expected(frames, causes), strict=True
     ):
         np.testing.assert_array_equal(features, wanted)
         assert status["cycles"] >= 40
@@ -140,10 +143,11 @@ def test_order_index_and_status(frames, pauses):
 
 def test_a_frame_without_start_has_a_status_and_no_features():
     frames = [frame([2], [1]), frame([], []), frame([1, 1], [1])]
-    packets = merge(frames, [Cause(0), Cause.MISSING_START, Cause.SHORT_LINE], NO_PAUSES)
+    causes = [Cause(0), Cause.MISSING_START, Cause.SHORT_LINE]
+    packets = MergeBench(frames, causes, NO_PAUSES).run()
     assert [len(features) for features, _ in packets] == [3, 0, 3]
     assert [int(status["good"]) for _, status in packets] == [1, 0, 0]
-    assert [Cause(int(status["causes"])) for _, status in packets] == [Cause(0), Cause.MISSING_START, Cause.SHORT_LINE]
+    assert [Cause(int(status["causes"])) for _, status in packets] == causes
     assert [int(status["features"]) for _, status in packets] == [3, 0, 0]
     assert packets[1][1]["cycles"] == 0
 
