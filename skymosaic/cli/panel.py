@@ -1,0 +1,26 @@
+"""The command that serves the front panel."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Annotated
+
+import typer
+
+from skymosaic.errors import InputError
+
+
+def panel(
+    port: Annotated[int, typer.Option(min=0, max=65535, help="0 takes any free port.")] = 8080,
+) -> None:
+    """Serve the front panel, a web page for this machine only: choose, run, and see why."""
+    try:
+        # NiceGUI is an extra, and takes a second to import: only this command needs it.
+        server = importlib.import_module("skymosaic.panel.server")
+    except ModuleNotFoundError as error:
+        raise InputError(f'the panel needs {error.name}; install it: pip install "skymosaic[panel]"') from None
+
+    def announce(address: str) -> None:
+        typer.echo(f"the panel is at {address} (Ctrl-C ends it)")
+
+    server.serve(port, announce)

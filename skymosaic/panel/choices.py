@@ -1,0 +1,122 @@
+"""What a visitor may choose; every list is the library's own, so a choice exists here exactly when it exists there."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any
+
+from golden_model.config import PRESETS, RULE_BASES, Config, preset_config
+from sim.backend import BACKENDS
+from skymosaic.blend import METHODS as BLENDINGS
+from skymosaic.descriptors import DESCRIPTORS
+from skymosaic.detectors import DETECTORS, FRONT_END_DETECTORS
+from skymosaic.estimators import ESTIMATORS
+from skymosaic.methods import Method, choose
+
+OPTIONS = {
+    "preset": tuple(PRESETS),
+    "detector": DETECTORS,
+    "descriptor": DESCRIPTORS,
+    "rule_base": RULE_BASES,
+    "estimator": ESTIMATORS,
+    "blending": BLENDINGS,
+    "backend": tuple(name for name in BACKENDS if name != "verilator"),  # another name of "rtl"
+}
+"""The values of each choice."""
+
+
+@dataclass(frozen=True)
+class Slider:
+    """What the slider under a detector moves, at whole positions from ``lowest`` to ``highest``.
+
+    Harris responses span nine decades, so their slider goes by half octaves; FAST's goes by gray levels. Detectors
+    of the host keep their strongest key points, so theirs sets how many.
+    """
+
+    title: str
+    lowest: int
+    highest: int
+    steps_per_octave: int = 0
+
+    def value(self, position: int) -> int:
+        """The threshold or number at a position."""
+        return round(2 ** (position / self.steps_per_octave)) if self.steps_per_octave else position
+
+    def position(self, value: int) -> int:
+        """The lowest position whose value reaches ``value``."""
+        return next((p for p in range(self.lowest, self.highest) if self.value(p) >= value), self.highest)
+
+
+SLIDERS = {
+    "harris": Slider("Harris threshold", 0, 56, steps_per_octave=2),
+    "fast": Slider("FAST threshold, gray levels", 1, 120),
+}
+STRONGEST = Slider("Strongest key points", 14, 22, steps_per_octave=2)
+
+
+@dataclass(frozen=True)
+class Choices:
+    """One set of choices; ``position`` is the slider's."""
+
+    preset: str
+    detector: str
+    descriptor: str
+    position: int
+    rule_base: str
+    estimator: str = "prosac"
+    blending: str = "distance"
+    backend: str = "golden"
+    refine: bool = False
+
+    @classmethod
+    def of_preset(cls, preset: str) -> Choices:
+        """What a preset chooses."""
+        config = preset_config(preset)
+        detector = config.front_end.detector
+        return cls(
+            preset=preset,
+            detector=detector,
+            descriptor=config.front_end.descriptor,
+            position=_usual_position(config, detector),
+            rule_base=config.matcher.rule_base,
+        )
+
+    def changed(self, name: str, value: Any) -> Choices:
+        """These choices with one of them changed, and what follows: a preset sets all, a detector its slider."""
+        if name == "preset":
+            return Choices.of_preset(value)
+        changed = dataclasses.replace(self, **{name: value})
+        if name == "detector":
+            position = _usual_position(preset_config(self.preset), changed.detector)
+            return dataclasses.replace(changed, position=position)
+        return changed
+
+    @property
+    def slider(self) -> Slider:
+        """The detector's slider."""
+        return SLIDERS.get(self.detector, STRONGEST)
+
+    def settled(self) -> tuple[Method, Config]:
+        """The method and configuration that these choices stand for.
+
+        Raises
+        ------
+        InputError
+            For choices that do not go together.
+        """
+        base = preset_config(self.preset)
+        base = dataclasses.replace(base, matcher=dataclasses.replace(base.matcher, rule_base=self.rule_base))
+        method, config = choose(base, self.detector, self.descriptor)
+        value = self.slider.value(self.position)
+        own = config.front_end
+        if self.detector in FRONT_END_DETECTORS:
+            return method, dataclasses.replace(config, front_end=dataclasses.replace(own, threshold=value))
+        return method, dataclasses.replace(config, front_end=dataclasses.replace(own, max_features=value))
+
+
+def _usual_position(preset: Config, detector: str) -> int:
+    _, config = choose(preset, detector, preset.front_end.descriptor)
+    own = config.front_end
+    value = own.threshold if detector in FRONT_END_DETECTORS else own.max_features
+    return SLIDERS.get(detector, STRONGEST).position(value)

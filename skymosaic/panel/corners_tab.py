@@ -1,0 +1,101 @@
+"""The corners of the two photographs at hand, found again whenever a choice that moves them changes."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
+
+import cv2
+import numpy as np
+from nicegui import background_tasks, ui
+
+from skymosaic.images import Pixels
+from skymosaic.methods import front_end_of
+from skymosaic.panel import drawings
+from skymosaic.panel.choices import Choices
+from skymosaic.panel.outcomes import Upload
+from skymosaic.panel.sidebar import fault_of
+from skymosaic.panel.viewer import Viewer, side_by_side
+from skymosaic.panel.visitors import Visitor
+from skymosaic.registration import Records, extract_within_capacity
+
+_Wanted = tuple[tuple[Upload, ...], Choices]
+_MOVED_BY = ("preset", "detector", "descriptor", "position")
+
+
+class CornersTab:
+    """Two pictures with their corners, and how many there are."""
+
+    def __init__(self, visitor: Visitor) -> None:
+        self._visitor = visitor
+        self._photographs: tuple[Upload, ...] = ()
+        self._drawn: tuple[object, ...] = ()
+        self._following = False
+        self._viewer: Viewer | None = None
+        with ui.element("div").classes("bar"):
+            self._counts = ui.label().classes("name").props('role="status" aria-label="Corners found"')
+            ui.html(
+                '<i class="key level-0"></i>full size <i class="key level-1"></i>half size', sanitize=False
+            ).classes("hint")
+            ui.label("The tick is the orientation. Move the threshold: the corners follow.").classes("hint")
+        self._place = ui.element("div")
+
+    def update(self) -> None:
+        """Show the first two photographs there are now, with the corners of the choices made now."""
+        photographs = tuple(self._visitor.photographs[:2])
+        if photographs != self._photographs:
+            self._photographs = photographs
+            self._place.clear()
+            self._viewer = None
+            if photographs:
+                pictures = [(f"/picture/{upload.working.name}", upload.working_size) for upload in photographs]
+                with self._place:
+                    self._viewer = Viewer("Corners of the photographs", side_by_side(pictures, drawings.GAP_PX))
+        if self._viewer is not None and not self._following:
+            background_tasks.create(self._follow(), name="corners")
+
+    async def _follow(self) -> None:
+        """Detect and draw until what is drawn is what is wanted; what was skipped meanwhile is never computed."""
+        self._following = True
+        try:
+            while (wanted := self._wanted()) != self._drawn and not fault_of(self._visitor.choices):
+                started = time.perf_counter()
+                pictures = [upload.working for upload in self._photographs]
+                found = await asyncio.to_thread(detect, pictures, self._visitor.choices)
+                self._draw(found, time.perf_counter() - started)
+                self._drawn = wanted
+        finally:
+            self._following = False
+
+    def _wanted(self) -> tuple[object, ...]:
+        return (*self._photographs, *(getattr(self._visitor.choices, name) for name in _MOVED_BY))
+
+    def _draw(self, found: list[Records], seconds: float) -> None:
+        offset, drawing = 0, ""
+        for upload, features in zip(self._photographs, found, strict=True):
+            drawing += drawings.corners(features, offset)
+            offset += upload.working_size[0] + drawings.GAP_PX
+        if self._viewer is not None:
+            self._viewer.draw(drawing)
+        counts = " and ".join(str(len(features)) for features in found)
+        self._counts.set_text(f"{counts} corners, found in {1000 * seconds:.0f} ms")
+
+
+def detect(pictures: Sequence[Path], choices: Choices) -> list[Records]:
+    """The corners of working pictures, as a run with these choices would find them."""
+    method, config = choices.settled()
+    front_end = front_end_of(method, "golden")
+    while True:
+        results = [extract_within_capacity(front_end, [_pixels(picture)], config) for picture in pictures]
+        raised = next((settled for _, settled in results if settled != config), None)
+        if raised is None:
+            return [result.features for (result,), _ in results]
+        config = raised  # a threshold that had to be raised for one picture holds for all
+
+
+@lru_cache(maxsize=8)
+def _pixels(picture: Path) -> Pixels:
+    return np.asarray(cv2.imread(str(picture), cv2.IMREAD_UNCHANGED), dtype=np.uint8)

@@ -1,0 +1,127 @@
+"""SVG of corners, matches, outlines and membership curves. Numbers and the panel's own words only, never file names."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.fuzzy import ONE
+from golden_model.ilbp import SECTORS
+from skymosaic.panel.explain import Input
+from skymosaic.panel.outcomes import PairView
+from skymosaic.registration import POSITIONS_PER_PX, Records, match_points
+
+GAP_PX = 12
+"""Between the left and the right picture."""
+_TICK_PX = 7.0
+_PLOT = (210, 62)
+_PLOT_MARGIN = (16, 6, 8, 14)
+"""Left, top, right, bottom."""
+_SET_CLASSES = ("first", "second", "third")
+
+
+def corners(features: Records, offset_px: int) -> str:
+    """A dot and a tick along the orientation for each feature; one path a level, so that thousands draw quickly."""
+    x, y = features["x"] / POSITIONS_PER_PX + offset_px, features["y"] / POSITIONS_PER_PX
+    angle = features["sector"] * (2 * math.pi / SECTORS)
+    parts = []
+    for level in (0, 1):
+        chosen = features["level"] == level
+        reach = _TICK_PX * (level + 1)
+        places = list(
+            zip(x[chosen], y[chosen], reach * np.cos(angle[chosen]), reach * np.sin(angle[chosen]), strict=True)
+        )
+        dots = "".join(f"M{px:.1f} {py:.1f}h0" for px, py, _, _ in places)
+        ticks = "".join(f"M{px:.1f} {py:.1f}l{dx:.1f} {dy:.1f}" for px, py, dx, dy in places)
+        parts.append(f'<path class="tick level-{level}" d="{ticks}"/><path class="dot level-{level}" d="{dots}"/>')
+    return "".join(parts)
+
+
+def segments(view: PairView) -> NDArray[np.float64]:
+    """End points (M, 4) of the matches in the viewer's pixels: left x, y, right x, y."""
+    left, right = match_points(view.matches)
+    return np.hstack((left, right + np.array([right_offset(view), 0])))
+
+
+def right_offset(view: PairView) -> int:
+    """Where the right picture begins in the viewer."""
+    return view.working_sizes[0][0] + GAP_PX
+
+
+def matches(lines: NDArray[np.float64], verdicts: list[str], shown: Iterable[str]) -> str:
+    """The matches whose verdict is shown, rejected ones undermost; one path a verdict."""
+    parts = []
+    for verdict in ("rejected", "outlier", "inlier"):
+        if verdict in shown:
+            chosen = (line for line, given in zip(lines.tolist(), verdicts, strict=True) if given == verdict)
+            path = "".join(f"M{x0:.1f} {y0:.1f}L{x1:.1f} {y1:.1f}" for x0, y0, x1, y1 in chosen)
+            parts.append(f'<path class="match {verdict}" d="{path}"/>')
+    return "".join(parts)
+
+
+def chosen_match(line: NDArray[np.float64], verdict: str) -> str:
+    """One match, to be drawn over the others."""
+    x0, y0, x1, y1 = (f"{value:.1f}" for value in line)
+    return (
+        f'<path class="match chosen-back" d="M{x0} {y0}L{x1} {y1}"/>'
+        f'<path class="match chosen {verdict}" d="M{x0} {y0}L{x1} {y1}"/>'
+        f'<path class="chosen-end {verdict}" d="M{x0} {y0}h0M{x1} {y1}h0"/>'
+    )
+
+
+def nearest(lines: NDArray[np.float64], x: float, y: float, within: float) -> int | None:
+    """The line (M, 4) nearest to a point, if it is near enough."""
+    if len(lines) == 0:
+        return None
+    start, along = lines[:, :2], lines[:, 2:] - lines[:, :2]
+    length = np.maximum((along**2).sum(axis=1), 1e-9)
+    share = np.clip((((x, y) - start) * along).sum(axis=1) / length, 0, 1)
+    distance = np.linalg.norm(start + share[:, np.newaxis] * along - (x, y), axis=1)
+    index = int(distance.argmin())
+    return index if distance[index] <= within else None
+
+
+def outlines(quadrilaterals: Iterable[NDArray[np.float64]]) -> str:
+    """Closed outlines, numbered from 1 at their centres."""
+    parts = []
+    for number, corners_px in enumerate(quadrilaterals, 1):
+        points = " ".join(f"{x:.1f},{y:.1f}" for x, y in corners_px)
+        x, y = corners_px.mean(axis=0)
+        parts.append(f'<polygon class="outline" points="{points}"/>')
+        parts.append(f'<text class="outline-name" x="{x:.0f}" y="{y:.0f}">{number}</text>')
+    return "".join(parts)
+
+
+def membership(item: Input) -> str:
+    """The curves of an input's sets, with the match's value and its degrees marked."""
+    width, height = _PLOT
+    left, top, right, bottom = _PLOT_MARGIN
+    last = max(item.variable.entries - 1, 1)
+    shown = max(last, 1)
+
+    def place(value: float, degree: float) -> str:
+        return f"{left + (width - left - right) * value / shown:.1f},{top + (height - top - bottom) * (1 - degree):.1f}"
+
+    parts = [
+        f'<line class="axis" x1="{left}" y1="{height - bottom}" x2="{width - right}" y2="{height - bottom}"/>',
+        f'<text class="axis-name" x="{left - 4}" y="{top + 8}" text-anchor="end">1</text>',
+        f'<text class="axis-name" x="{left - 4}" y="{height - bottom}" text-anchor="end">0</text>',
+        f'<text class="axis-name" x="{left}" y="{height - 3}">0</text>',
+        f'<text class="axis-name" x="{width - right}" y="{height - 3}" text-anchor="end">{last}</text>',
+    ]
+    for kind, (name, table) in zip(_SET_CLASSES, item.variable.sets.items(), strict=False):
+        curve = " ".join(place(value, degree / ONE) for value, degree in enumerate(table.tolist()))
+        parts.append(f'<polyline class="set {kind}" points="{curve}"/>')
+        x, y = place(min(item.value, last), item.degrees[name]).split(",")
+        parts.append(f'<circle class="degree {kind}" cx="{x}" cy="{y}" r="3.5"/>')
+    x = place(min(item.value, last), 0).split(",")[0]
+    parts.insert(0, f'<line class="marker" x1="{x}" y1="{top}" x2="{x}" y2="{height - bottom}"/>')
+    words = f"Curves of {item.variable.name}: the value {item.value} is " + ", ".join(
+        f"{name} {degree:.2f}" for name, degree in item.degrees.items()
+    )
+    return (
+        f'<svg class="membership" viewBox="0 0 {width} {height}" role="img" aria-label="{words}">{"".join(parts)}</svg>'
+    )

@@ -1,0 +1,41 @@
+// Files chosen or dropped, sent one after the other as raw bodies; the server decides what is acceptable.
+export default {
+  template: `
+    <label class="drop-zone" :class="{over, busy: sending}" @dragover.prevent="over = true" @dragleave="over = false"
+      @drop.prevent="onDrop">
+      <input ref="input" type="file" :accept="accept" :multiple="multiple" :aria-label="label" :disabled="sending !== ''"
+        @change="send($refs.input.files)">
+      <span class="drop-title">{{ sending || title }}</span>
+      <span class="drop-hint">{{ sending ? percent + ' %' : hint }}</span>
+    </label>`,
+  props: { url: String, accept: String, multiple: Boolean, label: String, title: String, hint: String },
+  data() {
+    return { over: false, sending: "", percent: 0 };
+  },
+  methods: {
+    onDrop(event) {
+      this.over = false;
+      this.send(event.dataTransfer.files);
+    },
+    async send(files) {
+      for (const file of Array.from(files).slice(0, this.multiple ? undefined : 1)) {
+        this.sending = "Sending " + file.name;
+        this.percent = 0;
+        const fault = await this.post(file);
+        if (fault) this.$emit("refused", fault);
+      }
+      this.sending = "";
+      this.$refs.input.value = "";
+    },
+    post(file) {
+      return new Promise((resolve) => {
+        const request = new XMLHttpRequest();
+        request.open("POST", this.url + "?name=" + encodeURIComponent(file.name));
+        request.upload.onprogress = (event) => (this.percent = Math.round((100 * event.loaded) / event.total));
+        request.onload = () => resolve(request.status < 300 ? "" : request.responseText);
+        request.onerror = () => resolve(file.name + ": the upload was refused or broke off; is it too large?");
+        request.send(file);
+      });
+    },
+  },
+};

@@ -1,0 +1,149 @@
+"""Why a match was kept or rejected: degrees of membership, strengths of the rules, and the verdict in words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from golden_model import correlation, fuzzy
+from golden_model.fuzzy import ONE, SugenoSystem, Variable
+from golden_model.ilbp import PATTERNS, SECTORS
+from golden_model.matcher import circular_distance
+from skymosaic.descriptors import WINDOWS_PX
+from skymosaic.panel.outcomes import PairView
+from skymosaic.ransac import INLIER_PX
+from skymosaic.registration import POSITIONS_PER_PX
+
+HIGHEST_WEIGHT = 256
+_DEGREES_A_SECTOR = 360 / SECTORS
+
+
+@dataclass(frozen=True)
+class Input:
+    """An input of the fuzzy system at one match: its value, and its degree in each set, 0 to 1."""
+
+    variable: Variable
+    value: int
+    degrees: dict[str, float]
+
+
+@dataclass(frozen=True)
+class FiredRule:
+    """A rule at one match: its condition, output and strength, 0 to 1, and whether it spoke loudest."""
+
+    words: str
+    output: float
+    strength: float
+    loudest: bool
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """One match in words and numbers.
+
+    Attributes
+    ----------
+    verdict : {"inlier", "outlier", "rejected"}
+        Kept and on the homography, kept but off it (or none was found), not kept.
+    reason : str
+        What decided.
+    facts : tuple of (str, str)
+        What was measured, by name.
+    inputs : tuple of Input
+    rules : tuple of FiredRule
+        Both empty where no fuzzy system judged.
+    """
+
+    verdict: str
+    reason: str
+    facts: tuple[tuple[str, str], ...]
+    inputs: tuple[Input, ...] = ()
+    rules: tuple[FiredRule, ...] = ()
+
+
+def verdicts(view: PairView) -> list[str]:
+    """The verdict on each match, as in `Explanation`."""
+    names = np.where(view.inlier, "inlier", np.where(view.kept, "outlier", "rejected"))
+    return [str(name) for name in names]
+
+
+def explain(view: PairView, index: int) -> Explanation:
+    """Explain one match of a pair."""
+    verdict, match = verdicts(view)[index], view.matches[index]
+    facts = _facts(view, index)
+    judge = _judge(view, index)
+    if judge is None:
+        reason = f"{_sentence(verdict)} {view.rule_names[match['rule']].capitalize()}."
+        return Explanation(verdict, reason + _geometry(view, index), facts)
+    system, values = judge
+    strengths = system.strengths(*(np.array([value]) for value in values))[0] / system.strength_one
+    degrees = ({name: table[min(v, len(table) - 1)] / ONE for name, table in variable.sets.items()}
+               for variable, v in zip(system.inputs, values, strict=True))  # fmt: skip
+    weight, limit = int(match["weight"]), view.keep_above
+    comparison = "above" if weight > limit else "not above"
+    reason = (
+        f"{_sentence(verdict)} The rules give it the weight {weight / HIGHEST_WEIGHT:.2f}, {comparison} the limit of "
+        f"{limit / HIGHEST_WEIGHT:.2f}; the loudest says: {view.rule_names[match['rule']]}."
+    )
+    return Explanation(
+        verdict,
+        reason + _geometry(view, index),
+        facts,
+        tuple(map(Input, system.inputs, values, degrees)),
+        tuple(
+            FiredRule(words, rule.output, float(strength), loudest=number == match["rule"])
+            for number, (words, rule, strength) in enumerate(zip(view.rule_names, system.rules, strengths, strict=True))
+        ),
+    )
+
+
+def _judge(view: PairView, index: int) -> tuple[SugenoSystem, tuple[int, ...]] | None:
+    """The fuzzy system that judged a match, and what it was given; None where another check decided."""
+    match = view.matches[index]
+    left = view.features[0][match["left_index"]]
+    right = view.features[1][match["right_index"]]
+    if view.method.descriptor in WINDOWS_PX:
+        scores = correlation.fuzzy_inputs(left["descriptor"][np.newaxis], right["descriptor"][np.newaxis])
+        return fuzzy.correlation(), tuple(int(score[0]) for score in scores)
+    rule_base = view.config.matcher.rule_base
+    if view.method.descriptor not in PATTERNS or rule_base == "none":
+        return None
+    bits = PATTERNS[view.method.descriptor].bits
+    if rule_base == "aerial":
+        turn = int(circular_distance(match["turn"], match["peak_turn"]))
+        return fuzzy.aerial(bits), (int(match["distance"]), int(match["margin"]), turn)
+    sad = int(correlation.sad(left["window"][np.newaxis], right["window"][np.newaxis])[0])
+    return fuzzy.ilbp(bits), (int(match["distance"]), sad, sad)
+
+
+def _facts(view: PairView, index: int) -> tuple[tuple[str, str], ...]:
+    match = view.matches[index]
+    places = [f"{match[f'{side}_x'] / POSITIONS_PER_PX:.2f}, {match[f'{side}_y'] / POSITIONS_PER_PX:.2f}"
+              for side in ("left", "right")]  # fmt: skip
+    facts = [("left x, y", places[0]), ("right x, y", places[1])]
+    pattern = PATTERNS.get(view.method.descriptor)
+    if pattern is None:
+        facts += [("distance", str(match["distance"])), ("margin", str(match["margin"]))]
+    else:
+        facts += [
+            ("distance", f"{match['distance']} of {pattern.bits} bits"),
+            ("margin to the second best", f"{match['margin']} bits"),
+        ]
+        if pattern.oriented:
+            turns = (match[name] * _DEGREES_A_SECTOR for name in ("turn", "peak_turn"))
+            facts.append(("turn, most common turn", ", ".join(f"{turn:.1f}°" for turn in turns)))
+    return (*facts, ("weight", f"{match['weight'] / HIGHEST_WEIGHT:.3f}"))
+
+
+def _sentence(verdict: str) -> str:
+    return {"inlier": "Kept.", "outlier": "Kept.", "rejected": "Rejected."}[verdict]
+
+
+def _geometry(view: PairView, index: int) -> str:
+    """How the match lies to the homography, in words."""
+    if view.residual_px is None:
+        return " No homography was found to compare it with."
+    distance = view.residual_px[index]
+    side = "within" if distance <= INLIER_PX else "beyond"
+    return f" It lies {distance:.1f} px from the homography, {side} the {INLIER_PX:g} px of an inlier."

@@ -1,0 +1,100 @@
+"""The matches of a pair as lines; the one under the pointer is explained."""
+
+from __future__ import annotations
+
+from nicegui import ui
+
+from skymosaic.panel import drawings
+from skymosaic.panel.explain import explain, verdicts
+from skymosaic.panel.explanation import markup
+from skymosaic.panel.outcomes import PairView
+from skymosaic.panel.viewer import Pointer, Viewer, side_by_side
+
+KINDS = {"inlier": "kept, on the homography", "outlier": "kept, off it", "rejected": "rejected by the rules"}
+REACH_SCREEN_PX = 10
+
+
+class MatchesTab:
+    """Two pictures, the lines between them, and why the chosen one was kept or rejected.
+
+    Hovering explains the nearest match; a click holds it, so that the pointer may leave; the buttons step through
+    all that are shown.
+    """
+
+    def __init__(self, view: PairView, addresses: tuple[str, str]) -> None:
+        self._view = view
+        self._lines = drawings.segments(view)
+        self._verdicts = verdicts(view)
+        self._shown = dict.fromkeys(KINDS, True)
+        self._chosen: int | None = None
+        self._held = False
+        with ui.element("div").classes("bar"):
+            for kind, words in KINDS.items():
+                self._build_filter(kind, f"{self._verdicts.count(kind)} {words}")
+            ui.element("div").classes("grow")
+            ui.button(icon="chevron_left", on_click=lambda: self._step(-1)).props(
+                'flat round dense aria-label="Previous match"'
+            )
+            self._number = ui.label().classes("hint number").props('role="status" aria-label="Match shown"')
+            ui.button(icon="chevron_right", on_click=lambda: self._step(1)).props(
+                'flat round dense aria-label="Next match"'
+            )
+        pictures = side_by_side(list(zip(addresses, view.working_sizes, strict=True)), drawings.GAP_PX)
+        self._viewer = Viewer("Matches between the photographs", pictures)
+        self._viewer.on_pointer("hover", self._hover)
+        self._viewer.on_pointer("pick", self._pick)
+        self._explanation = ui.html(sanitize=False).classes("explanation").props('aria-live="polite"')
+        self._draw()
+        self._choose(None)
+
+    def _build_filter(self, kind: str, words: str) -> None:
+        def toggle(shown: bool) -> None:
+            self._shown[kind] = shown
+            self._draw()
+
+        ui.checkbox(words, value=True, on_change=lambda event: toggle(event.value)).props("dense").classes(
+            f"kind {kind}"
+        )
+
+    def _draw(self) -> None:
+        self._viewer.draw(
+            drawings.matches(self._lines, self._verdicts, [k for k, shown in self._shown.items() if shown])
+        )
+
+    def _at(self, pointer: Pointer) -> int | None:
+        candidates = self._candidates()
+        found = drawings.nearest(self._lines[candidates], pointer.x, pointer.y, REACH_SCREEN_PX / pointer.scale)
+        return None if found is None else candidates[found]
+
+    def _candidates(self) -> list[int]:
+        return [index for index, verdict in enumerate(self._verdicts) if self._shown[verdict]]
+
+    def _hover(self, pointer: Pointer) -> None:
+        if not self._held and (index := self._at(pointer)) is not None and index != self._chosen:
+            self._choose(index)
+
+    def _pick(self, pointer: Pointer) -> None:
+        index = self._at(pointer)
+        self._held = index is not None
+        self._choose(index)
+
+    def _step(self, by: int) -> None:
+        candidates = self._candidates()
+        if candidates:
+            before = candidates.index(self._chosen) if self._chosen in candidates else -1 if by > 0 else 0
+            self._held = True
+            self._choose(candidates[(before + by) % len(candidates)])
+
+    def _choose(self, index: int | None) -> None:
+        self._chosen = index
+        if index is None:
+            self._viewer.highlight("")
+            self._number.set_text(f"{len(self._verdicts)} matches")
+            self._explanation.set_content(
+                '<p class="invite">Point at a line to read why that match was kept or rejected; click to hold it.</p>'
+            )
+            return
+        self._viewer.highlight(drawings.chosen_match(self._lines[index], self._verdicts[index]))
+        held = ", held" if self._held else ""
+        self._number.set_text(f"match {index + 1} of {len(self._verdicts)}{held}")
+        self._explanation.set_content(markup(explain(self._view, index)))

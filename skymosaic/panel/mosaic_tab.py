@@ -1,0 +1,30 @@
+"""The mosaic, with zoom and the outlines of its photographs."""
+
+from __future__ import annotations
+
+from nicegui import ui
+
+from skymosaic.panel import drawings
+from skymosaic.panel.outcomes import MosaicOutcome
+from skymosaic.panel.viewer import Picture, Viewer
+
+
+def build_mosaic_tab(outcome: MosaicOutcome) -> None:
+    """Show a run's mosaic, or why there is none."""
+    if outcome.mosaic is None:
+        with ui.element("div").classes("empty"):
+            ui.html("No mosaic could be made", tag="h2", sanitize=False)
+            ui.label(outcome.reason).classes("fault")
+            ui.label("The matches show what was found: rejected ones tell why.").classes("hint")
+        return
+    mosaic = outcome.mosaic
+    with ui.element("div").classes("bar"):
+        ui.label(f"{mosaic.size[0]} x {mosaic.size[1]} px, {len(mosaic.outlines)} photographs").classes("name")
+        ui.label("Wheel or + and - zoom, drag moves.").classes("hint")
+        ui.element("div").classes("grow")
+        switch = ui.switch("Outlines").props("dense")
+    viewer = Viewer("Mosaic", [Picture(f"/picture/{mosaic.picture.name}", *mosaic.shown_size)])
+    markup = drawings.outlines(mosaic.outlines.values())
+    switch.on_value_change(lambda event: viewer.draw(markup if event.value else ""))
+    for name, reason in outcome.left_out.items():
+        ui.label(f"{name} was left out: {reason}").classes("fault")

@@ -1,0 +1,87 @@
+"""A run in numbers: counts, homography, errors, time, and the command line that does it again."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from html import escape
+
+import numpy as np
+from nicegui import ui
+
+from skymosaic.metrics import confusion
+from skymosaic.panel.outcomes import MosaicOutcome, PairView
+
+CORRECT_PX = 3.0
+"""A match this close to the homography counts as correct for recall and precision."""
+
+
+def build_numbers_tab(outcome: MosaicOutcome, view: PairView) -> None:
+    """Show a run and one of its pairs."""
+    with ui.element("div").classes("numbers"):
+        for title, body in (
+            ("From corners to inliers", _funnel(view)),
+            ("Homography, left to right, in pixels of the originals", _homography(view)),
+            ("Quality", _quality(view)),
+            ("Time", _bars(outcome.seconds, "{:.3f} s")),
+        ):
+            ui.html(f"<h3>{title}</h3>{body}", tag="section", sanitize=False).classes("card")
+    with ui.element("section").classes("card"):
+        ui.html("The same again, in the unpacked archive's folder", tag="h3", sanitize=False)
+        ui.code(outcome.command, language="bash").classes("command")
+
+
+def _funnel(view: PairView) -> str:
+    left, right = (len(features) for features in view.features)
+    counts = {
+        "corners, left": left,
+        "corners, right": right,
+        "mutual matches": len(view.matches),
+        "kept by the rules": int(view.kept.sum()),
+        "inliers at 2 px": int(view.inlier.sum()),
+    }
+    return _bars(counts, "{:.0f}")
+
+
+def _bars(values: Mapping[str, float], form: str) -> str:
+    most = max([*values.values(), 1e-9])
+    rows = "".join(
+        f'<tr><th>{escape(name)}</th><td>{form.format(value)}</td><td class="wide"><span class="bar-of" '
+        f'style="--share:{value / most:.3f}"></span></td></tr>'
+        for name, value in values.items()
+    )
+    return f'<table class="bars">{rows}</table>'
+
+
+def _homography(view: PairView) -> str:
+    rows = view.numbers["homography"]
+    if rows is None:
+        return f"<p class='fault'>{escape(view.numbers['reason'])}</p>"
+    cells = "".join("<tr>" + "".join(f"<td>{value: .6g}</td>" for value in row) + "</tr>" for row in rows)
+    return f'<table class="matrix">{cells}</table><p class="hint">{_model(np.array(rows))}</p>'
+
+
+def _model(homography: np.ndarray) -> str:
+    """The kind of transformation, and what it does at the image's first pixel, in words."""
+    (a, b, x), (c, d, y), _ = homography
+    scale = math.sqrt(abs(a * d - b * c))
+    turn = math.degrees(math.atan2(c - b, a + d))
+    return f"projective, 8 parameters: turns by {turn:.2f}°, scales by {scale:.4f}, shifts by {x:.1f}, {y:.1f} px"
+
+
+def _quality(view: PairView) -> str:
+    if view.residual_px is None:
+        return "<p class='hint'>Nothing to measure without a homography.</p>"
+    inliers = view.residual_px[view.inlier]
+    judged = confusion(view.kept, view.residual_px <= CORRECT_PX)
+    rows = {
+        "RMSE of the inliers": f"{math.sqrt(float(np.mean(inliers**2))):.3f} px",
+        "recall of the rules": f"{judged.recall:.3f}",
+        "1 - precision": f"{1 - judged.precision:.3f}",
+        "refined by": f"{view.numbers['refined_inliers']} more matches"
+        if view.numbers["refined_inliers"]
+        else "no second pass",
+        "computed by": view.numbers["backend"],
+    }
+    body = "".join(f"<tr><th>{name}</th><td>{escape(value)}</td></tr>" for name, value in rows.items())
+    return f'<table class="bars">{body}</table><p class="hint">Correct: within {CORRECT_PX:g} px of the homography.</p>'

@@ -1,0 +1,119 @@
+"""The panel's server on loopback: the page, uploads, pictures and the archive."""
+
+from __future__ import annotations
+
+import secrets
+import socket
+from collections.abc import Callable
+
+import uvicorn
+from fastapi import FastAPI, Request
+from nicegui import app as page_app
+from nicegui import ui
+from starlette.middleware.sessions import SessionMiddleware
+from starlette.responses import FileResponse, PlainTextResponse, Response, StreamingResponse
+
+from skymosaic.errors import InputError
+from skymosaic.panel.archive import zipped
+from skymosaic.panel.guard import Guard
+from skymosaic.panel.jobs import prepare_workers
+from skymosaic.panel.page import build_page
+from skymosaic.panel.uploads import UploadRefusedError
+from skymosaic.panel.visitors import Visitor, Visitors
+
+HOST = "127.0.0.1"
+SECONDS_TO_CLOSE = 2
+
+
+def serve(port: int, announce: Callable[[str], None]) -> None:
+    """Run the panel until it is interrupted.
+
+    Parameters
+    ----------
+    port : int
+        0 takes any free one.
+    announce : callable
+        Receives the address as soon as browsers can open it.
+
+    Raises
+    ------
+    InputError
+        If the port is taken.
+    """
+    listener = _listen(port)
+    port = listener.getsockname()[1]
+    prepare_workers()
+    visitors = Visitors()
+    app = _application(visitors, port)
+    announce(f"http://{HOST}:{port}/")
+    config = uvicorn.Config(
+        Guard(app, port),
+        log_level="warning",
+        ws="wsproto",
+        server_header=False,
+        timeout_graceful_shutdown=SECONDS_TO_CLOSE,
+    )
+    try:
+        uvicorn.Server(config).run(sockets=[listener])
+    finally:
+        visitors.close()
+
+
+def _listen(port: int) -> socket.socket:
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind((HOST, port))
+    except OSError as error:
+        raise InputError(f"port {port}: cannot be used ({error.strerror}); choose another with --port") from None
+    # Browsers that come before the server is ready wait in its queue.
+    listener.listen()
+    return listener
+
+
+def _application(visitors: Visitors, port: int) -> FastAPI:
+    """The routes; the page itself is NiceGUI's."""
+    app = FastAPI(openapi_url=None)
+    # Cookies know no ports: the name tells two panels apart. The key dies with the server, as the files do.
+    app.add_middleware(
+        SessionMiddleware, secret_key=secrets.token_urlsafe(), session_cookie=f"skymosaic_{port}", same_site="lax"
+    )
+
+    def visitor_of(request: Request) -> Visitor | None:
+        number = request.session.get("id")
+        return visitors.of(number) if number else None
+
+    @app.post("/upload/photograph")
+    async def upload_photograph(request: Request, name: str) -> Response:
+        visitor = visitor_of(request)
+        if visitor is None:
+            return PlainTextResponse("open the panel's page first", status_code=403)
+        try:
+            await visitor.add_photograph(request.stream(), name)
+        except UploadRefusedError as error:
+            return PlainTextResponse(str(error), status_code=error.status)
+        return Response(status_code=204)
+
+    @app.get("/picture/{key}")
+    async def picture(request: Request, key: str) -> Response:
+        visitor = visitor_of(request)
+        path = visitor.picture(key) if visitor else None
+        if path is None:
+            return PlainTextResponse("no such picture", status_code=404)
+        return FileResponse(path, headers={"cache-control": "private, max-age=3600"})
+
+    @app.get("/archive")
+    async def archive(request: Request) -> Response:
+        visitor = visitor_of(request)
+        folders = visitor.result_folders() if visitor else {}
+        if not folders:
+            return PlainTextResponse("nothing has been made yet", status_code=404)
+        disposition = {"content-disposition": 'attachment; filename="skymosaic.zip"'}
+        return StreamingResponse(zipped(folders), media_type="application/zip", headers=disposition)
+
+    @ui.page("/", title="skymosaic", favicon=None)
+    def page() -> None:
+        build_page(visitors.of(page_app.storage.browser["id"]))
+
+    ui.run_with(app, title="skymosaic", show_welcome_message=False, gzip_middleware_factory=None)
+    return app

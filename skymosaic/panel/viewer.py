@@ -1,0 +1,78 @@
+"""Pictures under a drawing, to zoom and move: the element every picture of the panel is shown in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+
+from nicegui import ui
+from nicegui.events import GenericEventArguments
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture and where it lies in the viewer's pixels."""
+
+    href: str
+    width: int
+    height: int
+    x: int = 0
+    y: int = 0
+
+
+@dataclass(frozen=True)
+class Pointer:
+    """Where the pointer is, in the viewer's pixels; ``scale`` is screen pixels a viewer pixel."""
+
+    x: float
+    y: float
+    scale: float
+
+
+def side_by_side(pictures: Sequence[tuple[str, tuple[int, int]]], gap_px: int) -> list[Picture]:
+    """Pictures, given as address and (width, height), in a row."""
+    placed: list[Picture] = []
+    x = 0
+    for href, (width, height) in pictures:
+        placed.append(Picture(href, width, height, x))
+        x += width + gap_px
+    return placed
+
+
+class Viewer(ui.element, component="viewer.js"):
+    """Pictures with an SVG drawing over them.
+
+    Parameters
+    ----------
+    label : str
+        Accessible name.
+    pictures : sequence of Picture
+    drawing : str
+        SVG markup in the viewer's pixels: the panel's own numbers and words only, never a visitor's text.
+    """
+
+    def __init__(self, label: str, pictures: Sequence[Picture], drawing: str = "") -> None:
+        super().__init__()
+        self.props["label"] = label
+        self.props["pictures"] = [asdict(picture) for picture in pictures]
+        self.props["size"] = [
+            max(picture.x + picture.width for picture in pictures),
+            max(picture.y + picture.height for picture in pictures),
+        ]
+        self.props["drawing"] = drawing
+
+    def draw(self, drawing: str) -> None:
+        """Replace the drawing."""
+        self.props["drawing"] = drawing
+
+    def highlight(self, drawing: str) -> None:
+        """Replace what is drawn over the drawing, which is not sent again."""
+        self.run_method("showHighlight", drawing)
+
+    def on_pointer(self, event: str, handler: Callable[[Pointer], None]) -> None:
+        """Call ``handler`` on "hover" (at most 25 times a second) or "pick" (a click without dragging)."""
+
+        def handle(arguments: GenericEventArguments) -> None:
+            handler(Pointer(*(float(arguments.args[name]) for name in ("x", "y", "scale"))))
+
+        self.on(event, handle)
