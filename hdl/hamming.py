@@ -68,19 +68,25 @@ class Distances(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Operand registers, exclusive or, count."""
+        """Operand registers, exclusive or, count.
+
+        All planes of an operand lie side by side in one signal: a shift by one bit moves every lane to the next.
+        """
         m = Module()
         m.submodules.popcount = popcount = self._popcount
-        right_valid, left_valid = Signal(self.lanes), Signal(self.lanes)
+        left, right, unequal = (
+            Signal(self.bits * self.lanes, name=name, reset_less=True) for name in ("left", "right", "unequal")
+        )
+        lane0 = Const(sum(1 << n * self.lanes for n in range(self.bits)), right.shape())
+        entering = Cat(Cat(bit, Const(0, self.lanes - 1)) for bit in self.i_right)
+        m.d.sync += right.eq(((right << 1) & ~lane0) | entering)
+        left_valid, right_valid = Signal(self.lanes), Signal(self.lanes)
         m.d.sync += right_valid.eq(Cat(self.i_valid, right_valid[:-1]))
         with m.If(self.i_load):
             m.d.sync += left_valid.bit_select(self.i_lane, 1).eq(self.i_left_valid)
-        for n, plane in enumerate(popcount.i_planes):
-            left, right = (Signal(self.lanes, name=f"{side}{n}", reset_less=True) for side in ("left", "right"))
-            m.d.sync += right.eq(Cat(self.i_right[n], right[:-1]))
-            with m.If(self.i_load):
-                m.d.sync += left.bit_select(self.i_lane, 1).eq(self.i_left[n])
-            m.d.comb += plane.eq(left ^ right)
+            for n, bit in enumerate(self.i_left):
+                m.d.sync += left.word_select(n, self.lanes).bit_select(self.i_lane, 1).eq(bit)
+        m.d.comb += [unequal.eq(left ^ right), Cat(popcount.i_planes).eq(unequal)]
         valid = delayed(m, left_valid & right_valid, popcount.latency_cycles, reset_less=False)
         m.d.comb += self.o_valid.eq(valid)
         for distance, count in zip(self.o_distances, popcount.o_counts, strict=True):
