@@ -1,0 +1,86 @@
+from pathlib import Path
+
+import pytest
+from amaranth import Elaboratable, Module, Signal, unsigned
+from amaranth.hdl import Assert, Assume, Cover
+from amaranth.lib import stream, wiring
+from amaranth.lib.wiring import In, Out
+
+from hdl.axi_lite import AxiLiteSubordinate
+from hdl.skid_buffer import SkidBuffer
+from tests.formal.proofs import StreamContract, held, prove
+
+PAYLOAD = unsigned(2)
+
+
+def test_the_skid_buffer_keeps_the_contract(tmp_path: Path) -> None:
+    prove(StreamContract(SkidBuffer(shape=PAYLOAD), depth=2), tmp_path, depth_cycles=10)
+
+
+class _Forgetful(wiring.Component):
+    """A register stage that forgets what waits when something new comes: the checker must find it out."""
+
+    def __init__(self) -> None:
+        super().__init__({"i": In(stream.Signature(PAYLOAD)), "o": Out(stream.Signature(PAYLOAD))})
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        m.d.comb += self.i.ready.eq(1)
+        with m.If(self.i.valid):
+            m.d.sync += [self.o.valid.eq(1), self.o.payload.eq(self.i.payload)]
+        with m.Elif(self.o.ready):
+            m.d.sync += self.o.valid.eq(0)
+        return m
+
+
+def test_the_checker_finds_a_forgetful_stage(tmp_path: Path) -> None:
+    with pytest.raises(AssertionError, match="FAIL"):
+        prove(StreamContract(_Forgetful(), depth=2), tmp_path, depth_cycles=10)
+
+
+class _AxiLiteContract(Elaboratable):
+    """Responses are held and stable, one an access, none without an access; reads and writes do not block each other."""
+
+    def __init__(self) -> None:
+        self.block = AxiLiteSubordinate(address_bits=4)
+        bus = self.block.bus
+        self.ports = [
+            bus.awaddr, bus.awvalid, bus.wdata, bus.wstrb, bus.wvalid, bus.bready, bus.araddr, bus.arvalid, bus.rready,
+            self.block.i_data, self.block.i_write_known, self.block.i_read_known,
+        ]  # fmt: skip
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        m.submodules.block = block = self.block
+        bus = block.bus
+        held(m, Assume, bus.awvalid, bus.awready, bus.awaddr)
+        held(m, Assume, bus.wvalid, bus.wready, bus.wdata, bus.wstrb)
+        held(m, Assume, bus.arvalid, bus.arready, bus.araddr)
+        held(m, Assert, bus.bvalid, bus.bready, bus.bresp)
+        held(m, Assert, bus.rvalid, bus.rready, bus.rdata, bus.rresp)
+        addresses, data, pulses, answers, reads, read_answers = (Signal(4, name=f"count{n}") for n in range(6))
+        for count, happens in (
+            (addresses, bus.awvalid & bus.awready),
+            (data, bus.wvalid & bus.wready),
+            (pulses, block.o_write),
+            (answers, bus.bvalid & bus.bready),
+            (reads, bus.arvalid & bus.arready),
+            (read_answers, bus.rvalid & bus.rready),
+        ):
+            m.d.sync += count.eq(count + happens)
+        m.d.comb += [
+            Assert(pulses <= addresses),
+            Assert(pulses <= data),
+            Assert(answers <= pulses),
+            Assert(pulses - answers <= 1),
+            Assert(read_answers <= reads),
+            Assert(reads - read_answers <= 2),
+            Cover(answers == 2),
+            Cover(read_answers == 2),
+            Cover((answers == 1) & bus.bvalid & bus.rvalid),
+        ]
+        return m
+
+
+def test_axi_lite_answers_every_access_once_and_holds_the_answer(tmp_path: Path) -> None:
+    prove(_AxiLiteContract(), tmp_path, depth_cycles=12)
