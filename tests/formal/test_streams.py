@@ -39,7 +39,7 @@ def test_the_checker_finds_a_forgetful_stage(tmp_path: Path) -> None:
 
 
 class _AxiLiteContract(Elaboratable):
-    """Responses are held and stable, one an access, none without an access; reads and writes do not block each other."""
+    """Responses are held, one an access, none without one; reads and writes do not block each other."""
 
     def __init__(self) -> None:
         self.block = AxiLiteSubordinate(address_bits=4)
