@@ -1,6 +1,6 @@
 """How often, and how closely, pairs with a known homography are registered, beside OpenCV's methods in one run.
 
-    python bench/registration.py --data DIR [--negatives] [--refine] [--json FILE]
+    python bench/registration.py --data DIR [--method NAME ...] [--negatives] [--refine] [--json FILE]
 
 DIR holds pairs.csv (name, group, left, right, h00 ... h22; the homography maps left to right pixels). The error of a
 pair is the mean distance over a 20x20 grid of left points that fall inside the right image; 1000 where nothing
@@ -9,7 +9,6 @@ was estimated.
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 import json
 import random
@@ -17,7 +16,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import cv2
 import numpy as np
@@ -27,9 +26,10 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from baselines import DETECTORS, Baseline
+from baselines import BASELINES, Baseline
 from skymosaic import register
 from skymosaic.metrics import grid_error
+from skymosaic.pairs import KnownPair, read_pairs
 
 NOTHING_ESTIMATED_PX = 1000.0
 LIMITS_PX = (1, 3, 5)
@@ -37,23 +37,7 @@ FEW_FEATURES = 1000
 NEGATIVE_PAIRS = 100
 
 Matrix = NDArray[np.float64]
-Method = Callable[[str, str], tuple[Matrix | None, int]]
-
-
-@dataclass(frozen=True)
-class KnownPair:
-    """A pair of files with the true homography from left to right."""
-
-    name: str
-    group: str
-    left: str
-    right: str
-    truth: Matrix
-
-    @property
-    def flight(self) -> str:
-        """The flight the photographs come from, by the name's word: ``real_copr_0_1`` is of ``copr``."""
-        return next(word for word in self.name.split("_")[1:] if word.isalpha())
+Method = Callable[[Path, Path], tuple[Matrix | None, int]]
 
 
 @dataclass(frozen=True)
@@ -68,37 +52,22 @@ class Outcome:
     seconds: float
 
 
-def read_pairs(data: Path) -> list[KnownPair]:
-    """The pairs of ``data``/pairs.csv."""
-    with (data / "pairs.csv").open(newline="") as file:
-        return [
-            KnownPair(
-                row["name"],
-                row["group"],
-                str(data / row["left"]),
-                str(data / row["right"]),
-                np.array([float(row[f"h{r}{c}"]) for r in range(3) for c in range(3)]).reshape(3, 3),
-            )
-            for row in csv.DictReader(file)
-        ]
+def ours(**options: Any) -> Method:
+    """The project's own registration with these options; a pair it does not accept counts as not estimated."""
 
-
-def ours(preset: str, refine: bool) -> Method:
-    """The project's own registration; a pair it does not accept counts as not estimated."""
-
-    def run(left: str, right: str) -> tuple[Matrix | None, int]:
-        pair = register(left, right, preset=preset, refine=refine)
+    def run(left: Path, right: Path) -> tuple[Matrix | None, int]:
+        pair = register(left, right, **options)
         return pair.homography, len(pair.inliers)
 
     return run
 
 
 def baseline(name: str, count: int) -> Method:
-    """An OpenCV method on the same files."""
+    """A baseline on the same files."""
     method = Baseline(name, count)
 
-    def run(left: str, right: str) -> tuple[Matrix | None, int]:
-        return method.homography(*(cv2.imread(path, cv2.IMREAD_GRAYSCALE) for path in (left, right)))
+    def run(left: Path, right: Path) -> tuple[Matrix | None, int]:
+        return method.homography(*map(_gray, (left, right)))
 
     return run
 
@@ -109,9 +78,13 @@ def measure(method: Method, pairs: list[KnownPair], label: str) -> Iterator[Outc
         start = time.perf_counter()
         found, inliers = method(pair.left, pair.right)
         seconds = time.perf_counter() - start
-        left_size, right_size = (cv2.imread(path, cv2.IMREAD_GRAYSCALE).shape[::-1] for path in (pair.left, pair.right))
+        left_size, right_size = (_gray(path).shape[::-1] for path in (pair.left, pair.right))
         error = NOTHING_ESTIMATED_PX if found is None else grid_error(found, pair.truth, left_size, right_size)
         yield Outcome(pair.name, pair.group, pair.flight, error, inliers, seconds)
+
+
+def _gray(path: Path) -> NDArray[np.uint8]:
+    return cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
 
 
 def table(title: str, results: dict[str, list[Outcome]], column: str) -> Table:
@@ -135,24 +108,38 @@ def _shares(outcomes: list[Outcome]) -> str:
     return f"{shares} {np.median(errors):.2f}px"
 
 
-def unrelated_pairs(pairs: list[KnownPair]) -> list[tuple[str, str]]:
+def unrelated_pairs(pairs: list[KnownPair]) -> list[tuple[Path, Path]]:
     """Pairs of photographs from two different flights, the same list on every run."""
     combinations = [(a.left, b.right) for a in pairs for b in pairs if a.flight != b.flight]
     return random.Random(0).sample(combinations, min(NEGATIVE_PAIRS, len(combinations)))
 
 
-def wrongly_accepted(pairs: list[tuple[str, str]], preset: str, refine: bool) -> list[tuple[str, str]]:
+def wrongly_accepted(pairs: list[tuple[Path, Path]], refine: bool) -> list[tuple[Path, Path]]:
     """The unrelated pairs that were registered all the same."""
-    method = ours(preset, refine)
+    method = ours(refine=refine)
     progress = track(pairs, description="unrelated pairs", console=Console(stderr=True), transient=True)
     return [pair for pair in progress if method(*pair)[0] is not None]
+
+
+def rows(pairs: list[KnownPair], refine: bool, wanted: list[str] | None) -> dict[str, Method]:
+    """The methods to run, by the name of their row; ``wanted`` are first words of it (None: all)."""
+    own_count = round(np.median([len(register(p.left, p.right).features[0]) for p in pairs[::8]]))
+    every = {"aerial": ours(), "fast": ours(detector="fast"), "thesis": ours(preset="thesis")}
+    if refine:
+        every["aerial --refine"] = ours(refine=True)
+    every |= {f"{name} {count}": baseline(name, count) for name in BASELINES for count in (FEW_FEATURES, own_count)}
+    names = dict.fromkeys(name.split()[0] for name in every)
+    unknown = [name for name in wanted or () if name not in names]
+    if unknown:
+        raise typer.BadParameter(f"no method {', '.join(unknown)}; valid: {', '.join(names)}")
+    return {name: run for name, run in every.items() if not wanted or name.split()[0] in wanted}
 
 
 def main(
     data: Annotated[Path, typer.Option(help="Folder with pairs.csv.")],
     negatives: Annotated[bool, typer.Option("--negatives", help="Try unrelated pairs instead.")] = False,
     refine: Annotated[bool, typer.Option("--refine", help="Add our second, guided pass as a row.")] = False,
-    method: Annotated[list[str] | None, typer.Option(help="Only these rows, by name.")] = None,
+    method: Annotated[list[str] | None, typer.Option(help="Only these: aerial, thesis, fast, sift, ...")] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write every outcome here.")] = None,
 ) -> None:
     """Print the table of results."""
@@ -161,25 +148,18 @@ def main(
     pairs = read_pairs(data)
     if negatives:
         tried = unrelated_pairs(pairs)
-        accepted = wrongly_accepted(tried, "aerial", refine)
+        accepted = wrongly_accepted(tried, refine)
         console.print(f"{len(accepted)} of {len(tried)} unrelated pairs accepted {accepted or ''}")
         written: object = {"tried": tried, "accepted": accepted}
     else:
-        own_count = round(np.median([len(register(p.left, p.right).features[0]) for p in pairs[::8]]))
-        rows = {"aerial": ours("aerial", False), "thesis": ours("thesis", False)}
-        if refine:
-            rows["aerial --refine"] = ours("aerial", True)
-        rows |= {f"{name} {count}": baseline(name, count) for name in DETECTORS for count in (FEW_FEATURES, own_count)}
-        chosen = {name: run for name, run in rows.items() if not method or name in method}
-        if not chosen:
-            raise typer.BadParameter(f"no such method; valid: {', '.join(rows)}")
+        chosen = rows(pairs, refine, method)
         results = {name: list(measure(run, pairs, name)) for name, run in chosen.items()}
         note = f"{len(pairs)} pairs; shares under {'/'.join(map(str, LIMITS_PX))} px in %, median px"
         console.print(table(f"by group: {note}", results, "group"))
         console.print(table(f"by flight: {note}", results, "flight"))
         written = {name: [dataclasses.asdict(outcome) for outcome in outcomes] for name, outcomes in results.items()}
     if json_file:
-        json_file.write_text(json.dumps(written, indent=1) + "\n")
+        json_file.write_text(json.dumps(written, indent=1, default=str) + "\n")
 
 
 if __name__ == "__main__":

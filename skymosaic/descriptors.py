@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
+from functools import cache
 
 import cv2
 import numpy as np
@@ -56,9 +57,9 @@ def describe(gray: Pixels, key_points: KeyPoints, descriptor: str) -> Records:
         `golden_model.records.feature_record`; the sector is that of the ILBP, or of the key point's angle.
     """
     if descriptor in _OPENCV:
-        key_points, values = _OPENCV[descriptor]().compute(gray, key_points)
-        empty = np.empty((0, _OPENCV[descriptor]().descriptorSize()), np.uint8)
-        return _records(key_points, empty if values is None else values)
+        extractor = _extractor(descriptor)
+        key_points, values = extractor.compute(gray, key_points)
+        return _records(key_points, np.empty((0, extractor.descriptorSize()), np.uint8) if values is None else values)
     if descriptor in WINDOWS_PX:
         size_px = WINDOWS_PX[descriptor]
         key_points, x, y = _inside(gray, key_points, -(-size_px // 2))
@@ -66,6 +67,12 @@ def describe(gray: Pixels, key_points: KeyPoints, descriptor: str) -> Records:
     if descriptor == TRACKED:
         return _records(key_points, np.empty((len(key_points), 0), np.uint8))
     return _ilbp(gray, key_points, descriptor)
+
+
+@cache
+def _extractor(descriptor: str) -> cv2.Feature2D:
+    """Made once: BRISK's tables take longer to build than an image to describe."""
+    return _OPENCV[descriptor]()
 
 
 def _ilbp(gray: Pixels, key_points: KeyPoints, descriptor: str) -> Records:

@@ -1,0 +1,65 @@
+"""Pairs of photographs with known homographies, read from a folder: what benches and experiments measure against."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skymosaic.errors import InputError
+
+LIST_NAME = "pairs.csv"
+ELEMENTS = tuple(f"h{row}{column}" for row in range(3) for column in range(3))
+COLUMNS = ("name", "group", "left", "right", *ELEMENTS)
+
+
+@dataclass(frozen=True, eq=False)
+class KnownPair:
+    """Two files and the true homography (3, 3) from left to right pixels, pixel centres at integers."""
+
+    name: str
+    group: str
+    left: Path
+    right: Path
+    truth: NDArray[np.float64]
+
+    @property
+    def flight(self) -> str:
+        """The flight the photographs come from, by the name's word: ``real_copr_0_1`` is of ``copr``."""
+        return next((word for word in self.name.split("_")[1:] if word.isalpha()), self.group)
+
+
+def read_pairs(folder: Path) -> list[KnownPair]:
+    """The pairs that ``folder``/pairs.csv lists.
+
+    Its columns are name, group, left, right (files, relative to the folder) and h00 to h22, by rows.
+
+    Raises
+    ------
+    InputError
+        If the list is missing, lacks a column or a pair, or has a homography that is not of numbers.
+    """
+    path = folder / LIST_NAME
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            reader = csv.DictReader(file)
+            missing = [column for column in COLUMNS if column not in (reader.fieldnames or ())]
+            if missing:
+                raise InputError(f"{path}: lacks {', '.join(missing)}; its columns are {', '.join(COLUMNS)}")
+            pairs = [_pair(folder, row, reader.line_num) for row in reader]
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); name a folder with a {LIST_NAME}") from None
+    if not pairs:
+        raise InputError(f"{path}: lists no pair; add a line for each")
+    return pairs
+
+
+def _pair(folder: Path, row: dict[str, str], line: int) -> KnownPair:
+    try:
+        truth = np.array([float(row[element]) for element in ELEMENTS]).reshape(3, 3)
+    except (TypeError, ValueError):
+        raise InputError(f"{folder / LIST_NAME}, line {line}: h00 to h22 must be nine numbers") from None
+    return KnownPair(row["name"], row["group"], folder / row["left"], folder / row["right"], truth)
