@@ -1,0 +1,58 @@
+"""The command that shows the fuzzy systems: rules as text, curves and surfaces as pictures."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from skymosaic import report
+from skymosaic.cli.options import console
+from skymosaic.errors import InputError
+from skymosaic.fuzzy_systems import PORTRAITS, Portrait
+from skymosaic.images import save_bytes
+
+
+def fuzzy(
+    *,
+    systems: Annotated[
+        list[str] | None, typer.Argument(help=f"{', '.join(PORTRAITS)}; by default all.", metavar="[SYSTEM]...")
+    ] = None,
+    plot: Annotated[bool, typer.Option("--plot", help="Draw membership curves and rule surfaces.")] = False,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the pictures.")] = Path("fuzzy"),
+) -> None:
+    """Print the rules of the fuzzy systems; with --plot, draw their membership curves and rule surfaces."""
+    names = systems or list(PORTRAITS)
+    unknown = [name for name in names if name not in PORTRAITS]
+    if unknown:
+        raise InputError(f"no fuzzy system {', '.join(unknown)}; valid: {', '.join(PORTRAITS)}")
+    for name in names:
+        console.print(_rules(name, PORTRAITS[name]))
+    if plot:
+        _draw(names, output)
+
+
+def _rules(name: str, portrait: Portrait) -> Table:
+    system = portrait.system()
+    table = Table(title=f"{name}: {portrait.title}, AND is the {system.conjunction}", title_justify="left")
+    for heading in ("rule", *(axis.label for axis in portrait.axes), "weight"):
+        table.add_column(heading, justify="right" if heading in ("rule", "weight") else "left")
+    for index, rule in enumerate(system.rules):
+        table.add_row(str(index), *(chosen or "any" for chosen in rule.sets), f"{rule.output:g}")
+    return table
+
+
+def _draw(names: list[str], folder: Path) -> None:
+    try:
+        # matplotlib is an extra, and takes a second to import: only pictures need it.
+        picture = importlib.import_module("skymosaic.fuzzy_plots").picture
+    except ImportError:
+        raise InputError("pictures need matplotlib; run pip install 'skymosaic[plots]'") from None
+    report.prepare(folder)
+    for name in names:
+        path = folder / f"{name}.png"
+        save_bytes(path, picture(name))
+        console.print(f"{path}")
