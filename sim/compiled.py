@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from sim.backend import BackendError, Progress, silent
 from sim.build_cache import digest, digest_files
 from sim.design import Design, Ports
-from sim.recording import NO_PAUSES, Output, Pauses, Recording, Segment
+from sim.recording import NO_PAUSES, Output, Pauses, Recording, Segment, check_access
 
 HARNESS = Path(__file__).parent / "harness"
 LIBRARY_NAME = "simulator.so"
@@ -120,11 +120,13 @@ def ports_header(ports: Ports, mangle: Callable[[str], str]) -> str:
         return [*macros, f"#define {kind}S(X) " + " ".join(f"X({i}, {kind}_{i})" for i in range(len(prefixes)))]
 
     settings = " ".join(f"X({i}, {mangle(name)})" for i, name in enumerate(ports.settings))
+    control = [f"#define CONTROL(member) {mangle(ports.control + '_')}##member"] if ports.control else []
     return "\n".join(
         [
             f"#define VIDEO(member) {mangle(ports.video + '_')}##member",
             *prefix_macros("OUTPUT", ports.outputs),
             *prefix_macros("TAP", ports.taps),
+            *control,
             f"#define SETTINGS(X) {settings}\n",
         ]
     )
@@ -171,6 +173,22 @@ class Bench:
         """Reset the design, wherever it is."""
         self._library.bench_reset(self._bench)
 
+    def write(self, address: int, value: int) -> None:
+        """Write a register.
+
+        Raises
+        ------
+        BackendError
+            If the design refuses it or does not answer.
+        """
+        check_access("write", address, self._library.bench_write(self._bench, address, value))
+
+    def read(self, address: int) -> int:
+        """Read a register; errors as `write` raises them."""
+        value = ctypes.c_uint32()
+        check_access("read", address, self._library.bench_read(self._bench, address, ctypes.byref(value)))
+        return value.value
+
     def run(self, segment: Segment, pauses: Pauses = NO_PAUSES) -> Recording:
         """Stream a segment.
 
@@ -187,6 +205,8 @@ class Bench:
         for index, name in enumerate(self.ports.settings):
             if name in segment.settings:
                 self._library.bench_set(self._bench, index, segment.settings[name])
+        for address, value in segment.writes:
+            self.write(address, value)
         data, flags = np.ascontiguousarray(segment.data, np.uint32), np.ascontiguousarray(segment.flags, np.uint8)
         request = _Request(
             data.ctypes.data, flags.ctypes.data, data.size, segment.packets, segment.cycle_limit,
@@ -230,6 +250,9 @@ def _load(library: Path) -> ctypes.CDLL:
         "bench_words": (ctypes.c_uint64, (pointer, ctypes.c_int, values)),
         "bench_ends": (ctypes.c_uint64, (pointer, ctypes.c_int, values)),
     }
+    if hasattr(loaded, "bench_write"):
+        signatures["bench_write"] = (ctypes.c_int, (pointer, ctypes.c_uint32, ctypes.c_uint32))
+        signatures["bench_read"] = (ctypes.c_int, (pointer, ctypes.c_uint32, ctypes.POINTER(ctypes.c_uint32)))
     for name, (result, arguments) in signatures.items():
         function = getattr(loaded, name)
         function.restype, function.argtypes = result, arguments

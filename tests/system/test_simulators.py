@@ -1,5 +1,6 @@
 """The three simulators of a small real design: equal to NumPy, and to each other cycle by cycle."""
 
+import dataclasses
 import sys
 from pathlib import Path
 
@@ -89,7 +90,7 @@ DESIGN = Design(
 def segment(images, *, bias=0, **changes):
     data, flags = (np.concatenate(part) for part in zip(*map(flat_frame, images), strict=True))
     values = {"packets": len(images), "cycle_limit": 30_000, **changes}
-    return Segment({"bias": bias}, data, flags, **values)
+    return Segment(data, flags, settings={"bias": bias}, **values)
 
 
 def random_images(count):
@@ -130,8 +131,7 @@ def test_cycles_count_from_the_reset(simulator):
 @pytest.mark.parametrize("simulator", SIMULATORS)
 def test_reset_in_mid_frame(simulator):
     images = random_images(1)
-    part = segment(images, packets=0)
-    part = Segment(part.settings, part.data[:333], part.flags[:333], 0, 1000)
+    part = dataclasses.replace(segment(images, packets=0), data=images.ravel()[:333], flags=np.zeros(333))
     whole = segment(images, reset=True)
     after = simulator.simulate(DESIGN, [part, whole])[1]
     fresh = simulator.simulate(DESIGN, [segment(images)])[0]

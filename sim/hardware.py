@@ -1,0 +1,107 @@
+"""The simulated accelerator behind the `sim.backend.FrontEnd` interface, whichever simulator runs it."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.config import Config
+from golden_model.records import FRAME_STATUS, MATCH, WORD_BYTES, Record, feature_record
+from sim.backend import FrameResult, Progress, Reference
+from sim.designs import FEATURES, MATCHES, accelerator, frame_settings, register_writes
+from sim.recording import Recording, Segment, flat_frame
+
+BUILT_SIZES_PX = ((1920, 1080), (4096, 4096))
+"""Largest width and height of the builds; a run uses the first one that its frames fit."""
+
+
+class HardwareFrontEnd:
+    """Features and matches by the simulated accelerator.
+
+    Parameters
+    ----------
+    simulate : callable
+        `sim.compiled.simulate` of a simulator, or `sim.pysim.simulate`.
+    progress : callable
+        Told of first builds.
+    waves : Path or None
+        VCD file of each run.
+    """
+
+    def __init__(self, simulate: Callable[..., list[Recording]], *, progress: Progress, waves: Path | None):
+        self._simulate = simulate
+        self._options = {"progress": progress, "waves": waves}
+
+    def run(
+        self, frames: Sequence[NDArray[np.uint8]], config: Config, *, reference: Reference = "held"
+    ) -> list[FrameResult]:
+        """See `sim.backend.FrontEnd.run`."""
+        segments = frame_segments(frames, config, reference)
+        recordings = self._simulate(accelerator(config, built_size_px(frames)), segments, **self._options)
+        return [result for recording in recordings for result in _results(recording, config)]
+
+
+def built_size_px(frames: Sequence[NDArray[np.uint8]]) -> tuple[int, int]:
+    """The build for ``frames``: largest width and height it takes."""
+    height_px, width_px = (max(sides, default=0) for sides in zip(*(image.shape[:2] for image in frames), strict=True))
+    return next(size for size in BUILT_SIZES_PX if width_px <= size[0] and height_px <= size[1])
+
+
+def frame_segments(frames: Sequence[NDArray[np.uint8]], config: Config, reference: Reference) -> list[Segment]:
+    """Frames as segments for the accelerator; those of one shape follow each other without a pause.
+
+    Raises
+    ------
+    ValueError
+        For a frame the configuration cannot take.
+    """
+    groups = [list(group) for _, group in itertools.groupby(frames, key=lambda image: image.shape)]
+    return [_segment(group, config, reference, first=number == 0) for number, group in enumerate(groups)]
+
+
+def _segment(frames: list[NDArray[np.uint8]], config: Config, reference: Reference, *, first: bool) -> Segment:
+    height_px, width_px = frames[0].shape[:2]
+    data, flags = (np.concatenate(parts) for parts in zip(*map(flat_frame, frames), strict=True))
+    held = int(reference == "held")
+    values = {
+        **frame_settings(config.front_end, width_px, height_px, gray_input=frames[0].ndim == 2),
+        "keep_above": config.matcher.keep_above,
+        "hold_reference": held,
+        "enable": 1,
+        "features_enable": 1,
+        "matches_enable": 1,
+        **({"take_reference": held} if first else {}),
+    }
+    # A frame takes a clock for each pixel, and its matching as long again at most; twice that is hanging.
+    cycle_limit = 2 * data.size + len(frames) * config.front_end.max_features**2
+    return Segment(data, flags, len(frames), cycle_limit, writes=register_writes(values))
+
+
+def _results(recording: Recording, config: Config) -> Iterator[FrameResult]:
+    pattern = config.front_end.pattern
+    feature = feature_record(pattern.descriptor_bytes, pattern.window_bytes)
+    features, matches = recording.outputs[FEATURES], recording.outputs[MATCHES]
+    packets = zip(recording.starts, features.ends[:, 1], features.packets, matches.packets, strict=True)
+    for start, end, feature_words, match_words in packets:
+        yield FrameResult(
+            features=_records(feature, feature_words),
+            matches=_records(MATCH, match_words),
+            status=_status(feature, feature_words),
+            match_status=_status(MATCH, match_words),
+            cycles=int(end - start) + 1,
+        )
+
+
+def _records(record: Record, words: NDArray[np.uint64]) -> NDArray[np.void]:
+    """The records of a packet that come before its status."""
+    return words.view(record.dtype)[:-1]
+
+
+def _status(record: Record, words: NDArray[np.uint64]) -> np.void:
+    last = words[-record.record_bytes // WORD_BYTES :]
+    status: np.void = last[: FRAME_STATUS.record_bytes // WORD_BYTES].view(FRAME_STATUS.dtype)[0]
+    return status
