@@ -58,10 +58,11 @@ class RingWindow(wiring.Component):
         offsets = {offset for ring in self.pattern.offsets for offset in ring}
         chains = {}
         for y in sorted({y for _, y in offsets}):
+            above = self.lag_px - y
             length = self.lag_px - min(x for x, line in offsets if line == y) + 1
-            chains[y] = Signal(data.ArrayLayout(8, length), name=f"line{y}", reset_less=True)
+            chains[y] = Signal(data.ArrayLayout(8, length), name=f"line{above}", reset_less=True)
             with m.If(lines.o.valid):
-                m.d.sync += chains[y].eq(Cat(lines.o.column[self.lag_px - y], chains[y]))
+                m.d.sync += chains[y].eq(Cat(lines.o.column[above], chains[y]))
         for ring, o_ring in zip(self.pattern.offsets, self.o_pixels, strict=True):
             m.d.comb += [o_pixel.eq(chains[y][self.lag_px - x]) for (x, y), o_pixel in zip(ring, o_ring, strict=True)]
         return m
