@@ -1,0 +1,23 @@
+"""Matches two gray images on the board: python3 pair.py LEFT.npy RIGHT.npy (uint8 arrays of one shape)."""
+
+import sys
+
+import numpy as np
+from pynq import Overlay
+from skymosaic_driver import Accelerator, PynqBus
+
+left, right = (np.load(path) for path in sys.argv[1:3])
+accelerator = Accelerator(PynqBus(Overlay("skymosaic.bit")))
+settings = {
+    "width_px": left.shape[1],
+    "height_px": left.shape[0],
+    "cell_log2": 5 if left.size <= 640 * 480 else 6,
+    "per_cell": 5 if left.size <= 640 * 480 else 3,
+    "threshold_code": 2,
+    "keep_above": 64,
+}
+frames = accelerator.run([left, right], settings, hold_reference=True)
+for name, frame in zip(("left", "right"), frames):
+    print(f"{name}: {len(frame.features)} features, {frame.status['cycles']} clocks")
+matches = frames[1].matches
+print(f"{len(matches)} mutual matches, {np.count_nonzero(matches['verdict'])} kept")

@@ -1,0 +1,212 @@
+"""Driver of the skymosaic accelerator for PYNQ 3.1: Python 3.10, numpy, pynq, nothing else.
+
+`Accelerator` speaks to a *bus*: registers and three DMA channels. On the board that is `PynqBus`; whatever has the
+same five methods serves as well.
+
+    from pynq import Overlay
+    from skymosaic_driver import Accelerator, PynqBus
+
+    accelerator = Accelerator(PynqBus(Overlay("skymosaic.bit")))
+    frames = accelerator.run([left, right], settings, hold_reference=True)
+"""
+
+import time
+
+import numpy as np
+
+import skymosaic_map as the_map
+
+CHANNELS = ("features", "matches")
+POLL_SECONDS = 0.0002
+TIMEOUT_SECONDS = 5.0
+
+
+class AcceleratorError(Exception):
+    """The accelerator cannot do what it was asked: one line that says why and what to do."""
+
+
+class Frame:
+    """What came out for one frame.
+
+    Attributes
+    ----------
+    features, matches : structured ndarray
+        Records of `skymosaic_map.FEATURE` and `skymosaic_map.MATCH`.
+    status, match_status : structured scalar
+        `skymosaic_map.STATUS`, at the end of the features and of the matches.
+    """
+
+    def __init__(self, feature_packet, match_packet):
+        self.features, self.status = _records(feature_packet, the_map.FEATURE)
+        self.matches, self.match_status = _records(match_packet, the_map.MATCH)
+
+
+def _records(packet, dtype):
+    """The records of a packet, and the FrameStatus it ends with."""
+    if packet.size < dtype.itemsize or packet.size % dtype.itemsize:
+        raise AcceleratorError(f"a packet of {packet.size} bytes is no number of {dtype.itemsize}-byte records")
+    status = packet[packet.size - dtype.itemsize :][: the_map.STATUS.itemsize].view(the_map.STATUS)[0]
+    if status["tag"] != the_map.STATUS_TAG:
+        raise AcceleratorError("a packet does not end with a frame's status; clear the accelerator and try again")
+    return packet.view(dtype)[:-1], status
+
+
+class Accelerator:
+    """The accelerator behind a bus.
+
+    Parameters
+    ----------
+    bus : PynqBus or alike
+    timeout_seconds : float
+        For one frame.
+
+    Raises
+    ------
+    AcceleratorError
+        If another design is loaded, or another build than this folder's.
+    """
+
+    def __init__(self, bus, timeout_seconds=TIMEOUT_SECONDS):
+        self.bus = bus
+        self.timeout_seconds = timeout_seconds
+        self._check_build()
+        self.max_width_px, self.max_height_px = self.read("built_width_px"), self.read("built_height_px")
+        capacity = self.read("built_max_features") + 1
+        self._received = {
+            "features": bus.allocate(capacity * the_map.FEATURE.itemsize),
+            "matches": bus.allocate(capacity * the_map.MATCH.itemsize),
+        }
+        self._sent = bus.allocate(4 * self.max_width_px * self.max_height_px)
+
+    def _check_build(self):
+        """Compare every constant field with what this folder was exported for."""
+        for name, expected in the_map.BUILT.items():
+            found = self.read(name)
+            if found != expected:
+                raise AcceleratorError(
+                    f"{name} reads {found:#x}, this driver is for {expected:#x}; load the bitstream of the same export"
+                )
+
+    def read(self, field):
+        """The value of a register field."""
+        offset, low, bits = the_map.FIELDS[field]
+        return self.bus.read(offset) >> low & (1 << bits) - 1
+
+    def write(self, **fields):
+        """Set register fields; the others of the same registers stay."""
+        words = {}
+        for name, value in fields.items():
+            if name not in the_map.WRITABLE:
+                raise AcceleratorError(f"{name} is no setting; valid: {', '.join(sorted(the_map.WRITABLE))}")
+            offset, low, bits = the_map.FIELDS[name]
+            if not 0 <= value < 1 << bits:
+                raise AcceleratorError(f"{name} is {value}; it must be 0 to {(1 << bits) - 1}")
+            word = words.get(offset, self.bus.read(offset))
+            words[offset] = word & ~((1 << bits) - 1 << low) | value << low
+        for offset, word in words.items():
+            self.bus.write(offset, word)
+
+    def run(self, frames, settings, hold_reference):
+        """Features of each frame, and its matches with its reference; the first frame has none.
+
+        Parameters
+        ----------
+        frames : list of uint8 ndarray, shape (H, W) or (H, W, 3) BGR
+            All of one shape.
+        settings : dict
+            Register fields: size, cells, threshold, limit of the weight.
+        hold_reference : bool
+            Match with the first frame; otherwise with the one before.
+        """
+        self.bus.stop()
+        self.write(enable=0, clear=1)
+        self.write(
+            **settings,
+            memory_mode=1,
+            gray_input=int(frames[0].ndim == 2),
+            features_enable=1,
+            matches_enable=1,
+            hold_reference=int(hold_reference),
+            enable=1,
+        )
+        return [self._run_one(frame) for frame in frames]
+
+    def _run_one(self, frame):
+        words = as_words(frame)
+        if words.nbytes > self._sent.nbytes:
+            raise AcceleratorError(
+                f"a frame of {frame.shape[1]}x{frame.shape[0]} exceeds {self.max_width_px}x{self.max_height_px}"
+            )
+        self._sent[: words.nbytes] = words.view(np.uint8)
+        for channel in CHANNELS:
+            self.bus.start_receive(channel, self._received[channel])
+        self.bus.start_send(self._sent, words.nbytes)
+        lengths = self.bus.wait(self.timeout_seconds)
+        packets = [np.array(self._received[channel][: lengths[channel]]) for channel in CHANNELS]
+        return Frame(*packets)
+
+
+def as_words(frame):
+    """A frame as the accelerator's memory mode reads it: four gray pixels a word, or R, G, B, X."""
+    if frame.ndim == 2:
+        pixels = frame.reshape(-1)
+        return np.concatenate((pixels, np.zeros(-pixels.size % 4, np.uint8))).view(np.uint32)
+    rgbx = np.zeros((*frame.shape[:2], 4), np.uint8)
+    rgbx[..., :3] = frame[..., ::-1]
+    return rgbx.reshape(-1).view(np.uint32)
+
+
+class PynqBus:
+    """Registers and DMAs of a loaded overlay.
+
+    Parameters
+    ----------
+    overlay : pynq.Overlay
+    """
+
+    def __init__(self, overlay):
+        self._registers = overlay.skymosaic.mmio
+        self._send = overlay.dma_video.sendchannel
+        self._receive = {channel: getattr(overlay, "dma_" + channel).recvchannel for channel in CHANNELS}
+
+    def read(self, offset):
+        """A register."""
+        return self._registers.read(offset)
+
+    def write(self, offset, value):
+        """Set a register."""
+        self._registers.write(offset, value)
+
+    def allocate(self, length_bytes):
+        """Memory that the DMAs reach."""
+        from pynq import allocate
+
+        return allocate(shape=(length_bytes,), dtype=np.uint8)
+
+    def start_send(self, buffer, length_bytes):
+        """Stream a frame from ``buffer``."""
+        self._send.transfer(buffer, 0, length_bytes)
+
+    def start_receive(self, channel, buffer):
+        """Let the next packet of ``channel`` into ``buffer``."""
+        self._receive[channel].transfer(buffer)
+
+    def wait(self, timeout_seconds):
+        """Until the frame went in and both packets came out; the packets' lengths in bytes."""
+        channels = {"video": self._send, **self._receive}
+        end = time.monotonic() + timeout_seconds
+        while not all(channel.idle for channel in channels.values()):
+            for name, channel in channels.items():
+                if channel.error:
+                    raise AcceleratorError(f"the DMA of the {name} reports an error; load the overlay again")
+            if time.monotonic() > end:
+                busy = ", ".join(name for name, channel in channels.items() if not channel.idle)
+                raise AcceleratorError(f"no answer within {timeout_seconds:g} s; still busy: {busy}")
+            time.sleep(POLL_SECONDS)
+        return {name: channel.transferred for name, channel in self._receive.items()}
+
+    def stop(self):
+        """Forget transfers under way, so that the next ones start afresh."""
+        for channel in (self._send, *self._receive.values()):
+            channel.stop()
+            channel.start()

@@ -1,0 +1,105 @@
+"""Serves the accelerator to one client at a time over TCP; standard library, numpy and the driver.
+
+    sudo -E python3 skymosaic_server.py --bitstream skymosaic.bit [--port 7020] [--host 0.0.0.0]
+
+A request is a line of JSON, then the frames' bytes; the answer is a line of JSON, then the packets' bytes. There is
+no authentication: serve on a private network only.
+"""
+
+import argparse
+import json
+import socketserver
+
+import numpy as np
+from skymosaic_driver import Accelerator, AcceleratorError, PynqBus
+
+PORT = 7020
+MAX_HEADER_BYTES = 65536
+MAX_FRAMES = 64
+CLIENT_TIMEOUT_SECONDS = 30
+SMALLEST_PX = 64
+SETTINGS = ("width_px", "height_px", "cell_log2", "per_cell", "threshold_code", "keep_above")
+
+
+class Handler(socketserver.StreamRequestHandler):
+    """One request, one answer."""
+
+    timeout = CLIENT_TIMEOUT_SECONDS
+
+    def handle(self):
+        """Read, check, run, answer; a fault is answered with its line, and the server goes on."""
+        try:
+            frames, settings, hold_reference = self._request()
+            results = self.server.accelerator.run(frames, settings, hold_reference)
+        except (AcceleratorError, ValueError) as error:
+            self._answer({"error": str(error)})
+            return
+        except OSError:
+            return
+        parts = [
+            part for frame in results for part in (frame.features, frame.status, frame.matches, frame.match_status)
+        ]
+        self._answer({"lengths": [part.nbytes for part in parts]}, *(part.tobytes() for part in parts))
+
+    def _request(self):
+        header = self.rfile.readline(MAX_HEADER_BYTES)
+        try:
+            request = json.loads(header)
+            shape, count = tuple(map(int, request["shape"])), int(request["frames"])
+            settings = {name: int(request["settings"][name]) for name in SETTINGS}
+            hold_reference = bool(request["hold_reference"])
+        except (KeyError, TypeError, ValueError) as error:
+            raise ValueError(f"the request is malformed: {error}") from None
+        self._check(shape, count, settings)
+        length = int(np.prod(shape))
+        return [self._frame(length).reshape(shape) for _ in range(count)], settings, hold_reference
+
+    def _check(self, shape, count, settings):
+        accelerator = self.server.accelerator
+        if not 1 <= count <= MAX_FRAMES:
+            raise ValueError(f"{count} frames asked for; 1 to {MAX_FRAMES} are served at a time")
+        if len(shape) not in (2, 3) or shape[2:] not in ((), (3,)):
+            raise ValueError(f"frames of shape {shape}; (height, width) or (height, width, 3) expected")
+        if not SMALLEST_PX <= shape[1] <= accelerator.max_width_px:
+            raise ValueError(f"frames are {shape[1]} px wide; {SMALLEST_PX} to {accelerator.max_width_px} were built")
+        if not SMALLEST_PX <= shape[0] <= accelerator.max_height_px:
+            raise ValueError(f"frames are {shape[0]} px high; {SMALLEST_PX} to {accelerator.max_height_px} were built")
+        if (settings["width_px"], settings["height_px"]) != (shape[1], shape[0]):
+            raise ValueError("width_px and height_px differ from the frames' shape")
+
+    def _frame(self, length_bytes):
+        data = self.rfile.read(length_bytes)
+        if len(data) != length_bytes:
+            raise ValueError(f"a frame ended after {len(data)} of {length_bytes} bytes")
+        return np.frombuffer(data, np.uint8)
+
+    def _answer(self, header, *parts):
+        self.wfile.write(json.dumps(header).encode() + b"\n" + b"".join(parts))
+
+
+class Server(socketserver.TCPServer):
+    """One client after the other: the accelerator is one."""
+
+    allow_reuse_address = True
+
+    def __init__(self, address, accelerator):
+        self.accelerator = accelerator
+        super().__init__(address, Handler)
+
+
+def main():
+    """Load the overlay and serve."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--bitstream", default="skymosaic.bit")
+    parser.add_argument("--host", default="0.0.0.0")
+    parser.add_argument("--port", type=int, default=PORT)
+    options = parser.parse_args()
+    from pynq import Overlay
+
+    with Server((options.host, options.port), Accelerator(PynqBus(Overlay(options.bitstream)))) as server:
+        print(f"serving on {options.host}:{options.port}")
+        server.serve_forever()
+
+
+if __name__ == "__main__":
+    main()

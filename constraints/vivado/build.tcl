@@ -1,0 +1,133 @@
+# Builds the bitstream: processing system, three DMAs, interrupt controller, skymosaic.
+#
+#   vivado -mode batch -source build.tcl                  fabric clock of 150 MHz
+#   vivado -mode batch -source build.tcl -tclargs 125     another one
+#
+# Run package_ip.tcl first. Results in vivado/result: skymosaic.bit, skymosaic.hwh, utilisation and timing reports.
+
+set here [file normalize [file dirname [info script]]]
+source [file join $here board.tcl]
+set clock_mhz [expr {[llength $argv] > 0 ? [lindex $argv 0] : 150}]
+set result [file join $here result]
+file mkdir $result
+
+create_project -force -part $board(part) skymosaic_$board(name) [file join $here project]
+set_property ip_repo_paths [file join $here ip] [current_project]
+update_ip_catalog
+create_bd_design skymosaic_system
+
+# The processing system: one general-purpose port to the registers, one high-performance port from the DMAs.
+set ps [create_bd_cell -type ip -vlnv xilinx.com:ip:processing_system7:5.5 ps]
+set_property -dict [list \
+    CONFIG.PCW_CRYSTAL_PERIPHERAL_FREQMHZ $board(ps_mhz) \
+    CONFIG.PCW_UIPARAM_DDR_PARTNO $board(ddr_part) \
+    CONFIG.PCW_UIPARAM_DDR_BUS_WIDTH $board(ddr_width) \
+    CONFIG.PCW_FPGA0_PERIPHERAL_FREQMHZ $clock_mhz \
+    CONFIG.PCW_USE_M_AXI_GP0 1 \
+    CONFIG.PCW_USE_S_AXI_HP0 1 \
+    CONFIG.PCW_USE_FABRIC_INTERRUPT 1 \
+    CONFIG.PCW_IRQ_F2P_INTR 1 \
+] $ps
+set_property CONFIG.PCW_EN_CLK0_PORT 1 $ps
+make_bd_intf_pins_external [get_bd_intf_pins ps/DDR] [get_bd_intf_pins ps/FIXED_IO]
+
+create_bd_cell -type ip -vlnv skymosaic:vision:skymosaic:1.0 skymosaic
+create_bd_cell -type ip -vlnv xilinx.com:ip:proc_sys_reset:5.0 reset
+
+# 26 bits of length: a transfer of up to 64 MB.
+proc make_dma {name directions} {
+    set dma [create_bd_cell -type ip -vlnv xilinx.com:ip:axi_dma:7.1 $name]
+    set_property -dict [concat {CONFIG.c_include_sg 0 CONFIG.c_sg_length_width 26} $directions] $dma
+}
+make_dma dma_video {
+    CONFIG.c_include_mm2s 1 CONFIG.c_include_s2mm 0
+    CONFIG.c_m_axis_mm2s_tdata_width 32 CONFIG.c_m_axi_mm2s_data_width 64
+}
+foreach name {dma_features dma_matches} {
+    make_dma $name {
+        CONFIG.c_include_mm2s 0 CONFIG.c_include_s2mm 1
+        CONFIG.c_s_axis_s2mm_tdata_width 64 CONFIG.c_m_axi_s2mm_data_width 64
+    }
+}
+connect_bd_intf_net [get_bd_intf_pins dma_video/M_AXIS_MM2S] [get_bd_intf_pins skymosaic/s_axis_video]
+connect_bd_intf_net [get_bd_intf_pins skymosaic/m_axis_features] [get_bd_intf_pins dma_features/S_AXIS_S2MM]
+connect_bd_intf_net [get_bd_intf_pins skymosaic/m_axis_matches] [get_bd_intf_pins dma_matches/S_AXIS_S2MM]
+
+# PYNQ serves one fabric interrupt, IRQ_F2P[0]: a controller gathers the four.
+create_bd_cell -type ip -vlnv xilinx.com:ip:axi_intc:4.1 interrupts
+set_property CONFIG.C_IRQ_CONNECTION 1 [get_bd_cells interrupts]
+create_bd_cell -type ip -vlnv xilinx.com:ip:xlconcat:2.1 sources
+set_property CONFIG.NUM_PORTS 4 [get_bd_cells sources]
+connect_bd_net [get_bd_pins skymosaic/interrupt] [get_bd_pins sources/In0]
+connect_bd_net [get_bd_pins dma_video/mm2s_introut] [get_bd_pins sources/In1]
+connect_bd_net [get_bd_pins dma_features/s2mm_introut] [get_bd_pins sources/In2]
+connect_bd_net [get_bd_pins dma_matches/s2mm_introut] [get_bd_pins sources/In3]
+connect_bd_net [get_bd_pins sources/dout] [get_bd_pins interrupts/intr]
+connect_bd_net [get_bd_pins interrupts/irq] [get_bd_pins ps/IRQ_F2P]
+
+# Registers from the processor, memory from the DMAs.
+create_bd_cell -type ip -vlnv xilinx.com:ip:smartconnect:1.0 to_registers
+set_property -dict {CONFIG.NUM_SI 1 CONFIG.NUM_MI 5} [get_bd_cells to_registers]
+create_bd_cell -type ip -vlnv xilinx.com:ip:smartconnect:1.0 to_memory
+set_property -dict {CONFIG.NUM_SI 3 CONFIG.NUM_MI 1} [get_bd_cells to_memory]
+connect_bd_intf_net [get_bd_intf_pins ps/M_AXI_GP0] [get_bd_intf_pins to_registers/S00_AXI]
+connect_bd_intf_net [get_bd_intf_pins to_registers/M00_AXI] [get_bd_intf_pins skymosaic/s_axi_ctrl]
+connect_bd_intf_net [get_bd_intf_pins to_registers/M01_AXI] [get_bd_intf_pins dma_video/S_AXI_LITE]
+connect_bd_intf_net [get_bd_intf_pins to_registers/M02_AXI] [get_bd_intf_pins dma_features/S_AXI_LITE]
+connect_bd_intf_net [get_bd_intf_pins to_registers/M03_AXI] [get_bd_intf_pins dma_matches/S_AXI_LITE]
+connect_bd_intf_net [get_bd_intf_pins to_registers/M04_AXI] [get_bd_intf_pins interrupts/s_axi]
+connect_bd_intf_net [get_bd_intf_pins dma_video/M_AXI_MM2S] [get_bd_intf_pins to_memory/S00_AXI]
+connect_bd_intf_net [get_bd_intf_pins dma_features/M_AXI_S2MM] [get_bd_intf_pins to_memory/S01_AXI]
+connect_bd_intf_net [get_bd_intf_pins dma_matches/M_AXI_S2MM] [get_bd_intf_pins to_memory/S02_AXI]
+connect_bd_intf_net [get_bd_intf_pins to_memory/M00_AXI] [get_bd_intf_pins ps/S_AXI_HP0]
+
+# One clock, one reset.
+foreach pin {
+    ps/M_AXI_GP0_ACLK ps/S_AXI_HP0_ACLK reset/slowest_sync_clk skymosaic/aclk
+    dma_video/s_axi_lite_aclk dma_video/m_axi_mm2s_aclk
+    dma_features/s_axi_lite_aclk dma_features/m_axi_s2mm_aclk
+    dma_matches/s_axi_lite_aclk dma_matches/m_axi_s2mm_aclk
+    to_registers/aclk to_memory/aclk interrupts/s_axi_aclk
+} {
+    connect_bd_net [get_bd_pins ps/FCLK_CLK0] [get_bd_pins $pin]
+}
+connect_bd_net [get_bd_pins ps/FCLK_RESET0_N] [get_bd_pins reset/ext_reset_in]
+foreach pin {
+    skymosaic/aresetn dma_video/axi_resetn dma_features/axi_resetn dma_matches/axi_resetn
+    to_registers/aresetn to_memory/aresetn interrupts/s_axi_aresetn
+} {
+    connect_bd_net [get_bd_pins reset/peripheral_aresetn] [get_bd_pins $pin]
+}
+assign_bd_address
+validate_bd_design
+save_bd_design
+set actual_mhz [get_property CONFIG.PCW_ACT_FPGA0_PERIPHERAL_FREQMHZ $ps]
+puts "fabric clock: $clock_mhz MHz requested, $actual_mhz MHz given"
+
+set design [get_files skymosaic_system.bd]
+make_wrapper -files $design -top -import
+set_property top skymosaic_system_wrapper [current_fileset]
+add_files -fileset constrs_1 -norecurse [file join $here bitstream.xdc]
+update_compile_order -fileset sources_1
+
+launch_runs synth_1 -jobs 4
+wait_on_run synth_1
+launch_runs impl_1 -to_step write_bitstream -jobs 4
+wait_on_run impl_1
+if {[get_property PROGRESS [get_runs impl_1]] ne "100%"} {
+    error "the implementation did not finish; see the log of impl_1"
+}
+open_run impl_1
+report_utilization -hierarchical -file [file join $result utilization.txt]
+report_timing_summary -file [file join $result timing.txt]
+set slack_ns [get_property SLACK [get_timing_paths]]
+puts "worst slack: $slack_ns ns at $actual_mhz MHz"
+
+set run [get_property DIRECTORY [get_runs impl_1]]
+file copy -force [file join $run skymosaic_system_wrapper.bit] [file join $result skymosaic.bit]
+set handoff [glob -directory [file join $here project] */*/*/skymosaic_system/hw_handoff/skymosaic_system.hwh]
+file copy -force [lindex $handoff 0] [file join $result skymosaic.hwh]
+puts "built [file join $result skymosaic.bit] and skymosaic.hwh"
+if {$slack_ns < 0} {
+    error "timing is not met; build with a slower clock: vivado -mode batch -source build.tcl -tclargs 125"
+}

@@ -1,0 +1,62 @@
+# Packages rtl/skymosaic.v as the IP core skymosaic:vision:skymosaic:1.0 in vivado/ip.
+#
+#   vivado -mode batch -source package_ip.tcl
+
+set here [file normalize [file dirname [info script]]]
+source [file join $here board.tcl]
+set ip_folder [file join $here ip]
+set clock_hz 150000000
+
+create_project -force -part $board(part) package_ip [file join $here package_ip]
+add_files -norecurse [file join $here .. rtl skymosaic.v]
+add_files -fileset constrs_1 -norecurse [file join $here skymosaic_ooc.xdc]
+set_property USED_IN {synthesis implementation out_of_context} [get_files skymosaic_ooc.xdc]
+set_property top skymosaic [current_fileset]
+update_compile_order -fileset sources_1
+
+ipx::package_project -root_dir $ip_folder -vendor skymosaic -library vision -taxonomy /UserIP -import_files -force
+set core [ipx::current_core]
+set_property name skymosaic $core
+set_property version 1.0 $core
+set_property display_name {skymosaic vision front end} $core
+set_property description {Corners, descriptors, matches and fuzzy weights of UAV video} $core
+set_property supported_families {zynq Production} $core
+
+# The streams and the registers, by their ports' names.
+ipx::infer_bus_interfaces xilinx.com:interface:axis_rtl:1.0 $core
+ipx::infer_bus_interfaces xilinx.com:interface:aximm_rtl:1.0 $core
+ipx::infer_bus_interface aclk xilinx.com:signal:clock_rtl:1.0 $core
+ipx::infer_bus_interface aresetn xilinx.com:signal:reset_rtl:1.0 $core
+ipx::infer_bus_interface interrupt xilinx.com:signal:interrupt_rtl:1.0 $core
+foreach interface {s_axis_video m_axis_features m_axis_matches s_axi_ctrl} {
+    ipx::associate_bus_interfaces -busif $interface -clock aclk $core
+}
+ipx::associate_bus_interfaces -clock aclk -reset aresetn $core
+
+proc set_bus_parameter {interface name value} {
+    upvar core core
+    set bus [ipx::get_bus_interfaces $interface -of_objects $core]
+    if {[llength [ipx::get_bus_parameters $name -of_objects $bus]] == 0} {
+        ipx::add_bus_parameter $name $bus
+    }
+    set_property value $value [ipx::get_bus_parameters $name -of_objects $bus]
+}
+set_bus_parameter aclk FREQ_HZ $clock_hz
+set_bus_parameter aresetn POLARITY ACTIVE_LOW
+set_bus_parameter interrupt SENSITIVITY LEVEL_HIGH
+
+# 4 KB of registers.
+if {[llength [ipx::get_memory_maps s_axi_ctrl -of_objects $core]] == 0} {
+    ipx::add_memory_map s_axi_ctrl $core
+    set_property slave_memory_map_ref s_axi_ctrl [ipx::get_bus_interfaces s_axi_ctrl -of_objects $core]
+}
+set map [ipx::get_memory_maps s_axi_ctrl -of_objects $core]
+if {[llength [ipx::get_address_blocks reg0 -of_objects $map]] == 0} {
+    ipx::add_address_block reg0 $map
+}
+set_property range 4096 [ipx::get_address_blocks reg0 -of_objects $map]
+
+ipx::check_integrity $core
+ipx::save_core $core
+close_project
+puts "packaged skymosaic:vision:skymosaic:1.0 in $ip_folder"
