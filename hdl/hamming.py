@@ -110,7 +110,7 @@ class Place(data.StructLayout):
 
     def __init__(self, *, lanes: int, max_features: int) -> None:
         super().__init__(
-            {"first": 1, "last": 1, "group": range(max(max_features // lanes, 2)), "right": range(max_features)}
+            {"first": 1, "last": 1, "group": range(-(-max_features // lanes)), "right": range(max_features)}
         )
 
 

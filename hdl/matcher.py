@@ -34,7 +34,7 @@ class Matcher(wiring.Component):
     pattern : DescriptorPattern
         Of the features.
     lanes : int
-        Left descriptors compared at a time, a power of two.
+        Left descriptors compared at a time.
     max_features : int
         Features a bank.
 
@@ -56,7 +56,7 @@ class Matcher(wiring.Component):
     Raises
     ------
     ValueError
-        If lanes is not a power of two, or the rule base needs a window that the pattern does not carry.
+        If lanes is not a power of two from 2 to max_features, or the rule base needs a window that the pattern does not carry.
     """
 
     i_features: stream.Interface
@@ -98,11 +98,15 @@ class Matcher(wiring.Component):
         self._connect_banks(m)
         self._connect_results(m)
         sending, status, taken = Signal(), Signal(STATUS_LAYOUT), Signal()
-        match, is_match = self._match(m), self._fuzzy.o.valid
-        self._send(m, sending | is_match, Mux(sending, status.as_value(), match.as_value()), sending, taken)
-        m.d.comb += self._fuzzy.o.ready.eq(taken & ~sending)
-        with m.If(self._fuzzy.o.ready):
-            m.d.sync += [status.matches.eq(status.matches + 1), status.kept.eq(status.kept + match.verdict)]
+        weighed, has_match, verdict = self._fuzzy.o, Signal(), Signal()
+        m.d.comb += weighed.ready.eq(taken & ~sending)
+        # A clock for the comparison.
+        m.d.sync += has_match.eq(weighed.valid & ~weighed.ready)
+        m.d.sync += verdict.eq(self.keeps_all | (weighed.payload.weight > self.i_keep_above))
+        with m.If(weighed.ready):
+            m.d.sync += [status.matches.eq(status.matches + 1), status.kept.eq(status.kept + verdict)]
+        record = Mux(sending, status.as_value(), self._match(m, verdict).as_value())
+        self._send(m, sending | has_match, record, sending, taken)
         self._lead(m, status, sending, taken)
         return m
 
@@ -137,13 +141,13 @@ class Matcher(wiring.Component):
             pairs.i_column.eq(search.o_column),
         ]
 
-    def _match(self, m: Module) -> data.View:
+    def _match(self, m: Module, verdict: Value) -> data.View:
         """The Match record of the pair that the fuzzy stage holds."""
         match = Signal(MATCH_LAYOUT)
         pair, weighed = self._pairs.o.payload, self._fuzzy.o.payload
         m.d.comb += [
             match.tag.eq(Tag.MATCH),
-            match.verdict.eq(self.keeps_all | (weighed.weight > self.i_keep_above)),
+            match.verdict.eq(verdict),
             match.left_index.eq(pair.left),
             match.right_index.eq(pair.right),
             match.distance.eq(pair.distance),

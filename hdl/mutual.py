@@ -30,9 +30,9 @@ class NearestNeighbours(wiring.Component):
     bits : int
         Length of a descriptor.
     lanes : int
-        Left descriptors compared at a time, a power of two.
+        Left descriptors compared at a time.
     max_features : int
-        Largest number of either side, a power of two.
+        Largest number of either side.
 
     Members
     -------
@@ -58,7 +58,7 @@ class NearestNeighbours(wiring.Component):
     Raises
     ------
     ValueError
-        If lanes or max_features are not powers of two, or there are more lanes than features.
+        If lanes is not a power of two from 2 to max_features.
     """
 
     i_start: Signal
@@ -76,11 +76,8 @@ class NearestNeighbours(wiring.Component):
     o_column: data.View
 
     def __init__(self, *, bits: int, lanes: int, max_features: int) -> None:
-        for name, value in (("lanes", lanes), ("max_features", max_features)):
-            if value < 2 or value & (value - 1):
-                raise ValueError(f"{name} is {value}; it must be a power of two from 2 on")
-        if lanes > max_features:
-            raise ValueError(f"lanes is {lanes}; more than max_features, {max_features}, would stay idle")
+        if lanes < 2 or lanes & (lanes - 1) or lanes > max_features:
+            raise ValueError(f"lanes is {lanes}; it must be a power of two, 2 to max_features ({max_features})")
         self.bits, self.lanes, self.max_features = bits, lanes, max_features
         self._distances = Distances(bits=bits, lanes=lanes)
         self._nearest = Nearest(bits=bits, max_features=max_features)
