@@ -20,8 +20,8 @@ from golden_model.front_end import extract
 from golden_model.gray import to_gray
 from golden_model.ilbp import PATTERNS
 from golden_model.records import FRAME_STATUS, MATCH, Tag
-from sim.backend import FrameResult, FrontEnd, Reference, create
-from skymosaic import detectors, matching
+from sim.backend import FrameResult, FrontEnd, Reference
+from skymosaic import board, detectors, matching
 from skymosaic.descriptors import DESCRIPTORS, ONCE_A_PLACE, TRACKED, WINDOWS_PX, Records, describe
 from skymosaic.detectors import DETECTORS, FRONT_END_DETECTORS, Pixels
 from skymosaic.errors import InputError
@@ -102,7 +102,7 @@ def choose(config: Config, detector: str | None = None, descriptor: str | None =
 def front_end_of(method: Method, backend: str) -> FrontEnd:
     """What computes the method: the backend, or this module."""
     if method.on_accelerator:
-        return create(backend)
+        return board.front_end(backend)
     if backend != "golden":
         raise InputError(
             f"backend {backend} computes {_list(FRONT_END_DETECTORS)} with ILBP descriptors, not {method.detector} "

@@ -3,11 +3,11 @@
 import sys
 
 import numpy as np
-from pynq import Overlay
-from skymosaic_driver import Accelerator, PynqBus
+from pynq_bus import PynqBus
+from skymosaic_driver import Accelerator
 
 left, right = (np.load(path) for path in sys.argv[1:3])
-accelerator = Accelerator(PynqBus(Overlay("skymosaic.bit")))
+accelerator = Accelerator(PynqBus("skymosaic.bit"))
 settings = {
     "width_px": left.shape[1],
     "height_px": left.shape[0],
@@ -17,7 +17,7 @@ settings = {
     "keep_above": 64,
 }
 frames = accelerator.run([left, right], settings, hold_reference=True)
-for name, frame in zip(("left", "right"), frames):
+for name, frame in zip(("left", "right"), frames, strict=True):
     print(f"{name}: {len(frame.features)} features, {frame.status['cycles']} clocks")
 matches = frames[1].matches
 print(f"{len(matches)} mutual matches, {np.count_nonzero(matches['verdict'])} kept")

@@ -1,23 +1,20 @@
-"""Driver of the skymosaic accelerator for PYNQ 3.1: Python 3.10, numpy, pynq, nothing else.
+"""Driver of the skymosaic accelerator: Python 3.10, numpy, nothing else.
 
-`Accelerator` speaks to a *bus*: registers and three DMA channels. On the board that is `PynqBus`; whatever has the
-same five methods serves as well.
+`Accelerator` speaks to a *bus*: registers and three DMA channels. On the board that is `pynq_bus.PynqBus`; whatever
+has the same methods serves as well.
 
-    from pynq import Overlay
-    from skymosaic_driver import Accelerator, PynqBus
+    from pynq_bus import PynqBus
+    from skymosaic_driver import Accelerator
 
-    accelerator = Accelerator(PynqBus(Overlay("skymosaic.bit")))
+    accelerator = Accelerator(PynqBus("skymosaic.bit"))
     frames = accelerator.run([left, right], settings, hold_reference=True)
 """
-
-import time
 
 import numpy as np
 
 import skymosaic_map as the_map
 
 CHANNELS = ("features", "matches")
-POLL_SECONDS = 0.0002
 TIMEOUT_SECONDS = 5.0
 
 
@@ -154,59 +151,3 @@ def as_words(frame):
     rgbx = np.zeros((*frame.shape[:2], 4), np.uint8)
     rgbx[..., :3] = frame[..., ::-1]
     return rgbx.reshape(-1).view(np.uint32)
-
-
-class PynqBus:
-    """Registers and DMAs of a loaded overlay.
-
-    Parameters
-    ----------
-    overlay : pynq.Overlay
-    """
-
-    def __init__(self, overlay):
-        self._registers = overlay.skymosaic.mmio
-        self._send = overlay.dma_video.sendchannel
-        self._receive = {channel: getattr(overlay, "dma_" + channel).recvchannel for channel in CHANNELS}
-
-    def read(self, offset):
-        """A register."""
-        return self._registers.read(offset)
-
-    def write(self, offset, value):
-        """Set a register."""
-        self._registers.write(offset, value)
-
-    def allocate(self, length_bytes):
-        """Memory that the DMAs reach."""
-        from pynq import allocate
-
-        return allocate(shape=(length_bytes,), dtype=np.uint8)
-
-    def start_send(self, buffer, length_bytes):
-        """Stream a frame from ``buffer``."""
-        self._send.transfer(buffer, 0, length_bytes)
-
-    def start_receive(self, channel, buffer):
-        """Let the next packet of ``channel`` into ``buffer``."""
-        self._receive[channel].transfer(buffer)
-
-    def wait(self, timeout_seconds):
-        """Until the frame went in and both packets came out; the packets' lengths in bytes."""
-        channels = {"video": self._send, **self._receive}
-        end = time.monotonic() + timeout_seconds
-        while not all(channel.idle for channel in channels.values()):
-            for name, channel in channels.items():
-                if channel.error:
-                    raise AcceleratorError(f"the DMA of the {name} reports an error; load the overlay again")
-            if time.monotonic() > end:
-                busy = ", ".join(name for name, channel in channels.items() if not channel.idle)
-                raise AcceleratorError(f"no answer within {timeout_seconds:g} s; still busy: {busy}")
-            time.sleep(POLL_SECONDS)
-        return {name: channel.transferred for name, channel in self._receive.items()}
-
-    def stop(self):
-        """Forget transfers under way, so that the next ones start afresh."""
-        for channel in (self._send, *self._receive.values()):
-            channel.stop()
-            channel.start()

@@ -1,19 +1,15 @@
 """Serves the accelerator to one client at a time over TCP; standard library, numpy and the driver.
 
-    sudo -E python3 skymosaic_server.py --bitstream skymosaic.bit [--port 7020] [--host 0.0.0.0]
-
 A request is a line of JSON, then the frames' bytes; the answer is a line of JSON, then the packets' bytes. There is
 no authentication: serve on a private network only.
 """
 
-import argparse
 import json
 import socketserver
 
 import numpy as np
-from skymosaic_driver import Accelerator, AcceleratorError, PynqBus
+from skymosaic_driver import AcceleratorError
 
-PORT = 7020
 MAX_HEADER_BYTES = 65536
 MAX_FRAMES = 64
 CLIENT_TIMEOUT_SECONDS = 30
@@ -85,21 +81,3 @@ class Server(socketserver.TCPServer):
     def __init__(self, address, accelerator):
         self.accelerator = accelerator
         super().__init__(address, Handler)
-
-
-def main():
-    """Load the overlay and serve."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--bitstream", default="skymosaic.bit")
-    parser.add_argument("--host", default="0.0.0.0")
-    parser.add_argument("--port", type=int, default=PORT)
-    options = parser.parse_args()
-    from pynq import Overlay
-
-    with Server((options.host, options.port), Accelerator(PynqBus(Overlay(options.bitstream)))) as server:
-        print(f"serving on {options.host}:{options.port}")
-        server.serve_forever()
-
-
-if __name__ == "__main__":
-    main()

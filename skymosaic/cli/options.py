@@ -18,7 +18,7 @@ from skymosaic.estimators import ESTIMATORS
 console = Console(stderr=True)
 
 PresetOption = Annotated[str, typer.Option(help="aerial or thesis.")]
-BackendOption = Annotated[str, typer.Option(help="Who computes features and matches: golden.")]
+BackendOption = Annotated[str, typer.Option(help="Who computes: golden, rtl, verilator, cxxrtl, pysim or board:HOST.")]
 DetectorOption = Annotated[
     str | None, typer.Option(help=f"{', '.join(DETECTORS)}; by default as configured, or what suits the descriptor.")
 ]

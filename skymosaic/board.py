@@ -1,0 +1,130 @@
+"""The accelerator on a board, behind the same interface as its simulations: a client of the export's server."""
+
+from __future__ import annotations
+
+import json
+import socket
+from collections.abc import Callable, Sequence
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.config import Config
+from golden_model.records import FRAME_STATUS, MATCH, feature_record
+from sim.backend import BackendError, FrameResult, FrontEnd, Reference, create, silent
+from sim.designs import frame_settings
+
+PORT = 7020
+TIMEOUT_SECONDS = 30.0
+LARGEST_HEADER_BYTES = 1 << 16
+LARGEST_PACKET_BYTES = 1 << 22
+
+
+class BoardFrontEnd:
+    """Features and matches by a board.
+
+    Parameters
+    ----------
+    address : str
+        ``HOST`` or ``HOST:PORT`` of the server that the export brings along.
+    """
+
+    def __init__(self, address: str) -> None:
+        host, _, port = address.partition(":")
+        if not host or (port and not port.isdigit()):
+            raise BackendError(f"{address!r} is no address of a board; give HOST or HOST:PORT")
+        self.address = host, int(port or PORT)
+
+    def run(
+        self, frames: Sequence[NDArray[np.uint8]], config: Config, *, reference: Reference = "held"
+    ) -> list[FrameResult]:
+        """See `sim.backend.FrontEnd.run`; all frames must have one shape.
+
+        Raises
+        ------
+        BackendError
+            If the board cannot be reached, refuses, or answers what cannot be understood.
+        """
+        shapes = {frame.shape for frame in frames}
+        if len(shapes) != 1:
+            raise BackendError("a board takes frames of one size and kind at a time; crop or convert the photographs")
+        (shape,) = shapes
+        settings = frame_settings(config.front_end, shape[1], shape[0], gray_input=len(shape) == 2)
+        request = {
+            "shape": list(shape),
+            "frames": len(frames),
+            "settings": {**settings, "keep_above": config.matcher.keep_above},
+            "hold_reference": reference == "held",
+        }
+        parts = self._exchange(json.dumps(request).encode() + b"\n", frames)
+        pattern = config.front_end.pattern
+        feature = feature_record(pattern.descriptor_bytes, pattern.window_bytes).dtype
+        try:
+            return [_result(packet, feature) for packet in zip(*[iter(parts)] * 4, strict=True)]
+        except ValueError as error:
+            raise BackendError(f"the board was built for other records: {error}; export and build it anew") from None
+
+    def _exchange(self, header: bytes, frames: Sequence[NDArray[np.uint8]]) -> list[bytes]:
+        where = "{}:{}".format(*self.address)
+        try:
+            with (
+                socket.create_connection(self.address, TIMEOUT_SECONDS) as connection,
+                connection.makefile("rwb") as link,
+            ):
+                link.write(header)
+                for frame in frames:
+                    link.write(np.ascontiguousarray(frame).data)
+                link.flush()
+                return _answer(link, where)
+        except OSError as error:
+            raise BackendError(
+                f"no board answers at {where} ({error.strerror or error}); start serve.py on it, or check the address"
+            ) from None
+
+
+def _answer(link: BinaryIO, where: str) -> list[bytes]:
+    try:
+        header = json.loads(link.readline(LARGEST_HEADER_BYTES))
+        if "error" in header:
+            raise BackendError(f"the board at {where} says: {header['error']}")
+        lengths = [int(length) for length in header["lengths"]]
+    except (KeyError, TypeError, ValueError):
+        raise BackendError(f"what answers at {where} is not this board's server; check the address") from None
+    if any(not 0 <= length <= LARGEST_PACKET_BYTES for length in lengths):
+        raise BackendError(f"the board at {where} announces packets of an impossible length; check its server")
+    parts = [link.read(length) for length in lengths]
+    if [len(part) for part in parts] != lengths:
+        raise BackendError(f"the board at {where} stopped in the middle of an answer; look at its server")
+    return parts
+
+
+def _result(parts: tuple[bytes, ...], feature: np.dtype[np.void]) -> FrameResult:
+    features, status, matches, match_status = parts
+    (status_record,) = np.frombuffer(status, FRAME_STATUS.dtype)
+    (match_record,) = np.frombuffer(match_status, FRAME_STATUS.dtype)
+    return FrameResult(
+        features=np.frombuffer(features, feature),
+        matches=np.frombuffer(matches, MATCH.dtype),
+        status=status_record,
+        match_status=match_record,
+        cycles=int(status_record["cycles"]),
+    )
+
+
+def front_end(name: str, *, progress: Callable[[str], None] = silent) -> FrontEnd:
+    """The front end called ``name``: ``board:HOST[:PORT]``, or one of `sim.backend.BACKENDS`.
+
+    Parameters
+    ----------
+    name : str
+    progress : callable
+        Receives lines about a first build.
+
+    Raises
+    ------
+    BackendError
+        For an unknown name, or a board without an address.
+    """
+    kind, _, address = name.partition(":")
+    return BoardFrontEnd(address) if kind == "board" else create(name, progress=progress)

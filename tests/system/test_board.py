@@ -1,0 +1,150 @@
+"""The board's driver, its server and the host's client, against the accelerator's Verilog.
+
+Only the bus is ours: it turns the driver's register and DMA calls into those of the simulation.
+"""
+
+import contextlib
+import importlib
+import socket
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from golden_model.config import Config, FrontEndConfig
+from hdl.export import driver_map
+from sim import verilator
+from sim.backend import BackendError, create
+from sim.compiled import Bench
+from sim.designs import FEATURES, LANES, MATCHES, accelerator
+from sim.recording import END_OF_LINE, Segment
+from sim.scene import pair as rendered_pair
+from skymosaic import board
+
+PYNQ = Path(__file__).parents[2] / "constraints" / "pynq"
+SIZE_PX = (160, 120)
+BUILT_PX = (192, 160)
+CONFIG = Config(front_end=FrontEndConfig(max_features=256))
+CYCLE_LIMIT = 400_000
+
+
+class SimulatedBus:
+    """`pynq_bus.PynqBus` over a simulation; a transfer runs when it is waited for."""
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench = bench
+        self._outputs = {"features": FEATURES, "matches": MATCHES}
+        self.read, self.write = bench.read, bench.write
+        self._receiving: dict[str, np.ndarray] = {}
+
+    def allocate(self, length_bytes: int) -> np.ndarray:
+        return np.zeros(length_bytes, np.uint8)
+
+    def start_receive(self, channel: str, buffer: np.ndarray) -> None:
+        assert channel not in self._receiving
+        self._receiving[channel] = buffer
+
+    def start_send(self, buffer: np.ndarray, length_bytes: int) -> None:
+        self._data = buffer[:length_bytes].view(np.uint32).copy()
+
+    def wait(self, timeout_seconds: float) -> dict[str, int]:
+        flags = np.zeros(self._data.size, np.uint8)
+        flags[-1] = END_OF_LINE
+        recording = self._bench.run(Segment(self._data, flags, 1, CYCLE_LIMIT))
+        lengths = {}
+        for channel, buffer in self._receiving.items():
+            packet = recording.outputs[self._outputs[channel]].packets[0].view(np.uint8)
+            buffer[: packet.size] = packet
+            lengths[channel] = packet.size
+        self._receiving = {}
+        return lengths
+
+    def stop(self) -> None:
+        self._receiving = {}
+
+
+@pytest.fixture(scope="module")
+def driver(tmp_path_factory: pytest.TempPathFactory) -> Iterator[object]:
+    """The driver's modules as they are exported, and their map."""
+    folder = tmp_path_factory.mktemp("pynq")
+    size = {"max_width_px": BUILT_PX[0], "max_height_px": BUILT_PX[1]}
+    (folder / "skymosaic_map.py").write_text(driver_map(CONFIG, lanes=LANES, **size))
+    names = ("skymosaic_map", "skymosaic_driver", "skymosaic_server")
+    sys.path[:0] = [str(folder), str(PYNQ)]
+    yield importlib.import_module("skymosaic_server")
+    del sys.path[:2]
+    for name in names:
+        del sys.modules[name]
+
+
+@pytest.fixture(scope="module")
+def bench() -> Iterator[Bench]:
+    design = accelerator(CONFIG, BUILT_PX)
+    with contextlib.closing(Bench(verilator.library(design, waves=False, progress=print), design.ports)) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def address(driver, bench: Bench) -> Iterator[str]:
+    device = sys.modules["skymosaic_driver"].Accelerator(SimulatedBus(bench))
+    with driver.Server(("127.0.0.1", 0), device) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield f"127.0.0.1:{server.server_address[1]}"
+        server.shutdown()
+        thread.join()
+
+
+def frames(*, gray: bool) -> list[np.ndarray]:
+    images = list(rendered_pair(seed=9, size=SIZE_PX).images)
+    return [image[..., 1].copy() if gray else image for image in images]
+
+
+@pytest.mark.parametrize("gray", [True, False])
+@pytest.mark.parametrize("reference", ["held", "previous"])
+def test_the_board_gives_what_the_golden_model_gives(address: str, gray: bool, reference: str) -> None:
+    images = [*frames(gray=gray), frames(gray=gray)[0]]
+    golden = create("golden").run(images, CONFIG, reference=reference)
+    found = board.front_end(f"board:{address}").run(images, CONFIG, reference=reference)
+    assert sum(len(frame.features) for frame in golden) > 100
+    assert sum(len(frame.matches) for frame in golden) > 20
+    for ours, theirs in zip(found, golden, strict=True):
+        assert np.array_equal(
+            ours.features[list(theirs.features.dtype.names)]["descriptor"], theirs.features["descriptor"]
+        )
+        for name in set(theirs.features.dtype.names) - {"frame"}:
+            assert np.array_equal(ours.features[name], theirs.features[name]), name
+        for name in theirs.matches.dtype.names:
+            assert np.array_equal(ours.matches[name], theirs.matches[name]), name
+        assert ours.status["good"]
+
+
+def test_the_server_refuses_what_was_not_built_and_lives_on(address: str) -> None:
+    wide = np.zeros((120, 1000), np.uint8)
+    with pytest.raises(BackendError, match="1000 px wide; 64 to 192 were built"):
+        board.front_end(f"board:{address}").run([wide, wide], CONFIG)
+    host, port = address.split(":")
+    for nonsense in (b"GET / HTTP/1.1\r\n", b"{}\n", b'{"shape": [1], "frames": 1}\n'):
+        with socket.create_connection((host, int(port)), 10) as connection:
+            connection.sendall(nonsense)
+            assert b"malformed" in connection.makefile("rb").readline()
+    assert board.front_end(f"board:{address}").run(frames(gray=True), CONFIG)[0].status["good"]
+
+
+def test_frames_of_two_sizes_are_refused_before_anything_is_sent() -> None:
+    with pytest.raises(BackendError, match="one size"):
+        board.front_end("board:127.0.0.1:1").run([np.zeros((64, 64), np.uint8), np.zeros((64, 65), np.uint8)], CONFIG)
+
+
+def test_a_board_that_is_not_there_is_told_in_one_line() -> None:
+    with pytest.raises(BackendError, match="no board answers at 127.0.0.1:1"):
+        board.front_end("board:127.0.0.1:1").run([np.zeros((64, 64), np.uint8)], CONFIG)
+
+
+def test_another_build_is_refused(driver, bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules["skymosaic_map"].BUILT, "built_lanes", 4)
+    with pytest.raises(sys.modules["skymosaic_driver"].AcceleratorError, match="same export"):
+        sys.modules["skymosaic_driver"].Accelerator(SimulatedBus(bench))
