@@ -27,7 +27,7 @@ OPTIONS = {
 
 
 @dataclass(frozen=True)
-class Slider:
+class Scale:
     """What the slider under a detector moves, at whole positions from ``lowest`` to ``highest``.
 
     Harris responses span nine decades, so their slider goes by half octaves; FAST's goes by gray levels. Detectors
@@ -48,11 +48,11 @@ class Slider:
         return next((p for p in range(self.lowest, self.highest) if self.value(p) >= value), self.highest)
 
 
-SLIDERS = {
-    "harris": Slider("Harris threshold", 0, 56, steps_per_octave=2),
-    "fast": Slider("FAST threshold, gray levels", 1, 120),
+SCALES = {
+    "harris": Scale("Harris threshold", 0, 56, steps_per_octave=2),
+    "fast": Scale("FAST threshold, gray levels", 1, 120),
 }
-STRONGEST = Slider("Strongest key points", 14, 22, steps_per_octave=2)
+STRONGEST = Scale("Strongest key points", 14, 22, steps_per_octave=2)
 
 
 @dataclass(frozen=True)
@@ -93,9 +93,9 @@ class Choices:
         return changed
 
     @property
-    def slider(self) -> Slider:
-        """The detector's slider."""
-        return SLIDERS.get(self.detector, STRONGEST)
+    def scale(self) -> Scale:
+        """What the slider moves."""
+        return SCALES.get(self.detector, STRONGEST)
 
     def settled(self) -> tuple[Method, Config]:
         """The method and configuration that these choices stand for.
@@ -108,7 +108,7 @@ class Choices:
         base = preset_config(self.preset)
         base = dataclasses.replace(base, matcher=dataclasses.replace(base.matcher, rule_base=self.rule_base))
         method, config = choose(base, self.detector, self.descriptor)
-        value = self.slider.value(self.position)
+        value = self.scale.value(self.position)
         own = config.front_end
         if self.detector in FRONT_END_DETECTORS:
             return method, dataclasses.replace(config, front_end=dataclasses.replace(own, threshold=value))
@@ -119,4 +119,4 @@ def _usual_position(preset: Config, detector: str) -> int:
     _, config = choose(preset, detector, preset.front_end.descriptor)
     own = config.front_end
     value = own.threshold if detector in FRONT_END_DETECTORS else own.max_features
-    return SLIDERS.get(detector, STRONGEST).position(value)
+    return SCALES.get(detector, STRONGEST).position(value)

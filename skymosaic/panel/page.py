@@ -75,9 +75,10 @@ class Results:
             with ui.tabs().props("dense no-caps align=left inline-label") as self._tabs:
                 tabs = {name: ui.tab(name) for name in ("Corners", "Matches", "Mosaic", "Numbers")}
             with ui.tab_panels(self._tabs, value="Corners", animated=False, keep_alive=True) as self._panels:
-                with ui.tab_panel(tabs["Corners"]):
+                places = {name: ui.tab_panel(tab).props(f'aria-label="{name}"') for name, tab in tabs.items()}
+                with places.pop("Corners"):
                     self._corners = CornersTab(visitor)
-                self._places = {name: ui.tab_panel(tabs[name]) for name in ("Matches", "Mosaic", "Numbers")}
+                self._places = places
         self._fill()
 
     def update(self) -> None:

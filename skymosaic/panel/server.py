@@ -91,7 +91,8 @@ def _application(visitors: Visitors, port: int) -> FastAPI:
         try:
             await visitor.add_photograph(request.stream(), name)
         except UploadRefusedError as error:
-            return PlainTextResponse(str(error), status_code=error.status)
+            # The rest of a body that is too large is not waited for.
+            return PlainTextResponse(str(error), status_code=error.status, headers={"connection": "close"})
         return Response(status_code=204)
 
     @app.get("/picture/{key}")

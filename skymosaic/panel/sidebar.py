@@ -12,6 +12,7 @@ from skymosaic.errors import InputError
 from skymosaic.panel.choices import OPTIONS, Choices
 from skymosaic.panel.drop_zone import DropZone
 from skymosaic.panel.outcomes import Upload
+from skymosaic.panel.slider import Slider
 from skymosaic.panel.uploads import MEBIBYTE, PHOTOGRAPH
 from skymosaic.panel.visitors import Visitor
 
@@ -103,11 +104,13 @@ class ChoicesCard:
         for name, select in self._selects.items():
             select.set_value(getattr(choices, name))
         self._refine.set_value(choices.refine)
-        slider = choices.slider
-        self._slider.props.update({"min": slider.lowest, "max": slider.highest, "aria-label": slider.title})
-        self._slider.set_value(choices.position)
-        self._slider_title.set_text(slider.title)
-        self._slider_value.set_text(f"{slider.value(choices.position):,}".replace(",", "\u2009"))
+        scale = choices.scale
+        self._slider_title.set_text(scale.title)
+        words = f"{scale.value(choices.position):,}".replace(",", "\u2009")
+        self._slider_value.set_text(words)
+        self._slider.show(
+            lowest=scale.lowest, highest=scale.highest, position=choices.position, label=scale.title, words=words
+        )
         self._fault.set_text(fault_of(choices))
 
     def _select(self, name: str) -> ui.select:
@@ -119,8 +122,7 @@ class ChoicesCard:
             with ui.element("div").classes("threshold-head"):
                 self._slider_title = ui.label()
                 self._slider_value = ui.label().classes("value").props('aria-live="polite"')
-            slider = self._visitor.choices.slider
-            self._slider = ui.slider(min=slider.lowest, max=slider.highest, on_change=self._on_change("position"))
+            self._slider = Slider(lambda position: self._visitor.choose("position", position))
 
     def _on_change(self, name: str) -> Callable[[ValueChangeEventArguments[Any]], None]:
         def change(event: ValueChangeEventArguments[Any]) -> None:

@@ -71,7 +71,7 @@ _HEAD_BYTES = 16
 
 def safe_stem(name: str) -> str:
     """A stem for the panel's own file names: letters, digits, dash and underscore of the name a file came with."""
-    return re.sub(r"[^A-Za-z0-9-]+", "_", Path(name).stem)[:_LONGEST_STEM].strip("_") or "file"
+    return re.sub(r"[^A-Za-z0-9-]+", "_", Path(name).stem)[:_LONGEST_STEM].strip("_-") or "file"
 
 
 async def receive(body: AsyncIterator[bytes], name: str, kind: Kind, target: Path, room_bytes: int) -> Path:

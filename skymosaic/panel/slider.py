@@ -1,0 +1,38 @@
+"""A slider that moves at once and tells the server at most twenty times a second."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from nicegui import ui
+
+INTERVAL_S = 0.05
+
+
+class Slider(ui.element, component="slider.js"):
+    """Whole positions from ``lowest`` to ``highest``.
+
+    Parameters
+    ----------
+    on_move : callable
+        Receives the position where the visitor moved the thumb.
+    """
+
+    def __init__(self, on_move: Callable[[int], None]) -> None:
+        super().__init__()
+        self._position: int | None = None
+
+        def moved(position: int) -> None:
+            self._position = position
+            on_move(position)
+
+        self.on("move", lambda event: moved(int(event.args)), throttle=INTERVAL_S)
+
+    def show(self, *, lowest: int, highest: int, position: int, label: str, words: str) -> None:
+        """Set the range, the accessible name, the value in words, and the thumb, unless it is there already."""
+        self.props.update(min=lowest, max=highest, label=label, words=words)
+        if self._position is None:
+            self.props["start"] = position
+        elif position != self._position:
+            self.run_method("place", position)
+        self._position = position

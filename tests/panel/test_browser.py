@@ -1,0 +1,292 @@
+"""The panel as a visitor uses it, in headless Chromium."""
+
+import re
+import statistics
+import subprocess
+import sys
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from playwright.sync_api import Browser, CDPSession, Locator, Page, expect
+
+LONG_MS = 60_000
+LATENCY_LIMIT_MS = 300
+LATENCY_ROUNDS = 20
+
+
+def corner_counts(page: Page) -> Locator:
+    return page.get_by_role("status", name="Corners found")
+
+
+def mosaic_viewer(page: Page) -> Locator:
+    return page.get_by_role("group", name="Mosaic")
+
+
+def load_built_in(page: Page) -> None:
+    page.get_by_role("button", name="Try the built-in flight").click()
+    expect(corner_counts(page)).to_contain_text("corners", timeout=LONG_MS)
+
+
+def make_mosaic(page: Page) -> None:
+    page.get_by_role("button", name="Make the mosaic").click()
+    expect(mosaic_viewer(page)).to_be_visible(timeout=LONG_MS)
+
+
+def open_tab(page: Page, name: str) -> None:
+    page.get_by_role("tab", name=name).click()
+    expect(page.get_by_role("tabpanel", name=name)).to_be_visible()
+
+
+def choose(page: Page, choice: str, value: str) -> None:
+    page.get_by_role("combobox", name=choice).click()
+    page.get_by_role("option", name=value, exact=True).click()
+
+
+@pytest.fixture(scope="module")
+def made(browser: Browser, panel: str) -> Iterator[Page]:
+    """A page whose visitor has made the mosaic of the built-in pair."""
+    page = browser.new_page(viewport={"width": 1280, "height": 720})
+    page.goto(panel)
+    load_built_in(page)
+    make_mosaic(page)
+    yield page
+    page.close()
+
+
+def test_the_built_in_pair_becomes_a_mosaic_that_zooms(made: Page) -> None:
+    open_tab(made, "Mosaic")
+    drawing = mosaic_viewer(made).locator("svg")
+    whole = drawing.get_attribute("viewBox")
+    assert float(whole.split()[2]) > 700
+    drawing.hover()
+    made.mouse.wheel(0, -100)
+    expect(drawing).not_to_have_attribute("viewBox", whole)
+    after_wheel = drawing.get_attribute("viewBox")
+    drawing.focus()
+    made.keyboard.press("+")
+    expect(drawing).not_to_have_attribute("viewBox", after_wheel)
+    mosaic_viewer(made).get_by_role("button", name="Show all").click()
+    expect(drawing).to_have_attribute("viewBox", whole)
+
+
+def test_a_rejected_match_tells_why(made: Page) -> None:
+    open_tab(made, "Matches")
+    for kind in ("kept, on the homography", "kept, off it"):
+        made.get_by_role("checkbox", name=kind).click()
+    lines = made.get_by_role("group", name="Matches between the photographs").locator("path.match.rejected")
+    expect(lines).to_have_count(1)
+    x, y = lines.evaluate(
+        """path => {
+            const [x0, y0, x1, y1] = path.getAttribute("d").match(/-?[\\d.]+/g).slice(0, 4).map(Number);
+            const middle = new DOMPoint((x0 + x1) / 2, (y0 + y1) / 2).matrixTransform(path.getScreenCTM());
+            return [middle.x, middle.y];
+        }"""
+    )
+    made.mouse.move(x, y)
+    explanation = made.locator(".explanation")
+    expect(explanation).to_contain_text("Rejected. The rules give it the weight")
+    expect(explanation).to_contain_text("px from the homography")
+    expect(explanation.locator("svg circle")).to_have_count(6)
+    expect(explanation.locator("tr.loudest")).to_have_count(1)
+    made.mouse.click(x, y)
+    expect(made.get_by_role("status", name="Match shown")).to_contain_text("held")
+    for kind in ("kept, on the homography", "kept, off it"):
+        made.get_by_role("checkbox", name=kind).click()
+
+
+def test_matches_are_reached_by_keys(made: Page) -> None:
+    open_tab(made, "Matches")
+    made.get_by_role("button", name="Next match").focus()
+    shown = made.get_by_role("status", name="Match shown")
+    seen = set()
+    for _ in range(3):
+        before = shown.text_content()
+        made.keyboard.press("Enter")
+        expect(shown).not_to_have_text(before)
+        seen.add(shown.text_content())
+    assert len(seen) == 3
+
+
+def test_the_numbers_of_the_run_are_shown(made: Page) -> None:
+    open_tab(made, "Numbers")
+    panel = made.get_by_role("tabpanel", name="Numbers")
+    for words in ("mutual matches", "RMSE of the inliers", "recall of the rules", "projective", "warping and blending"):
+        expect(panel).to_contain_text(words)
+    expect(panel.locator(".matrix td")).to_have_count(9)
+
+
+def test_the_archive_repeats_the_mosaic(made: Page, tmp_path: Path) -> None:
+    with made.expect_download() as download:
+        made.get_by_role("link", name="Download everything").click()
+    download.value.save_as(tmp_path / "all.zip")
+    with zipfile.ZipFile(tmp_path / "all.zip") as archive:
+        assert archive.testzip() is None
+        archive.extractall(tmp_path)
+    run = tmp_path / "mosaic"
+    assert {"config.toml", "command.txt", "corners.csv", "matches.csv", "mosaic.png", "report"} <= {
+        path.name for path in run.iterdir()
+    }
+    before = cv2.imread(str(run / "mosaic.png"))
+    (run / "mosaic.png").unlink()
+    program, *arguments = (run / "command.txt").read_text().split()
+    assert program == "skymosaic"
+    subprocess.run(
+        [sys.executable, "-m", "skymosaic", *arguments], cwd=run, check=True, timeout=120, capture_output=True
+    )
+    assert np.array_equal(cv2.imread(str(run / "mosaic.png")), before)
+
+
+def test_every_tab_fits_the_window(made: Page) -> None:
+    for name in made.get_by_role("tab").all_text_contents():
+        open_tab(made, name)
+        widths = made.evaluate("[document.documentElement.scrollWidth, document.body.scrollWidth]")
+        assert max(widths) <= 1280, name
+
+
+def focused_control(session: CDPSession) -> tuple[str, str]:
+    """Role and accessible name of what has the focus; empty where nothing on the page has it."""
+    _page, *nodes = session.send("Accessibility.getFullAXTree")["nodes"]
+    for node in nodes:
+        if any(p["name"] == "focused" and p["value"]["value"] for p in node.get("properties", [])):
+            return node["role"]["value"], node["name"]["value"].strip()
+    return "", ""
+
+
+def test_every_control_has_a_name_and_is_reached_by_tab(made: Page) -> None:
+    open_tab(made, "Matches")
+    session = made.context.new_cdp_session(made)
+    made.evaluate("document.activeElement.blur()")
+    reached = []
+    while len(reached) < 80:
+        made.keyboard.press("Tab")
+        control = focused_control(session)
+        if control in reached[:1]:
+            break
+        if control != ("", ""):  # between the last and the first, the browser's own controls have the focus
+            reached.append(control)
+    assert [role for role, name in reached if not name] == []
+    names = [name for _, name in reached]
+    wanted = made.evaluate(
+        """() => [...document.querySelectorAll("button, a[href], input, [role=switch], [role=checkbox], svg[tabindex]")]
+            .filter(element => element.checkVisibility() && !element.disabled)
+            .map(element => element.ariaLabel || element.textContent || "")"""
+    )
+    assert len(reached) >= len(wanted) > 20
+    for part in (
+        "Choose photographs",
+        "Detector",
+        "Harris threshold",
+        "Make the mosaic",
+        "Matches",
+        "Next match",
+        "Zoom in",
+    ):
+        assert any(part in name for name in names), (part, names)
+
+
+def test_a_reload_loses_nothing_that_finished(made: Page) -> None:
+    made.reload()
+    expect(mosaic_viewer(made)).to_be_visible()
+    open_tab(made, "Corners")
+    expect(corner_counts(made)).to_contain_text("corners")
+
+
+def test_everything_comes_from_the_panel_itself(browser: Browser, panel: str) -> None:
+    page = browser.new_page()
+    addresses: list[str] = []
+    page.on("request", lambda request: addresses.append(request.url))
+    page.goto(panel)
+    page.wait_for_load_state("networkidle")
+    page.close()
+    assert len(addresses) > 5
+    assert [address for address in addresses if not address.startswith((panel, "data:", "blob:"))] == []
+
+
+def test_the_threshold_moves_the_corners_within_300_ms(page: Page) -> None:
+    """Median of twenty, from the key to the next frame that the browser paints, two photographs of 640x480."""
+    load_built_in(page)
+    slider = page.get_by_role("slider", name="Harris threshold")
+    before = corner_counts(page).text_content()
+    slider.click()
+    expect(corner_counts(page)).not_to_have_text(before)
+    page.evaluate(
+        """() => {
+            const drawing = document.querySelector(".viewer svg g");
+            addEventListener("keydown", () => (window.pressed = performance.now()), true);
+            new MutationObserver(() => requestAnimationFrame(() => (window.painted = performance.now())))
+                .observe(drawing, { childList: true });
+        }"""
+    )
+    milliseconds = []
+    for round_ in range(LATENCY_ROUNDS):
+        page.evaluate("window.painted = 0")
+        page.keyboard.press("ArrowLeft" if round_ % 2 else "ArrowRight")
+        page.wait_for_function("window.painted > 0")
+        milliseconds.append(page.evaluate("window.painted - window.pressed"))
+    print(f"threshold to corners: median {statistics.median(milliseconds):.0f} ms, worst {max(milliseconds):.0f} ms")
+    assert statistics.median(milliseconds) <= LATENCY_LIMIT_MS
+    slider.focus()
+    page.keyboard.press("End")
+    expect(corner_counts(page)).not_to_have_text(before)
+    expect(corner_counts(page)).to_contain_text("0 and 0 corners")
+
+
+def test_a_broken_file_is_refused_with_a_clear_line(page: Page, photographs: list[Path], tmp_path: Path) -> None:
+    broken = tmp_path / "broken.png"
+    broken.write_bytes(photographs[0].read_bytes()[:5000])
+    page.get_by_label("Choose photographs").set_input_files([photographs[0], broken])
+    expect(page.get_by_text(re.compile(r"broken\.png: .*truncated"))).to_be_visible(timeout=LONG_MS)
+    expect(page.get_by_role("list", name="Photographs loaded").locator("li")).to_have_count(1)
+    expect(page.get_by_role("button", name="Make the mosaic")).to_be_disabled()
+
+
+def test_ones_own_photographs_make_a_mosaic(page: Page, photographs: list[Path]) -> None:
+    page.get_by_label("Choose photographs").set_input_files(photographs)
+    expect(page.get_by_role("list", name="Photographs loaded").locator("li")).to_have_count(2)
+    choose(page, "Detector", "orb")
+    choose(page, "Blending", "multiband")
+    make_mosaic(page)
+    open_tab(page, "Numbers")
+    expect(page.get_by_role("tabpanel", name="Numbers")).to_contain_text("--detector orb")
+
+
+def test_photographs_that_do_not_overlap_are_told_with_their_matches(
+    page: Page, photographs: list[Path], tmp_path: Path
+) -> None:
+    noise = np.random.default_rng(3).integers(0, 256, (240, 320), np.uint8)
+    cv2.imwrite(str(tmp_path / "noise.png"), noise)
+    page.get_by_label("Choose photographs").set_input_files([photographs[0], tmp_path / "noise.png"])
+    expect(page.get_by_role("list", name="Photographs loaded").locator("li")).to_have_count(2)
+    page.get_by_role("button", name="Make the mosaic").click()
+    expect(page.get_by_text("No mosaic could be made")).to_be_visible(timeout=LONG_MS)
+    expect(page.get_by_text("do the images overlap?")).to_be_visible()
+    open_tab(page, "Matches")
+    page.get_by_role("button", name="Next match").click()
+    expect(page.locator(".explanation")).to_contain_text("No homography was found")
+
+
+def test_two_visitors_do_not_see_each_other(page: Page, browser: Browser, panel: str, photographs: list[Path]) -> None:
+    page.get_by_label("Choose photographs").set_input_files(photographs)
+    expect(page.get_by_role("list", name="Photographs loaded").locator("li")).to_have_count(2)
+    other = browser.new_page()
+    other.goto(panel)
+    expect(other.get_by_role("button", name="Try the built-in flight")).to_be_visible()
+    expect(other.locator("img")).to_have_count(0)
+    other.close()
+
+
+def test_a_long_run_is_cancelled(page: Page) -> None:
+    load_built_in(page)
+    choose(page, "Backend", "pysim")
+    page.get_by_role("button", name="Make the mosaic").click()
+    expect(page.get_by_text(re.compile(r"finding and matching features · \d+ s"))).to_be_visible(timeout=LONG_MS)
+    page.reload()
+    expect(page.get_by_text(re.compile(r"finding and matching features · \d+ s"))).to_be_visible()
+    page.get_by_role("button", name="Cancel").click()
+    expect(page.get_by_text("Making the mosaic: cancelled")).to_be_visible()
+    choose(page, "Backend", "golden")
+    make_mosaic(page)

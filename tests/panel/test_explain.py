@@ -1,0 +1,83 @@
+"""Explanations against the records they explain: what the panel tells is what the matcher computed."""
+
+import numpy as np
+import pytest
+
+from golden_model.config import preset_config
+from sim.scene import pair as rendered_pair
+from skymosaic import register, report
+from skymosaic.panel import drawings
+from skymosaic.panel.explain import HIGHEST_WEIGHT, explain, verdicts
+from skymosaic.panel.explanation import markup
+from skymosaic.panel.outcomes import PairView
+
+METHODS = {
+    "aerial": {},
+    "thesis": {"config": preset_config("thesis")},
+    "correlation": {"descriptor": "window-10"},
+    "ratio test": {"detector": "orb"},
+}
+
+
+@pytest.fixture(scope="module")
+def images() -> list[np.ndarray]:
+    return list(rendered_pair(seed=9, size=(320, 240)).images)
+
+
+@pytest.fixture(scope="module", params=METHODS.values(), ids=METHODS)
+def view(request: pytest.FixtureRequest, images: list[np.ndarray]) -> PairView:
+    pair = register(*images, **request.param)
+    return PairView.of(pair, report.pair_numbers(pair))
+
+
+def test_strengths_and_outputs_give_the_recorded_weight(view: PairView) -> None:
+    """Sugeno's weighted mean of what is shown is the weight that decided, to the rounding of UQ0.8."""
+    for index in range(len(view.matches)):
+        rules = explain(view, index).rules
+        if rules:
+            strength = sum(rule.strength for rule in rules)
+            mean = sum(rule.strength * rule.output for rule in rules) / max(strength, 1e-9)
+            assert abs(mean - view.matches["weight"][index] / HIGHEST_WEIGHT) <= 1.5 / HIGHEST_WEIGHT
+
+
+def test_the_loudest_rule_shown_is_the_recorded_one(view: PairView) -> None:
+    for index in range(len(view.matches)):
+        explanation = explain(view, index)
+        if explanation.rules:
+            strongest = max(explanation.rules, key=lambda rule: rule.strength)
+            (loudest,) = [rule for rule in explanation.rules if rule.loudest]
+            assert loudest.strength == strongest.strength
+            assert loudest.words in explanation.reason
+
+
+def test_every_verdict_has_its_reason(view: PairView) -> None:
+    shown = verdicts(view)
+    assert shown.count("inlier") == view.inlier.sum()
+    assert shown.count("rejected") == (~view.kept).sum()
+    for index, verdict in enumerate(shown):
+        explanation = explain(view, index)
+        assert explanation.verdict == verdict
+        assert explanation.reason.startswith("Rejected." if verdict == "rejected" else "Kept.")
+        if explanation.rules:
+            kept = "not above" not in explanation.reason
+            assert kept == (verdict != "rejected")
+
+
+def test_the_markup_marks_value_and_degrees(view: PairView) -> None:
+    index = int(np.argmin(view.matches["verdict"]))
+    explanation, page = explain(view, index), markup(explain(view, index))
+    for item in explanation.inputs:
+        assert f"{item.variable.name} {item.value}" in page
+        for name, degree in item.degrees.items():
+            assert f"{name} {degree:.2f}" in page
+    assert page.count("<circle") == sum(len(item.degrees) for item in explanation.inputs)
+
+
+def test_the_nearest_line_is_found_within_reach() -> None:
+    lines = np.array([[0, 0, 100, 0], [0, 50, 100, 50], [200, 0, 200, 0]], dtype=np.float64)
+    assert drawings.nearest(lines, 50, 10, within=12) == 0
+    assert drawings.nearest(lines, 50, 41, within=12) == 1
+    assert drawings.nearest(lines, 50, 25, within=12) is None
+    assert drawings.nearest(lines, 110, 50, within=12) == 1
+    assert drawings.nearest(lines, 203, 4, within=6) == 2
+    assert drawings.nearest(lines[:0], 0, 0, within=1e9) is None

@@ -1,0 +1,74 @@
+"""Requests that do not come from the panel's own page, over plain sockets."""
+
+import base64
+import os
+import socket
+from urllib.parse import urlsplit
+
+import pytest
+
+OWN = object()
+WEBSOCKET_PATH = "/_nicegui_ws/socket.io/?EIO=4&transport=websocket"
+
+
+def status(address: str, method: str, path: str, *, host: object = OWN, origin: object = OWN, **headers: str) -> int:
+    """The status code of a request with any headers, which no client library lets through."""
+    authority = urlsplit(address).netloc
+    lines = [f"{method} {path} HTTP/1.1", f"Host: {authority if host is OWN else host}", "Connection: close"]
+    if origin is not None:
+        lines.append(f"Origin: {f'http://{authority}' if origin is OWN else origin}")
+    lines += [f"{name.replace('_', '-')}: {value}" for name, value in headers.items()]
+    name, port = authority.split(":")
+    with socket.create_connection((name, int(port)), timeout=10) as connection:
+        connection.sendall("\r\n".join([*lines, "", ""]).encode())
+        return int(connection.recv(64).split()[1])
+
+
+def websocket_status(address: str, **changed: object) -> int:
+    key = base64.b64encode(os.urandom(16)).decode()
+    headers = {"Upgrade": "websocket", "Sec_WebSocket_Key": key, "Sec_WebSocket_Version": "13"}
+    return status(address, "GET", WEBSOCKET_PATH, **changed, **headers, Connection="Upgrade")
+
+
+def test_the_panels_own_page_and_socket_are_served(panel: str) -> None:
+    assert status(panel, "GET", "/") == 200
+    assert websocket_status(panel) == 101
+
+
+def test_localhost_is_the_same_panel(panel: str) -> None:
+    port = panel.rsplit(":", 1)[1]
+    names = {"host": f"localhost:{port}", "origin": f"http://localhost:{port}"}
+    assert status(panel, "GET", "/", **names) == 200
+    assert websocket_status(panel, **names) == 101
+
+
+@pytest.mark.parametrize(
+    "host", ["evil.example", "evil.example:8080", "127.0.0.1", "127.0.0.1:1", "localhost.evil.example:8080"]
+)
+def test_a_foreign_host_is_refused(panel: str, host: str) -> None:
+    """A name that an attacker lets resolve to 127.0.0.1 shows in the Host."""
+    assert status(panel, "GET", "/", host=host) == 403
+    assert websocket_status(panel, host=host) == 403
+
+
+@pytest.mark.parametrize(
+    "origin", ["http://evil.example", "https://127.0.0.1:8080", "http://127.0.0.1:1", "null", None]
+)
+def test_a_socket_of_a_foreign_origin_is_refused(panel: str, origin: str | None) -> None:
+    assert websocket_status(panel, origin=origin) == 403
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", None])
+def test_a_post_of_a_foreign_origin_is_refused(panel: str, origin: str | None) -> None:
+    assert status(panel, "POST", "/upload/photograph?name=a.png", origin=origin, Content_Length="0") == 403
+
+
+@pytest.mark.parametrize("method", ["GET", "POST"])
+def test_the_socket_has_no_way_around_websockets(panel: str, method: str) -> None:
+    """Socket.IO's polling would let a GET carry a conversation."""
+    assert status(panel, method, "/_nicegui_ws/socket.io/?EIO=4&transport=polling", Content_Length="0") == 403
+
+
+@pytest.mark.parametrize("method", ["PUT", "DELETE", "PATCH", "OPTIONS"])
+def test_other_methods_find_nothing(panel: str, method: str) -> None:
+    assert status(panel, method, "/", Content_Length="0") in (404, 405)

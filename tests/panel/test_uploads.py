@@ -1,0 +1,182 @@
+"""Files that must not be taken, sent as a browser would send them; the panel lives on after each."""
+
+import re
+import struct
+import zlib
+from collections.abc import Iterator
+
+import cv2
+import httpx
+import numpy as np
+import pytest
+
+from skymosaic.panel.uploads import PHOTOGRAPH, VIDEO, safe_stem
+
+
+class Visitor:
+    """A browser without a screen: cookies and the page's own Origin."""
+
+    def __init__(self, panel: str) -> None:
+        self._client = httpx.Client(base_url=panel, headers={"origin": panel}, timeout=60)
+        self._client.get("/")
+
+    def upload(self, name: str, body: bytes | Iterator[bytes]) -> httpx.Response:
+        return self._client.post("/upload/photograph", params={"name": name}, content=body)
+
+    def get(self, path: str) -> httpx.Response:
+        return self._client.get(path)
+
+    def pictures(self) -> list[str]:
+        return sorted(set(re.findall(r"/picture/[\w.-]+", self.get("/").text)))
+
+    def close(self) -> None:
+        self._client.close()
+
+
+@pytest.fixture
+def visitor(panel: str) -> Iterator[Visitor]:
+    someone = Visitor(panel)
+    yield someone
+    assert someone.get("/").status_code == 200
+    someone.close()
+
+
+def png(width: int, height: int, data: bytes) -> bytes:
+    """A PNG with any header and any compressed data."""
+
+    def chunk(kind: bytes, body: bytes) -> bytes:
+        return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+
+    header = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", data) + chunk(b"IEND", b"")
+
+
+def picture(side_px: int = 96) -> bytes:
+    noise = np.random.default_rng(1).integers(0, 256, (side_px, side_px), np.uint8)
+    return cv2.imencode(".png", noise)[1].tobytes()
+
+
+def test_a_photograph_is_taken_and_shown(visitor: Visitor) -> None:
+    assert visitor.upload("field.png", picture()).status_code == 204
+    (shown,) = visitor.pictures()
+    assert visitor.get(shown).content.startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "../../../etc/passwd",
+        "/etc/cron.d/x.png",
+        "..\\..\\x.png",
+        "a\0b.png",
+        "$(reboot).png",
+        "<img src=x>.png",
+        ".",
+        "",
+    ],
+)
+def test_a_name_decides_nothing(visitor: Visitor, name: str) -> None:
+    assert visitor.upload(name, picture()).status_code == 204
+    (shown,) = visitor.pictures()
+    assert re.fullmatch(r"/picture/01_[A-Za-z0-9_-]+\.png\.png", shown)
+
+
+@pytest.mark.parametrize(
+    ("what", "body", "status", "says"),
+    [
+        ("text", b"words, not pixels\n", 415, "is not a photograph"),
+        ("nothing", b"", 415, "is empty"),
+        ("a page", b"<html><script>alert(1)</script></html>", 415, "is not a photograph"),
+        ("a vector picture", b'<svg xmlns="http://www.w3.org/2000/svg"/>', 415, "is not a photograph"),
+        ("an animation", b"GIF89a" + bytes(64), 415, "is not a photograph"),
+        ("a program", b"\x7fELF" + bytes(64), 415, "is not a photograph"),
+        ("a play list", b"#EXTM3U\n#EXT-X-MEDIA-SEQUENCE:0\nfile:///etc/passwd\n", 415, "is not a photograph"),
+        ("a truncated photograph", picture()[:900], 422, "truncated"),
+        ("a header and noise", b"\xff\xd8\xff" + bytes(range(256)), 422, "not an image"),
+        ("a small picture", picture(16), 422, "16x16"),
+        ("a decompression bomb", png(60_000, 60_000, zlib.compress(bytes(1 << 22))), 422, "larger than 89 megapixels"),
+        ("a header that lies", png(640, 480, zlib.compress(b"short")), 422, ""),
+    ],
+    ids=lambda value: value if isinstance(value, str) and len(value) < 25 else "",
+)  # fmt: skip
+def test_what_is_no_photograph_is_refused_with_a_reason(
+    visitor: Visitor, what: str, body: bytes, status: int, says: str
+) -> None:
+    refused = visitor.upload(f"{what}.png", body)
+    assert refused.status_code == status, refused.text
+    assert says in refused.text
+    assert "\n" not in refused.text
+    assert "/tmp" not in refused.text
+    assert visitor.pictures() == []
+
+
+def test_an_oversized_upload_is_cut_off(visitor: Visitor) -> None:
+    def endless() -> Iterator[bytes]:
+        yield b"\x89PNG\r\n\x1a\n"
+        while True:
+            yield bytes(1 << 20)
+
+    try:
+        refused = visitor.upload("large.png", endless())
+    except httpx.WriteError:
+        return  # the server closed the connection before the client listened
+    assert refused.status_code == 413
+
+
+def test_an_upload_without_a_page_is_refused(panel: str) -> None:
+    answer = httpx.post(f"{panel}/upload/photograph?name=a.png", content=picture(), headers={"origin": panel})
+    assert answer.status_code == 403
+
+
+def test_another_visitors_files_cannot_be_read(visitor: Visitor, panel: str) -> None:
+    assert visitor.upload("mine.png", picture()).status_code == 204
+    (shown,) = visitor.pictures()
+    other = Visitor(panel)
+    assert other.get(shown).status_code == 404
+    assert other.pictures() == []
+    assert other.get("/archive").status_code == 404
+    other.close()
+
+
+def test_a_forged_cookie_opens_nothing(visitor: Visitor, panel: str) -> None:
+    assert visitor.upload("mine.png", picture()).status_code == 204
+    (shown,) = visitor.pictures()
+    (cookie,) = visitor._client.cookies.jar
+    forged = httpx.get(f"{panel}{shown}", cookies={cookie.name: cookie.value[:-2] + "AA"})
+    assert forged.status_code == 404
+
+
+@pytest.mark.parametrize(
+    "path",
+    ["/picture/..%2f..%2fetc%2fpasswd", "/picture/%2fetc%2fpasswd", "/picture/../archive", "/picture/01_mine.png",
+     "/picture/.", "/_nicegui/../../etc/passwd", "/uploads/01_mine.png", "/upload/photograph"],
+)  # fmt: skip
+def test_no_path_leads_to_a_file(visitor: Visitor, path: str) -> None:
+    assert visitor.upload("mine.png", picture()).status_code == 204
+    assert visitor.get(path).status_code in (404, 405)
+
+
+def test_a_get_changes_nothing(visitor: Visitor) -> None:
+    """What looks like an order in an address is none."""
+    assert visitor.upload("mine.png", picture()).status_code == 204
+    before = visitor.pictures()
+    for path in ("/", "/archive", "/upload/photograph?name=x.png", "/?preset=thesis", "/cancel", before[0]):
+        visitor.get(path)
+    assert visitor.pictures() == before
+
+
+def test_video_kinds_are_told_by_their_first_bytes() -> None:
+    assert VIDEO.suffix_of(b"\0\0\0\x20ftypisom") == ".mp4"
+    assert VIDEO.suffix_of(b"RIFF....AVI LIST") == ".avi"
+    assert VIDEO.suffix_of(b"#EXTM3U\n#EXT-X-TA") is None
+    assert VIDEO.suffix_of(b"ffconcat version 1") is None
+    assert PHOTOGRAPH.suffix_of(b"RIFF....WEBPVP8 ") == ".webp"
+    assert PHOTOGRAPH.suffix_of(b"RIFF....AVI LIST") is None
+
+
+def test_stems_are_harmless() -> None:
+    assert safe_stem("DJI 0012 (copy).JPG") == "DJI_0012_copy"
+    assert safe_stem("../../etc/passwd") == "passwd"
+    assert safe_stem("-rf.png") == "rf"
+    assert safe_stem("") == "file"
+    assert len(safe_stem("x" * 500)) == 40
