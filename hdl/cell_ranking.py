@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from amaranth import Array, Cat, Module, Mux, Signal
+from amaranth import Array, Module, Mux, Signal
 from amaranth.lib import data, memory, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -32,6 +32,8 @@ class Insertion(wiring.Component):
     Members
     -------
     i_ranking : In(RANKING)
+    i_empty : In(1)
+        Every place is free, whatever the ranking says.
     i_response : In(15)
         The newcomer's, not 0.
     i_per_cell : In(4)
@@ -49,6 +51,7 @@ class Insertion(wiring.Component):
     """
 
     i_ranking: data.View
+    i_empty: Signal
     i_response: Signal
     i_per_cell: Signal
     o_kept: Signal
@@ -61,6 +64,7 @@ class Insertion(wiring.Component):
         super().__init__(
             {
                 "i_ranking": In(RANKING),
+                "i_empty": In(1),
                 "i_response": In(RESPONSE_CODE.bits),
                 "i_per_cell": In(range(MAX_PER_CELL + 1)),
                 "o_kept": Out(1),
@@ -74,22 +78,25 @@ class Insertion(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Move the beaten places down by one; they are the last ones, since the ranking falls."""
         m = Module()
-        newcomer = Signal(RANK)
+        newcomer, ranking = Signal(RANK), Signal(RANKING)
         taken, beaten = Signal(MAX_PER_CELL), Signal(MAX_PER_CELL)
         last_place = (self.i_per_cell - 1)[:3]
         m.d.comb += [
-            taken.eq(Cat(rank.response.any() for rank in self.i_ranking)),
+            ranking.eq(Mux(self.i_empty, _EMPTY, self.i_ranking)),
             newcomer.response.eq(self.i_response),
             newcomer.slot.eq(self.o_slot),
             self.o_kept.eq(beaten.any()),
-            self.o_slot.eq(Array(rank.slot for rank in self.i_ranking)[last_place]),
+            self.o_slot.eq(Array(rank.slot for rank in ranking)[last_place]),
             self.o_added.eq(~taken.bit_select(last_place, 1)),
         ]
         above, above_taken, above_beaten = newcomer, 1, 0
-        for place, rank in enumerate(self.i_ranking):
+        for place, rank in enumerate(ranking):
             in_use = self.i_per_cell > place
+            # The comparison, the longest path, does not wait for `i_empty`.
+            smaller = self.i_ranking[place].response < self.i_response
             m.d.comb += [
-                beaten[place].eq((self.i_response > rank.response) & in_use),
+                taken[place].eq(rank.response.any()),
+                beaten[place].eq((smaller | self.i_empty) & in_use),
                 self.o_ranking[place].eq(
                     Mux(beaten[place], Mux(above_beaten, above.as_value(), newcomer.as_value()), rank.as_value())
                 ),
@@ -179,12 +186,14 @@ class CellRanking(wiring.Component):
         m.d.comb += [
             read.addr.eq(self.i.x[SMALLEST_CELL_LOG2:] >> (self.i_cell_log2 - SMALLEST_CELL_LOG2)[:2]),
             read.en.eq(self.i.present),
-            insertion.i_ranking.eq(Mux(touched, read.data, _EMPTY)),
+            insertion.i_ranking.eq(read.data),
+            insertion.i_empty.eq(~touched),
             insertion.i_response.eq(self.o_feature.response),
             insertion.i_per_cell.eq(self.i_per_cell),
             write.addr.eq(self.o_cell),
             write.data.eq(insertion.o_ranking),
-            write.en.eq(arrived & insertion.o_kept),
+            # Where the newcomer has no place, this is the same ranking again.
+            write.en.eq(arrived),
         ]
         with m.If(self.i.present):
             m.d.sync += [
