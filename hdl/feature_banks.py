@@ -13,7 +13,7 @@ from golden_model.records import FRAME_STATUS, WORD_BYTES, Tag, feature_record
 from hdl.streams import WordPayload, record_layout
 
 ROLES = ("reference", "current", "filling")
-READ_CYCLES = 2
+READ_CYCLES = 3
 """From an address to the registered feature."""
 
 
@@ -81,6 +81,8 @@ class FeatureBanks(wiring.Component):
         record = feature_record(pattern.descriptor_bytes, pattern.window_bytes)
         self._record = record_layout(record)
         self._status = record_layout(FRAME_STATUS, record.record_bytes)
+        tag = self._record["tag"]
+        self._tag = slice(tag.offset, tag.offset + tag.width)
         self._record_words = record.record_bytes // WORD_BYTES
         address, count = range(max_features), range(max_features + 1)
         super().__init__(
@@ -101,12 +103,11 @@ class FeatureBanks(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Collect records; store features; change roles at a good status; read."""
         m = Module()
-        complete, record = self._collect(m)
-        feature, status = data.View(self._record, record), data.View(self._status, record)
-        ends_frame = status.tag == Tag.FRAME_STATUS
+        complete, ends_frame, record = self._collect(m)
+        feature = data.View(self._record, record)
         m.d.comb += [
             self.o_status.valid.eq(complete & ends_frame),
-            self.o_status.payload.eq(status),
+            self.o_status.payload.eq(record),
             self.i.ready.eq(self.o_status.ready | ~self.o_status.valid),
         ]
         reference, current, filling = self._roles(m)
@@ -119,23 +120,27 @@ class FeatureBanks(wiring.Component):
             for name, field in self._feature:
                 if field.width:
                     m.d.comb += write.data[name].eq(feature[name])
-            m.d.comb += read.addr.eq(Mux(reference == n, self.i_left_address, self.i_right_address))
+            m.d.sync += read.addr.eq(Mux(reference == n, self.i_left_address, self.i_right_address))
             outputs.append(read.data)
         banks = Array(outputs)
         m.d.sync += [self.o_left.eq(banks[reference]), self.o_right.eq(banks[current])]
         return m
 
-    def _collect(self, m: Module) -> tuple[Signal, Signal]:
-        """Shift a record together; ``complete`` for one clock, or until its status is taken."""
-        complete, record = Signal(), Signal(64 * self._record_words, reset_less=True)
+    def _collect(self, m: Module) -> tuple[Signal, Signal, Signal]:
+        """Shift a record together; ``complete`` for one clock, or until the status that it is has been taken."""
+        complete, ends_frame = Signal(), Signal(reset_less=True)
+        record = Signal(self._record.size, reset_less=True)
         word = Signal(range(self._record_words))
+        incoming = self.i.payload.data
         with m.If(self.i.ready):
             m.d.sync += complete.eq(0)
             with m.If(self.i.valid):
-                m.d.sync += [record.eq(Cat(record, self.i.payload.data)[len(self.i.payload.data) :]), word.eq(word + 1)]
+                m.d.sync += [record.eq(Cat(record, incoming)[len(incoming) :]), word.eq(word + 1)]
+                with m.If(word == 0):
+                    m.d.sync += ends_frame.eq(incoming[self._tag] == Tag.FRAME_STATUS)
                 with m.If(word == self._record_words - 1):
                     m.d.sync += [word.eq(0), complete.eq(1)]
-        return complete, record
+        return complete, ends_frame, record
 
     def _roles(self, m: Module) -> tuple[Signal, Signal, Signal]:
         """Which bank is the reference, the current and the filling one."""

@@ -106,12 +106,15 @@ class Nearest(data.StructLayout):
 
 
 class Place(data.StructLayout):
-    """Where a search is: the left descriptors' ``group`` and the ``right`` index, ``first`` or ``last`` of its pass."""
+    """Where a search is.
+
+    ``group`` counts the loads of the lanes, and ``first_group`` is the first one; ``right`` is the index of the right
+    descriptor, ``first`` or ``last`` of those that pass.
+    """
 
     def __init__(self, *, lanes: int, max_features: int) -> None:
-        super().__init__(
-            {"first": 1, "last": 1, "group": range(-(-max_features // lanes)), "right": range(max_features)}
-        )
+        group = range(-(-max_features // lanes))
+        super().__init__({"first_group": 1, "group": group, "first": 1, "last": 1, "right": range(max_features)})
 
 
 class Passing(data.StructLayout):

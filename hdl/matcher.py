@@ -56,7 +56,8 @@ class Matcher(wiring.Component):
     Raises
     ------
     ValueError
-        If lanes is not a power of two from 2 to max_features, or the rule base needs a window that the pattern does not carry.
+        If lanes is not a power of two from 2 to max_features, or the rule base needs a window that the pattern does
+        not carry.
     """
 
     i_features: stream.Interface
@@ -70,10 +71,10 @@ class Matcher(wiring.Component):
         self, *, config: MatcherConfig, pattern: DescriptorPattern, lanes: int = 16, max_features: int = 2048
     ) -> None:
         bits = pattern.bits
+        self._fuzzy = FuzzyStage(config=config, pattern=pattern, max_features=max_features)
         self._banks = FeatureBanks(pattern=pattern, max_features=max_features)
         self._search = NearestNeighbours(bits=bits, lanes=lanes, max_features=max_features)
         self._pairs = MutualMatches(bits=bits, max_features=max_features)
-        self._fuzzy = FuzzyStage(config=config, pattern=pattern, max_features=max_features)
         self.keeps_all = config.rule_base == "none"
         self.counts_turns = pattern.oriented
         word_stream = stream.Signature(WordPayload)

@@ -17,6 +17,9 @@ from hdl.delay import delayed
 from hdl.feature_banks import READ_CYCLES
 from hdl.hamming import Distances, Lane, Nearest, Place
 
+RESULT_CYCLES = 2
+"""From an index to the registered row or column."""
+
 
 class NearestNeighbours(wiring.Component):
     """Nearest right feature of every left one and nearest left feature of every right one.
@@ -45,7 +48,7 @@ class NearestNeighbours(wiring.Component):
     o_left_address, o_right_address : Out, i_left, i_right : In(bits)
         Feature banks, which answer ``READ_CYCLES`` later.
     i_row_index, i_column_index : In(range(max_features)), o_row, o_column : Out(Nearest)
-        Results while not busy, ``READ_CYCLES`` after their index, counting only clocks with ``i_read``.
+        Results while not busy, ``RESULT_CYCLES`` after their index, counting only clocks with ``i_read``.
     i_read : In(1)
 
     Attributes
@@ -82,7 +85,7 @@ class NearestNeighbours(wiring.Component):
         self._distances = Distances(bits=bits, lanes=lanes)
         self._nearest = Nearest(bits=bits, max_features=max_features)
         self._place = Place(lanes=lanes, max_features=max_features)
-        self.shortest_pass_cycles = lanes + READ_CYCLES + 1
+        self.shortest_pass_cycles = lanes + RESULT_CYCLES + 1
         self.drain_cycles = READ_CYCLES + self._distances.latency_cycles + lanes + 2
         index, count = range(max_features), range(max_features + 1)
         super().__init__(
@@ -165,6 +168,7 @@ class NearestNeighbours(wiring.Component):
             left_valid.eq(self.o_left_address < self.i_left_count),
             place.first.eq(slot == 0),
             place.last.eq(slot + 1 == self.i_right_count),
+            place.first_group.eq(group == 0),
             place.group.eq(group),
             place.right.eq(slot),
         ]
@@ -182,8 +186,8 @@ class NearestNeighbours(wiring.Component):
     def _hold_columns(self, m: Module, valid: Value, place: data.View, lanes: Sequence[Lane]) -> None:
         """A column leaves the memory to meet its first distance, and returns from the last lane."""
         m.submodules.columns = columns = Memory(shape=self._nearest, depth=self.max_features, init=[])
-        # The addresses came READ_CYCLES before the descriptors, this memory's do before the distances.
-        cycles = self._distances.latency_cycles
+        # Meets the first distance, not the descriptor.
+        cycles = READ_CYCLES + self._distances.latency_cycles - RESULT_CYCLES
         valid, place = delayed(m, valid, cycles, reset_less=False), delayed(m, place, cycles)
         read = columns.read_port()
         m.d.comb += [
@@ -194,9 +198,9 @@ class NearestNeighbours(wiring.Component):
             m.d.sync += self.o_column.eq(read.data)
         first, last = lanes[0].i_passing, lanes[-1].o_passing
         m.d.comb += [
-            first.valid.eq(delayed(m, valid, READ_CYCLES, reset_less=False)),
-            first.place.eq(delayed(m, place, READ_CYCLES)),
-            first.column.eq(Mux(first.place.group == 0, ~0, self.o_column)),
+            first.valid.eq(delayed(m, valid, RESULT_CYCLES, reset_less=False)),
+            first.place.eq(delayed(m, place, RESULT_CYCLES)),
+            first.column.eq(Mux(first.place.first_group, ~0, self.o_column)),
         ]
         write = columns.write_port()
         m.d.comb += [write.en.eq(last.valid), write.addr.eq(last.place.right), write.data.eq(last.column)]
@@ -280,19 +284,20 @@ class MutualMatches(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """A pipeline that stands still while a pair waits: read the row, read its column, compare."""
+        """A pipeline that stands still while a pair waits: read the row, read its column, compare, subtract."""
         m = Module()
         walking, left = Signal(), Signal(range(self.max_features))
-        valid = Signal(2 * READ_CYCLES)
+        valid = Signal(2 * RESULT_CYCLES)
         lefts = [Signal.like(left, name=f"left{n}", reset_less=True) for n in range(len(valid))]
-        rows = [Signal(self.i_row.shape(), name=f"row{n}", reset_less=True) for n in range(READ_CYCLES)]
-        row, pair = rows[-1], self.o.payload
-        second = Mux(row.second < self.i_column.second, row.second, self.i_column.second)
+        rows = [Signal(self.i_row.shape(), name=f"row{n}", reset_less=True) for n in range(RESULT_CYCLES)]
+        row, column = rows[-1], self.i_column
+        is_mutual, met = Signal(), Signal(self.o.payload.shape(), reset_less=True)
+        second = Signal.like(row.second, reset_less=True)
         m.d.comb += [
             self.o_read.eq(self.o.ready | ~self.o.valid),
             self.o_row_index.eq(left),
             self.o_column_index.eq(self.i_row.index),
-            self.o_busy.eq(walking | valid.any() | self.o.valid),
+            self.o_busy.eq(walking | valid.any() | is_mutual | self.o.valid),
         ]
         with m.If(self.o_read):
             m.d.sync += [
@@ -300,11 +305,14 @@ class MutualMatches(wiring.Component):
                 valid.eq(Cat(walking, valid[:-1])),
                 Cat(lefts).eq(Cat(left, lefts[:-1])),
                 Cat(rows).eq(Cat(self.i_row, rows[:-1])),
-                self.o.valid.eq(valid[-1] & (self.i_column.index == lefts[-1])),
-                pair.left.eq(lefts[-1]),
-                pair.right.eq(row.index),
-                pair.distance.eq(row.best),
-                pair.margin.eq(Mux(second.all(), self.bits, second) - row.best),
+                is_mutual.eq(valid[-1] & (column.index == lefts[-1])),
+                met.left.eq(lefts[-1]),
+                met.right.eq(row.index),
+                met.distance.eq(row.best),
+                second.eq(Mux(row.second < column.second, row.second, column.second)),
+                self.o.valid.eq(is_mutual),
+                self.o.payload.eq(met),
+                self.o.payload.margin.eq(Mux(second.all(), self.bits, second) - met.distance),
             ]
             with m.If(left + 1 == self.i_left_count):
                 m.d.sync += walking.eq(0)

@@ -8,7 +8,7 @@ from amaranth.sim import Simulator
 
 from golden_model import hamming
 from hdl.feature_banks import READ_CYCLES
-from hdl.mutual import MutualMatches, NearestNeighbours
+from hdl.mutual import RESULT_CYCLES, MutualMatches, NearestNeighbours
 from hdl.popcount import Popcount
 from sim.recording import Pauses
 
@@ -117,7 +117,7 @@ def searched(dut, pairs):
         entries = []
         for n in range(count):
             ctx.set(index, n)
-            await ctx.tick().repeat(READ_CYCLES)
+            await ctx.tick().repeat(RESULT_CYCLES)
             entries.append((ctx.get(port.best), ctx.get(port.second), ctx.get(port.index)))
         ctx.set(dut.i_read, 0)
         return entries
@@ -178,7 +178,7 @@ def walked(dut, distance, pauses):
     walks = []
 
     async def memories(ctx):
-        reading = {"row": [0] * READ_CYCLES, "column": [0] * READ_CYCLES}
+        reading = {"row": [0] * RESULT_CYCLES, "column": [0] * RESULT_CYCLES}
         async for *_, read, row, column in ctx.tick().sample(dut.o_read, dut.o_row_index, dut.o_column_index):
             for name, port, address in (("row", dut.i_row, row), ("column", dut.i_column, column)):
                 if read:
@@ -219,9 +219,9 @@ def test_mutual_matches(sizes, descriptors, stalls):
     distance = hamming.distances(each[: sizes[0]], each[sizes[0] :])
     expected = list(zip(*(column.tolist() for column in hamming.mutual_matches(distance, 32)), strict=True))
     dut = MutualMatches(bits=32, max_features=32)
-    # A row a clock, and one more for a pair of the last row.
+    # A row a clock, and two more for a pair of the last row.
     last_row = int(bool(expected) and expected[-1][0] == sizes[0] - 1)
     for pairs, cycles in walked(dut, distance, Pauses(stalls=stalls, seed=3)):
         assert pairs == expected
         if not stalls:
-            assert cycles == sizes[0] + 2 * READ_CYCLES + last_row
+            assert cycles == sizes[0] + 2 * RESULT_CYCLES + 2 * last_row
