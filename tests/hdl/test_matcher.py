@@ -6,6 +6,7 @@ import itertools
 import numpy as np
 import pytest
 from amaranth import ResetInserter, Signal
+from amaranth.hdl import Fragment
 from amaranth.sim import Simulator
 
 from golden_model.config import Config, FrontEndConfig, MatcherConfig
@@ -13,6 +14,7 @@ from golden_model.ilbp import ILBP_128, PATTERNS
 from golden_model.records import FRAME_STATUS, MATCH, Cause, Tag, feature_record
 from hdl.fuzzy_stage import FuzzyStage
 from hdl.matcher import Matcher
+from hdl.mutual import NearestNeighbours
 from sim.golden import matched
 from sim.recording import NO_PAUSES, Pauses
 
@@ -241,16 +243,18 @@ def test_reset_in_the_middle(interrupted):
     assert_equal_to_golden(ILBP_128, MatcherConfig(), frames, "previous", interrupted=interrupted)
 
 
-def test_cycles():
-    """A frame's matches take left * right / lanes clocks, and a few for each feature and match."""
-    frames = sequence(ILBP_128, (32, 32, 32, 32))
+@pytest.mark.parametrize("sizes", [(32, 32, 32), (32, 32, 16), (31, 1, 31)])
+def test_cycles(sizes):
+    """A frame takes left * right / lanes clocks, and a few for each match, feature and pass."""
+    frames = sequence(ILBP_128, sizes)
     config = MatcherConfig()
     bench = MatcherBench(ILBP_128, config, frames, settings_for(frames, config, "previous"))
-    packets = bench.run()
-    matches = len(packets[-1]) // 3 - 1
-    assert matches > 15
-    cycles = bench.ends[-1] - bench.ends[-2]
-    print(cycles, matches)
+    matches = len(bench.run()[-1]) // 3 - 1
+    left, right = sizes[-2:]
+    search = NearestNeighbours(bits=ILBP_128.bits, lanes=LANES, max_features=MAX_FEATURES)
+    Fragment.get(search, None)  # its parts must not go unused
+    cycles = bench.ends[-1] - bench.ends[-2] - search.search_cycles(left, right)
+    assert 0 < cycles <= 2 * left + 42 * matches + 90
 
 
 def test_a_rule_base_without_its_window_is_refused():
