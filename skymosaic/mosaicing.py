@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,13 +11,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from golden_model.config import Config, preset_config
 from skymosaic.blend import METHODS, blend
+from skymosaic.cache import ResultCache
+from skymosaic.collection import sources
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.images import Pixels
-from skymosaic.registration import Pair, register
-from skymosaic.warp import CANVAS_LIMIT_PX, CanvasError, canvas_of
+from skymosaic.lens import Lens
+from skymosaic.registration import WORKING_WIDTH_PX, Pair, register
+from skymosaic.scheduling import Workers
+from skymosaic.sequence import Flight, survey
+from skymosaic.tiles import MEMORY_BYTES, compose
+from skymosaic.views import Settings
+from skymosaic.warp import CANVAS_LIMIT_PX, CanvasError, canvas_of, magnification
 
 Matrix = NDArray[np.float64]
+
+PAIR_BLENDING, FLIGHT_BLENDING = "distance", "multiband"
+"""Default methods: many photographs, of which ten may show one place, would average to a blur."""
 
 
 @dataclass(frozen=True)
@@ -27,43 +38,50 @@ class Mosaic:
     Attributes
     ----------
     image : ndarray of uint8, shape (H, W, 3), or (H, W) where every photograph is gray
-    transforms : tuple of ndarray, shape (3, 3)
-        For each photograph, its original pixels to canvas pixels.
+    transforms : dict of int to ndarray, shape (3, 3)
+        For each photograph in the mosaic, its original pixels to canvas pixels. Of a photograph taken with a known
+        camera, its pixels once the distortion is taken out.
     placed : tuple of int
         Indices of the photographs in the mosaic.
     left_out : dict of int to str
         Indices of the others, with the reason.
     pairs : tuple of Pair
-        The registrations behind it.
+        The registration behind the mosaic of a pair.
+    flight : Flight or None
+        What is behind the mosaic of many.
     """
 
     image: Pixels
-    transforms: tuple[Matrix, ...]
+    transforms: dict[int, Matrix]
     placed: tuple[int, ...]
     left_out: dict[int, str]
-    pairs: tuple[Pair, ...]
+    pairs: tuple[Pair, ...] = ()
+    flight: Flight | None = None
 
 
 def mosaic(
     images: Sequence[str | Path | Pixels],
     *,
-    blending: str = "distance",
+    blending: str | None = None,
     scale: float = 1.0,
     canvas_limit_px: int = CANVAS_LIMIT_PX,
-    **registration: Any,
+    **options: Any,
 ) -> Mosaic:
-    """Make a mosaic of two photographs; the canvas frame is the right one's.
+    """Make a mosaic of overlapping photographs.
 
     Parameters
     ----------
-    images : sequence of two paths or arrays
-    blending : {"average", "distance", "multiband"}
+    images : sequence of paths or arrays
+        At least two; a folder stands for its pictures.
+    blending : {"average", "distance", "multiband"} or None
+        None: distance for two images, multiband along seams for more.
     scale : float
-        Canvas pixels a pixel of the right photograph, more than 0 and at most 1.
+        Canvas pixels a pixel of the reference, more than 0 and at most 1. The reference is the right image of two,
+        of more the most connected one, without its tilt.
     canvas_limit_px : int
         Largest canvas area that is accepted.
-    **registration
-        Options of `skymosaic.registration.register`.
+    **options
+        Of `skymosaic.registration.register` for two images, of `mosaics` for more.
 
     Raises
     ------
@@ -72,25 +90,98 @@ def mosaic(
     RegistrationError
         Where no mosaic can be made, with the reason and the counts.
     """
-    if len(images) != 2:
-        raise InputError(f"a mosaic takes two images, not {len(images)}")
-    pair = register(images[0], images[1], **registration)
-    return mosaic_of_pair(pair, blending=blending, scale=scale, canvas_limit_px=canvas_limit_px)
+    given = sources(images)
+    if len(given) == 2:
+        pair = register(given[0].content, given[1].content, **options)
+        chosen = blending or PAIR_BLENDING
+        return mosaic_of_pair(pair, blending=chosen, scale=scale, canvas_limit_px=canvas_limit_px)
+    chosen = blending or FLIGHT_BLENDING
+    return next(mosaics(images, blending=chosen, scale=scale, canvas_limit_px=canvas_limit_px, **options))
+
+
+def mosaics(
+    images: Sequence[str | Path | Pixels],
+    *,
+    blending: str = FLIGHT_BLENDING,
+    scale: float = 1.0,
+    canvas_limit_px: int = CANVAS_LIMIT_PX,
+    preset: str = "aerial",
+    config: Config | None = None,
+    backend: str = "golden",
+    seed: int = 0,
+    working_width_px: int = WORKING_WIDTH_PX,
+    lens: Lens | None = None,
+    scheduler: str | None = None,
+    cache: Path | None = None,
+    memory_bytes: int = MEMORY_BYTES,
+) -> Iterator[Mosaic]:
+    """Make a mosaic of each group of photographs that overlap, the largest first.
+
+    Parameters
+    ----------
+    images, blending, scale, canvas_limit_px
+        As `mosaic`.
+    preset, config, backend, seed, working_width_px
+        As `skymosaic.registration.register`.
+    lens : Lens or None
+        Distortion and mask that all photographs share, from `skymosaic.lens.load_lens`.
+    scheduler : str or None
+        Address of a Dask scheduler; None: threads.
+    cache : Path or None
+        Folder that keeps features and links for the next run.
+    memory_bytes : int
+        Limit of the decoded photographs that are kept at once.
+
+    Raises
+    ------
+    InputError, RegistrationError
+        As `mosaic`.
+    """
+    check_options(blending, scale)
+    settings = Settings(config or preset_config(preset), backend, working_width_px, lens or Lens())
+    with Workers(scheduler) as workers:
+        flight = survey(sources(images), settings, seed, workers, ResultCache(cache))
+        check_linked(flight)
+        for layout in flight.layouts:
+            try:
+                composition = compose(flight, layout, blending=blending, scale=scale, canvas_limit_px=canvas_limit_px)
+            except CanvasError as error:
+                raise RegistrationError(f"{flight.names[0]} ...: {error}") from None
+            image = composition.image(workers, memory_bytes)
+            transforms = {placement.source.index: placement.transform for placement in composition.placements}
+            yield Mosaic(
+                image=image,
+                transforms=transforms,
+                placed=tuple(sorted(transforms)),
+                left_out=flight.absent_from(layout),
+                flight=flight,
+            )
+
+
+def check_options(blending: str, scale: float) -> None:
+    """Refuse what no mosaic can be made with, before the long work begins."""
+    if not 0 < scale <= 1:
+        raise InputError(f"scale is {scale}; it must be more than 0 and at most 1")
+    if blending not in METHODS:
+        raise InputError(f"blending is {blending!r}; valid: {', '.join(METHODS)}")
+
+
+def check_linked(flight: Flight) -> None:
+    """Refuse a flight without any two photographs that could be linked."""
+    if not flight.layouts:
+        reasons = "; ".join(flight.left_out.values())
+        raise RegistrationError(f"none of the photographs could be linked with another: {reasons}")
 
 
 def mosaic_of_pair(
     pair: Pair, *, blending: str = "distance", scale: float = 1.0, canvas_limit_px: int = CANVAS_LIMIT_PX
 ) -> Mosaic:
     """Warp and blend a registered pair; the time it takes is added to ``pair.seconds``."""
-    if not 0 < scale <= 1:
-        raise InputError(f"scale is {scale}; it must be more than 0 and at most 1")
-    if blending not in METHODS:
-        raise InputError(f"blending is {blending!r}; valid: {', '.join(METHODS)}")
+    check_options(blending, scale)
     if pair.homography is None:
         raise RegistrationError(f"{pair.left.name} and {pair.right.name} cannot be registered: {pair.reason}")
     start = time.perf_counter()
-    # Pixel centres are at integers: scaling about the corner of pixel (0, 0) keeps them there.
-    shrink = np.array([[scale, 0, (scale - 1) / 2], [0, scale, (scale - 1) / 2], [0, 0, 1]])
+    shrink = magnification(scale)
     photographs = [pair.left, pair.right]
     transforms = [shrink @ pair.homography, shrink]
     try:
@@ -101,7 +192,7 @@ def mosaic_of_pair(
     pair.seconds["warping and blending"] = time.perf_counter() - start
     return Mosaic(
         image=image,
-        transforms=tuple(canvas.translation @ transform for transform in transforms),
+        transforms={side: canvas.translation @ transform for side, transform in enumerate(transforms)},
         placed=(0, 1),
         left_out={},
         pairs=(pair,),

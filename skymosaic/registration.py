@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +22,7 @@ from skymosaic.images import Photograph, Pixels, load, reduced
 from skymosaic.methods import Method, choose, front_end_of
 from skymosaic.ransac import INLIER_PX, MIN_INLIERS
 from skymosaic.refine import refine_pair
+from skymosaic.stopwatch import Stopwatch
 
 WORKING_WIDTH_PX = 1280
 POSITIONS_PER_PX = 16
@@ -154,7 +154,7 @@ def register(
     skymosaic.errors.InputError
         For a photograph that cannot be used, an unknown name or an impossible combination.
     """
-    clock = _Stopwatch()
+    clock = Stopwatch()
     photographs = load(left, "left image"), load(right, "right image")
     clock.lap("reading")
     return register_photographs(
@@ -185,7 +185,7 @@ def register_photographs(
     estimator: str = "prosac",
 ) -> Pair:
     """`register` for photographs that are already decoded; ``seconds`` holds the time spent so far."""
-    clock = _Stopwatch(seconds)
+    clock = Stopwatch(seconds)
     method, config = _settled(config, detector, descriptor, estimator, refine)
     (left, to_left), (right, to_right) = (reduced(photo.pixels, working_width_px) for photo in photographs)
     results, config = extract_within_capacity(front_end_of(method, backend), [left, right], config)
@@ -289,16 +289,3 @@ def _why_not(results: Sequence[FrameResult], matches: Records, kept: int, inlier
     else:
         cause = f"too few inliers, {MIN_INLIERS} needed (do the images overlap?)"
     return f"{cause}: {counts}"
-
-
-class _Stopwatch:
-    """Wall time of consecutive stages."""
-
-    def __init__(self, seconds: dict[str, float] | None = None) -> None:
-        self.seconds = dict(seconds or {})
-        self._last = time.perf_counter()
-
-    def lap(self, stage: str) -> None:
-        now = time.perf_counter()
-        self.seconds[stage] = now - self._last
-        self._last = now

@@ -82,6 +82,11 @@ class Canvas:
                 yield Canvas(self.x_px + x, self.y_px + y, width, height)
 
 
+def magnification(zoom: float) -> Array:
+    """(3, 3): magnifies by ``zoom`` about the corner of pixel (0, 0), so that pixel centres stay at integers."""
+    return np.array([[zoom, 0, (zoom - 1) / 2], [0, zoom, (zoom - 1) / 2], [0, 0, 1]])
+
+
 def canvas_of(
     sizes: Sequence[tuple[int, int]], transforms: Sequence[Array], *, limit_px: int = CANVAS_LIMIT_PX
 ) -> Canvas:

@@ -1,0 +1,31 @@
+"""Wall time of the stages of a computation."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+
+
+class Stopwatch:
+    """Measures consecutive stages.
+
+    Parameters
+    ----------
+    seconds : mapping of str to float, optional
+        Stages measured before.
+
+    Attributes
+    ----------
+    seconds : dict of str to float
+        Wall time of each stage.
+    """
+
+    def __init__(self, seconds: Mapping[str, float] | None = None) -> None:
+        self.seconds = dict(seconds or {})
+        self._last = time.perf_counter()
+
+    def lap(self, stage: str) -> None:
+        """End ``stage``; the next one begins."""
+        now = time.perf_counter()
+        self.seconds[stage] = now - self._last
+        self._last = now
