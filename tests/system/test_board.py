@@ -112,9 +112,6 @@ def test_the_board_gives_what_the_golden_model_gives(address: str, gray: bool, r
     assert sum(len(frame.features) for frame in golden) > 100
     assert sum(len(frame.matches) for frame in golden) > 20
     for ours, theirs in zip(found, golden, strict=True):
-        assert np.array_equal(
-            ours.features[list(theirs.features.dtype.names)]["descriptor"], theirs.features["descriptor"]
-        )
         for name in set(theirs.features.dtype.names) - {"frame"}:
             assert np.array_equal(ours.features[name], theirs.features[name]), name
         for name in theirs.matches.dtype.names:
@@ -140,7 +137,7 @@ def test_frames_of_two_sizes_are_refused_before_anything_is_sent() -> None:
 
 
 def test_a_board_that_is_not_there_is_told_in_one_line() -> None:
-    with pytest.raises(BackendError, match="no board answers at 127.0.0.1:1"):
+    with pytest.raises(BackendError, match="no board answers"):
         board.front_end("board:127.0.0.1:1").run([np.zeros((64, 64), np.uint8)], CONFIG)
 
 
