@@ -20,7 +20,7 @@ from golden_model.front_end import extract
 from golden_model.gray import to_gray
 from golden_model.ilbp import PATTERNS
 from golden_model.records import FRAME_STATUS, MATCH, Tag
-from sim.backend import FrameResult, FrontEnd, Reference
+from sim.backend import FrameResult, FrontEnd, Progress, Reference, silent
 from skymosaic import board, detectors, matching
 from skymosaic.descriptors import DESCRIPTORS, ONCE_A_PLACE, TRACKED, WINDOWS_PX, Records, describe
 from skymosaic.detectors import DETECTORS, FRONT_END_DETECTORS, Pixels
@@ -99,10 +99,10 @@ def choose(config: Config, detector: str | None = None, descriptor: str | None =
     return method, dataclasses.replace(config, front_end=_front_end(config, method))
 
 
-def front_end_of(method: Method, backend: str) -> FrontEnd:
+def front_end_of(method: Method, backend: str, progress: Progress = silent) -> FrontEnd:
     """What computes the method: the backend, or this module."""
     if method.on_accelerator:
-        return board.front_end(backend)
+        return board.front_end(backend, progress=progress)
     if backend != "golden":
         raise InputError(
             f"backend {backend} computes {_list(FRONT_END_DETECTORS)} with ILBP descriptors, not {method.detector} "

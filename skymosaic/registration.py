@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from golden_model.config import LARGEST_THRESHOLD, Config, preset_config
 from golden_model.ilbp import PATTERNS
 from golden_model.records import Cause
-from sim.backend import FrameResult, FrontEnd
+from sim.backend import FrameResult, FrontEnd, Progress, silent
 from skymosaic.errors import InputError
 from skymosaic.estimators import ESTIMATORS, FUZZY_RANSAC, estimate
 from skymosaic.homography import apply
@@ -121,6 +121,7 @@ def register(
     seed: int = 0,
     working_width_px: int = WORKING_WIDTH_PX,
     refine: bool = False,
+    progress: Progress = silent,
 ) -> Pair:
     """Find the homography between two photographs.
 
@@ -143,6 +144,8 @@ def register(
         Wider photographs are reduced by area for registration; the result is in original pixels.
     refine : bool
         A second, guided pass: about twice the inliers and half the error.
+    progress : callable
+        Receives lines about the first build of a simulation.
 
     Returns
     -------
@@ -168,6 +171,7 @@ def register(
         working_width_px=working_width_px,
         refine=refine,
         seconds=clock.seconds,
+        progress=progress,
     )
 
 
@@ -183,12 +187,13 @@ def register_photographs(
     detector: str | None = None,
     descriptor: str | None = None,
     estimator: str = "prosac",
+    progress: Progress = silent,
 ) -> Pair:
     """`register` for photographs that are already decoded; ``seconds`` holds the time spent so far."""
     clock = Stopwatch(seconds)
     method, config = _settled(config, detector, descriptor, estimator, refine)
     (left, to_left), (right, to_right) = (reduced(photo.pixels, working_width_px) for photo in photographs)
-    results, config = extract_within_capacity(front_end_of(method, backend), [left, right], config)
+    results, config = extract_within_capacity(front_end_of(method, backend, progress), [left, right], config)
     matches = results[1].matches
     clock.lap("features and matches")
 
