@@ -8,7 +8,7 @@ import cv2
 import typer
 
 from sim.backend import BackendError
-from skymosaic.cli import export, fuzzy, pair, panel
+from skymosaic.cli import compare, export, flight, fuzzy, pair, panel, thesis
 from skymosaic.cli.options import console
 from skymosaic.errors import InputError, RegistrationError
 
@@ -18,7 +18,17 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for command in (pair.demo, pair.mosaic, pair.register, panel.panel, fuzzy.fuzzy, export.export):
+for command in (
+    pair.demo,
+    flight.mosaic,
+    flight.check,
+    pair.register,
+    panel.panel,
+    fuzzy.fuzzy,
+    thesis.thesis,
+    export.export,
+    compare.compare,
+):
     app.command()(command)
 
 
