@@ -21,7 +21,7 @@ from skymosaic.homography import apply
 from skymosaic.images import Pixels
 from skymosaic.placing import TOLERANCE_PX, fit, similarity
 from skymosaic.registration import POSITIONS_PER_PX, match_points
-from skymosaic.warp import Canvas, backward, shrunk
+from skymosaic.warp import Canvas, backward, magnification, shrunk
 
 Array = NDArray[np.float64]
 
@@ -167,11 +167,6 @@ class Template:
         matches = self.front_end.run([self._reference, shown], self.config, reference="held")[1].matches
         matches = matches[self.weight[matches["left_index"]] > 0]
         return matches["left_index"].astype(np.intp), *match_points(matches)
-
-
-def magnification(zoom: float) -> Array:
-    """Magnifies by ``zoom`` about the corner of pixel (0, 0): pixel centres stay at integers, (3, 3)."""
-    return np.array([[zoom, 0, (zoom - 1) / 2], [0, zoom, (zoom - 1) / 2], [0, 0, 1]])
 
 
 def warped(frame: Pixels, transform: Array, canvas: Canvas) -> Pixels:
