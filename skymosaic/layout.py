@@ -69,6 +69,12 @@ class Layout:
         """Median error of all ties; 0 for a single view."""
         return float(np.median(np.concatenate(self.errors_px))) if self.errors_px else 0.0
 
+    @property
+    def relief(self) -> float:
+        """Share of the matches near the links' homographies that lie 3 to 12 px off: what is not flat; 0..1."""
+        near = sum(link.near for link in self.links)
+        return 1 - sum(link.ties for link in self.links) / near if near else 0.0
+
 
 def groups(count: int, links: Sequence[Link]) -> list[list[int]]:
     """Views that links join directly or through others, the largest group first."""
@@ -150,25 +156,27 @@ class _Group:
 
 def predicted(views: Sequence[View], transforms: dict[int, Array], tried: Collection[Candidate]) -> set[Candidate]:
     """Pairs not tried yet that overlap where the transformations put them: each view proposes its best few."""
-    outlines = {m: apply(transforms[m], Canvas(0, 0, *views[m].working_size).corners) for m in transforms}
-    centres = np.array([outline.mean(axis=0) for outline in outlines.values()])
-    radii = [
-        np.linalg.norm(outline - centre, axis=1).max()
-        for outline, centre in zip(outlines.values(), centres, strict=True)
-    ]
+    outlines = {member: outline(views[member], transform) for member, transform in transforms.items()}
+    centres = np.array([corners.mean(axis=0) for corners in outlines.values()])
+    radii = [np.linalg.norm(o - c, axis=1).max() for o, c in zip(outlines.values(), centres, strict=True)]
     near = KDTree(centres).query_pairs(2 * max(radii), output_type="ndarray")
     proposals: dict[int, list[tuple[float, Candidate]]] = {member: [] for member in transforms}
     for left, right in np.array(list(transforms))[near].tolist():
         if (left, right) in tried:
             continue
-        share = _overlap(outlines[left], outlines[right])
+        share = overlap(outlines[left], outlines[right])
         if share >= LEAST_OVERLAP:
             proposals[left].append((share, (left, right)))
             proposals[right].append((share, (left, right)))
     return {pair for offers in proposals.values() for _, pair in sorted(offers, reverse=True)[:MOST_PREDICTED]}
 
 
-def _overlap(one: Array, other: Array) -> float:
+def outline(view: View, transform: Array) -> Array:
+    """Corners (4, 2) of a view under a transformation of its working pixels."""
+    return apply(transform, Canvas(0, 0, *view.working_size).corners)
+
+
+def overlap(one: Array, other: Array) -> float:
     """Common area of two convex outlines (4, 2), as a share of the smaller."""
     one, other = one.astype(np.float32), other.astype(np.float32)
     area, _ = cv2.intersectConvexConvex(one, other)

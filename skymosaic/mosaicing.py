@@ -143,10 +143,7 @@ def mosaics(
         flight = survey(sources(images), settings, seed, workers, ResultCache(cache))
         check_linked(flight)
         for layout in flight.layouts:
-            try:
-                composition = compose(flight, layout, blending=blending, scale=scale, canvas_limit_px=canvas_limit_px)
-            except CanvasError as error:
-                raise RegistrationError(f"{flight.names[0]} ...: {error}") from None
+            composition = compose(flight, layout, blending=blending, scale=scale, canvas_limit_px=canvas_limit_px)
             image = composition.image(workers, memory_bytes)
             transforms = {placement.source.index: placement.transform for placement in composition.placements}
             yield Mosaic(

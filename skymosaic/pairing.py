@@ -61,9 +61,14 @@ class Link:
     near: int
 
     @property
+    def ties(self) -> int:
+        """How many there are."""
+        return len(self.left_points)
+
+    @property
     def holds(self) -> bool:
         """Whether the views are linked."""
-        return len(self.left_points) > 0
+        return self.ties > 0
 
     def packed(self) -> Arrays:
         """The link as arrays for a file, without the indices: they belong to one list of photographs."""

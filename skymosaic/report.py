@@ -17,7 +17,7 @@ from skymosaic.images import Pixels, save, save_bytes
 from skymosaic.registration import Pair
 
 _MOSAIC_WIDTH_PX = 1600
-_PAGE = """<!doctype html>
+PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>skymosaic: {title}</title>
 <style>
 body {{ font: 16px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 1100px; padding: 0 1rem; color: #222 }}
@@ -29,6 +29,7 @@ table {{ border-collapse: collapse }} td, th {{ padding: .2rem .9rem .2rem 0; te
 {figures}
 </body></html>
 """
+"""Every report's page: ``title``, ``rows`` of a table, and ``figures``, all HTML."""
 
 
 def prepare(folder: Path) -> None:
@@ -95,7 +96,7 @@ def _page(title: str, numbers: dict[str, Any], captions: dict[str, str]) -> str:
         f"<figure><img src='{name}' alt='{html.escape(text)}'><figcaption>{html.escape(text)}</figcaption></figure>"
         for name, text in captions.items()
     )
-    return _PAGE.format(title=html.escape(title), rows=rows, figures=blocks)
+    return PAGE.format(title=html.escape(title), rows=rows, figures=blocks)
 
 
 def _plain(value: object) -> str:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from skymosaic.blend import blend_layers, exposure_gains, layers_of
 from skymosaic.collection import DecodedPhotographs, Source
+from skymosaic.errors import RegistrationError
 from skymosaic.layers import Layer, SeamMask
 from skymosaic.layout import Layout
 from skymosaic.lens import Lens
@@ -21,7 +22,7 @@ from skymosaic.scheduling import Workers
 from skymosaic.seams import seam_masks
 from skymosaic.sequence import Flight
 from skymosaic.views import View
-from skymosaic.warp import CANVAS_LIMIT_PX, TILE_PX, Canvas, canvas_of, footprint, magnification
+from skymosaic.warp import CANVAS_LIMIT_PX, TILE_PX, Canvas, CanvasError, canvas_of, footprint, magnification
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
@@ -142,8 +143,8 @@ def compose(
 
     Raises
     ------
-    CanvasError
-        As `skymosaic.warp.canvas_of`.
+    RegistrationError
+        If the canvas would be too large, or a photograph reaches behind the horizon.
     """
     views = [flight.views[member] for member in layout.members]
     to_reference = magnification(scale) @ flight.views[layout.reference].to_original
@@ -151,7 +152,10 @@ def compose(
         to_reference @ layout.transforms[member] @ np.linalg.inv(view.to_original)
         for member, view in zip(layout.members, views, strict=True)
     ]
-    canvas = canvas_of([view.size for view in views], transforms, limit_px=canvas_limit_px)
+    try:
+        canvas = canvas_of([view.size for view in views], transforms, limit_px=canvas_limit_px)
+    except CanvasError as error:
+        raise RegistrationError(f"{len(views)} photographs from {views[0].name} on: {error}") from None
     ratios = sharpness_ratios(flight.views, flight.links)
     placements = [
         Placement(

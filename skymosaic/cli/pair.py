@@ -1,8 +1,9 @@
-"""The commands for a pair of photographs: demo, mosaic, register."""
+"""The commands for a pair of photographs: demo, register, and the mosaic of two."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -24,7 +25,7 @@ from skymosaic.cli.options import (
     console,
 )
 from skymosaic.demo import run_demo
-from skymosaic.errors import InputError, RegistrationError
+from skymosaic.errors import RegistrationError
 from skymosaic.mosaicing import mosaic_of_pair
 from skymosaic.registration import WORKING_WIDTH_PX, Pair
 from skymosaic.registration import register as register_pair
@@ -40,41 +41,20 @@ def demo(
     run_demo(output, seed, console)
 
 
-def mosaic(
+def mosaic_pair(
+    photographs: Sequence[Path | images.Pixels],
+    output: Path,
+    report_folder: Path | None,
     *,
-    photographs: Annotated[list[Path], typer.Argument(help="Two overlapping photographs.", metavar="LEFT RIGHT")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="The mosaic: .png, .jpg, .tif ...")],
-    report_folder: Annotated[Path | None, typer.Option("--report", help="Folder for pictures and numbers.")] = None,
-    blending: Annotated[str, typer.Option("--blend", help="average, distance or multiband.")] = "distance",
-    scale: Annotated[float, typer.Option(help="Size of the mosaic against the photographs.")] = 1.0,
-    preset: PresetOption = "aerial",
-    detector: DetectorOption = None,
-    descriptor: DescriptorOption = None,
-    estimator: EstimatorOption = "prosac",
-    backend: BackendOption = "golden",
-    config: ConfigOption = None,
-    working_width_px: WorkingWidthOption = WORKING_WIDTH_PX,
-    seed: SeedOption = 0,
-    refine: RefineOption = False,
+    blending: str,
+    scale: float,
+    **registration: Any,
 ) -> None:
-    """Make one mosaic of overlapping photographs."""
-    if len(photographs) != 2:
-        raise InputError(f"a mosaic takes two photographs, not {len(photographs)}; name LEFT and RIGHT")
-    images.check_output(output, tuple(map(str, photographs)))
+    """Make the mosaic of two photographs; ``registration`` are options of `skymosaic.registration.register`."""
     if report_folder:
         report.prepare(report_folder)
     with console.status("registering") as status:
-        pair = register_pair(
-            *photographs,
-            config=configuration(preset, config),
-            detector=detector,
-            descriptor=descriptor,
-            estimator=estimator,
-            backend=backend,
-            seed=seed,
-            working_width_px=working_width_px,
-            refine=refine,
-        )
+        pair = register_pair(*photographs, **registration)
         result = None
         try:
             status.update("warping and blending")

@@ -1,0 +1,230 @@
+"""The commands for whole flights: mosaic, of a pair as well, and check."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from sim.build_cache import cache_folder
+from skymosaic import images
+from skymosaic.cache import ResultCache
+from skymosaic.check import FlightCheck, check_flight
+from skymosaic.cli.options import (
+    BackendOption,
+    ConfigOption,
+    DescriptorOption,
+    DetectorOption,
+    EstimatorOption,
+    PresetOption,
+    RefineOption,
+    SeedOption,
+    WorkingWidthOption,
+    configuration,
+    console,
+)
+from skymosaic.cli.pair import mosaic_pair
+from skymosaic.collection import sources
+from skymosaic.delivery import Delivery, deliver
+from skymosaic.errors import InputError, RegistrationError
+from skymosaic.flight_report import write_flight_report
+from skymosaic.lens import load_lens
+from skymosaic.mosaicing import FLIGHT_BLENDING, PAIR_BLENDING, check_linked, check_options
+from skymosaic.registration import WORKING_WIDTH_PX
+from skymosaic.report import prepare
+from skymosaic.scheduling import Workers
+from skymosaic.sequence import Flight, survey
+from skymosaic.tiles import compose
+from skymosaic.views import Settings
+from skymosaic.warp import CANVAS_LIMIT_PX
+
+FLIGHTS = "Flights of more than two photographs"
+MEGABYTE = 1 << 20
+
+PhotographsArgument = Annotated[
+    list[Path], typer.Argument(help="Overlapping photographs, or folders of them.", metavar="PHOTOGRAPHS|FOLDER")
+]
+CameraOption = Annotated[
+    Path | None, typer.Option("--camera", rich_help_panel=FLIGHTS, help="TOML file with intrinsics and distortion.")
+]
+MaskOption = Annotated[
+    Path | None,
+    typer.Option("--mask", rich_help_panel=FLIGHTS, help="Picture, black where photographs show no ground."),
+]
+SchedulerOption = Annotated[
+    str | None, typer.Option(rich_help_panel=FLIGHTS, help="Dask scheduler (tcp://HOST:PORT) instead of threads.")
+]
+CacheOption = Annotated[
+    Path | None, typer.Option("--cache", rich_help_panel=FLIGHTS, help="Folder for what the next run need not repeat.")
+]
+
+
+def mosaic(
+    *,
+    photographs: PhotographsArgument,
+    output: Annotated[Path, typer.Option("-o", "--output", help="The mosaic: .png, .tif, .jpg ...")],
+    report_folder: Annotated[Path | None, typer.Option("--report", help="Folder for pictures and numbers.")] = None,
+    blending: Annotated[
+        str | None,
+        typer.Option("--blend", help="average, distance (two photographs) or multiband (more, along seams)."),
+    ] = None,
+    scale: Annotated[float, typer.Option(help="Size of the mosaic against the photographs.")] = 1.0,
+    preset: PresetOption = "aerial",
+    detector: DetectorOption = None,
+    descriptor: DescriptorOption = None,
+    estimator: EstimatorOption = "prosac",
+    backend: BackendOption = "golden",
+    config: ConfigOption = None,
+    working_width_px: WorkingWidthOption = WORKING_WIDTH_PX,
+    seed: SeedOption = 0,
+    refine: RefineOption = False,
+    camera: CameraOption = None,
+    mask: MaskOption = None,
+    all_groups: Annotated[
+        bool,
+        typer.Option("--all-groups", rich_help_panel=FLIGHTS, help="A mosaic of each group that overlaps, numbered."),
+    ] = False,
+    memory_mb: Annotated[
+        int,
+        typer.Option("--memory", min=64, rich_help_panel=FLIGHTS, help="Megabytes of photographs kept decoded."),
+    ] = 1024,
+    canvas_mpx: Annotated[
+        int, typer.Option("--canvas-limit", min=1, rich_help_panel=FLIGHTS, help="Largest mosaic, megapixels.")
+    ] = CANVAS_LIMIT_PX // 1_000_000,
+    scheduler: SchedulerOption = None,
+    cache: CacheOption = None,
+) -> None:
+    """Make one mosaic of overlapping photographs: two, or a whole flight."""
+    given = sources(photographs)
+    images.check_output(output, tuple(source.name for source in given))
+    chosen = configuration(preset, config)
+    if len(given) == 2 and not (camera or mask):
+        mosaic_pair(
+            [source.content for source in given],
+            output,
+            report_folder,
+            blending=blending or PAIR_BLENDING,
+            scale=scale,
+            config=chosen,
+            detector=detector,
+            descriptor=descriptor,
+            estimator=estimator,
+            backend=backend,
+            seed=seed,
+            working_width_px=working_width_px,
+            refine=refine,
+        )
+        return
+    if detector or descriptor or estimator != "prosac" or refine:
+        raise InputError("--detector, --descriptor, --estimator and --refine are for two photographs; leave them out")
+    settings = Settings(chosen, backend, working_width_px, load_lens(camera, mask))
+    blending = blending or FLIGHT_BLENDING
+    check_options(blending, scale)
+    if report_folder:
+        prepare(report_folder)
+    with _workers(scheduler) as workers:
+        flight = survey(given, settings, seed, workers, _cache(cache))
+        check_linked(flight)
+        layouts = flight.layouts if all_groups else flight.layouts[:1]
+        limit_px = canvas_mpx * 1_000_000
+        compositions = [
+            compose(flight, layout, blending=blending, scale=scale, canvas_limit_px=limit_px) for layout in layouts
+        ]
+        paths = [output, *(output.with_stem(f"{output.stem}_{number}") for number in range(2, len(layouts) + 1))]
+        deliveries = [
+            deliver(path, flight, layout, composition, workers=workers, memory_bytes=memory_mb * MEGABYTE)
+            for path, layout, composition in zip(paths, layouts, compositions, strict=True)
+        ]
+    if report_folder:
+        write_flight_report(report_folder, deliveries, check_flight(flight))
+    _print_deliveries(deliveries, report_folder)
+
+
+def check(
+    *,
+    photographs: PhotographsArgument,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
+    preset: PresetOption = "aerial",
+    backend: BackendOption = "golden",
+    config: ConfigOption = None,
+    working_width_px: WorkingWidthOption = WORKING_WIDTH_PX,
+    seed: SeedOption = 0,
+    camera: CameraOption = None,
+    mask: MaskOption = None,
+    scheduler: SchedulerOption = None,
+    cache: CacheOption = None,
+) -> None:
+    """Check overlap, blur, exposure, GPS and weak links of a flight, while it can still be flown again.
+
+    The exit status is 3 where the photographs do not make one mosaic.
+    """
+    settings = Settings(configuration(preset, config), backend, working_width_px, load_lens(camera, mask))
+    with _workers(scheduler) as workers:
+        flight = survey(sources(photographs), settings, seed, workers, _cache(cache))
+    found = check_flight(flight)
+    if as_json:
+        typer.echo(json.dumps(dataclasses.asdict(found) | {"left_out": flight.left_out}))
+    else:
+        _print_check(flight, found)
+    if not found.complete:
+        raise RegistrationError("the photographs do not make one mosaic; fly again where links are missing")
+
+
+@contextmanager
+def _workers(scheduler: str | None) -> Iterator[Workers]:
+    """Workers whose progress is shown with the time that is left."""
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+    with Progress(*columns, console=console, transient=True) as bars:
+        tasks: dict[str, TaskID] = {}
+
+        def show(stage: str, done: int, total: int) -> None:
+            if stage not in tasks or bars.tasks[tasks[stage]].finished:
+                tasks[stage] = bars.add_task(stage, total=total)
+            bars.update(tasks[stage], completed=done)
+
+        with Workers(scheduler, progress=show) as workers:
+            yield workers
+
+
+def _cache(folder: Path | None) -> ResultCache:
+    return ResultCache(folder or cache_folder() / "flights")
+
+
+def _print_deliveries(deliveries: Sequence[Delivery], report_folder: Path | None) -> None:
+    flight = deliveries[0].flight
+    lines = []
+    for delivery in deliveries:
+        layout, (width_px, height_px) = delivery.layout, delivery.composition.size
+        placed = f"{len(layout.members)} photographs of {len(flight.names)}"
+        lines.append(f"mosaic {delivery.path} ({width_px}x{height_px}), {placed}")
+        lines.append(f"{layout.model}, median reprojection error {layout.median_error_px:.2f} px; {layout.reason}")
+        if delivery.place:
+            lines.append(f"EPSG:{delivery.place.epsg}, GPS residual {delivery.place.residual_m:.2f} m")
+        if delivery.map_note:
+            lines.append(f"note: {delivery.map_note}")
+    absent = flight.left_out if len(deliveries) == len(flight.layouts) else flight.absent_from(deliveries[0].layout)
+    lines += [f"left out: {reason}" for reason in absent.values()]
+    lines.append("seconds: " + ", ".join(f"{stage} {value:.1f}" for stage, value in flight.seconds.items()))
+    if report_folder:
+        lines.append(f"report {report_folder / 'index.html'}")
+    for line in lines:
+        console.print(line, soft_wrap=True, markup=False, highlight=False)
+
+
+def _print_check(flight: Flight, found: FlightCheck) -> None:
+    table = Table("photograph", "links", "overlap", "sharpness", "clipped", "GPS", "problems", box=None)
+    for photo in found.photographs:
+        numbers = str(photo.links), f"{photo.overlap:.0%}", f"{photo.sharpness:.2f}", f"{photo.clipped:.0%}"
+        table.add_row(Path(photo.name).name, *numbers, "yes" if photo.gps else "no", ", ".join(photo.problems))
+    console.print(table)
+    for problem in (*flight.left_out.values(), *found.problems):
+        console.print(problem, soft_wrap=True, markup=False, highlight=False)
+    if found.complete and not found.problems:
+        console.print("complete: the photographs make one mosaic")
