@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import socket
 from collections.abc import Callable, Sequence
-from typing import BinaryIO
+from io import BufferedIOBase
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,7 +83,7 @@ class BoardFrontEnd:
             ) from None
 
 
-def _answer(link: BinaryIO, where: str) -> list[bytes]:
+def _answer(link: BufferedIOBase, where: str) -> list[bytes]:
     try:
         header = json.loads(link.readline(LARGEST_HEADER_BYTES))
         if "error" in header:
