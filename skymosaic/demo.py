@@ -6,24 +6,29 @@ from pathlib import Path
 
 from rich.console import Console
 
+from golden_model.config import preset_config
+from sim.backend import BackendError
 from sim.scene import pair as rendered_pair
 from skymosaic import report
+from skymosaic.comparison import compare
 from skymosaic.errors import RegistrationError
 from skymosaic.images import save
 from skymosaic.metrics import grid_error
 from skymosaic.mosaicing import mosaic_of_pair
-from skymosaic.registration import register
+from skymosaic.registration import WORKING_WIDTH_PX, register
 
 LARGEST_ERROR_PX = 0.5
 
 
-def run_demo(folder: Path, seed: int, console: Console) -> None:
+def run_demo(folder: Path, seed: int, backend: str, console: Console) -> None:
     """Render, register, blend and report into ``folder``; prints where everything is.
+
+    Unless ``backend`` is ``"golden"``, the pair also runs through the hardware, which has to agree bit for bit.
 
     Raises
     ------
     RegistrationError
-        If the mean homography error is not below half a pixel.
+        If the mean homography error is not below half a pixel, or hardware and golden model differ.
     """
     report.prepare(folder)
     with console.status("rendering a synthetic flight") as status:
@@ -47,3 +52,27 @@ def run_demo(folder: Path, seed: int, console: Console) -> None:
     console.print(f"report      {page}")
     if error_px >= LARGEST_ERROR_PX:
         raise RegistrationError(f"mean homography error {error_px:.3f} px; below {LARGEST_ERROR_PX} px expected")
+    if backend != "golden":
+        _compare(photographs, backend, console)
+
+
+def _compare(photographs: list[Path], backend: str, console: Console) -> None:
+    """Hold the hardware against the golden model; without a compiler the demonstration goes without it, and says so."""
+    with console.status("simulating the hardware") as status:
+        try:
+            result = compare(
+                *photographs,
+                config=preset_config("aerial"),
+                backend=backend,
+                working_width_px=WORKING_WIDTH_PX,
+                progress=lambda line: status.update(f"simulating the hardware: {line}"),
+            )
+        except BackendError as error:
+            console.print(f"hardware    not simulated: {error}", markup=False)
+            return
+    if result.mismatch:
+        raise RegistrationError(f"hardware and golden model differ: {result.mismatch}")
+    console.print(f"hardware    equal to the golden model bit for bit: {result.coverage}")
+    console.print(
+        f"            {result.cycles_per_frame[0]} clocks a frame, {result.cycles_per_second / 1e6:.2f} M a second"
+    )

@@ -36,9 +36,10 @@ def demo(
         "demo"
     ),
     seed: Annotated[int, typer.Option(min=0, help="Seed of the rendered landscape.")] = 9,
+    backend: Annotated[str, typer.Option(help="Hardware to compare with: rtl, cxxrtl ...; golden: none.")] = "rtl",
 ) -> None:
-    """Render a synthetic flight with known poses, make its mosaic, and measure how far it is from the truth."""
-    run_demo(output, seed, console)
+    """Render a synthetic flight, make its mosaic, hold it against the truth and the hardware against its model."""
+    run_demo(output, seed, backend, console)
 
 
 def mosaic_pair(

@@ -38,7 +38,7 @@ def test_the_demo_runs_outside_the_clone(environment: Path, tmp_path: Path) -> N
     )  # fmt: skip
     assert str(environment) in where.stdout
     demo = subprocess.run(
-        [python, "-m", "skymosaic", "demo", "-o", "out"],
+        [python, "-m", "skymosaic", "demo", "-o", "out", "--backend", "golden"],
         cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False,
     )  # fmt: skip
     assert demo.returncode == 0, demo.stderr

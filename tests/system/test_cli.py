@@ -66,7 +66,7 @@ def test_mosaic_writes_picture_and_report(photographs, tmp_path: Path) -> None:
 
 
 def test_demo_measures_itself_against_the_truth(tmp_path: Path) -> None:
-    result = skymosaic("demo", "-o", "out", cwd=tmp_path)
+    result = skymosaic("demo", "-o", "out", "--backend", "golden", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert "mean homography error" in result.stderr
     for name in ("mosaic.png", "report/matches.png", "report/index.html"):
