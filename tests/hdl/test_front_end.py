@@ -1,0 +1,197 @@
+# amaranth: UnusedElaboratable=no
+"""The front end on whole frames, good and bad, against the golden model; compiled, since a frame has many clocks."""
+
+import contextlib
+import dataclasses
+
+import cv2
+import numpy as np
+import pytest
+
+from golden_model.config import PRESETS
+from golden_model.formats import decode_response
+from golden_model.front_end import extract
+from golden_model.records import FRAME_STATUS, WORD_BYTES, Cause, feature_record
+from golden_model.threshold import next_code
+from hdl.front_end import FrontEnd
+from sim import cxxrtl, verilator
+from sim.compiled import Bench
+from sim.designs import FEATURES, frame_settings, front_end
+from sim.recording import NO_PAUSES, Pauses, Segment, flat_frame
+from sim.scene import pair
+
+AERIAL, THESIS = (PRESETS[name].front_end for name in ("aerial", "thesis"))
+SIZE_PX = (1920, 1080)
+PAUSES = Pauses(gaps=90, stalls=210, seed=8)
+
+
+class FrontEndBench:
+    """A compiled front end just out of reset, and what the golden model makes of the same frames."""
+
+    def __init__(self, bench, config):
+        self.bench, self.config = bench, config
+        self.record = feature_record(config.pattern.descriptor_bytes, config.pattern.window_bytes)
+        self.frames = 0
+
+    def run(self, beats, size_px, packets, *, pauses=NO_PAUSES, reset=False, gray_input=True, **settings):
+        """Stream beats; features and status of each packet, and the clocks at which starts of frame were admitted."""
+        settings = {**frame_settings(self.config, *size_px, gray_input=gray_input), **settings}
+        data, flags = (np.concatenate(parts) for parts in zip(*beats, strict=True))
+        limit = 4 * data.size + packets * 4 * self.config.max_features * self.record.record_bytes
+        segment = Segment(data, flags, packets, limit, settings=settings, reset=reset)
+        recording = self.bench.run(segment, pauses)
+        self.frames = packets + (0 if reset else self.frames)
+        return [self._split(words) for words in recording.outputs[FEATURES].packets], recording.starts
+
+    def _split(self, words):
+        status_words = self.record.record_bytes // WORD_BYTES
+        status = words[-status_words:][: FRAME_STATUS.record_bytes // WORD_BYTES].view(FRAME_STATUS.dtype)[0]
+        return words[:-status_words].view(self.record.dtype), status
+
+    def check(self, frames, **options):
+        """Stream whole frames of one size and compare every field; the starts, and the features of all frames."""
+        height_px, width_px = frames[0].shape[:2]
+        first = 0 if options.get("reset") else self.frames
+        beats = [flat_frame(frame) for frame in frames]
+        gray_input = frames[0].ndim == 2
+        packets, starts = self.run(beats, (width_px, height_px), len(frames), gray_input=gray_input, **options)
+        for number, (frame, packet) in enumerate(zip(frames, packets, strict=True), start=first):
+            assert_golden(packet, extract(frame, self.config, frame=number))
+        return starts, np.concatenate([features for features, _ in packets])
+
+
+def assert_golden(packet, golden):
+    features, status = packet
+    np.testing.assert_array_equal(features, golden.features)
+    for name in set(FRAME_STATUS.dtype.names) - {"cycles"}:
+        assert status[name] == golden.status[name], name
+
+
+def compiled(simulator, config):
+    return contextlib.closing(Bench(simulator.library(front_end(config, SIZE_PX)), front_end(config, SIZE_PX).ports))
+
+
+@pytest.fixture(scope="module")
+def aerial():
+    with compiled(verilator, AERIAL) as bench:
+        yield FrontEndBench(bench, AERIAL)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """Two rendered views, one for each call at any size, with noise of its own."""
+    views = pair(seed=3).images
+
+    def view(number, size_px):
+        resized = cv2.resize(views[number % len(views)], size_px)
+        noise = np.random.default_rng(number).normal(0, 8, resized.shape)
+        return np.clip(resized + noise, 0, 255).astype(np.uint8)
+
+    return view
+
+
+def gray(frame):
+    return np.ascontiguousarray(frame[..., 1])
+
+
+def extremes(size_px):
+    """Black, white, checkerboard, one hot pixel, noise."""
+    y, x = np.indices(size_px[::-1])
+    hot = (x == size_px[0] // 2) & (y == size_px[1] // 2)
+    noise = np.random.default_rng(5).integers(0, 256, x.shape)
+    return [plane.astype(np.uint8) for plane in (0 * x, 0 * x + 255, (x + y) % 2 * 255, hot * 255, noise)]
+
+
+@pytest.mark.parametrize("simulator", [verilator, cxxrtl], ids=["verilator", "cxxrtl"])
+def test_whole_frames_are_equal_and_follow_without_a_bubble(simulator, scene):
+    with compiled(simulator, AERIAL) as opened:
+        bench = FrontEndBench(opened, AERIAL)
+        starts, small = bench.check([scene(number, (640, 480)) for number in range(3)])
+        np.testing.assert_array_equal(np.diff(starts)[1:], 640 * 480)
+        _, large = bench.check([scene(3, SIZE_PX)])
+    features = np.concatenate([small, large])
+    assert np.count_nonzero(features["level"] == 0) >= 1000
+    assert np.count_nonzero(features["level"] == 1) >= 100
+    assert len(np.unique(features["sector"])) == 16
+
+
+@pytest.mark.parametrize("pauses", [NO_PAUSES, PAUSES], ids=["free", "pauses"])
+@pytest.mark.parametrize("size_px", [(64, 64), (65, 67), (127, 85), (641, 479)], ids=str)
+def test_any_size_back_to_back_with_extremes(aerial, scene, size_px, pauses):
+    frames = [gray(scene(0, size_px)), *extremes(size_px), gray(scene(1, size_px))]
+    _, features = aerial.check(frames, pauses=pauses)
+    assert features.size
+
+
+def test_thesis_preset(scene):
+    with compiled(verilator, THESIS) as opened:
+        bench = FrontEndBench(opened, THESIS)
+        for pauses in (NO_PAUSES, PAUSES):
+            _, features = bench.check([gray(scene(0, (640, 480))), *extremes((65, 67))][:1], pauses=pauses)
+            assert 200 < features.size < 2 * THESIS.max_features
+        bench.check(extremes((65, 67)), pauses=PAUSES)
+
+
+SMALL_PX = (160, 120)
+DROPPED, DOUBLED = 5 * SMALL_PX[0] + 7, 50 * SMALL_PX[0] + 7
+BAD_FRAMES = {
+    "short_line": (lambda beats: np.delete(beats, DROPPED, axis=1), Cause.SHORT_LINE),
+    "long_line": (lambda beats: np.insert(beats, DOUBLED, beats[:, DOUBLED - 1], axis=1), Cause.LONG_LINE),
+    "early_end": (lambda beats: beats[:, : 60 * SMALL_PX[0]], Cause.EARLY_END),
+    "one_pixel": (lambda beats: beats[:, :1], Cause.EARLY_END),
+    "missing_start": (lambda beats: beats[:, 1:], Cause.MISSING_START),
+}
+
+
+@pytest.mark.parametrize("pauses", [NO_PAUSES, PAUSES], ids=["free", "pauses"])
+@pytest.mark.parametrize(("spoil", "cause"), BAD_FRAMES.values(), ids=BAD_FRAMES)
+def test_a_bad_frame_says_why_and_the_next_ones_are_clean(aerial, scene, spoil, cause, pauses):
+    frames = [gray(scene(number, SMALL_PX)) for number in range(3)]
+    first = aerial.frames
+    before, *after = (flat_frame(frame) for frame in frames)
+    bad = spoil(np.stack(flat_frame(frames[1])))
+    packets, _ = aerial.run([before, bad, *after], SMALL_PX, 4, pauses=pauses)
+    _, status = packets.pop(1)
+    assert (status["good"], status["causes"], status["features"], status["frame"]) == (0, cause, 0, first + 1)
+    for packet, frame, number in zip(packets, frames, (first, first + 2, first + 3), strict=True):
+        assert_golden(packet, extract(frame, AERIAL, frame=number))
+
+
+@pytest.mark.parametrize("admitted", [1, 5000, SMALL_PX[0] * SMALL_PX[1] - 1])
+def test_reset_in_mid_frame_leaves_nothing(aerial, scene, admitted):
+    broken_off = [part[:admitted] for part in flat_frame(gray(scene(0, SMALL_PX)))]
+    aerial.run([broken_off], SMALL_PX, 0)
+    aerial.check([gray(scene(number, SMALL_PX)) for number in (1, 2)], reset=True)
+
+
+def test_too_many_features_make_a_bad_frame(aerial):
+    noise = extremes((640, 480))[-1]
+    number = aerial.frames
+    settings = {"cell_log2": 5, "per_cell": 8}
+    ((features, status),), _ = aerial.run([flat_frame(noise)], (640, 480), 1, **settings)
+    assert (status["good"], status["causes"], status["features"]) == (0, Cause.TOO_MANY_FEATURES, 0)
+    assert len(features) == AERIAL.max_features
+    small = extremes(SMALL_PX)[-1]
+    assert status["frame"] == number
+    aerial.check([small])
+
+
+def test_the_adaptive_threshold_follows_the_golden_model_without_a_bubble(aerial, scene):
+    frames = [gray(scene(number, SMALL_PX)) for number in range(8)]
+    target, number = 40, aerial.frames
+    code = frame_settings(AERIAL, *SMALL_PX, gray_input=True)["threshold_code"]
+    beats = [flat_frame(frame) for frame in frames]
+    packets, starts = aerial.run(beats, SMALL_PX, len(frames), adaptive=1, target_features=target)
+    np.testing.assert_array_equal(np.diff(starts)[1:], SMALL_PX[0] * SMALL_PX[1])
+    for n, (frame, packet) in enumerate(zip(frames, packets, strict=True)):
+        config = dataclasses.replace(AERIAL, threshold=int(decode_response(np.array(code))))
+        assert_golden(packet, extract(frame, config, frame=number + n))
+        code = next_code(code, len(packet[0]), target)
+
+
+@pytest.mark.parametrize(
+    "size", [{"max_width_px": 63, "max_height_px": 64}, {"max_width_px": 64, "max_height_px": 5000}]
+)
+def test_impossible_sizes_are_named(size):
+    with pytest.raises(ValueError, match=r"max_(width|height)_px is \d+; it must be 64 to 4096"):
+        FrontEnd(config=AERIAL, **size)
