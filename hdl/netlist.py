@@ -1,8 +1,8 @@
 """Components as text for other tools: the one Verilog that is exported, synthesised and simulated, and CXXRTL's C++.
 
-Both are written by the Yosys that comes with Amaranth. Before that, ``opt -fast`` turns Amaranth's processes into
-registers with clock enables and removes what nothing reads: simulators then skip the logic of idle blocks, which
-doubles their speed (measured), and the text gets a third shorter.
+Both are written by the Yosys that comes with Amaranth. Before that, it turns Amaranth's processes into registers with
+clock enables, and removes what nothing reads: simulators then skip the logic of idle blocks, which doubles their speed
+(measured), and the text gets a third shorter.
 """
 
 from __future__ import annotations
@@ -13,6 +13,9 @@ import sys
 from amaranth.back import rtlil
 from amaranth.lib import wiring
 
+# Very wide registers keep their processes: where their bits have different enables, Yosys would take them apart, and a
+# simulator put them together in each clock.
+TIDY = ("proc -norom", "opt_expr", "opt_merge", "opt_clean", "opt_dff t:* r:WIDTH>=512 %d", "opt_clean")
 INTERNAL_ATTRIBUTES = ("generator", "top", "src", "amaranth.hierarchy", "amaranth.decoding")
 
 
@@ -29,15 +32,14 @@ def to_verilog(component: wiring.Component, *, name: str = "top", platform: obje
         For components that ask for one: attributes of a vendor's tools are written only where it is given.
     """
     remove = " ".join(f"-remove {attribute}" for attribute in INTERNAL_ATTRIBUTES)
-    passes = ("proc -norom", "opt -fast", "memory_collect", f"attrmap {remove}", f"attrmap -modattr {remove}")
-    return _written(component, name, platform, (*passes, "write_verilog -norename"))
+    passes = (*TIDY, "memory_collect", f"attrmap {remove}", f"attrmap -modattr {remove}", "write_verilog -norename")
+    return _written(component, name, platform, passes)
 
 
 def to_cxxrtl(component: wiring.Component, *, name: str = "top", debug: bool = False) -> str:
     """A component as one C++ class of CXXRTL; ``debug`` keeps what waves need."""
-    # Flattened after the optimisation: before it, the same takes ten times as long.
-    passes = ("proc -norom", "opt -fast", "flatten", "opt_clean", "memory_collect")
-    return _written(component, name, None, (*passes, f"write_cxxrtl -g{4 if debug else 0}"))
+    passes = (*TIDY, "flatten", "opt_clean", "memory_collect", f"write_cxxrtl -g{4 if debug else 0}")
+    return _written(component, name, None, passes)
 
 
 def _written(component: wiring.Component, name: str, platform: object, passes: tuple[str, ...]) -> str:
