@@ -162,7 +162,7 @@ class Coverage:
         sectors = np.concatenate([result.features["sector"] for result in results])
         return cls(
             frames=len(results),
-            features=(np.count_nonzero(levels == 0), np.count_nonzero(levels == 1)),
+            features=(int(np.count_nonzero(levels == 0)), int(np.count_nonzero(levels == 1))),
             sectors=len(np.unique(sectors)),
             matches=sum(len(result.matches) for result in results),
         )
