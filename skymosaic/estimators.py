@@ -54,7 +54,8 @@ def estimate(
         inliers[verified] = found.inliers
         return found.homography, inliers
     if name == FUZZY_RANSAC:
-        H, inliers = fuzzy(left, right, verified)
+        H, decision = fuzzy(left, right, verified)
+        inliers = inliers if decision is None else decision.inliers
     else:
         H = (magsac if name == "magsac" else ransac)(left[verified], right[verified])
     if H is None:
@@ -76,19 +77,19 @@ def magsac(left: Array, right: Array) -> Array | None:
     return _estimated(left, right, cv2.USAC_MAGSAC, MAGSAC_TOLERANCE_PX, MAGSAC_ROUNDS)
 
 
-def fuzzy(left: Array, right: Array, verified: Mask) -> tuple[Array | None, Mask]:
+def fuzzy(left: Array, right: Array, verified: Mask) -> tuple[Array | None, fuzzy_ransac.Decision | None]:
     """RANSAC over all matches, the six rules on each, and the DLT over those they accept (thesis, Table III-3).
 
-    None where RANSAC finds nothing, or the rules accept too few.
+    No decision where RANSAC finds nothing; no homography where the rules accept too few.
     """
     H = ransac(left, right)
     if H is None:
-        return None, np.zeros(len(left), dtype=bool)
-    inliers = fuzzy_ransac.decide(H, left, right, verified).inliers
+        return None, None
+    decision = fuzzy_ransac.decide(H, left, right, verified)
     try:
-        return dlt(left[inliers], right[inliers]), inliers
+        return dlt(left[decision.inliers], right[decision.inliers]), decision
     except DegenerateError:
-        return None, inliers
+        return None, decision
 
 
 def _estimated(left: Array, right: Array, kind: int, tolerance_px: float, rounds: int) -> Array | None:

@@ -22,6 +22,8 @@ STEPS_PER_PX = 16
 """Errors are compared in 1/16 px, the resolution of feature positions: equal to tau means within half a step."""
 FOURS = 2000
 INLIER_RULES = (0, 1)
+NEAR_RULES = (0, 1, 3, 4)
+"""Rules of matches that RANSAC alone would accept: the error is less than or equal to tau."""
 
 
 @dataclass(frozen=True)

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import importlib
 from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.console import Console
 from rich.table import Table
 
 from skymosaic import report
-from skymosaic.cli.options import console
+from skymosaic.cli.options import console, plotting_module
 from skymosaic.errors import InputError
 from skymosaic.fuzzy_systems import PORTRAITS, Portrait
 from skymosaic.images import save_bytes
@@ -30,7 +30,7 @@ def fuzzy(
     if unknown:
         raise InputError(f"no fuzzy system {', '.join(unknown)}; valid: {', '.join(PORTRAITS)}")
     for name in names:
-        console.print(_rules(name, PORTRAITS[name]))
+        Console().print(_rules(name, PORTRAITS[name]))
     if plot:
         _draw(names, output)
 
@@ -46,11 +46,7 @@ def _rules(name: str, portrait: Portrait) -> Table:
 
 
 def _draw(names: list[str], folder: Path) -> None:
-    try:
-        # matplotlib is an extra, and takes a second to import: only pictures need it.
-        picture = importlib.import_module("skymosaic.fuzzy_plots").picture
-    except ImportError:
-        raise InputError("pictures need matplotlib; run pip install 'skymosaic[plots]'") from None
+    picture = plotting_module("skymosaic.fuzzy_plots").picture
     report.prepare(folder)
     for name in names:
         path = folder / f"{name}.png"

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
 from pathlib import Path
+from types import ModuleType
 from typing import Annotated
 
 import typer
@@ -32,6 +34,20 @@ WorkingWidthOption = Annotated[
 ]
 SeedOption = Annotated[int, typer.Option(min=0, help="Seed of the robust estimator.")]
 RefineOption = Annotated[bool, typer.Option("--refine", help="Second, guided pass: about half the error.")]
+
+
+def plotting_module(name: str) -> ModuleType:
+    """A module that needs matplotlib, which is an extra and takes a second to import.
+
+    Raises
+    ------
+    InputError
+        Where it is not installed.
+    """
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        raise InputError("pictures need matplotlib; run pip install 'skymosaic[plots]'") from None
 
 
 def configuration(preset: str, file: Path | None) -> Config:

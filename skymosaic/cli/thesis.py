@@ -1,0 +1,40 @@
+"""The command that repeats the thesis's experiments."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.progress import track
+
+from skymosaic import report
+from skymosaic.cli.options import console, plotting_module
+from skymosaic.images import save_bytes
+from skymosaic.thesis import material, pictures, tables
+from skymosaic.thesis.experiments import measure, most_inliers
+
+
+def thesis(
+    *,
+    data: Annotated[
+        Path | None, typer.Option(help="Folder with pairs.csv; by default a rendered flight.", show_default=False)
+    ] = None,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the page and the measurements.")] = Path(
+        "thesis"
+    ),
+) -> None:
+    """Repeat the thesis's experiments, tables IV-1 to IV-7 and figure IV-6, beside the published figures."""
+    page = plotting_module("skymosaic.thesis.page")
+    sources = material.sources(data)
+    report.prepare(output)
+    measurements = measure(track(sources, description="pairs", console=console))
+    save_bytes(output / "measurements.csv", measurements.as_csv().encode())
+    with console.status("drawing"):
+        shown = sources[most_inliers(measurements)]()
+        source = f"those of {data.resolve().name}" if data else "neighbouring pictures of a rendered survey flight"
+        text = page.compose(measurements, source, pictures.of_pair(shown), shown.name)
+        save_bytes(output / "index.html", text.encode())
+    for trend in tables.trends(measurements):
+        console.print(f"{'holds' if trend.holds else 'does not hold':13}  {trend.statement}: {trend.numbers}")
+    console.print(f"page {output / 'index.html'}, every value {output / 'measurements.csv'}")

@@ -1,0 +1,135 @@
+"""Harris corners as the thesis has them: by threshold (Table IV-1), by number, and by the quality of their matches."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.config import LARGEST_THRESHOLD, PRESETS, FrontEndConfig
+from golden_model.formats import decode_response
+from golden_model.front_end import extract, trace
+from skymosaic.descriptors import Records, describe
+from skymosaic.detectors import POSITIONS_PER_PX, from_features
+from skymosaic.estimators import ransac
+from skymosaic.fuzzy_ransac import TOLERANCE_PX
+from skymosaic.images import Pixels
+from skymosaic.matching import correlation_matches
+from skymosaic.metrics import correct_matches, repeatability
+from skymosaic.registration import match_points
+from skymosaic.thesis.material import Specimen
+from skymosaic.thesis.measurements import Line
+
+CORNERS = 300
+"""Corners an image, where experiments need a number: the mean of the published 358 and 239."""
+BORDER_PX = 16
+"""The largest window's support, so that every experiment sees the same corners."""
+THRESHOLDS = [round(2 ** (step / 2)) for step in range(8, 61)]
+"""Half octaves of our measure; the scale of the published thresholds is not stated."""
+QUALITY_WINDOW = "window-10"
+QUALITY_TARGET = 0.8
+LOWEST_THRESHOLD = 2**12
+FEWEST_CORNERS = 50
+
+FRONT_END = dataclasses.replace(PRESETS["thesis"].front_end, border_px=BORDER_PX, max_features=4096)
+"""The preset's corners, farther from the border, and as many as a bank can hold."""
+
+
+def strongest(image: Pixels, count: int = CORNERS, descriptor: str = FRONT_END.descriptor) -> Records:
+    """The features with the ``count`` largest responses (more where several are equal), in raster order."""
+    return extract(image, _front_end(threshold_of(image, count), descriptor)).features
+
+
+def threshold_of(image: Pixels, count: int = CORNERS) -> int:
+    """The threshold that leaves ``count`` corners (more where several are equal, or all there are)."""
+    falling = np.sort(responses(image))[::-1]
+    return int(falling[min(count, len(falling)) - 1]) if len(falling) else 1
+
+
+def responses(image: Pixels) -> NDArray[np.int32]:
+    """The measure of every corner that suppression leaves, (N,)."""
+    candidates = trace(image, _front_end(1)).levels[0]["candidates"].values
+    return decode_response(candidates[candidates > 0])
+
+
+def points(features: Records) -> NDArray[np.float64]:
+    """Positions (N, 2) of feature records, px."""
+    return np.stack((features["x"], features["y"]), axis=1) / POSITIONS_PER_PX
+
+
+def by_threshold(specimen: Specimen) -> Iterator[Line]:
+    """For Table IV-1: corners of both images above each of `THRESHOLDS`."""
+    found = [responses(gray) for gray in specimen.grays]
+    for threshold in THRESHOLDS:
+        left, right = (int(np.count_nonzero(each >= threshold)) for each in found)
+        yield "IV-1", str(threshold), {"left": left, "right": right}
+
+
+def by_quality(specimen: Specimen) -> Iterator[Line]:
+    """The adaptive threshold where it begins and where it ends, with what became of number and repeatability."""
+    rounds = raised_threshold(specimen.grays)
+    for setting, last in (("lowest threshold", rounds[0]), ("threshold reached", rounds[-1])):
+        left, right = map(points, last.features)
+        yield (
+            "adaptive",
+            setting,
+            {
+                "threshold": last.threshold,
+                "left": len(left),
+                "right": len(right),
+                "quality": last.quality,
+                "repeatability": repeatability(left, right, specimen.truth, specimen.sizes[1]),
+            },
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """One threshold of the adaptive search: the features of both images above it, and the quality of their matches."""
+
+    threshold: int
+    features: tuple[Records, Records]
+    quality: float
+
+
+def raised_threshold(grays: tuple[Pixels, Pixels], target: float = QUALITY_TARGET) -> list[Round]:
+    """The adaptive threshold (sections II.2.1.2 and III.6.1.1): start low, double until the matches are good enough.
+
+    The quality of matches, which the thesis calls their recall, is the share of mutual SAD matches of 10x10 windows
+    that agree with the homography RANSAC finds among them: no truth is needed.
+
+    Returns
+    -------
+    list of Round
+        At least one. The last one reached ``target``, or its successor would have too few corners.
+    """
+    rounds: list[Round] = []
+    threshold = LOWEST_THRESHOLD
+    while threshold <= LARGEST_THRESHOLD["harris"]:
+        left, right = (extract(gray, _front_end(threshold)) for gray in grays)
+        threshold *= 2
+        if not (left.status["good"] and right.status["good"]):
+            continue
+        features = left.features, right.features
+        if rounds and min(map(len, features)) < FEWEST_CORNERS:
+            break
+        rounds.append(Round(threshold // 2, features, _quality(grays, features)))
+        if rounds[-1].quality >= target:
+            break
+    return rounds
+
+
+def _quality(grays: tuple[Pixels, Pixels], features: tuple[Records, Records]) -> float:
+    left, right = (
+        describe(gray, from_features(found), QUALITY_WINDOW) for gray, found in zip(grays, features, strict=True)
+    )
+    pairs = match_points(correlation_matches(left, right))
+    H = ransac(*pairs)
+    return 0.0 if H is None else float(np.mean(correct_matches(*pairs, H, tolerance_px=TOLERANCE_PX)))
+
+
+def _front_end(threshold: int, descriptor: str = FRONT_END.descriptor) -> FrontEndConfig:
+    return dataclasses.replace(FRONT_END, threshold=threshold, descriptor=descriptor)

@@ -1,0 +1,89 @@
+"""Good and false matches: against the correlation window (Table IV-2) and the rings of the ILBP (Table IV-3)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.config import MatcherConfig
+from golden_model.correlation import best_matches
+from golden_model.ilbp import PATTERNS
+from golden_model.matcher import match
+from skymosaic.descriptors import WINDOWS_PX, describe
+from skymosaic.detectors import from_features
+from skymosaic.estimators import ransac
+from skymosaic.matching import correlation_matches
+from skymosaic.metrics import confusion, correct_matches, grid_error
+from skymosaic.registration import match_points
+from skymosaic.thesis import published
+from skymosaic.thesis.corners import strongest
+from skymosaic.thesis.material import Specimen
+from skymosaic.thesis.measurements import Line
+
+FUZZY_ILBP = MatcherConfig(rule_base="ilbp", keep_above=127)
+REGISTERED_PX = 5.0
+"""A pair counts as registered if the mean error over the overlap is smaller."""
+
+Points = NDArray[np.float64]
+
+
+def by_window(specimen: Specimen) -> Iterator[Line]:
+    """Table IV-2: mutual SAD matches of windows of each size, and what fuzzy correlation keeps of them.
+
+    The time is that of cutting the windows and of the golden model's best SAD match for each left one.
+    """
+    key_points = [from_features(strongest(gray)) for gray in specimen.grays]
+    for name, size_px in WINDOWS_PX.items():
+        start = time.perf_counter()
+        left, right = (describe(gray, found, name) for gray, found in zip(specimen.grays, key_points, strict=True))
+        best_matches(left["descriptor"], right["descriptor"], "sad")
+        seconds = time.perf_counter() - start
+        matches = correlation_matches(left, right)
+        yield "IV-2", str(size_px), _counted(specimen, matches, seconds)
+        yield filtered(f"fuzzy correlation, {size_px}x{size_px}", specimen, match_points(matches), _kept(matches))
+
+
+def by_rings(specimen: Specimen) -> Iterator[Line]:
+    """Table IV-3: mutual Hamming matches of the ILBP of each length, and what fuzzy ILBP keeps of them."""
+    for rings in published.ILBP:
+        name = f"thesis-ilbp-{rings}"
+        features = [strongest(gray, descriptor=name) for gray in specimen.grays]
+        start = time.perf_counter()
+        matches = match(features[0], features[1], PATTERNS[name], FUZZY_ILBP)
+        seconds = time.perf_counter() - start
+        yield "IV-3", str(rings), _counted(specimen, matches, seconds)
+        yield filtered(f"fuzzy ILBP, N = {rings}", specimen, match_points(matches), _kept(matches))
+
+
+def _kept(matches: NDArray[np.void]) -> NDArray[np.bool_]:
+    return np.asarray(matches["verdict"] == 1)
+
+
+def _counted(specimen: Specimen, matches: NDArray[np.void], seconds: float) -> dict[str, float]:
+    good = correct_matches(*match_points(matches), specimen.truth)
+    return {"matches": len(matches), "good": int(good.sum()), "seconds": seconds}
+
+
+def filtered(stage: str, specimen: Specimen, pairs: tuple[Points, Points], kept: NDArray[np.bool_]) -> Line:
+    """What a fuzzy stage made of matches, and whether RANSAC registers the pair with all of them and with the kept."""
+    counts = confusion(kept, correct_matches(*pairs, specimen.truth))
+    return (
+        "stages",
+        stage,
+        {
+            "TP": counts.true_positives,
+            "FP": counts.false_positives,
+            "TN": counts.true_negatives,
+            "FN": counts.false_negatives,
+            "registered before": is_registered(ransac(*pairs), specimen),
+            "registered after": is_registered(ransac(pairs[0][kept], pairs[1][kept]), specimen),
+        },
+    )
+
+
+def is_registered(H: NDArray[np.float64] | None, specimen: Specimen) -> bool:
+    """Whether the mean error over the overlap is small."""
+    return grid_error(H, specimen.truth, *specimen.sizes) < REGISTERED_PX

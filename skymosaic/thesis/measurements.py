@@ -1,0 +1,76 @@
+"""What the experiments measured: one line for each table, setting and pair."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+Line = tuple[str, str, Mapping[str, float]]
+"""Table, setting and values, as an experiment yields them for one pair."""
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """Values of one setting of a table (a row of it) on one pair; what could not be measured is left out."""
+
+    table: str
+    setting: str
+    pair: str
+    group: str
+    values: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Measurements:
+    """All of them, in the order they were made."""
+
+    lines: Sequence[Measurement]
+
+    def settings(self, table: str) -> list[str]:
+        """The settings of a table, in order."""
+        return list(dict.fromkeys(line.setting for line in self.lines if line.table == table))
+
+    def values(self, table: str, setting: str, column: str, group: str | None = None) -> list[float]:
+        """One column, over the pairs (of a group) where it was measured."""
+        return [
+            line.values[column]
+            for line in self.lines
+            if line.table == table and line.setting == setting and column in line.values and group in (None, line.group)
+        ]
+
+    def mean(self, table: str, setting: str, column: str, group: str | None = None) -> float:
+        """Its mean; NaN where it was measured nowhere."""
+        found = self.values(table, setting, column, group)
+        return float(np.mean(found)) if found else float("nan")
+
+    def ratio(self, table: str, setting: str, part: str, whole: str) -> float:
+        """Sum of one column over sum of another: a share pooled over all pairs; NaN where the whole is 0."""
+        total = sum(self.values(table, setting, whole))
+        return sum(self.values(table, setting, part)) / total if total else float("nan")
+
+    @property
+    def groups(self) -> list[str]:
+        """The groups of pairs, in order."""
+        return list(dict.fromkeys(line.group for line in self.lines))
+
+    @property
+    def pairs(self) -> list[str]:
+        """The pairs, in order."""
+        return list(dict.fromkeys(line.pair for line in self.lines))
+
+    def as_csv(self) -> str:
+        """A table of every value, with the columns table, setting, pair, group, quantity, value."""
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(("table", "setting", "pair", "group", "quantity", "value"))
+        writer.writerows(self._rows())
+        return text.getvalue()
+
+    def _rows(self) -> Iterator[tuple[str, str, str, str, str, float]]:
+        for line in self.lines:
+            for quantity, value in line.values.items():
+                yield line.table, line.setting, line.pair, line.group, quantity, value

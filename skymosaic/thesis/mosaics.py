@@ -1,0 +1,23 @@
+"""Table IV-7: seconds from two decoded images to their mosaic."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from skymosaic.errors import RegistrationError
+from skymosaic.mosaicing import mosaic
+from skymosaic.thesis.material import Specimen
+from skymosaic.thesis.measurements import Line
+
+PRESETS = {"thesis preset": "thesis", "aerial preset": "aerial"}
+
+
+def by_preset(specimen: Specimen) -> Iterator[Line]:
+    """Seconds of a mosaic by either preset, where there is one, and of its stages."""
+    for setting, preset in PRESETS.items():
+        try:
+            result = mosaic([specimen.left, specimen.right], preset=preset)
+        except RegistrationError:
+            continue
+        seconds = result.pairs[0].seconds
+        yield "IV-7", setting, {**seconds, "whole": sum(seconds.values())}

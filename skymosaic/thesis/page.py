@@ -1,0 +1,257 @@
+"""The page: what the thesis shows, what the same experiment gives here, and why the two differ."""
+
+from __future__ import annotations
+
+import base64
+import html
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import cv2
+
+from skymosaic import fuzzy_plots
+from skymosaic.images import Pixels
+from skymosaic.thesis import charts, tables
+from skymosaic.thesis.corners import CORNERS, QUALITY_TARGET
+from skymosaic.thesis.material import WORKING_WIDTH_PX
+from skymosaic.thesis.measurements import Measurements
+from skymosaic.thesis.rejection import KEY_POINTS
+from skymosaic.thesis.tables import Sheet
+
+PICTURE_WIDTH_PX = 1200
+JPEG_QUALITY = 85
+
+_STYLE = """
+body { font: 16px/1.55 Georgia, 'DejaVu Serif', serif; color: #1d1d1d; margin: 2.5rem auto; max-width: 1000px;
+  padding: 0 1.2rem }
+h1 { font-size: 1.9rem; margin-bottom: .2rem }
+h2 { margin-top: 3rem; border-bottom: 1px solid #ccc; padding-bottom: .2rem }
+.lead { color: #555; margin-top: 0 }
+table { border-collapse: collapse; margin: 1rem 0; font: 14px/1.4 system-ui, 'DejaVu Sans', sans-serif }
+th, td { padding: .3rem .8rem; text-align: right; border-bottom: 1px solid #e4e4e4 }
+th { border-bottom: 2px solid #999; font-weight: 600; vertical-align: bottom }
+th:first-child, td:first-child { text-align: left }
+tr.thesis td { color: #666; background: #f6f6f4 }
+figure { margin: 1.2rem 0 }
+figcaption { color: #555; font-size: .9rem }
+img { width: 100% }
+.yes { color: #2a7f62; font-weight: 600 }
+.no { color: #a33; font-weight: 600 }
+.remark { background: #f6f6f4; border-left: 4px solid #bbb; padding: .6rem 1rem }
+details { margin: .8rem 0 }
+summary { cursor: pointer; color: #33658a }
+@media print { h2 { break-after: avoid } figure, table { break-inside: avoid } }
+"""
+
+
+@dataclass(frozen=True)
+class Section:
+    """One experiment: its question, its tables and diagram, and the remark on how and why ours differs."""
+
+    title: str
+    question: str
+    sheets: Sequence[Callable[[Measurements], Sheet]]
+    remark: str
+    chart: Callable[[Measurements], bytes] | None = None
+    by_group: tuple[str, str] | None = None
+
+
+SECTIONS = (
+    Section(
+        "Table IV-1: Harris corners against the threshold",
+        "How many corners does each threshold leave? Measure (III-7) with k = 0.04, 3x3 window and suppression.",
+        (tables.corners,),
+        "The thesis does not state the scale of its measure; ours is multiplied so that both columns have as many "
+        "corners at 5000, and the comparison is one of shapes. The published counts stop at about 730 although the "
+        "threshold falls on; ours keep growing, because every local maximum of a 3x3 window counts. A limit on the "
+        "number or a larger suppression window would bend the curve so, but the thesis names neither.",
+        charts.corners,
+    ),
+    Section(
+        "Sections II.2.1.2 and III.6.1.1: the adaptive threshold",
+        "The threshold starts low and doubles until the quality of matches (here: the share of mutual SAD matches of "
+        f"10x10 windows within 4 px of the homography that RANSAC finds) reaches {QUALITY_TARGET:.0%}.",
+        (tables.adaptive,),
+        "Where views are turned against each other, windows never match and the threshold rises until few corners "
+        "are left: there it costs corners and gains nothing. Repeatability at the lowest threshold is flattered by "
+        "chance: with thousands of corners some lie near any place. The accelerator's own adaptive threshold holds the "
+        "number of features near a target instead, which needs no matching.",
+    ),
+    Section(
+        "Table IV-2: SAD against the size of the window",
+        f"Mutual best SAD matches between the {CORNERS} strongest corners of each image; good means within 3 px of the "
+        "true homography.",
+        (tables.windows,),
+        "The thesis does not say how it judged a match to be good, nor how many corners it matched here. The time is "
+        "that of the golden model (NumPy, one direction) against MATLAB on another machine: compare how it grows, not "
+        "the seconds. Beyond about 22 px the gain ends here as it does in the thesis (24 at 30x30): a larger window "
+        "tells more corners apart, but also holds more of what perspective, rotation and relief move. Correlation "
+        "knows no rotation: turned pairs give next to nothing at any size (see the groups).",
+        charts.windows,
+        ("IV-2", "px"),
+    ),
+    Section(
+        "Table IV-3: ILBP against the number of rings",
+        f"Mutual nearest neighbours in Hamming distance between the {CORNERS} strongest corners of each image.",
+        (tables.rings,),
+        "More rings give more good matches and a smaller share of false ones, as published. The number of matches "
+        "behaves differently: the thesis's falls with N, ours first rises. One ring has only 256 possible values for "
+        f"{CORNERS} corners: many are equal, and of equal ones only the first can be mutual. The thesis does not say "
+        "how it treats them. The level is lower here wherever views are turned, scaled or differently exposed: the "
+        "descriptor compares unsmoothed pixels in upright rings and follows none of that.",
+        charts.rings,
+        ("IV-3", "rings"),
+    ),
+    Section(
+        "Table IV-4: fuzzy RANSAC",
+        f"{KEY_POINTS} SIFT key points an image, a descriptor, and the ratio test at 0.8 with one match for each "
+        "feature of image 2 (II-7). Then the bidirectional check, and RANSAC with τ = 4 px, each made on every match by "
+        "itself. The last column is what the six rules of Table III-3 accept.",
+        (tables.fuzzy_ransac,),
+        "Counts are means over all pairs. The thesis's own combination, SIFT key points with upright, unsmoothed ILBP, "
+        "passes far fewer matches here than published, and hardly any on turned views. ILBP-128, which is smoothed and "
+        "turned to the key point's orientation, passes the checks in nearly the published proportions. On good matches "
+        "the two checks agree and the rules change little; they matter where matches are bad.",
+        charts.fuzzy_ransac,
+    ),
+    Section(
+        "Table IV-5: RMSE",
+        "The root mean square distance of the inliers under the estimated homography, as in (IV-3) to (IV-5), on pairs "
+        "that were registered: mean error over the overlap below 5 px. Beside it the distance from the truth, which "
+        "the thesis could not know.",
+        (tables.errors,),
+        "RMSE over a method's own inliers says how tightly they agree, not how right the homography is: it falls when "
+        "a stricter tolerance rejects more, and the homography may get worse. The aerial preset keeps many more "
+        "inliers, from two image sizes, so its RMSE is not the smallest; compare its distance from the truth. "
+        "Photographs of ground with relief have a floor of about one pixel that no homography removes.",
+        charts.errors,
+    ),
+    Section(
+        "Table IV-6: recall and precision",
+        "Good matches kept of all good ones found (IV-6), and false ones of all kept (IV-7), pooled over all pairs.",
+        (tables.recall,),
+        "The published recalls of scenes and tests are Table IV-4's inliers divided by its matched pairs (83 of 110 is "
+        "0.75): every match counts as one that ought to be kept, so that rejecting a false one lowers the value. The "
+        "first column repeats that. The others take good and false from the true homography, at 3 px; inliers of a "
+        "wrong homography are false.",
+    ),
+    Section(
+        "What the fuzzy stages do",
+        "Every stage against the true homography: true and false positives and negatives (means over the pairs), "
+        "shares pooled over the pairs, and how many pairs RANSAC registers with all the matches, and with those kept.",
+        (tables.stages,),
+        "A gain is a dot right of its square; a loss is a cross far from 1, or fewer pairs registered. Fuzzy "
+        "correlation keeps almost only good matches once the window is 10x10 or larger, but throws most of the good "
+        "ones away, and with them pairs. Nine in ten of those have a good NCC and a bad ZSSD: Table III-1 calls "
+        "differences with a standard deviation above 7 gray levels bad (50 squared), and on textured ground a "
+        "displacement of half a pixel is enough for that. Fuzzy ILBP raises the share of good matches; what it loses "
+        "grows with the difference in exposure, through its SAD. The aerial rules keep nearly every good match.",
+        charts.stages,
+    ),
+    Section(
+        "Figure IV-6: repeatability against scale",
+        "The left picture of each pair is reduced by area; of the reduced picture's key points, how many lie within "
+        f"1.5 px of one found in the full picture? As many key points an area in both, {CORNERS} in the full picture.",
+        (),
+        "SIFT's key points have a scale and are found again; Harris has one scale and loses them. The dotted lines are "
+        "the same measure with the reduced picture shifted by 12 px: what chance alone gives.",
+        charts.scales,
+    ),
+    Section(
+        "Table IV-7: time for a mosaic",
+        "From two decoded images to their mosaic, distance-weighted blending, where the pair could be registered.",
+        (tables.seconds,),
+        "The published times are of MATLAB on an i7 with 4 GB; here NumPy and OpenCV on one core of this machine. The "
+        "pairs, sizes and machines differ: the order of magnitude is all that can be compared. The thesis preset has "
+        "no cells, so it first looks for a threshold that leaves at most 2048 corners.",
+    ),
+)
+
+
+def compose(m: Measurements, source: str, pictures: Iterable[tuple[str, Pixels]], pair: str) -> str:
+    """The whole page as one HTML file with everything in it.
+
+    Parameters
+    ----------
+    m : Measurements
+    source : str
+        Where the pairs come from, in words.
+    pictures : iterable of (str, ndarray)
+        Captions and pictures of one pair.
+    pair : str
+        Its name.
+    """
+    groups = ", ".join(f"{group} ({_pairs_of(m, group)})" for group in m.groups)
+    parts = [
+        "<h1>The thesis's experiments, repeated</h1>",
+        f"<p class=lead>Fuzzy feature matching for UAV image mosaicing, tables IV-1 to IV-7 and figure IV-6, on "
+        f"{len(m.pairs)} pairs: {_text(source)}. Groups: {_text(groups)}. Images are at most {WORKING_WIDTH_PX} px "
+        "wide.</p>",
+        "<p>Gray rows and dashed lines are the published figures; the others were measured for this page. The thesis's "
+        "scenes are not public, so figures cannot be expected to agree: trends can.</p>",
+        _trends(m),
+        *(_section(section, m) for section in SECTIONS),
+        "<h2>The fuzzy systems</h2>",
+        *(_figure(fuzzy_plots.picture(name), "png", "") for name in ("correlation", "ilbp", "ransac")),
+        f"<h2>One pair in pictures: {_text(pair)}</h2>",
+        *(_figure(_jpeg(picture), "jpeg", caption) for caption, picture in pictures),
+    ]
+    return (
+        "<!doctype html><html lang=en><head><meta charset=utf-8><title>The thesis's experiments, repeated</title>"
+        f"<style>{_STYLE}</style></head><body>{''.join(parts)}</body></html>\n"
+    )
+
+
+def _pairs_of(m: Measurements, group: str) -> int:
+    return len({line.pair for line in m.lines if line.group == group})
+
+
+def _trends(m: Measurements) -> str:
+    rows = "".join(
+        f"<tr><td>{_text(trend.statement)}</td><td class={'yes' if trend.holds else 'no'}>"
+        f"{'holds' if trend.holds else 'does not hold'}</td><td>{_text(trend.numbers)}</td></tr>"
+        for trend in tables.trends(m)
+    )
+    head = "<tr><th>the thesis shows that</th><th>here it</th><th></th></tr>"
+    return f"<h2>Which trends hold here</h2><table>{head}{rows}</table>"
+
+
+def _section(section: Section, m: Measurements) -> str:
+    parts = [f"<h2>{_text(section.title)}</h2><p>{_text(section.question)}</p>"]
+    parts += [_table(sheet(m)) for sheet in section.sheets]
+    if section.chart:
+        parts.append(_figure(section.chart(m), "svg+xml", ""))
+    parts.append(f"<p class=remark>{_text(section.remark)}</p>")
+    if section.by_group:
+        table, unit = section.by_group
+        parts.append(f"<details><summary>By group</summary>{_table(tables.by_group(m, table, unit))}</details>")
+    return "".join(parts)
+
+
+def _table(sheet: Sheet) -> str:
+    head = "".join(f"<th>{_text(heading)}</th>" for heading in sheet.headings)
+    rows = "".join(
+        f"<tr{' class=thesis' if row[0].startswith('thesis') else ''}>"
+        + "".join(f"<td>{_text(cell)}</td>" for cell in row)
+        + "</tr>"
+        for row in sheet.rows
+    )
+    return f"<table><tr>{head}</tr>{rows}</table>"
+
+
+def _figure(data: bytes, kind: str, caption: str) -> str:
+    encoded = base64.b64encode(data).decode()
+    text = f"<figcaption>{_text(caption)}</figcaption>" if caption else ""
+    return f"<figure><img src='data:image/{kind};base64,{encoded}' alt='{_text(caption)}'>{text}</figure>"
+
+
+def _jpeg(picture: Pixels) -> bytes:
+    height, width = picture.shape[:2]
+    if width > PICTURE_WIDTH_PX:
+        size = PICTURE_WIDTH_PX, round(height * PICTURE_WIDTH_PX / width)
+        picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA).astype(picture.dtype, copy=False)
+    return bytes(cv2.imencode(".jpg", picture, (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY))[1].tobytes())
+
+
+def _text(words: str) -> str:
+    return html.escape(words)

@@ -1,0 +1,40 @@
+"""Pictures of one pair: corners, the matches each fuzzy system keeps and rejects, the mosaic."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+
+from golden_model.config import PRESETS
+from skymosaic import figures
+from skymosaic.errors import RegistrationError
+from skymosaic.images import Pixels
+from skymosaic.mosaicing import mosaic_of_pair
+from skymosaic.registration import Pair, register
+from skymosaic.thesis.corners import threshold_of
+from skymosaic.thesis.material import Specimen
+
+
+def of_pair(specimen: Specimen) -> Iterator[tuple[str, Pixels]]:
+    """Captions and pictures."""
+    sides = specimen.left, specimen.right
+    thesis, threshold = PRESETS["thesis"], max(map(threshold_of, specimen.grays))
+    thesis = dataclasses.replace(thesis, front_end=dataclasses.replace(thesis.front_end, threshold=threshold))
+    ilbp = register(*sides, config=thesis)
+    yield "Harris corners of the thesis preset, left image", figures.corners(ilbp.working[0], ilbp.features[0])
+    yield "Harris corners of the thesis preset, right image", figures.corners(ilbp.working[1], ilbp.features[1])
+    windows = register(*sides, config=thesis, detector="harris", descriptor="window-10")
+    yield _matches("1. Fuzzy correlation, SAD of 10x10 windows: good matches are kept", windows)
+    yield _matches("2. Fuzzy ILBP, four rings", ilbp)
+    sift = register(*sides, detector="sift", descriptor="thesis-ilbp-4", estimator="fuzzy-ransac")
+    yield _matches("3. Fuzzy RANSAC, SIFT + ILBP: kept are the verified, ringed the inliers", sift)
+    aerial = register(*sides)
+    yield _matches("The aerial preset's eight rules", aerial)
+    try:
+        yield "Mosaic by the aerial preset", mosaic_of_pair(aerial).image
+    except RegistrationError:
+        return
+
+
+def _matches(caption: str, pair: Pair) -> tuple[str, Pixels]:
+    return caption, figures.matches(pair, pair.method.rule_names(pair.config))

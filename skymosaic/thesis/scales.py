@@ -1,0 +1,57 @@
+"""Figure IV-6: how many key points of a reduced picture are those of the full one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from skymosaic.detectors import detect, once_a_place, points_of
+from skymosaic.images import Pixels
+from skymosaic.metrics import repeatability
+from skymosaic.thesis.corners import CORNERS, points, strongest
+from skymosaic.thesis.material import Specimen
+from skymosaic.thesis.measurements import Line
+
+REDUCTIONS = (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0)
+TOLERANCE_PX = 1.5
+"""Of the reduced picture (Schmid, Mohr and Bauckhage, 2000)."""
+CHANCE_SHIFT_PX = 12.0
+"""Key points that agree when the reduced picture is moved by so much agree by chance."""
+
+
+def _sift(gray: Pixels, count: int) -> NDArray[np.floating]:
+    return points_of(once_a_place(detect(gray, "sift", count))[:count])
+
+
+def _harris(gray: Pixels, count: int) -> NDArray[np.floating]:
+    return points(strongest(gray, count))
+
+
+FINDERS: dict[str, Callable[[Pixels, int], NDArray[np.floating]]] = {"SIFT": _sift, "Harris": _harris}
+
+
+def by_reduction(specimen: Specimen) -> Iterator[Line]:
+    """Figure IV-6: repeatability of the left image's key points against the factor of its reduction by area.
+
+    The query features of equation IV-2 are the reduced picture's. Both pictures have equally many key points an
+    area: 300 in the full one.
+    """
+    gray = specimen.grays[0]
+    height, width = gray.shape
+    for name, find in FINDERS.items():
+        full = find(gray, CORNERS)
+        for reduction in REDUCTIONS:
+            size = round(width / reduction), round(height / reduction)
+            reduced = cv2.resize(gray, size, interpolation=cv2.INTER_AREA).astype(np.uint8, copy=False)
+            found = find(reduced, round(CORNERS / reduction**2))
+            # Pixel centres are at integers, so the corners of the pictures, not their first pixels, coincide.
+            x, y = width / size[0], height / size[1]
+            enlarge = np.array([[x, 0, (x - 1) / 2], [0, y, (y - 1) / 2], [0, 0, 1]])
+            again, chance = (
+                repeatability(found + shift_px, full, enlarge, (width, height), tolerance_px=TOLERANCE_PX * reduction)
+                for shift_px in (0.0, CHANCE_SHIFT_PX)
+            )
+            yield "figure IV-6", f"{name} {reduction:g}", {"repeatability": again, "chance": chance}

@@ -1,0 +1,281 @@
+"""The tables of the page: published figures beside the measured means, and whether the published trends hold."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from skymosaic.thesis import published
+from skymosaic.thesis.corners import THRESHOLDS
+from skymosaic.thesis.measurements import Measurements
+from skymosaic.thesis.rejection import DESCRIPTORS, OURS, STAGES
+
+MISSING = "-"
+LARGEST_TREND_WINDOW_PX = 25
+"""The published good matches grow up to it."""
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A table: headings, and rows of cells as text; the first column names the row."""
+
+    headings: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+
+@dataclass(frozen=True)
+class Trend:
+    """Something the thesis shows, whether the measurements show it too, and the numbers."""
+
+    statement: str
+    holds: bool
+    numbers: str
+
+
+def calibrated_corners(m: Measurements) -> tuple[float, dict[int, tuple[float, float]]]:
+    """The factor from published to our thresholds, and our mean corners of both images at each published one.
+
+    The factor gives as many corners at the highest published threshold as the thesis has there, on average of both
+    images.
+    """
+    logs = np.log(THRESHOLDS)
+    left, right = ([m.mean("IV-1", str(t), side) for t in THRESHOLDS] for side in ("left", "right"))
+    highest = max(published.CORNERS)
+    both = (np.array(left) + right) / 2
+    # Counts fall as thresholds rise; interpolation wants rising ones.
+    factor = float(np.exp(np.interp(np.mean(published.CORNERS[highest]), both[::-1], logs[::-1]))) / highest
+    ours = {
+        t: (float(np.interp(np.log(factor * t), logs, left)), float(np.interp(np.log(factor * t), logs, right)))
+        for t in published.CORNERS
+    }
+    return factor, ours
+
+
+def corners(m: Measurements) -> Sheet:
+    """Table IV-1."""
+    _, ours = calibrated_corners(m)
+    rows = [
+        (str(t), f"{first} / {second}", f"{ours[t][0]:.0f} / {ours[t][1]:.0f}")
+        for t, (first, second) in published.CORNERS.items()
+    ]
+    return Sheet(("threshold, as published", "thesis, image 1 / 2", "here, image 1 / 2"), rows)
+
+
+def adaptive(m: Measurements) -> Sheet:
+    """The adaptive threshold, where it begins and where it ends."""
+    rows = [
+        (
+            setting,
+            f"{m.mean('adaptive', setting, 'left'):.0f} / {m.mean('adaptive', setting, 'right'):.0f}",
+            _percent(m.mean("adaptive", setting, "quality")),
+            _percent(m.mean("adaptive", setting, "repeatability")),
+        )
+        for setting in m.settings("adaptive")
+    ]
+    return Sheet(("threshold", "corners, image 1 / 2", "quality of matches", "repeatability in the overlap"), rows)
+
+
+def windows(m: Measurements) -> Sheet:
+    """Table IV-2."""
+    rows = [
+        (
+            f"{size}x{size}",
+            str(good),
+            _one(m.mean("IV-2", str(size), "good")),
+            _one(m.mean("IV-2", str(size), "matches")),
+            _percent(1 - m.ratio("IV-2", str(size), "good", "matches")),
+            f"{seconds:.2f}",
+            f"{m.mean('IV-2', str(size), 'seconds'):.3f}",
+        )
+        for size, (good, seconds) in published.CORRELATION.items()
+    ]
+    headings = ("window", "good, thesis", "good, here", "matches", "share of false", "seconds, thesis", "seconds, here")
+    return Sheet(headings, rows)
+
+
+def rings(m: Measurements) -> Sheet:
+    """Table IV-3."""
+    rows = [
+        (
+            f"{n} ({8 * n} bits)",
+            str(good),
+            _one(m.mean("IV-3", str(n), "good")),
+            str(matches - good),
+            _one(m.mean("IV-3", str(n), "matches") - m.mean("IV-3", str(n), "good")),
+            _percent(1 - good / matches),
+            _percent(1 - m.ratio("IV-3", str(n), "good", "matches")),
+        )
+        for n, (matches, good, _) in published.ILBP.items()
+    ]
+    headings = (
+        "rings", "good, thesis", "good, here", "false, thesis", "false, here", "share of false, thesis", "here",
+    )  # fmt: skip
+    return Sheet(headings, rows)
+
+
+def by_group(m: Measurements, table: str, unit: str) -> Sheet:
+    """Good matches and share of false ones of a table, group by group."""
+    rows = [
+        (
+            f"{setting} {unit}",
+            *(
+                f"{m.mean(table, setting, 'good', group):.1f} of {m.mean(table, setting, 'matches', group):.1f}"
+                for group in m.groups
+            ),
+        )
+        for setting in m.settings(table)
+    ]
+    return Sheet(("good of all matches", *m.groups), rows)
+
+
+def fuzzy_ransac(m: Measurements) -> Sheet:
+    """Table IV-4."""
+    columns = ("features 1", "features 2", "matched", "bidirectional", "RANSAC", "inliers")
+    rows = [(f"thesis, {name}", *map(str, figures)) for name, figures in published.FUZZY_RANSAC.items()]
+    rows += [(f"here, {name}", *(_one(m.mean("IV-4", name, c)) for c in columns)) for name in DESCRIPTORS]
+    return Sheet(("", "features 1", "features 2", "matched", "bidirectional", "RANSAC ≤ τ", "inliers"), rows)
+
+
+def errors(m: Measurements) -> Sheet:
+    """Table IV-5."""
+    rows = [
+        (f"thesis, {name}", MISSING, ", ".join(f"{value:g}" for value in values), MISSING)
+        for name, values in published.RMSE_PX.items()
+    ]
+    rows += [
+        (
+            f"here, {name}",
+            _percent(m.mean("IV-5", name, "registered")),
+            f"{m.mean('IV-5', name, 'RMSE'):.2f}",
+            f"{np.median(m.values('IV-5', name, 'error') or [np.nan]):.2f}",
+        )
+        for name in (*DESCRIPTORS, OURS)
+    ]
+    return Sheet(("", "pairs registered", "RMSE of inliers, px", "median distance from the truth, px"), rows)
+
+
+def recall(m: Measurements) -> Sheet:
+    """Table IV-6."""
+    rows = [
+        (f"thesis, {name}", ", ".join(f"{value:.2f}" for value in values), MISSING, MISSING)
+        for name, values in published.RECALL.items()
+    ]
+    rows += [
+        (
+            f"here, {name}",
+            f"{m.ratio('IV-4', name, 'inliers', 'matched'):.2f}",
+            f"{recalled(m, stage):.2f}",
+            f"{1 - kept_right(m, stage):.2f}",
+        )
+        for name, stage in STAGES.items()
+    ]
+    return Sheet(("", "as published: inliers / matched", "recall", "1 - precision"), rows)
+
+
+def seconds(m: Measurements) -> Sheet:
+    """Table IV-7."""
+    rows = [(f"thesis, {name}", f"{value:.2f}", MISSING) for name, value in published.MOSAIC_SECONDS.items()]
+    rows += [
+        (
+            f"here, {name}",
+            f"{m.mean('IV-7', name, 'whole'):.2f}",
+            f"{len(m.values('IV-7', name, 'whole'))} of {len(m.pairs)}",
+        )
+        for name in m.settings("IV-7")
+    ]
+    return Sheet(("", "seconds for a mosaic", "pairs that became one"), rows)
+
+
+def stages(m: Measurements) -> Sheet:
+    """What each fuzzy stage made of the matches before it."""
+    rows = [
+        (
+            stage,
+            *(_one(m.mean("stages", stage, count)) for count in ("TP", "FP", "TN", "FN")),
+            _percent(right_before(m, stage)),
+            _percent(kept_right(m, stage)),
+            _percent(recalled(m, stage)),
+            f"{sum(m.values('stages', stage, 'registered before')):.0f} → "
+            f"{sum(m.values('stages', stage, 'registered after')):.0f}",
+        )
+        for stage in m.settings("stages")
+    ]
+    headings = (
+        "stage",
+        "TP",
+        "FP",
+        "TN",
+        "FN",
+        "good before",
+        "good after (precision)",
+        "good kept (recall)",
+        "registered",
+    )
+    return Sheet(headings, rows)
+
+
+def right_before(m: Measurements, stage: str) -> float:
+    """Share of good matches before a stage, pooled over the pairs."""
+    counts = {name: sum(m.values("stages", stage, name)) for name in ("TP", "FP", "TN", "FN")}
+    total = sum(counts.values())
+    return (counts["TP"] + counts["FN"]) / total if total else float("nan")
+
+
+def kept_right(m: Measurements, stage: str) -> float:
+    """Share of good ones among the kept, pooled: the precision."""
+    return _share(m, stage, "TP", "FP")
+
+
+def recalled(m: Measurements, stage: str) -> float:
+    """Share of the good ones that were kept, pooled: the recall (equation IV-6)."""
+    return _share(m, stage, "TP", "FN")
+
+
+def trends(m: Measurements) -> list[Trend]:
+    """The thesis's trends, looked for in the means over all pairs."""
+    _, found = calibrated_corners(m)
+    corner_counts = [sum(found[t]) / 2 for t in sorted(found, reverse=True)]
+    sizes = [str(size) for size in published.CORRELATION if size <= LARGEST_TREND_WINDOW_PX]
+    good = [m.mean("IV-2", size, "good") for size in sizes]
+    took = [m.mean("IV-2", size, "seconds") for size in sizes]
+    ring_good = [m.mean("IV-3", str(n), "good") for n in published.ILBP]
+    ring_false = [1 - m.ratio("IV-3", str(n), "good", "matches") for n in published.ILBP]
+    stage = "fuzzy ILBP, N = 4"
+    shares = [right_before(m, stage), kept_right(m, stage)]
+    sift, harris = (m.mean("figure IV-6", f"{name} 4", "repeatability") for name in ("SIFT", "Harris"))
+    return [
+        Trend("a lower threshold gives more corners (IV-1)", _rises(corner_counts), _arrows(corner_counts, "{:.0f}")),
+        Trend("25x25 windows give more good matches than 3x3 (IV-2)", good[-1] > good[0], _arrows(good, "{:.1f}")),
+        Trend("larger windows take more time (IV-2)", _rises(took), _arrows(took, "{:.3f}") + " s"),
+        Trend("more rings give more good matches (IV-3)", _rises(ring_good), _arrows(ring_good, "{:.1f}")),
+        Trend("and a smaller share of false ones (IV-3)", _rises(ring_false[::-1]), _arrows(ring_false, "{:.0%}")),
+        Trend("fuzzy ILBP raises the share of good matches", _rises(shares), _arrows(shares, "{:.0%}")),
+        Trend(
+            "SIFT repeats better than Harris in a picture reduced by 4 (figure IV-6)",
+            _rises([harris, sift]),
+            f"{sift:.2f} against {harris:.2f}",
+        ),
+    ]
+
+
+def _share(m: Measurements, stage: str, part: str, rest: str) -> float:
+    one, other = (sum(m.values("stages", stage, name)) for name in (part, rest))
+    return one / (one + other) if one + other else float("nan")
+
+
+def _rises(values: Sequence[float]) -> bool:
+    return bool((np.diff(values) > 0).all())
+
+
+def _arrows(values: Sequence[float], form: str) -> str:
+    return " → ".join(form.format(value) for value in values)
+
+
+def _one(value: float) -> str:
+    return MISSING if np.isnan(value) else f"{value:.1f}"
+
+
+def _percent(share: float) -> str:
+    return MISSING if np.isnan(share) else f"{100 * share:.0f} %"
