@@ -12,6 +12,7 @@ from skymosaic.errors import InputError
 
 def panel(
     port: Annotated[int, typer.Option(min=0, max=65535, help="0 takes any free port.")] = 8080,
+    board: Annotated[list[str] | None, typer.Option(help="HOST[:PORT] of a board that may be chosen.")] = None,
 ) -> None:
     """Serve the front panel, a web page for this machine only: choose, run, and see why."""
     try:
@@ -23,4 +24,4 @@ def panel(
     def announce(address: str) -> None:
         typer.echo(f"the panel is at {address} (Ctrl-C ends it)")
 
-    server.serve(port, announce)
+    server.serve(port, tuple(f"board:{address}" for address in board or ()), announce)

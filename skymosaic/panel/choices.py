@@ -14,6 +14,8 @@ from skymosaic.detectors import DETECTORS, FRONT_END_DETECTORS
 from skymosaic.estimators import ESTIMATORS
 from skymosaic.methods import Method, choose
 
+SOFTWARE = "golden"
+HARDWARE = tuple(name for name in BACKENDS if name not in (SOFTWARE, "verilator"))  # the latter is "rtl"
 OPTIONS = {
     "preset": tuple(PRESETS),
     "detector": DETECTORS,
@@ -21,7 +23,7 @@ OPTIONS = {
     "rule_base": RULE_BASES,
     "estimator": ESTIMATORS,
     "blending": BLENDINGS,
-    "backend": tuple(name for name in BACKENDS if name != "verilator"),  # another name of "rtl"
+    "backend": (SOFTWARE, *HARDWARE),
 }
 """The values of each choice."""
 
@@ -66,7 +68,7 @@ class Choices:
     rule_base: str
     estimator: str = "prosac"
     blending: str = "distance"
-    backend: str = "golden"
+    backend: str = SOFTWARE
     refine: bool = False
 
     @classmethod

@@ -11,10 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.config import Config
+from skymosaic.comparison import Comparison
 from skymosaic.descriptors import WINDOWS_PX
 from skymosaic.homography import apply
 from skymosaic.matching import GOOD_MATCH_ABOVE
 from skymosaic.methods import Method
+from skymosaic.panel.choices import Choices
 from skymosaic.registration import Matrix, Pair, Records, match_points
 
 Size = tuple[int, int]
@@ -143,6 +145,8 @@ class MosaicOutcome:
     ----------
     folder : Path
         All that the run used and wrote; the archive holds it.
+    choices : Choices
+        What it was made with.
     workings : tuple of Path
         Working pictures of the photographs, in their order.
     pairs : tuple of PairView
@@ -157,6 +161,7 @@ class MosaicOutcome:
     """
 
     folder: Path
+    choices: Choices
     workings: tuple[Path, ...]
     pairs: tuple[PairView, ...]
     mosaic: ShownMosaic | None
@@ -166,9 +171,41 @@ class MosaicOutcome:
     seconds: dict[str, float]
 
     @property
+    def on_accelerator(self) -> bool:
+        """Whether hardware can compute the features too."""
+        return self.choices.settled()[0].on_accelerator
+
+    @property
     def pictures(self) -> list[Path]:
         """The pictures that show it."""
         return [*self.workings, *([self.mosaic.picture] if self.mosaic else [])]
+
+
+@dataclass(frozen=True)
+class HardwareOutcome:
+    """A pair through software and hardware.
+
+    Attributes
+    ----------
+    names : (str, str)
+        The photographs.
+    size : (int, int)
+        Of the larger frame, px.
+    backend : str
+        The hardware.
+    comparison : Comparison
+    software_seconds : float
+        Features and matches of both by the golden model.
+    command : str
+        The command line that compares again.
+    """
+
+    names: tuple[str, str]
+    size: Size
+    backend: str
+    comparison: Comparison
+    software_seconds: float
+    command: str
 
 
 def _in_working(pair: Pair) -> Matrix:

@@ -8,6 +8,7 @@ from pathlib import Path
 from nicegui import ui
 
 from skymosaic.panel.corners_tab import CornersTab
+from skymosaic.panel.hardware_tab import HardwareTab
 from skymosaic.panel.matches_tab import MatchesTab
 from skymosaic.panel.mosaic_tab import build_mosaic_tab
 from skymosaic.panel.numbers_tab import build_numbers_tab
@@ -67,13 +68,14 @@ class Results:
     def __init__(self, visitor: Visitor) -> None:
         self._visitor = visitor
         self._outcome: MosaicOutcome | None = None
+        self._hardware: HardwareTab | None = None
         self._welcome = ui.element("div").classes("card welcome")
         with self._welcome:
             self._build_welcome()
         self._tabs_card = ui.element("div").classes("card results")
         with self._tabs_card:
             with ui.tabs().props("dense no-caps align=left inline-label") as self._tabs:
-                tabs = {name: ui.tab(name) for name in ("Corners", "Matches", "Mosaic", "Numbers")}
+                tabs = {name: ui.tab(name) for name in ("Corners", "Matches", "Mosaic", "Numbers", "Hardware")}
             with ui.tab_panels(self._tabs, value="Corners", animated=False, keep_alive=True) as self._panels:
                 places = {name: ui.tab_panel(tab).props(f'aria-label="{name}"') for name, tab in tabs.items()}
                 with places.pop("Corners"):
@@ -91,6 +93,8 @@ class Results:
             self._outcome = visitor.outcome
             self._fill()
             self._panels.set_value("Mosaic")
+        if self._hardware is not None:
+            self._hardware.update()
 
     def _fill(self) -> None:
         outcome = self._outcome
@@ -108,6 +112,8 @@ class Results:
             build_mosaic_tab(outcome)
         with self._places["Numbers"]:
             build_numbers_tab(outcome, outcome.pairs[0])
+        with self._places["Hardware"]:
+            self._hardware = HardwareTab(self._visitor, outcome)
 
     def _build_welcome(self) -> None:
         ui.html("Two overlapping photographs in, one mosaic out", tag="h2", sanitize=False)

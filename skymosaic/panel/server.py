@@ -25,13 +25,15 @@ HOST = "127.0.0.1"
 SECONDS_TO_CLOSE = 2
 
 
-def serve(port: int, announce: Callable[[str], None]) -> None:
+def serve(port: int, boards: tuple[str, ...], announce: Callable[[str], None]) -> None:
     """Run the panel until it is interrupted.
 
     Parameters
     ----------
     port : int
         0 takes any free one.
+    boards : tuple of str
+        Backends that are boards, ``board:HOST``.
     announce : callable
         Receives the address as soon as browsers can open it.
 
@@ -43,7 +45,9 @@ def serve(port: int, announce: Callable[[str], None]) -> None:
     listener = _listen(port)
     port = listener.getsockname()[1]
     prepare_workers()
-    visitors = Visitors()
+    visitors = Visitors(boards)
+    # Before the server ends: it raises the signal that stopped it again, and nothing runs after that.
+    page_app.on_shutdown(visitors.close)
     app = _application(visitors, port)
     announce(f"http://{HOST}:{port}/")
     config = uvicorn.Config(
@@ -53,10 +57,7 @@ def serve(port: int, announce: Callable[[str], None]) -> None:
         server_header=False,
         timeout_graceful_shutdown=SECONDS_TO_CLOSE,
     )
-    try:
-        uvicorn.Server(config).run(sockets=[listener])
-    finally:
-        visitors.close()
+    uvicorn.Server(config).run(sockets=[listener])
 
 
 def _listen(port: int) -> socket.socket:

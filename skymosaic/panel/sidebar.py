@@ -93,8 +93,8 @@ class ChoicesCard:
             with ui.element("div").classes("choices"):
                 for name in LABELS:
                     self._selects[name] = self._select(name)
+                self._refine = ui.switch("Second pass", on_change=self._on_change("refine")).props("dense")
                 self._build_slider()
-                self._refine = ui.switch("Second, guided pass", on_change=self._on_change("refine")).props("dense")
             self._fault = ui.label().classes("fault").props('role="status"')
         self.update()
 
@@ -114,7 +114,8 @@ class ChoicesCard:
         self._fault.set_text(fault_of(choices))
 
     def _select(self, name: str) -> ui.select:
-        select = ui.select(list(OPTIONS[name]), label=LABELS[name], on_change=self._on_change(name))
+        values = [*OPTIONS[name], *(self._visitor.boards if name == "backend" else ())]
+        select = ui.select(values, label=LABELS[name], on_change=self._on_change(name))
         return select.props("outlined dense options-dense").classes("choice")
 
     def _build_slider(self) -> None:

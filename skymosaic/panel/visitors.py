@@ -17,7 +17,7 @@ from nicegui import Event, background_tasks
 from skymosaic.panel import work
 from skymosaic.panel.choices import Choices
 from skymosaic.panel.jobs import Job, JobCancelledError, JobFailedError, Work
-from skymosaic.panel.outcomes import MosaicOutcome, Upload
+from skymosaic.panel.outcomes import HardwareOutcome, MosaicOutcome, Upload
 from skymosaic.panel.uploads import PHOTOGRAPH, UploadRefusedError, receive
 
 MOST_KEPT = 16
@@ -40,13 +40,16 @@ class Visitor:
 
     Attributes
     ----------
+    boards : tuple of str
+        Backends that are boards.
     changed : Event
         Emitted whenever something that pages show has changed.
     fault : str
         Why the last work ended without a result; empty where it did not.
     """
 
-    def __init__(self, make_folder: Callable[[Visitor], Path], turns: Turns) -> None:
+    def __init__(self, make_folder: Callable[[Visitor], Path], turns: Turns, boards: tuple[str, ...]) -> None:
+        self.boards = boards
         self._make_folder = make_folder
         self._turns = turns
         self._root: Path | None = None
@@ -54,6 +57,7 @@ class Visitor:
         self.photographs: list[Upload] = []
         self.choices = Choices.of_preset("aerial")
         self.outcome: MosaicOutcome | None = None
+        self.hardware: HardwareOutcome | None = None
         self.job: Job | None = None
         self.fault = ""
         self.changed: Event[[]] = Event()
@@ -127,9 +131,20 @@ class Visitor:
             os.link(self._folder("uploads") / name, run / name)
 
         def take(outcome: MosaicOutcome) -> None:
-            self.outcome = outcome
+            self.outcome, self.hardware = outcome, None
 
         self._start("Making the mosaic", run, take, work.make_mosaic, names, self.choices, self._folder("views"))
+
+    def compare_hardware(self, backend: str) -> None:
+        """Run the pair of the last mosaic through hardware."""
+        assert self.outcome is not None
+        names, choices = self.outcome.pairs[0].names, self.outcome.choices
+
+        def take(outcome: HardwareOutcome) -> None:
+            self.hardware = outcome
+
+        folder = self.outcome.folder
+        self._start("Comparing with the golden model", folder, take, work.compare_hardware, names, choices, backend)
 
     def cancel(self) -> None:
         """End the running job; what it would have brought is lost, what was there before stays."""
@@ -182,9 +197,15 @@ class Visitors:
     """All visitors, by the number in their signed cookie.
 
     One who only looks is forgotten with the page; one with files is kept until others need the room.
+
+    Parameters
+    ----------
+    boards : tuple of str
+        Backends that are boards, ``board:HOST``, which everyone may choose.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, boards: tuple[str, ...] = ()) -> None:
+        self._boards = boards
         self._folder = tempfile.TemporaryDirectory(prefix="skymosaic-panel-")
         self._present: WeakValueDictionary[str, Visitor] = WeakValueDictionary()
         self._kept: list[Visitor] = []
@@ -194,7 +215,7 @@ class Visitors:
         """The visitor with that number, new or known."""
         visitor = self._present.get(number)
         if visitor is None:
-            visitor = self._present[number] = Visitor(self._keep, self._turns)
+            visitor = self._present[number] = Visitor(self._keep, self._turns, self._boards)
         return visitor
 
     def close(self) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import shlex
 from collections.abc import Iterable
 from pathlib import Path
@@ -16,13 +17,14 @@ from golden_model.formats import decode_response
 from sim.backend import Progress
 from sim.scene import pair as rendered_pair
 from skymosaic import report
+from skymosaic.comparison import compare
 from skymosaic.errors import RegistrationError
 from skymosaic.homography import apply
 from skymosaic.images import load, reduced, save, save_bytes
 from skymosaic.mosaicing import Mosaic, mosaic_of_pair
 from skymosaic.panel.choices import Choices
 from skymosaic.panel.explain import verdicts
-from skymosaic.panel.outcomes import MosaicOutcome, PairView, ShownMosaic, Upload
+from skymosaic.panel.outcomes import HardwareOutcome, MosaicOutcome, PairView, ShownMosaic, Upload
 from skymosaic.registration import POSITIONS_PER_PX, WORKING_WIDTH_PX, register
 
 SHOWN_SIDE_PX = 3000
@@ -59,6 +61,7 @@ def make_mosaic(names: list[str], choices: Choices, views: Path, *, progress: Pr
         estimator=choices.estimator,
         backend=choices.backend,
         refine=choices.refine,
+        progress=progress,
     )
     mosaic, reason = None, ""
     try:
@@ -78,6 +81,7 @@ def make_mosaic(names: list[str], choices: Choices, views: Path, *, progress: Pr
         save_bytes(Path(name), text.encode())
     return MosaicOutcome(
         folder=Path.cwd(),
+        choices=choices,
         workings=tuple(views / f"{name}.png" for name in names),
         pairs=(view,),
         mosaic=_shown(mosaic, names, views) if mosaic else None,
@@ -86,6 +90,23 @@ def make_mosaic(names: list[str], choices: Choices, views: Path, *, progress: Pr
         command=command(names, choices),
         seconds=pair.seconds,
     )
+
+
+def compare_hardware(names: tuple[str, str], choices: Choices, backend: str, *, progress: Progress) -> HardwareOutcome:
+    """Run a pair through the golden model and through hardware."""
+    _, config = choices.settled()
+    progress("computing by the golden model")
+    software = register(*names, config=config)
+    progress(f"computing by {backend}")
+    comparison = compare(
+        *names, config=software.config, backend=backend, working_width_px=WORKING_WIDTH_PX, progress=progress
+    )
+    save_bytes(Path("hardware.json"), (json.dumps(comparison.summary(), indent=2) + "\n").encode())
+    sizes = [(image.shape[1], image.shape[0]) for image in software.working]
+    size = max(sizes, key=lambda size: size[0] * size[1])
+    words = ["skymosaic", "compare", *names, "--config", "config.toml", "--backend", backend]
+    seconds = software.seconds["features and matches"]
+    return HardwareOutcome(names, size, backend, comparison, seconds, shlex.join(words))
 
 
 def command(names: list[str], choices: Choices) -> str:

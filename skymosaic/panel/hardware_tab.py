@@ -1,0 +1,74 @@
+"""The same pair through the golden model and through hardware, side by side."""
+
+from __future__ import annotations
+
+from html import escape
+
+from nicegui import ui
+
+from skymosaic.panel.choices import HARDWARE
+from skymosaic.panel.outcomes import HardwareOutcome, MosaicOutcome
+from skymosaic.panel.visitors import Visitor
+
+CLOCK_HZ = 150e6
+"""The design's target on a Zynq-7020; 1080p60 video needs 148.5 MHz."""
+
+
+class HardwareTab:
+    """The button that compares, and what the comparison found."""
+
+    def __init__(self, visitor: Visitor, outcome: MosaicOutcome) -> None:
+        self._visitor = visitor
+        self._shown: HardwareOutcome | None = None
+        if not outcome.on_accelerator:
+            ui.label(
+                "This method runs on the host. The accelerator computes Harris or FAST corners with ILBP descriptors: "
+                "choose these and make the mosaic again."
+            ).classes("hint empty")
+            return
+        with ui.element("div").classes("bar"):
+            names = [*HARDWARE, *visitor.boards]
+            self._backend = ui.select(names, label="Hardware", value=names[0])
+            self._backend.props("outlined dense options-dense").classes("backend")
+            ui.button("Compare with the golden model", icon="memory", on_click=self._compare).props("outline no-caps")
+            ui.label("The first run builds a simulation, which takes minutes; later ones take seconds.").classes("hint")
+        self._place = ui.element("div")
+        self.update()
+
+    def update(self) -> None:
+        """Show the comparison there is now."""
+        found = self._visitor.hardware
+        if found is not None and found is not self._shown:
+            self._shown = found
+            self._place.clear()
+            with self._place:
+                ui.html(_markup(found), sanitize=False).classes("hardware")
+
+    def _compare(self) -> None:
+        self._visitor.compare_hardware(str(self._backend.value))
+
+
+def _markup(outcome: HardwareOutcome) -> str:
+    found = outcome.comparison
+    if found.mismatch is None:
+        verdict = f'<p class="badge equal">Equal, bit for bit</p><p>Compared: {escape(str(found.coverage))}.</p>'
+    else:
+        verdict = f'<p class="badge different">Not equal</p><p class="fault">{escape(str(found.mismatch))}</p>'
+    notes = "".join(f'<p class="hint">This proves little: {escape(note)}.</p>' for note in found.notes)
+    width, height = outcome.size
+    pixels, latency = width * height, max(found.cycles_per_frame)
+    rows = (
+        ("both frames", f"{outcome.software_seconds:.3f} s", f"{1000 * len(outcome.names) * pixels / CLOCK_HZ:.2f} ms"),
+        ("frames a second", f"{2 / outcome.software_seconds:.0f}", f"{CLOCK_HZ / pixels:.0f}, one pixel a clock"),
+        ("first pixel to last feature", "", f"{latency:,} clocks, {1000 * latency / CLOCK_HZ:.2f} ms"),
+        ("after the last pixel", "", f"{latency - pixels:,} clocks, {1e6 * (latency - pixels) / CLOCK_HZ:.1f} us"),
+        ("simulated", "", f"{found.cycles_per_second / 1e6:.2f} M clocks/s, both frames in {found.seconds:.2f} s"),
+    )
+    body = "".join(
+        f"<tr><th>{name}</th><td>{software}</td><td>{hardware}</td></tr>" for name, software, hardware in rows
+    )
+    return (
+        f"{verdict}{notes}<table class='bars sides'><thead><tr><th></th><th>golden model, this machine</th>"
+        f"<th>hardware at 150 MHz ({escape(outcome.backend)})</th></tr></thead><tbody>{body}</tbody></table>"
+        f"<pre>{escape(outcome.command)}</pre>"
+    )
