@@ -10,11 +10,12 @@ from amaranth.lib.wiring import In, Out
 from golden_model.formats import POSITION
 from golden_model.ilbp import SECTORS, DescriptorPattern
 from golden_model.records import FRAME_STATUS, WORD_BYTES, Tag, feature_record
+from hdl.delay import delayed
 from hdl.streams import WordPayload, record_layout
 
 ROLES = ("reference", "current", "filling")
 READ_CYCLES = 3
-"""From an address to the registered feature."""
+"""From an address to its feature: a register before the memory, the memory, a register after it."""
 
 
 class BankedFeature(data.StructLayout):
@@ -111,7 +112,7 @@ class FeatureBanks(wiring.Component):
             self.i.ready.eq(self.o_status.ready | ~self.o_status.valid),
         ]
         reference, current, filling = self._roles(m)
-        outputs = []
+        features = []
         for n in range(len(ROLES)):
             bank = Memory(shape=self._feature, depth=self.max_features, init=[])
             m.submodules[f"bank{n}"] = bank
@@ -121,9 +122,8 @@ class FeatureBanks(wiring.Component):
                 if field.width:
                     m.d.comb += write.data[name].eq(feature[name])
             m.d.sync += read.addr.eq(Mux(reference == n, self.i_left_address, self.i_right_address))
-            outputs.append(read.data)
-        banks = Array(outputs)
-        m.d.sync += [self.o_left.eq(banks[reference]), self.o_right.eq(banks[current])]
+            features.append(delayed(m, read.data, 1))
+        m.d.comb += [self.o_left.eq(Array(features)[reference]), self.o_right.eq(Array(features)[current])]
         return m
 
     def _collect(self, m: Module) -> tuple[Signal, Signal, Signal]:
