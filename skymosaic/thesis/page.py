@@ -105,7 +105,7 @@ SECTIONS = (
     Section(
         "Table IV-4: fuzzy RANSAC",
         f"{KEY_POINTS} SIFT key points an image, a descriptor, and the ratio test at 0.8 with one match for each "
-        "feature of image 2 (II-7). Then the bidirectional check, and RANSAC with τ = 4 px, each made on every match by "
+        "feature of image 2 (II-7). Then the bidirectional check, and RANSAC with τ = 4 px, each on every match by "
         "itself. The last column is what the six rules of Table III-3 accept.",
         (tables.fuzzy_ransac,),
         "Counts are means over all pairs. The thesis's own combination, SIFT key points with upright, unsmoothed ILBP, "
