@@ -128,7 +128,8 @@ def _extract(
         _records(gray, found, level, config, partial(keep, level))
         for level, (gray, found) in enumerate(zip(pyramid, corners, strict=True))
     ]
-    features = np.concatenate(parts)
+    # Concatenation packs the fields; the record's padding belongs to it.
+    features = np.concatenate(parts).astype(_feature_dtype(config), copy=False)
     if config.cell_px:
         cell_row = np.concatenate([found.y // config.cell_px for found in corners])
         features = features[selection.emission_order(features["level"], cell_row)]
