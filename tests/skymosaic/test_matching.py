@@ -4,7 +4,7 @@ import pytest
 
 from golden_model import correlation, fuzzy, hamming
 from golden_model.records import feature_record
-from skymosaic.matching import GOOD_MATCH_ABOVE, RATIO, correlation_matches, ratio_matches, tracked
+from skymosaic.matching import GOOD_MATCH_ABOVE, correlation_matches, ratio_matches, tracked
 
 NORMS = (cv2.NORM_L2, cv2.NORM_HAMMING)
 
@@ -37,7 +37,7 @@ def test_kept_matches_are_those_of_opencvs_matcher(norm: int, seed: int) -> None
     expected = [
         (best.queryIdx, best.trainIdx)
         for best, other in matcher.knnMatch(first, second, k=2)
-        if best.distance < RATIO * other.distance and back[best.trainIdx] == best.queryIdx
+        if best.distance < 0.8 * other.distance and back[best.trainIdx] == best.queryIdx
     ]
     matches = ratio_matches(left, right, norm)
     kept = matches[matches["verdict"] == 1]
