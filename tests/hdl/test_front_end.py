@@ -20,7 +20,9 @@ from sim.designs import FEATURES, frame_settings, front_end
 from sim.recording import NO_PAUSES, Pauses, Segment, flat_frame
 from sim.scene import pair
 
-AERIAL, THESIS = (PRESETS[name].front_end for name in ("aerial", "thesis"))
+AERIAL = PRESETS["aerial"].front_end
+# Without selection a frame may have more corners than fit; this many do.
+THESIS = dataclasses.replace(PRESETS["thesis"].front_end, threshold=200_000)
 SIZE_PX = (1920, 1080)
 PAUSES = Pauses(gaps=90, stalls=210, seed=8)
 
@@ -62,7 +64,8 @@ class FrontEndBench:
 
 def assert_golden(packet, golden):
     features, status = packet
-    np.testing.assert_array_equal(features, golden.features)
+    if golden.status["good"]:
+        np.testing.assert_array_equal(features, golden.features)
     for name in set(FRAME_STATUS.dtype.names) - {"cycles"}:
         assert status[name] == golden.status[name], name
 
@@ -124,12 +127,13 @@ def test_any_size_back_to_back_with_extremes(aerial, scene, size_px, pauses):
 
 
 def test_thesis_preset(scene):
-    with compiled(verilator, THESIS) as opened:
-        bench = FrontEndBench(opened, THESIS)
+    config = dataclasses.replace(THESIS, threshold=200_000)
+    with compiled(verilator, config) as opened:
+        bench = FrontEndBench(opened, config)
         for pauses in (NO_PAUSES, PAUSES):
-            _, features = bench.check([gray(scene(0, (640, 480))), *extremes((65, 67))][:1], pauses=pauses)
-            assert 200 < features.size < 2 * THESIS.max_features
-        bench.check(extremes((65, 67)), pauses=PAUSES)
+            _, features = bench.check([gray(scene(number, (640, 480))) for number in range(2)], pauses=pauses)
+            assert features.size > 200
+            bench.check(extremes((65, 67)), pauses=pauses)
 
 
 SMALL_PX = (160, 120)
