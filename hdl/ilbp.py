@@ -112,11 +112,11 @@ class RingDescriptor(wiring.Component):
                     m.d.sync += centre.eq(pixels[0])
                 rings.append([centre] * self.pattern.angles)
                 continue
-            ring = [Signal(8, name=f"ring{radius_px}_{n}", reset_less=True) for n in range(self.pattern.angles)]
+            ring = Signal(ArrayLayout(8, self.pattern.angles), name=f"ring{radius_px}", reset_less=True)
+            loaded = [pixels[n - self.group_angles] for n in range(self.pattern.angles)]
+            turned = ring.as_value().rotate_left(8 * self.group_angles)
             with m.If(turn):
-                for n, pixel in enumerate(ring):
-                    before = n - self.group_angles
-                    m.d.sync += pixel.eq(Mux(self.i_candidate, pixels[before], ring[before]))
+                m.d.sync += ring.eq(Mux(self.i_candidate, Cat(loaded), turned))
             rings.append(ring)
         return rings
 
