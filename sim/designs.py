@@ -19,7 +19,7 @@ from hdl.register_map import REGISTERS
 from sim import front_end_top
 from sim.build_cache import digest_files
 from sim.design import Design, Ports
-from sim.front_end_top import SETTINGS, FrontEndTop
+from sim.front_end_top import SETTINGS, FrontEndTop, Tap
 
 FEATURES, MATCHES, CONTROL = "m_axis_features", "m_axis_matches", "s_axi_ctrl"
 LANES = 16
@@ -42,18 +42,14 @@ def accelerator(config: Config, max_size_px: tuple[int, int]) -> Design:
     )
 
 
-def front_end(config: FrontEndConfig, max_size_px: tuple[int, int], *, taps: bool = False) -> Design:
-    """The front end alone for frames up to a width and height; with ``taps``, a build that shows its stages."""
+def front_end(config: FrontEndConfig, max_size_px: tuple[int, int], *, taps: tuple[Tap, ...] = ()) -> Design:
+    """The front end alone for frames up to a width and height, with ``taps`` of stages to look at."""
     config = _as_built(config)
     size = {"max_width_px": max_size_px[0], "max_height_px": max_size_px[1]}
-
-    def top() -> FrontEndTop:
-        return FrontEndTop(FrontEnd(config=config, **size), taps=taps)
-
     return Design(
         "the front end",
-        Ports(outputs=(FEATURES,), settings=SETTINGS, taps=tuple(top().stages) if taps else ()),
-        top,
+        Ports(outputs=(FEATURES,), settings=SETTINGS, taps=tuple(tap.port for tap in taps)),
+        lambda: FrontEndTop(FrontEnd(config=config, **size), taps=taps),
         f"{config} {size} {taps} {_sources()}",
     )
 

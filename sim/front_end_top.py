@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from amaranth.hdl import ClockDomain, ClockSignal, Module, ResetSignal
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from amaranth.hdl import Cat, ClockDomain, ClockSignal, Module, ResetSignal, Signal, signed
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
@@ -13,35 +17,42 @@ SETTINGS = {name: field.width for name, field in FrontEndSettings.as_shape()}
 """The run-time settings and their widths, as the names of input ports."""
 
 
+class Tap(NamedTuple):
+    """A stage to look at: its level, and its name in `golden_model.front_end.trace`."""
+
+    level: int
+    stage: str
+
+    @property
+    def port(self) -> str:
+        """Prefix of the ports that show it."""
+        return f"tap_level{self.level}_{self.stage}"
+
+
+TAP_WORD = np.dtype([("value", "<i4"), ("x", "<i2"), ("y", "<i2")])
+"""What a tap says: a stage's value and the pixel that it describes, in the level's own pixels."""
+
+
 class FrontEndTop(wiring.Component):
     """`hdl.front_end.FrontEnd` with AXI4-Stream ports, one input for each setting, and taps of its stages.
 
     Parameters
     ----------
     front_end : FrontEnd
-    taps : bool
-        Whether every beat of every stage leaves, as ``tap_level<n>_<stage>``.
+    taps : sequence of Tap
+        The stages whose beats leave, each as ``tap_level<n>_<stage>``.
 
     Members
     -------
     s_axis_video_*, m_axis_features_* : AXI4-Stream
     tap_level<n>_<stage>_tdata : Out(64)
-        The stage's value, sign-extended.
+        `TAP_WORD`.
     tap_level<n>_<stage>_tvalid : Out(1)
-
-    Attributes
-    ----------
-    stages : dict of str to Stage
-        By tap.
     """
 
-    def __init__(self, front_end: FrontEnd, *, taps: bool = False):
-        self.front_end = front_end
-        self.stages = {
-            f"tap_level{number}_{name}": stage
-            for number, level in enumerate(front_end.levels if taps else ())
-            for name, stage in level.stages.items()
-        }
+    def __init__(self, front_end: FrontEnd, *, taps: Sequence[Tap] = ()):
+        self._front_end = front_end
+        self._stages = {tap.port: front_end.levels[tap.level].stages[tap.stage] for tap in taps}
         super().__init__(
             {
                 "aclk": In(1),
@@ -53,8 +64,8 @@ class FrontEndTop(wiring.Component):
                 "m_axis_features_tlast": Out(1),
                 "m_axis_features_tvalid": Out(1),
                 "m_axis_features_tready": In(1),
-                **{f"{tap}_tdata": Out(64) for tap in self.stages},
-                **{f"{tap}_tvalid": Out(1) for tap in self.stages},
+                **{f"{tap}_tdata": Out(64) for tap in self._stages},
+                **{f"{tap}_tvalid": Out(1) for tap in self._stages},
             }
         )
 
@@ -62,7 +73,7 @@ class FrontEndTop(wiring.Component):
         """Names only."""
         m = Module()
         m.domains.sync = ClockDomain()
-        m.submodules.front_end = inner = self.front_end
+        m.submodules.front_end = inner = self._front_end
         pixels, words = inner.i_pixels, inner.o_features
         m.d.comb += [
             ClockSignal().eq(self.aclk),
@@ -78,10 +89,14 @@ class FrontEndTop(wiring.Component):
             self.m_axis_features_tlast.eq(words.payload.last),
             words.ready.eq(self.m_axis_features_tready),
         ]
-        for tap, stage in self.stages.items():
+        for tap, stage in self._stages.items():
+            value, x, y = Signal(signed(32)), Signal(signed(16)), Signal(signed(16))
             m.d.comb += [
+                value.eq(stage.beat[stage.field]),
+                x.eq(stage.beat.x - stage.lag_px),
+                y.eq(stage.beat.y - stage.lag_px),
                 getattr(self, f"{tap}_tvalid").eq(stage.beat.valid),
-                getattr(self, f"{tap}_tdata").eq(stage.beat[stage.field]),
+                getattr(self, f"{tap}_tdata").eq(Cat(value, x, y)),
             ]
         return m
 

@@ -91,7 +91,7 @@ def _first_field(
     return None
 
 
-def plane_mismatch(stage: str, expected: Plane, actual: NDArray[np.integer], *, frame: int = 0) -> Mismatch | None:
+def plane_mismatch(stage: str, expected: Plane, actual: np.ma.MaskedArray, *, frame: int = 0) -> Mismatch | None:
     """The first pixel in raster order at which a stage's plane differs inside its specified part.
 
     Parameters
@@ -100,11 +100,11 @@ def plane_mismatch(stage: str, expected: Plane, actual: NDArray[np.integer], *, 
         Name for the message.
     expected : Plane
         The golden plane with its margin.
-    actual : integer ndarray
-        The hardware's plane, of the same shape.
+    actual : integer masked array
+        The hardware's plane, of the same shape; pixels that it does not describe are masked.
     """
     margin_px = expected.margin_px
-    wrong = expected.specified != Plane(actual, margin_px).specified
+    wrong = np.ma.filled(expected.specified != Plane(actual, margin_px).specified, fill_value=False)
     if not wrong.any():
         return None
     y, x = (int(axis[0]) + margin_px for axis in np.nonzero(wrong))
@@ -112,7 +112,7 @@ def plane_mismatch(stage: str, expected: Plane, actual: NDArray[np.integer], *, 
 
 
 def first_stage_mismatch(
-    golden: FrontEndTrace, planes: Sequence[dict[str, NDArray[np.integer]]], *, frame: int = 0
+    golden: FrontEndTrace, planes: Sequence[dict[str, np.ma.MaskedArray]], *, frame: int = 0
 ) -> Mismatch | None:
     """The first stage, in the order of the data flow, whose hardware plane differs from the golden one.
 
@@ -120,14 +120,14 @@ def first_stage_mismatch(
     ----------
     golden : FrontEndTrace
         From `golden_model.front_end.trace`.
-    planes : sequence of dict of str to ndarray
+    planes : sequence of dict of str to masked array
         By level, the hardware's planes under the golden names; stages that are missing are not compared.
     """
     return next(_stage_mismatches(golden, planes, frame), None)
 
 
 def _stage_mismatches(
-    golden: FrontEndTrace, planes: Sequence[dict[str, NDArray[np.integer]]], frame: int
+    golden: FrontEndTrace, planes: Sequence[dict[str, np.ma.MaskedArray]], frame: int
 ) -> Iterator[Mismatch]:
     for level, (expected, actual) in enumerate(zip(golden.levels, planes, strict=True)):
         for stage in (name for name in expected if name in actual):

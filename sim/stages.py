@@ -1,0 +1,64 @@
+"""Where hardware and golden model part: the planes of every stage, from a build of the front end that shows them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.config import FrontEndConfig
+from golden_model.front_end import trace
+from sim.backend import Progress, silent
+from sim.designs import frame_settings, front_end
+from sim.front_end_top import TAP_WORD, Tap
+from sim.hardware import built_size_px
+from sim.recording import Recording, Segment, flat_frame
+from sim.scoreboard import Mismatch, first_stage_mismatch
+
+
+def locate_mismatch(
+    image: NDArray[np.uint8],
+    config: FrontEndConfig,
+    simulate: Callable[..., list[Recording]],
+    *,
+    progress: Progress = silent,
+) -> Mismatch | None:
+    """The first stage of the front end, level by level, whose plane differs from `golden_model.front_end.trace`.
+
+    Parameters
+    ----------
+    image : uint8 ndarray, shape (H, W) or (H, W, 3) BGR
+    config : FrontEndConfig
+    simulate : callable
+        `sim.verilator.simulate` or that of another simulator.
+    progress : callable
+        Told of the first build.
+
+    Returns
+    -------
+    Mismatch or None
+        None where all planes agree: then the difference arises behind the candidates.
+    """
+    height_px, width_px = image.shape[:2]
+    data, flags = flat_frame(image)
+    values = frame_settings(config, width_px, height_px, gray_input=image.ndim == 2)
+    segment = Segment(data, flags, packets=1, cycle_limit=4 * data.size, settings=values)
+    golden = trace(image, config)
+    taps = tuple(Tap(number, name) for number, level in enumerate(golden.levels) for name in level)
+    design = front_end(config, built_size_px([image]), taps=taps)
+    (recording,) = simulate(design, [segment], progress=progress)
+    planes: list[dict[str, np.ma.MaskedArray]] = [{} for _ in golden.levels]
+    for tap in taps:
+        words = recording.taps[tap.port].view(TAP_WORD)
+        planes[tap.level][tap.stage] = _plane(words, (height_px >> tap.level, width_px >> tap.level))
+    return first_stage_mismatch(golden, planes)
+
+
+def _plane(words: NDArray[np.void], shape: tuple[int, int]) -> np.ma.MaskedArray:
+    """The values at the pixels that they describe; the others are masked: hardware has not come that far."""
+    plane = np.ma.masked_all(shape, np.int64)
+    x, y = words["x"], words["y"]
+    inside = (x >= 0) & (y >= 0) & (x < shape[1]) & (y < shape[0])
+    plane[y[inside], x[inside]] = words["value"][inside]
+    return plane
