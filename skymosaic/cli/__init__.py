@@ -8,7 +8,7 @@ import cv2
 import typer
 
 from sim.backend import BackendError
-from skymosaic.cli import compare, export, flight, fuzzy, pair, panel, thesis
+from skymosaic.cli import compare, export, flight, fuzzy, live, pair, panel, thesis, track
 from skymosaic.cli.options import console
 from skymosaic.errors import InputError, RegistrationError
 
@@ -22,6 +22,8 @@ for command in (
     pair.demo,
     flight.mosaic,
     flight.check,
+    live.live,
+    track.track,
     pair.register,
     panel.panel,
     fuzzy.fuzzy,

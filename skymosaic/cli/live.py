@@ -1,0 +1,91 @@
+"""The command for a mosaic that grows while the camera is still in the air."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from skymosaic import images
+from skymosaic.cli.options import (
+    BackendOption,
+    ConfigOption,
+    PresetOption,
+    SeedOption,
+    WorkingWidthOption,
+    configuration,
+    console,
+)
+from skymosaic.errors import RegistrationError
+from skymosaic.images import Photograph
+from skymosaic.live import LiveMosaic, LiveUpdate
+from skymosaic.live_source import live_frames
+from skymosaic.registration import WORKING_WIDTH_PX
+
+PREVIEW_WIDTH_PX = 1280
+PREVIEW_SECONDS = 1.0
+
+
+def live(
+    *,
+    source: Annotated[str, typer.Argument(help="A folder that fills, a video or its address, a camera's number.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The mosaic, written at the end: .png, .tif ...")],
+    idle_seconds: Annotated[
+        float | None,
+        typer.Option("--idle-seconds", min=0, help="Stop when a folder got nothing new for so long."),
+    ] = None,
+    scale: Annotated[float, typer.Option(help="Size of the mosaic against the frames.")] = 1.0,
+    preset: PresetOption = "aerial",
+    backend: BackendOption = "golden",
+    config: ConfigOption = None,
+    working_width_px: WorkingWidthOption = WORKING_WIDTH_PX,
+    seed: SeedOption = 0,
+) -> None:
+    """Grow a mosaic frame by frame, with a preview beside it; Ctrl-C stops and writes it."""
+    images.check_output(output, (source,))
+    mosaic = LiveMosaic(
+        configuration(preset, config), backend, seed=seed, working_width_px=working_width_px, scale=scale
+    )
+    frames = live_frames(source, idle_seconds=idle_seconds, tell=_tell)
+    try:
+        grow(mosaic, frames, output.with_suffix(".preview.jpg"))
+    except KeyboardInterrupt:
+        _tell("stopped")
+    if not mosaic.transforms:
+        raise RegistrationError(f"{source}: no frame could be used")
+    with console.status("writing"):
+        images.save(output, mosaic.image)
+    height_px, width_px = mosaic.image.shape[:2]
+    _tell(f"mosaic {output} ({width_px}x{height_px}): {len(mosaic.transforms)} frames, {len(mosaic.left_out)} left out")
+    for number, reason in mosaic.left_out.items():
+        _tell(f"left out: frame {number}: {reason}")
+
+
+def grow(mosaic: LiveMosaic, frames: Iterable[Photograph], preview: Path) -> None:
+    """Add frames as they come, tell of each, and keep the preview up to date."""
+    shown = 0.0
+    for frame in frames:
+        update = mosaic.add(frame.pixels)
+        _tell(f"{update.number} {frame.name}: {_what_became(update)}")
+        if not update.reason and time.monotonic() - shown >= PREVIEW_SECONDS:
+            images.save(preview, images.reduced(mosaic.image, PREVIEW_WIDTH_PX)[0])
+            shown = time.monotonic()
+    if mosaic.transforms:
+        images.save(preview, images.reduced(mosaic.image, PREVIEW_WIDTH_PX)[0])
+
+
+def _what_became(update: LiveUpdate) -> str:
+    if update.reason:
+        return f"left out: {update.reason}"
+    parts = f"; {update.islands} separate parts" if update.islands > 1 else ""
+    if update.placement is None:
+        return f"begins a part{parts}"
+    neighbours = ", ".join(map(str, update.placement.neighbours))
+    return f"{update.placement.ties} ties to {neighbours}, median {update.placement.error_px:.2f} px{parts}"
+
+
+def _tell(line: str) -> None:
+    console.print(line, markup=False, highlight=False, soft_wrap=True)

@@ -1,0 +1,79 @@
+"""The command that follows an object through a video."""
+
+from __future__ import annotations
+
+import time
+from itertools import groupby
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from skymosaic import images
+from skymosaic.cli.options import BackendOption, ConfigOption, PresetOption, SeedOption, configuration, console
+from skymosaic.errors import InputError, RegistrationError
+from skymosaic.template import Roi
+from skymosaic.track import track as track_frames
+from skymosaic.track_output import TABLE_SUFFIXES, TrackedCorners, outlined, row, save_corners
+from skymosaic.video import OUTPUT_SUFFIXES, VideoReader, writing
+
+
+def track(
+    *,
+    inputs: Annotated[
+        list[Path], typer.Argument(help="A picture of the object, and the video.", metavar="[TEMPLATE] VIDEO")
+    ],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The video with the outline: .mp4, .mov or .mkv.")],
+    roi: Annotated[
+        str | None, typer.Option(metavar="X,Y,W,H", help="The object's rectangle in the first frame; no TEMPLATE then.")
+    ] = None,
+    corners: Annotated[Path | None, typer.Option(help="The corners in every frame: .csv or .json.")] = None,
+    preset: PresetOption = "aerial",
+    backend: BackendOption = "golden",
+    config: ConfigOption = None,
+    seed: SeedOption = 0,
+) -> None:
+    """Follow an object: its outline in every frame of a video, and its corners as numbers."""
+    template, video = _template_and_video(inputs, roi)
+    names = tuple(map(str, inputs))
+    images.check_output(output, names, OUTPUT_SUFFIXES)
+    if corners:
+        images.check_output(corners, names, TABLE_SUFFIXES)
+    reader = VideoReader(video)
+    rows: list[TrackedCorners] = []
+    start = time.perf_counter()
+    with console.status("tracking") as status, writing(output, reader.frame_rate) as write:
+        for frame in track_frames(template, reader, config=configuration(preset, config), backend=backend, seed=seed):
+            write(outlined(frame))
+            rows.append(row(frame, reader.frame_rate))
+            status.update(f"tracking: frame {frame.number}")
+        if not any(each.corners for each in rows):
+            raise RegistrationError(f"{video}: the template was found in none of {len(rows)} frames")
+    if corners:
+        save_corners(corners, rows)
+    _print_summary(rows, (time.perf_counter() - start) / len(rows))
+    for note in reader.notes:
+        console.print(f"note {video}: {note}", highlight=False, soft_wrap=True)
+    console.print(f"video {output}" + (f", corners {corners}" if corners else ""), highlight=False, soft_wrap=True)
+
+
+def _template_and_video(inputs: list[Path], roi: str | None) -> tuple[Path | Roi, Path]:
+    if roi is None:
+        if len(inputs) != 2:
+            raise InputError("track takes TEMPLATE and VIDEO, or VIDEO and --roi")
+        return inputs[0], inputs[1]
+    if len(inputs) != 1:
+        raise InputError("with --roi, track takes the VIDEO alone")
+    try:
+        x, y, width, height = map(int, roi.split(","))
+    except ValueError:
+        raise InputError(f"--roi is {roi!r}; give four whole numbers, x,y,width,height") from None
+    return Roi(x, y, width, height), inputs[0]
+
+
+def _print_summary(rows: list[TrackedCorners], seconds: float) -> None:
+    found = [each for each in rows if each.corners]
+    console.print(f"found in {len(found)} of {len(rows)} frames, {1000 * seconds:.0f} ms a frame", highlight=False)
+    lost = [list(group) for missing, group in groupby(rows, key=lambda each: each.corners is None) if missing]
+    for group in lost:
+        console.print(f"lost in frames {group[0].frame} to {group[-1].frame}", highlight=False)
