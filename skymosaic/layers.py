@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from skymosaic.homography import apply
 from skymosaic.warp import Canvas, backward, footprint, magnification, source_window, warp_tile
 
 Array = NDArray[np.float64]
@@ -37,14 +38,24 @@ class SeamMask:
     canvas: Canvas
     scale: float
 
-    def share(self, part: Canvas) -> Float32:
-        """The mask enlarged to ``part`` of the reference frame, between 0 and 1; seams become smooth lines."""
-        # From reference pixels to the mask's, pixel centres at integers.
-        matrix = self.canvas.translation @ magnification(self.scale) @ np.linalg.inv(part.translation)
+    def covers_some_of(self, part: Canvas) -> bool:
+        """Whether anything shows in ``part`` of the reference frame, or close by."""
+        first, last = apply(self._to_mask, part.corners[[0, 2]])
+        x, y = np.maximum(np.floor(first) - 1, 0).astype(int)
+        last_x, last_y = np.maximum(np.ceil(last) + 2, 0).astype(int)
+        return bool(self.mask[y:last_y, x:last_x].any())
+
+    def share(self, part: Canvas) -> Pixels:
+        """The mask enlarged to ``part`` of the reference frame, 0..255; seams become smooth lines."""
+        matrix = self._to_mask @ np.linalg.inv(part.translation)
         size = (part.width_px, part.height_px)
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         enlarged = cv2.warpAffine(self.mask, matrix[:2], size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
-        return np.asarray(enlarged, dtype=np.float32) / np.float32(255)
+        return np.asarray(enlarged, dtype=np.uint8)
+
+    @property
+    def _to_mask(self) -> Array:
+        return self.canvas.translation @ magnification(self.scale)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +93,11 @@ class Layer:
         """The part of the canvas that the image may touch."""
         return footprint(self.size, self.transform).intersection(canvas)
 
+    def shown_part_of(self, canvas: Canvas) -> Canvas | None:
+        """The same, or None where seams let it show nowhere there."""
+        part = self.part_of(canvas)
+        return part if part is None or self.seam is None or self.seam.covers_some_of(part) else None
+
     def pixels(self, part: Canvas) -> Pixels:
         """The warped intensities times the gain; beyond the border, the border's."""
         warped = backward(self.image, self.transform, part, border=cv2.BORDER_REPLICATE)
@@ -99,12 +115,16 @@ class Layer:
         return np.where(inside, np.maximum(plus_one - 1, SMALLEST_WEIGHT), 0).astype(np.float32)
 
     def claim(self, part: Canvas) -> Float32:
-        """Who claims a pixel most shows it: the distance from the border, and above all the seams; 0 outside."""
-        distance = self.border_distance(part) * np.float32(self.favour)
+        """Who claims a pixel most shows it: by the seams, or else by the distance from the border; 0 outside."""
         if self.seam is None:
-            return distance
-        # Distances stay below the size of the image: they decide only where no seam does.
-        return np.where(distance > 0, self.seam.share(part) + distance / np.float32(4 * sum(self.size)), 0)
+            return self.border_distance(part) * np.float32(self.favour)
+        # Where every seam says no, between two masks or beyond the last, any image that covers the pixel will do.
+        share = np.maximum(self.seam.share(part), 1)
+        return np.where(self._covers(part), share, 0).astype(np.float32)
+
+    def _covers(self, part: Canvas) -> NDArray[np.bool_]:
+        whole = np.full(self.image.shape[:2], 255, np.uint8) if self.visible is None else self.visible
+        return np.asarray(backward(whole, self.transform, part) == 255)
 
     def _plus_one(self, source: Canvas) -> Float32:
         """One more than the distance, in a window of the image: what falls below 1 is mixed with the outside."""

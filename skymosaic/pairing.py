@@ -15,7 +15,7 @@ from golden_model.ilbp import SECTORS
 from golden_model.matcher import match
 from skymosaic.cache import Arrays
 from skymosaic.homography import apply
-from skymosaic.ransac import MAX_SAMPLES, estimate_homography
+from skymosaic.ransac import estimate_homography
 from skymosaic.registration import match_points
 from skymosaic.views import View
 
@@ -31,6 +31,8 @@ COMPACT_FEATURES = 256
 CLOSE_BITS = 0.22
 """Share of differing bits below which two features may be the same point."""
 FEWEST_VOTES = 5
+FIRST_LOOK_SAMPLES = 1000
+"""A third of a single pair's: most candidates overlap well or not at all."""
 
 Array = NDArray[np.float64]
 Candidate = tuple[int, int]
@@ -99,7 +101,7 @@ class PairEstimator:
 
     config: Config
     seed: int
-    max_samples: int = MAX_SAMPLES
+    max_samples: int = FIRST_LOOK_SAMPLES
 
 
 def verify(estimator: PairEstimator, pair: Candidate, left: NDArray[np.void], right: NDArray[np.void]) -> Link:

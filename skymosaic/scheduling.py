@@ -8,6 +8,7 @@ from functools import partial
 from types import TracebackType
 from typing import Any, TypeVar
 
+from dask import threaded
 from dask.base import compute
 from dask.delayed import delayed
 from dask.system import CPU_COUNT
@@ -61,7 +62,8 @@ class Workers:
         self, stage: str, function: Callable[..., Result], arguments: Sequence[tuple[Any, ...]]
     ) -> Iterator[Result]:
         """``function(*each)`` for each of ``arguments``, in their order, as batches of them are done."""
-        scheduler = self._client or "threads"
+        # Named "threads", the scheduler would first import the whole package for clusters.
+        scheduler = self._client or threaded.get
         batch = CALLS_A_WORKER * self._count()
         for start in range(0, len(arguments), batch):
             # Bound beforehand: Dask looks for its own objects inside the arguments of a call, which takes long.

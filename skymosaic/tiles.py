@@ -60,6 +60,11 @@ class Placement:
     favour: float = 1.0
     seam: SeamMask | None = None
 
+    def shows_in(self, part: Canvas) -> bool:
+        """Whether it shows in a part of the canvas."""
+        shown = footprint(self.size, self.transform).intersection(part)
+        return shown is not None and (self.seam is None or self.seam.covers_some_of(shown))
+
 
 @dataclass(frozen=True, eq=False)
 class Composition:
@@ -115,7 +120,7 @@ class Composition:
             width_px=tile.width_px + 2 * BAND_REACH_PX,
             height_px=tile.height_px + 2 * BAND_REACH_PX,
         )
-        shown = (p for p in self.placements if footprint(p.size, p.transform).intersection(around))
+        shown = (p for p in self.placements if p.shows_in(around))
         return replace(self, placements=tuple(shown))
 
 
