@@ -65,8 +65,9 @@ class CornersTab:
                 started = time.perf_counter()
                 pictures = [upload.working for upload in self._photographs]
                 found = await asyncio.to_thread(detect, pictures, self._visitor.choices)
-                self._draw(found, time.perf_counter() - started)
-                self._drawn = wanted
+                if wanted[: len(found)] == self._photographs:  # else others have been chosen meanwhile
+                    self._draw(found, time.perf_counter() - started)
+                    self._drawn = wanted
         finally:
             self._following = False
 

@@ -83,7 +83,7 @@ class RowDifference(wiring.Component):
 
 
 DESIGN = Design(
-    "row difference", Ports((OUTPUT,), {"bias": 8}, (TAP,)), RowDifference, digest_files([Path(__file__)])
+    "row difference", Ports((OUTPUT,), {"bias": 8}, taps=(TAP,)), RowDifference, digest_files([Path(__file__)])
 )  # fmt: skip
 
 
@@ -131,7 +131,7 @@ def test_cycles_count_from_the_reset(simulator):
 @pytest.mark.parametrize("simulator", SIMULATORS)
 def test_reset_in_mid_frame(simulator):
     images = random_images(1)
-    part = dataclasses.replace(segment(images, packets=0), data=images.ravel()[:333], flags=np.zeros(333))
+    part = dataclasses.replace(segment(images, packets=0), data=images.ravel()[:333], flags=np.zeros(333, np.uint8))
     whole = segment(images, reset=True)
     after = simulator.simulate(DESIGN, [part, whole])[1]
     fresh = simulator.simulate(DESIGN, [segment(images)])[0]
