@@ -1,0 +1,121 @@
+"""The scoreboard: it finds what differs, says where, and does not take little evidence for much."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from golden_model.config import PRESETS
+from golden_model.front_end import trace
+from sim import pysim
+from sim.backend import create
+from sim.scene import pair as rendered_pair
+from sim.scoreboard import Coverage, first_mismatch, first_stage_mismatch
+from sim.stages import locate_mismatch
+
+AERIAL = PRESETS["aerial"]
+
+
+@pytest.fixture(scope="module")
+def frames():
+    return rendered_pair(seed=1).images
+
+
+@pytest.fixture(scope="module")
+def results(frames):
+    return create("golden").run(frames, AERIAL)
+
+
+def changed(results, frame, part, field, *, row, value):
+    """The results with one value of one record changed."""
+    records = getattr(results[frame], part).copy()
+    if row is None:
+        records[field] = value
+    else:
+        records[field][row] = value
+    copies = list(results)
+    copies[frame] = dataclasses.replace(results[frame], **{part: records})
+    return copies
+
+
+def test_equal_results_have_no_mismatch(results):
+    assert first_mismatch(results, results) is None
+
+
+def test_a_feature_that_differs_is_named_with_its_place(results):
+    feature = results[1].features[77]
+    found = first_mismatch(
+        results, changed(results, 1, "features", "sector", row=77, value=(feature["sector"] + 1) % 16)
+    )
+    assert (found.frame, found.stage) == (1, "feature 77, sector")
+    assert (found.x, found.y) == (feature["x"] / 16, feature["y"] / 16)
+    assert (found.expected, found.actual) == (feature["sector"], (feature["sector"] + 1) % 16)
+
+
+def test_the_first_of_several_mismatches_is_named(results):
+    once = changed(results, 0, "features", "response", row=9, value=0)
+    twice = changed(once, 0, "features", "index", row=4, value=4000)
+    assert first_mismatch(results, twice).stage == "feature 4, index"
+
+
+def test_a_byte_of_a_descriptor_counts(results):
+    descriptor = results[0].features["descriptor"][3].copy()
+    descriptor[15] ^= 128
+    found = first_mismatch(results, changed(results, 0, "features", "descriptor", row=3, value=descriptor))
+    assert found.stage == "feature 3, descriptor"
+
+
+def test_a_missing_feature_is_a_mismatch(results):
+    short = [dataclasses.replace(results[0], features=results[0].features[:-1]), results[1]]
+    assert str(first_mismatch(results, short)) == (
+        f"frame 0, feature count: expected {len(results[0].features)}, got {len(results[0].features) - 1}"
+    )
+
+
+@pytest.mark.parametrize(
+    ("part", "field", "row", "stage"),
+    [
+        ("matches", "weight", 5, "match 5, weight"),
+        ("status", "causes", None, "feature status, causes"),
+        ("match_status", "kept", None, "match status, kept"),
+    ],
+)
+def test_matches_and_status_count(results, part, field, row, stage):
+    assert first_mismatch(results, changed(results, 1, part, field, row=row, value=1)).stage == stage
+
+
+def test_cycles_do_not_count(results):
+    assert first_mismatch(results, changed(results, 0, "status", "cycles", row=None, value=1234)) is None
+
+
+def test_a_pair_covers_enough_and_its_parts_do_not(results):
+    config = AERIAL.front_end
+    assert Coverage.of(results).missing(config) == []
+    assert Coverage.of(results[:1]).missing(config) == ["0 matches, at least 100 needed"]
+    one_level = [dataclasses.replace(r, features=r.features[r.features["level"] == 0]) for r in results]
+    assert Coverage.of(one_level).missing(config) == ["0 level-1 features, at least 100 needed"]
+    assert Coverage.of(one_level).missing(dataclasses.replace(config, levels=1)) == []
+
+
+def test_the_first_stage_that_differs_is_named(frames):
+    golden = trace(frames[0], AERIAL.front_end)
+    planes = [
+        {name: np.ma.masked_array(plane.values.astype(np.int64)) for name, plane in level.items()}
+        for level in golden.levels
+    ]
+    assert first_stage_mismatch(golden, planes) is None
+    planes[1]["tensor_b"][100, 50] += 1
+    planes[1]["response_code"][20, 20] += 1
+    planes[0]["gradient_x"][0, 0] += 1  # inside the margin, where nothing is specified
+    planes[0]["gray"][3, 3] = np.ma.masked
+    found = first_stage_mismatch(golden, planes, frame=4)
+    assert (found.frame, found.stage, found.x, found.y) == (4, "level 1 tensor_b", 50, 100)
+    assert found.actual == found.expected + 1
+
+
+def test_a_fault_in_the_hardware_is_located(frames, monkeypatch):
+    config = dataclasses.replace(AERIAL.front_end, levels=1)
+    crop = np.ascontiguousarray(frames[0][100:164, 100:164])
+    assert locate_mismatch(crop, config, pysim.simulate) is None
+    monkeypatch.setattr("hdl.harris.TENSOR_SHIFT", 7)
+    assert locate_mismatch(crop, config, pysim.simulate).stage == "level 0 tensor_a"
