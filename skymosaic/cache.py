@@ -45,8 +45,9 @@ class ResultCache:
         if self._folder is None:
             return None
         try:
-            with np.load(self._path(self._folder, key), allow_pickle=False) as file:
-                return dict(file)
+            # Opened here: NumPy leaves a file it cannot read open.
+            with self._path(self._folder, key).open("rb") as file, np.load(file, allow_pickle=False) as arrays:
+                return dict(arrays)
         except (OSError, ValueError, EOFError, zipfile.BadZipFile):
             return None
 

@@ -112,6 +112,11 @@ class DecodedPhotographs:
         self._held: OrderedDict[tuple[str, str], Pixels] = OrderedDict()
         self._lock = Lock()
 
+    @property
+    def held_bytes(self) -> int:
+        """What is held now."""
+        return sum(pixels.nbytes for pixels in self._held.values())
+
     def pixels(self, source: Source, lens: Lens) -> Pixels:
         """The straightened pixels of ``source``."""
         key = source.digest, lens.key
@@ -122,6 +127,6 @@ class DecodedPhotographs:
         pixels = source.photograph(lens).pixels
         with self._lock:
             self._held[key] = pixels
-            while sum(held.nbytes for held in self._held.values()) > self._limit_bytes and self._held:
+            while self.held_bytes > self._limit_bytes:
                 self._held.popitem(last=False)
         return pixels

@@ -78,7 +78,7 @@ def georeference(centres: Array, places: Sequence[Position | None]) -> tuple[Geo
     try:
         similarity = estimate(upright, metres, model="similarity")
     except DegenerateError:
-        return None, "the GPS positions are all the same"
+        return None, "the GPS positions coincide or have nothing to do with the layout"
     to_map = similarity @ np.diag([1.0, -1.0, 1.0])
     residual = float(np.sqrt(np.mean(np.sum((apply(to_map, centres[known]) - metres) ** 2, axis=1))))
     spread = float(np.sqrt(np.mean(np.sum((metres - metres.mean(axis=0)) ** 2, axis=1))))

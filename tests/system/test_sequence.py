@@ -1,0 +1,246 @@
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from golden_model.config import preset_config
+from sim.scene import lawnmower
+from skymosaic import mosaic, scheduling
+from skymosaic.cache import ResultCache
+from skymosaic.check import check_flight
+from skymosaic.collection import sources
+from skymosaic.errors import InputError, RegistrationError
+from skymosaic.homography import apply, estimate
+from skymosaic.scheduling import Workers
+from skymosaic.sequence import survey
+from skymosaic.views import Settings
+
+DATA = Path(os.environ.get("SKYMOSAIC_DATA", Path(__file__).parents[3] / "shared" / "data"))
+IMAGES, SIZE = 9, (480, 360)
+
+
+@pytest.fixture(scope="module")
+def flight():
+    return lawnmower(seed=5, images=IMAGES, size=SIZE, forward_overlap=0.6, side_overlap=0.4)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory, flight) -> Path:
+    folder = tmp_path_factory.mktemp("flight")
+    for index, image in enumerate(flight.images):
+        cv2.imwrite(str(folder / f"{index}.png"), image)
+    return folder
+
+
+def skymosaic(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "skymosaic", *map(str, arguments)]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=120, check=False)
+
+
+def surveyed(images, cache: Path | None = None):
+    with Workers() as workers:
+        return survey(sources(images), Settings(preset_config("aerial")), 0, workers, ResultCache(cache))
+
+
+def position_errors_px(transforms, flight) -> np.ndarray:
+    """Mean error of each image on the ground after the best similarity alignment of all."""
+    grid = np.stack(np.meshgrid(np.linspace(0, SIZE[0] - 1, 4), np.linspace(0, SIZE[1] - 1, 4)), -1).reshape(-1, 2)
+    found = np.array([apply(transforms[index], grid) for index in sorted(transforms)])
+    true = np.array([apply(np.linalg.inv(flight.homographies[index]), grid) for index in sorted(transforms)])
+    alignment = estimate(found.reshape(-1, 2), true.reshape(-1, 2), model="similarity")
+    return np.linalg.norm(apply(alignment, found) - true, axis=-1).mean(axis=1)
+
+
+def test_every_image_of_a_rendered_flight_is_placed_within_a_pixel(folder, flight) -> None:
+    result = mosaic([folder])
+    assert result.placed == tuple(range(IMAGES))
+    assert result.left_out == {}
+    assert position_errors_px(result.transforms, flight).mean() < 1.0
+    assert result.image.shape[2] == 3
+    assert (result.image.any(axis=2)).mean() > 0.5
+
+
+def test_the_order_of_the_images_does_not_matter_for_where_they_lie(flight) -> None:
+    images = list(flight.images)
+    shuffled = np.random.default_rng(0).permutation(IMAGES)
+    result = mosaic([images[index] for index in shuffled])
+    found = {int(shuffled[place]): transform for place, transform in result.transforms.items()}
+    assert len(found) == IMAGES
+    assert position_errors_px(found, flight).mean() < 1.0
+
+
+def test_no_seam_shows_in_a_rendered_flight(folder, flight) -> None:
+    """Each pixel of the mosaic is close to what some image shows there, gains and seams notwithstanding."""
+    result = mosaic([folder])
+    height, width = result.image.shape[:2]
+    closest = np.full((height, width), 255.0)
+    for index, image in enumerate(flight.images):
+        warped = cv2.warpPerspective(image, result.transforms[index], (width, height), borderValue=(0, 0, 0))
+        covered = cv2.warpPerspective(
+            np.full(image.shape[:2], 255, np.uint8), result.transforms[index], (width, height)
+        )
+        difference = np.abs(warped.astype(float) - result.image).mean(axis=2)
+        closest = np.where(covered == 255, np.minimum(closest, difference), closest)
+    shown = closest < 255
+    assert np.median(closest[shown]) < 12
+    assert (closest[shown] > 50).mean() < 0.01
+
+
+def test_what_cannot_be_used_is_left_out_and_named(folder, flight, tmp_path: Path) -> None:
+    for path in folder.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    (tmp_path / "copy.png").write_bytes((folder / "3.png").read_bytes())
+    (tmp_path / "corrupt.png").write_bytes((folder / "4.png").read_bytes()[:5000])
+    cv2.imwrite(str(tmp_path / "flat.png"), np.full((360, 480), 90, np.uint8))
+    result = mosaic([tmp_path])
+    names = [source.name for source in sources([tmp_path])]
+    reasons = {Path(names[index]).name: reason for index, reason in result.left_out.items()}
+    assert set(reasons) == {"copy.png", "corrupt.png", "flat.png"}
+    assert "3.png" in reasons["copy.png"]
+    assert "truncated" in reasons["corrupt.png"]
+    assert "too few features" in reasons["flat.png"]
+    assert len(result.placed) == IMAGES
+
+
+def test_sizes_may_differ(flight) -> None:
+    images = list(flight.images)
+    images[2] = images[2][:300, :420]
+    images[5] = cv2.resize(images[5], (960, 720), interpolation=cv2.INTER_CUBIC)
+    result = mosaic(images)
+    assert len(result.placed) == IMAGES
+    magnified = result.transforms[5] @ np.array([[2, 0, 0.5], [0, 2, 0.5], [0, 0, 1]])
+    assert position_errors_px(result.transforms | {5: magnified}, flight).mean() < 1.0
+
+
+def test_a_blurred_image_shows_only_where_no_other_does(flight) -> None:
+    images = list(flight.images)
+    images[4] = cv2.GaussianBlur(images[4], (0, 0), 1.5)
+    checked = check_flight(surveyed(images))
+    assert [photo.name for photo in checked.photographs if "blurred" in photo.problems] == ["image 4"]
+
+
+def test_two_flights_make_two_groups(folder, tmp_path: Path) -> None:
+    for path in folder.iterdir():
+        (tmp_path / f"a{path.name}").write_bytes(path.read_bytes())
+    for index, image in enumerate(lawnmower(seed=77, images=4, size=SIZE, forward_overlap=0.6).images):
+        cv2.imwrite(str(tmp_path / f"b{index}.png"), image)
+    largest = skymosaic("mosaic", tmp_path, "-o", "one.png", "--cache", "cache", cwd=tmp_path)
+    assert largest.returncode == 0, largest.stderr
+    assert largest.stderr.count("in another group of 4") == 4
+    assert not (tmp_path / "one_2.png").exists()
+    (tmp_path / "one.png").unlink()
+    both = skymosaic(
+        "mosaic", *tmp_path.glob("?[0-9].png"), "-o", "all.png", "--all-groups", "--cache", "cache", cwd=tmp_path
+    )
+    assert both.returncode == 0, both.stderr
+    assert (tmp_path / "all.png").exists()
+    assert (tmp_path / "all_2.png").exists()
+    assert "left out" not in both.stderr
+
+
+def test_nothing_that_links_is_one_line(tmp_path: Path) -> None:
+    for index in range(3):
+        cv2.imwrite(str(tmp_path / f"{index}.png"), lawnmower(seed=index, images=1, size=SIZE).images[0])
+    result = skymosaic("mosaic", tmp_path, "-o", "m.png", "--cache", "cache", cwd=tmp_path)
+    lines = [line for line in result.stderr.splitlines() if line.strip()]
+    assert result.returncode == 3
+    assert len(lines) == 1
+    assert "12 are needed" in lines[0]
+    assert not (tmp_path / "m.png").exists()
+
+
+def test_options_of_a_pair_are_refused_for_a_flight(folder, tmp_path: Path) -> None:
+    result = skymosaic("mosaic", folder, "-o", "m.png", "--refine", cwd=tmp_path)
+    assert result.returncode == 2
+    assert "two photographs" in result.stderr
+
+
+def test_report_and_geotiff_and_scale(folder, tmp_path: Path) -> None:
+    result = skymosaic(
+        "mosaic", folder, "-o", "m.tif", "--report", "r", "--scale", "0.5", "--cache", "cache", cwd=tmp_path
+    )
+    assert result.returncode == 0, result.stderr
+    report = json.loads((tmp_path / "r" / "report.json").read_text())
+    assert report["mosaics"][0]["placed"] == IMAGES
+    assert report["mosaics"][0]["median_error_px"] < 1.0
+    assert "0 of 9 photographs have GPS" in report["mosaics"][0]["map_note"]
+    page = (tmp_path / "r" / "index.html").read_text()
+    assert page.count("<polygon") == IMAGES
+    assert (tmp_path / "r" / "mosaic_1.jpg").exists()
+    height, width = cv2.imread(str(tmp_path / "m.tif")).shape[:2]
+    assert [width, height] == report["mosaics"][0]["size"]
+    assert width < 4 * SIZE[0] / 2
+
+
+def test_check_names_the_only_weak_link(tmp_path: Path) -> None:
+    images = lawnmower(seed=5, images=6, size=(960, 720), forward_overlap=0.7, side_overlap=0.6).images
+    for index, image in enumerate(images):
+        cv2.imwrite(str(tmp_path / f"{index}.png"), image)
+    whole = skymosaic("check", tmp_path, "--json", "--cache", "cache", cwd=tmp_path)
+    assert whole.returncode == 0, whole.stderr
+    assert json.loads(whole.stdout)["complete"]
+    cv2.imwrite(str(tmp_path / "z.png"), lawnmower(seed=8, images=1, size=(960, 720)).images[0])
+    broken = skymosaic("check", tmp_path, "--json", "--cache", "cache", cwd=tmp_path)
+    assert broken.returncode == 3
+    found = json.loads(broken.stdout)
+    assert not found["complete"]
+    assert found["photographs"][-1]["problems"] == ["linked with no other photograph"]
+
+
+def test_a_killed_run_goes_on_and_ends_the_same(folder, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "skymosaic", "mosaic", str(folder), "-o", "m.png", "--cache", "cache"]
+    first = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    deadline = time.monotonic() + 60
+    while len(list(tmp_path.glob("cache/*.npz"))) < 3 and time.monotonic() < deadline:
+        time.sleep(0.02)
+    first.send_signal(signal.SIGKILL)
+    first.wait()
+    assert list(tmp_path.glob("cache/*.npz"))
+    resumed = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
+    assert resumed.returncode == 0, resumed.stderr
+    fresh = mosaic([folder])
+    np.testing.assert_array_equal(cv2.imread(str(tmp_path / "m.png")), fresh.image)
+    cached = mosaic([folder], cache=tmp_path / "cache")
+    np.testing.assert_array_equal(cached.image, fresh.image)
+    for index in range(IMAGES):
+        np.testing.assert_array_equal(cached.transforms[index], fresh.transforms[index])
+
+
+def test_a_cluster_of_processes_gives_the_same(folder) -> None:
+    distributed = pytest.importorskip("distributed")
+    options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
+    with distributed.LocalCluster(**options) as cluster:
+        spread = mosaic([folder], scheduler=cluster.scheduler_address)
+    here = mosaic([folder])
+    np.testing.assert_array_equal(spread.image, here.image)
+    for index in range(IMAGES):
+        np.testing.assert_array_equal(spread.transforms[index], here.transforms[index])
+
+
+def test_an_absent_scheduler_is_one_line(folder, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scheduling, "CONNECT_TIMEOUT_S", 1)
+    with pytest.raises(InputError, match="no Dask scheduler answers"):
+        mosaic([folder], scheduler="tcp://127.0.0.1:9")
+
+
+def test_a_canvas_beyond_the_limit_is_refused_with_its_size(folder) -> None:
+    with pytest.raises(RegistrationError, match="limit"):
+        mosaic([folder], canvas_limit_px=100_000)
+
+
+@pytest.mark.needs_data
+@pytest.mark.slow
+@pytest.mark.skipif(not (DATA / "flights").is_dir(), reason="public photographs absent; set SKYMOSAIC_DATA")
+@pytest.mark.parametrize(("name", "images"), [("brighton_beach", 18), ("copr", 41)])
+def test_public_flights_are_placed_whole(name: str, images: int) -> None:
+    flight = surveyed([DATA / "flights" / name])
+    assert [len(layout.members) for layout in flight.layouts] == [images]
+    wide = 1600 / flight.views[0].working_size[0]
+    assert flight.layouts[0].median_error_px * wide < 1.5
