@@ -16,6 +16,7 @@ from amaranth.utils import exact_log2
 from hdl.delay import delayed
 from hdl.feature_banks import READ_CYCLES
 from hdl.hamming import Distances, Lane, Nearest, Place
+from hdl.skid_buffer import SkidBuffer
 
 RESULT_CYCLES = 2
 """From an index to the registered row or column."""
@@ -286,6 +287,9 @@ class MutualMatches(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """A pipeline that stands still while a pair waits: read the row, read its column, compare, subtract."""
         m = Module()
+        # Its ready comes from a register: one that came all the way from the output would be the slowest path.
+        m.submodules.buffer = buffer = SkidBuffer(shape=self.o.payload.shape())
+        wiring.connect(m, buffer.o, wiring.flipped(self.o))
         walking, left = Signal(), Signal(range(self.max_features))
         valid = Signal(2 * RESULT_CYCLES)
         lefts = [Signal.like(left, name=f"left{n}", reset_less=True) for n in range(len(valid))]
@@ -294,10 +298,13 @@ class MutualMatches(wiring.Component):
         is_mutual, met = Signal(), Signal(self.o.payload.shape(), reset_less=True)
         second = Signal.like(row.second, reset_less=True)
         m.d.comb += [
-            self.o_read.eq(self.o.ready | ~self.o.valid),
+            self.o_read.eq(buffer.i.ready),
             self.o_row_index.eq(left),
             self.o_column_index.eq(self.i_row.index),
             self.o_busy.eq(walking | valid.any() | is_mutual | self.o.valid),
+            buffer.i.valid.eq(is_mutual),
+            buffer.i.payload.eq(met),
+            buffer.i.payload.margin.eq(Mux(second.all(), self.bits, second) - met.distance),
         ]
         with m.If(self.o_read):
             m.d.sync += [
@@ -310,9 +317,6 @@ class MutualMatches(wiring.Component):
                 met.right.eq(row.index),
                 met.distance.eq(row.best),
                 second.eq(Mux(row.second < column.second, row.second, column.second)),
-                self.o.valid.eq(is_mutual),
-                self.o.payload.eq(met),
-                self.o.payload.margin.eq(Mux(second.all(), self.bits, second) - met.distance),
             ]
             with m.If(left + 1 == self.i_left_count):
                 m.d.sync += walking.eq(0)
