@@ -30,7 +30,8 @@ MOST_ALIKE = 6
 COMPACT_FEATURES = 256
 CLOSE_BITS = 0.22
 """Share of differing bits below which two features may be the same point."""
-FEWEST_VOTES = 5
+FEWEST_VOTES = 9
+"""Views that have nothing in common get up to about as many (measured: 2 to 11)."""
 FIRST_LOOK_SAMPLES = 1000
 """A third of a single pair's: most candidates overlap well or not at all."""
 
