@@ -16,6 +16,7 @@ from skymosaic.blend import METHODS, blend
 from skymosaic.cache import ResultCache
 from skymosaic.collection import sources
 from skymosaic.errors import InputError, RegistrationError
+from skymosaic.footage import flight_sources, is_video
 from skymosaic.images import Pixels
 from skymosaic.lens import Lens
 from skymosaic.registration import WORKING_WIDTH_PX, Pair, register
@@ -72,7 +73,7 @@ def mosaic(
     Parameters
     ----------
     images : sequence of paths or arrays
-        At least two; a folder stands for its pictures.
+        At least two; a folder stands for its pictures, a video for its key frames.
     blending : {"average", "distance", "multiband"} or None
         None: distance for two images, multiband along seams for more.
     scale : float
@@ -90,8 +91,7 @@ def mosaic(
     RegistrationError
         Where no mosaic can be made, with the reason and the counts.
     """
-    given = sources(images)
-    if len(given) == 2:
+    if not any(map(is_video, images)) and len(given := sources(images)) == 2:
         pair = register(given[0].content, given[1].content, **options)
         chosen = blending or PAIR_BLENDING
         return mosaic_of_pair(pair, blending=chosen, scale=scale, canvas_limit_px=canvas_limit_px)
@@ -139,8 +139,8 @@ def mosaics(
     """
     check_options(blending, scale)
     settings = Settings(config or preset_config(preset), backend, working_width_px, lens or Lens())
-    with Workers(scheduler) as workers:
-        flight = survey(sources(images), settings, seed, workers, ResultCache(cache))
+    with Workers(scheduler) as workers, flight_sources(images) as given:
+        flight = survey(given, settings, seed, workers, ResultCache(cache))
         check_linked(flight)
         for layout in flight.layouts:
             composition = compose(flight, layout, blending=blending, scale=scale, canvas_limit_px=canvas_limit_px)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -17,6 +17,8 @@ from sim.build_cache import cache_folder
 from skymosaic import images
 from skymosaic.cache import ResultCache
 from skymosaic.check import FlightCheck, check_flight
+from skymosaic.cli.live import IdleOption
+from skymosaic.cli.live import live as grow_mosaic
 from skymosaic.cli.options import (
     BackendOption,
     ConfigOption,
@@ -31,10 +33,11 @@ from skymosaic.cli.options import (
     console,
 )
 from skymosaic.cli.pair import mosaic_pair
-from skymosaic.collection import sources
+from skymosaic.collection import Source
 from skymosaic.delivery import Delivery, deliver
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.flight_report import write_flight_report
+from skymosaic.footage import flight_sources, is_video
 from skymosaic.lens import load_lens
 from skymosaic.mosaicing import FLIGHT_BLENDING, PAIR_BLENDING, check_linked, check_options
 from skymosaic.registration import WORKING_WIDTH_PX
@@ -49,7 +52,8 @@ FLIGHTS = "Flights of more than two photographs"
 MEGABYTE = 1 << 20
 
 PhotographsArgument = Annotated[
-    list[Path], typer.Argument(help="Overlapping photographs, or folders of them.", metavar="PHOTOGRAPHS|FOLDER")
+    list[str],
+    typer.Argument(help="Overlapping photographs, folders of them, or a video.", metavar="PHOTOGRAPHS|FOLDER|VIDEO"),
 ]
 CameraOption = Annotated[
     Path | None, typer.Option("--camera", rich_help_panel=FLIGHTS, help="TOML file with intrinsics and distortion.")
@@ -100,48 +104,69 @@ def mosaic(
     ] = CANVAS_LIMIT_PX // 1_000_000,
     scheduler: SchedulerOption = None,
     cache: CacheOption = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Grow the mosaic while a folder fills, a video plays or a camera films.")
+    ] = False,
+    idle_seconds: IdleOption = None,
 ) -> None:
     """Make one mosaic of overlapping photographs: two, or a whole flight."""
-    given = sources(photographs)
-    images.check_output(output, tuple(source.name for source in given))
-    chosen = configuration(preset, config)
-    if len(given) == 2 and not (camera or mask):
-        mosaic_pair(
-            [source.content for source in given],
-            output,
-            report_folder,
-            blending=blending or PAIR_BLENDING,
+    of_flights = camera or mask or all_groups or scheduler or cache
+    of_pairs = detector or descriptor or estimator != "prosac" or refine
+    if live:
+        if len(photographs) != 1 or report_folder or blending or of_flights or of_pairs:
+            raise InputError("--live takes one folder, video or camera, and no report, blending, mask or cluster")
+        grow_mosaic(
+            source=photographs[0],
+            output=output,
+            idle_seconds=idle_seconds,
             scale=scale,
-            config=chosen,
-            detector=detector,
-            descriptor=descriptor,
-            estimator=estimator,
+            preset=preset,
             backend=backend,
-            seed=seed,
+            config=config,
             working_width_px=working_width_px,
-            refine=refine,
+            seed=seed,
         )
         return
-    if detector or descriptor or estimator != "prosac" or refine:
-        raise InputError("--detector, --descriptor, --estimator and --refine are for two photographs; leave them out")
-    settings = Settings(chosen, backend, working_width_px, load_lens(camera, mask))
-    blending = blending or FLIGHT_BLENDING
-    check_options(blending, scale)
-    if report_folder:
-        prepare(report_folder)
-    with _workers(scheduler) as workers:
-        flight = survey(given, settings, seed, workers, _cache(cache))
-        check_linked(flight)
-        layouts = flight.layouts if all_groups else flight.layouts[:1]
-        limit_px = canvas_mpx * 1_000_000
-        compositions = [
-            compose(flight, layout, blending=blending, scale=scale, canvas_limit_px=limit_px) for layout in layouts
-        ]
-        paths = [output, *(output.with_stem(f"{output.stem}_{number}") for number in range(2, len(layouts) + 1))]
-        deliveries = [
-            deliver(path, flight, layout, composition, workers=workers, memory_bytes=memory_mb * MEGABYTE)
-            for path, layout, composition in zip(paths, layouts, compositions, strict=True)
-        ]
+    chosen = configuration(preset, config)
+    with _sources(photographs) as given:
+        images.check_output(output, tuple(source.name for source in given))
+        if len(given) == 2 and not (camera or mask or any(map(is_video, photographs))):
+            mosaic_pair(
+                [source.content for source in given],
+                output,
+                report_folder,
+                blending=blending or PAIR_BLENDING,
+                scale=scale,
+                config=chosen,
+                detector=detector,
+                descriptor=descriptor,
+                estimator=estimator,
+                backend=backend,
+                seed=seed,
+                working_width_px=working_width_px,
+                refine=refine,
+            )
+            return
+        if of_pairs:
+            raise InputError("--detector, --descriptor, --estimator and --refine are for two photographs alone")
+        settings = Settings(chosen, backend, working_width_px, load_lens(camera, mask))
+        blending = blending or FLIGHT_BLENDING
+        check_options(blending, scale)
+        if report_folder:
+            prepare(report_folder)
+        with _workers(scheduler) as workers:
+            flight = survey(given, settings, seed, workers, _cache(cache))
+            check_linked(flight)
+            layouts = flight.layouts if all_groups else flight.layouts[:1]
+            limit_px = canvas_mpx * 1_000_000
+            compositions = [
+                compose(flight, layout, blending=blending, scale=scale, canvas_limit_px=limit_px) for layout in layouts
+            ]
+            paths = [output, *(output.with_stem(f"{output.stem}_{number}") for number in range(2, len(layouts) + 1))]
+            deliveries = [
+                deliver(path, flight, layout, composition, workers=workers, memory_bytes=memory_mb * MEGABYTE)
+                for path, layout, composition in zip(paths, layouts, compositions, strict=True)
+            ]
     if report_folder:
         write_flight_report(report_folder, deliveries, check_flight(flight))
     _print_deliveries(deliveries, report_folder)
@@ -166,8 +191,8 @@ def check(
     The exit status is 3 where the photographs do not make one mosaic.
     """
     settings = Settings(configuration(preset, config), backend, working_width_px, load_lens(camera, mask))
-    with _workers(scheduler) as workers:
-        flight = survey(sources(photographs), settings, seed, workers, _cache(cache))
+    with _sources(photographs) as given, _workers(scheduler) as workers:
+        flight = survey(given, settings, seed, workers, _cache(cache))
     found = check_flight(flight)
     if as_json:
         typer.echo(json.dumps(dataclasses.asdict(found) | {"left_out": flight.left_out}))
@@ -175,6 +200,18 @@ def check(
         _print_check(flight, found)
     if not found.complete:
         raise RegistrationError("the photographs do not make one mosaic; fly again where links are missing")
+
+
+@contextmanager
+def _sources(photographs: Sequence[str]) -> Iterator[list[Source]]:
+    with ExitStack() as stack:
+        with console.status("reading"):
+            given = stack.enter_context(flight_sources(photographs, _tell))
+        yield given
+
+
+def _tell(line: str) -> None:
+    console.print(line, soft_wrap=True, markup=False, highlight=False)
 
 
 @contextmanager
@@ -215,7 +252,7 @@ def _print_deliveries(deliveries: Sequence[Delivery], report_folder: Path | None
     if report_folder:
         lines.append(f"report {report_folder / 'index.html'}")
     for line in lines:
-        console.print(line, soft_wrap=True, markup=False, highlight=False)
+        _tell(line)
 
 
 def _print_check(flight: Flight, found: FlightCheck) -> None:
@@ -225,6 +262,6 @@ def _print_check(flight: Flight, found: FlightCheck) -> None:
         table.add_row(Path(photo.name).name, *numbers, "yes" if photo.gps else "no", ", ".join(photo.problems))
     console.print(table)
     for problem in (*flight.left_out.values(), *found.problems):
-        console.print(problem, soft_wrap=True, markup=False, highlight=False)
+        _tell(problem)
     if found.complete and not found.problems:
         console.print("complete: the photographs make one mosaic")

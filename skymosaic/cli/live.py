@@ -28,15 +28,17 @@ from skymosaic.registration import WORKING_WIDTH_PX
 PREVIEW_WIDTH_PX = 1280
 PREVIEW_SECONDS = 1.0
 
+IdleOption = Annotated[
+    float | None,
+    typer.Option("--idle-seconds", min=0, help="End a live mosaic when a folder got nothing new for so long."),
+]
+
 
 def live(
     *,
     source: Annotated[str, typer.Argument(help="A folder that fills, a video or its address, a camera's number.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="The mosaic, written at the end: .png, .tif ...")],
-    idle_seconds: Annotated[
-        float | None,
-        typer.Option("--idle-seconds", min=0, help="Stop when a folder got nothing new for so long."),
-    ] = None,
+    idle_seconds: IdleOption = None,
     scale: Annotated[float, typer.Option(help="Size of the mosaic against the frames.")] = 1.0,
     preset: PresetOption = "aerial",
     backend: BackendOption = "golden",
