@@ -80,13 +80,15 @@ class Distances(wiring.Component):
         lane0 = Const(sum(1 << n * self.lanes for n in range(self.bits)), right.shape())
         entering = Cat(Cat(bit, Const(0, self.lanes - 1)) for bit in self.i_right)
         m.d.sync += right.eq(((right << 1) & ~lane0) | entering)
-        left_valid, right_valid = Signal(self.lanes), Signal(self.lanes)
-        m.d.sync += right_valid.eq(Cat(self.i_valid, right_valid[:-1]))
+        left_valid, right_valid, entered = Signal(self.lanes), Signal(self.lanes), Signal(self.lanes)
+        counting = Signal()
+        m.d.comb += entered.eq(Cat(self.i_valid, right_valid[:-1]))
+        m.d.sync += [right_valid.eq(entered), counting.eq(entered.any())]
         with m.If(self.i_load):
             m.d.sync += left_valid.bit_select(self.i_lane, 1).eq(self.i_left_valid)
             for n, bit in enumerate(self.i_left):
                 m.d.sync += left.word_select(n, self.lanes).bit_select(self.i_lane, 1).eq(bit)
-        m.d.comb += [unequal.eq(left ^ right), Cat(popcount.i_planes).eq(unequal)]
+        m.d.comb += [unequal.eq(left ^ right), Cat(popcount.i_planes).eq(unequal), popcount.i_valid.eq(counting)]
         valid = delayed(m, left_valid & right_valid, popcount.latency_cycles, reset_less=False)
         m.d.comb += self.o_valid.eq(valid)
         for distance, count in zip(self.o_distances, popcount.o_counts, strict=True):

@@ -9,6 +9,8 @@ from amaranth import Cat, Module, Signal, Value
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
+from hdl.delay import delayed
+
 LAYERS_A_STAGE = 2
 """Layers of counters between two registers, after the first layer: two levels of LUTs."""
 
@@ -33,6 +35,8 @@ class Popcount(wiring.Component):
 
     Members
     -------
+    i_valid : In(1)
+        Whether there is anything to count: stages without rest, which saves power and simulation time.
     i_planes : In(lanes).array(bits)
     o_counts : Out(range(bits + 1)).array(lanes)
 
@@ -46,6 +50,7 @@ class Popcount(wiring.Component):
         If there are fewer than 3 planes.
     """
 
+    i_valid: Signal
     i_planes: Sequence[Signal]
     o_counts: Sequence[Signal]
 
@@ -59,7 +64,9 @@ class Popcount(wiring.Component):
         while _tallest(columns) > 2:
             columns = _stage(columns, _sum_of_nothing)
             self.latency_cycles += 1
-        super().__init__({"i_planes": In(lanes).array(bits), "o_counts": Out(range(bits + 1)).array(lanes)})
+        super().__init__(
+            {"i_valid": In(1), "i_planes": In(lanes).array(bits), "o_counts": Out(range(bits + 1)).array(lanes)}
+        )
 
     def elaborate(self, platform: object) -> Module:
         """The first layer takes only triples, so that what feeds its planes (an XOR) fits the same LUTs."""
@@ -68,23 +75,25 @@ class Popcount(wiring.Component):
         def counter(planes: list[Value]) -> list[Value]:
             return _sum6(m, planes) if len(planes) == 6 else _full_adder(m, *planes)
 
-        columns = self._registered(m, reduced([list(self.i_planes)], counter, largest=3))
+        valid, columns = self._registered(m, self.i_valid, reduced([list(self.i_planes)], counter, largest=3))
         while _tallest(columns) > 2:
-            columns = self._registered(m, _stage(columns, counter))
+            valid, columns = self._registered(m, valid, _stage(columns, counter))
         for lane, count in enumerate(self.o_counts):
             first = Cat(column[0][lane] for column in columns)
             second = Cat(column[1][lane] if len(column) > 1 else 0 for column in columns)
             register = Signal.like(count, name=f"count{lane}", reset_less=True)
-            m.d.sync += register.eq(first + second)
+            with m.If(valid):
+                m.d.sync += register.eq(first + second)
             m.d.comb += count.eq(register)
         return m
 
     @staticmethod
-    def _registered(m: Module, columns: Columns[Value]) -> Columns[Value]:
+    def _registered(m: Module, valid: Value, columns: Columns[Value]) -> tuple[Value, Columns[Value]]:
         registers = [[Signal.like(plane, name="plane", reset_less=True) for plane in column] for column in columns]
-        for column, register in zip(columns, registers, strict=True):
-            m.d.sync += [q.eq(plane) for plane, q in zip(column, register, strict=True)]
-        return registers
+        with m.If(valid):
+            for column, register in zip(columns, registers, strict=True):
+                m.d.sync += [q.eq(plane) for plane, q in zip(column, register, strict=True)]
+        return delayed(m, valid, 1, reset_less=False), registers
 
 
 def reduced(

@@ -54,12 +54,15 @@ def test_popcount(bits, lanes):
     rng = np.random.default_rng(bits)
     inputs = rng.random((40, bits, lanes)) < rng.random((40, 1, lanes))
     inputs[0], inputs[1] = 0, 1
+    valid = rng.random(40) < 0.7
+    valid[:2] = True
     simulator = Simulator(dut)
     simulator.add_clock(CLOCK_S)
     counts = []
 
     async def drive(ctx):
-        for planes in inputs:
+        for is_valid, planes in zip(valid, inputs, strict=True):
+            ctx.set(dut.i_valid, bool(is_valid))
             for port, plane in zip(dut.i_planes, planes, strict=True):
                 ctx.set(port, sum(int(bit) << lane for lane, bit in enumerate(plane)))
             await ctx.tick()
@@ -73,7 +76,9 @@ def test_popcount(bits, lanes):
     simulator.add_testbench(drive)
     simulator.add_testbench(watch)
     simulator.run()
-    np.testing.assert_array_equal(counts, inputs.sum(axis=1))
+    # A count stays where nothing follows it.
+    last_valid = np.maximum.accumulate(np.where(valid, np.arange(40), 0))
+    np.testing.assert_array_equal(counts, inputs.sum(axis=1)[last_valid])
 
 
 def test_popcount_refuses_too_few_bits():
