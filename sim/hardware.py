@@ -33,7 +33,7 @@ class HardwareFrontEnd:
     """
 
     def __init__(self, simulate: Callable[..., list[Recording]], *, progress: Progress, waves: Path | None):
-        self._simulate = simulate
+        self.simulate = simulate
         self._options = {"progress": progress, "waves": waves}
 
     def run(
@@ -41,7 +41,7 @@ class HardwareFrontEnd:
     ) -> list[FrameResult]:
         """See `sim.backend.FrontEnd.run`."""
         segments = frame_segments(frames, config, reference)
-        recordings = self._simulate(accelerator(config, built_size_px(frames)), segments, **self._options)
+        recordings = self.simulate(accelerator(config, built_size_px(frames)), segments, **self._options)
         return [result for recording in recordings for result in _results(recording, config)]
 
 
@@ -82,18 +82,25 @@ def _segment(frames: list[NDArray[np.uint8]], config: Config, reference: Referen
 
 
 def _results(recording: Recording, config: Config) -> Iterator[FrameResult]:
-    pattern = config.front_end.pattern
-    feature = feature_record(pattern.descriptor_bytes, pattern.window_bytes)
     features, matches = recording.outputs[FEATURES], recording.outputs[MATCHES]
     packets = zip(recording.starts, features.ends[:, 1], features.packets, matches.packets, strict=True)
     for start, end, feature_words, match_words in packets:
-        yield FrameResult(
-            features=_records(feature, feature_words),
-            matches=_records(MATCH, match_words),
-            status=_status(feature, feature_words),
-            match_status=_status(MATCH, match_words),
-            cycles=int(end - start) + 1,
-        )
+        yield frame_result(feature_words, match_words, config, cycles=int(end - start) + 1)
+
+
+def frame_result(
+    feature_words: NDArray[np.uint64], match_words: NDArray[np.uint64], config: Config, *, cycles: int | None
+) -> FrameResult:
+    """A frame's two packets, each of them records and a FrameStatus, as the host sees them."""
+    pattern = config.front_end.pattern
+    feature = feature_record(pattern.descriptor_bytes, pattern.window_bytes)
+    return FrameResult(
+        features=_records(feature, feature_words),
+        matches=_records(MATCH, match_words),
+        status=_status(feature, feature_words),
+        match_status=_status(MATCH, match_words),
+        cycles=cycles,
+    )
 
 
 def _records(record: Record, words: NDArray[np.uint64]) -> NDArray[np.void]:

@@ -30,7 +30,8 @@ class Mismatch:
     stage : str
         A stage of the front end with its level, or a field of a record.
     x, y : float or None
-        Position in pixels: of the stage's level for a stage, of the full frame for a record; None for a status.
+        Position in pixels: of the stage's level for a stage, of the full frame for a record (the first one that is
+        missing or too many, for a count); None for a status.
     expected, actual : object
         Both values.
     """
@@ -77,7 +78,9 @@ def _first_record(
         row = int(wrong.argmax())
         return _first_field(frame, f"{kind} {row}", expected[row], actual[row], position)
     if len(expected) != len(actual):
-        return Mismatch(frame, f"{kind} count", None, None, len(expected), len(actual))
+        extra = max(expected, actual, key=len)[common]
+        x, y = (float(extra[axis]) / POSITION_UNITS_PER_PX for axis in position)
+        return Mismatch(frame, f"{kind} count", x, y, len(expected), len(actual))
     return None
 
 

@@ -22,6 +22,7 @@ def locate_mismatch(
     config: FrontEndConfig,
     simulate: Callable[..., list[Recording]],
     *,
+    frame: int = 0,
     progress: Progress = silent,
 ) -> Mismatch | None:
     """The first stage of the front end, level by level, whose plane differs from `golden_model.front_end.trace`.
@@ -32,6 +33,8 @@ def locate_mismatch(
     config : FrontEndConfig
     simulate : callable
         `sim.verilator.simulate` or that of another simulator.
+    frame : int
+        The number of the frame, for the message.
     progress : callable
         Told of the first build.
 
@@ -52,7 +55,7 @@ def locate_mismatch(
     for tap in taps:
         words = recording.taps[tap.port].view(TAP_WORD)
         planes[tap.level][tap.stage] = _plane(words, (height_px >> tap.level, width_px >> tap.level))
-    return first_stage_mismatch(golden, planes)
+    return first_stage_mismatch(golden, planes, frame=frame)
 
 
 def _plane(words: NDArray[np.void], shape: tuple[int, int]) -> np.ma.MaskedArray:

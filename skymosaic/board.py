@@ -6,6 +6,7 @@ import json
 import socket
 from collections.abc import Callable, Sequence
 from io import BufferedIOBase
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,7 +113,7 @@ def _result(parts: tuple[bytes, ...], feature: np.dtype[np.void]) -> FrameResult
     )
 
 
-def front_end(name: str, *, progress: Callable[[str], None] = silent) -> FrontEnd:
+def front_end(name: str, *, progress: Callable[[str], None] = silent, waves: Path | None = None) -> FrontEnd:
     """The front end called ``name``: ``board:HOST[:PORT]``, or one of `sim.backend.BACKENDS`.
 
     Parameters
@@ -120,11 +121,17 @@ def front_end(name: str, *, progress: Callable[[str], None] = silent) -> FrontEn
     name : str
     progress : callable
         Receives lines about a first build.
+    waves : Path or None
+        Where a simulation writes its waves (VCD).
 
     Raises
     ------
     BackendError
-        For an unknown name, or a board without an address.
+        For an unknown name, a board without an address, or waves that the backend does not have.
     """
     kind, _, address = name.partition(":")
-    return BoardFrontEnd(address) if kind == "board" else create(name, progress=progress)
+    if kind != "board":
+        return create(name, progress=progress, waves=waves)
+    if waves:
+        raise BackendError("a board has no waves; use verilator, cxxrtl or pysim")
+    return BoardFrontEnd(address)

@@ -10,7 +10,9 @@ from typing import Any
 
 from golden_model.config import Config
 from sim.backend import FrameResult, create, silent
+from sim.hardware import HardwareFrontEnd
 from sim.scoreboard import Coverage, Mismatch, first_mismatch
+from sim.stages import locate_mismatch
 from skymosaic import board
 from skymosaic.images import Pixels, load, reduced
 from skymosaic.registration import extract_within_capacity
@@ -23,7 +25,8 @@ class Comparison:
     Attributes
     ----------
     mismatch : Mismatch or None
-        The first difference; None where everything is equal.
+        The first difference; None where everything is equal. Where a simulation differs, it is the first pixel of
+        the first stage of the front end, or a record's field if it arises behind those.
     coverage : Coverage
         How much was compared.
     cycles_per_frame : tuple of int
@@ -67,6 +70,7 @@ def compare(
     config: Config,
     backend: str,
     working_width_px: int,
+    waves: Path | None = None,
     progress: Callable[[str], None] = silent,
 ) -> Comparison:
     """Run a pair through the golden model and ``backend``.
@@ -79,6 +83,8 @@ def compare(
         As for `skymosaic.registration.register`.
     working_width_px : int
         Wider photographs are reduced first.
+    waves : Path or None
+        Where a simulation writes its waves (VCD), tens of kilobytes a clock: for small frames.
     progress : callable
         Receives lines about a first build.
     """
@@ -87,19 +93,37 @@ def compare(
         for image, name in ((left, "left image"), (right, "right image"))
     ]
     golden, config = extract_within_capacity(create("golden"), frames, config)
-    hardware = board.front_end(backend, progress=progress)
-    # The first run builds what is missing; only the second one is timed.
-    hardware.run(frames, config)
+    hardware = board.front_end(backend, progress=progress, waves=waves)
+    if waves is None:
+        # The first run builds what is missing; only the second one is timed.
+        hardware.run(frames, config)
     start = time.perf_counter()
     found = hardware.run(frames, config)
     seconds = time.perf_counter() - start
+    mismatch = first_mismatch(golden, found)
+    if mismatch and isinstance(hardware, HardwareFrontEnd):
+        mismatch = _located(mismatch, frames, config, hardware, progress)
     return Comparison(
-        mismatch=first_mismatch(golden, found),
+        mismatch=mismatch,
         coverage=Coverage.of(golden),
         cycles_per_frame=tuple(_cycles(result) for result in found),
         seconds=seconds,
         notes=tuple(Coverage.of(golden).missing(config.front_end)),
     )
+
+
+def _located(
+    mismatch: Mismatch,
+    frames: list[Pixels],
+    config: Config,
+    hardware: HardwareFrontEnd,
+    progress: Callable[[str], None],
+) -> Mismatch:
+    """The stage at which a frame's records went wrong, where one of those that can be watched did."""
+    progress("looking for the stage")
+    frame = mismatch.frame
+    stage = locate_mismatch(frames[frame], config.front_end, hardware.simulate, frame=frame, progress=progress)
+    return stage or mismatch
 
 
 def _cycles(result: FrameResult) -> int:

@@ -22,6 +22,9 @@ def compare(
     preset: PresetOption = "aerial",
     config: ConfigOption = None,
     working_width_px: WorkingWidthOption = WORKING_WIDTH_PX,
+    waves: Annotated[
+        Path | None, typer.Option(help="VCD file of the simulated run: tens of kilobytes a clock, for small frames.")
+    ] = None,
 ) -> None:
     """Run a pair through the golden model and the hardware; every field of every record has to be equal."""
     with console.status("comparing") as status:
@@ -31,6 +34,7 @@ def compare(
             config=configuration(preset, config),
             backend=backend,
             working_width_px=working_width_px,
+            waves=waves,
             progress=status.update,
         )
     if as_json:

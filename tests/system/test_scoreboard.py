@@ -67,8 +67,10 @@ def test_a_byte_of_a_descriptor_counts(results):
 
 def test_a_missing_feature_is_a_mismatch(results):
     short = [dataclasses.replace(results[0], features=results[0].features[:-1]), results[1]]
+    missing = results[0].features[-1]
     assert str(first_mismatch(results, short)) == (
-        f"frame 0, feature count: expected {len(results[0].features)}, got {len(results[0].features) - 1}"
+        f"frame 0, feature count, x {missing['x'] / 16:g}, y {missing['y'] / 16:g}: "
+        f"expected {len(results[0].features)}, got {len(results[0].features) - 1}"
     )
 
 
