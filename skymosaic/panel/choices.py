@@ -11,10 +11,13 @@ from sim.backend import BACKENDS
 from skymosaic.blend import METHODS as BLENDINGS
 from skymosaic.descriptors import DESCRIPTORS
 from skymosaic.detectors import DETECTORS, FRONT_END_DETECTORS
+from skymosaic.errors import InputError
 from skymosaic.estimators import ESTIMATORS
 from skymosaic.methods import Method, choose
 
 SOFTWARE = "golden"
+AUTOMATIC = "automatic"
+"""Blending as the library has it: by distance for two photographs, multi-band along seams for more."""
 HARDWARE = tuple(name for name in BACKENDS if name not in (SOFTWARE, "verilator"))  # the latter is "rtl"
 OPTIONS = {
     "preset": tuple(PRESETS),
@@ -22,7 +25,7 @@ OPTIONS = {
     "descriptor": DESCRIPTORS,
     "rule_base": RULE_BASES,
     "estimator": ESTIMATORS,
-    "blending": BLENDINGS,
+    "blending": (AUTOMATIC, *BLENDINGS),
     "backend": (SOFTWARE, *HARDWARE),
 }
 """The values of each choice."""
@@ -67,7 +70,7 @@ class Choices:
     position: int
     rule_base: str
     estimator: str = "prosac"
-    blending: str = "distance"
+    blending: str = AUTOMATIC
     backend: str = SOFTWARE
     refine: bool = False
 
@@ -99,22 +102,40 @@ class Choices:
         """What the slider moves."""
         return SCALES.get(self.detector, STRONGEST)
 
-    def settled(self) -> tuple[Method, Config]:
+    def blending_or(self, usual: str) -> str:
+        """The blending; the usual one where it is automatic."""
+        return usual if self.blending == AUTOMATIC else self.blending
+
+    def settled(self, photographs: int = 2) -> tuple[Method, Config]:
         """The method and configuration that these choices stand for.
 
         Raises
         ------
         InputError
-            For choices that do not go together.
+            For choices that do not go together, or not with so many photographs.
         """
         base = preset_config(self.preset)
         base = dataclasses.replace(base, matcher=dataclasses.replace(base.matcher, rule_base=self.rule_base))
         method, config = choose(base, self.detector, self.descriptor)
         value = self.scale.value(self.position)
         own = config.front_end
+        if photographs > 2 and (not method.on_accelerator or self.estimator != "prosac" or self.refine):
+            raise InputError(
+                "more than two photographs take Harris or FAST with ILBP, prosac, and no second pass; choose these, "
+                "or leave two photographs"
+            )
         if self.detector in FRONT_END_DETECTORS:
             return method, dataclasses.replace(config, front_end=dataclasses.replace(own, threshold=value))
         return method, dataclasses.replace(config, front_end=dataclasses.replace(own, max_features=value))
+
+
+def fault_of(choices: Choices, photographs: int = 2) -> str:
+    """Why choices do not go together, or not with so many photographs; empty where they do."""
+    try:
+        choices.settled(photographs)
+    except (InputError, ValueError) as error:
+        return str(error)
+    return ""
 
 
 def _usual_position(preset: Config, detector: str) -> int:

@@ -15,9 +15,8 @@ from nicegui import background_tasks, ui
 from skymosaic.images import Pixels
 from skymosaic.methods import front_end_of
 from skymosaic.panel import drawings
-from skymosaic.panel.choices import Choices
+from skymosaic.panel.choices import Choices, fault_of
 from skymosaic.panel.outcomes import Upload
-from skymosaic.panel.sidebar import fault_of
 from skymosaic.panel.viewer import Viewer, side_by_side
 from skymosaic.panel.visitors import Visitor
 from skymosaic.registration import Records, extract_within_capacity

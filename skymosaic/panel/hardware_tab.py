@@ -8,6 +8,7 @@ from nicegui import ui
 
 from skymosaic.panel.choices import HARDWARE
 from skymosaic.panel.outcomes import HardwareOutcome, MosaicOutcome
+from skymosaic.panel.sidebar import enabled_while_idle
 from skymosaic.panel.visitors import Visitor
 
 CLOCK_HZ = 150e6
@@ -30,7 +31,8 @@ class HardwareTab:
             names = [*HARDWARE, *visitor.boards]
             self._backend = ui.select(names, label="Hardware", value=names[0])
             self._backend.props("outlined dense options-dense").classes("backend")
-            ui.button("Compare with the golden model", icon="memory", on_click=self._compare).props("outline no-caps")
+            button = ui.button("Compare with the golden model", icon="memory", on_click=self._compare)
+            enabled_while_idle(button.props("outline no-caps"), visitor)
             ui.label("The first run builds a simulation, which takes minutes; later ones take seconds.").classes("hint")
         self._place = ui.element("div")
         self.update()

@@ -40,7 +40,9 @@ class JobCancelledError(Exception):
 
 def prepare_workers() -> None:
     """Start the helper that workers are forked from, so that the first job need not wait for its imports."""
-    _processes.set_forkserver_preload(["skymosaic.panel.work"])
+    _processes.set_forkserver_preload(
+        ["skymosaic.panel.mosaic_work", "skymosaic.panel.tracking_work", "skymosaic.panel.work"]
+    )
     forkserver.ensure_running()
 
 

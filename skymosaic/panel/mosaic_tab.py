@@ -26,5 +26,5 @@ def build_mosaic_tab(outcome: MosaicOutcome) -> None:
     viewer = Viewer("Mosaic", [Picture(f"/picture/{mosaic.picture.name}", *mosaic.shown_size)])
     markup = drawings.outlines(mosaic.outlines.values())
     switch.on_value_change(lambda event: viewer.draw(markup if event.value else ""))
-    for name, reason in outcome.left_out.items():
-        ui.label(f"{name} was left out: {reason}").classes("fault")
+    for reason in outcome.left_out:
+        ui.label(f"left out: {reason}").classes("fault")

@@ -24,6 +24,7 @@ def build_numbers_tab(outcome: MosaicOutcome, view: PairView) -> None:
             ("Homography, left to right, in pixels of the originals", _homography(view)),
             ("Quality", _quality(view)),
             ("Time", _bars(outcome.seconds, "{:.3f} s")),
+            *((("The flight", _table(outcome.facts)),) if outcome.facts else ()),
         ):
             ui.html(f"<h3>{title}</h3>{body}", tag="section", sanitize=False).classes("card")
     with ui.element("section").classes("card"):
@@ -83,5 +84,9 @@ def _quality(view: PairView) -> str:
         else "no second pass",
         "computed by": view.numbers["backend"],
     }
+    return f'{_table(rows)}<p class="hint">Correct: within {CORRECT_PX:g} px of the homography.</p>'
+
+
+def _table(rows: Mapping[str, str]) -> str:
     body = "".join(f"<tr><th>{name}</th><td>{escape(value)}</td></tr>" for name, value in rows.items())
-    return f'<table class="bars">{body}</table><p class="hint">Correct: within {CORRECT_PX:g} px of the homography.</p>'
+    return f'<table class="bars words">{body}</table>'

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from skymosaic.matching import GOOD_MATCH_ABOVE
 from skymosaic.methods import Method
 from skymosaic.panel.choices import Choices
 from skymosaic.registration import Matrix, Pair, Records, match_points
+from skymosaic.track_output import TrackedCorners
 
 Size = tuple[int, int]
 
@@ -44,6 +45,11 @@ class Upload:
     notes: tuple[str, ...]
     working: Path
     working_size: Size
+
+    @property
+    def pictures(self) -> list[Path]:
+        """What shows it."""
+        return [self.working]
 
 
 @dataclass(frozen=True)
@@ -138,6 +144,14 @@ class ShownMosaic:
 
 
 @dataclass(frozen=True)
+class LinkView:
+    """Two photographs of a flight that were linked, by their names."""
+
+    names: tuple[str, str]
+    inliers: int
+
+
+@dataclass(frozen=True)
 class MosaicOutcome:
     """A finished run.
 
@@ -149,26 +163,33 @@ class MosaicOutcome:
         What it was made with.
     workings : tuple of Path
         Working pictures of the photographs, in their order.
-    pairs : tuple of PairView
+    pair : PairView
+        Of a flight, the one that is looked at.
     mosaic : ShownMosaic or None
         None where none could be made, for the ``reason``.
-    left_out : dict of str to str
-        Why photographs were not placed, by their names.
+    left_out : tuple of str
+        Which photographs were not placed, and why.
     command : str
         The command line that does it again.
     seconds : dict of str to float
         Wall time of each stage.
+    links : tuple of LinkView
+        Of a flight, by falling inliers: the pairs that can be looked at.
+    facts : dict of str to str
+        Of a flight as a whole.
     """
 
     folder: Path
     choices: Choices
     workings: tuple[Path, ...]
-    pairs: tuple[PairView, ...]
+    pair: PairView
     mosaic: ShownMosaic | None
-    left_out: dict[str, str]
+    left_out: tuple[str, ...]
     reason: str
     command: str
     seconds: dict[str, float]
+    links: tuple[LinkView, ...] = ()
+    facts: dict[str, str] = field(default_factory=dict)
 
     @property
     def on_accelerator(self) -> bool:
@@ -206,6 +227,38 @@ class HardwareOutcome:
     comparison: Comparison
     software_seconds: float
     command: str
+
+
+@dataclass(frozen=True)
+class TrackingOutcome:
+    """An object followed through a video.
+
+    Attributes
+    ----------
+    folder : Path
+        All that the run used and wrote.
+    video : Path
+        The video with the outline.
+    rows : tuple of TrackedCorners
+        Every frame's numbers.
+    seconds_a_frame : float
+    notes : tuple of str
+        What is wrong with the video.
+    command : str
+        The command line that does it again.
+    """
+
+    folder: Path
+    video: Path
+    rows: tuple[TrackedCorners, ...]
+    seconds_a_frame: float
+    notes: tuple[str, ...]
+    command: str
+
+    @property
+    def pictures(self) -> list[Path]:
+        """What shows it."""
+        return [self.video]
 
 
 def _in_working(pair: Pair) -> Matrix:

@@ -1,26 +1,19 @@
-"""The page: the column of controls on the left, what came of them on the right."""
+"""The page of the mosaic: the column of controls on the left, what came of them on the right."""
 
 from __future__ import annotations
 
-from functools import cache
-from pathlib import Path
-
 from nicegui import ui
 
+from skymosaic.panel.choices import fault_of
 from skymosaic.panel.corners_tab import CornersTab
+from skymosaic.panel.frame import page_frame
 from skymosaic.panel.hardware_tab import HardwareTab
 from skymosaic.panel.matches_tab import MatchesTab
 from skymosaic.panel.mosaic_tab import build_mosaic_tab
 from skymosaic.panel.numbers_tab import build_numbers_tab
 from skymosaic.panel.outcomes import MosaicOutcome
-from skymosaic.panel.sidebar import ChoicesCard, PhotographsCard, RunCard
+from skymosaic.panel.sidebar import ChoicesCard, PhotographsCard, RunCard, enabled_while_idle
 from skymosaic.panel.visitors import Visitor
-
-LOGO = (
-    '<svg viewBox="0 0 32 32" aria-hidden="true"><g fill="none" stroke-width="2.4">'
-    '<rect x="4" y="9" width="16" height="14" rx="2" stroke="#38d9ff" transform="rotate(-8 12 16)"/>'
-    '<rect x="13" y="9" width="16" height="14" rx="2" stroke="#ffb020" transform="rotate(7 21 16)"/></g></svg>'
-)
 
 STEPS = (
     ("grain", "Corners", "appear as soon as photographs are loaded, and follow the threshold as you move it."),
@@ -29,26 +22,20 @@ STEPS = (
 )
 
 
-@cache
-def _style() -> str:
-    return Path(__file__).with_name("style.css").read_text(encoding="utf-8")
-
-
-def build_page(visitor: Visitor) -> None:
+def build_mosaic_page(visitor: Visitor) -> None:
     """Build the page of a visitor, with all that is there already."""
-    ui.add_css(_style())
-    ui.colors(primary="#0f6e78")
-    with ui.element("header").classes("top"):
-        ui.html(LOGO, sanitize=False)
-        ui.html("skymosaic", tag="h1", sanitize=False)
-        ui.label("overlapping photographs in, one mosaic out").classes("tagline")
-        ui.element("div").classes("grow")
-        download = ui.button("Download everything", icon="download").props(
-            'outline dense no-caps color=white href="/archive"'
-        )
-    with ui.element("div").classes("layout"):
+
+    def is_ready() -> bool:
+        count = len(visitor.photographs)
+        return count > 1 and not fault_of(visitor.choices, count)
+
+    with page_frame(visitor, "/"):
         with ui.element("aside").classes("stack").props('aria-label="Photographs and choices"'):
-            cards = PhotographsCard(visitor), ChoicesCard(visitor), RunCard(visitor)
+            cards = (
+                PhotographsCard(visitor),
+                ChoicesCard(visitor),
+                RunCard(visitor, "Make the mosaic", visitor.make_mosaic, is_ready),
+            )
         with ui.element("main").classes("stack"):
             results = Results(visitor)
 
@@ -56,7 +43,6 @@ def build_page(visitor: Visitor) -> None:
         for card in cards:
             card.update()
         results.update()
-        download.set_visibility(visitor.outcome is not None)
 
     visitor.changed.subscribe(update)
     update()
@@ -90,9 +76,13 @@ class Results:
         self._tabs_card.set_visibility(not self._welcome.visible)
         self._corners.update()
         if visitor.outcome is not self._outcome:
+            is_new_run = (
+                self._outcome is None or visitor.outcome is None or visitor.outcome.folder != self._outcome.folder
+            )
             self._outcome = visitor.outcome
             self._fill()
-            self._panels.set_value("Mosaic")
+            if is_new_run:
+                self._panels.set_value("Mosaic")
         if self._hardware is not None:
             self._hardware.update()
 
@@ -105,25 +95,35 @@ class Results:
                 with place:
                     ui.label("Make the mosaic first.").classes("hint empty")
             return
-        left, right = (f"/picture/{path.name}" for path in outcome.workings[:2])
+        left, right = (f"/picture/{name}.png" for name in outcome.pair.names)
         with self._places["Matches"]:
-            MatchesTab(outcome.pairs[0], (left, right))
+            self._build_pair_choice(outcome)
+            MatchesTab(outcome.pair, (left, right))
         with self._places["Mosaic"]:
             build_mosaic_tab(outcome)
         with self._places["Numbers"]:
-            build_numbers_tab(outcome, outcome.pairs[0])
+            build_numbers_tab(outcome, outcome.pair)
         with self._places["Hardware"]:
             self._hardware = HardwareTab(self._visitor, outcome)
+
+    def _build_pair_choice(self, outcome: MosaicOutcome) -> None:
+        """Of a flight, the linked pairs to look at; those of two photographs need no choice."""
+        if outcome.links:
+            titles = {link.names: f"{' and '.join(link.names)}, {link.inliers} inliers" for link in outcome.links}
+            with ui.element("div").classes("bar"):
+                choice = ui.select(titles, label="Pair of the flight", value=outcome.pair.names)
+                choice.props("outlined dense options-dense").classes("pair-choice")
+                look = ui.button("Look at it", on_click=lambda: self._visitor.look_at_pair(choice.value))
+                enabled_while_idle(look.props("outline no-caps"), self._visitor)
 
     def _build_welcome(self) -> None:
         ui.html("Two overlapping photographs in, one mosaic out", tag="h2", sanitize=False)
         ui.label(
-            "Load two or more photographs on the left, or begin with a flight that is rendered here. Nothing leaves "
+            "Load two or more photographs on the left, or begin with what is rendered here. Nothing leaves "
             "this machine."
         ).classes("lead")
-        ui.button("Try the built-in flight", icon="flight", on_click=self._visitor.load_built_in_pair).props(
-            "unelevated no-caps size=lg"
-        )
+        button = ui.button("Try the built-in pair", icon="flight", on_click=lambda: self._visitor.load_built_in(2))
+        enabled_while_idle(button.props("unelevated no-caps size=lg"), self._visitor)
         with ui.element("div").classes("what"):
             for icon, title, words in STEPS:
                 with ui.element("div"):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import secrets
 import socket
 from collections.abc import Callable
+from typing import Literal
 
 import uvicorn
 from fastapi import FastAPI, Request
@@ -17,7 +18,8 @@ from skymosaic.errors import InputError
 from skymosaic.panel.archive import zipped
 from skymosaic.panel.guard import Guard
 from skymosaic.panel.jobs import prepare_workers
-from skymosaic.panel.page import build_page
+from skymosaic.panel.page import build_mosaic_page
+from skymosaic.panel.tracking_page import build_tracking_page
 from skymosaic.panel.uploads import UploadRefusedError
 from skymosaic.panel.visitors import Visitor, Visitors
 
@@ -84,13 +86,13 @@ def _application(visitors: Visitors, port: int) -> FastAPI:
         number = request.session.get("id")
         return visitors.of(number) if number else None
 
-    @app.post("/upload/photograph")
-    async def upload_photograph(request: Request, name: str) -> Response:
+    @app.post("/upload/{slot}")
+    async def upload(request: Request, slot: Literal["photograph", "template", "video"], name: str) -> Response:
         visitor = visitor_of(request)
         if visitor is None:
             return PlainTextResponse("open the panel's page first", status_code=403)
         try:
-            await visitor.add_photograph(request.stream(), name)
+            await visitor.upload(slot, request.stream(), name)
         except UploadRefusedError as error:
             # The rest of a body that is too large is not waited for.
             return PlainTextResponse(str(error), status_code=error.status, headers={"connection": "close"})
@@ -113,9 +115,13 @@ def _application(visitors: Visitors, port: int) -> FastAPI:
         disposition = {"content-disposition": 'attachment; filename="skymosaic.zip"'}
         return StreamingResponse(zipped(folders), media_type="application/zip", headers=disposition)
 
-    @ui.page("/", title="skymosaic", favicon=None)
-    def page() -> None:
-        build_page(visitors.of(page_app.storage.browser["id"]))
+    @ui.page("/")
+    def mosaic_page() -> None:
+        build_mosaic_page(visitors.of(page_app.storage.browser["id"]))
+
+    @ui.page("/tracking")
+    def tracking_page() -> None:
+        build_tracking_page(visitors.of(page_app.storage.browser["id"]))
 
     ui.run_with(app, title="skymosaic", show_welcome_message=False, gzip_middleware_factory=None)
     return app

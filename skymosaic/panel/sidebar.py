@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from functools import partial
 
 from nicegui import ui
-from nicegui.events import ValueChangeEventArguments
+from nicegui.elements.mixins.disableable_element import DisableableElement
 
-from skymosaic.errors import InputError
-from skymosaic.panel.choices import OPTIONS, Choices
+from skymosaic.panel.choices import OPTIONS, fault_of
 from skymosaic.panel.drop_zone import DropZone
 from skymosaic.panel.outcomes import Upload
 from skymosaic.panel.slider import Slider
 from skymosaic.panel.uploads import MEBIBYTE, PHOTOGRAPH
 from skymosaic.panel.visitors import Visitor
 
+BUILT_IN = {"Pair": 2, "Flight": 9}
+"""How many photographs are rendered for each."""
 LABELS = {
     "preset": "Preset",
     "detector": "Detector",
@@ -32,6 +33,11 @@ def heading(number: str, text: str) -> None:
     ui.html(f'<span class="step">{number}</span>{text}', tag="h2", sanitize=False)
 
 
+def enabled_while_idle(control: DisableableElement, visitor: Visitor) -> None:
+    """Disable a control that starts work while other work runs."""
+    control.bind_enabled_from(visitor, "job", lambda job: job is None)
+
+
 class PhotographsCard:
     """Uploads and what is loaded."""
 
@@ -41,9 +47,11 @@ class PhotographsCard:
         with ui.element("section").classes("card"):
             with ui.element("div").classes("card-head"):
                 heading("1", "Photographs")
-                ui.button("Built-in flight", icon="flight", on_click=visitor.load_built_in_pair).props(
-                    "flat dense no-caps size=sm"
-                )
+                with ui.element("div").classes("built-in"):
+                    for title, count in BUILT_IN.items():
+                        button = ui.button(title, icon="flight", on_click=partial(visitor.load_built_in, count))
+                        button.props(f'flat dense no-caps size=sm aria-label="Load the built-in {title.lower()}"')
+                        enabled_while_idle(button, visitor)
             DropZone(
                 url="/upload/photograph",
                 accept="image/*,.tif,.tiff",
@@ -54,6 +62,11 @@ class PhotographsCard:
                 on_refused=lambda line: ui.notify(line, type="negative", timeout=10_000, close_button="OK"),
             )
             self._list = ui.element("ul").classes("photographs").props('aria-label="Photographs loaded"')
+            with ui.element("div").classes("card-head") as self._all:
+                self._count = ui.label().classes("hint")
+                ui.button("Remove all", on_click=lambda: visitor.keep_photographs(())).props(
+                    "flat dense no-caps size=sm"
+                )
         self.update()
 
     def update(self) -> None:
@@ -61,6 +74,8 @@ class PhotographsCard:
         if self._shown == self._visitor.photographs:
             return
         self._shown = list(self._visitor.photographs)
+        self._all.set_visibility(len(self._shown) > 2)
+        self._count.set_text(f"{len(self._shown)} photographs")
         self._list.clear()
         with self._list:
             for position, upload in enumerate(self._shown):
@@ -77,9 +92,12 @@ class PhotographsCard:
                 ui.button(icon="swap_vert", on_click=visitor.swap_first).props(
                     'flat round dense size=sm aria-label="Exchange the first two photographs"'
                 )
-            ui.button(icon="close", on_click=lambda: visitor.remove_photograph(upload)).props(
+            ui.button(icon="close", on_click=lambda: self._keep_all_but(upload)).props(
                 f'flat round dense size=sm aria-label="Remove {upload.name}"'
             )
+
+    def _keep_all_but(self, upload: Upload) -> None:
+        self._visitor.keep_photographs(kept for kept in self._visitor.photographs if kept is not upload)
 
 
 class ChoicesCard:
@@ -92,8 +110,9 @@ class ChoicesCard:
             heading("2", "Choices")
             with ui.element("div").classes("choices"):
                 for name in LABELS:
-                    self._selects[name] = self._select(name)
-                self._refine = ui.switch("Second pass", on_change=self._on_change("refine")).props("dense")
+                    self._selects[name] = select_choice(visitor, name)
+                self._refine = ui.switch("Second pass", on_change=lambda event: visitor.choose("refine", event.value))
+                self._refine.props("dense")
                 self._build_slider()
             self._fault = ui.label().classes("fault").props('role="status"')
         self.update()
@@ -111,12 +130,7 @@ class ChoicesCard:
         self._slider.show(
             lowest=scale.lowest, highest=scale.highest, position=choices.position, label=scale.title, words=words
         )
-        self._fault.set_text(fault_of(choices))
-
-    def _select(self, name: str) -> ui.select:
-        values = [*OPTIONS[name], *(self._visitor.boards if name == "backend" else ())]
-        select = ui.select(values, label=LABELS[name], on_change=self._on_change(name))
-        return select.props("outlined dense options-dense").classes("choice")
+        self._fault.set_text(fault_of(choices, len(self._visitor.photographs)))
 
     def _build_slider(self) -> None:
         with ui.element("div").classes("threshold"):
@@ -125,20 +139,22 @@ class ChoicesCard:
                 self._slider_value = ui.label().classes("value").props('aria-live="polite"')
             self._slider = Slider(lambda position: self._visitor.choose("position", position))
 
-    def _on_change(self, name: str) -> Callable[[ValueChangeEventArguments[Any]], None]:
-        def change(event: ValueChangeEventArguments[Any]) -> None:
-            self._visitor.choose(name, event.value)
 
-        return change
+def select_choice(visitor: Visitor, name: str) -> ui.select:
+    """A list of the values that one of the choices may have."""
+    values = [*OPTIONS[name], *(visitor.boards if name == "backend" else ())]
+    select = ui.select(values, label=LABELS[name], on_change=lambda event: visitor.choose(name, event.value))
+    return select.props("outlined dense options-dense").classes("choice")
 
 
 class RunCard:
     """The button, and while work runs its progress and its end."""
 
-    def __init__(self, visitor: Visitor) -> None:
+    def __init__(self, visitor: Visitor, title: str, run: Callable[[], None], is_ready: Callable[[], bool]) -> None:
         self._visitor = visitor
+        self._is_ready = is_ready
         with ui.element("section").classes("card run"):
-            self._run = ui.button("Make the mosaic", icon="play_arrow", on_click=visitor.make_mosaic)
+            self._run = ui.button(title, icon="play_arrow", on_click=run)
             self._run.props("unelevated no-caps").classes("run-button")
             with ui.element("div").classes("running") as self._running:
                 with ui.element("div").classes("running-head"):
@@ -154,7 +170,7 @@ class RunCard:
         """Show whether work runs, and how the last one ended."""
         visitor = self._visitor
         self._run.set_visibility(visitor.job is None)
-        self._run.set_enabled(len(visitor.photographs) > 1 and not fault_of(visitor.choices))
+        self._run.set_enabled(self._is_ready())
         self._running.set_visibility(visitor.job is not None)
         self._fault.set_text(visitor.fault)
         self._tick()
@@ -164,12 +180,3 @@ class RunCard:
         if job is not None:
             self._title.set_text(job.title)
             self._line.set_text(f"{job.line} · {job.seconds:.0f} s")
-
-
-def fault_of(choices: Choices) -> str:
-    """Why choices do not go together; empty where they do."""
-    try:
-        choices.settled()
-    except (InputError, ValueError) as error:
-        return str(error)
-    return ""

@@ -23,7 +23,7 @@ export default {
     </div>`,
   props: { pictures: Array, size: Array, drawing: String, label: String },
   data() {
-    return { STEP, box: [0, 0, ...this.size], drag: null, lastMove: 0 };
+    return { STEP, box: [0, 0, ...this.size], drag: null, pointer: null, timer: 0 };
   },
   mounted() { this.$refs.drawing.innerHTML = this.drawing; },
   watch: {
@@ -55,12 +55,18 @@ export default {
     onDown(event) {
       if (event.button === 0) this.drag = { x: event.clientX, y: event.clientY, moved: false };
     },
+    // At most once an interval, and where the pointer came to rest in any case.
+    report() {
+      this.timer = 0;
+      if (!this.pointer) return;
+      this.$emit("hover", this.pointer);
+      this.pointer = null;
+      this.timer = setTimeout(this.report, POINTER_INTERVAL_MS);
+    },
     onMove(event) {
       if (!this.drag) {
-        if (event.timeStamp - this.lastMove >= POINTER_INTERVAL_MS) {
-          this.lastMove = event.timeStamp;
-          this.$emit("hover", this.at(event));
-        }
+        this.pointer = this.at(event);
+        if (!this.timer) this.report();
         return;
       }
       const dx = event.clientX - this.drag.x, dy = event.clientY - this.drag.y;

@@ -3,28 +3,39 @@
 from __future__ import annotations
 
 import asyncio
-import os
 import shutil
 import tempfile
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import wraps
 from pathlib import Path
-from typing import Any
+from typing import Any, Concatenate, ParamSpec
 from weakref import WeakValueDictionary
 
 from nicegui import Event, background_tasks
+from nicegui.binding import BindableProperty
 
-from skymosaic.panel import work
+from skymosaic.panel import mosaic_work, tracking_work, work
 from skymosaic.panel.choices import Choices
 from skymosaic.panel.jobs import Job, JobCancelledError, JobFailedError, Work
-from skymosaic.panel.outcomes import HardwareOutcome, MosaicOutcome, Upload
-from skymosaic.panel.uploads import PHOTOGRAPH, UploadRefusedError, receive
+from skymosaic.panel.outcomes import HardwareOutcome, MosaicOutcome, TrackingOutcome, Upload
+from skymosaic.panel.uploads import PHOTOGRAPH, VIDEO, UploadRefusedError, receive
 
 MOST_KEPT = 16
 """Visitors whose files are kept; the one who came first goes first, unless its work is running."""
 MOST_PHOTOGRAPHS = 60
 MOST_BYTES = 4 << 30
 """Of all files of one visitor, results included."""
+
+SLOTS = {
+    "photograph": (PHOTOGRAPH, work.inspect),
+    "template": (PHOTOGRAPH, work.inspect),
+    "video": (VIDEO, work.inspect_video),
+}
+"""Where files may be uploaded to: the kind each takes, and what a worker does with it."""
+
+
+_Arguments = ParamSpec("_Arguments")
 
 
 @dataclass(frozen=True)
@@ -35,6 +46,19 @@ class Turns:
     uploads: asyncio.Semaphore = field(default_factory=lambda: asyncio.Semaphore(2))
 
 
+def _alone(
+    start: Callable[Concatenate[Visitor, _Arguments], None],
+) -> Callable[Concatenate[Visitor, _Arguments], None]:
+    """Let a method that starts a job do nothing while another runs."""
+
+    @wraps(start)
+    def start_alone(visitor: Visitor, /, *args: _Arguments.args, **kwargs: _Arguments.kwargs) -> None:
+        if visitor.job is None:
+            start(visitor, *args, **kwargs)
+
+    return start_alone
+
+
 class Visitor:
     """One browser's photographs, choices and outcomes; all its tabs share them, and a reload finds them again.
 
@@ -42,11 +66,15 @@ class Visitor:
     ----------
     boards : tuple of str
         Backends that are boards.
+    job : Job or None
+        What is running; controls can be bound to it.
     changed : Event
         Emitted whenever something that pages show has changed.
     fault : str
         Why the last work ended without a result; empty where it did not.
     """
+
+    job = BindableProperty()
 
     def __init__(self, make_folder: Callable[[Visitor], Path], turns: Turns, boards: tuple[str, ...]) -> None:
         self.boards = boards
@@ -58,45 +86,56 @@ class Visitor:
         self.choices = Choices.of_preset("aerial")
         self.outcome: MosaicOutcome | None = None
         self.hardware: HardwareOutcome | None = None
-        self.job: Job | None = None
+        self.template: Upload | None = None
+        self.video: Upload | None = None
+        self.tracking: TrackingOutcome | None = None
+        self.job = None
         self.fault = ""
         self.changed: Event[[]] = Event()
 
     def picture(self, name: str) -> Path | None:
         """A picture's file: only what is listed here can be read, whatever ``name`` holds."""
-        listed = [upload.working for upload in self.photographs]
-        if self.outcome is not None:
-            listed += self.outcome.pictures
-        return next((path for path in listed if path.name == name), None)
+        return next((path for path in self._pictures() if path.name == name), None)
 
     def result_folders(self) -> dict[str, Path]:
         """The folders of the archive, by the names they have in it."""
-        return {} if self.outcome is None else {"mosaic": self.outcome.folder}
+        return {name: outcome.folder for name, outcome in self._outcomes().items()}
 
-    async def add_photograph(self, body: AsyncIterator[bytes], name: str) -> None:
-        """Take an upload in once it is received, known to be a photograph, and decoded.
+    async def upload(self, slot: str, body: AsyncIterator[bytes], name: str) -> None:
+        """Take a file in once it is received, known to be of its kind, and decoded.
+
+        Parameters
+        ----------
+        slot : str
+            A key of `SLOTS`.
 
         Raises
         ------
         UploadRefusedError
             If it is not taken; nothing of it stays.
         """
-        if len(self.photographs) >= MOST_PHOTOGRAPHS:
+        kind, task = SLOTS[slot]
+        if slot == "photograph" and len(self.photographs) >= MOST_PHOTOGRAPHS:
             raise UploadRefusedError(f"{MOST_PHOTOGRAPHS} photographs are loaded, and no more may be; remove some", 413)
-        target = self._folder("uploads") / f"{self._number():02}"
-        path = await receive(body, name, PHOTOGRAPH, target, self._room_bytes())
-        job = Job(f"Reading {path.name}", path.parent, work.inspect, path.name, self._folder("views"))
+        path = await receive(body, name, kind, self._folder("uploads") / self._number(), self._room_bytes())
+        job = Job(f"Reading {path.name}", path.parent, task, path.name, self._folder("views"))
         try:
-            self.photographs.append(await job.run(self._turns.uploads))
+            uploaded = await job.run(self._turns.uploads)
         except JobFailedError as error:
             path.unlink()
             raise UploadRefusedError(str(error)) from None
+        if slot == "photograph":
+            self.photographs.append(uploaded)
+        elif slot == "template":
+            self._take_film(uploaded, self.video)
+        else:
+            self._take_film(self.template, uploaded)
         self.changed.emit()
 
-    def remove_photograph(self, upload: Upload) -> None:
-        """Forget a photograph; outcomes made of it stay."""
-        self.photographs.remove(upload)
-        (self._folder("uploads") / upload.name).unlink()
+    def keep_photographs(self, kept: Iterable[Upload]) -> None:
+        """Forget all other photographs; outcomes made of them stay."""
+        before, self.photographs = self.photographs, list(kept)
+        self._remove(*(upload for upload in before if upload not in self.photographs))
         self.changed.emit()
 
     def swap_first(self) -> None:
@@ -110,41 +149,65 @@ class Visitor:
             self.choices = self.choices.changed(name, value)
             self.changed.emit()
 
-    def load_built_in_pair(self) -> None:
-        """Replace the photographs by the built-in ones, rendered in a worker."""
-        names = tuple(f"{self._number():02}_built-in_{side}.png" for side in ("left", "right"))
+    @_alone
+    def load_built_in(self, count: int) -> None:
+        """Replace the photographs by a built-in pair, or a built-in flight of more."""
+        names = [f"{self._number()}_built-in.png" for _ in range(count)]
+        task, title = (work.render_pair, "pair") if count == 2 else (work.render_flight, "flight")
+        uploads, views = self._folder("uploads"), self._folder("views")
+        self._start(f"Rendering the built-in {title}", uploads, self.keep_photographs, task, names, views)
 
-        def take(uploads: list[Upload]) -> None:
-            self.photographs = uploads
-
+    @_alone
+    def load_built_in_film(self) -> None:
+        """Replace template and video by the built-in film of a car."""
+        names = f"{self._number()}_car.png", f"{self._number()}_film.mp4"
         folder, views = self._folder("uploads"), self._folder("views")
-        self._start("Rendering the built-in flight", folder, take, work.render_pair, names, views)
 
+        def take(film: tuple[Upload, Upload]) -> None:
+            self._take_film(*film)
+
+        self._start("Rendering the built-in film", folder, take, work.render_pursuit, *names, views)
+
+    @_alone
     def make_mosaic(self) -> None:
-        """Run the chosen chain over the photographs, in a folder with all it needs."""
-        for path in self._folder("runs").iterdir():
-            if self.outcome is None or path != self.outcome.folder:
-                shutil.rmtree(path)
-        run = self._folder(f"runs/{self._number():02}")
+        """Run the chosen chain over the photographs."""
         names = [upload.name for upload in self.photographs]
-        for name in names:
-            os.link(self._folder("uploads") / name, run / name)
+        run, views = self._new_run(names), self._folder("views")
+        self._start("Making the mosaic", run, self._take_mosaic, mosaic_work.make_mosaic, names, self.choices, views)
 
-        def take(outcome: MosaicOutcome) -> None:
-            self.outcome, self.hardware = outcome, None
-
-        self._start("Making the mosaic", run, take, work.make_mosaic, names, self.choices, self._folder("views"))
-
-    def compare_hardware(self, backend: str) -> None:
-        """Run the pair of the last mosaic through hardware."""
+    @_alone
+    def look_at_pair(self, names: tuple[str, str]) -> None:
+        """Register one pair of a flight again, to look at its matches."""
         assert self.outcome is not None
-        names, choices = self.outcome.pairs[0].names, self.outcome.choices
+        folder, task = self.outcome.folder, mosaic_work.look_at_pair
+        self._start("Matching the pair", folder, self._take_mosaic, task, self.outcome, names)
+
+    @_alone
+    def compare_hardware(self, backend: str) -> None:
+        """Run the pair at hand through hardware."""
+        assert self.outcome is not None
+        names, choices = self.outcome.pair.names, self.outcome.choices
 
         def take(outcome: HardwareOutcome) -> None:
             self.hardware = outcome
 
-        folder = self.outcome.folder
-        self._start("Comparing with the golden model", folder, take, work.compare_hardware, names, choices, backend)
+        task, folder = mosaic_work.compare_hardware, self.outcome.folder
+        self._start("Comparing with the golden model", folder, take, task, names, choices, backend)
+
+    @_alone
+    def track(self) -> None:
+        """Follow the template through the video."""
+        assert self.template is not None
+        assert self.video is not None
+        names = [self.template.name, self.video.name]
+
+        def take(outcome: TrackingOutcome) -> None:
+            before, self.tracking = self.tracking, outcome
+            if before:
+                self._remove(before)
+
+        run, views, choices = self._new_run(names), self._folder("views"), self.choices
+        self._start("Tracking", run, take, tracking_work.follow, *names, choices.preset, choices.backend, views)
 
     def cancel(self) -> None:
         """End the running job; what it would have brought is lost, what was there before stays."""
@@ -156,14 +219,14 @@ class Visitor:
         self.cancel()
         if self._root is not None:
             shutil.rmtree(self._root, ignore_errors=True)
-            self._root, self.photographs, self.outcome = None, [], None
+            self._root, self.photographs, self.template, self.video = None, [], None, None
+            self.outcome = self.hardware = self.tracking = None
 
     def _start(self, title: str, folder: Path, take: Callable[[Any], None], task: Work, *arguments: object) -> None:
-        """Run ``task`` in a worker and hand its result to ``take``; nothing happens while another job runs."""
-        if self.job is None:
-            self.job, self.fault = Job(title, folder, task, *arguments), ""
-            background_tasks.create(self._finish(self.job, take), name=title)
-            self.changed.emit()
+        """Run ``task`` in a worker and hand its result to ``take``."""
+        self.job, self.fault = Job(title, folder, task, *arguments), ""
+        background_tasks.create(self._finish(self.job, take), name=title)
+        self.changed.emit()
 
     async def _finish(self, job: Job, take: Callable[[Any], None]) -> None:
         try:
@@ -176,6 +239,33 @@ class Visitor:
             self.job = None
             self.changed.emit()
 
+    def _take_mosaic(self, outcome: MosaicOutcome) -> None:
+        before, self.outcome, self.hardware = self.outcome, outcome, None
+        if before:
+            self._remove(before)
+
+    def _take_film(self, template: Upload | None, video: Upload | None) -> None:
+        before, self.template, self.video = (self.template, self.video), template, video
+        self._remove(*(upload for upload in before if upload and upload not in (template, video)))
+
+    def _outcomes(self) -> dict[str, MosaicOutcome | TrackingOutcome]:
+        outcomes = {"mosaic": self.outcome, "tracking": self.tracking}
+        return {name: outcome for name, outcome in outcomes.items() if outcome}
+
+    def _pictures(self) -> list[Path]:
+        """The files that may be read."""
+        uploads = (*self.photographs, self.template, self.video)
+        shown = [upload.working for upload in uploads if upload]
+        return shown + [path for outcome in self._outcomes().values() for path in outcome.pictures]
+
+    def _remove(self, *gone: Upload | MosaicOutcome | TrackingOutcome) -> None:
+        """Remove the files of what has been replaced, but pictures that something else shows."""
+        for each in gone:
+            if isinstance(each, Upload):
+                (self._folder("uploads") / each.name).unlink(missing_ok=True)
+            for path in set(each.pictures).difference(self._pictures()):
+                path.unlink(missing_ok=True)
+
     def _folder(self, name: str) -> Path:
         if self._root is None:
             self._root = self._make_folder(self)
@@ -183,10 +273,21 @@ class Visitor:
         folder.mkdir(parents=True, exist_ok=True)
         return folder
 
-    def _number(self) -> int:
-        """A number for a name, never given twice."""
+    def _new_run(self, names: Sequence[str]) -> Path:
+        """A folder with the files a run needs; those of runs that left no outcome are removed."""
+        finished = self.result_folders().values()
+        for path in self._folder("runs").iterdir():
+            if path not in finished:
+                shutil.rmtree(path)
+        run = self._folder(f"runs/{self._number()}")
+        for name in names:
+            (run / name).hardlink_to(self._folder("uploads") / name)
+        return run
+
+    def _number(self) -> str:
+        """Two digits or more for a name, never given twice."""
         self._numbers += 1
-        return self._numbers
+        return f"{self._numbers:02}"
 
     def _room_bytes(self) -> int:
         files = self._root.rglob("*") if self._root else ()
@@ -229,5 +330,6 @@ class Visitors:
         if len(self._kept) >= MOST_KEPT and idle:
             self._kept.remove(idle[0])
             idle[0].close()
+            idle[0].changed.emit()
         self._kept.append(visitor)
         return Path(tempfile.mkdtemp(dir=self._folder.name))

@@ -1,0 +1,141 @@
+"""The page that follows an object through a video."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from nicegui import ui
+
+from skymosaic.panel.drop_zone import DropZone
+from skymosaic.panel.frame import page_frame
+from skymosaic.panel.outcomes import TrackingOutcome, Upload
+from skymosaic.panel.sidebar import RunCard, enabled_while_idle, heading, select_choice
+from skymosaic.panel.uploads import MEBIBYTE, PHOTOGRAPH, VIDEO, Kind
+from skymosaic.panel.visitors import Visitor
+
+CORNERS = ("top left", "top right", "bottom right", "bottom left")
+
+
+@dataclass(frozen=True)
+class _Slot:
+    """A place for one file: its name in `skymosaic.panel.visitors.SLOTS`, and its words on the page."""
+
+    name: str
+    number: str
+    title: str
+    hint: str
+    accept: str
+    kind: Kind
+
+
+_SLOTS = (
+    _Slot("template", "1", "Object", "a picture of it, cut out", "image/*", PHOTOGRAPH),
+    _Slot("video", "2", "Video", "MP4, MOV, MKV, WebM or AVI", "video/*,.mkv", VIDEO),
+)
+
+
+def build_tracking_page(visitor: Visitor) -> None:
+    """Build the page of a visitor, with all that is there already."""
+    with page_frame(visitor, "/tracking"):
+        with ui.element("aside").classes("stack").props('aria-label="Object, video and choices"'):
+            cards = [_UploadCard(visitor, slot) for slot in _SLOTS]
+            with ui.element("section").classes("card"):
+                heading("3", "Choices")
+                with ui.element("div").classes("choices"):
+                    selects = {name: select_choice(visitor, name) for name in ("preset", "backend")}
+            run = RunCard(visitor, "Follow the object", visitor.track, lambda: bool(visitor.template and visitor.video))
+        with ui.element("main").classes("stack"):
+            result = _Result(visitor)
+
+    def update() -> None:
+        for card in cards:
+            card.update()
+        for name, select in selects.items():
+            select.set_value(getattr(visitor.choices, name))
+        run.update()
+        result.update()
+
+    visitor.changed.subscribe(update)
+    update()
+
+
+class _UploadCard:
+    """One file: a drop zone, and what is loaded."""
+
+    def __init__(self, visitor: Visitor, slot: _Slot) -> None:
+        self._visitor, self._slot = visitor, slot.name
+        self._shown: Upload | None = None
+        with ui.element("section").classes("card"):
+            with ui.element("div").classes("card-head"):
+                heading(slot.number, slot.title)
+                if slot.name == "template":
+                    button = ui.button("Built-in film", icon="flight", on_click=visitor.load_built_in_film)
+                    enabled_while_idle(button.props("flat dense no-caps size=sm"), visitor)
+            DropZone(
+                url=f"/upload/{slot.name}",
+                accept=slot.accept,
+                multiple=False,
+                label=f"Choose {slot.title.lower()}",
+                title=f"Drop the {slot.title.lower()} here, or choose",
+                hint=f"{slot.hint} · up to {slot.kind.limit_bytes // MEBIBYTE} MB",
+                on_refused=lambda line: ui.notify(line, type="negative", timeout=10_000, close_button="OK"),
+            )
+            self._place = ui.element("ul").classes("photographs").props(f'aria-label="{slot.title} loaded"')
+
+    def update(self) -> None:
+        upload: Upload | None = getattr(self._visitor, self._slot)
+        if upload is not None and upload is not self._shown:
+            self._shown = upload
+            self._place.clear()
+            with self._place, ui.element("li"):
+                ui.element("img").props(f'src="/picture/{upload.working.name}" alt=""')
+                with ui.element("div").classes("what"):
+                    ui.label(upload.name).classes("name")
+                    ui.label(" · ".join(("x".join(map(str, upload.size)), *upload.notes))).classes("hint")
+
+
+class _Result:
+    """The tracked video and the corners of every frame."""
+
+    def __init__(self, visitor: Visitor) -> None:
+        self._visitor = visitor
+        self._shown: TrackingOutcome | None = None
+        self._place = ui.element("div").classes("card")
+        with self._place:
+            ui.html("An object and a video in, its outline in every frame out", tag="h2", sanitize=False)
+            ui.label(
+                "Give a picture of the object and a video that shows it, or begin with the built-in film of a car. "
+                "The object's four corners are mapped into every frame and drawn as a green quadrilateral."
+            ).classes("lead")
+
+    def update(self) -> None:
+        outcome = self._visitor.tracking
+        if outcome is None or outcome is self._shown:
+            return
+        self._shown = outcome
+        self._place.clear()
+        with self._place:
+            found = sum(row.corners is not None for row in outcome.rows)
+            ui.label(
+                f"Found in {found} of {len(outcome.rows)} frames, {1000 * outcome.seconds_a_frame:.0f} ms a frame"
+            ).classes("name").props('role="status"')
+            for note in outcome.notes:
+                ui.label(note).classes("hint")
+            video = ui.element("video").classes("tracked")
+            video.props(f'controls loop muted autoplay src="/picture/{outcome.video.name}" aria-label="Tracked video"')
+            _corner_table(outcome)
+            ui.label("The same again, in the unpacked archive's folder:").classes("hint")
+            ui.code(outcome.command, language="bash").classes("command")
+
+
+def _corner_table(outcome: TrackingOutcome) -> None:
+    columns = [{"name": "frame", "label": "frame", "field": "frame", "align": "right"}]
+    columns += [{"name": name, "label": f"{name} x, y", "field": name, "align": "right"} for name in CORNERS]
+    columns.append({"name": "matches", "label": "matches", "field": "matches", "align": "right"})
+    rows = []
+    for each in outcome.rows:
+        corners = each.corners or ()
+        places = [f"{x:.1f}, {y:.1f}" for x, y in corners] or ["lost"] * len(CORNERS)
+        rows.append({"frame": each.frame, "matches": each.inliers, **dict(zip(CORNERS, places, strict=True))})
+    table = ui.table(columns=columns, rows=rows, row_key="frame", pagination=8)
+    table.props('dense flat aria-label="Corners of the object"').classes("corner-table")

@@ -1,0 +1,114 @@
+"""A panel in a process of its own, the machine's Chromium, and what a visitor does with both."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from playwright.sync_api import Browser, Locator, Page, expect, sync_playwright
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+CHROMIUM_FLAGS = (
+    "--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--disable-background-networking",
+    "--disable-component-update", "--no-first-run",
+)  # fmt: skip
+WINDOW = {"width": 1280, "height": 720}
+LONG_MS = 60_000
+
+
+@contextmanager
+def running_panel(folder: Path) -> Iterator[str]:
+    """The address of a panel that runs in ``folder``; whatever it complains about is an error."""
+    log = folder / "log"
+    with log.open("w") as output:
+        command = [sys.executable, "-u", "-m", "skymosaic", "panel", "--port", "0"]
+        server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=output, text=True, cwd=folder)
+        with server:
+            line = server.stdout.readline()
+            address = re.search(r"http://127\.0\.0\.1:\d+", line)
+            assert address, line + log.read_text()
+            yield address.group()
+            assert server.poll() is None, log.read_text()
+            server.terminate()
+            server.wait(timeout=20)
+    assert "Traceback" not in log.read_text(), log.read_text()
+
+
+@contextmanager
+def chromium() -> Iterator[Browser]:
+    """The machine's Chromium, without a window."""
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(CHROMIUM_FLAGS))
+        yield browser
+        browser.close()
+
+
+def corner_counts(page: Page) -> Locator:
+    return page.get_by_role("status", name="Corners found")
+
+
+def mosaic_viewer(page: Page) -> Locator:
+    return page.get_by_role("group", name="Mosaic")
+
+
+def photographs_loaded(page: Page) -> Locator:
+    return page.get_by_role("list", name="Photographs loaded").locator("li")
+
+
+def load_built_in_pair(page: Page) -> None:
+    page.get_by_role("button", name="Try the built-in pair").click()
+    expect(corner_counts(page)).to_contain_text("corners", timeout=LONG_MS)
+
+
+def make_mosaic(page: Page) -> None:
+    page.get_by_role("button", name="Make the mosaic").click()
+    expect(mosaic_viewer(page)).to_be_visible(timeout=LONG_MS)
+
+
+def open_tab(page: Page, name: str) -> None:
+    page.get_by_role("tab", name=name).click()
+    expect(page.get_by_role("tabpanel", name=name)).to_be_visible()
+
+
+def choose(page: Page, choice: str, value: str) -> None:
+    page.get_by_role("combobox", name=choice).click()
+    page.get_by_role("option", name=value, exact=True).click()
+
+
+def middle_of(line: Locator) -> tuple[float, float]:
+    """The middle, in the window, of the first line of an SVG path."""
+    x, y = line.evaluate(
+        """path => {
+            const [x0, y0, x1, y1] = path.getAttribute("d").match(/-?[\\d.]+/g).slice(0, 4).map(Number);
+            const middle = new DOMPoint((x0 + x1) / 2, (y0 + y1) / 2).matrixTransform(path.getScreenCTM());
+            return [middle.x, middle.y];
+        }"""
+    )
+    return x, y
+
+
+def threshold_to_corners_ms(page: Page, rounds: int) -> list[float]:
+    """From the key that moves the threshold to the next frame that the browser paints, milliseconds."""
+    before = corner_counts(page).text_content()
+    page.get_by_role("slider", name="Harris threshold").click()
+    expect(corner_counts(page)).not_to_have_text(before)
+    page.evaluate(
+        """() => {
+            const drawing = document.querySelector(".viewer svg g");
+            addEventListener("keydown", () => (window.pressed = performance.now()), true);
+            new MutationObserver(() => requestAnimationFrame(() => (window.painted = performance.now())))
+                .observe(drawing, { childList: true });
+        }"""
+    )
+    milliseconds = []
+    for number in range(rounds):
+        page.evaluate("window.painted = 0")
+        page.keyboard.press("ArrowLeft" if number % 2 else "ArrowRight")
+        page.wait_for_function("window.painted > 0")
+        milliseconds.append(page.evaluate("window.painted - window.pressed"))
+    return milliseconds
