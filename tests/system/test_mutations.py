@@ -1,0 +1,73 @@
+"""The tests themselves on trial: each of these one-line faults has to make one fail."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+MUTATIONS = {
+    "k of Harris": (
+        "golden_model/harris.py", "k_numerator / (1 << k_shift)", "(k_numerator + 1) / (1 << k_shift)",
+        "tests/golden/test_harris.py::test_response_follows_corner_harris",
+    ),
+    "rule of ties": (
+        "golden_model/nms.py", "code >= largest_after", "code > largest_after",
+        "tests/golden/test_nms.py",
+    ),
+    "radius of a ring": (
+        "golden_model/ilbp.py", "(0, 2, 4, 6, 9, 12, 15)", "(0, 2, 4, 6, 9, 12, 14)",
+        "tests/golden/test_ilbp.py",
+    ),
+    "one feature more a cell": (
+        "golden_model/selection.py", "rank < per_cell", "rank <= per_cell",
+        "tests/golden/test_front_end.py::test_cells_keep_their_best_in_the_order_of_emission",
+    ),
+    "second best of the columns": (
+        "golden_model/hamming.py", "np.minimum(others.min(axis=1)[left]", "np.maximum(others.min(axis=1)[left]",
+        "tests/golden/test_hamming.py",
+    ),
+    "rounding of the smoothing": (
+        "hdl/smooth.py", "(1 << shift >> 1)", "(1 << shift >> 2)",
+        "tests/hdl/test_pixel_blocks.py::test_binomial",
+    ),
+    "shift of Harris": (
+        "hdl/harris.py", "scaled >> self.k_shift)", "scaled >> self.k_shift + 1)",
+        "tests/hdl/test_pixel_blocks.py::test_raw_response",
+    ),
+    "equal pixels in a descriptor": (
+        "hdl/ilbp.py", "rings[a][n] >= rings[b]", "rings[a][n] > rings[b]",
+        "tests/hdl/test_ilbp.py::test_sector_and_descriptor_equal_the_golden_model",
+    ),
+    "border": (
+        "hdl/level_scan.py", "(x >= first_px)", "(x > first_px)",
+        "tests/hdl/test_level_scan.py",
+    ),
+    "rounding of the sub-pixel position": (
+        "hdl/subpixel.py", "POSITION.fraction_bits) + total, total)", "POSITION.fraction_bits), total)",
+        "tests/hdl/test_subpixel.py",
+    ),
+    "ties of the nearest": (
+        "hdl/hamming.py", "(distance < row.best)", "(distance <= row.best)",
+        "tests/hdl/test_hamming.py",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", MUTATIONS)
+def test_a_planted_fault_fails_a_test(tmp_path, fault):
+    file, line, faulty, test = MUTATIONS[fault]
+    shutil.copytree(ROOT, tmp_path, dirs_exist_ok=True, ignore=shutil.ignore_patterns(".*", "docs", "demo", "build"))
+    path = tmp_path / file
+    source = path.read_text(encoding="utf-8")
+    assert source.count(line) == 1
+    path.write_text(source.replace(line, faulty), encoding="utf-8")
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", test]
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    # 1: a test failed; anything else would be a faulty trial.
+    assert done.returncode == 1, done.stdout
