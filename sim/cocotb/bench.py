@@ -1,0 +1,185 @@
+"""What the benches share: the AXI agents around the accelerator, frames in, results out."""
+
+from __future__ import annotations
+
+import logging
+import random
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import cocotb
+import numpy as np
+from cocotb.clock import Clock
+from cocotb.triggers import ClockCycles, RisingEdge
+from cocotbext.axi import (
+    AxiLiteBus,
+    AxiLiteMaster,
+    AxiResp,
+    AxiStreamBus,
+    AxiStreamFrame,
+    AxiStreamSink,
+    AxiStreamSource,
+)
+from numpy.typing import NDArray
+
+from golden_model.front_end import extract
+from hdl.register_map import REGISTERS
+from sim.backend import FrameResult, Reference
+from sim.cocotb.runner import CONFIG
+from sim.designs import CONTROL, FEATURES, MATCHES, frame_settings, register_writes
+from sim.golden import matched
+from sim.hardware import frame_result
+from sim.recording import flat_frame
+from sim.scene import pair as rendered_pair
+from sim.scoreboard import first_mismatch
+
+CLOCK_NS = 10
+RESET_CYCLES = 4
+REGISTER_BYTES = 4
+PLACES = {field.name: (register.offset, field) for register in REGISTERS for field in register.fields}
+
+Image = NDArray[np.uint8]
+
+
+class Bench:
+    """The accelerator with a manager at its registers, a source of pixels and two sinks of packets.
+
+    Parameters
+    ----------
+    dut
+        cocotb's handle of the top module.
+
+    Attributes
+    ----------
+    registers : AxiLiteMaster
+    video : AxiStreamSource
+        A packet is a line in video mode, a transfer in memory mode.
+    sinks : dict of str to AxiStreamSink
+        By port prefix.
+    """
+
+    def __init__(self, dut: Any) -> None:
+        self.dut = dut
+        logging.getLogger("cocotb.top").setLevel(logging.WARNING)
+        wires = {"clock": dut.aclk, "reset": dut.aresetn, "reset_active_level": False}
+        self.registers = AxiLiteMaster(AxiLiteBus.from_prefix(dut, CONTROL), **wires)
+        self.video = AxiStreamSource(AxiStreamBus.from_prefix(dut, "s_axis_video"), byte_lanes=1, **wires)
+        self.sinks = {name: AxiStreamSink(AxiStreamBus.from_prefix(dut, name), **wires) for name in (FEATURES, MATCHES)}
+
+    async def start(self) -> None:
+        """Start the clock, and reset."""
+        Clock(self.dut.aclk, CLOCK_NS, unit="ns").start()
+        self.dut.aresetn.value = 0
+        await ClockCycles(self.dut.aclk, RESET_CYCLES)
+        self.dut.aresetn.value = 1
+        await ClockCycles(self.dut.aclk, RESET_CYCLES)
+
+    def pause_at_random(self, seed: int) -> None:
+        """Gaps and stalls on every channel; and a word that waits at an output must stay as it is."""
+        write, read = self.registers.write_if, self.registers.read_if
+        control = (write.aw_channel, write.w_channel, write.b_channel, read.ar_channel, read.r_channel)
+        for number, channel in enumerate((self.video, *self.sinks.values(), *control)):
+            channel.set_pause_generator(_pauses(seed + number))
+        for name in self.sinks:
+            cocotb.start_soon(self._assert_held(name))
+
+    async def _assert_held(self, name: str) -> None:
+        valid, ready, *word = (getattr(self.dut, f"{name}_{port}") for port in ("tvalid", "tready", "tdata", "tlast"))
+        waiting = None
+        while True:
+            await RisingEdge(self.dut.aclk)
+            offered = [int(part.value) for part in word] if valid.value else None
+            assert waiting is None or offered == waiting, f"{name}: a word was withdrawn or changed"
+            waiting = None if ready.value else offered
+
+    async def write_word(self, address: int, data: bytes) -> AxiResp:
+        """Write the bytes from ``address`` on; others of the word are not strobed."""
+        return (await self.registers.write(address, data)).resp
+
+    async def read_word(self, address: int) -> tuple[AxiResp, int]:
+        """Read a word."""
+        answer = await self.registers.read(address, REGISTER_BYTES)
+        return answer.resp, int.from_bytes(answer.data, "little")
+
+    async def write(self, **values: int) -> None:
+        """Write fields; other fields of their registers are as after a reset."""
+        for address, word in register_writes(values):
+            assert await self.write_word(address, word.to_bytes(REGISTER_BYTES, "little")) == AxiResp.OKAY
+
+    async def read(self, name: str) -> int:
+        """Read a field."""
+        offset, field = PLACES[name]
+        response, word = await self.read_word(offset)
+        assert response == AxiResp.OKAY
+        return (word & field.mask) >> field.low
+
+    async def configure(self, image: Image, *, reference: Reference = "held", **values: int) -> None:
+        """Settings for frames like ``image``; both outputs are on."""
+        height_px, width_px = image.shape[:2]
+        settings = {
+            **frame_settings(CONFIG.front_end, width_px, height_px, gray_input=image.ndim == 2),
+            "hold_reference": int(reference == "held"),
+            "enable": 1,
+            "features_enable": 1,
+            "matches_enable": 1,
+        }
+        await self.write(**settings | values)
+
+    async def packet(self, name: str) -> NDArray[np.uint64]:
+        """The next packet of an output."""
+        packet = await self.sinks[name].recv(compact=False)
+        assert all(packet.tkeep)
+        return np.frombuffer(bytes(packet.tdata), np.uint64)
+
+    async def results(self, frames: int) -> list[FrameResult]:
+        """The next frames at both outputs."""
+        packets = [(await self.packet(FEATURES), await self.packet(MATCHES)) for _ in range(frames)]
+        return [frame_result(*both, CONFIG, cycles=None) for both in packets]
+
+
+def _pauses(seed: int) -> Iterator[bool]:
+    """Runs of pauses and of none, of up to 8 clocks each."""
+    rng = random.Random(seed)
+    while True:
+        yield from [rng.random() < 0.4] * rng.randint(1, 8)
+
+
+def lines(image: Image) -> list[AxiStreamFrame]:
+    """A frame as AXI4-Stream video: a packet a line, TUSER with the first pixel."""
+    data, _ = flat_frame(image)
+    rows = data.reshape(image.shape[:2]).tolist()
+    return [AxiStreamFrame(row, tuser=[int(y == 0 and x == 0) for x in range(len(row))]) for y, row in enumerate(rows)]
+
+
+def transfer(images: Sequence[Image]) -> AxiStreamFrame:
+    """Frames as a DMA sends them: four gray pixels a beat, each frame filled up to whole beats; or RGBX."""
+    beats: list[int] = []
+    for image in images:
+        if image.ndim == 2:
+            beats += np.pad(image.ravel(), (0, -image.size % 4)).view("<u4").tolist()
+        else:
+            beats += (
+                np.pad(image[..., ::-1], ((0, 0), (0, 0), (0, 1)), constant_values=0xA5).view("<u4").ravel().tolist()
+            )
+    return AxiStreamFrame(beats)
+
+
+def scene(size_px: tuple[int, int], *, gray: bool) -> list[Image]:
+    """Two rendered views of a landscape."""
+    images = rendered_pair(seed=3, size=size_px).images
+    return [np.ascontiguousarray(image[..., 1]) if gray else image for image in images]
+
+
+def golden(images: Mapping[int, Image], reference: Reference) -> list[FrameResult]:
+    """The golden model's results for good frames, by their numbers since reset."""
+    extracted = (extract(image, CONFIG.front_end, frame=number) for number, image in images.items())
+    results = list(matched(((frame.features, frame.status, None) for frame in extracted), CONFIG, reference))
+    assert all(len(frame.features) for frame in results)
+    assert any(len(frame.matches) for frame in results)
+    return results
+
+
+def assert_golden(results: Sequence[FrameResult], images: Mapping[int, Image], reference: Reference = "held") -> None:
+    """Of all frames since reset, the good ones, which show ``images``, equal the golden model's."""
+    mismatch = first_mismatch(golden(images, reference), [results[number] for number in images])
+    assert mismatch is None, str(mismatch)

@@ -1,0 +1,143 @@
+"""Malformed frames: told with their cause, without matches; and the frames around them are as if nothing had been."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import cocotb
+import numpy as np
+from cocotbext.axi import AxiStreamFrame
+
+from golden_model.records import Cause
+from sim.backend import FrameResult
+from sim.cocotb.bench import Bench, Image, assert_golden, lines, scene, transfer
+from sim.cocotb.runner import MAX_SIZE_PX
+
+SIZE_PX = (112, 80)
+FAULTY_LINE = 7
+MISSING_LINES = 3
+
+
+def _short_line(image: Image) -> list[AxiStreamFrame]:
+    packets = lines(image)
+    line = packets[FAULTY_LINE]
+    packets[FAULTY_LINE] = AxiStreamFrame(line.tdata[:-1], tuser=line.tuser[:-1])
+    return packets
+
+
+def _long_line(image: Image) -> list[AxiStreamFrame]:
+    packets = lines(image)
+    line = packets[FAULTY_LINE]
+    packets[FAULTY_LINE] = AxiStreamFrame([*line.tdata, 0], tuser=[*line.tuser, 0])
+    return packets
+
+
+def _early_end(image: Image) -> list[AxiStreamFrame]:
+    return lines(image)[:-MISSING_LINES]
+
+
+def _missing_start(image: Image) -> list[AxiStreamFrame]:
+    return [AxiStreamFrame(line.tdata, tuser=0) for line in lines(image)]
+
+
+FAULTS = {
+    Cause.SHORT_LINE: _short_line,
+    Cause.LONG_LINE: _long_line,
+    Cause.EARLY_END: _early_end,
+    Cause.MISSING_START: _missing_start,
+}
+
+
+def _assert_bad(result: FrameResult, number: int, cause: Cause) -> None:
+    for status in (result.status, result.match_status):
+        assert not status["good"]
+        assert status["causes"] == cause
+        assert status["frame"] == number
+        assert status["features"] == status["matches"] == status["kept"] == 0
+    assert not len(result.matches)
+
+
+async def _assert_counted(bench: Bench, results: Sequence[FrameResult], bad: int, cause: Cause) -> None:
+    assert await bench.read("frames") == len(results)
+    assert await bench.read("bad_frames") == bad
+    assert await bench.read("causes") == cause
+    assert await bench.read("frame_bad")
+
+
+@cocotb.test(timeout_time=3, timeout_unit="ms")
+async def malformed_video(dut: Any) -> None:
+    """Each fault between two good frames, without a pause."""
+    bench = Bench(dut)
+    await bench.start()
+    left, right = scene(SIZE_PX, gray=True)
+    await bench.configure(left)
+    good, bad = {0: left}, {}
+    packets = lines(left)
+    for cause, spoilt in FAULTS.items():
+        number = len(good) + len(bad)
+        bad[number], good[number + 1] = cause, right
+        packets += [*spoilt(right), *lines(right)]
+    for packet in packets:
+        await bench.video.send(packet)
+    results = await bench.results(len(good) + len(bad))
+    for number, cause in bad.items():
+        _assert_bad(results[number], number, cause)
+    assert_golden(results, good)
+    await _assert_counted(bench, results, len(bad), cause)
+
+
+@cocotb.test(timeout_time=1, timeout_unit="ms")
+async def a_transfer_that_ends_early(dut: Any) -> None:
+    """In memory mode, the next transfer starts a frame."""
+    bench = Bench(dut)
+    await bench.start()
+    left, right = scene(SIZE_PX, gray=True)
+    await bench.configure(left, memory_mode=1)
+    for packet in ([left], [right[:-MISSING_LINES]], [right]):
+        await bench.video.send(transfer(packet))
+    results = await bench.results(3)
+    _assert_bad(results[1], 1, Cause.EARLY_END)
+    assert_golden(results, {0: left, 2: right})
+    await _assert_counted(bench, results, 1, Cause.EARLY_END)
+
+
+@cocotb.test(timeout_time=1, timeout_unit="ms")
+async def more_features_than_fit(dut: Any) -> None:
+    """Noise, with more features a cell than was planned for."""
+    bench = Bench(dut)
+    await bench.start()
+    left, right = scene(MAX_SIZE_PX, gray=True)
+    noise = np.random.default_rng(0).integers(0, 256, left.shape, np.uint8)
+    results = []
+    for image, settings in ((left, {}), (noise, {"per_cell": 8}), (right, {})):
+        await bench.configure(image, memory_mode=1, **settings)
+        await bench.video.send(transfer([image]))
+        results += await bench.results(1)
+    _assert_bad(results[1], 1, Cause.TOO_MANY_FEATURES)
+    assert_golden(results, {0: left, 2: right})
+    await _assert_counted(bench, results, 1, Cause.TOO_MANY_FEATURES)
+
+
+@cocotb.test(timeout_time=1, timeout_unit="ms")
+async def clear_in_mid_frame(dut: Any) -> None:
+    """What had come is forgotten, the reference too; settings stay. The DMAs are reset with it."""
+    bench = Bench(dut)
+    await bench.start()
+    left, right = scene(SIZE_PX, gray=True)
+    await bench.configure(left)
+    for packet in [*lines(right), *_early_end(right)]:
+        await bench.video.send(packet)
+    await bench.results(1)
+    await bench.video.wait()
+    for sink in bench.sinks.values():
+        sink.assert_reset(True)
+    await bench.configure(left, clear=1)
+    for sink in bench.sinks.values():
+        sink.assert_reset(False)
+    assert await bench.read("frames") == 0
+    for packet in [*lines(left), *lines(right)]:
+        await bench.video.send(packet)
+    results = await bench.results(2)
+    assert_golden(results, {0: left, 1: right})
+    assert await bench.read("frames") == 2
