@@ -32,7 +32,7 @@ def to_verilog(component: wiring.Component, *, name: str = "top", platform: obje
         For components that ask for one: attributes of a vendor's tools are written only where it is given.
     """
     remove = " ".join(f"-remove {attribute}" for attribute in INTERNAL_ATTRIBUTES)
-    passes = (*TIDY, "memory_collect", f"attrmap {remove}", f"attrmap -modattr {remove}", "write_verilog -norename")
+    passes = (*TIDY, "memory_collect", f"attrmap {remove}", f"attrmap -modattr {remove}", "write_verilog")
     return _written(component, name, platform, passes)
 
 
