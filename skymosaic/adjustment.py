@@ -5,8 +5,8 @@ by small motions of the view's own pixels: moving, turning, scaling (these four 
 ways (with them, affine) and tilting two ways. Coordinates are normalised: centred, in half diagonals of the view.
 
 What the ties leave open, above all a bending of the whole mosaic, a prior decides: over flat ground a camera that
-looks down sees a similarity, almost no stretch and little tilt. The mean stretch and tilt of all views thereby define
-the ground plane.
+looks down sees a similarity, but for a little tilt and the stretch that goes with it. The stretch and tilt of all
+views thereby define the ground plane.
 """
 
 from __future__ import annotations
@@ -23,8 +23,10 @@ Array = NDArray[np.float64]
 
 MODELS = {"similarity": 4, "affine": 6, "homography": 8}
 """Motions that each model leaves free."""
-STRETCH_SIGMA = 2e-3
-"""Expected stretch; the tilt of a camera by t stretches by t²/4: 2e-3 at 5 degrees."""
+FOCAL_HALF_DIAGONALS = 1.2
+"""Focal length in half diagonals of the view: common drones have 1.1 to 1.3."""
+STRETCH_SIGMA = 1e-3
+"""Expected stretch beside what the tilt explains."""
 TILT_SIGMA = 0.05
 """Expected perspective: the tangent of the tilt over the focal length in half diagonals; about 3 degrees."""
 SMALLEST_SCALE_PX = 1.5
@@ -117,7 +119,9 @@ class Network:
             system.add(left, right, rows.T @ rows, rows.T @ residual[first:last].ravel())
         if free > MODELS["similarity"]:
             sigma = np.array([STRETCH_SIGMA, STRETCH_SIGMA, TILT_SIGMA, TILT_SIGMA])[: free - 4]
-            system.add_prior(shapes(transforms)[:, : free - 4], 1 / sigma**2)
+            shape = shapes(transforms)
+            shape[:, :2] -= stretch_of_tilt(shape[:, 2:])
+            system.add_prior(shape[:, : free - 4], 1 / sigma**2)
         motion = np.zeros((self._views, 8))
         motion[:, :free] = system.solve(self._reference)
         return motion
@@ -188,6 +192,16 @@ def shapes(transforms: Array) -> Array:
     stretching = affine[:, 0, 0] - affine[:, 1, 1] + 1j * (affine[:, 1, 0] + affine[:, 0, 1])
     stretch = stretching / similar
     return np.column_stack([stretch.real, stretch.imag, tilt])
+
+
+def stretch_of_tilt(tilt: Array) -> Array:
+    """Stretch (V, 2), as `shapes` measures it, of a camera whose tilt (V, 2) is the only one it has.
+
+    A camera that leans by an angle a sees a tilt of tan(a) / f, and along it a stretch of tan²(a / 2).
+    """
+    leaning = FOCAL_HALF_DIAGONALS * (tilt[:, 0] + 1j * tilt[:, 1])
+    stretch = leaning**2 / (1 + np.sqrt(1 + np.abs(leaning) ** 2)) ** 2
+    return np.column_stack([stretch.real, stretch.imag])
 
 
 def _motions(motion: Array) -> Array:

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from skymosaic.adjustment import Network, Ties, generators, shapes
+from sim.scene import Camera, CameraPose
+from skymosaic.adjustment import FOCAL_HALF_DIAGONALS, Network, Ties, generators, shapes, stretch_of_tilt
 from skymosaic.homography import apply
 
 UNIT_PX = 800.0
@@ -59,6 +60,17 @@ def test_shapes_of_a_similarity_are_zero_and_of_a_stretch_its_size():
     np.testing.assert_allclose(shapes(stretched[None])[0], [0.003, 0, 0, 0], atol=1e-12)
     tilted = turned @ np.array([[1, 0, 0], [0, 1, 0], [0.02, -0.01, 1]])
     np.testing.assert_allclose(shapes(tilted[None])[0, 2:], [0.02, -0.01], atol=1e-12)
+
+
+@pytest.mark.parametrize(("pitch_deg", "roll_deg"), [(12, 0), (0, -9), (8, 6)])
+def test_a_leaning_camera_stretches_as_its_tilt_tells(pitch_deg, roll_deg):
+    half_px = FOCAL_HALF_DIAGONALS * 500
+    camera = Camera(width_px=801, height_px=601, focal_px=FOCAL_HALF_DIAGONALS * half_px)
+    pose = CameraPose(x_px=3, y_px=-8, altitude_px=700, heading_deg=25, pitch_deg=pitch_deg, roll_deg=roll_deg)
+    to_pixels = np.array([[half_px, 0, 400], [0, half_px, 300], [0, 0, 1]])
+    shape = shapes((np.linalg.inv(pose.homography(camera)) @ to_pixels)[None])
+    assert np.abs(shape[0, :2]).max() > 5e-3
+    np.testing.assert_allclose(shape[:, :2], stretch_of_tilt(shape[:, 2:]), atol=1e-9)
 
 
 def test_exact_ties_give_the_true_mappings_between_views():
