@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 
 import cv2
@@ -20,7 +20,9 @@ SETTLED_SECONDS = 0.5
 """A file that has not changed for so long is complete."""
 
 
-def live_frames(source: str, *, idle_seconds: float | None, tell: Callable[[str], None]) -> Iterator[Photograph]:
+def live_frames(
+    source: str, *, idle_seconds: float | None, tell: Callable[[str], None], made: Collection[Path] = ()
+) -> Iterator[Photograph]:
     """Frames as they come.
 
     Parameters
@@ -32,6 +34,8 @@ def live_frames(source: str, *, idle_seconds: float | None, tell: Callable[[str]
         A folder ends when nothing new has appeared for so long; None: never.
     tell : callable
         Receives a line for each file that cannot be used, and for what was noticed of a video.
+    made : collection of Path
+        Pictures that are written meanwhile: in the folder, they are no frames.
 
     Raises
     ------
@@ -42,7 +46,7 @@ def live_frames(source: str, *, idle_seconds: float | None, tell: Callable[[str]
         for frame in key_frames(_camera(int(source))):
             yield Photograph(f"camera {source}, frame {frame.number}", frame.pixels)
     elif Path(source).is_dir():
-        yield from _appearing(Path(source), idle_seconds, tell)
+        yield from _appearing(Path(source), idle_seconds, tell, {path.resolve() for path in made})
     else:
         reader = VideoReader(source)
         for frame in key_frames(reader):
@@ -51,12 +55,15 @@ def live_frames(source: str, *, idle_seconds: float | None, tell: Callable[[str]
             tell(f"{source}: {note}")
 
 
-def _appearing(folder: Path, idle_seconds: float | None, tell: Callable[[str], None]) -> Iterator[Photograph]:
+def _appearing(
+    folder: Path, idle_seconds: float | None, tell: Callable[[str], None], made: Collection[Path]
+) -> Iterator[Photograph]:
     """The pictures of a folder when they are complete, in the order of their names; again if they change."""
     taken: set[tuple[Path, int]] = set()
     last = time.monotonic()
     while idle_seconds is None or time.monotonic() - last < idle_seconds:
-        new = [version for version in _complete_pictures(folder) if version not in taken]
+        complete = _complete_pictures(folder)
+        new = [version for version in complete if version not in taken and version[0].resolve() not in made]
         for path, changed in new:
             taken.add((path, changed))
             try:

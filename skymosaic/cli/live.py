@@ -51,9 +51,10 @@ def live(
     mosaic = LiveMosaic(
         configuration(preset, config), backend, seed=seed, working_width_px=working_width_px, scale=scale
     )
-    frames = live_frames(source, idle_seconds=idle_seconds, tell=_tell)
+    preview = output.with_suffix(".preview.jpg")
+    frames = live_frames(source, idle_seconds=idle_seconds, tell=_tell, made=(output, preview))
     try:
-        grow(mosaic, frames, output.with_suffix(".preview.jpg"))
+        grow(mosaic, frames, preview)
     except KeyboardInterrupt:
         _tell("stopped")
     if not mosaic.transforms:

@@ -1,0 +1,204 @@
+"""Mosaics that grow: frames of a rendered flight as they come, from a folder that fills, from videos."""
+
+import itertools
+import subprocess
+import sys
+import threading
+import time
+from fractions import Fraction
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from golden_model.config import preset_config
+from sim.backend import create
+from sim.scene import lawnmower
+from skymosaic import mosaic
+from skymosaic.cli.live import grow
+from skymosaic.errors import InputError
+from skymosaic.homography import apply
+from skymosaic.live import LiveMosaic
+from skymosaic.live_source import live_frames
+from skymosaic.video import writing
+
+IMAGES, SIZE = 9, (480, 360)
+CONFIG = preset_config("aerial")
+
+
+@pytest.fixture(scope="module")
+def flight():
+    return lawnmower(seed=5, images=IMAGES, size=SIZE, forward_overlap=0.6, side_overlap=0.4)
+
+
+@pytest.fixture(scope="module")
+def frames(flight) -> list[np.ndarray]:
+    return list(flight.images)
+
+
+@pytest.fixture(scope="module")
+def video(tmp_path_factory: pytest.TempPathFactory, frames) -> Path:
+    """A pan over the first two photographs side by side."""
+    path = tmp_path_factory.mktemp("video") / "pan.mp4"
+    wide = mosaic(frames[:3]).image
+    with writing(path, Fraction(25)) as write:
+        for step in range(0, wide.shape[0] - 240, 8):
+            write(np.ascontiguousarray(wide[step : step + 240, 80:400]))
+    return path
+
+
+def pair_errors_px(transforms, flight, least_overlap: float = 0.2) -> np.ndarray:
+    """Mean error of every two frames that overlap, in pixels of the second, over what it shows of the first."""
+    grid = np.stack(np.meshgrid(np.linspace(0, SIZE[0] - 1, 9), np.linspace(0, SIZE[1] - 1, 7)), -1).reshape(-1, 2)
+    errors = []
+    for left, right in itertools.combinations(sorted(transforms), 2):
+        if flight.overlap_between(left, right) >= least_overlap:
+            true = apply(flight.homography_between(left, right), grid)
+            found = apply(np.linalg.inv(transforms[right]) @ transforms[left], grid)
+            common = ((true >= 0) & (true < SIZE)).all(axis=1)
+            errors.append(np.linalg.norm(found - true, axis=1)[common].mean())
+    return np.array(errors)
+
+
+def skymosaic(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "skymosaic", *map(str, arguments)]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=120, check=False)
+
+
+def test_every_frame_is_placed_when_it_comes(flight, frames) -> None:
+    live = LiveMosaic(CONFIG)
+    updates = [live.add(frame) for frame in frames]
+    assert [update.number for update in updates] == list(range(IMAGES))
+    assert updates[0].placement is None
+    assert all(update.placement for update in updates[1:])
+    assert any(len(update.placement.neighbours) > 1 for update in updates[1:]), "no leg holds another"
+    assert live.left_out == {}
+    errors = pair_errors_px(live.transforms, flight)
+    assert len(errors) > IMAGES
+    assert errors.mean() < 0.7
+    assert errors.max() < 2.0
+    # What is painted is what the frames show there.
+    for number in (0, IMAGES - 1):
+        height, width = live.image.shape[:2]
+        shown = cv2.warpPerspective(frames[number], live.transforms[number], (width, height))
+        inside = (
+            cv2.warpPerspective(np.full(SIZE[::-1], 255, np.uint8), live.transforms[number], (width, height)) == 255
+        )
+        assert np.median(np.abs(shown[inside].astype(int) - live.image[inside])) < 12
+
+
+def test_features_of_a_camera_in_sequence_mode_are_taken_as_they_are(frames) -> None:
+    results = create("golden").run(frames[:4], CONFIG, reference="previous")
+    given, computed = LiveMosaic(CONFIG), LiveMosaic(CONFIG)
+    for frame, result in zip(frames, results, strict=False):
+        given.add(frame, result.features)
+        computed.add(frame)
+    np.testing.assert_array_equal(given.image, computed.image)
+
+
+@pytest.mark.slow
+def test_the_hardware_in_sequence_mode_is_a_source(frames) -> None:
+    """Compiles the accelerator the first time."""
+    results = {name: create(name).run(frames[:3], CONFIG, reference="previous") for name in ("golden", "rtl")}
+    for wanted, got in zip(*results.values(), strict=True):
+        np.testing.assert_array_equal(wanted.features, got.features)
+        np.testing.assert_array_equal(wanted.matches, got.matches)
+    live = LiveMosaic(CONFIG)
+    updates = [live.add(frame, result.features) for frame, result in zip(frames, results["rtl"], strict=False)]
+    assert all(update.placement for update in updates[1:])
+
+
+def test_parts_join_once_a_frame_shows_both(flight, frames) -> None:
+    live = LiveMosaic(CONFIG)
+    order = [0, 2, 1]  # 0 and 2 share next to nothing; 1 shows both
+    islands = [live.add(frames[index]).islands for index in order]
+    assert flight.overlap_between(0, 2) < 0.3
+    assert islands[0] == 1
+    assert islands[-1] == 1
+    assert len(live.transforms) == 3
+    placed = {order[number]: transform for number, transform in live.transforms.items()}
+    assert pair_errors_px(placed, flight).max() < 1.0
+
+
+def test_what_shows_nothing_known_stays_apart_and_flat_frames_are_left_out(frames) -> None:
+    grain = cv2.GaussianBlur(np.random.default_rng(1).integers(0, 256, (360, 480, 3), dtype=np.uint8), (0, 0), 2)
+    live = LiveMosaic(CONFIG)
+    for frame in (*frames[:2], grain, np.full((360, 480, 3), 90, np.uint8)):
+        live.add(frame)
+    assert set(live.left_out) == {2, 3}
+    assert "shows nothing that the mosaic shows" in live.left_out[2]
+    assert "too few features" in live.left_out[3]
+
+
+def test_a_frame_beyond_the_canvas_limit_is_left_out_and_the_rest_stays(frames) -> None:
+    live = LiveMosaic(CONFIG, canvas_limit_px=int(1.2 * SIZE[0] * SIZE[1]))
+    live.add(frames[0])
+    before = live.image.copy()
+    assert "limit" in live.add(frames[1]).reason
+    np.testing.assert_array_equal(live.image, before)
+
+
+def test_a_scale_beyond_one_is_refused() -> None:
+    with pytest.raises(InputError, match="scale is 2"):
+        LiveMosaic(CONFIG, scale=2)
+
+
+def test_a_folder_that_fills_is_followed_to_its_end(frames, flight, tmp_path: Path) -> None:
+    """Photographs arrive one by one, one of them in two halves, one damaged."""
+    encoded = [cv2.imencode(".png", frame)[1].tobytes() for frame in frames[:4]]
+
+    def copy() -> None:
+        for index, data in enumerate(encoded):
+            path = tmp_path / f"{index}.png"
+            path.write_bytes(data[: len(data) // 2])
+            time.sleep(0.1)
+            path.write_bytes(data)
+        (tmp_path / "9.png").write_bytes(encoded[0][:3000])
+
+    told: list[str] = []
+    live, preview = LiveMosaic(CONFIG), tmp_path / "preview.jpg"
+    copier = threading.Thread(target=copy)
+    copier.start()
+    # The preview lies among the photographs and is none of them.
+    grow(live, live_frames(str(tmp_path), idle_seconds=2.0, tell=told.append, made=[preview]), preview)
+    copier.join()
+    assert preview.exists()
+    assert len(live.transforms) == 4
+    assert pair_errors_px(live.transforms, flight).max() < 1.0
+    assert any("9.png" in line and "truncated" in line for line in told)
+
+
+def test_the_commands_make_the_same_of_a_video(video: Path, tmp_path: Path) -> None:
+    for command in (("live", video), ("mosaic", video, "--live")):
+        result = skymosaic(*command, "-o", f"{command[0]}.png", cwd=tmp_path)
+        assert result.returncode == 0, result.stderr
+        assert "0 left out" in result.stderr
+    live, flagged = (cv2.imread(str(tmp_path / f"{name}.png")) for name in ("live", "mosaic"))
+    np.testing.assert_array_equal(live, flagged)
+    assert (tmp_path / "live.preview.jpg").exists()
+    whole = skymosaic("mosaic", video, "-o", "whole.png", "--cache", "cache", cwd=tmp_path)
+    assert whole.returncode == 0, whole.stderr
+    assert "left out" not in whole.stderr
+    assert cv2.imread(str(tmp_path / "whole.png")).shape[0] == pytest.approx(live.shape[0], rel=0.05)
+
+
+def test_a_video_cut_off_in_a_frame_still_makes_a_mosaic(video: Path, tmp_path: Path) -> None:
+    (tmp_path / "cut.avi").write_bytes(b"")
+    with writing(tmp_path / "whole.mkv", Fraction(25)) as write:
+        for frame in live_frames(str(video), idle_seconds=None, tell=lambda _line: None):
+            for _ in range(3):
+                write(frame.pixels)
+    data = (tmp_path / "whole.mkv").read_bytes()
+    (tmp_path / "cut.mkv").write_bytes(data[: int(0.9 * len(data))])
+    result = skymosaic("mosaic", "cut.mkv", "-o", "m.png", "--cache", "cache", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    empty = skymosaic("mosaic", "cut.avi", "-o", "m2.png", cwd=tmp_path)
+    assert empty.returncode == 2
+    assert "empty" in empty.stderr
+
+
+def test_live_takes_one_source_and_no_report(video: Path, tmp_path: Path) -> None:
+    result = skymosaic("mosaic", video, "--live", "--report", "r", "-o", "m.png", cwd=tmp_path)
+    assert result.returncode == 2
+    assert "--live takes one" in result.stderr
