@@ -8,6 +8,7 @@ import pytest
 from playwright.sync_api import Browser, ConsoleMessage, Page
 
 from sim.scene import pair as rendered_pair
+from skymosaic.panel.jobs import prepare_workers
 from tests.panel.visit import CHROMIUM, WINDOW, chromium, running_panel
 
 
@@ -16,6 +17,12 @@ def panel(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """The address of a running panel, without a slash at the end."""
     with running_panel(tmp_path_factory.mktemp("panel")) as address:
         yield address
+
+
+@pytest.fixture(scope="session")
+def workers() -> None:
+    """The helper that workers are forked from, as a panel starts it."""
+    prepare_workers()
 
 
 @pytest.fixture(scope="module")

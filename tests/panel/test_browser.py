@@ -14,6 +14,7 @@ import pytest
 from playwright.sync_api import Browser, CDPSession, Page, expect
 
 from tests.panel.visit import (
+    FIRST_BUILD_MS,
     LONG_MS,
     WINDOW,
     choose,
@@ -98,6 +99,22 @@ def test_the_numbers_of_the_run_are_shown(made: Page) -> None:
     for words in ("mutual matches", "RMSE of the inliers", "recall of the rules", "projective", "warping and blending"):
         expect(panel).to_contain_text(words)
     expect(panel.locator(".matrix td")).to_have_count(9)
+
+
+def test_hardware_equals_the_golden_model(made: Page) -> None:
+    open_tab(made, "Hardware")
+    made.get_by_role("button", name="Compare with the golden model").click()
+    panel = made.get_by_role("tabpanel", name="Hardware")
+    expect(panel.get_by_text("Equal, bit for bit")).to_be_visible(timeout=FIRST_BUILD_MS)
+    made.reload()
+    open_tab(made, "Hardware")
+    expect(panel).to_contain_text(re.compile(r"2 frames, \d+ \+ \d+ features of levels 0 \+ 1"))
+    clocks = re.search(r"first pixel to last feature\s*([\d,]+) clocks, ([\d.]+) ms", panel.inner_text())
+    assert clocks, panel.inner_text()
+    cycles = int(clocks[1].replace(",", ""))
+    assert 640 * 480 < cycles < 2 * 640 * 480
+    assert float(clocks[2]) == pytest.approx(1000 * cycles / 150e6, abs=0.01)
+    expect(panel).to_contain_text(f"{150e6 / (640 * 480):.0f}, one pixel a clock")
 
 
 def test_the_archive_repeats_the_mosaic(made: Page, tmp_path: Path) -> None:

@@ -15,6 +15,8 @@ import pytest
 from skymosaic.panel.archive import zipped
 from skymosaic.panel.jobs import Job, JobCancelledError, JobFailedError
 
+pytestmark = pytest.mark.usefixtures("workers")
+
 WORK = """
 import os, subprocess, sys, time
 from pathlib import Path

@@ -19,6 +19,8 @@ CHROMIUM_FLAGS = (
 )  # fmt: skip
 WINDOW = {"width": 1280, "height": 720}
 LONG_MS = 60_000
+FIRST_BUILD_MS = 600_000
+"""The accelerator takes a minute to compile."""
 
 
 @contextmanager

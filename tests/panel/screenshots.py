@@ -1,0 +1,102 @@
+"""Pictures for docs/panel.md, and how long a visitor waits.
+
+    python -m tests.panel.screenshots [FOLDER]
+
+Prints the seconds from an open page to the first mosaic, and the milliseconds from a move of the threshold to the
+corners it leaves.
+"""
+
+from __future__ import annotations
+
+import statistics
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+from playwright.sync_api import Page, expect
+
+from tests.panel.visit import (
+    FIRST_BUILD_MS,
+    LONG_MS,
+    WINDOW,
+    chromium,
+    load_built_in_pair,
+    make_mosaic,
+    middle_of,
+    open_tab,
+    photographs_loaded,
+    running_panel,
+    threshold_to_corners_ms,
+)
+
+ROUNDS = 20
+QUALITY = 60
+SETTLED_MS = 800
+"""Until animations have ended and the pointer's colour has faded."""
+
+
+def shoot(page: Page, folder: Path, name: str) -> None:
+    """Save what is in the window as ``panel-NAME.webp``."""
+    page.wait_for_timeout(SETTLED_MS)
+    pixels = cv2.imdecode(np.frombuffer(page.screenshot(), np.uint8), cv2.IMREAD_COLOR)
+    cv2.imwrite(str(folder / f"panel-{name}.webp"), pixels, [cv2.IMWRITE_WEBP_QUALITY, QUALITY])
+
+
+def visit_pair(page: Page, folder: Path) -> None:
+    """From the first click to the comparison with the hardware."""
+    started = time.perf_counter()
+    load_built_in_pair(page)
+    make_mosaic(page)
+    print(f"open page to first mosaic: {time.perf_counter() - started:.1f} s")
+    shoot(page, folder, "mosaic")
+    open_tab(page, "Corners")
+    milliseconds = threshold_to_corners_ms(page, ROUNDS)
+    print(f"threshold to corners: median {statistics.median(milliseconds):.0f} ms, worst {max(milliseconds):.0f} ms")
+    open_tab(page, "Matches")
+    page.get_by_role("checkbox", name="kept, on the homography").click()
+    page.get_by_role("checkbox", name="kept, off it").click()
+    viewer = page.get_by_role("group", name="Matches between the photographs")
+    viewer.locator("svg").hover()
+    page.mouse.click(*middle_of(viewer.locator("path.match.rejected:not(.chosen)")))
+    page.get_by_role("checkbox", name="kept, on the homography").click()
+    shoot(page, folder, "matches")
+    open_tab(page, "Hardware")
+    page.get_by_role("button", name="Compare with the golden model").click()
+    expect(page.get_by_text("Equal, bit for bit")).to_be_visible(timeout=FIRST_BUILD_MS)
+    shoot(page, folder, "hardware")
+
+
+def visit_flight(page: Page, folder: Path) -> None:
+    """A flight and its outlines."""
+    page.get_by_role("button", name="Load the built-in flight").click()
+    expect(photographs_loaded(page)).to_have_count(9, timeout=LONG_MS)
+    make_mosaic(page)
+    page.get_by_role("switch", name="Outlines").click()
+    shoot(page, folder, "flight")
+
+
+def visit_tracking(page: Page, folder: Path) -> None:
+    """The built-in film, tracked."""
+    page.get_by_role("link", name="Tracking").click()
+    page.get_by_role("button", name="Built-in film").click()
+    expect(page.get_by_role("list", name="Video loaded").locator("li")).to_have_count(1, timeout=LONG_MS)
+    page.get_by_role("button", name="Follow the object").click()
+    expect(page.get_by_text("Found in")).to_be_visible(timeout=LONG_MS)
+    shoot(page, folder, "tracking")
+
+
+def main(folder: Path) -> None:
+    """Visit everything with one browser."""
+    with tempfile.TemporaryDirectory() as log_folder, running_panel(Path(log_folder)) as address, chromium() as browser:
+        for visit in (visit_pair, visit_flight, visit_tracking):
+            page = browser.new_page(viewport=WINDOW)
+            page.goto(address)
+            visit(page, folder)
+            page.close()
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path("docs/images"))
