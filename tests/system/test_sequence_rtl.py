@@ -1,0 +1,42 @@
+"""Ten frames back to back through the accelerator's Verilog, each matched with the one before or with the first."""
+
+import cv2
+import numpy as np
+import pytest
+
+from golden_model.config import PRESETS
+from sim import verilator
+from sim.backend import Reference, create
+from sim.designs import FEATURES, MATCHES, accelerator
+from sim.hardware import BUILT_SIZES_PX, frame_result, frame_segments
+from sim.scene import lawnmower
+from sim.scoreboard import Coverage, first_mismatch
+
+FRAMES, SIZE_PX = 10, (640, 480)
+FRAME_CYCLES = SIZE_PX[0] * SIZE_PX[1]
+CONFIG = PRESETS["aerial"]
+LEAST_MATCHES = 700
+
+
+@pytest.fixture(scope="module")
+def flight() -> list[np.ndarray]:
+    images = lawnmower(seed=6, images=FRAMES, size=SIZE_PX, forward_overlap=0.88, side_overlap=0.88).images
+    return [cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in images]
+
+
+@pytest.mark.parametrize("reference", ["previous", "held"])
+def test_no_frame_waits_and_every_match_comes_in_time(flight: list[np.ndarray], reference: Reference) -> None:
+    design = accelerator(CONFIG, BUILT_SIZES_PX[0])
+    (recording,) = verilator.simulate(design, frame_segments(flight, CONFIG, reference), progress=print)
+    features, matches = (recording.outputs[name] for name in (FEATURES, MATCHES))
+    assert np.diff(recording.starts.astype(np.int64)).tolist() == [FRAME_CYCLES] * (FRAMES - 1)
+    next_frame_ends = recording.starts + np.uint64(2 * FRAME_CYCLES)
+    assert (matches.ends[:, 1] < next_frame_ends).all()
+
+    packets = zip(features.packets, matches.packets, strict=True)
+    results = [frame_result(*both, CONFIG, cycles=None) for both in packets]
+    assert [int(result.status["frame"]) for result in results] == list(range(FRAMES))
+    mismatch = first_mismatch(create("golden").run(flight, CONFIG, reference=reference), results)
+    assert mismatch is None, str(mismatch)
+    assert not Coverage.of(results).missing(CONFIG.front_end)
+    assert min(len(result.matches) for result in results[1:]) > LEAST_MATCHES
