@@ -1,0 +1,48 @@
+"""The whole accelerator on whole photographs, as the commands use it: pixels in, matches out, equal to the model."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from sim.scene import pair as rendered_pair
+from skymosaic import images
+from skymosaic.cli import app
+
+WIDTH_PX, HEIGHT_PX = 640, 480
+
+
+@pytest.fixture(scope="module")
+def photographs(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str]:
+    folder = tmp_path_factory.mktemp("pair")
+    paths = str(folder / "left.png"), str(folder / "right.png")
+    for path, image in zip(paths, rendered_pair(seed=1).images, strict=True):
+        images.save(Path(path), image)
+    return paths
+
+
+def run(*arguments: str) -> str:
+    """What a command prints on standard output."""
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 0, result.stderr
+    return result.stdout
+
+
+@pytest.mark.parametrize(
+    ("backend", "preset"),
+    [("verilator", "aerial"), ("verilator", "thesis"), pytest.param("cxxrtl", "aerial", marks=pytest.mark.slow)],
+)
+def test_compare_finds_every_field_equal(photographs, backend: str, preset: str) -> None:
+    found = json.loads(run("compare", *photographs, "--backend", backend, "--preset", preset, "--json"))
+    assert found["equal"], found["mismatch"]
+    assert found["notes"] == []
+    # All that follows a frame's last pixel, its matching included, is over within the next frame.
+    assert all(WIDTH_PX * HEIGHT_PX < cycles < 2 * WIDTH_PX * HEIGHT_PX for cycles in found["cycles_per_frame"])
+
+
+def test_the_mosaic_is_the_same_byte_for_byte(photographs, tmp_path: Path) -> None:
+    mosaics = {name: tmp_path / f"{name}.png" for name in ("golden", "rtl")}
+    for backend, path in mosaics.items():
+        run("mosaic", *photographs, "-o", str(path), "--backend", backend)
+    assert mosaics["golden"].read_bytes() == mosaics["rtl"].read_bytes()
