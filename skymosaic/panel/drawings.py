@@ -17,7 +17,7 @@ from skymosaic.registration import POSITIONS_PER_PX, Records, match_points
 GAP_PX = 12
 """Between the left and the right picture."""
 _TICK_PX = 7.0
-_PLOT = (210, 62)
+_PLOT = (210, 54)
 _PLOT_MARGIN = (16, 6, 8, 14)
 """Left, top, right, bottom."""
 _SET_CLASSES = ("first", "second", "third")
@@ -31,13 +31,17 @@ def corners(features: Records, offset_px: int) -> str:
     for level in (0, 1):
         chosen = features["level"] == level
         reach = _TICK_PX * (level + 1)
-        places = list(
-            zip(x[chosen], y[chosen], reach * np.cos(angle[chosen]), reach * np.sin(angle[chosen]), strict=True)
-        )
-        dots = "".join(f"M{px:.1f} {py:.1f}h0" for px, py, _, _ in places)
-        ticks = "".join(f"M{px:.1f} {py:.1f}l{dx:.1f} {dy:.1f}" for px, py, dx, dy in places)
+        places = np.stack((x[chosen], y[chosen]), axis=1)
+        reaches = reach * np.stack((np.cos(angle[chosen]), np.sin(angle[chosen])), axis=1)
+        ticks = _path("M%.1f %.1fl%.1f %.1f", np.hstack((places, reaches)))
+        dots = _path("M%.1f %.1fh0", places)
         parts.append(f'<path class="tick level-{level}" d="{ticks}"/><path class="dot level-{level}" d="{dots}"/>')
     return "".join(parts)
+
+
+def _path(form: str, numbers: NDArray[np.float64]) -> str:
+    """The numbers (N, M) as N times ``form``: one formatting of all takes half the time of N."""
+    return form * len(numbers) % tuple(numbers.ravel().tolist())
 
 
 def segments(view: PairView) -> NDArray[np.float64]:
@@ -56,8 +60,7 @@ def matches(lines: NDArray[np.float64], verdicts: list[str], shown: Iterable[str
     parts = []
     for verdict in ("rejected", "outlier", "inlier"):
         if verdict in shown:
-            chosen = (line for line, given in zip(lines.tolist(), verdicts, strict=True) if given == verdict)
-            path = "".join(f"M{x0:.1f} {y0:.1f}L{x1:.1f} {y1:.1f}" for x0, y0, x1, y1 in chosen)
+            path = _path("M%.1f %.1fL%.1f %.1f", lines[np.array(verdicts) == verdict])
             parts.append(f'<path class="match {verdict}" d="{path}"/>')
     return "".join(parts)
 
@@ -90,8 +93,8 @@ def outlines(quadrilaterals: Iterable[NDArray[np.float64]]) -> str:
     for number, corners_px in enumerate(quadrilaterals, 1):
         points = " ".join(f"{x:.1f},{y:.1f}" for x, y in corners_px)
         x, y = corners_px.mean(axis=0)
-        parts.append(f'<polygon class="outline" points="{points}"/>')
-        parts.append(f'<text class="outline-name" x="{x:.0f}" y="{y:.0f}">{number}</text>')
+        parts.append(f'<polygon class="footprint" points="{points}"/>')
+        parts.append(f'<text class="footprint-name" x="{x:.0f}" y="{y:.0f}">{number}</text>')
     return "".join(parts)
 
 

@@ -1,4 +1,4 @@
-"""What all pages share: style, header, and the two columns."""
+"""What all pages share: style, header, the two columns, and how a command line is shown."""
 
 from __future__ import annotations
 
@@ -22,6 +22,13 @@ LOGO = (
 @cache
 def _style() -> str:
     return Path(__file__).with_name("style.css").read_text(encoding="utf-8")
+
+
+def command_line(words: str) -> None:
+    """A command line to copy; it runs in the folder of the archive that holds the result."""
+    ui.label("The same again, in the unpacked archive's folder:").classes("hint")
+    code = ui.code(words, language="bash").classes("command")
+    code.copy_button.props('aria-label="Copy the command line"')
 
 
 @contextmanager

@@ -7,6 +7,7 @@ from html import escape
 from nicegui import ui
 
 from skymosaic.panel.choices import HARDWARE
+from skymosaic.panel.frame import command_line
 from skymosaic.panel.outcomes import HardwareOutcome, MosaicOutcome
 from skymosaic.panel.sidebar import enabled_while_idle
 from skymosaic.panel.visitors import Visitor
@@ -45,6 +46,7 @@ class HardwareTab:
             self._place.clear()
             with self._place:
                 ui.html(_markup(found), sanitize=False).classes("hardware")
+                command_line(found.command)
 
     def _compare(self) -> None:
         self._visitor.compare_hardware(str(self._backend.value))
@@ -72,5 +74,4 @@ def _markup(outcome: HardwareOutcome) -> str:
     return (
         f"{verdict}{notes}<table class='bars sides'><thead><tr><th></th><th>golden model, this machine</th>"
         f"<th>hardware at 150 MHz ({escape(outcome.backend)})</th></tr></thead><tbody>{body}</tbody></table>"
-        f"<pre>{escape(outcome.command)}</pre>"
     )

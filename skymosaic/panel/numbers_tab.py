@@ -10,6 +10,7 @@ import numpy as np
 from nicegui import ui
 
 from skymosaic.metrics import confusion
+from skymosaic.panel.frame import command_line
 from skymosaic.panel.outcomes import MosaicOutcome, PairView
 
 CORRECT_PX = 3.0
@@ -28,8 +29,7 @@ def build_numbers_tab(outcome: MosaicOutcome, view: PairView) -> None:
         ):
             ui.html(f"<h3>{title}</h3>{body}", tag="section", sanitize=False).classes("card")
     with ui.element("section").classes("card"):
-        ui.html("The same again, in the unpacked archive's folder", tag="h3", sanitize=False)
-        ui.code(outcome.command, language="bash").classes("command")
+        command_line(outcome.command)
 
 
 def _funnel(view: PairView) -> str:

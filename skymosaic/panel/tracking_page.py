@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from nicegui import ui
 
 from skymosaic.panel.drop_zone import DropZone
-from skymosaic.panel.frame import page_frame
+from skymosaic.panel.frame import command_line, page_frame
 from skymosaic.panel.outcomes import TrackingOutcome, Upload
 from skymosaic.panel.sidebar import RunCard, enabled_while_idle, heading, select_choice
 from skymosaic.panel.uploads import MEBIBYTE, PHOTOGRAPH, VIDEO, Kind
@@ -124,8 +124,7 @@ class _Result:
             video = ui.element("video").classes("tracked")
             video.props(f'controls loop muted autoplay src="/picture/{outcome.video.name}" aria-label="Tracked video"')
             _corner_table(outcome)
-            ui.label("The same again, in the unpacked archive's folder:").classes("hint")
-            ui.code(outcome.command, language="bash").classes("command")
+            command_line(outcome.command)
 
 
 def _corner_table(outcome: TrackingOutcome) -> None:
@@ -138,4 +137,4 @@ def _corner_table(outcome: TrackingOutcome) -> None:
         places = [f"{x:.1f}, {y:.1f}" for x, y in corners] or ["lost"] * len(CORNERS)
         rows.append({"frame": each.frame, "matches": each.inliers, **dict(zip(CORNERS, places, strict=True))})
     table = ui.table(columns=columns, rows=rows, row_key="frame", pagination=8)
-    table.props('dense flat aria-label="Corners of the object"').classes("corner-table")
+    table.props('dense flat :rows-per-page-options="[8]" aria-label="Corners of the object"').classes("corner-table")

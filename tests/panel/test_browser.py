@@ -11,7 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, CDPSession, Page, expect
+from playwright.sync_api import Browser, Page, expect
 
 from tests.panel.visit import (
     FIRST_BUILD_MS,
@@ -23,6 +23,7 @@ from tests.panel.visit import (
     make_mosaic,
     middle_of,
     mosaic_viewer,
+    names_reached_by_tab,
     open_tab,
     photographs_loaded,
     threshold_to_corners_ms,
@@ -145,35 +146,9 @@ def test_every_tab_fits_the_window(made: Page) -> None:
         assert max(widths) <= 1280, name
 
 
-def focused_control(session: CDPSession) -> tuple[str, str]:
-    """Role and accessible name of what has the focus; empty where nothing on the page has it."""
-    _page, *nodes = session.send("Accessibility.getFullAXTree")["nodes"]
-    for node in nodes:
-        if any(p["name"] == "focused" and p["value"]["value"] for p in node.get("properties", [])):
-            return node["role"]["value"], node["name"]["value"].strip()
-    return "", ""
-
-
 def test_every_control_has_a_name_and_is_reached_by_tab(made: Page) -> None:
     open_tab(made, "Matches")
-    session = made.context.new_cdp_session(made)
-    made.evaluate("document.activeElement.blur()")
-    reached = []
-    while len(reached) < 80:
-        made.keyboard.press("Tab")
-        control = focused_control(session)
-        if control in reached[:1]:
-            break
-        if control != ("", ""):  # between the last and the first, the browser's own controls have the focus
-            reached.append(control)
-    assert [role for role, name in reached if not name] == []
-    names = [name for _, name in reached]
-    wanted = made.evaluate(
-        """() => [...document.querySelectorAll("button, a[href], input, [role=switch], [role=checkbox], svg[tabindex]")]
-            .filter(element => element.checkVisibility() && !element.disabled)
-            .map(element => element.ariaLabel || element.textContent || "")"""
-    )
-    assert len(reached) >= len(wanted) > 20
+    names = names_reached_by_tab(made)
     for part in (
         "Choose photographs",
         "Detector",

@@ -21,6 +21,7 @@ from tests.panel.visit import (
     corner_counts,
     make_mosaic,
     mosaic_viewer,
+    names_reached_by_tab,
     open_tab,
     photographs_loaded,
 )
@@ -84,6 +85,11 @@ def test_any_pair_of_a_flight_can_be_looked_at(flight: Page) -> None:
     expect(mosaic_viewer(flight)).to_be_visible()
 
 
+def test_a_flights_controls_are_reached_by_tab(flight: Page) -> None:
+    open_tab(flight, "Matches")
+    assert {"Pair of the flight", "Look at it", "Remove all"} <= set(names_reached_by_tab(flight))
+
+
 def test_a_flights_command_makes_the_same_mosaic(flight: Page, tmp_path: Path) -> None:
     again = unpacked(flight, tmp_path, "mosaic")
     assert (again / "report" / "index.html").exists()
@@ -133,6 +139,12 @@ def test_an_object_is_followed_through_a_video(tracked: Page) -> None:
     expect(table.locator("tbody tr").first).to_contain_text(re.compile(r"\d+\.\d, \d+\.\d"))
     widths = tracked.evaluate("[document.documentElement.scrollWidth, document.body.scrollWidth]")
     assert max(widths) <= WINDOW["width"]
+
+
+def test_the_tracking_pages_controls_are_reached_by_tab(tracked: Page) -> None:
+    names = names_reached_by_tab(tracked)
+    for part in ("Choose object", "Choose video", "Backend", "Follow the object", "Tracked video"):
+        assert any(part in name for name in names), (part, names)
 
 
 def test_the_tracking_archive_holds_video_and_corners_and_repeats_them(tracked: Page, tmp_path: Path) -> None:

@@ -1,10 +1,12 @@
 """Files that must not be taken, sent as a browser would send them; the panel lives on after each."""
 
+import io
 import re
 import struct
 import zlib
 from collections.abc import Iterator
 
+import av
 import cv2
 import httpx
 import numpy as np
@@ -20,8 +22,8 @@ class Visitor:
         self._client = httpx.Client(base_url=panel, headers={"origin": panel}, timeout=60)
         self._client.get("/")
 
-    def upload(self, name: str, body: bytes | Iterator[bytes]) -> httpx.Response:
-        return self._client.post("/upload/photograph", params={"name": name}, content=body)
+    def upload(self, name: str, body: bytes | Iterator[bytes], slot: str = "photograph") -> httpx.Response:
+        return self._client.post(f"/upload/{slot}", params={"name": name}, content=body)
 
     def get(self, path: str) -> httpx.Response:
         return self._client.get(path)
@@ -110,14 +112,61 @@ def test_what_is_no_photograph_is_refused_with_a_reason(
     assert visitor.pictures() == []
 
 
-def test_an_oversized_upload_is_cut_off(visitor: Visitor) -> None:
+def film(width: int, height: int) -> bytes:
+    """A video of one flat frame."""
+    file = io.BytesIO()
+    with av.open(file, "w", format="matroska") as container:
+        stream = container.add_stream("ffv1", rate=25)
+        stream.width, stream.height, stream.pix_fmt = width, height, "gray"
+        frame = av.VideoFrame.from_ndarray(np.zeros((height, width), np.uint8), format="gray")
+        container.mux(stream.encode(frame))
+        container.mux(stream.encode())
+    return file.getvalue()
+
+
+def test_a_video_is_taken_and_its_first_frame_shown(visitor: Visitor) -> None:
+    assert visitor.upload("flight.mkv", film(320, 240), "video").status_code == 204
+    assert visitor.upload("car.png", picture(), "template").status_code == 204
+    assert visitor.get("/picture/01_flight.mkv.png").content.startswith(b"\x89PNG")
+    assert visitor.get("/picture/02_car.png.png").status_code == 200
+    assert visitor.get("/picture/01_flight.mkv").status_code == 404
+
+
+@pytest.mark.parametrize(
+    ("slot", "body", "status", "says"),
+    [
+        ("video", picture(), 415, "is not a video"),
+        ("video", b"#EXTM3U\nfile:///etc/passwd\n", 415, "is not a video"),
+        ("video", film(320, 240)[:300], 422, "a video"),
+        ("video", film(6000, 4000), 422, "frames of 6000x4000 pixels are too large"),
+        ("template", film(320, 240), 415, "is not a photograph"),
+        ("uploads", picture(), 422, ""),
+        ("..%2fviews", picture(), 404, ""),
+    ],
+    ids=["picture", "play list", "truncated", "bomb", "film", "other slot", "way out"],
+)  # fmt: skip
+def test_what_does_not_belong_there_is_refused(
+    visitor: Visitor, slot: str, body: bytes, status: int, says: str
+) -> None:
+    refused = visitor.upload("x", body, slot)
+    assert refused.status_code == status, refused.text
+    assert says in refused.text
+    assert "/tmp" not in refused.text
+
+
+@pytest.mark.parametrize(
+    ("slot", "head"),
+    [("photograph", b"\x89PNG\r\n\x1a\n"), ("video", b"\0\0\0\x20ftypisom")],
+    ids=["photograph", "video"],
+)
+def test_an_oversized_upload_is_cut_off(visitor: Visitor, slot: str, head: bytes) -> None:
     def endless() -> Iterator[bytes]:
-        yield b"\x89PNG\r\n\x1a\n"
+        yield head
         while True:
             yield bytes(1 << 20)
 
     try:
-        refused = visitor.upload("large.png", endless())
+        refused = visitor.upload("large", endless(), slot)
     except httpx.WriteError:
         return  # the server closed the connection before the client listened
     assert refused.status_code == 413

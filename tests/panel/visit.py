@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from playwright.sync_api import Browser, Locator, Page, expect, sync_playwright
+from playwright.sync_api import Browser, CDPSession, Locator, Page, expect, sync_playwright
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 CHROMIUM_FLAGS = (
@@ -19,6 +19,7 @@ CHROMIUM_FLAGS = (
 )  # fmt: skip
 WINDOW = {"width": 1280, "height": 720}
 LONG_MS = 60_000
+MOST_CONTROLS = 100
 FIRST_BUILD_MS = 600_000
 """The accelerator takes a minute to compile."""
 
@@ -114,3 +115,33 @@ def threshold_to_corners_ms(page: Page, rounds: int) -> list[float]:
         page.wait_for_function("window.painted > 0")
         milliseconds.append(page.evaluate("window.painted - window.pressed"))
     return milliseconds
+
+
+def names_reached_by_tab(page: Page) -> list[str]:
+    """The accessible names of all that Tab reaches in one round: everything has one, and no control is left out."""
+    session = page.context.new_cdp_session(page)
+    page.evaluate("document.activeElement.blur()")
+    reached: list[tuple[str, str]] = []
+    while len(reached) < MOST_CONTROLS:
+        page.keyboard.press("Tab")
+        control = _focused_control(session)
+        if control in reached[:1]:
+            break
+        if control != ("", ""):  # between the last and the first, the browser's own controls have the focus
+            reached.append(control)
+    assert [role for role, name in reached if not name] == []
+    shown = page.evaluate(
+        """() => [...document.querySelectorAll("button, a[href], input, [role=switch], [role=checkbox], svg[tabindex]")]
+            .filter(element => element.checkVisibility() && !element.disabled).length"""
+    )
+    assert shown <= len(reached) < MOST_CONTROLS
+    return [name for _, name in reached]
+
+
+def _focused_control(session: CDPSession) -> tuple[str, str]:
+    """Role and accessible name of what has the focus; empty where nothing on the page has it."""
+    _page, *nodes = session.send("Accessibility.getFullAXTree")["nodes"]
+    for node in nodes:
+        if any(p["name"] == "focused" and p["value"]["value"] for p in node.get("properties", [])):
+            return node["role"]["value"], node["name"]["value"].strip()
+    return "", ""
