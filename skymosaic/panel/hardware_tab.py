@@ -61,11 +61,12 @@ def _markup(outcome: HardwareOutcome) -> str:
     notes = "".join(f'<p class="hint">This proves little: {escape(note)}.</p>' for note in found.notes)
     width, height = outcome.size
     pixels, latency = width * height, max(found.cycles_per_frame)
+    software_s = outcome.software_seconds / len(outcome.names)
     rows = (
-        ("both frames", f"{outcome.software_seconds:.3f} s", f"{1000 * len(outcome.names) * pixels / CLOCK_HZ:.2f} ms"),
-        ("frames a second", f"{2 / outcome.software_seconds:.0f}", f"{CLOCK_HZ / pixels:.0f}, one pixel a clock"),
+        ("a frame", f"{1000 * software_s:.0f} ms", f"{1000 * pixels / CLOCK_HZ:.2f} ms, one pixel a clock"),
+        ("frames a second", f"{1 / software_s:.0f}", f"{CLOCK_HZ / pixels:.0f}, each matched while the next comes in"),
         ("first pixel to last feature", "", f"{latency:,} clocks, {1000 * latency / CLOCK_HZ:.2f} ms"),
-        ("after the last pixel", "", f"{latency - pixels:,} clocks, {1e6 * (latency - pixels) / CLOCK_HZ:.1f} us"),
+        ("after the last pixel", "", f"{latency - pixels:,} clocks, {1e6 * (latency - pixels) / CLOCK_HZ:.2f} µs"),
         ("simulated", "", f"{found.cycles_per_second / 1e6:.2f} M clocks/s, both frames in {found.seconds:.2f} s"),
     )
     body = "".join(

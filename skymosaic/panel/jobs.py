@@ -93,17 +93,16 @@ class Job:
                 raise JobCancelledError
             self.line = "starting"
             receiver, sender = _processes.Pipe(duplex=False)
-            process = _processes.Process(target=_worker, args=(sender, *self._task))
-            await asyncio.to_thread(process.start)
-            sender.close()
-            self._process = process
-            if self._cancelled.is_set():
-                self.cancel()
-            try:
-                return await self._outcome(receiver)
-            finally:
-                await asyncio.to_thread(process.join)
-                receiver.close()
+            with receiver:
+                process = _processes.Process(target=_worker, args=(sender, *self._task))
+                with sender:
+                    await self._start(process)
+                if self._cancelled.is_set():
+                    self.cancel()
+                try:
+                    return await self._outcome(receiver)
+                finally:
+                    await asyncio.to_thread(process.join)
 
     def cancel(self) -> None:
         """End the work now, with every process it started."""
@@ -113,6 +112,14 @@ class Job:
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(self._process.pid, signal.SIGKILL)
             self._process.kill()
+
+    async def _start(self, process: BaseProcess) -> None:
+        try:
+            await asyncio.to_thread(process.start)
+        except (EOFError, OSError):
+            # The helper has been killed; the next worker starts another.
+            raise JobFailedError("no worker could be started (out of memory?); try again") from None
+        self._process = process
 
     async def _outcome(self, receiver: Connection) -> Any:
         while True:

@@ -2,7 +2,7 @@
 
     python -m tests.panel.screenshots [FOLDER]
 
-Prints the seconds from an open page to the first mosaic, and the milliseconds from a move of the threshold to the
+Prints the seconds from the command to the address and from the page to the first mosaic, and the milliseconds from a move of the threshold to the
 corners it leaves.
 """
 
@@ -90,7 +90,9 @@ def visit_tracking(page: Page, folder: Path) -> None:
 
 def main(folder: Path) -> None:
     """Visit everything with one browser."""
+    started = time.perf_counter()
     with tempfile.TemporaryDirectory() as log_folder, running_panel(Path(log_folder)) as address, chromium() as browser:
+        print(f"command to address, browser started: {time.perf_counter() - started:.1f} s")
         for visit in (visit_pair, visit_flight, visit_tracking):
             page = browser.new_page(viewport=WINDOW)
             page.goto(address)

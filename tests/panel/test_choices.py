@@ -1,11 +1,14 @@
 """What may be chosen, and what choices stand for."""
 
 import itertools
+from pathlib import Path
 
+import httpx
 import pytest
 
 from skymosaic.errors import InputError
-from skymosaic.panel.choices import OPTIONS, SCALES, STRONGEST, Choices
+from skymosaic.panel.choices import OPTIONS, SCALES, STRONGEST, Choices, fault_of
+from tests.panel.visit import running_panel
 
 
 @pytest.mark.parametrize("slider", [*SCALES.values(), STRONGEST], ids=lambda slider: slider.title)
@@ -51,3 +54,18 @@ def test_the_slider_reaches_the_front_end() -> None:
 def test_a_preset_resets_what_was_chosen() -> None:
     changed = Choices.of_preset("aerial").changed("detector", "fast").changed("descriptor", "ilbp-256")
     assert changed.changed("preset", "thesis") == Choices.of_preset("thesis")
+
+
+def test_a_flight_takes_less_than_a_pair() -> None:
+    aerial = Choices.of_preset("aerial")
+    assert fault_of(aerial, 3) == fault_of(aerial.changed("detector", "fast"), 3) == ""
+    for name, value in (("detector", "sift"), ("estimator", "magsac"), ("refine", True)):
+        changed = aerial.changed(name, value)
+        assert fault_of(changed) == ""
+        assert "leave two photographs" in fault_of(changed, 3)
+
+
+def test_a_board_is_a_backend_where_there_is_one(tmp_path: Path) -> None:
+    with running_panel(tmp_path, "--board", "192.0.2.7:5000") as address:
+        for path in ("/", "/tracking"):
+            assert "board:192.0.2.7:5000" in httpx.get(address + path).text

@@ -3,10 +3,12 @@
 import asyncio
 import importlib
 import os
+import signal
 import sys
 import time
 import zipfile
 from collections.abc import Callable, Iterator
+from multiprocessing import forkserver
 from pathlib import Path
 from types import ModuleType
 
@@ -110,6 +112,18 @@ def test_cancelling_before_its_turn_never_starts_it(work: ModuleType, tmp_path: 
     job.cancel()
     with pytest.raises(JobCancelledError):
         run(job)
+
+
+def test_workers_start_again_after_their_helper_was_killed(work: ModuleType, tmp_path: Path) -> None:
+    os.kill(forkserver._forkserver._forkserver_pid, signal.SIGKILL)
+
+    def works() -> bool:
+        try:
+            return run(Job("adding", tmp_path, work.add, 2, 3)) == (5, str(tmp_path))
+        except JobFailedError:
+            return False
+
+    assert eventually(works)
 
 
 def test_jobs_wait_for_their_turn(work: ModuleType, tmp_path: Path) -> None:

@@ -25,11 +25,11 @@ FIRST_BUILD_MS = 600_000
 
 
 @contextmanager
-def running_panel(folder: Path) -> Iterator[str]:
+def running_panel(folder: Path, *options: str) -> Iterator[str]:
     """The address of a panel that runs in ``folder``; whatever it complains about is an error."""
     log = folder / "log"
     with log.open("w") as output:
-        command = [sys.executable, "-u", "-m", "skymosaic", "panel", "--port", "0"]
+        command = [sys.executable, "-u", "-m", "skymosaic", "panel", "--port", "0", *options]
         server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=output, text=True, cwd=folder)
         with server:
             line = server.stdout.readline()
