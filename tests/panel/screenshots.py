@@ -2,8 +2,8 @@
 
     python -m tests.panel.screenshots [FOLDER]
 
-Prints the seconds from the command to the address and from the page to the first mosaic, and the milliseconds from a move of the threshold to the
-corners it leaves.
+Prints the seconds from the command to its address and from the page to the first mosaic, and the milliseconds from a
+move of the threshold to the corners it leaves.
 """
 
 from __future__ import annotations
