@@ -1,6 +1,9 @@
-"""A mosaic that grows photograph by photograph; what was painted stays, the photographs themselves are not kept."""
+"""A mosaic that grows photograph by photograph, which are not kept: what was painted can only be moved."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -13,15 +16,17 @@ Array = NDArray[np.float64]
 
 FEATHER_PX = 16
 """Width over which one photograph fades into the other."""
+NOBODY = 65535
+"""In the place of a photograph's number where none shows anything."""
 SPARE_ROOM = 0.15
 """Share of the mosaic's size that is allocated beyond each side, so that growing seldom copies."""
-GAIN_LIMITS = (0.75, 1.33)
+GAIN_LIMITS = (0.5, 2.0)
 
 
 class GrowingCanvas:
     """Photographs painted on top of each other, each shown where its own border is farther away than the others'.
 
-    Beside the colours, one distance a pixel is kept: 7 bytes a pixel in all.
+    Beside the colours, a distance and a photograph's number are kept: 9 bytes a pixel in all.
 
     Parameters
     ----------
@@ -40,30 +45,54 @@ class GrowingCanvas:
         self._room = Canvas(0, 0, 0, 0)
         self._pixels = np.zeros((0, 0, 3), np.uint8)
         self._distance = np.zeros((0, 0), np.float32)
+        self._number = np.zeros((0, 0), np.uint16)
 
-    def paint(self, picture: Pixels, transform: Array, mask: Pixels | None = None) -> None:
-        """Paint a picture, (H, W) or (H, W, 3) BGR, that ``transform`` maps to the reference frame.
-
-        Its brightness is matched to what it meets. Where ``mask`` (H, W) is 0 it shows nothing.
+    def paint(self, picture: Pixels, transform: Array, number: int) -> None:
+        """Paint photograph ``number`` (0 to 65534), (H, W) or (H, W, 3) BGR, which ``transform`` maps to the reference
+        frame; its brightness is matched to what it meets.
 
         Raises
         ------
         CanvasError
             If the canvas would exceed its limit, or the picture reaches behind the camera; nothing has changed.
         """
-        size = picture.shape[1], picture.shape[0]
-        self._reserve(size, transform)
-        part = footprint(size, transform)
-        where = part.within(self._room)
-        new = _warped(picture if picture.ndim == 3 else cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR), transform, part)
-        new_distance = _distance(np.full(picture.shape[:2], 255, np.uint8) if mask is None else mask, transform, part)
-        old, old_distance = self._pixels[where], self._distance[where]
-        new *= _gain(old, new, (old_distance > 0) & (new_distance > 0))
-        share = np.clip((new_distance - old_distance) / FEATHER_PX + 0.5, 0, 1)
-        share[old_distance == 0] = 1
-        share[new_distance == 0] = 0
-        self._pixels[where] = np.rint(np.clip(old + share[..., None] * (new - old), 0, 255)).astype(np.uint8)
-        np.maximum(old_distance, new_distance, out=old_distance)
+        coloured = picture if picture.ndim == 3 else cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)
+        whole = np.full(picture.shape[:2], 255, np.uint8)
+        self._paint([_Part(np.asarray(coloured, dtype=np.uint8), whole, transform, number)])
+
+    def take_over(self, other: GrowingCanvas, motions: Mapping[int, Array]) -> None:
+        """Paint what each photograph shows on another canvas, moved by a transformation of the reference frame.
+
+        Parameters
+        ----------
+        other : GrowingCanvas
+        motions : mapping of int to (3, 3) ndarray
+            By the photograph's number; what others show is left out.
+
+        Raises
+        ------
+        CanvasError
+            As `paint`.
+        """
+        kernel = np.ones((2 * FEATHER_PX + 1, 2 * FEATHER_PX + 1), np.uint8)
+        bounds = Canvas(0, 0, other._room.width_px, other._room.height_px)
+        parts = []
+        for number, motion in motions.items():
+            shown = np.asarray(other._number == number, dtype=np.uint8)
+            x, y, width, height = cv2.boundingRect(shown)
+            if width == 0:
+                continue
+            # With a margin of what lies around, so that seams fade where they did and no gap opens.
+            margin = Canvas(x - FEATHER_PX, y - FEATHER_PX, width + 2 * FEATHER_PX, height + 2 * FEATHER_PX)
+            around = margin.intersection(bounds) or bounds
+            where = around.within(bounds)
+            mask = cv2.dilate(shown[where], kernel) * (other._distance[where] > 0) * np.uint8(255)
+            x, y, width, height = cv2.boundingRect(mask)
+            inner = slice(y, y + height), slice(x, x + width)
+            corner = np.linalg.inv(around.translation @ other._room.translation) @ Canvas(-x, -y, 0, 0).translation
+            picture = other._pixels[where][inner]
+            parts.append(_Part(picture, np.asarray(mask[inner], dtype=np.uint8), motion @ corner, number))
+        self._paint(parts)
 
     @property
     def to_image(self) -> Array:
@@ -77,15 +106,26 @@ class GrowingCanvas:
             return self._pixels
         return self._pixels[self.extent.within(self._room)]
 
-    @property
-    def mask(self) -> Pixels:
-        """255 where something was painted on `image`, else 0, (H, W)."""
-        distance = self._distance if self.extent is None else self._distance[self.extent.within(self._room)]
-        return np.asarray(distance > 0, dtype=np.uint8) * np.uint8(255)
+    def _paint(self, parts: Sequence[_Part]) -> None:
+        self._reserve(parts)
+        for picture, mask, transform, number in parts:
+            covered = footprint((picture.shape[1], picture.shape[0]), transform)
+            where = covered.within(self._room)
+            new = backward(*shrunk(picture, transform), covered, border=cv2.BORDER_REPLICATE).astype(np.float32)
+            new_distance = _distance(mask, transform, covered)
+            old, old_distance = self._pixels[where], self._distance[where]
+            new *= _gain(old, new, (old_distance > 0) & (new_distance > 0))
+            share = np.clip((new_distance - old_distance) / FEATHER_PX + 0.5, 0, 1)
+            share[old_distance == 0] = 1
+            share[new_distance == 0] = 0
+            self._pixels[where] = np.rint(np.clip(old + share[..., None] * (new - old), 0, 255)).astype(np.uint8)
+            self._number[where][new_distance > old_distance] = number
+            np.maximum(old_distance, new_distance, out=old_distance)
 
-    def _reserve(self, size: tuple[int, int], transform: Array) -> None:
-        """Make room for a photograph, and some to spare where the allocated room is too small."""
-        sizes, transforms, old = [size], [transform], self.extent
+    def _reserve(self, parts: Sequence[_Part]) -> None:
+        """Make room for pictures, and some to spare where the allocated room is too small."""
+        sizes = [(part.picture.shape[1], part.picture.shape[0]) for part in parts]
+        transforms, old = [part.transform for part in parts], self.extent
         if old is not None:
             sizes.append((old.width_px, old.height_px))
             transforms.append(np.asarray(np.linalg.inv(old.translation), dtype=np.float64))
@@ -101,14 +141,21 @@ class GrowingCanvas:
         )
         pixels = np.zeros((room.height_px, room.width_px, 3), np.uint8)
         distance = np.zeros(pixels.shape[:2], np.float32)
+        number = np.full(pixels.shape[:2], NOBODY, np.uint16)
         if old is not None:
             pixels[old.within(room)] = self._pixels[old.within(self._room)]
             distance[old.within(room)] = self._distance[old.within(self._room)]
-        self._room, self._pixels, self._distance = room, pixels, distance
+            number[old.within(room)] = self._number[old.within(self._room)]
+        self._room, self._pixels, self._distance, self._number = room, pixels, distance, number
 
 
-def _warped(picture: Pixels, transform: Array, part: Canvas) -> NDArray[np.float32]:
-    return backward(*shrunk(picture, transform), part, border=cv2.BORDER_REPLICATE).astype(np.float32)
+class _Part(NamedTuple):
+    """A picture (H, W, 3), where it shows something (H, W), its way to the reference frame, and its number."""
+
+    picture: Pixels
+    mask: Pixels
+    transform: Array
+    number: int
 
 
 def _distance(mask: Pixels, transform: Array, part: Canvas) -> NDArray[np.float32]:
@@ -119,8 +166,9 @@ def _distance(mask: Pixels, transform: Array, part: Canvas) -> NDArray[np.float3
     return np.asarray(cv2.distanceTransform(framed, cv2.DIST_L2, 5)[1:-1, 1:-1], dtype=np.float32)
 
 
-def _gain(old: Pixels, new: NDArray[np.float32], common: NDArray[np.bool_]) -> float:
-    """Factor that gives the new pixels the mean of the old ones where they meet."""
+def _gain(old: Pixels, new: NDArray[np.float32], common: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Factors that give the channels of the new pixels the means of the old ones where they meet, (3,)."""
     if not common.any():
-        return 1.0
-    return float(np.clip(old[common].mean() / max(new[common].mean(), 1.0), *GAIN_LIMITS))
+        return np.ones(3, dtype=np.float32)
+    gain = old[common].mean(axis=0) / np.maximum(new[common].mean(axis=0), 1)
+    return np.asarray(np.clip(gain, *GAIN_LIMITS), dtype=np.float32)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,13 +12,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from skymosaic.adjustment import Network, Ties, shapes
+from skymosaic.adjustment import MODELS, Network, Ties, shapes
 from skymosaic.growing import GrowingCanvas
 from skymosaic.homography import apply, estimate, scaled
 from skymosaic.images import Pixels
+from skymosaic.layout import normalisation
 from skymosaic.pairing import TIE_PX, PairEstimator, compact, verify
 from skymosaic.ransac import MIN_INLIERS
-from skymosaic.warp import Canvas
+from skymosaic.warp import Canvas, CanvasError
 
 Array = NDArray[np.float64]
 Records = NDArray[np.void]
@@ -25,6 +27,10 @@ Records = NDArray[np.void]
 MOST_NEIGHBOURS = 4
 LEAST_USE = 0.1
 """Placed frames that a new one is registered against, and the least share of it that each adds to the others."""
+GROWTH = 2
+"""An island is laid out anew when it has so many times the frames it had the last time."""
+WORTH_MOVING_PX = 1.0
+"""What is painted is moved if a frame's corner goes farther, in pixels of the reference frame."""
 LEVELLING = (0.2, 0.1, 0.05)
 LEVELLING_COST_PX = 0.2
 """Every frame gives up the largest of these shares of its stretch and tilt that costs no more than this much median
@@ -80,11 +86,25 @@ class Frame:
 
 
 class Tied(NamedTuple):
-    """What a new frame has in common with a placed one: (N, 2) in the reference frame and in the new one's pixels."""
+    """What a new frame has in common with a placed one: (N, 2) in the placed one's pixels and in the new one's."""
 
     frame: Frame
-    ground: Array
+    placed: Array
     points: Array
+
+    @property
+    def ground(self) -> Array:
+        """The points in the reference frame, (N, 2)."""
+        return apply(self.frame.transform, self.placed)
+
+
+class _Link(NamedTuple):
+    """The same, with the numbers of both frames."""
+
+    left: int
+    right: int
+    left_points: Array
+    right_points: Array
 
 
 class Placement(NamedTuple):
@@ -99,6 +119,8 @@ class Placement(NamedTuple):
 class Island:
     """Frames in one reference frame, and what they show.
 
+    Each time their number has doubled, all frames are laid out anew, and what is painted moves along.
+
     Attributes
     ----------
     frames : list of Frame
@@ -110,11 +132,14 @@ class Island:
         self.frames: list[Frame] = []
         self.canvas = GrowingCanvas(limit_px)
         self._estimator = estimator
+        self._limit_px = limit_px
+        self._links: list[_Link] = []
+        self._laid_out = 2
 
     def tied(self, other: Frame, frame: Frame) -> Tied | None:
         """The points that a placed frame has in common with a new one; None where they show no common ground."""
         link = verify(self._estimator, (other.number, frame.number), other.features, frame.features)
-        return Tied(other, apply(other.transform, link.left_points), link.right_points) if link.holds else None
+        return Tied(other, link.left_points, link.right_points) if link.holds else None
 
     def place(self, frame: Frame, first: Tied) -> Placement | None:
         """Register a frame against those it overlaps, given what it has in common with one of them."""
@@ -127,6 +152,7 @@ class Island:
             ties = int(np.count_nonzero(error_px <= TIE_PX))
             if ties >= MIN_INLIERS:
                 numbers = tuple(each.frame.number for each in group)
+                self._links += [_Link(each.frame.number, frame.number, each.placed, each.points) for each in group]
                 return Placement(transform, numbers, ties, float(np.median(error_px)))
         return None
 
@@ -138,15 +164,56 @@ class Island:
         CanvasError
             If the canvas would become too large; nothing has changed.
         """
-        self.canvas.paint(pixels, frame.from_original)
+        self.canvas.paint(pixels, frame.from_original, frame.number)
         self.frames.append(frame)
 
     def absorb(self, other: Island, to_this: Array) -> None:
         """Take over all that another island holds, moved by ``to_this``; raises as `add` does."""
-        from_image = np.linalg.inv(other.canvas.to_image)
-        self.canvas.paint(other.canvas.image, to_this @ from_image, mask=other.canvas.mask)
+        self.canvas.take_over(other.canvas, {frame.number: to_this for frame in other.frames})
         moved = [frame.moved(scaled(to_this @ frame.transform)) for frame in other.frames]
         self.frames = sorted([*self.frames, *moved], key=lambda frame: frame.number)
+        self._links += other._links
+
+    def settle(self, *, at_last: bool = False) -> None:
+        """Lay all frames out anew if there are twice as many as the last time, or ``at_last``.
+
+        What is painted is moved where that makes a difference; each time costs a little sharpness.
+        """
+        if len(self.frames) < (3 if at_last else GROWTH * self._laid_out):
+            return
+        self._laid_out = len(self.frames)
+        transforms = self._layout()
+        if self._largest_move_px(transforms) < WORTH_MOVING_PX:
+            return
+        motions = {f.number: t @ np.linalg.inv(f.transform) for f, t in zip(self.frames, transforms, strict=True)}
+        canvas = GrowingCanvas(self._limit_px)
+        with contextlib.suppress(CanvasError):  # Then all stays as it is.
+            canvas.take_over(self.canvas, motions)
+            self.canvas = canvas
+            self.frames = [frame.moved(t) for frame, t in zip(self.frames, transforms, strict=True)]
+
+    def _layout(self) -> list[Array]:
+        """Transformations of all frames, fitted to all their ties at once; the first frame keeps place and scale."""
+        row = {frame.number: index for index, frame in enumerate(self.frames)}
+        to_unit = [normalisation(frame.size) for frame in self.frames]
+        ties = [
+            Ties(left, right, apply(to_unit[left], link.left_points), apply(to_unit[right], link.right_points))
+            for link in self._links
+            for left, right in [(row[link.left], row[link.right])]
+        ]
+        network = Network(ties, [1 / float(unit[0, 0]) for unit in to_unit], reference=0)
+        frames = zip(self.frames, to_unit, strict=True)
+        found = np.stack([_similar(to_unit[0] @ frame.transform @ np.linalg.inv(unit)) for frame, unit in frames])
+        for model in MODELS:
+            found = network.adjust(found, model)
+        to_reference = np.linalg.inv(to_unit[0])
+        return [scaled(to_reference @ each @ unit) for each, unit in zip(found, to_unit, strict=True)]
+
+    def _largest_move_px(self, transforms: list[Array]) -> float:
+        corners = [Canvas(0, 0, *frame.size).corners for frame in self.frames]
+        moved = [apply(transform, each) for transform, each in zip(transforms, corners, strict=True)]
+        moves = [np.abs(there - frame.outline).max() for there, frame in zip(moved, self.frames, strict=True)]
+        return float(max(moves))
 
     def _neighbours(self, frame: Frame, first: Frame) -> list[Frame]:
         """Further placed frames that overlap much with a new one and little with each other."""
@@ -159,6 +226,12 @@ class Island:
                 break
             chosen.append(best)
         return chosen[1:]
+
+
+def _similar(transform: Array) -> Array:
+    """The similarity closest to a transformation (3, 3) of normalised coordinates."""
+    corners = np.array([[-0.8, -0.6], [0.8, -0.6], [0.8, 0.6], [-0.8, 0.6]])
+    return estimate(corners, apply(transform, corners), model="similarity")
 
 
 def _fitted(guess: Frame, tied: list[Tied]) -> tuple[Array, Array]:

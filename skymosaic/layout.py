@@ -132,7 +132,7 @@ class _Group:
         row = {member: index for index, member in enumerate(members)}
         self.links = [link for link in links if link.left in row and link.right in row]
         self._members = members
-        self._normalised = [_normalised(views[member].working_size) for member in members]
+        self._normalised = [normalisation(views[member].working_size) for member in members]
         self._ties = []
         for link in self.links:
             left, right = row[link.left], row[link.right]
@@ -189,7 +189,7 @@ def _inliers(count: int, links: Sequence[Link]) -> csr_array:
     return csr_array(([float(link.inliers) for link in links], (rows, columns)), shape=(count, count))
 
 
-def _normalised(size: tuple[int, int]) -> Array:
+def normalisation(size: tuple[int, int]) -> Array:
     """Pixels of an image of ``size`` to coordinates about its centre, in half diagonals, (3, 3)."""
     half_px = float(np.hypot(*size)) / 2
     x, y = (size[0] - 1) / 2, (size[1] - 1) / 2

@@ -1,8 +1,9 @@
 """A mosaic while the camera is still in the air: every frame is placed when it comes, and then let go.
 
 Of past frames only the features are kept. A new frame is registered against several of those it overlaps, not the
-last one only, so that parallel legs of a flight hold each other; what is painted stays where it is. Frames that show
-nothing known begin an island of their own, which joins the others once a frame shows both.
+last one only, so that parallel legs of a flight hold each other. Now and then all frames are laid out anew, and what
+was painted moves along. Frames that show nothing known begin an island of their own, which joins the others once a
+frame shows both.
 """
 
 from __future__ import annotations
@@ -58,8 +59,8 @@ class LiveUpdate:
 class LiveMosaic:
     """Places frames as they come and paints them.
 
-    The mosaic is the island with the most frames. Its reference frame is that of its first frame, whose pixels are
-    multiplied by ``scale``.
+    The mosaic is the island with the most frames. Its reference frame is that of its first frame, but for the tilt,
+    with pixels multiplied by ``scale``.
 
     Parameters
     ----------
@@ -137,7 +138,7 @@ class LiveMosaic:
             if found is not None:
                 island, placement = found
                 island.add(frame.moved(placement.transform), pixels)
-                self._join(island, frame.moved(placement.transform))
+                self._join(island, frame.moved(placement.transform)).settle()
             elif len(frame.features) >= FEWEST_FEATURES:
                 island = Island(self._estimator, self._canvas_limit_px)
                 island.add(frame, pixels)
@@ -148,6 +149,10 @@ class LiveMosaic:
             reason = str(error)
         self._reasons.append(reason)
         return LiveUpdate(frame.number, placement, reason, len(self._islands))
+
+    def finish(self) -> None:
+        """Lay out the mosaic once more, when no frame will follow."""
+        self._mosaic.settle(at_last=True)
 
     @property
     def _mosaic(self) -> Island:
@@ -183,17 +188,18 @@ class LiveMosaic:
             if resembling[index] >= FEWEST_VOTES:
                 yield older[index]
 
-    def _join(self, island: Island, frame: Frame) -> None:
+    def _join(self, island: Island, frame: Frame) -> Island:
         """Unite an island with another one that its newest frame shows too; raises CanvasError as `Island.add`."""
         found = self._found(frame, [other for other in self._islands if other is not island])
         if found is None:
-            return
+            return island
         other, placement = found
         corners = Canvas(0, 0, *frame.size).corners
         here, there = apply(frame.transform, corners), apply(placement.transform, corners)
         if len(other.frames) >= len(island.frames):
             other.absorb(island, estimate(here, there, model="similarity"))
             self._islands.remove(island)
-        else:
-            island.absorb(other, estimate(there, here, model="similarity"))
-            self._islands.remove(other)
+            return other
+        island.absorb(other, estimate(there, here, model="similarity"))
+        self._islands.remove(other)
+        return island

@@ -57,6 +57,7 @@ def live(
         grow(mosaic, frames, preview)
     except KeyboardInterrupt:
         _tell("stopped")
+    mosaic.finish()
     if not mosaic.transforms:
         raise RegistrationError(f"{source}: no frame could be used")
     with console.status("writing"):
