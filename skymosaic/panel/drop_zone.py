@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from nicegui import ui
 
 
 class DropZone(ui.element, component="drop_zone.js"):
-    """Sends files to ``url``, one at a time.
+    """Sends files to ``url``, one at a time; a file that is not taken is told with the server's reason.
 
     Parameters
     ----------
@@ -22,8 +20,6 @@ class DropZone(ui.element, component="drop_zone.js"):
         Accessible name.
     title, hint : str
         What is read in it.
-    on_refused : callable
-        Receives the server's line for each file it did not take.
     """
 
     def __init__(
@@ -35,8 +31,12 @@ class DropZone(ui.element, component="drop_zone.js"):
         label: str,
         title: str,
         hint: str,
-        on_refused: Callable[[str], None],
     ) -> None:
         super().__init__()
         self.props.update(url=url, accept=accept, multiple=multiple, label=label, title=title, hint=hint)
-        self.on("refused", lambda event: on_refused(str(event.args)))
+        self.on("refused", lambda event: _tell(str(event.args)))
+
+
+def _tell(line: str) -> None:
+    """Show why a file was not taken."""
+    ui.notify(line, type="negative", timeout=10_000, actions=[{"label": "OK", "color": "white"}])

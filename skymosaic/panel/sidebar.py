@@ -59,7 +59,6 @@ class PhotographsCard:
                 label="Choose photographs",
                 title="Drop photographs here, or choose",
                 hint=f"two or more that overlap · up to {PHOTOGRAPH.limit_bytes // MEBIBYTE} MB each",
-                on_refused=lambda line: ui.notify(line, type="negative", timeout=10_000, close_button="OK"),
             )
             self._list = ui.element("ul").classes("photographs").props('aria-label="Photographs loaded"')
             with ui.element("div").classes("card-head") as self._all:

@@ -70,7 +70,8 @@ class _UploadCard:
                 heading(slot.number, slot.title)
                 if slot.name == "template":
                     button = ui.button("Built-in film", icon="flight", on_click=visitor.load_built_in_film)
-                    enabled_while_idle(button.props("flat dense no-caps size=sm"), visitor)
+                    button.props('flat dense no-caps size=sm aria-label="Load the built-in film"')
+                    enabled_while_idle(button, visitor)
             DropZone(
                 url=f"/upload/{slot.name}",
                 accept=slot.accept,
@@ -78,7 +79,6 @@ class _UploadCard:
                 label=f"Choose {slot.title.lower()}",
                 title=f"Drop the {slot.title.lower()} here, or choose",
                 hint=f"{slot.hint} · up to {slot.kind.limit_bytes // MEBIBYTE} MB",
-                on_refused=lambda line: ui.notify(line, type="negative", timeout=10_000, close_button="OK"),
             )
             self._place = ui.element("ul").classes("photographs").props(f'aria-label="{slot.title} loaded"')
 
@@ -100,13 +100,15 @@ class _Result:
     def __init__(self, visitor: Visitor) -> None:
         self._visitor = visitor
         self._shown: TrackingOutcome | None = None
-        self._place = ui.element("div").classes("card")
+        self._place = ui.element("div").classes("card welcome")
         with self._place:
             ui.html("An object and a video in, its outline in every frame out", tag="h2", sanitize=False)
             ui.label(
                 "Give a picture of the object and a video that shows it, or begin with the built-in film of a car. "
                 "The object's four corners are mapped into every frame and drawn as a green quadrilateral."
             ).classes("lead")
+            button = ui.button("Try the built-in film", icon="flight", on_click=visitor.load_built_in_film)
+            enabled_while_idle(button.props("unelevated no-caps size=lg"), visitor)
 
     def update(self) -> None:
         outcome = self._visitor.tracking
@@ -114,6 +116,7 @@ class _Result:
             return
         self._shown = outcome
         self._place.clear()
+        self._place.classes(remove="welcome")
         with self._place:
             found = sum(row.corners is not None for row in outcome.rows)
             ui.label(

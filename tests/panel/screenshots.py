@@ -81,7 +81,7 @@ def visit_flight(page: Page, folder: Path) -> None:
 def visit_tracking(page: Page, folder: Path) -> None:
     """The built-in film, tracked."""
     page.get_by_role("link", name="Tracking").click()
-    page.get_by_role("button", name="Built-in film").click()
+    page.get_by_role("button", name="Try the built-in film").click()
     expect(page.get_by_role("list", name="Video loaded").locator("li")).to_have_count(1, timeout=LONG_MS)
     page.get_by_role("button", name="Follow the object").click()
     expect(page.get_by_text("Found in")).to_be_visible(timeout=LONG_MS)

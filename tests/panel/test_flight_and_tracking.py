@@ -123,7 +123,7 @@ def tracked(browser: Browser, panel: str) -> Iterator[Page]:
     page = browser.new_page(viewport=WINDOW)
     page.goto(panel)
     page.get_by_role("link", name="Tracking").click()
-    page.get_by_role("button", name="Built-in film").click()
+    page.get_by_role("button", name="Try the built-in film").click()
     expect(page.get_by_role("list", name="Video loaded").locator("li")).to_have_count(1, timeout=LONG_MS)
     page.get_by_role("button", name="Follow the object").click()
     expect(page.get_by_text("Found in")).to_be_visible(timeout=LONG_MS)
