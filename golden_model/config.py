@@ -48,7 +48,7 @@ class FrontEndConfig:
     threshold : int
         Smallest response that survives, in units of R (Harris; cut to its 11 leading bits) or gray levels (FAST).
     suppression_radius_px : {1, 3}
-        Suppression in (2 r + 1) squared.
+        Suppression of Harris in (2 r + 1) squared; FAST has its own (`suppression`).
     border_px : int
         Features keep this distance from the border, in their level's own pixels.
     selection : bool
@@ -117,6 +117,11 @@ class FrontEndConfig:
     def pattern(self) -> DescriptorPattern:
         """The descriptor's pattern."""
         return PATTERNS[self.descriptor]
+
+    @property
+    def suppression(self) -> tuple[int, str]:
+        """Radius of the suppression in pixels and its rule of ties, as `golden_model.nms.suppress` takes them."""
+        return (1, "lose") if self.detector == "fast" else (self.suppression_radius_px, "first")
 
     @property
     def response_support_px(self) -> int:

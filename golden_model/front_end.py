@@ -142,7 +142,7 @@ def _corners(gray: Pixels, level: int, config: FrontEndConfig, keep: Keep) -> _C
     keep("gray", gray, 0)
     code = _response_code(gray, config, keep)
     keep("response_code", code, config.response_support_px)
-    survivors = nms.suppress(code, config.suppression_radius_px, "lose" if config.detector == "fast" else "first")
+    survivors = nms.suppress(code, *config.suppression)
     candidates = np.zeros_like(survivors)
     rows, columns = (slice(config.border_px, max(side_px - config.border_px, 0)) for side_px in gray.shape)
     candidates[rows, columns] = survivors[rows, columns]

@@ -16,7 +16,7 @@ from golden_model.records import Cause, Tag
 from golden_model.smooth import binomial5
 
 AERIAL = PRESETS["aerial"].front_end
-FAST = FrontEndConfig(detector="fast", threshold=20, suppression_radius_px=1)
+FAST = FrontEndConfig(detector="fast", threshold=20)
 THESIS = dataclasses.replace(PRESETS["thesis"].front_end, threshold=2_000_000)
 CONFIGS = pytest.mark.parametrize("config", [AERIAL, FAST, THESIS], ids=["aerial", "fast", "thesis"])
 
