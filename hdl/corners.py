@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import NamedTuple
 
-from amaranth import Module, Signal
+from amaranth import Module, Mux, Signal
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.config import FrontEndConfig
-from golden_model.formats import RESPONSE_CODE
+from golden_model.formats import PIXEL, RESPONSE_CODE
+from hdl.delay import delayed
+from hdl.fast import Fast
+from hdl.gradients import GradientColumns
 from hdl.harris import RawResponse, ResponseCode, StructureTensor
 from hdl.nms import NEIGHBOURHOOD, Suppression
-from hdl.smooth import Binomial
-from hdl.sobel import Sobel
-from hdl.streams import beat
-from hdl.window import LineBuffer
+from hdl.streams import beat, carry_scan
 
 
 class Stage(NamedTuple):
@@ -28,11 +27,12 @@ class Stage(NamedTuple):
 
 
 class Corners(wiring.Component):
-    """Smoothing, gradients, tensor, response, threshold, suppression.
+    """Responses of Harris or of FAST, whichever is chosen, and their suppression. The other one rests.
 
     Parameters
     ----------
     config : FrontEndConfig
+        The detector is chosen at run time instead.
     width_px : int
         Largest width of a line.
 
@@ -40,6 +40,8 @@ class Corners(wiring.Component):
     -------
     i : In(beat(column))
         3 gray pixels, the newest line first.
+    i_fast : In(1)
+        FAST, not Harris. Static within a frame.
     i_threshold_code : In(15)
     o : Out(beat(code, left, right, up, down))
         Corners, not kept off the border.
@@ -48,37 +50,30 @@ class Corners(wiring.Component):
     ----------
     lag_px : int
     latency_cycles : int
-
-    Raises
-    ------
-    ValueError
-        For a detector that is not built.
     """
 
     i: data.View
+    i_fast: Signal
     i_threshold_code: Signal
     o: data.View
 
     def __init__(self, *, config: FrontEndConfig, width_px: int) -> None:
-        if config.detector != "harris":
-            raise ValueError(f"detector is {config.detector!r}; the hardware has: harris")
-        self._chain = {}
-        if config.smoothed_gradients:
-            self._chain["smooth"] = Binomial(window_px=3)
-            self._chain["smoothed_lines"] = LineBuffer(shape=8, lines=2, width_px=width_px)
-        self._chain |= {
-            "sobel": Sobel(),
-            "tensor": StructureTensor(window_px=config.tensor_window_px, width_px=width_px),
-            "raw_response": RawResponse(k_numerator=config.harris_k_numerator, k_shift=config.harris_k_shift),
-            "response_code": ResponseCode(),
-            "suppression": Suppression(radius_px=config.suppression_radius_px, width_px=width_px),
-        }
-        self.response_lag_px = config.response_support_px
-        self.lag_px = self.response_lag_px + config.suppression_radius_px
-        self.latency_cycles = sum(block.latency_cycles for block in self._chain.values())
+        self._columns = GradientColumns(smoothed=config.smoothed_gradients, width_px=width_px)
+        self._tensor = StructureTensor(window_px=config.tensor_window_px)
+        self._raw_response = RawResponse(k_numerator=config.harris_k_numerator, k_shift=config.harris_k_shift)
+        self._response_code = ResponseCode()
+        self._fast = Fast()
+        self._suppression = Suppression(radius_px=config.suppression_radius_px, width_px=width_px)
+        self._harris = (self._tensor, self._raw_response, self._response_code)
+        self._harris_cycles = sum(block.latency_cycles for block in self._harris)
+        self._response_cycles = max(self._harris_cycles, self._fast.latency_cycles)
+        self.response_lag_px = self._columns.gradient_lag_px + self._tensor.lag_px
+        self.lag_px = self.response_lag_px + self._suppression.lag_px
+        self.latency_cycles = self._columns.latency_cycles + self._response_cycles + self._suppression.latency_cycles
         super().__init__(
             {
-                "i": In(beat(column=data.ArrayLayout(8, 3))),
+                "i": In(beat(column=data.ArrayLayout(PIXEL.bits, 3))),
+                "i_fast": In(1),
                 "i_threshold_code": In(RESPONSE_CODE.bits),
                 "o": Out(beat(**NEIGHBOURHOOD)),
             }
@@ -87,31 +82,42 @@ class Corners(wiring.Component):
     @property
     def stages(self) -> dict[str, Stage]:
         """The planes on the way, by their golden names."""
-        gradient_lag_px = self.response_lag_px - self._chain["tensor"].lag_px
-        fields = {
-            "smoothed": ("smooth", "pixel", gradient_lag_px - 1),
-            "gradient_x": ("sobel", "gradient_x", gradient_lag_px),
-            "gradient_y": ("sobel", "gradient_y", gradient_lag_px),
-            **{f"tensor_{name}": ("tensor", name, self.response_lag_px) for name in "abc"},
-            "raw_response": ("raw_response", "raw", self.response_lag_px),
-            "response_code": ("response_code", "code", self.response_lag_px),
-        }
+        columns, lag_px = self._columns, self.response_lag_px
+        smoothed = {"smoothed": Stage(columns.smooth.o, "pixel", columns.smooth.lag_px)} if columns.smooth else {}
         return {
-            name: Stage(self._chain[block].o, field, lag_px)
-            for name, (block, field, lag_px) in fields.items()
-            if block in self._chain
+            **smoothed,
+            **{name: Stage(columns.sobel.o, name, columns.gradient_lag_px) for name in ("gradient_x", "gradient_y")},
+            **{f"tensor_{name}": Stage(self._tensor.o, name, lag_px) for name in "abc"},
+            "raw_response": Stage(self._raw_response.o, "raw", lag_px),
+            "response_code": Stage(self._suppression.i, "code", lag_px),
         }
 
     def elaborate(self, platform: object) -> Module:
-        """Chain the blocks."""
+        """Both detectors side by side, the faster one waiting for the other; then suppression."""
         m = Module()
-        for name, block in self._chain.items():
-            m.submodules[name] = block
-        blocks = list(self._chain.values())
-        m.d.comb += blocks[0].i.eq(self.i)
-        m.d.comb += [after.i.eq(before.o) for before, after in pairwise(blocks)]
+        m.submodules.columns = columns = self._columns
+        m.submodules.tensor = tensor = self._tensor
+        m.submodules.raw_response = raw_response = self._raw_response
+        m.submodules.response_code = response_code = self._response_code
+        m.submodules.fast = fast = self._fast
+        m.submodules.suppression = suppression = self._suppression
+        for detector, chosen in ((tensor, ~self.i_fast), (fast, self.i_fast)):
+            carry_scan(m, columns.o, detector.i, 0)
+            m.d.comb += detector.i.valid.eq(columns.o.valid & chosen)
         m.d.comb += [
-            self._chain["response_code"].i_threshold_code.eq(self.i_threshold_code),
-            self.o.eq(blocks[-1].o),
+            columns.i.eq(self.i),
+            columns.i_fast.eq(self.i_fast),
+            tensor.i.column.eq(columns.o.gradients),
+            raw_response.i.eq(tensor.o),
+            response_code.i.eq(raw_response.o),
+            response_code.i_threshold_code.eq(self.i_threshold_code),
+            fast.i.column.eq(columns.o.pixels),
+            fast.i_threshold_code.eq(self.i_threshold_code),
+            suppression.i_fast.eq(self.i_fast),
+            self.o.eq(suppression.o),
         ]
+        harris_code = delayed(m, response_code.o.code, self._response_cycles - self._harris_cycles)
+        fast_code = delayed(m, fast.o.code, self._response_cycles - fast.latency_cycles)
+        carry_scan(m, columns.o, suppression.i, self._response_cycles)
+        m.d.comb += suppression.i.code.eq(Mux(self.i_fast, fast_code, harris_code))
         return m

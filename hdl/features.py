@@ -44,8 +44,8 @@ class CandidateFeatures(wiring.Component):
     Parameters
     ----------
     pattern : DescriptorPattern
-    spacing_px : {2, 4}
-        Candidates of a line are at least so many pixels apart.
+    spacing_cycles : {2, 4}
+        Candidates are at least so many clocks apart.
     level : {0, 1}
     lag_px : int
         The candidate's pixel is so far left of and above the scan position.
@@ -72,12 +72,12 @@ class CandidateFeatures(wiring.Component):
     i_pixels: Sequence[Sequence[Signal]]
     o: data.View
 
-    def __init__(self, *, pattern: DescriptorPattern, spacing_px: int, level: int, lag_px: int) -> None:
+    def __init__(self, *, pattern: DescriptorPattern, spacing_cycles: int, level: int, lag_px: int) -> None:
         if pattern.carries_window and pattern.smoothed:
             raise ValueError(f"{pattern.name} carries a gray window, but its rings are smoothed")
         self.pattern = pattern
         self.lag_px = lag_px
-        self._descriptor = RingDescriptor(pattern=pattern, spacing_px=spacing_px)
+        self._descriptor = RingDescriptor(pattern=pattern, spacing_cycles=spacing_cycles)
         self._position = SubPixel(level=level, lag_px=lag_px)
         self.latency_cycles = max(self._descriptor.latency_cycles, self._position.latency_cycles)
         super().__init__(

@@ -28,7 +28,7 @@ class FrontEnd(wiring.Component):
     Parameters
     ----------
     config : FrontEndConfig
-        Threshold, cell and per-cell count are settings instead.
+        Detector, threshold, cell and per-cell count are settings instead.
     max_width_px, max_height_px : int
         Largest frame, 64 to 4096.
 
@@ -84,7 +84,7 @@ class FrontEnd(wiring.Component):
         wiring.connect(m, merge.o, wiring.flipped(self.o_features))
         under_way = geometry.o_running | geometry.o_end | merge.o_pending
         active, changing = self._settings(m, under_way)
-        threshold_code = self._threshold(m, geometry, changing & ~under_way)
+        threshold_code = self._threshold(m, geometry, active.detector, changing & ~under_way)
         m.d.comb += [
             geometry.i_width_px.eq(active.width_px),
             geometry.i_height_px.eq(active.height_px),
@@ -130,11 +130,10 @@ class FrontEnd(wiring.Component):
             m.d.sync += active.eq(self.settings)
         return active, changing
 
-    def _threshold(self, m: Module, geometry: FrameGeometry, load: Value) -> Value:
-        m.submodules.threshold = threshold = AdaptiveThreshold(
-            detector=self.config.detector, max_features=self.config.max_features
-        )
+    def _threshold(self, m: Module, geometry: FrameGeometry, detector: Value, load: Value) -> Value:
+        m.submodules.threshold = threshold = AdaptiveThreshold(max_features=self.config.max_features)
         m.d.comb += [
+            threshold.i_detector.eq(detector),
             threshold.i_load.eq(load),
             threshold.i_code.eq(self.settings.threshold_code),
             threshold.i_added.eq(sum(level.o_added for level in self.levels)),

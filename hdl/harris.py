@@ -19,8 +19,11 @@ from golden_model.harris import TENSOR_SHIFT
 from hdl.delay import delayed
 from hdl.streams import beat, carry_scan
 from hdl.weighted_sum import signed_digits
-from hdl.window import LineBuffer, SeparableSum
+from hdl.window import SeparableSum
 
+GRADIENTS = data.StructLayout({"x": signed(GRADIENT.bits), "y": signed(GRADIENT.bits)})
+TENSOR_LINES = 5
+"""Of the largest window; a smaller one lies in the middle."""
 TENSOR = beat(a=TENSOR_DIAGONAL.bits, b=TENSOR_DIAGONAL.bits, c=signed(TENSOR_MIXED.bits))
 """The structure tensor: sums of Ix**2, Iy**2 and Ix Iy."""
 
@@ -28,18 +31,17 @@ TENSOR = beat(a=TENSOR_DIAGONAL.bits, b=TENSOR_DIAGONAL.bits, c=signed(TENSOR_MI
 class StructureTensor(wiring.Component):
     """Sums of gradient products over a box, ``>> 8`` (floor).
 
-    The line memory holds the gradients, 22 bits a pixel, and their products are formed for the whole column anew;
+    The lines before it hold gradients, 22 bits a pixel, and their products are formed for the whole column anew;
     products would take 61 bits.
 
     Parameters
     ----------
     window_px : {3, 5}
-    width_px : int
-        Largest width of a line.
 
     Members
     -------
-    i : In(beat(gradient_x, gradient_y))
+    i : In(beat(column))
+        5 pixels' `GRADIENTS`, the newest line first.
     o : Out(beat(a, b, c))
 
     Attributes
@@ -56,39 +58,35 @@ class StructureTensor(wiring.Component):
     i: data.View
     o: data.View
 
-    def __init__(self, *, window_px: int, width_px: int) -> None:
+    lag_px = TENSOR_LINES // 2
+
+    def __init__(self, *, window_px: int) -> None:
         if window_px not in (3, 5):
             raise ValueError(f"window_px is {window_px}; valid: 3, 5")
         self.window_px = window_px
-        self.lag_px = window_px // 2
-        gradient = signed(GRADIENT.bits)
-        self._gradients = data.StructLayout({"x": gradient, "y": gradient})
-        self._lines = LineBuffer(shape=self._gradients, lines=window_px - 1, width_px=width_px)
         square, mixed = unsigned(2 * GRADIENT.bits - 2), signed(2 * GRADIENT.bits - 1)
         self._sums = [self._box_sum(shape) for shape in (square, square, mixed)]
-        self.latency_cycles = self._lines.latency_cycles + 2 + self._sums[0].latency_cycles
-        super().__init__({"i": In(beat(gradient_x=gradient, gradient_y=gradient)), "o": Out(TENSOR)})
+        self.latency_cycles = 2 + self._sums[0].latency_cycles
+        super().__init__({"i": In(beat(column=data.ArrayLayout(GRADIENTS, TENSOR_LINES))), "o": Out(TENSOR)})
 
     def _box_sum(self, product: Shape) -> SeparableSum:
-        ones = (1,) * self.window_px
-        return SeparableSum(vertical=ones, horizontal=ones, shape=product)
+        outside = (0,) * ((TENSOR_LINES - self.window_px) // 2)
+        weights = (*outside, *(1,) * self.window_px, *outside)
+        return SeparableSum(vertical=weights, horizontal=weights, shape=product)
 
     def elaborate(self, platform: object) -> Module:
-        """Columns of gradients, of products, and their sums."""
+        """A column of products, and its sums."""
         m = Module()
-        m.submodules.lines = lines = self._lines
-        m.d.comb += [lines.i.pixel.x.eq(self.i.gradient_x), lines.i.pixel.y.eq(self.i.gradient_y)]
-        carry_scan(m, self.i, lines.i, 0)
-        carry_scan(m, lines.o, self.o, self.latency_cycles - lines.latency_cycles)
-        multiplied = delayed(m, lines.o.valid, 1, reset_less=False)
+        carry_scan(m, self.i, self.o, self.latency_cycles)
+        multiplied = delayed(m, self.i.valid, 1, reset_less=False)
         product_valid = delayed(m, multiplied, 1, reset_less=False)
         targets = (self.o.a, self.o.b, self.o.c)
         for name, factors, total, target in zip("abc", ("xx", "yy", "xy"), self._sums, targets, strict=True):
             m.submodules[f"sum_{name}"] = total
             m.d.comb += [total.i.valid.eq(product_valid), target.eq(total.o.sum >> TENSOR_SHIFT)]
-            for gradients, pixel in zip(lines.o.column, total.i.column, strict=True):
+            for gradients, pixel in zip(self.i.column, total.i.column, strict=True):
                 multiplier, product = (Signal.like(pixel, reset_less=True) for _ in range(2))
-                with m.If(lines.o.valid):
+                with m.If(self.i.valid):
                     m.d.sync += multiplier.eq(gradients[factors[0]] * gradients[factors[1]])
                 with m.If(multiplied):
                     m.d.sync += product.eq(multiplier)

@@ -13,22 +13,22 @@ from golden_model.ilbp import DescriptorPattern
 from hdl.delay import delayed
 from hdl.orientation import RingMoments, Sector
 
-SPACINGS_PX = (2, 4)
-"""Least distance of two candidates in a line, suppression radius + 1: the clocks a candidate may take."""
+SPACING_CYCLES = (2, 4)
+"""Least distance of two candidates: the clocks that one may take."""
 
 
 class RingDescriptor(wiring.Component):
     """Orientation sector and descriptor of each candidate.
 
-    A candidate's rings are copied and then turned by a group of ``angles // spacing_px`` angles a clock, so that
-    ``spacing_px`` groups pass the comparators and the orientation's adders, the last group first. The comparison
+    A candidate's rings are copied and then turned by a group of ``angles // spacing_cycles`` angles a clock, so that
+    ``spacing_cycles`` groups pass the comparators and the orientation's adders, the last group first. The comparison
     bits wait for the sector, which says which of them go where.
 
     Parameters
     ----------
     pattern : DescriptorPattern
         What is compared.
-    spacing_px : {2, 4}
+    spacing_cycles : {2, 4}
         Candidates are at least so many clocks apart.
 
     Members
@@ -59,12 +59,12 @@ class RingDescriptor(wiring.Component):
     o_sector: Signal
     o_descriptor: Signal
 
-    def __init__(self, *, pattern: DescriptorPattern, spacing_px: int) -> None:
-        if spacing_px not in SPACINGS_PX:
-            raise ValueError(f"spacing_px is {spacing_px}; valid: {', '.join(map(str, SPACINGS_PX))}")
+    def __init__(self, *, pattern: DescriptorPattern, spacing_cycles: int) -> None:
+        if spacing_cycles not in SPACING_CYCLES:
+            raise ValueError(f"spacing_cycles is {spacing_cycles}; valid: {', '.join(map(str, SPACING_CYCLES))}")
         self.pattern = pattern
-        self.groups = spacing_px
-        self.group_angles = pattern.angles // spacing_px
+        self.groups = spacing_cycles
+        self.group_angles = pattern.angles // spacing_cycles
         self._wait_cycles = 0
         if pattern.oriented:
             self._moments = RingMoments(radii_px=pattern.radii_px, groups=self.groups)

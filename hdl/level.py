@@ -6,7 +6,7 @@ from amaranth import Cat, Module, Mux, Signal
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
-from golden_model.config import FrontEndConfig
+from golden_model.config import DETECTORS, FrontEndConfig
 from golden_model.formats import RESPONSE_CODE
 from hdl.corners import Corners, Stage
 from hdl.delay import delayed
@@ -75,9 +75,8 @@ class Level(wiring.Component):
         self._rings = RingWindow(pattern=pattern, width_px=width_px)
         self.lag_px = max(self._corners.lag_px, pattern.support_px)
         self._scan = LevelScan(lag_px=self.lag_px, border_px=config.border_px, cells=config.selection)
-        self._features = CandidateFeatures(
-            pattern=pattern, spacing_px=config.suppression_radius_px + 1, level=level, lag_px=self.lag_px
-        )
+        # FAST's corners may be 2 px apart in a line, and a half-size pixel takes two clocks.
+        self._features = CandidateFeatures(pattern=pattern, spacing_cycles=2 << level, level=level, lag_px=self.lag_px)
         self._gray_for_corners = Displaced(shape=8, rows=3, distance_px=self.lag_px - self._corners.lag_px)
         self._gray_for_rings = Displaced(
             shape=8, rows=self._smooth.window_px, distance_px=self.lag_px - pattern.support_px
@@ -127,6 +126,7 @@ class Level(wiring.Component):
         m.d.comb += [
             lines.i.eq(self.i),
             corners.i.eq(self._displaced(m, "gray_for_corners", self._gray_for_corners)),
+            corners.i_fast.eq(self.i_settings.detector == DETECTORS.index("fast")),
             corners.i_threshold_code.eq(self.i_threshold_code),
             smooth.i.eq(self._displaced(m, "gray_for_rings", self._gray_for_rings)),
         ]

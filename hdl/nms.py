@@ -1,16 +1,16 @@
-"""Non-maximum suppression (thesis, section III.6.1.1), ties to the first in raster order."""
+"""Non-maximum suppression (thesis, section III.6.1.1): Harris's, ties to the first in raster order, and FAST's."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
 
-from amaranth import Module, Mux, Signal, Value
+from amaranth import Cat, Module, Mux, Signal, Value
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
-from golden_model.formats import RESPONSE_CODE
-from hdl.delay import delayed
+from golden_model.formats import PIXEL, RESPONSE_CODE
+from hdl.delay import Pipe, delayed
 from hdl.streams import beat, carry_scan
 from hdl.window import LineBuffer
 
@@ -22,19 +22,22 @@ NEIGHBOURHOOD = {"code": CODE, "left": CODE, "right": CODE, "up": CODE, "down": 
 class Suppression(wiring.Component):
     """Keep a response only where it is the largest of the window around it.
 
-    It is: greater than the largest before it in raster order, and not less than the largest after it. Both come from
-    maxima of columns, and from maxima of runs of columns that grow as the pixels pass.
+    Harris's is: greater than the largest before it in raster order, and not less than the largest after it. Both come
+    from maxima of columns, and from maxima of runs of columns that grow as the pixels pass. FAST's window is 3x3, its
+    scores have 8 bits, and none of equals stays: a comparison with each neighbour is all.
 
     Parameters
     ----------
     radius_px : {1, 3}
-        The window is (2 radius_px + 1) squared.
+        Harris's window is (2 radius_px + 1) squared.
     width_px : int
         Largest width of a line.
 
     Members
     -------
     i : In(beat(code))
+    i_fast : In(1)
+        The responses are FAST's. Static within a frame.
     o : Out(beat(code, left, right, up, down))
 
     Attributes
@@ -49,6 +52,7 @@ class Suppression(wiring.Component):
     """
 
     i: data.View
+    i_fast: Signal
     o: data.View
 
     def __init__(self, *, radius_px: int, width_px: int) -> None:
@@ -60,7 +64,7 @@ class Suppression(wiring.Component):
         self._column_cycles = (radius_px - 1).bit_length()
         self._run_cycles = len(_run_lengths(2 * radius_px + 1)) - 1
         self.latency_cycles = self._lines.latency_cycles + self._column_cycles + self._run_cycles + 2
-        super().__init__({"i": In(beat(code=CODE)), "o": Out(beat(**NEIGHBOURHOOD))})
+        super().__init__({"i": In(beat(code=CODE)), "i_fast": In(1), "o": Out(beat(**NEIGHBOURHOOD))})
 
     def elaborate(self, platform: object) -> Module:
         """Maxima before and after the centre, and the decision."""
@@ -80,44 +84,33 @@ class Suppression(wiring.Component):
         before, _ = pipe.largest([above[0], pipe.earlier(beside, cycles, radius + 1)[-1]], cycles)
         after, cycles = pipe.largest([below[0], beside], cycles)
 
-        up, line, down = (delayed(m, column[radius + offset], cycles) for offset in (1, 0, -1))
-        line = [line, *pipe.earlier(line, cycles, radius + 1)]
+        up, line, down = (
+            [now, *pipe.earlier(now, cycles, radius + 1)]
+            for now in (delayed(m, column[radius + offset], cycles) for offset in (1, 0, -1))
+        )
         centre = line[radius]
-        survives = (centre > before) & (centre >= after)
+        around = [line[radius - 1], line[radius + 1], *up[radius - 1 : radius + 2], *down[radius - 1 : radius + 2]]
+        stands_out = Cat(centre[: PIXEL.bits] > neighbour[: PIXEL.bits] for neighbour in around).all()
+        survives = Mux(self.i_fast, stands_out, (centre > before) & (centre >= after))
         outputs = {
             "code": Mux(survives, centre, 0),
             "left": line[radius + 1],
             "right": line[radius - 1],
-            "up": pipe.earlier(up, cycles, radius)[-1],
-            "down": pipe.earlier(down, cycles, radius)[-1],
+            "up": up[radius],
+            "down": down[radius],
         }
         m.d.comb += [self.o[name].eq(delayed(m, value, 1)) for name, value in outputs.items()]
         return m
 
 
-class _Pipe:
-    """Registers that hold where there is no beat. ``cycles`` is how far behind the pipe's start a value is."""
-
-    def __init__(self, m: Module, valid: Value) -> None:
-        self._m = m
-        self._valid = [valid]
-
-    def _enable(self, cycles: int) -> Value:
-        while len(self._valid) <= cycles:
-            self._valid.append(delayed(self._m, self._valid[-1], 1, reset_less=False))
-        return self._valid[cycles]
-
-    def _registered(self, value: Value, cycles: int) -> Signal:
-        register = Signal(CODE, reset_less=True)
-        with self._m.If(self._enable(cycles)):
-            self._m.d.sync += register.eq(value)
-        return register
+class _Pipe(Pipe):
+    """Values of now and of earlier beats; ``cycles`` is how far behind the pipe's start a value is."""
 
     def earlier(self, value: Value, cycles: int, beats: int) -> list[Signal]:
         """The value 1, 2, ..., ``beats`` beats ago."""
         values = []
         for _ in range(beats):
-            value = self._registered(value, cycles)
+            value = self.registered(value, cycles)
             values.append(value)
         return values
 
@@ -125,7 +118,7 @@ class _Pipe:
         """The largest of the values, and its ``cycles``."""
         while len(values) > 1:
             pairs = [_larger(*pair) for pair in zip(values[0::2], values[1::2], strict=False)]
-            values = [self._registered(value, cycles) for value in (*pairs, *values[len(values) & ~1 :])]
+            values = [self.registered(value, cycles) for value in (*pairs, *values[len(values) & ~1 :])]
             cycles += 1
         return values[0], cycles
 
@@ -133,7 +126,7 @@ class _Pipe:
         """The largest of the last ``beats`` values, and its ``cycles``: runs of doubling length."""
         for length, longer in pairwise(_run_lengths(beats)):
             before = self.earlier(value, cycles, longer - length)[-1]
-            value = self._registered(_larger(value, before), cycles)
+            value = self.registered(_larger(value, before), cycles)
             cycles += 1
         return value, cycles
 

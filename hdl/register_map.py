@@ -90,7 +90,7 @@ REGISTERS = (
         "What was built.",
         (
             Field("built_levels", 0, 2, _CONSTANT, "Pyramid levels."),
-            Field("built_detector", 2, 2, _CONSTANT, "Index into " + ", ".join(DETECTORS) + "."),
+            Field("built_detectors", 2, 2, _CONSTANT, f"What can be chosen, a bit each: {', '.join(DETECTORS)}."),
             Field("built_rule_base", 4, 2, _CONSTANT, "Index into " + ", ".join(RULE_BASES) + "."),
             Field("built_selection", 6, 1, _CONSTANT, "Whether corners are selected by cells."),
             Field("built_descriptor_bytes", 8, 8, _CONSTANT, "Length of a descriptor."),
@@ -166,8 +166,18 @@ REGISTERS = (
     Register(
         "THRESHOLD",
         0x30,
-        "Corner threshold.",
-        (Field("threshold_code", 0, 15, _SETTING, "As a response code; where it starts, if adaptive.", init=2),),
+        "Detector and its threshold.",
+        (
+            Field(
+                "threshold_code",
+                0,
+                15,
+                _SETTING,
+                "As a response code (FAST: in gray levels); where it starts, if adaptive.",
+                init=2,
+            ),
+            Field("detector", 16, 1, _SETTING, f"Index into {', '.join(DETECTORS)}."),
+        ),
     ),
     Register(
         "TARGET",
@@ -256,7 +266,7 @@ def built_constants(
         "identity": IDENTITY,
         **dict(zip(("version_major", "version_minor", "version_patch"), VERSION, strict=True)),
         "built_levels": front_end.levels,
-        "built_detector": DETECTORS.index(front_end.detector),
+        "built_detectors": (1 << len(DETECTORS)) - 1,
         "built_rule_base": RULE_BASES.index(matcher.rule_base),
         "built_selection": int(front_end.selection),
         "built_descriptor_bytes": pattern.descriptor_bytes,

@@ -17,7 +17,7 @@ the support of its window from the frame's border is unspecified; `FrontEndConfi
 from amaranth import Module, Shape, ShapeLike, Value, ValueLike, unsigned
 from amaranth.lib import data
 
-from golden_model.config import MAX_FRAME_PX
+from golden_model.config import DETECTORS, MAX_FRAME_PX
 from golden_model.formats import RESPONSE_CODE
 from golden_model.records import WORD_BYTES, Record
 from hdl.delay import delayed
@@ -91,8 +91,7 @@ CANDIDATE = beat(
 """A corner candidate: its response code (0: this beat holds none) and those of its four neighbours.
 
 ``ends_row``: every candidate of the cell row has passed, this beat is the row's last; ``ends_level``: with
-``ends_row``, no candidate of this frame will follow. Candidates of a line are at least the suppression's radius + 1
-beats apart.
+``ends_row``, no candidate of this frame will follow. Candidates of a line are at least 2 beats apart.
 """
 
 
@@ -104,6 +103,7 @@ class FrontEndSettings(data.Struct):
     width_px, height_px : size of the frames, 64 to the built maximum.
     cell_log2 : log2 of the cell's side.
     per_cell : features kept in a cell.
+    detector : index into `golden_model.config.DETECTORS`.
     threshold_code : the threshold as a response code; where it starts, if it is adaptive.
     gray_input : pixels are gray already.
     adaptive : the threshold moves between frames, towards ``target_features``.
@@ -114,6 +114,7 @@ class FrontEndSettings(data.Struct):
     height_px: range(MAX_FRAME_PX + 1)
     cell_log2: unsigned(4)
     per_cell: unsigned(4)
+    detector: range(len(DETECTORS))
     threshold_code: unsigned(RESPONSE_CODE.bits)
     gray_input: unsigned(1)
     adaptive: unsigned(1)

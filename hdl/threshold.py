@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from amaranth import Module, Mux, Signal, Value, signed
+from amaranth import Module, Mux, Signal, Value
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
+from golden_model.config import DETECTORS
 from golden_model.formats import RESPONSE_CODE
 from golden_model.threshold import STEPS
 from hdl.delay import delayed
@@ -16,12 +17,13 @@ class AdaptiveThreshold(wiring.Component):
 
     Parameters
     ----------
-    detector : {"harris", "fast"}
     max_features : int
         A larger count counts as this.
 
     Members
     -------
+    i_detector : In(1)
+        Index into `golden_model.config.DETECTORS`. Static within a frame.
     i_load : In(1)
         Take ``i_code``.
     i_code : In(15)
@@ -40,13 +42,9 @@ class AdaptiveThreshold(wiring.Component):
     ----------
     latency_cycles : int
         From the last feature to the end of its frame, at least.
-
-    Raises
-    ------
-    ValueError
-        For another detector.
     """
 
+    i_detector: Signal
     i_load: Signal
     i_code: Signal
     i_added: Signal
@@ -57,13 +55,11 @@ class AdaptiveThreshold(wiring.Component):
 
     latency_cycles = 4
 
-    def __init__(self, *, detector: str, max_features: int) -> None:
-        if detector not in STEPS:
-            raise ValueError(f"detector is {detector!r}; valid: {', '.join(STEPS)}")
-        self.steps = STEPS[detector]
+    def __init__(self, *, max_features: int) -> None:
         self.max_features = max_features
         super().__init__(
             {
+                "i_detector": In(range(len(DETECTORS))),
                 "i_load": In(1),
                 "i_code": In(RESPONSE_CODE.bits),
                 "i_added": In(range(3)),
@@ -83,12 +79,17 @@ class AdaptiveThreshold(wiring.Component):
         with m.Else():
             m.d.sync += count.eq(_clamped(count + self.i_added, 0, self.max_features))
         excess = delayed(m, count - self.i_target, 1)
-        step = Signal(signed(self.steps.largest.bit_length() + 1), reset_less=True)
+        largest = max(steps.largest for steps in STEPS.values())
+        step = Signal(range(-largest, largest + 1), reset_less=True)
         following = Signal(RESPONSE_CODE.bits, reset_less=True)
-        m.d.sync += [
-            step.eq(_clamped(excess >> self.steps.shift, -self.steps.largest, self.steps.largest)),
-            following.eq(_clamped(self.o_code + step, 1, self.steps.max_code)),
-        ]
+        with m.Switch(self.i_detector):
+            for index, detector in enumerate(DETECTORS):
+                steps = STEPS[detector]
+                with m.Case(index):
+                    m.d.sync += [
+                        step.eq(_clamped(excess >> steps.shift, -steps.largest, steps.largest)),
+                        following.eq(_clamped(self.o_code + step, 1, steps.max_code)),
+                    ]
         with m.If(self.i_load):
             m.d.sync += self.o_code.eq(self.i_code)
         with m.Elif(self.i_frame_ends & self.i_adapt):

@@ -11,7 +11,7 @@ import numpy as np
 
 import golden_model
 import hdl
-from golden_model.config import Config, FrontEndConfig
+from golden_model.config import DETECTORS, Config, FrontEndConfig
 from golden_model.formats import encode_response
 from hdl.accelerator import Accelerator, AcceleratorTop
 from hdl.front_end import FrontEnd
@@ -56,7 +56,7 @@ def front_end(config: FrontEndConfig, max_size_px: tuple[int, int], *, taps: tup
 
 def _as_built(config: FrontEndConfig) -> FrontEndConfig:
     """The configuration without what is set at run time, so that one build serves all of it."""
-    return dataclasses.replace(config, threshold=1, cell_px=None, per_cell=None)
+    return dataclasses.replace(config, detector="harris", threshold=1, cell_px=None, per_cell=None)
 
 
 @functools.cache
@@ -80,6 +80,7 @@ def frame_settings(config: FrontEndConfig, width_px: int, height_px: int, *, gra
         "height_px": height_px,
         "cell_log2": ((config.cell_px or 32) - 1).bit_length(),
         "per_cell": config.per_cell or 1,
+        "detector": DETECTORS.index(config.detector),
         "threshold_code": int(encode_response(np.array(config.threshold))),
         "gray_input": int(gray_input),
         "adaptive": 0,

@@ -13,6 +13,7 @@ settings = {
     "height_px": left.shape[0],
     "cell_log2": 5 if left.size <= 640 * 480 else 6,
     "per_cell": 5 if left.size <= 640 * 480 else 3,
+    "detector": 0,
     "threshold_code": 2,
     "keep_above": 64,
 }

@@ -14,7 +14,7 @@ MAX_HEADER_BYTES = 65536
 MAX_FRAMES = 64
 CLIENT_TIMEOUT_SECONDS = 30
 SMALLEST_PX = 64
-SETTINGS = ("width_px", "height_px", "cell_log2", "per_cell", "threshold_code", "keep_above")
+SETTINGS = ("width_px", "height_px", "cell_log2", "per_cell", "detector", "threshold_code", "keep_above")
 
 
 class Handler(socketserver.StreamRequestHandler):

@@ -21,10 +21,10 @@ NEIGHBOURS = {"left": (-1, 0), "right": (1, 0), "up": (0, -1), "down": (0, 1)}
 class Describer(wiring.Component):
     """Pixels and candidates of the same scan position in, features out, as beats."""
 
-    def __init__(self, *, pattern, spacing_px, level, width_px):
+    def __init__(self, *, pattern, spacing_cycles, level, width_px):
         self.window = RingWindow(pattern=pattern, width_px=width_px)
         self.features = CandidateFeatures(
-            pattern=pattern, spacing_px=spacing_px, level=level, lag_px=self.window.lag_px
+            pattern=pattern, spacing_cycles=spacing_cycles, level=level, lag_px=self.window.lag_px
         )
         self.latency_cycles = self.window.latency_cycles + self.features.latency_cycles
         super().__init__(
@@ -71,14 +71,14 @@ def golden_features(pixels, code, *, pattern, level, at):
 
 
 @pytest.mark.parametrize(
-    ("name", "spacing_px", "level", "gaps", "frame_count"),
+    ("name", "spacing_cycles", "level", "gaps", "frame_count"),
     [("ilbp-128", 4, 0, 0, 1), ("ilbp-128", 2, 1, 60, 1), ("thesis-ilbp-4", 2, 0, 60, 3)],
 )
-def test_features_equal_the_golden_model(name, spacing_px, level, gaps, frame_count):
+def test_features_equal_the_golden_model(name, spacing_cycles, level, gaps, frame_count):
     pattern = ilbp.PATTERNS[name]
     lag_px = max(pattern.radii_px)
     shape = height, width = 2 * lag_px + 4, 2 * lag_px + 18
-    dut = Describer(pattern=pattern, spacing_px=spacing_px, level=level, width_px=width)
+    dut = Describer(pattern=pattern, spacing_cycles=spacing_cycles, level=level, width_px=width)
     rng = np.random.default_rng(17)
     frames, expected = [], []
     for _ in range(frame_count):
@@ -86,7 +86,7 @@ def test_features_equal_the_golden_model(name, spacing_px, level, gaps, frame_co
         code = rng.integers(0, 8000, shape).astype(np.uint16)
         candidates = np.zeros(shape, bool)
         # As dense as suppression allows, and in the line's first and last columns that have their ring.
-        candidates[lag_px : height - lag_px : 2, lag_px : width - lag_px : spacing_px] = True
+        candidates[lag_px : height - lag_px : 2, lag_px : width - lag_px : spacing_cycles] = True
         candidates[lag_px + 2] = False
         candidates[lag_px + 2, [lag_px, width - lag_px - 1]] = True
         code[candidates] += 9000

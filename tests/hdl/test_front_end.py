@@ -21,6 +21,7 @@ from sim.recording import NO_PAUSES, Pauses, Segment, flat_frame
 from sim.scene import pair
 
 AERIAL = PRESETS["aerial"].front_end
+FAST = dataclasses.replace(AERIAL, detector="fast", threshold=10)
 # Without selection a frame may have more corners than fit; this many do.
 THESIS = dataclasses.replace(PRESETS["thesis"].front_end, threshold=200_000)
 SIZE_PX = (1920, 1080)
@@ -28,16 +29,19 @@ PAUSES = Pauses(gaps=90, stalls=210, seed=8)
 
 
 class FrontEndBench:
-    """A compiled front end just out of reset, and what the golden model makes of the same frames."""
+    """A compiled front end just out of reset, and what the golden model makes of the same frames.
+
+    ``config`` of a call: another one that the same build serves.
+    """
 
     def __init__(self, bench, config):
         self.bench, self.config = bench, config
         self.record = feature_record(config.pattern.descriptor_bytes, config.pattern.window_bytes)
         self.frames = 0
 
-    def run(self, beats, size_px, packets, *, pauses=NO_PAUSES, reset=False, gray_input=True, **settings):
+    def run(self, beats, size_px, packets, *, config=None, pauses=NO_PAUSES, reset=False, gray_input=True, **settings):
         """Stream beats; features and status of each packet, and the clocks at which starts of frame were admitted."""
-        settings = {**frame_settings(self.config, *size_px, gray_input=gray_input), **settings}
+        settings = {**frame_settings(config or self.config, *size_px, gray_input=gray_input), **settings}
         data, flags = (np.concatenate(parts) for parts in zip(*beats, strict=True))
         limit = 4 * data.size + packets * 4 * self.config.max_features * self.record.record_bytes
         segment = Segment(data, flags, packets, limit, settings=settings, reset=reset)
@@ -50,15 +54,18 @@ class FrontEndBench:
         status = words[-status_words:][: FRAME_STATUS.record_bytes // WORD_BYTES].view(FRAME_STATUS.dtype)[0]
         return words[:-status_words].view(self.record.dtype), status
 
-    def check(self, frames, **options):
+    def check(self, frames, *, config=None, **options):
         """Stream whole frames of one size and compare every field; the starts, and the features of all frames."""
+        config = config or self.config
         height_px, width_px = frames[0].shape[:2]
         first = 0 if options.get("reset") else self.frames
         beats = [flat_frame(frame) for frame in frames]
         gray_input = frames[0].ndim == 2
-        packets, starts = self.run(beats, (width_px, height_px), len(frames), gray_input=gray_input, **options)
+        packets, starts = self.run(
+            beats, (width_px, height_px), len(frames), gray_input=gray_input, config=config, **options
+        )
         for number, (frame, packet) in enumerate(zip(frames, packets, strict=True), start=first):
-            assert_golden(packet, extract(frame, self.config, frame=number))
+            assert_golden(packet, extract(frame, config, frame=number))
         return starts, np.concatenate([features for features, _ in packets])
 
 
@@ -127,6 +134,7 @@ def test_any_size_back_to_back_with_extremes(aerial, scene, size_px, pauses):
 
 
 def test_thesis_preset(scene):
+    """Without smoothing, with a 3x3 tensor and without selection; and its descriptors of FAST's corners."""
     config = dataclasses.replace(THESIS, threshold=200_000)
     with compiled(verilator, config) as opened:
         bench = FrontEndBench(opened, config)
@@ -134,6 +142,24 @@ def test_thesis_preset(scene):
             _, features = bench.check([gray(scene(number, (640, 480))) for number in range(2)], pauses=pauses)
             assert features.size > 200
             bench.check(extremes((65, 67)), pauses=pauses)
+            sparse = dataclasses.replace(config, detector="fast", threshold=40)
+            _, features = bench.check([gray(scene(2, (640, 480)))], config=sparse, pauses=pauses)
+            assert features.size > 200
+
+
+def test_fast_is_a_setting_beside_harris(aerial, scene):
+    """Whole frames by one build, back to back; then any size and content, and Harris again."""
+    size_px = (640, 480)
+    starts, features = aerial.check([gray(scene(number, size_px)) for number in range(3)], config=FAST)
+    np.testing.assert_array_equal(np.diff(starts)[1:], size_px[0] * size_px[1])
+    assert np.count_nonzero(features["level"] == 0) >= 1000
+    assert np.count_nonzero(features["level"] == 1) >= 100
+    assert len(np.unique(features["sector"])) == 16
+    for config, size_px in ((FAST, (641, 479)), (AERIAL, (64, 64)), (FAST, (65, 67)), (AERIAL, (127, 85))):
+        frames = [gray(scene(4, size_px)), *extremes(size_px)]
+        for pauses in (NO_PAUSES, PAUSES):
+            _, features = aerial.check(frames, config=config, pauses=pauses)
+            assert features.size
 
 
 SMALL_PX = (160, 120)
@@ -180,17 +206,18 @@ def test_too_many_features_make_a_bad_frame(aerial):
     aerial.check([small])
 
 
-def test_the_adaptive_threshold_follows_the_golden_model_without_a_bubble(aerial, scene):
+@pytest.mark.parametrize("initial", [AERIAL, FAST], ids=["harris", "fast"])
+def test_the_adaptive_threshold_follows_the_golden_model_without_a_bubble(aerial, scene, initial):
     frames = [gray(scene(number, SMALL_PX)) for number in range(8)]
     target, number = 40, aerial.frames
-    code = frame_settings(AERIAL, *SMALL_PX, gray_input=True)["threshold_code"]
+    code = frame_settings(initial, *SMALL_PX, gray_input=True)["threshold_code"]
     beats = [flat_frame(frame) for frame in frames]
-    packets, starts = aerial.run(beats, SMALL_PX, len(frames), adaptive=1, target_features=target)
+    packets, starts = aerial.run(beats, SMALL_PX, len(frames), config=initial, adaptive=1, target_features=target)
     np.testing.assert_array_equal(np.diff(starts)[1:], SMALL_PX[0] * SMALL_PX[1])
     for n, (frame, packet) in enumerate(zip(frames, packets, strict=True)):
-        config = dataclasses.replace(AERIAL, threshold=int(decode_response(np.array(code))))
+        config = dataclasses.replace(initial, threshold=int(decode_response(np.array(code))))
         assert_golden(packet, extract(frame, config, frame=number + n))
-        code = next_code(code, len(packet[0]), target)
+        code = next_code(code, len(packet[0]), target, initial.detector)
 
 
 @pytest.mark.parametrize(

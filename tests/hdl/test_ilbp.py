@@ -105,8 +105,8 @@ def run_descriptor(dut, rings, *, pause_cycles):
 
 
 @pytest.mark.parametrize("name", PATTERNS)
-@pytest.mark.parametrize(("spacing_px", "pause_cycles"), [(2, 0), (4, 0), (4, 1)])
-def test_sector_and_descriptor_equal_the_golden_model(name, spacing_px, pause_cycles):
+@pytest.mark.parametrize(("spacing_cycles", "pause_cycles"), [(2, 0), (4, 0), (4, 1)])
+def test_sector_and_descriptor_equal_the_golden_model(name, spacing_cycles, pause_cycles):
     pattern = PATTERNS[name]
     scene = np.concatenate(list(patches(np.random.default_rng(9))))
     y = np.arange(len(scene) // PATCH_PX) * PATCH_PX + CENTRE_PX
@@ -115,7 +115,7 @@ def test_sector_and_descriptor_equal_the_golden_model(name, spacing_px, pause_cy
     assert not pattern.oriented or set(sectors.tolist()) == set(range(16))
 
     rings = gather(scene, x, y, [offset for ring in pattern.offsets for offset in ring]).T
-    dut = RingDescriptor(pattern=pattern, spacing_px=spacing_px)
+    dut = RingDescriptor(pattern=pattern, spacing_cycles=spacing_cycles)
     offered, found = run_descriptor(dut, rings, pause_cycles=pause_cycles)
     assert [cycle - dut.latency_cycles for cycle, _, _ in found] == offered
     assert [sector for _, sector, _ in found] == sectors.tolist()
@@ -123,7 +123,7 @@ def test_sector_and_descriptor_equal_the_golden_model(name, spacing_px, pause_cy
 
 
 def test_reset_forgets_the_candidates_under_way():
-    dut = RingDescriptor(pattern=PATTERNS["ilbp-128"], spacing_px=4)
+    dut = RingDescriptor(pattern=PATTERNS["ilbp-128"], spacing_cycles=4)
     reset = Signal()
     valids = []
 
@@ -144,5 +144,5 @@ def test_reset_forgets_the_candidates_under_way():
 
 
 def test_impossible_spacing_is_refused():
-    with pytest.raises(ValueError, match="spacing_px is 3; valid: 2, 4"):
-        RingDescriptor(pattern=PATTERNS["ilbp-128"], spacing_px=3)
+    with pytest.raises(ValueError, match="spacing_cycles is 3; valid: 2, 4"):
+        RingDescriptor(pattern=PATTERNS["ilbp-128"], spacing_cycles=3)

@@ -5,10 +5,13 @@ import numpy as np
 import pytest
 
 from golden_model import gray, half, harris, nms, smooth, sobel
-from golden_model.formats import encode_response
+from golden_model.config import DETECTORS
+from golden_model.formats import GRADIENT, encode_response
+from hdl.fast import WINDOW_PX
+from hdl.gradients import GradientColumns
 from hdl.gray import Gray
 from hdl.half import Half
-from hdl.harris import RawResponse, ResponseCode, StructureTensor
+from hdl.harris import TENSOR_LINES, RawResponse, ResponseCode, StructureTensor
 from hdl.nms import Suppression
 from hdl.smooth import Binomial
 from hdl.sobel import Sobel
@@ -91,10 +94,30 @@ def test_sobel(gray_frames, check_block):
 @pytest.mark.parametrize(("window_px", "smoothed"), [(3, False), (5, True)])
 def test_structure_tensor(gray_frames, check_block, window_px, smoothed):
     planes = [gradients(frame, smoothed) for frame in gray_frames]
-    frames = [{"gradient_x": x, "gradient_y": y} for x, y in planes]
+    pixels = np.frompyfunc(lambda x, y: {"x": x, "y": y}, 2, 1)
+    frames = [{"column": columns(pixels(x, y), TENSOR_LINES)} for x, y in planes]
     tensors = zip(*(harris.structure_tensor(x, y, window_px) for x, y in planes), strict=True)
-    dut = StructureTensor(window_px=window_px, width_px=WIDTH_PX)
+    dut = StructureTensor(window_px=window_px)
     check_block(dut, frames, dict(zip("abc", tensors, strict=True)), margin_px=window_px - 1)
+
+
+@pytest.mark.parametrize("smoothed", [False, True])
+@pytest.mark.parametrize("detector", DETECTORS)
+def test_gradient_columns(gray_frames, run_block, smoothed, detector):
+    dut = GradientColumns(smoothed=smoothed, width_px=WIDTH_PX)
+    frames = [gray_frames[0], gray_frames[-1]]
+    sent = [{"column": columns(frame, 3)} for frame in frames]
+    parts = run_block(dut, sent, {"i_fast": DETECTORS.index(detector)})
+    for part, frame in zip(parts, frames, strict=True):
+        if detector == "fast":
+            field, lag_px, expected = "pixels", dut.pixel_lag_px, columns(frame, WINDOW_PX)
+        else:
+            field, lag_px = "gradients", dut.gradient_lag_px
+            x, y = (plane.astype(int) & (1 << GRADIENT.bits) - 1 for plane in gradients(frame, smoothed))
+            expected = columns(x | y << GRADIENT.bits, TENSOR_LINES)
+        found = part.plane(field, frame.shape, lag_px=lag_px)
+        inside = (slice(7, len(frame) - lag_px - 1), slice(2, frame.shape[1] - lag_px - 1))
+        np.testing.assert_array_equal(found[inside], expected[inside])
 
 
 @pytest.mark.parametrize(("k_numerator", "k_shift"), [(1, 4), (5, 7), (11, 6), (0, 0)])
@@ -118,13 +141,17 @@ def test_response_code(check_block, threshold):
 
 
 @pytest.mark.parametrize("radius_px", [1, 3])
-def test_suppression(check_block, radius_px):
+@pytest.mark.parametrize("detector", DETECTORS)
+def test_suppression(check_block, radius_px, detector):
     rng = np.random.default_rng(6)
     shape = (19, 23)
     twins = np.zeros(shape, int)
     twins[9, [11, 12]] = twins[10, 10] = 9
-    codes = [*(rng.integers(0, high, shape) for high in (2, 6, 1 << 15)), np.full(shape, 7), twins]
-    survivors = [nms.suppress(frame.astype(np.uint16), radius_px) for frame in codes]
+    is_fast = detector == "fast"
+    largest = 255 if is_fast else 1 << 15
+    codes = [*(rng.integers(0, high, shape) for high in (2, 6, largest)), np.full(shape, 7), twins]
+    rule = (1, "lose") if is_fast else (radius_px, "first")
+    survivors = [nms.suppress(frame.astype(np.uint16), *rule) for frame in codes]
     assert sum(map(np.count_nonzero, survivors)) >= 20
     expected = {
         "code": survivors,
@@ -134,14 +161,15 @@ def test_suppression(check_block, radius_px):
         "down": [np.roll(frame, -1, axis=0) for frame in codes],
     }
     dut = Suppression(radius_px=radius_px, width_px=WIDTH_PX)
-    check_block(dut, [{"code": frame} for frame in codes], expected, margin_px=radius_px)
+    settings = {"i_fast": int(is_fast)}
+    check_block(dut, [{"code": frame} for frame in codes], expected, margin_px=radius_px, settings=settings)
 
 
 @pytest.mark.parametrize(
     ("block", "parameters", "message"),
     [
         (Binomial, {"window_px": 7}, "window_px is 7"),
-        (StructureTensor, {"window_px": 4, "width_px": 64}, "window_px is 4"),
+        (StructureTensor, {"window_px": 4}, "window_px is 4"),
         (Suppression, {"radius_px": 2, "width_px": 64}, "radius_px is 2"),
         (LineBuffer, {"shape": 8, "lines": 0, "width_px": 64}, "lines is 0"),
         (LineBuffer, {"shape": 8, "lines": 1, "width_px": 3}, "width_px is 3"),

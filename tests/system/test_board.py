@@ -28,6 +28,7 @@ PYNQ = Path(__file__).parents[2] / "constraints" / "pynq"
 SIZE_PX = (160, 120)
 BUILT_PX = (192, 160)
 CONFIG = Config(front_end=FrontEndConfig(max_features=256))
+FAST = Config(front_end=FrontEndConfig(max_features=256, detector="fast", threshold=10))
 CYCLE_LIMIT = 400_000
 
 
@@ -105,10 +106,11 @@ def frames(*, gray: bool) -> list[np.ndarray]:
 
 @pytest.mark.parametrize("gray", [True, False])
 @pytest.mark.parametrize("reference", ["held", "previous"])
-def test_the_board_gives_what_the_golden_model_gives(address: str, gray: bool, reference: str) -> None:
+@pytest.mark.parametrize("config", [CONFIG, FAST], ids=["harris", "fast"])
+def test_the_board_gives_what_the_golden_model_gives(address: str, gray: bool, reference: str, config: Config) -> None:
     images = [*frames(gray=gray), frames(gray=gray)[0]]
-    golden = create("golden").run(images, CONFIG, reference=reference)
-    found = board.front_end(f"board:{address}").run(images, CONFIG, reference=reference)
+    golden = create("golden").run(images, config, reference=reference)
+    found = board.front_end(f"board:{address}").run(images, config, reference=reference)
     assert sum(len(frame.features) for frame in golden) > 100
     assert sum(len(frame.matches) for frame in golden) > 20
     for ours, theirs in zip(found, golden, strict=True):
