@@ -29,8 +29,12 @@ from rich.table import Table
 from golden_model.config import PRESETS, FrontEndConfig
 from hdl.accelerator import Accelerator
 from hdl.corners import Corners
+from hdl.correlation import WindowCorrelation
+from hdl.fast import Fast
 from hdl.features import CandidateFeatures
 from hdl.front_end import FrontEnd
+from hdl.fuzzy_correlation import FuzzyCorrelation
+from hdl.gradients import GradientColumns
 from hdl.gray import Gray
 from hdl.half import Half
 from hdl.harris import RawResponse, ResponseCode, StructureTensor
@@ -92,13 +96,15 @@ def designs() -> dict[str, Design]:
         "binomial 3x3": block(Binomial, window_px=3),
         "binomial 5x5": block(Binomial, window_px=5),
         "sobel": block(Sobel),
-        "structure tensor": block(StructureTensor, window_px=5, **wide),
+        "gradient columns": block(GradientColumns, smoothed=True, **wide),
+        "structure tensor": block(StructureTensor, window_px=5),
         "raw response": block(RawResponse, k_numerator=1, k_shift=4),
         "response code": block(ResponseCode),
+        "fast": block(Fast),
         "suppression": block(Suppression, radius_px=3, **wide),
         "corners": block(Corners, config=config, **wide),
         "ring window": block(RingWindow, pattern=pattern, **wide),
-        "candidate features": block(CandidateFeatures, pattern=pattern, spacing_px=4, level=0, lag_px=17),
+        "candidate features": block(CandidateFeatures, pattern=pattern, spacing_cycles=2, level=0, lag_px=17),
         "cell selection": block(CellSelection, pattern=pattern, **wide),
         "level 0": block(Level, config=config, level=0, **wide),
         "level 1": block(Level, config=config, level=1, width_px=WIDTH_PX // 2),
@@ -108,6 +114,8 @@ def designs() -> dict[str, Design]:
             for levels in (1, 2)
         },
         "front end, thesis, 1920 wide": front_end(THESIS.front_end, WIDTH_PX, 1),
+        "window correlation": block(WindowCorrelation),
+        "fuzzy correlation": block(FuzzyCorrelation),
         "matcher": block(Matcher, config=AERIAL.matcher, pattern=pattern, lanes=16, max_features=config.max_features),
         "accelerator": Design(
             lambda: Accelerator(config=AERIAL, max_width_px=WIDTH_PX, max_height_px=HEIGHT_PX),

@@ -79,12 +79,14 @@ def test_ilbp_over_its_whole_domain(bits):
     np.testing.assert_array_equal(evaluated(system, 12, inputs), golden(system, inputs))
 
 
-def test_a_minimum_of_three_sets_and_many_rules():
+def test_correlation_over_a_grid():
+    """Every combination of a set's core, two places on each ramp, and beyond the tables."""
     system = fuzzy.correlation()
-    rng = np.random.default_rng(3)
-    inputs = [[int(rng.choice(distinct(variable))) for variable in system.inputs] for _ in range(100)]
+    grids = [np.array(distinct(variable)) for variable in system.inputs]
+    inputs = list(itertools.product(*(grid[np.linspace(0, len(grid) - 1, 7).astype(int)].tolist() for grid in grids)))
     expected = golden(system, inputs)
-    assert len(set(expected[:, 1])) > 15
+    assert len(set(expected[:, 1])) == 27
+    assert len(set(expected[:, 0])) > 80
     np.testing.assert_array_equal(evaluated(system, 9, inputs), expected)
 
 
