@@ -68,27 +68,21 @@ class Distances(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Operand registers, exclusive or, count.
-
-        All planes of an operand lie side by side in one signal: a shift by one bit moves every lane to the next.
-        """
+        """Operand registers, exclusive or, count: plane by plane, a shift by one bit moves every lane to the next."""
         m = Module()
         m.submodules.popcount = popcount = self._popcount
-        left, right, unequal = (
-            Signal(self.bits * self.lanes, name=name, reset_less=True) for name in ("left", "right", "unequal")
-        )
-        lane0 = Const(sum(1 << n * self.lanes for n in range(self.bits)), right.shape())
-        entering = Cat(Cat(bit, Const(0, self.lanes - 1)) for bit in self.i_right)
-        m.d.sync += right.eq(((right << 1) & ~lane0) | entering)
         left_valid, right_valid, entered = Signal(self.lanes), Signal(self.lanes), Signal(self.lanes)
         counting = Signal()
-        m.d.comb += entered.eq(Cat(self.i_valid, right_valid[:-1]))
+        m.d.comb += [entered.eq(Cat(self.i_valid, right_valid[:-1])), popcount.i_valid.eq(counting)]
         m.d.sync += [right_valid.eq(entered), counting.eq(entered.any())]
         with m.If(self.i_load):
             m.d.sync += left_valid.bit_select(self.i_lane, 1).eq(self.i_left_valid)
-            for n, bit in enumerate(self.i_left):
-                m.d.sync += left.word_select(n, self.lanes).bit_select(self.i_lane, 1).eq(bit)
-        m.d.comb += [unequal.eq(left ^ right), Cat(popcount.i_planes).eq(unequal), popcount.i_valid.eq(counting)]
+        for n, unequal in enumerate(popcount.i_planes):
+            left, right = (Signal(self.lanes, name=f"{name}{n}", reset_less=True) for name in ("left", "right"))
+            m.d.sync += right.eq(Cat(self.i_right[n], right[:-1]))
+            with m.If(self.i_load):
+                m.d.sync += left.bit_select(self.i_lane, 1).eq(self.i_left[n])
+            m.d.comb += unequal.eq(left ^ right)
         valid = delayed(m, left_valid & right_valid, popcount.latency_cycles, reset_less=False)
         m.d.comb += self.o_valid.eq(valid)
         for distance, count in zip(self.o_distances, popcount.o_counts, strict=True):
