@@ -60,8 +60,11 @@ class Results:
             self._build_welcome()
         self._tabs_card = ui.element("div").classes("card results")
         with self._tabs_card:
-            with ui.tabs().props("dense no-caps align=left inline-label") as self._tabs:
-                tabs = {name: ui.tab(name) for name in ("Corners", "Matches", "Mosaic", "Numbers", "Hardware")}
+            with ui.element("div").classes("bar"):
+                with ui.tabs().props("dense no-caps align=left inline-label") as self._tabs:
+                    tabs = {name: ui.tab(name) for name in ("Corners", "Matches", "Mosaic", "Numbers", "Hardware")}
+                self._changed = ui.label("Choices or photographs have changed since this run.").classes("changed")
+                self._changed.props('role="status"')
             with ui.tab_panels(self._tabs, value="Corners", animated=False, keep_alive=True) as self._panels:
                 places = {name: ui.tab_panel(tab).props(f'aria-label="{name}"') for name, tab in tabs.items()}
                 with places.pop("Corners"):
@@ -85,6 +88,15 @@ class Results:
                 self._panels.set_value("Mosaic")
         if self._hardware is not None:
             self._hardware.update()
+        self._changed.set_visibility(self._is_outdated())
+
+    def _is_outdated(self) -> bool:
+        """Whether a run would not repeat what is shown."""
+        visitor, outcome = self._visitor, self._visitor.outcome
+        if outcome is None:
+            return False
+        photographs = tuple(upload.working for upload in visitor.photographs)
+        return (visitor.choices, photographs) != (outcome.choices, outcome.workings)
 
     def _fill(self) -> None:
         outcome = self._outcome

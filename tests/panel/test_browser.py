@@ -205,8 +205,16 @@ def test_ones_own_photographs_make_a_mosaic(page: Page, photographs: list[Path])
     choose(page, "Detector", "orb")
     choose(page, "Blending", "multiband")
     make_mosaic(page)
+    outdated = page.get_by_text("have changed since this run")
+    expect(outdated).to_be_hidden()
     open_tab(page, "Numbers")
     expect(page.get_by_role("tabpanel", name="Numbers")).to_contain_text("--detector orb")
+    choose(page, "Blending", "average")
+    expect(outdated).to_be_visible()
+    choose(page, "Blending", "multiband")
+    expect(outdated).to_be_hidden()
+    page.get_by_role("button", name="Exchange the first two").click()
+    expect(outdated).to_be_visible()
 
 
 def test_photographs_that_do_not_overlap_are_told_with_their_matches(
