@@ -75,8 +75,9 @@ class Fast(wiring.Component):
         pipe = Pipe(m, window.o.valid)
         decisive, darker, cycles = self._decisive(m, pipe, circle, centre)
         reference = delayed(m, centre, cycles) ^ darker.replicate(PIXEL.bits)
-        score = Mux(decisive > reference, decisive - reference - 1, 0)[: PIXEL.bits]
-        score = pipe.registered(score, cycles)
+        # Decisive - reference - 1, and a carry where it is not negative.
+        difference = decisive + ~reference
+        score = pipe.registered(Mux(difference[-1], difference[: PIXEL.bits], 0), cycles)
         code = Mux(score < self.i_threshold_code, 0, score)
         m.d.comb += self.o.code.eq(pipe.registered(code, cycles + 1))
         return m
