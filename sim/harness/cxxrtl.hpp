@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <fstream>
 
-#include "design.cpp"
+#include "design.hpp"
 #ifdef WAVES
 #include <cxxrtl/cxxrtl_vcd.h>
 #endif

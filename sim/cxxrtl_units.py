@@ -1,0 +1,81 @@
+"""CXXRTL's one huge function taken apart: compilers need minutes and gigabytes for it, and can use only one core."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import NamedTuple
+
+UNIT_LINES = 2500
+"""Lines of a compilation unit: few enough to compile in seconds, so many that the units' common header is cheap."""
+
+# CXXRTL compares each register with its next value and copies it if they differ, to tell whether the model has
+# settled. We do not ask: plain copies make the simulation twice as fast (measured).
+COMMIT = re.compile(r"if \(((?!memory_)\w+)\.commit\(observer\)\) changed = true;")
+CLASS_END = "}; // struct p_top\n"
+NAMESPACE_END = "} // namespace cxxrtl_design\n"
+EVAL = re.compile(r"bool p_top::eval\(performer \*performer\) \{\n(.*?)\n\treturn converged;\n\}\n", re.DOTALL)
+LOCAL = re.compile(r"\tvalue<\d+> (\w+);")
+OUTLINE = re.compile(r"/\*outline\*/ value<\d+> (\w+);")
+"""Members that a model for waves has: the same values under the same names."""
+EDGE = re.compile(r"\tbool \w+ = this->\w+\(\);")
+
+
+class Units(NamedTuple):
+    """A model of CXXRTL in files.
+
+    Parameters
+    ----------
+    header : str
+        ``design.hpp``: the class.
+    each_cycle : list of str
+        The parts of its evaluation.
+    rest : str
+        What remains: the reset, the evaluation as calls of its parts, and names for waves.
+    """
+
+    header: str
+    each_cycle: list[str]
+    rest: str
+
+
+def split(model: str) -> Units:
+    """Split a model that CXXRTL wrote; what were local variables of its evaluation become members of the class."""
+    declaration, definitions = COMMIT.sub(r"\1.curr = \1.next;", model).split(CLASS_END)
+    evaluation = EVAL.search(definitions)
+    assert evaluation is not None
+    lines = evaluation[1].splitlines()
+    found = [match for match in map(LOCAL.fullmatch, lines) if match]
+    outlines = set(OUTLINE.findall(declaration))
+    edges = [line for line in lines if EDGE.fullmatch(line)]
+    skipped = {*(match[0] for match in found), *edges, "\tbool converged = false;"}
+    bodies = list(_parts(line for line in lines if line not in skipped))
+    calls = [f"\teval_{number}();" for number in range(len(bodies))]
+    values = [match[0] for match in found if match[1] not in outlines]
+    members = [f"\tvoid eval_{number}();" for number in range(len(bodies))]
+    header = [declaration, *values, *members, CLASS_END, NAMESPACE_END]
+    shell = ["bool p_top::eval(performer *performer) {", *calls, "\treturn false;", "}\n"]
+    rest = definitions.replace(evaluation[0], "\n".join(shell))
+    return Units(
+        header="\n".join(header),
+        each_cycle=[_unit(number, [*edges, *body]) for number, body in enumerate(bodies)],
+        rest=f'#include "design.hpp"\nnamespace cxxrtl_design {{\n{rest}',
+    )
+
+
+def _parts(lines: Iterator[str]) -> Iterator[list[str]]:
+    """Whole statements, `UNIT_LINES` at a time."""
+    part: list[str] = []
+    depth = 0
+    for line in lines:
+        part.append(line)
+        depth += line.count("{") - line.count("}")
+        if len(part) >= UNIT_LINES and not depth and line.endswith((";", "}")):
+            yield part
+            part = []
+    yield part
+
+
+def _unit(number: int, lines: list[str]) -> str:
+    head = f'#include "design.hpp"\nnamespace cxxrtl_design {{\nvoid p_top::eval_{number}() {{\n'
+    return head + "\n".join(lines) + "\n}\n" + NAMESPACE_END
