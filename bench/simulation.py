@@ -3,8 +3,9 @@
     python bench/simulation.py [NAME...] [--runs N] [--cached] [--json FILE]
 
 NAMEs choose among verilator, cxxrtl and pysim. Build times are those of an empty cache, Amaranth's elaboration
-included; with --cached the user's cache serves, and no build is timed. Speeds are the best of the runs. The latency
-counts from a frame's last pixel to its last word of features.
+included; with --cached the user's cache serves, and no build is timed. Runs count processor time, which other work on
+the machine lengthens less than wall time, and the best of them; on an idle machine both are the same. The latency counts
+from a frame's last pixel to its last word of features.
 """
 
 from __future__ import annotations
@@ -64,12 +65,12 @@ def workloads(simulator: str) -> dict[str, tuple[Design, list[Segment]]]:
 
 
 def timed(call: Callable[[], list[Recording]], runs: int) -> tuple[float, Recording]:
-    """Seconds of the fastest run, and the last segment it recorded."""
+    """Processor seconds of the fastest run, and the last segment it recorded."""
     seconds = []
     for _ in range(runs):
-        started = time.perf_counter()
+        started = time.process_time()
         recordings = call()
-        seconds.append(time.perf_counter() - started)
+        seconds.append(time.process_time() - started)
     return min(seconds), recordings[-1]
 
 
