@@ -9,6 +9,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
+from PIL.ExifTags import IFD
 
 from golden_model.config import preset_config
 from sim.scene import lawnmower
@@ -37,6 +39,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory, flight) -> Path:
     for index, image in enumerate(flight.images):
         cv2.imwrite(str(folder / f"{index}.png"), image)
     return folder
+
+
+def elsewhere(images: int) -> list[np.ndarray]:
+    """Overlapping pictures of another place."""
+    grain = np.random.default_rng(9).integers(0, 256, (SIZE[1], SIZE[0] * 2, 3), dtype=np.uint8)
+    ground = cv2.GaussianBlur(grain, (0, 0), 2)
+    return [ground[:, 90 * index : 90 * index + SIZE[0]] for index in range(images)]
 
 
 def skymosaic(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -129,7 +138,7 @@ def test_a_blurred_image_shows_only_where_no_other_does(flight) -> None:
 def test_two_flights_make_two_groups(folder, tmp_path: Path) -> None:
     for path in folder.iterdir():
         (tmp_path / f"a{path.name}").write_bytes(path.read_bytes())
-    for index, image in enumerate(lawnmower(seed=77, images=4, size=SIZE, forward_overlap=0.6).images):
+    for index, image in enumerate(elsewhere(4)):
         cv2.imwrite(str(tmp_path / f"b{index}.png"), image)
     largest = skymosaic("mosaic", tmp_path, "-o", "one.png", "--cache", "cache", cwd=tmp_path)
     assert largest.returncode == 0, largest.stderr
@@ -145,15 +154,59 @@ def test_two_flights_make_two_groups(folder, tmp_path: Path) -> None:
     assert "left out" not in both.stderr
 
 
-def test_nothing_that_links_is_one_line(tmp_path: Path) -> None:
-    for index in range(3):
-        cv2.imwrite(str(tmp_path / f"{index}.png"), lawnmower(seed=index, images=1, size=SIZE).images[0])
+def test_nothing_that_links_is_one_line(flight, tmp_path: Path) -> None:
+    for index, image in enumerate((flight.images[0], *elsewhere(1), flight.images[IMAGES - 1])):
+        cv2.imwrite(str(tmp_path / f"{index}.png"), image)
     result = skymosaic("mosaic", tmp_path, "-o", "m.png", "--cache", "cache", cwd=tmp_path)
     lines = [line for line in result.stderr.splitlines() if line.strip()]
     assert result.returncode == 3
     assert len(lines) == 1
     assert "12 are needed" in lines[0]
     assert not (tmp_path / "m.png").exists()
+
+
+def with_gps(path: Path, image: np.ndarray, east_m: float, north_m: float) -> None:
+    """A JPEG whose EXIF says where it was taken, near 46 degrees north, 92 west."""
+    degrees = 46 + north_m / 111_147, 92 - east_m / (111_320 * np.cos(np.radians(46)))
+    exif = Image.Exif()
+    minutes = [(int(value), float(60 * (value % 1)), 0.0) for value in degrees]
+    exif.get_ifd(IFD.GPSInfo).update({1: "N", 2: minutes[0], 3: "W", 4: minutes[1]})
+    Image.fromarray(image[..., ::-1]).save(path, quality=92, exif=exif)
+
+
+def test_gps_puts_the_mosaic_on_the_map(flight, tmp_path: Path) -> None:
+    rasterio = pytest.importorskip("rasterio")
+    metres_a_pixel = 0.15
+    for index, (image, pose) in enumerate(zip(flight.images, flight.poses, strict=True)):
+        with_gps(tmp_path / f"{index}.jpg", image, metres_a_pixel * pose.x_px, -metres_a_pixel * pose.y_px)
+    result = skymosaic("mosaic", tmp_path, "-o", "m.tif", "--report", "r", "--cache", "cache", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "EPSG:32615, GPS residual" in result.stderr
+    found = json.loads((tmp_path / "r" / "report.json").read_text())["mosaics"][0]
+    # The cameras lean: their positions are not what is in the middle of their photographs.
+    assert 0 < found["gps_residual_m"] < 2
+    with rasterio.open(tmp_path / "m.tif") as file:
+        assert file.crs.to_epsg() == 32615
+        assert np.hypot(file.transform.a, file.transform.d) == pytest.approx(metres_a_pixel, rel=0.03)
+        assert [file.width, file.height] == found["size"]
+
+
+def test_a_full_disk_is_one_line_and_leaves_no_mosaic(folder, tmp_path: Path) -> None:
+    first = skymosaic("mosaic", folder, "-o", "m.png", "--cache", "cache", cwd=tmp_path)
+    assert first.returncode == 0, first.stderr
+    (tmp_path / "m.png").unlink()
+    full = (
+        "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (100_000,) * 2); import skymosaic.cli as c; "
+    )
+    code = full + f"sys.argv = ['skymosaic', 'mosaic', {str(folder)!r}, '-o', 'm.png', '--cache', 'cache']; c.main()"
+    result = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False
+    )
+    lines = [line for line in result.stderr.splitlines() if line.strip()]
+    assert result.returncode == 2
+    assert len(lines) == 1
+    assert "m.png: cannot be written (File too large)" in lines[0]
+    assert [path.name for path in tmp_path.iterdir()] == ["cache"]
 
 
 def test_options_of_a_pair_are_refused_for_a_flight(folder, tmp_path: Path) -> None:
@@ -179,19 +232,18 @@ def test_report_and_geotiff_and_scale(folder, tmp_path: Path) -> None:
     assert width < 4 * SIZE[0] / 2
 
 
-def test_check_names_the_only_weak_link(tmp_path: Path) -> None:
-    images = lawnmower(seed=5, images=6, size=(960, 720), forward_overlap=0.7, side_overlap=0.6).images
-    for index, image in enumerate(images):
-        cv2.imwrite(str(tmp_path / f"{index}.png"), image)
+def test_check_tells_whether_the_flight_is_complete(folder, tmp_path: Path) -> None:
+    for path in folder.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
     whole = skymosaic("check", tmp_path, "--json", "--cache", "cache", cwd=tmp_path)
     assert whole.returncode == 0, whole.stderr
     assert json.loads(whole.stdout)["complete"]
-    cv2.imwrite(str(tmp_path / "z.png"), lawnmower(seed=8, images=1, size=(960, 720)).images[0])
+    cv2.imwrite(str(tmp_path / "z.png"), elsewhere(1)[0])
     broken = skymosaic("check", tmp_path, "--json", "--cache", "cache", cwd=tmp_path)
     assert broken.returncode == 3
     found = json.loads(broken.stdout)
     assert not found["complete"]
-    assert found["photographs"][-1]["problems"] == ["linked with no other photograph"]
+    assert "linked with no other photograph" in found["photographs"][-1]["problems"]
 
 
 def test_a_killed_run_goes_on_and_ends_the_same(folder, tmp_path: Path) -> None:
