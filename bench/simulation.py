@@ -4,8 +4,8 @@
 
 NAMEs choose among verilator, cxxrtl and pysim. Build times are those of an empty cache, Amaranth's elaboration
 included; with --cached the user's cache serves, and no build is timed. Runs count processor time, which other work on
-the machine lengthens less than wall time, and the best of them; on an idle machine both are the same. The latency counts
-from a frame's last pixel to its last word of features.
+the machine lengthens less than wall time, and the best of them; on an idle machine both are the same. The latency
+counts from a frame's last pixel to its last word of features.
 """
 
 from __future__ import annotations
