@@ -3,7 +3,7 @@
     python bench/synthesis.py [NAME...] [--pnr] [--json FILE]
 
 NAMEs choose among the designs; a part of the name is enough. LUTs hold memory and shift registers too; the columns
-SRL and LUTRAM say how many. The clock is the median of three placements; it stands in for a Zynq's, of which only
+SRL and LUTRAM say how many. --pnr needs the extra ``bench``; its clock is the median of three placements; it stands in for a Zynq's, of which only
 Vivado knows.
 """
 
