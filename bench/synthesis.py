@@ -3,8 +3,8 @@
     python bench/synthesis.py [NAME...] [--pnr] [--json FILE]
 
 NAMEs choose among the designs; a part of the name is enough. LUTs hold memory and shift registers too; the columns
-SRL and LUTRAM say how many. --pnr needs the extra ``bench``; its clock is the median of three placements; it stands in for a Zynq's, of which only
-Vivado knows.
+SRL and LUTRAM say how many. --pnr needs the extra ``bench``. The clock is the median of three placements; it stands in
+for a Zynq's, of which only Vivado knows.
 """
 
 from __future__ import annotations
