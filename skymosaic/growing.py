@@ -49,7 +49,7 @@ class GrowingCanvas:
 
     def paint(self, picture: Pixels, transform: Array, number: int) -> None:
         """Paint photograph ``number`` (0 to 65534), (H, W) or (H, W, 3) BGR, which ``transform`` maps to the reference
-        frame; its brightness is matched to what it meets.
+        frame; where it meets others, the brighter ones are darkened to match.
 
         Raises
         ------
@@ -58,9 +58,9 @@ class GrowingCanvas:
         """
         coloured = picture if picture.ndim == 3 else cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)
         whole = np.full(picture.shape[:2], 255, np.uint8)
-        self._paint([_Part(np.asarray(coloured, dtype=np.uint8), whole, transform, number)])
+        self._paint([_Part(np.asarray(coloured, dtype=np.uint8), whole, transform, number)], matching=True)
 
-    def take_over(self, other: GrowingCanvas, motions: Mapping[int, Array]) -> None:
+    def take_over(self, other: GrowingCanvas, motions: Mapping[int, Array], *, matching: bool) -> None:
         """Paint what each photograph shows on another canvas, moved by a transformation of the reference frame.
 
         Parameters
@@ -68,6 +68,8 @@ class GrowingCanvas:
         other : GrowingCanvas
         motions : mapping of int to (3, 3) ndarray
             By the photograph's number; what others show is left out.
+        matching : bool
+            Whether brightness is matched to what is met, as `paint` does.
 
         Raises
         ------
@@ -92,7 +94,7 @@ class GrowingCanvas:
             corner = np.linalg.inv(around.translation @ other._room.translation) @ Canvas(-x, -y, 0, 0).translation
             picture = other._pixels[where][inner]
             parts.append(_Part(picture, np.asarray(mask[inner], dtype=np.uint8), motion @ corner, number))
-        self._paint(parts)
+        self._paint(parts, matching=matching)
 
     @property
     def to_image(self) -> Array:
@@ -106,7 +108,12 @@ class GrowingCanvas:
             return self._pixels
         return self._pixels[self.extent.within(self._room)]
 
-    def _paint(self, parts: Sequence[_Part]) -> None:
+    def _darken(self, divisor: NDArray[np.float32]) -> None:
+        if (divisor > 1).any():
+            levels = np.arange(256)[:, None] / divisor
+            cv2.LUT(self._pixels, np.rint(levels).astype(np.uint8)[None], dst=self._pixels)
+
+    def _paint(self, parts: Sequence[_Part], *, matching: bool) -> None:
         self._reserve(parts)
         for picture, mask, transform, number in parts:
             covered = footprint((picture.shape[1], picture.shape[0]), transform)
@@ -114,7 +121,11 @@ class GrowingCanvas:
             new = backward(*shrunk(picture, transform), covered, border=cv2.BORDER_REPLICATE).astype(np.float32)
             new_distance = _distance(mask, transform, covered)
             old, old_distance = self._pixels[where], self._distance[where]
-            new *= _gain(old, new, (old_distance > 0) & (new_distance > 0))
+            if matching:
+                gain = _gain(old, new, (old_distance > 0) & (new_distance > 0))
+                # Neither is ever made brighter: what is saturated would stay so.
+                new *= np.minimum(gain, 1)
+                self._darken(np.maximum(gain, 1))
             share = np.clip((new_distance - old_distance) / FEATHER_PX + 0.5, 0, 1)
             share[old_distance == 0] = 1
             share[new_distance == 0] = 0

@@ -169,7 +169,7 @@ class Island:
 
     def absorb(self, other: Island, to_this: Array) -> None:
         """Take over all that another island holds, moved by ``to_this``; raises as `add` does."""
-        self.canvas.take_over(other.canvas, {frame.number: to_this for frame in other.frames})
+        self.canvas.take_over(other.canvas, {frame.number: to_this for frame in other.frames}, matching=True)
         moved = [frame.moved(scaled(to_this @ frame.transform)) for frame in other.frames]
         self.frames = sorted([*self.frames, *moved], key=lambda frame: frame.number)
         self._links += other._links
@@ -188,7 +188,7 @@ class Island:
         motions = {f.number: t @ np.linalg.inv(f.transform) for f, t in zip(self.frames, transforms, strict=True)}
         canvas = GrowingCanvas(self._limit_px)
         with contextlib.suppress(CanvasError):  # Then all stays as it is.
-            canvas.take_over(self.canvas, motions)
+            canvas.take_over(self.canvas, motions, matching=False)
             self.canvas = canvas
             self.frames = [frame.moved(t) for frame, t in zip(self.frames, transforms, strict=True)]
 

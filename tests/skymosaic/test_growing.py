@@ -25,12 +25,15 @@ def test_two_pictures_of_one_ground_give_the_ground(ground):
     np.testing.assert_allclose(canvas.image, ground, atol=2)
 
 
-def test_brightness_is_matched_channel_by_channel(ground):
+@pytest.mark.parametrize("darker_first", [False, True])
+def test_the_brighter_channels_are_darkened_to_match(ground, darker_first):
+    tint = np.array([0.7, 1.0, 0.8])
+    tinted = np.rint(ground * tint).astype(np.uint8)
+    left, right = (tinted, ground) if darker_first else (ground, tinted)
     canvas = GrowingCanvas()
-    canvas.paint(ground[:, :240], np.eye(3), 0)
-    tinted = np.rint(ground[:, 160:] * np.array([0.7, 1.0, 0.8])).astype(np.uint8)
-    canvas.paint(tinted, shift(160, 0), 1)
-    assert np.abs(canvas.image.astype(int) - ground).max() <= 4
+    canvas.paint(left[:, :240], np.eye(3), 0)
+    canvas.paint(right[:, 160:], shift(160, 0), 1)
+    assert np.abs(canvas.image.astype(int) - tinted).max() <= 4
 
 
 def test_the_farther_border_shows(ground):
@@ -55,11 +58,11 @@ def test_what_photographs_show_moves_with_them(ground):
     canvas.paint(ground[:, :240], np.eye(3), 3)
     canvas.paint(ground[:, 200:], shift(206, 0), 7)
     moved = GrowingCanvas()
-    moved.take_over(canvas, {3: np.eye(3), 7: shift(-6, 0)})
+    moved.take_over(canvas, {3: np.eye(3), 7: shift(-6, 0)}, matching=False)
     assert moved.image.shape == ground.shape
     difference = np.abs(moved.image.astype(int) - ground).max(axis=2)
     away_from_seam = np.abs(np.arange(400) - 220) > 2 * FEATHER_PX
-    assert difference[:, away_from_seam].max() <= 2
+    assert difference[:, away_from_seam].max() <= 4
     assert (moved.image > 0).all()
 
 
@@ -68,7 +71,7 @@ def test_what_is_not_named_is_not_taken_over(ground):
     canvas.paint(ground[:, :100], np.eye(3), 0)
     canvas.paint(ground[:, 300:], shift(300, 0), 1)
     taken = GrowingCanvas()
-    taken.take_over(canvas, {1: shift(0, 10)})
+    taken.take_over(canvas, {1: shift(0, 10)}, matching=True)
     np.testing.assert_array_equal(taken.image, ground[:, 300:])
 
 
@@ -81,5 +84,5 @@ def test_beyond_the_limit_nothing_changes(ground):
     other = GrowingCanvas()
     other.paint(ground, shift(300, 0), 1)
     with pytest.raises(CanvasError, match="limit"):
-        canvas.take_over(other, {1: np.eye(3)})
+        canvas.take_over(other, {1: np.eye(3)}, matching=True)
     np.testing.assert_array_equal(canvas.image, before)
