@@ -32,13 +32,15 @@ def running_panel(folder: Path, *options: str) -> Iterator[str]:
         command = [sys.executable, "-u", "-m", "skymosaic", "panel", "--port", "0", *options]
         server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=output, text=True, cwd=folder)
         with server:
-            line = server.stdout.readline()
-            address = re.search(r"http://127\.0\.0\.1:\d+", line)
-            assert address, line + log.read_text()
-            yield address.group()
-            assert server.poll() is None, log.read_text()
-            server.terminate()
-            server.wait(timeout=20)
+            try:
+                line = server.stdout.readline()
+                address = re.search(r"http://127\.0\.0\.1:\d+", line)
+                assert address, line + log.read_text()
+                yield address.group()
+                assert server.poll() is None, log.read_text()
+            finally:
+                server.terminate()
+                server.wait(timeout=20)
     assert "Traceback" not in log.read_text(), log.read_text()
 
 
