@@ -4,10 +4,10 @@
     python bench/sequence.py --rendered 100 [--side-overlap 0.3] [--seed N] [--json FILE]
 
 Every run is a process of its own with capped memory; the methods take turns, so that a machine whose speed drifts
-slows all of them alike. Seconds are from the files to the mosaic in
-memory, imports not counted. The error of a method is the median
-distance, in pixels at 1600 px wide, of our matches (inliers of a pair's homography) under its transformations. The
-package `stitching` pulls in another OpenCV, so it gets an environment of its own in the user's cache folder.
+slows all of them alike. Seconds are from the files to the mosaic in memory, imports not counted. The error of a
+method is the median distance, in pixels at 1600 px wide, of our matches (inliers of a pair's homography) under its
+transformations. The package `stitching` pulls in another OpenCV, so it gets an environment of its own in the user's
+cache folder.
 
 A rendered flight has known poses: the position error is taken over a 5x5 grid of each image, on the ground, after
 the best similarity alignment of all.

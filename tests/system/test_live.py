@@ -18,7 +18,7 @@ from sim.scene import lawnmower
 from skymosaic import mosaic
 from skymosaic.cli.live import grow
 from skymosaic.errors import InputError
-from skymosaic.homography import apply
+from skymosaic.homography import apply, estimate
 from skymosaic.live import LiveMosaic
 from skymosaic.live_source import live_frames
 from skymosaic.video import writing
@@ -95,6 +95,20 @@ def test_features_of_a_camera_in_sequence_mode_are_taken_as_they_are(frames) -> 
         given.add(frame, result.features)
         computed.add(frame)
     np.testing.assert_array_equal(given.image, computed.image)
+
+
+def test_laid_out_anew_the_mosaic_is_as_flat_as_the_ground(flight, frames) -> None:
+    """Placed one after the other, the same frames end more than a pixel from where they belong."""
+    live = LiveMosaic(CONFIG)
+    for frame in frames:
+        live.add(frame)
+    live.finish()
+    grid = np.stack(np.meshgrid(np.linspace(0, SIZE[0] - 1, 4), np.linspace(0, SIZE[1] - 1, 4)), -1).reshape(-1, 2)
+    found = np.concatenate([apply(live.transforms[index], grid) for index in range(IMAGES)])
+    true = np.concatenate([apply(np.linalg.inv(flight.homographies[index]), grid) for index in range(IMAGES)])
+    aligned = apply(estimate(found, true, model="similarity"), found)
+    assert np.linalg.norm(aligned - true, axis=1).mean() < 0.3
+    assert (live.image.any(axis=2)).mean() > 0.8
 
 
 @pytest.mark.slow
