@@ -155,7 +155,7 @@ def test_fast_is_a_setting_beside_harris(aerial, scene):
     assert np.count_nonzero(features["level"] == 0) >= 1000
     assert np.count_nonzero(features["level"] == 1) >= 100
     assert len(np.unique(features["sector"])) == 16
-    for config, size_px in ((FAST, (641, 479)), (AERIAL, (64, 64)), (FAST, (65, 67)), (AERIAL, (127, 85))):
+    for config, size_px in ((FAST, (257, 131)), (AERIAL, (64, 64)), (FAST, (65, 67)), (AERIAL, (127, 85))):
         frames = [gray(scene(4, size_px)), *extremes(size_px)]
         for pauses in (NO_PAUSES, PAUSES):
             _, features = aerial.check(frames, config=config, pauses=pauses)
