@@ -38,7 +38,7 @@ def accelerator(config: Config, max_size_px: tuple[int, int], *, lanes: int = LA
         "the accelerator",
         Ports(outputs=(FEATURES, MATCHES), control=CONTROL),
         lambda: AcceleratorTop(Accelerator(config=config, lanes=lanes, **size)),
-        f"{config} {lanes} {size} {_sources()}",
+        f"{config} {lanes} {size} {source_key()}",
     )
 
 
@@ -50,7 +50,7 @@ def front_end(config: FrontEndConfig, max_size_px: tuple[int, int], *, taps: tup
         "the front end",
         Ports(outputs=(FEATURES,), settings=SETTINGS, taps=tuple(tap.port for tap in taps)),
         lambda: FrontEndTop(FrontEnd(config=config, **size), taps=taps),
-        f"{config} {size} {taps} {_sources()}",
+        f"{config} {size} {taps} {source_key()}",
     )
 
 
@@ -60,7 +60,7 @@ def _as_built(config: FrontEndConfig) -> FrontEndConfig:
 
 
 @functools.cache
-def _sources() -> str:
+def source_key() -> str:
     """A key for all that the designs are made from."""
     folders = [Path(package.__file__).parent for package in (golden_model, hdl)]
     return digest_files([*(path for folder in folders for path in folder.glob("*.py")), Path(front_end_top.__file__)])
