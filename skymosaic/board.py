@@ -33,6 +33,8 @@ class BoardFrontEnd:
 
     def __init__(self, address: str) -> None:
         host, _, port = address.partition(":")
+        if not address:
+            raise BackendError("a board has an address; give it with --address HOST[:PORT]")
         if not host or (port and not port.isdigit()):
             raise BackendError(f"{address!r} is no address of a board; give HOST or HOST:PORT")
         self.address = host, int(port or PORT)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from golden_model.config import Config
 from golden_model.gray import to_gray
-from sim.backend import create
+from skymosaic import board
 from skymosaic.cache import Arrays, key_of
 from skymosaic.collection import Source
 from skymosaic.exif import Position, position
@@ -141,7 +141,7 @@ def describe(source: Source, settings: Settings) -> View:
     photograph = source.photograph(settings.lens)
     working, to_original = reduced(photograph.pixels, settings.working_width_px)
     thumbnail, from_thumbnail = reduced(working, THUMBNAIL_WIDTH_PX)
-    results, _ = extract_within_capacity(create(settings.backend), [working], settings.config)
+    results, _ = extract_within_capacity(board.front_end(settings.backend), [working], settings.config)
     working_size = working.shape[1], working.shape[0]
     gray = to_gray(thumbnail)
     return View(

@@ -8,7 +8,15 @@ from typing import Annotated
 
 import typer
 
-from skymosaic.cli.options import ConfigOption, PresetOption, WorkingWidthOption, configuration, console
+from skymosaic.cli.options import (
+    AddressOption,
+    ConfigOption,
+    PresetOption,
+    WorkingWidthOption,
+    backend_at,
+    configuration,
+    console,
+)
 from skymosaic.comparison import compare as compare_pair
 from skymosaic.registration import WORKING_WIDTH_PX
 
@@ -18,7 +26,8 @@ def compare(
     left: Annotated[Path, typer.Argument(help="Left photograph.")],
     right: Annotated[Path, typer.Argument(help="Right photograph.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
-    backend: Annotated[str, typer.Option(help="rtl, verilator, cxxrtl, pysim or board:HOST.")] = "rtl",
+    backend: Annotated[str, typer.Option(help="rtl, verilator, cxxrtl, pysim or board.")] = "rtl",
+    address: AddressOption = None,
     preset: PresetOption = "aerial",
     config: ConfigOption = None,
     working_width_px: WorkingWidthOption = WORKING_WIDTH_PX,
@@ -32,7 +41,7 @@ def compare(
             left,
             right,
             config=configuration(preset, config),
-            backend=backend,
+            backend=backend_at(backend, address),
             working_width_px=working_width_px,
             waves=waves,
             progress=status.update,

@@ -20,6 +20,7 @@ from skymosaic.check import FlightCheck, check_flight
 from skymosaic.cli.live import IdleOption
 from skymosaic.cli.live import live as grow_mosaic
 from skymosaic.cli.options import (
+    AddressOption,
     BackendOption,
     ConfigOption,
     DescriptorOption,
@@ -29,6 +30,7 @@ from skymosaic.cli.options import (
     RefineOption,
     SeedOption,
     WorkingWidthOption,
+    backend_at,
     configuration,
     console,
 )
@@ -85,6 +87,7 @@ def mosaic(
     descriptor: DescriptorOption = None,
     estimator: EstimatorOption = "prosac",
     backend: BackendOption = "golden",
+    address: AddressOption = None,
     config: ConfigOption = None,
     working_width_px: WorkingWidthOption = WORKING_WIDTH_PX,
     seed: SeedOption = 0,
@@ -110,6 +113,7 @@ def mosaic(
     idle_seconds: IdleOption = None,
 ) -> None:
     """Make one mosaic of overlapping photographs: two, or a whole flight."""
+    backend = backend_at(backend, address)
     of_flights = camera or mask or all_groups or scheduler or cache
     of_pairs = detector or descriptor or estimator != "prosac" or refine
     if live:
@@ -178,6 +182,7 @@ def check(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
     preset: PresetOption = "aerial",
     backend: BackendOption = "golden",
+    address: AddressOption = None,
     config: ConfigOption = None,
     working_width_px: WorkingWidthOption = WORKING_WIDTH_PX,
     seed: SeedOption = 0,
@@ -190,7 +195,9 @@ def check(
 
     The exit status is 3 where the photographs do not make one mosaic.
     """
-    settings = Settings(configuration(preset, config), backend, working_width_px, load_lens(camera, mask))
+    settings = Settings(
+        configuration(preset, config), backend_at(backend, address), working_width_px, load_lens(camera, mask)
+    )
     with _sources(photographs) as given, _workers(scheduler) as workers:
         flight = survey(given, settings, seed, workers, _cache(cache))
     found = check_flight(flight)

@@ -11,11 +11,13 @@ import typer
 
 from skymosaic import images
 from skymosaic.cli.options import (
+    AddressOption,
     BackendOption,
     ConfigOption,
     PresetOption,
     SeedOption,
     WorkingWidthOption,
+    backend_at,
     configuration,
     console,
 )
@@ -42,14 +44,16 @@ def live(
     scale: Annotated[float, typer.Option(help="Size of the mosaic against the frames.")] = 1.0,
     preset: PresetOption = "aerial",
     backend: BackendOption = "golden",
+    address: AddressOption = None,
     config: ConfigOption = None,
     working_width_px: WorkingWidthOption = WORKING_WIDTH_PX,
     seed: SeedOption = 0,
 ) -> None:
     """Grow a mosaic frame by frame, with a preview beside it; Ctrl-C stops and writes it."""
     images.check_output(output, (source,))
+    computed_by = backend_at(backend, address)
     mosaic = LiveMosaic(
-        configuration(preset, config), backend, seed=seed, working_width_px=working_width_px, scale=scale
+        configuration(preset, config), computed_by, seed=seed, working_width_px=working_width_px, scale=scale
     )
     preview = output.with_suffix(".preview.jpg")
     frames = live_frames(source, idle_seconds=idle_seconds, tell=_tell, made=(output, preview))

@@ -20,7 +20,8 @@ from skymosaic.estimators import ESTIMATORS
 console = Console(stderr=True)
 
 PresetOption = Annotated[str, typer.Option(help="aerial or thesis.")]
-BackendOption = Annotated[str, typer.Option(help="Who computes: golden, rtl, verilator, cxxrtl, pysim or board:HOST.")]
+BackendOption = Annotated[str, typer.Option(help="Who computes: golden, rtl, verilator, cxxrtl, pysim or board.")]
+AddressOption = Annotated[str | None, typer.Option(metavar="HOST[:PORT]", help="The board's, with --backend board.")]
 DetectorOption = Annotated[
     str | None, typer.Option(help=f"{', '.join(DETECTORS)}; by default as configured, or what suits the descriptor.")
 ]
@@ -48,6 +49,21 @@ def plotting_module(name: str) -> ModuleType:
         return importlib.import_module(name)
     except ImportError:
         raise InputError("pictures need matplotlib; run pip install 'skymosaic[plots]'") from None
+
+
+def backend_at(backend: str, address: str | None) -> str:
+    """The backend's name, a board's with its address: ``board:HOST[:PORT]``.
+
+    Raises
+    ------
+    InputError
+        For an address where there is no board.
+    """
+    if address is None:
+        return backend
+    if backend != "board":
+        raise InputError(f"--address {address} is a board's; give --backend board, or leave it out")
+    return f"{backend}:{address}"
 
 
 def configuration(preset: str, file: Path | None) -> Config:

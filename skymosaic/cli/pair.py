@@ -12,6 +12,7 @@ from rich.table import Table
 
 from skymosaic import images, report
 from skymosaic.cli.options import (
+    AddressOption,
     BackendOption,
     ConfigOption,
     DescriptorOption,
@@ -21,6 +22,7 @@ from skymosaic.cli.options import (
     RefineOption,
     SeedOption,
     WorkingWidthOption,
+    backend_at,
     configuration,
     console,
 )
@@ -81,6 +83,7 @@ def register(
     descriptor: DescriptorOption = None,
     estimator: EstimatorOption = "prosac",
     backend: BackendOption = "golden",
+    address: AddressOption = None,
     config: ConfigOption = None,
     working_width_px: WorkingWidthOption = WORKING_WIDTH_PX,
     seed: SeedOption = 0,
@@ -95,7 +98,7 @@ def register(
             detector=detector,
             descriptor=descriptor,
             estimator=estimator,
-            backend=backend,
+            backend=backend_at(backend, address),
             seed=seed,
             working_width_px=working_width_px,
             refine=refine,

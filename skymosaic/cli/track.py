@@ -10,7 +10,16 @@ from typing import Annotated
 import typer
 
 from skymosaic import images
-from skymosaic.cli.options import BackendOption, ConfigOption, PresetOption, SeedOption, configuration, console
+from skymosaic.cli.options import (
+    AddressOption,
+    BackendOption,
+    ConfigOption,
+    PresetOption,
+    SeedOption,
+    backend_at,
+    configuration,
+    console,
+)
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.template import Roi
 from skymosaic.track import track as track_frames
@@ -30,6 +39,7 @@ def track(
     corners: Annotated[Path | None, typer.Option(help="The corners in every frame: .csv or .json.")] = None,
     preset: PresetOption = "aerial",
     backend: BackendOption = "golden",
+    address: AddressOption = None,
     config: ConfigOption = None,
     seed: SeedOption = 0,
 ) -> None:
@@ -39,11 +49,13 @@ def track(
     images.check_output(output, names, OUTPUT_SUFFIXES)
     if corners:
         images.check_output(corners, names, TABLE_SUFFIXES)
+    computed_by = backend_at(backend, address)
     reader = VideoReader(video)
+    frames = track_frames(template, reader, config=configuration(preset, config), backend=computed_by, seed=seed)
     rows: list[TrackedCorners] = []
     start = time.perf_counter()
     with console.status("tracking") as status, writing(output, reader.frame_rate) as write:
-        for frame in track_frames(template, reader, config=configuration(preset, config), backend=backend, seed=seed):
+        for frame in frames:
             write(outlined(frame))
             rows.append(row(frame, reader.frame_rate))
             status.update(f"tracking: frame {frame.number}")
