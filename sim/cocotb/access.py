@@ -13,7 +13,9 @@ from sim.cocotb.bench import REGISTER_BYTES, Bench, scene, transfer
 from sim.cocotb.runner import CONFIG, LANES, MAX_SIZE_PX
 from sim.designs import FEATURES, MATCHES
 
-UNKNOWN_ADDRESSES = (0x01C, 0x03C, 0x068, 0x200, 0xFFC)
+KNOWN_ADDRESSES = {register.offset for register in REGISTERS}
+UNKNOWN_ADDRESSES = sorted({*range(0, max(KNOWN_ADDRESSES) + 8, 4), 0x200, 0xFFC} - KNOWN_ADDRESSES)
+"""Between and behind the registers."""
 SMALL_PX = (64, 64)
 READ_ONLY = (Access.CONSTANT, Access.STATUS)
 EVENTS = ("frame_done", "matches_done", "frame_bad")
