@@ -1,0 +1,37 @@
+"""The corners that follow the threshold are those that a run would find."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from sim.backend import create
+from sim.scene import pair as rendered_pair
+from skymosaic.panel.choices import Choices
+from skymosaic.panel.corners_tab import detect
+
+
+@pytest.fixture(scope="module")
+def picture(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("pictures") / "field.png"
+    cv2.imwrite(str(path), rendered_pair(seed=9, size=(400, 300)).images[0])
+    return path
+
+
+@pytest.mark.parametrize("detector", ["harris", "fast"])
+def test_the_slider_shows_what_a_run_finds(picture: Path, detector: str) -> None:
+    pixels, counts = cv2.imread(str(picture)), set()
+    for position in (2, 20, 34):
+        choices = Choices.of_preset("aerial").changed("detector", detector).changed("position", position)
+        (shown,) = detect([picture], choices)
+        (found,) = create("golden").run([pixels], choices.settled()[1])
+        assert np.array_equal(shown, found.features)
+        counts.add(len(shown))
+    assert len(counts) == 3
+
+
+def test_without_cells_the_threshold_rises_until_all_fit(picture: Path) -> None:
+    lowest = Choices.of_preset("thesis").changed("position", 0)
+    (shown,) = detect([picture], lowest)
+    assert 0 < len(shown) <= lowest.settled()[1].front_end.max_features
