@@ -7,6 +7,7 @@ import socket
 from collections.abc import Callable, Sequence
 from io import BufferedIOBase
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,6 +77,9 @@ class BoardFrontEnd:
                 connection.makefile("rwb") as link,
             ):
                 link.write(header)
+                link.flush()
+                # Frames that are refused are never sent: the reason would be lost with the connection.
+                _header(link, where)
                 for frame in frames:
                     link.write(np.ascontiguousarray(frame).data)
                 link.flush()
@@ -86,15 +90,22 @@ class BoardFrontEnd:
             ) from None
 
 
-def _answer(link: BufferedIOBase, where: str) -> list[bytes]:
+def _header(link: BufferedIOBase, where: str, *names: str) -> list[Any]:
+    """What the server's next line says of ``names``."""
     try:
         header = json.loads(link.readline(LARGEST_HEADER_BYTES))
         if "error" in header:
             raise BackendError(f"the board at {where} says: {header['error']}")
-        lengths = [int(length) for length in header["lengths"]]
+        return [header[name] for name in names]
     except (KeyError, TypeError, ValueError):
         raise BackendError(f"what answers at {where} is not this board's server; check the address") from None
-    if any(not 0 <= length <= LARGEST_PACKET_BYTES for length in lengths):
+
+
+def _answer(link: BufferedIOBase, where: str) -> list[bytes]:
+    (lengths,) = _header(link, where, "lengths")
+    if type(lengths) is not list or not all(
+        type(length) is int and 0 <= length <= LARGEST_PACKET_BYTES for length in lengths
+    ):
         raise BackendError(f"the board at {where} announces packets of an impossible length; check its server")
     parts = [link.read(length) for length in lengths]
     if [len(part) for part in parts] != lengths:

@@ -1,7 +1,7 @@
 """Serves the accelerator to one client at a time over TCP; standard library, numpy and the driver.
 
-A request is a line of JSON, then the frames' bytes; the answer is a line of JSON, then the packets' bytes. There is
-no authentication: serve on a private network only.
+A request is a line of JSON. Where it can be served, a line with an empty object asks for the frames' bytes; after
+them, a line of JSON and the packets' bytes answer. There is no authentication: serve on a private network only.
 """
 
 import json
@@ -47,6 +47,7 @@ class Handler(socketserver.StreamRequestHandler):
         except (KeyError, TypeError, ValueError) as error:
             raise ValueError(f"the request is malformed: {error}") from None
         self._check(shape, count, settings)
+        self._answer({})
         length = int(np.prod(shape))
         return [self._frame(length).reshape(shape) for _ in range(count)], settings, hold_reference
 

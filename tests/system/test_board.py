@@ -5,16 +5,18 @@ Only the bus is ours: it turns the driver's register and DMA calls into those of
 
 import contextlib
 import importlib
+import json
 import socket
 import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
-from golden_model.config import Config, FrontEndConfig
+from golden_model.config import Config, FrontEndConfig, to_toml
 from hdl.export import driver_map
 from sim import verilator
 from sim.backend import BackendError, create
@@ -23,6 +25,7 @@ from sim.designs import FEATURES, LANES, MATCHES, accelerator
 from sim.recording import END_OF_LINE, Segment
 from sim.scene import pair as rendered_pair
 from skymosaic import board
+from skymosaic.cli import main
 
 PYNQ = Path(__file__).parents[2] / "constraints" / "pynq"
 SIZE_PX = (160, 120)
@@ -119,6 +122,53 @@ def test_the_board_gives_what_the_golden_model_gives(address: str, gray: bool, r
         for name in theirs.matches.dtype.names:
             assert np.array_equal(ours.matches[name], theirs.matches[name]), name
         assert ours.status["good"]
+
+
+def command(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *words: object
+) -> tuple[int, str, str]:
+    """Exit status, standard output and standard error of ``skymosaic`` and ``words``."""
+    monkeypatch.setattr(sys, "argv", ["skymosaic", *map(str, words)])
+    with pytest.raises(SystemExit) as end:
+        main()
+    printed = capsys.readouterr()
+    return int(end.value.code or 0), printed.out, printed.err
+
+
+@pytest.mark.parametrize("name", ["register", "check"])
+def test_a_command_asks_the_board_at_an_address(address: str, name: str, tmp_path: Path, capsys, monkeypatch) -> None:
+    paths = [tmp_path / "left.png", tmp_path / "right.png"]
+    for path, image in zip(paths, frames(gray=False), strict=True):
+        cv2.imwrite(str(path), image)
+    config = tmp_path / "config.toml"
+    config.write_text(to_toml(CONFIG))
+    words = (name, *paths, "--config", config, "--json")
+    _, golden, _ = command(capsys, monkeypatch, *words)
+    _, found, errors = command(capsys, monkeypatch, *words, "--backend", "board", "--address", address)
+    expected, summary = json.loads(golden), json.loads(found)
+    for volatile in ("seconds", "backend"):
+        assert expected.pop(volatile, None) != summary.pop(volatile, None) or name == "check", errors
+    assert summary == expected
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (("--backend", "board"), "--address HOST"),
+        (("--backend", "rtl", "--address", "pynq"), "--backend board"),
+        (("--backend", "board", "--address", "127.0.0.1:1"), "no board answers"),
+    ],
+)
+def test_a_wrong_address_is_told_in_one_line(
+    options: tuple[str, ...], says: str, tmp_path: Path, capsys, monkeypatch
+) -> None:
+    for number, image in enumerate([*frames(gray=True), frames(gray=True)[0]]):
+        cv2.imwrite(str(tmp_path / f"{number}.png"), image)
+    for words in (("register", *sorted(tmp_path.glob("[01].png"))), ("mosaic", tmp_path, "-o", tmp_path / "m.tif")):
+        status, _, errors = command(capsys, monkeypatch, *words, *options)
+        assert status == 2
+        assert errors.strip().count("\n") == 0
+        assert says in errors
 
 
 def test_the_server_refuses_what_was_not_built_and_lives_on(address: str) -> None:
