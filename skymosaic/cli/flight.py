@@ -33,6 +33,7 @@ from skymosaic.cli.options import (
     backend_at,
     configuration,
     console,
+    tell,
 )
 from skymosaic.cli.pair import mosaic_pair
 from skymosaic.collection import Source
@@ -213,12 +214,8 @@ def check(
 def _sources(photographs: Sequence[str]) -> Iterator[list[Source]]:
     with ExitStack() as stack:
         with console.status("reading"):
-            given = stack.enter_context(flight_sources(photographs, _tell))
+            given = stack.enter_context(flight_sources(photographs, tell))
         yield given
-
-
-def _tell(line: str) -> None:
-    console.print(line, soft_wrap=True, markup=False, highlight=False)
 
 
 @contextmanager
@@ -259,7 +256,7 @@ def _print_deliveries(deliveries: Sequence[Delivery], report_folder: Path | None
     if report_folder:
         lines.append(f"report {report_folder / 'index.html'}")
     for line in lines:
-        _tell(line)
+        tell(line)
 
 
 def _print_check(flight: Flight, found: FlightCheck) -> None:
@@ -269,6 +266,6 @@ def _print_check(flight: Flight, found: FlightCheck) -> None:
         table.add_row(Path(photo.name).name, *numbers, "yes" if photo.gps else "no", ", ".join(photo.problems))
     console.print(table)
     for problem in (*flight.left_out.values(), *found.problems):
-        _tell(problem)
+        tell(problem)
     if found.complete and not found.problems:
         console.print("complete: the photographs make one mosaic")

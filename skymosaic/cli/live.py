@@ -20,6 +20,7 @@ from skymosaic.cli.options import (
     backend_at,
     configuration,
     console,
+    tell,
 )
 from skymosaic.errors import RegistrationError
 from skymosaic.images import Photograph
@@ -56,20 +57,20 @@ def live(
         configuration(preset, config), computed_by, seed=seed, working_width_px=working_width_px, scale=scale
     )
     preview = output.with_suffix(".preview.jpg")
-    frames = live_frames(source, idle_seconds=idle_seconds, tell=_tell, made=(output, preview))
+    frames = live_frames(source, idle_seconds=idle_seconds, tell=tell, made=(output, preview))
     try:
         grow(mosaic, frames, preview)
     except KeyboardInterrupt:
-        _tell("stopped")
+        tell("stopped")
     mosaic.finish()
     if not mosaic.transforms:
         raise RegistrationError(f"{source}: no frame could be used")
     with console.status("writing"):
         images.save(output, mosaic.image)
     height_px, width_px = mosaic.image.shape[:2]
-    _tell(f"mosaic {output} ({width_px}x{height_px}): {len(mosaic.transforms)} frames, {len(mosaic.left_out)} left out")
+    tell(f"mosaic {output} ({width_px}x{height_px}): {len(mosaic.transforms)} frames, {len(mosaic.left_out)} left out")
     for number, reason in mosaic.left_out.items():
-        _tell(f"left out: frame {number}: {reason}")
+        tell(f"left out: frame {number}: {reason}")
 
 
 def grow(mosaic: LiveMosaic, frames: Iterable[Photograph], preview: Path) -> None:
@@ -77,7 +78,7 @@ def grow(mosaic: LiveMosaic, frames: Iterable[Photograph], preview: Path) -> Non
     shown = 0.0
     for frame in frames:
         update = mosaic.add(frame.pixels)
-        _tell(f"{update.number} {frame.name}: {_what_became(update)}")
+        tell(f"{update.number} {frame.name}: {_what_became(update)}")
         if not update.reason and time.monotonic() - shown >= PREVIEW_SECONDS:
             images.save(preview, images.reduced(mosaic.image, PREVIEW_WIDTH_PX)[0])
             shown = time.monotonic()
@@ -93,7 +94,3 @@ def _what_became(update: LiveUpdate) -> str:
         return f"begins a part{parts}"
     neighbours = ", ".join(map(str, update.placement.neighbours))
     return f"{update.placement.ties} ties to {neighbours}, median {update.placement.error_px:.2f} px{parts}"
-
-
-def _tell(line: str) -> None:
-    console.print(line, markup=False, highlight=False, soft_wrap=True)

@@ -37,6 +37,11 @@ SeedOption = Annotated[int, typer.Option(min=0, help="Seed of the robust estimat
 RefineOption = Annotated[bool, typer.Option("--refine", help="Second, guided pass: about half the error.")]
 
 
+def tell(line: str) -> None:
+    """Print a line as it is: names of files are neither markup nor numbers to colour."""
+    console.print(line, markup=False, highlight=False, soft_wrap=True)
+
+
 def plotting_module(name: str) -> ModuleType:
     """A module that needs matplotlib, which is an extra and takes a second to import.
 
