@@ -74,7 +74,7 @@ class Fast(wiring.Component):
 
         pipe = Pipe(m, window.o.valid)
         decisive, darker, cycles = self._decisive(m, pipe, circle, centre)
-        reference = delayed(m, centre, cycles) ^ darker.replicate(PIXEL.bits)
+        reference = delayed(m, pipe.registered(centre, 0), cycles - 1) ^ darker.replicate(PIXEL.bits)
         # Decisive - reference - 1, and a carry where it is not negative.
         difference = decisive + ~reference
         score = pipe.registered(Mux(difference[-1], difference[: PIXEL.bits], 0), cycles)
@@ -88,17 +88,20 @@ class Fast(wiring.Component):
 
         ``ones`` is what each pixel counts as in the current bit, ``settled`` whether it differed in an earlier one.
         """
-        planes = [Cat(pixel[bit] for pixel in circle) for bit in reversed(range(PIXEL.bits))]
+        # Registered here, and not only delayed, the planes rest with the detector.
+        planes = [
+            pipe.registered(Cat(pixel[bit] for pixel in circle), 0) for bit in reversed(range(PIXEL.bits))
+        ]
         brighter = pipe.registered(Cat(pixel > centre for pixel in circle), 0)
         darker = ~_has_arc(brighter)
-        ones = pipe.registered(delayed(m, planes[0], 1) ^ darker.replicate(len(circle)), 1)
+        ones = pipe.registered(planes[0] ^ darker.replicate(len(circle)), 1)
         darker = pipe.registered(darker, 1)
         settled, decisive = Const(0, len(circle)), Cat()
         cycles = 2
         for plane in (*planes[1:], Const(0, len(circle))):
             bit = _has_arc(ones)
             settled = settled | (ones ^ bit.replicate(len(circle)))
-            following = delayed(m, plane, cycles) ^ darker.replicate(len(circle))
+            following = delayed(m, plane, cycles - 1) ^ darker.replicate(len(circle))
             ones = pipe.registered((ones & settled) | (following & ~settled), cycles)
             settled = pipe.registered(settled, cycles)
             decisive = pipe.registered(Cat(bit, decisive), cycles)

@@ -70,8 +70,10 @@ class Design:
     top: Callable[[], wiring.Component]
     identity: str
 
-    def verilog(self, progress: Progress) -> str:
-        """The design in Verilog."""
+    def verilog(self, progress: Progress, *, flat: bool = False) -> str:
+        """The design in Verilog: as it is exported, or ``flat`` to be simulated."""
+        if flat:
+            return self._text("verilog-flat", functools.partial(to_verilog, flat=True), progress)
         return self._text("verilog", to_verilog, progress)
 
     def cxxrtl(self, progress: Progress, *, debug: bool = False) -> str:

@@ -1,4 +1,4 @@
-"""The exported Verilog, compiled by Verilator: the fastest simulation of the hardware."""
+"""The exported netlist as flat Verilog, compiled by Verilator: the fastest simulation of the hardware."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ RUNTIME_SOURCES = ("verilated.cpp", "verilated_threads.cpp")
 def library(design: Design, *, waves: bool = False, progress: Progress = silent) -> Path:
     """The design as a shared library, compiled the first time; errors as `sim.compiled.simulate` raises them."""
     root = package_folder()
-    verilog, ports = design.verilog(progress), compiled.ports_header(design.ports, str)
+    # Waves keep the modules, which a viewer shows as a tree.
+    verilog, ports = design.verilog(progress, flat=not waves), compiled.ports_header(design.ports, str)
     flags = (*VERILATOR_FLAGS, *(("--trace-vcd",) if waves else ()))
 
     def build(folder: Path) -> None:
