@@ -207,7 +207,7 @@ class CellRanking(wiring.Component):
                 self.o_slot.eq(insertion.o_slot),
                 self.o_order.eq(insertion.o_order),
                 self.o_added.eq(insertion.o_added),
-                self.o_touched.bit_select(self.o_cell, 1).eq(1),
+                self.o_touched.eq(self.o_touched | (1 << self.o_cell)),
             ]
         with m.If(self.i_clear):
             m.d.sync += self.o_touched.eq(0)

@@ -79,7 +79,8 @@ class Distances(wiring.Component):
             m.d.sync += left_valid.bit_select(self.i_lane, 1).eq(self.i_left_valid)
         for n, unequal in enumerate(popcount.i_planes):
             left, right = (Signal(self.lanes, name=f"{name}{n}", reset_less=True) for name in ("left", "right"))
-            m.d.sync += right.eq(Cat(self.i_right[n], right[:-1]))
+            with m.If(entered.any()):
+                m.d.sync += right.eq(Cat(self.i_right[n], right[:-1]))
             with m.If(self.i_load):
                 m.d.sync += left.bit_select(self.i_lane, 1).eq(self.i_left[n])
             m.d.comb += unequal.eq(left ^ right)

@@ -14,7 +14,7 @@ the support of its window from the frame's border is unspecified; `FrontEndConfi
 """
 
 # No postponed annotations here: data.Struct reads its fields from them.
-from amaranth import Module, Shape, ShapeLike, Value, ValueLike, unsigned
+from amaranth import Cat, Module, Shape, ShapeLike, Value, ValueLike, unsigned
 from amaranth.lib import data
 
 from golden_model.config import DETECTORS, MAX_FRAME_PX
@@ -36,8 +36,7 @@ def carry_scan(m: Module, source: data.View, sink: data.View, cycles: int) -> No
     """Hand ``valid``, ``x`` and ``y`` of a beat to another one ``cycles`` clocks later."""
     m.d.comb += [
         sink.valid.eq(delayed(m, source.valid, cycles, reset_less=False)),
-        sink.x.eq(delayed(m, source.x, cycles)),
-        sink.y.eq(delayed(m, source.y, cycles)),
+        Cat(sink.x, sink.y).eq(delayed(m, Cat(source.x, source.y), cycles)),
     ]
 
 
