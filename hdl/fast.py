@@ -89,9 +89,7 @@ class Fast(wiring.Component):
         ``ones`` is what each pixel counts as in the current bit, ``settled`` whether it differed in an earlier one.
         """
         # Registered here, and not only delayed, the planes rest with the detector.
-        planes = [
-            pipe.registered(Cat(pixel[bit] for pixel in circle), 0) for bit in reversed(range(PIXEL.bits))
-        ]
+        planes = [pipe.registered(Cat(pixel[bit] for pixel in circle), 0) for bit in reversed(range(PIXEL.bits))]
         brighter = pipe.registered(Cat(pixel > centre for pixel in circle), 0)
         darker = ~_has_arc(brighter)
         ones = pipe.registered(planes[0] ^ darker.replicate(len(circle)), 1)

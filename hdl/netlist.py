@@ -18,13 +18,11 @@ from amaranth.lib import wiring
 TIDY = ("proc -norom", "opt_expr", "opt_merge", "opt_clean", "opt_dff t:* r:WIDTH>=512 %d", "opt_clean")
 # Between modules, structs travel as wide words, which Verilator puts together and takes apart in each clock: flat, the
 # same netlist simulates 1.6 times as fast and compiles in two thirds of the time (measured).
-FLATTEN = ("flatten", "opt_expr", "opt_merge", "opt_clean")
+FLATTEN = ("flatten", "opt_clean")
 INTERNAL_ATTRIBUTES = ("generator", "top", "src", "amaranth.hierarchy", "amaranth.decoding")
 
 
-def to_verilog(
-    component: wiring.Component, *, name: str = "top", platform: object = None, flat: bool = False
-) -> str:
+def to_verilog(component: wiring.Component, *, name: str = "top", platform: object = None, flat: bool = False) -> str:
     """A component in Verilog, one module for each component in it.
 
     Parameters
@@ -39,7 +37,8 @@ def to_verilog(
         Make it one module, for simulation; names of what was inside others begin with theirs.
     """
     remove = " ".join(f"-remove {attribute}" for attribute in INTERNAL_ATTRIBUTES)
-    structure = FLATTEN if flat else ()
+    # What several modules compute is computed once; CXXRTL would be slower for it.
+    structure = (*FLATTEN, "opt_expr", "opt_merge", "opt_clean") if flat else ()
     output = ("memory_collect", f"attrmap {remove}", f"attrmap -modattr {remove}", "write_verilog")
     return _written(component, name, platform, (*TIDY, *structure, *output))
 

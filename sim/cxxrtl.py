@@ -6,20 +6,20 @@ import functools
 import importlib.util
 from pathlib import Path
 
-from sim import compiled
+from sim import compiled, cxxrtl_units
 from sim.backend import Progress, silent
-from sim.build_cache import cached, digest
-from sim.cxxrtl_units import split
+from sim.build_cache import cached, digest, digest_files
 from sim.design import Design
 from sim.hardware import HardwareFrontEnd
 
 
 def library(design: Design, *, waves: bool = False, progress: Progress = silent) -> Path:
     """The design as a shared library, compiled the first time; errors as `sim.compiled.simulate` raises them."""
-    units = split(design.cxxrtl(progress, debug=waves))
+    model = design.cxxrtl(progress, debug=waves)
     ports = compiled.ports_header(design.ports, _mangle)
 
     def build(folder: Path) -> None:
+        units = cxxrtl_units.split(model)
         evaluation = {folder / f"eval_{number}.cpp": unit for number, unit in enumerate(units.each_cycle)}
         rest = folder / "rest.cpp"
         headers = {folder / "design.hpp": units.header, folder / "ports.hpp": ports}
@@ -29,7 +29,7 @@ def library(design: Design, *, waves: bool = False, progress: Progress = silent)
         sources = compiled.Sources("cxxrtl.hpp", includes, each_cycle=tuple(evaluation), others=(rest,))
         compiled.compile_library(folder, sources, waves=waves, progress=progress)
 
-    key = digest(*units.each_cycle, units.header, units.rest, ports, str(waves), compiled.identity())
+    key = digest(model, digest_files([Path(cxxrtl_units.__file__)]), ports, str(waves), compiled.identity())
     folder = cached(f"cxxrtl-{key}", build, what=f"{design.name} for CXXRTL", progress=progress)
     return folder / compiled.LIBRARY_NAME
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import defaultdict
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -19,6 +20,9 @@ LOCAL = re.compile(r"\tvalue<\d+> (\w+);")
 OUTLINE = re.compile(r"/\*outline\*/ value<\d+> (\w+);")
 """Members that a model for waves has: the same values under the same names."""
 EDGE = re.compile(r"\tbool \w+ = this->\w+\(\);")
+COMMENT = re.compile(r"\t+//.*\n")
+ENABLED = re.compile(r"\tif \((posedge_\w+)\) \{\n\t\tif \((.+)\) \{\n\t\t\t(\w+\.next\b.*;)\n\t\t\}\n\t\}\n")
+"""A register's next value where its enable is high. Nothing but the edge of the clock looks at next values."""
 
 
 class Units(NamedTuple):
@@ -44,7 +48,7 @@ def split(model: str) -> Units:
     declaration, definitions = COMMIT.sub(r"\1.curr = \1.next;", model).split(CLASS_END)
     evaluation = EVAL.search(definitions)
     assert evaluation is not None
-    lines = evaluation[1].splitlines()
+    lines = _by_enable(COMMENT.sub("", evaluation[1])).splitlines()
     found = [match for match in map(LOCAL.fullmatch, lines) if match]
     outlines = set(OUTLINE.findall(declaration))
     edges = [line for line in lines if EDGE.fullmatch(line)]
@@ -60,6 +64,22 @@ def split(model: str) -> Units:
         header="\n".join(header),
         each_cycle=[_unit(number, [*edges, *body]) for number, body in enumerate(bodies)],
         rest=f'#include "design.hpp"\nnamespace cxxrtl_design {{\n{rest}',
+    )
+
+
+def _by_enable(evaluation: str) -> str:
+    """The evaluation with one condition for all registers of an enable, at its end, instead of one for each bit."""
+    registers: defaultdict[tuple[str, str], list[str]] = defaultdict(list)
+
+    def take(register: re.Match[str]) -> str:
+        edge, enable, assignment = register.groups()
+        registers[edge, enable].append(f"\t\t{assignment}")
+        return ""
+
+    rest = ENABLED.sub(take, evaluation + "\n")
+    return rest + "\n".join(
+        "\n".join([f"\tif ({edge} && ({enable})) {{", *assignments, "\t}"])
+        for (edge, enable), assignments in registers.items()
     )
 
 
