@@ -65,6 +65,14 @@ async def _assert_counted(bench: Bench, results: Sequence[FrameResult], bad: int
     assert await bench.read("frame_bad")
 
 
+async def _assert_only_second_bad(
+    bench: Bench, results: Sequence[FrameResult], good: tuple[Image, Image], cause: Cause
+) -> None:
+    _assert_bad(results[1], 1, cause)
+    assert_golden(results, {0: good[0], 2: good[1]})
+    await _assert_counted(bench, results, 1, cause)
+
+
 @cocotb.test(timeout_time=3, timeout_unit="ms")
 async def malformed_video(dut: Any) -> None:
     """Each fault between two good frames, without a pause."""
@@ -97,9 +105,7 @@ async def a_transfer_that_ends_early(dut: Any) -> None:
     for packet in ([left], [right[:-MISSING_LINES]], [right]):
         await bench.video.send(transfer(packet))
     results = await bench.results(3)
-    _assert_bad(results[1], 1, Cause.EARLY_END)
-    assert_golden(results, {0: left, 2: right})
-    await _assert_counted(bench, results, 1, Cause.EARLY_END)
+    await _assert_only_second_bad(bench, results, (left, right), Cause.EARLY_END)
 
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
@@ -114,9 +120,7 @@ async def more_features_than_fit(dut: Any) -> None:
         await bench.configure(image, memory_mode=1, **settings)
         await bench.video.send(transfer([image]))
         results += await bench.results(1)
-    _assert_bad(results[1], 1, Cause.TOO_MANY_FEATURES)
-    assert_golden(results, {0: left, 2: right})
-    await _assert_counted(bench, results, 1, Cause.TOO_MANY_FEATURES)
+    await _assert_only_second_bad(bench, results, (left, right), Cause.TOO_MANY_FEATURES)
 
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
