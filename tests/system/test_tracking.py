@@ -186,7 +186,7 @@ def test_the_hardware_holding_its_reference_tracks_the_same(frames, roi, monkeyp
     tracked, recorded = {}, {}
     for backend in ("golden", "rtl"):
         recorded[backend] = Recorded(backend)
-        monkeypatch.setattr("skymosaic.track.create", lambda name: recorded[name])
+        monkeypatch.setattr("skymosaic.board.front_end", lambda name: recorded[name])
         tracked[backend] = list(track(roi, frames[:6], backend=backend, config=preset_config("aerial")))
     assert {reference for _, reference, _ in recorded["rtl"].runs} == {"held"}
     assert sum(len(results[-1].matches) for *_, results in recorded["rtl"].runs) > 100
