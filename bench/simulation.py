@@ -78,7 +78,7 @@ def compiled_row(simulator: str, design: Design, segments: list[Segment], *, run
     """A compiled simulator: build, then the best run, the start of the simulation included."""
     module = SIMULATORS[simulator]
     started = time.perf_counter()
-    module.library(design)
+    module.shared_library(design)
     build_seconds = None if cached else round(time.perf_counter() - started, 1)
     seconds, recording = timed(lambda: module.simulate(design, segments), runs)
     return {"cold build s": build_seconds, **row(recording, seconds, seconds)}

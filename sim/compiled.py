@@ -273,7 +273,7 @@ def simulate(
     Parameters
     ----------
     library : callable
-        Gives the shared library of ``design`` (`sim.verilator.library`, `sim.cxxrtl.library`).
+        Gives the shared library of ``design`` (`sim.verilator.shared_library`, `sim.cxxrtl.shared_library`).
     design : Design
         What is simulated.
     segments : sequence of Segment

@@ -13,7 +13,7 @@ from sim.design import Design
 from sim.hardware import HardwareFrontEnd
 
 
-def library(design: Design, *, waves: bool = False, progress: Progress = silent) -> Path:
+def shared_library(design: Design, *, waves: bool = False, progress: Progress = silent) -> Path:
     """The design as a shared library, compiled the first time; errors as `sim.compiled.simulate` raises them."""
     model = design.cxxrtl(progress, debug=waves)
     ports = compiled.ports_header(design.ports, _mangle)
@@ -34,7 +34,7 @@ def library(design: Design, *, waves: bool = False, progress: Progress = silent)
     return folder / compiled.LIBRARY_NAME
 
 
-simulate = functools.partial(compiled.simulate, library)
+simulate = functools.partial(compiled.simulate, shared_library)
 """`sim.compiled.simulate` with this simulator."""
 
 

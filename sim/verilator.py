@@ -22,7 +22,7 @@ VERILATOR_FLAGS = (
 RUNTIME_SOURCES = ("verilated.cpp", "verilated_threads.cpp")
 
 
-def library(design: Design, *, waves: bool = False, progress: Progress = silent) -> Path:
+def shared_library(design: Design, *, waves: bool = False, progress: Progress = silent) -> Path:
     """The design as a shared library, compiled the first time; errors as `sim.compiled.simulate` raises them."""
     root = package_folder()
     # Waves keep the modules, which a viewer shows as a tree.
@@ -50,7 +50,7 @@ def library(design: Design, *, waves: bool = False, progress: Progress = silent)
     return folder / compiled.LIBRARY_NAME
 
 
-simulate = functools.partial(compiled.simulate, library)
+simulate = functools.partial(compiled.simulate, shared_library)
 """`sim.compiled.simulate` with this simulator."""
 
 

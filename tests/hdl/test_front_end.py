@@ -78,7 +78,9 @@ def assert_golden(packet, golden):
 
 
 def compiled(simulator, config):
-    return contextlib.closing(Bench(simulator.library(front_end(config, SIZE_PX)), front_end(config, SIZE_PX).ports))
+    return contextlib.closing(
+        Bench(simulator.shared_library(front_end(config, SIZE_PX)), front_end(config, SIZE_PX).ports)
+    )
 
 
 @pytest.fixture(scope="module")

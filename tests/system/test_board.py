@@ -87,7 +87,9 @@ def driver(tmp_path_factory: pytest.TempPathFactory) -> Iterator[object]:
 @pytest.fixture(scope="module")
 def bench() -> Iterator[Bench]:
     design = accelerator(CONFIG, BUILT_PX)
-    with contextlib.closing(Bench(verilator.library(design, waves=False, progress=print), design.ports)) as running:
+    with contextlib.closing(
+        Bench(verilator.shared_library(design, waves=False, progress=print), design.ports)
+    ) as running:
         yield running
 
 

