@@ -36,8 +36,8 @@ class Insertion(wiring.Component):
         Every place is free, whatever the ranking says.
     i_response : In(15)
         The newcomer's, not 0.
-    i_per_cell : In(4)
-        Places in use, 1 to 8.
+    i_last_place : In(3)
+        The last one of the places in use.
     o_kept : Out(1)
         The newcomer has a place.
     o_slot : Out(3)
@@ -53,7 +53,7 @@ class Insertion(wiring.Component):
     i_ranking: data.View
     i_empty: Signal
     i_response: Signal
-    i_per_cell: Signal
+    i_last_place: Signal
     o_kept: Signal
     o_slot: Signal
     o_added: Signal
@@ -66,7 +66,7 @@ class Insertion(wiring.Component):
                 "i_ranking": In(RANKING),
                 "i_empty": In(1),
                 "i_response": In(RESPONSE_CODE.bits),
-                "i_per_cell": In(range(MAX_PER_CELL + 1)),
+                "i_last_place": In(range(MAX_PER_CELL)),
                 "o_kept": Out(1),
                 "o_slot": Out(range(MAX_PER_CELL)),
                 "o_added": Out(1),
@@ -80,19 +80,19 @@ class Insertion(wiring.Component):
         m = Module()
         newcomer, ranking = Signal(RANK), Signal(RANKING)
         taken, beaten = Signal(MAX_PER_CELL), Signal(MAX_PER_CELL)
-        last_place = (self.i_per_cell - 1)[:3]
+        # `i_empty` comes late, with many readers: nothing long waits for it.
+        last_slot = Array(rank.slot for rank in self.i_ranking)[self.i_last_place]
         m.d.comb += [
             ranking.eq(Mux(self.i_empty, _EMPTY, self.i_ranking)),
             newcomer.response.eq(self.i_response),
             newcomer.slot.eq(self.o_slot),
             self.o_kept.eq(beaten.any()),
-            self.o_slot.eq(Array(rank.slot for rank in ranking)[last_place]),
-            self.o_added.eq(~taken.bit_select(last_place, 1)),
+            self.o_slot.eq(Mux(self.i_empty, self.i_last_place, last_slot)),
+            self.o_added.eq(~taken.bit_select(self.i_last_place, 1)),
         ]
         above, above_taken, above_beaten = newcomer, 1, 0
         for place, rank in enumerate(ranking):
-            in_use = self.i_per_cell > place
-            # The comparison, the longest path, does not wait for `i_empty`.
+            in_use = self.i_last_place >= place
             smaller = self.i_ranking[place].response < self.i_response
             m.d.comb += [
                 taken[place].eq(rank.response.any()),
@@ -154,7 +154,7 @@ class CellRanking(wiring.Component):
     o_added: Signal
     o_touched: Signal
 
-    latency_cycles = 2
+    latency_cycles = 3
 
     def __init__(self, *, pattern: DescriptorPattern, cells: int) -> None:
         self.cells = cells
@@ -175,31 +175,38 @@ class CellRanking(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Read the cell's ranking in the feature's clock, insert and write back in the next."""
+        """Find the cell, read its ranking, insert and write back: each in its clock."""
         m = Module()
         # Many bits and few words: LUT memory. `o_touched` tells old rankings from this row's, so nothing is cleared.
         rankings = memory.Memory(shape=RANKING, depth=self.cells, init=[], attrs={"ram_style": "distributed"})
         m.submodules.rankings = rankings
         m.submodules.insertion = insertion = Insertion()
         read, write = rankings.read_port(), rankings.write_port()
-        arrived, touched = delayed(m, self.i.present, 1, reset_less=False), Signal(reset_less=True)
+        cell, feature = Signal.like(self.o_cell, reset_less=True), Signal.like(self.i.feature, reset_less=True)
+        with m.If(self.i.present):
+            m.d.sync += [
+                cell.eq(self.i.x[SMALLEST_CELL_LOG2:] >> (self.i_cell_log2 - SMALLEST_CELL_LOG2)[:2]),
+                feature.eq(self.i.feature),
+            ]
+        located = delayed(m, self.i.present, 1, reset_less=False)
+        arrived, touched = delayed(m, located, 1, reset_less=False), Signal(reset_less=True)
         m.d.comb += [
-            read.addr.eq(self.i.x[SMALLEST_CELL_LOG2:] >> (self.i_cell_log2 - SMALLEST_CELL_LOG2)[:2]),
-            read.en.eq(self.i.present),
+            read.addr.eq(cell),
+            read.en.eq(located),
             insertion.i_ranking.eq(read.data),
             insertion.i_empty.eq(~touched),
             insertion.i_response.eq(self.o_feature.response),
-            insertion.i_per_cell.eq(self.i_per_cell),
+            insertion.i_last_place.eq(delayed(m, (self.i_per_cell - 1)[:3], 1)),
             write.addr.eq(self.o_cell),
             write.data.eq(insertion.o_ranking),
             # Where the newcomer has no place, this is the same ranking again.
             write.en.eq(arrived),
         ]
-        with m.If(self.i.present):
+        with m.If(located):
             m.d.sync += [
-                self.o_cell.eq(read.addr),
-                self.o_feature.eq(self.i.feature),
-                touched.eq(self.o_touched.bit_select(read.addr, 1) & ~self.i_clear),
+                self.o_cell.eq(cell),
+                self.o_feature.eq(feature),
+                touched.eq(self.o_touched.bit_select(cell, 1) & ~self.i_clear),
             ]
         m.d.sync += self.o_kept.eq(arrived & insertion.o_kept)
         with m.If(arrived):

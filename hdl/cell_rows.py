@@ -99,11 +99,14 @@ class CellRows(wiring.Component):
 
     def _walk(self, m: Module, order: memory.ReadPort, bank: Value, requests: stream.Interface) -> None:
         """Request every taken place of every cell, then the end of the row."""
+        cell, place, next_cell = Signal.like(self.i_cell), Signal(range(MAX_PER_CELL)), Signal()
+        # The lowest bit is the current cell's.
         touched, ends_level = Signal.like(self.i_touched), Signal()
-        cell, place = Signal.like(self.i_cell), Signal(range(MAX_PER_CELL))
         followed = Cat(Cat(later.taken for later in order.data)[1:], 0).bit_select(place, 1)
         with m.If(self.i_close):
             m.d.sync += [touched.eq(self.i_touched), ends_level.eq(self.i_ends_level)]
+        with m.Elif(next_cell):
+            m.d.sync += [touched.eq(touched >> 1), cell.eq(cell + 1)]
         m.d.comb += [
             order.addr.eq(Cat(cell, bank)),
             requests.p.cell.eq(cell),
@@ -118,18 +121,18 @@ class CellRows(wiring.Component):
                     m.next = "Read-Order"
             with m.State("Read-Order"):
                 m.d.comb += order.en.eq(1)
-                with m.If(touched.bit_select(cell, 1)):
+                with m.If(touched[0]):
                     m.next = "Request-Features"
                 with m.Elif(last_cell):
                     m.next = "Request-End"
                 with m.Else():
-                    m.d.sync += cell.eq(cell + 1)
+                    m.d.comb += next_cell.eq(1)
             with m.State("Request-Features"):
                 m.d.comb += requests.valid.eq(1)
                 with m.If(requests.ready):
                     m.d.sync += place.eq(Mux(followed, place + 1, 0))
                     with m.If(~followed):
-                        m.d.sync += cell.eq(cell + 1)
+                        m.d.comb += next_cell.eq(1)
                         m.next = "Read-Order"
                         with m.If(last_cell):
                             m.next = "Request-End"
@@ -139,20 +142,27 @@ class CellRows(wiring.Component):
                     m.next = "Fill"
 
     def _fetch(self, m: Module, feature: memory.ReadPort, bank: Value, requests: stream.Interface) -> None:
-        """Read what is requested; the memory's output is one stage, the output's register another."""
+        """Read what is requested; the memory's output is one stage, the output's register another.
+
+        A stage takes the next feature when it is empty, not already when it becomes so: a feature has several words,
+        and so nothing long waits for ``ready``.
+        """
         fetched, mark = Signal(), Signal.like(requests.p)
-        advance = ~self.o.valid | self.o.ready
+        advance = fetched & ~self.o.valid
         m.d.comb += [
-            requests.ready.eq(~fetched | advance),
+            requests.ready.eq(~fetched),
             feature.addr.eq(Cat(requests.p.slot, requests.p.cell, bank)),
             feature.en.eq(requests.valid & requests.ready),
         ]
-        with m.If(requests.ready):
-            m.d.sync += [fetched.eq(requests.valid), mark.eq(requests.p)]
+        with m.If(feature.en):
+            m.d.sync += [fetched.eq(1), mark.eq(requests.p)]
         with m.If(advance):
             m.d.sync += [
-                self.o.valid.eq(fetched),
+                fetched.eq(0),
+                self.o.valid.eq(1),
                 self.o.p.feature.eq(feature.data),
                 self.o.p.ends_row.eq(mark.ends_row),
                 self.o.p.ends_level.eq(mark.ends_row & mark.ends_level),
             ]
+        with m.Elif(self.o.ready):
+            m.d.sync += self.o.valid.eq(0)

@@ -92,14 +92,14 @@ class Fast(wiring.Component):
         planes = [pipe.registered(Cat(pixel[bit] for pixel in circle), 0) for bit in reversed(range(PIXEL.bits))]
         brighter = pipe.registered(Cat(pixel > centre for pixel in circle), 0)
         darker = ~_has_arc(brighter)
-        ones = pipe.registered(planes[0] ^ darker.replicate(len(circle)), 1)
+        ones, *planes = (pipe.registered(plane ^ darker.replicate(len(circle)), 1) for plane in planes)
         darker = pipe.registered(darker, 1)
         settled, decisive = Const(0, len(circle)), Cat()
         cycles = 2
-        for plane in (*planes[1:], Const(0, len(circle))):
+        for plane in (*planes, Const(0, len(circle))):
             bit = _has_arc(ones)
             settled = settled | (ones ^ bit.replicate(len(circle)))
-            following = delayed(m, plane, cycles - 1) ^ darker.replicate(len(circle))
+            following = delayed(m, plane, cycles - 2)
             ones = pipe.registered((ones & settled) | (following & ~settled), cycles)
             settled = pipe.registered(settled, cycles)
             decisive = pipe.registered(Cat(bit, decisive), cycles)

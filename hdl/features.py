@@ -54,7 +54,7 @@ class CandidateFeatures(wiring.Component):
     -------
     i : In(CANDIDATE)
     i_pixels : In(8).array(rings, angles)
-        `RingWindow.o_pixels` of the same scan position.
+        `RingWindow.o_pixels` of the same scan position, a clock after ``i``.
     o : Out(feature_beat)
         ``latency_cycles`` after the candidate.
 
@@ -93,8 +93,7 @@ class CandidateFeatures(wiring.Component):
         m = Module()
         m.submodules.descriptor = descriptor = self._descriptor
         m.submodules.position = position = self._position
-        candidate = self.i.valid & self.i.code.any()
-        m.d.comb += [descriptor.i_candidate.eq(candidate), position.i.eq(self.i)]
+        m.d.comb += [descriptor.i_candidate.eq(self.i.present), position.i.eq(self.i)]
         for i_ring, ring in zip(descriptor.i_pixels, self.i_pixels, strict=True):
             m.d.comb += [i_pixel.eq(pixel) for i_pixel, pixel in zip(i_ring, ring, strict=True)]
 
@@ -109,8 +108,8 @@ class CandidateFeatures(wiring.Component):
         ):
             m.d.comb += target.eq(delayed(m, source, wait_cycles))
         if self.pattern.carries_window:
-            m.d.comb += feature.window.eq(delayed(m, self._window(), self.latency_cycles))
-        marks = Cat(candidate, self.i.valid & self.i.ends_row, self.i.valid & self.i.ends_level)
+            m.d.comb += feature.window.eq(delayed(m, self._window(), self.latency_cycles - 1))
+        marks = Cat(self.i.present, self.i.valid & self.i.ends_row, self.i.valid & self.i.ends_level)
         delayed_marks = delayed(m, marks, self.latency_cycles, reset_less=False)
         m.d.comb += Cat(self.o.present, self.o.ends_row, self.o.ends_level).eq(delayed_marks)
         return m

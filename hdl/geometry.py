@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from amaranth import Module, Mux, Signal
+from amaranth import Module, Mux, Signal, Value
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -24,11 +24,11 @@ class FrameGeometry(wiring.Component):
     -------
     i : In(stream(PixelPayload))
     i_width_px, i_height_px : In
-        Set at least 2 clocks before a frame is let in.
+        At least 2. Set at least 2 clocks before a frame is let in.
     i_may_start : In(1)
         A frame may start.
     i_may_end : In(1)
-        A frame may end. Not looked at in the clock of ``o_end``.
+        A frame may end from the next clock on. Not looked at in the clock of ``o_end`` and the one before.
     i_hold : In(1)
         Nothing may be admitted.
     o : Out(beat(data))
@@ -74,20 +74,17 @@ class FrameGeometry(wiring.Component):
         """Decide what the next beat is, then count it and judge it."""
         m = Module()
         pixel = self.i.payload
-        x, y, last_x, last_y = (Signal(COORDINATE, name=name) for name in ("x", "y", "last_x", "last_y"))
-        m.d.sync += [last_x.eq(self.i_width_px - 1), last_y.eq(self.i_height_px - 1)]
-        line_ends, frame_ends = x == last_x, (x == last_x) & (y == last_y)
-
-        resynchronising, padding = Signal(), Signal()
-        may_end = self.i_may_end & ~self.o_end
+        emits, ends, resynchronising, padding, may_end = (Signal() for _ in range(5))
+        line_ends, frame_ends = self._count(m, emits)
+        m.d.sync += may_end.eq(self.i_may_end & ~self.o_end & ~ends)
         allowed = ~self.i_hold & (may_end | ~frame_ends)
         starts = self.i.valid & pixel.first & ~self.o_running & self.i_may_start & allowed
         proceeds = self.i.valid & ~pixel.first & self.o_running & ~padding & allowed
         stray = self.i.valid & ~pixel.first & ~self.o_running
         reported = stray & ~resynchronising & may_end
-        emits = Signal()
         m.d.comb += [
             emits.eq(starts | proceeds | (padding & allowed)),
+            ends.eq((emits & frame_ends) | reported),
             self.i.ready.eq(starts | proceeds | reported | (stray & resynchronising)),
         ]
 
@@ -102,7 +99,7 @@ class FrameGeometry(wiring.Component):
         m.d.sync += [
             self.o.valid.eq(emits),
             self.o_start.eq(starts),
-            self.o_end.eq((emits & frame_ends) | reported),
+            self.o_end.eq(ends),
         ]
         with m.If(self.i.valid & pixel.first & self.o_running):
             m.d.sync += padding.eq(1)
@@ -111,15 +108,29 @@ class FrameGeometry(wiring.Component):
         with m.If(emits):
             causes = Mux(starts | ~self.o_causes.any(), cause, self.o_causes)
             m.d.sync += [
-                self.o.x.eq(x),
-                self.o.y.eq(y),
                 self.o.data.eq(Mux(padding, 0, pixel.data)),
                 self.o_causes.eq(causes),
                 self.o_running.eq(1),
-                x.eq(Mux(line_ends, 0, x + 1)),
             ]
-            with m.If(line_ends):
-                m.d.sync += y.eq(Mux(frame_ends, 0, y + 1))
             with m.If(frame_ends):
                 m.d.sync += [self.o_running.eq(0), padding.eq(0), resynchronising.eq(causes.any())]
         return m
+
+    def _count(self, m: Module, emits: Value) -> tuple[Value, Value]:
+        """Give each beat its position; whether the next one ends its line, and whether it ends its frame.
+
+        Both are known from the beat before, since what may happen hangs on them.
+        """
+        x, y, last_but_one_x, last_but_one_y = (Signal(COORDINATE) for _ in range(4))
+        line_ends, is_last_line = Signal(), Signal()
+        m.d.sync += [last_but_one_x.eq(self.i_width_px - 2), last_but_one_y.eq(self.i_height_px - 2)]
+        with m.If(emits):
+            m.d.sync += [
+                self.o.x.eq(x),
+                self.o.y.eq(y),
+                x.eq(Mux(line_ends, 0, x + 1)),
+                line_ends.eq(x == last_but_one_x),
+            ]
+            with m.If(line_ends):
+                m.d.sync += [y.eq(Mux(is_last_line, 0, y + 1)), is_last_line.eq(y == last_but_one_y)]
+        return line_ends, line_ends & is_last_line

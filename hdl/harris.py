@@ -164,7 +164,7 @@ class ResponseCode(wiring.Component):
     i_threshold_code: Signal
     o: data.View
 
-    latency_cycles = 4
+    latency_cycles = 6
 
     def __init__(self) -> None:
         super().__init__(
@@ -180,8 +180,9 @@ class ResponseCode(wiring.Component):
         m = Module()
         carry_scan(m, self.i, self.o, self.latency_cycles)
         value = Mux(self.i.raw < 0, 0, self.i.raw[: RAW_RESPONSE.bits - 1])
-        value, exponent = self._normalised(m, value, Cat(), (16, 8))
-        value, exponent = self._normalised(m, value, exponent, (4, 2, 1))
+        exponent = Cat()
+        for steps in ((16,), (8,), (4,), (2, 1)):
+            value, exponent = self._normalised(m, value, exponent, steps)
         # A hidden one that is left at the fraction's upper end carries into the exponent field, as it should.
         code = delayed(m, ((exponent << RESPONSE_FRACTION_BITS) + value)[: RESPONSE_CODE.bits], 1)
         m.d.comb += self.o.code.eq(delayed(m, Mux(code < self.i_threshold_code, 0, code), 1))

@@ -34,7 +34,7 @@ class RingDescriptor(wiring.Component):
     Members
     -------
     i_candidate : In(1)
-        The pixels are a candidate's.
+        The next clock's pixels are a candidate's: it is known early because so many registers wait for it.
     i_pixels : In(8).array(rings, angles)
         Ring pixels, `DescriptorPattern.offsets`.
     o_valid : Out(1)
@@ -71,7 +71,7 @@ class RingDescriptor(wiring.Component):
             self._sector = Sector(moment=self._moments.o_mx.shape())
             # The last group's moments and the sector, against the first group's comparisons (one clock).
             self._wait_cycles = self.groups - 1 + self._moments.latency_cycles + self._sector.latency_cycles - 1
-        self.latency_cycles = 1 + 1 + self._wait_cycles + self.groups
+        self.latency_cycles = 1 + 1 + 1 + self._wait_cycles + self.groups
         super().__init__(
             {
                 "i_candidate": In(1),
@@ -88,27 +88,29 @@ class RingDescriptor(wiring.Component):
         # age[n]: there was a candidate n + 1 clocks ago.
         age = Signal(self.latency_cycles)
         m.d.sync += age.eq(Cat(self.i_candidate, age))
-        arrival = age[: self.groups]
-        rings = self._turning_rings(m, self.i_candidate | arrival[:-1].any())
-        columns = self._comparisons(m, rings, arrival.any())
+        turning = Signal()
+        m.d.sync += turning.eq(Cat(self.i_candidate, age)[: self.groups].any())
+        rings = self._turning_rings(m, age[0], turning)
+        arrived = delayed(m, turning, 1, reset_less=False)
+        columns = self._comparisons(m, rings, arrived)
         sector = Const(0, 4)
         if self.pattern.oriented:
-            self._connect_orientation(m, rings, arrival, age)
+            self._connect_orientation(m, rings, arrived, age[1:])
             sector = self._sector.o_sector
-        collection = age[1 + self._wait_cycles :][: self.groups]
+        collection = age[2 + self._wait_cycles :][: self.groups]
         with m.If(collection[-1]):
             m.d.sync += self.o_sector.eq(sector)
         self._collect(m, delayed(m, columns, self._wait_cycles), sector, collection)
         m.d.comb += self.o_valid.eq(age[-1])
         return m
 
-    def _turning_rings(self, m: Module, turn: Value) -> list[list[Signal]]:
+    def _turning_rings(self, m: Module, load: Value, turn: Value) -> list[list[Signal]]:
         """Copies of the candidate's rings; each clock the group before comes to the first positions."""
         rings = []
         for pixels, radius_px in zip(self.i_pixels, self.pattern.radii_px, strict=True):
             if radius_px == 0:
                 centre = Signal(8, name="centre", reset_less=True)
-                with m.If(self.i_candidate):
+                with m.If(load):
                     m.d.sync += centre.eq(pixels[0])
                 rings.append([centre] * self.pattern.angles)
                 continue
@@ -116,7 +118,7 @@ class RingDescriptor(wiring.Component):
             loaded = [pixels[n - self.group_angles] for n in range(self.pattern.angles)]
             turned = ring.as_value().rotate_left(8 * self.group_angles)
             with m.If(turn):
-                m.d.sync += ring.eq(Mux(self.i_candidate, Cat(loaded), turned))
+                m.d.sync += ring.eq(Mux(load, Cat(loaded), turned))
             rings.append(ring)
         return rings
 
@@ -130,12 +132,12 @@ class RingDescriptor(wiring.Component):
                 m.d.sync += column.eq(Cat(bits))
         return columns
 
-    def _connect_orientation(self, m: Module, rings: list[list[Signal]], arrival: Value, age: Value) -> None:
+    def _connect_orientation(self, m: Module, rings: list[list[Signal]], arrived: Value, age: Value) -> None:
         m.submodules.moments = moments = self._moments
         m.submodules.sector = sector = self._sector
         m.d.comb += [
-            moments.i_valid.eq(arrival.any()),
-            moments.i_first.eq(arrival[0]),
+            moments.i_valid.eq(arrived),
+            moments.i_first.eq(age[0]),
             sector.i_valid.eq(age[self.groups - 1 + moments.latency_cycles]),
             sector.i_mx.eq(moments.o_mx),
             sector.i_my.eq(moments.o_my),

@@ -15,6 +15,7 @@ from hdl.features import CandidateFeatures
 from hdl.level_scan import LevelScan
 from hdl.ring_window import RingWindow
 from hdl.selection import CellSelection, RasterSelection
+from hdl.skid_buffer import SkidBuffer
 from hdl.smooth import Binomial
 from hdl.streams import CANDIDATE, FrontEndSettings, RowPayload, beat, carry_scan
 from hdl.window import Displaced, LineBuffer
@@ -156,15 +157,18 @@ class Level(wiring.Component):
         corner = self._corners.o
         carry_scan(m, corner, self._candidate, 1)
         m.d.comb += Cat(self._candidate.ends_row, self._candidate.ends_level).eq(ends)
-        m.d.comb += self._candidate.code.eq(delayed(m, Mux(inside, corner.code, 0), 1))
+        m.d.comb += [
+            self._candidate.present.eq(delayed(m, corner.valid & inside & corner.code.any(), 1, reset_less=False)),
+            self._candidate.code.eq(delayed(m, Mux(inside, corner.code, 0), 1)),
+        ]
         for name in ("left", "right", "up", "down"):
             m.d.comb += self._candidate[name].eq(delayed(m, corner[name], 1))
 
     def _connect_features(self, m: Module) -> None:
-        """Ring pixels wait until they meet their candidate."""
+        """Ring pixels wait until a clock after their candidate."""
         m.submodules.rings = rings = self._rings
         m.submodules.features = features = self._features
-        wait_cycles = self._candidate_cycles - self._ring_cycles
+        wait_cycles = self._candidate_cycles + 1 - self._ring_cycles
         carry_scan(m, self._smooth.o, rings.i, wait_cycles)
         m.d.comb += [
             rings.i.pixel.eq(delayed(m, self._smooth.o.pixel, wait_cycles)),
@@ -177,7 +181,9 @@ class Level(wiring.Component):
         m.submodules.selection = selection = self._selection
         m.submodules.words = feature_words = FeatureWords(pattern=self.pattern, level=self.level)
         wiring.connect(m, selection.o, feature_words.i)
-        wiring.connect(m, feature_words.o, wiring.flipped(self.o))
+        m.submodules.output = output = SkidBuffer(shape=RowPayload)
+        wiring.connect(m, feature_words.o, output.i)
+        wiring.connect(m, output.o, wiring.flipped(self.o))
         m.d.comb += [selection.i.eq(self._features.o), self.o_added.eq(selection.o_added)]
         if isinstance(selection, RasterSelection):
             m.d.comb += self.o_hold.eq(selection.o_busy)

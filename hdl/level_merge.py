@@ -87,7 +87,7 @@ class LevelMerge(wiring.Component):
         wiring.connect(m, wiring.flipped(self.o), output.o)
         record_words = self.record.record_bytes // WORD_BYTES
         word, index = Signal(range(record_words)), Signal(range(self.max_features + 1))
-        record_ends, full, overflow, sent = word == record_words - 1, index == self.max_features, Signal(), Signal()
+        record_ends, full, overflow, sent = word == record_words - 1, Signal(), Signal(), Signal()
         item, offered, taken, exhausted = self._turns(m, restart=sent)
         passing = Signal()
         status, without_pixels = self._status(m, index, overflow, passing, sent)
@@ -104,9 +104,10 @@ class LevelMerge(wiring.Component):
                 with m.If(offered & taken):
                     m.d.sync += [
                         word.eq(Mux(record_ends, 0, word + 1)),
-                        index.eq(index + (record_ends & ~full)),
                         overflow.eq(overflow | full),
                     ]
+                    with m.If(record_ends & ~full):
+                        m.d.sync += [index.eq(index + 1), full.eq(index == self.max_features - 1)]
                 with m.If(self.o_pending & (exhausted | without_pixels)):
                     m.next = "Send-Status"
             with m.State("Send-Status"):
@@ -119,15 +120,15 @@ class LevelMerge(wiring.Component):
                 with m.If(output.i.ready):
                     m.d.sync += word.eq(Mux(record_ends, 0, word + 1))
                 with m.If(sent):
-                    m.d.sync += [index.eq(0), overflow.eq(0)]
+                    m.d.sync += [index.eq(0), full.eq(0), overflow.eq(0)]
                     m.next = "Pass-Rows"
         return m
 
     def _turns(self, m: Module, *, restart: Value) -> tuple[data.View, Value, Signal, Value]:
         """Of the level whose turn it is: its word, whether there is one, what takes it; and whether all have ended."""
         turns = TURNS if self.levels == 2 else TURNS[:1]
-        turn, ended = Signal(range(len(turns))), Signal(self.levels)
-        level = Array(turns)[turn]
+        turn, level, ended = Signal(range(len(turns))), Signal(range(self.levels)), Signal(self.levels)
+        following = Mux(turn == len(turns) - 1, 0, turn + 1)
         item, valid, taken = Signal(RowPayload), Signal(), Signal()
         for n, source in enumerate(self.i_levels):
             with m.If((level == n) & ~ended[n]):
@@ -138,11 +139,11 @@ class LevelMerge(wiring.Component):
                 ]
         row_ends = valid & item.ends_row
         with m.If(row_ends | ended.bit_select(level, 1)):
-            m.d.sync += turn.eq(Mux(turn == len(turns) - 1, 0, turn + 1))
+            m.d.sync += [turn.eq(following), level.eq(Array(turns)[following])]
         with m.If(row_ends & item.ends_level):
             m.d.sync += ended.bit_select(level, 1).eq(1)
         with m.If(restart):
-            m.d.sync += [turn.eq(0), ended.eq(0)]
+            m.d.sync += [turn.eq(0), level.eq(TURNS[0]), ended.eq(0)]
         return item, valid & ~item.ends_row, taken, ended.all()
 
     def _status(self, m: Module, index: Value, overflow: Value, passing: Value, sent: Value) -> tuple[data.View, Value]:

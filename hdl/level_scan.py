@@ -61,7 +61,7 @@ class LevelScan(wiring.Component):
     o: data.View
     o_row_closes: Signal
 
-    latency_cycles = 2
+    latency_cycles = 3
 
     def __init__(self, *, lag_px: int, border_px: int, cells: bool) -> None:
         if border_px < lag_px + SPARE_LINES:
@@ -98,13 +98,14 @@ class LevelScan(wiring.Component):
             cell_mask.eq((1 << self.i_cell_log2) - 1),
         ]
         x, y, first_px = self.i.x, self.i.y, self.border_px + self.lag_px
-        inside = delayed(m, (x >= first_px) & (y >= first_px) & (x + spare_px <= last_x) & (y + spare_px <= last_y), 1)
-        line_ends, line_ends_soon = delayed(m, x == last_x, 1), delayed(m, x >= warning_x, 1)
-        is_lowest, is_above = delayed(m, y == lowest_y, 1), delayed(m, y < lowest_y, 1)
+        inside = delayed(m, (x >= first_px) & (y >= first_px) & (x + spare_px <= last_x) & (y + spare_px <= last_y), 2)
+        line_ends, line_ends_soon = delayed(m, x == last_x, 2), delayed(m, x >= warning_x, 2)
+        is_lowest, is_above = delayed(m, y == lowest_y, 2), delayed(m, y < lowest_y, 2)
         cell_ends = Const(0)
         if self.cells:
             # The line below the pixel's is a cell's first.
-            cell_ends = delayed(m, (y >= self.lag_px) & ~((y - (self.lag_px - 1)) & cell_mask).any(), 1)
+            line_below, exists = delayed(m, y - (self.lag_px - 1), 1), delayed(m, y >= self.lag_px, 1)
+            cell_ends = delayed(m, exists & ~(line_below & cell_mask).any(), 1)
         row_closes = is_lowest | (is_above & cell_ends)
         carry_scan(m, self.i, self.o, self.latency_cycles)
         m.d.comb += [
@@ -112,6 +113,6 @@ class LevelScan(wiring.Component):
             self.o.ends_row.eq(delayed(m, line_ends & row_closes, 1)),
             self.o.ends_level.eq(delayed(m, line_ends & is_lowest, 1)),
         ]
-        with m.If(delayed(m, self.i.valid, 1, reset_less=False)):
+        with m.If(delayed(m, self.i.valid, 2, reset_less=False)):
             m.d.sync += self.o_row_closes.eq(row_closes & line_ends_soon & ~line_ends)
         return m

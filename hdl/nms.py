@@ -63,7 +63,7 @@ class Suppression(wiring.Component):
         self._lines = LineBuffer(shape=CODE, lines=2 * radius_px, width_px=width_px)
         self._column_cycles = (radius_px - 1).bit_length()
         self._run_cycles = len(_run_lengths(2 * radius_px + 1)) - 1
-        self.latency_cycles = self._lines.latency_cycles + self._column_cycles + self._run_cycles + 2
+        self.latency_cycles = self._lines.latency_cycles + self._column_cycles + self._run_cycles + 3
         super().__init__({"i": In(beat(code=CODE)), "i_fast": In(1), "o": Out(beat(**NEIGHBOURHOOD))})
 
     def elaborate(self, platform: object) -> Module:
@@ -90,16 +90,12 @@ class Suppression(wiring.Component):
         )
         centre = line[radius]
         around = [line[radius - 1], line[radius + 1], *up[radius - 1 : radius + 2], *down[radius - 1 : radius + 2]]
-        stands_out = Cat(centre[: PIXEL.bits] > neighbour[: PIXEL.bits] for neighbour in around).all()
-        survives = Mux(self.i_fast, stands_out, (centre > before) & (centre >= after))
-        outputs = {
-            "code": Mux(survives, centre, 0),
-            "left": line[radius + 1],
-            "right": line[radius - 1],
-            "up": up[radius],
-            "down": down[radius],
-        }
-        m.d.comb += [self.o[name].eq(delayed(m, value, 1)) for name, value in outputs.items()]
+        larger = delayed(m, Cat(centre[: PIXEL.bits] > neighbour[: PIXEL.bits] for neighbour in around), 1)
+        largest = delayed(m, (centre > before) & (centre >= after), 1)
+        survives = Mux(self.i_fast, larger.all(), largest)
+        m.d.comb += self.o.code.eq(delayed(m, Mux(survives, delayed(m, centre, 1), 0), 1))
+        beside_centre = {"left": line[radius + 1], "right": line[radius - 1], "up": up[radius], "down": down[radius]}
+        m.d.comb += [self.o[name].eq(delayed(m, code, 2)) for name, code in beside_centre.items()]
         return m
 
 

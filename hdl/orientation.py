@@ -122,7 +122,7 @@ class Sector(wiring.Component):
     def __init__(self, *, moment: Shape) -> None:
         length = unsigned(moment.width - 1)
         self._borders = [WeightedSum(weights=(tangent, -TANGENT_ONE), shape=length) for tangent in HALF_SECTOR_TANGENTS]
-        self.latency_cycles = 2 + self._borders[0].latency_cycles + 1
+        self.latency_cycles = 3 + self._borders[0].latency_cycles + 1
         super().__init__({"i_valid": In(1), "i_mx": In(moment), "i_my": In(moment), "o_sector": Out(4)})
 
     def elaborate(self, platform: object) -> Module:
@@ -140,22 +140,21 @@ class Sector(wiring.Component):
             ]
 
         folded = delayed(m, self.i_valid, 1, reset_less=False)
+        compared = delayed(m, folded, 1, reset_less=False)
+        sorted_out = delayed(m, compared, 1, reset_less=False)
         steep = Signal(reset_less=True)
         longer, shorter = Signal(length, reset_less=True), Signal(length, reset_less=True)
         with m.If(folded):
-            m.d.sync += [
-                steep.eq(along > across),
-                longer.eq(Mux(along > across, along, across)),
-                shorter.eq(Mux(along > across, across, along)),
-            ]
+            m.d.sync += steep.eq(along > across)
+        with m.If(compared):
+            m.d.sync += [longer.eq(Mux(steep, along, across)), shorter.eq(Mux(steep, across, along))]
 
-        compared = delayed(m, folded, 1, reset_less=False)
         for n, border in enumerate(self._borders):
             m.submodules[f"border_{n}"] = border
-            m.d.comb += [border.i_valid.eq(compared), border.i_values[0].eq(longer), border.i_values[1].eq(shorter)]
+            m.d.comb += [border.i_valid.eq(sorted_out), border.i_values[0].eq(longer), border.i_values[1].eq(shorter)]
         beyond = [border.o_sum < 0 for border in self._borders]
         cycles = self._borders[0].latency_cycles
-        octant = delayed(m, Cat(steep, delayed(m, Cat(left, up), 1)), cycles)
+        octant = delayed(m, Cat(steep, delayed(m, Cat(left, up), 2)), cycles)
         with m.If(self._borders[0].o_valid):
             m.d.sync += self.o_sector.eq(self._unfolded(m, beyond, *octant))
         return m

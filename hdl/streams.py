@@ -79,6 +79,7 @@ class RowPayload(data.Struct):
 
 
 CANDIDATE = beat(
+    present=1,
     code=RESPONSE_CODE.bits,
     left=RESPONSE_CODE.bits,
     right=RESPONSE_CODE.bits,
@@ -87,7 +88,7 @@ CANDIDATE = beat(
     ends_row=1,
     ends_level=1,
 )
-"""A corner candidate: its response code (0: this beat holds none) and those of its four neighbours.
+"""A corner candidate, if ``present``: its response code (0 where there is none) and those of its four neighbours.
 
 ``ends_row``: every candidate of the cell row has passed, this beat is the row's last; ``ends_level``: with
 ``ends_row``, no candidate of this frame will follow. Candidates of a line are at least 2 beats apart.

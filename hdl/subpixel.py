@@ -141,9 +141,8 @@ class SubPixel(wiring.Component):
         m = Module()
         m.submodules.vertex = vertex = self._vertex
         up, before, centre, after, down = (Signal(RESPONSE_CODE.bits, reset_less=True) for _ in range(5))
-        candidate = self.i.valid & self.i.code.any()
         m.d.sync += [before.eq(up), after.eq(down)]
-        with m.If(candidate):
+        with m.If(self.i.present):
             m.d.sync += [
                 up.eq(self.i.up),
                 before.eq(self.i.left),
@@ -154,7 +153,7 @@ class SubPixel(wiring.Component):
         m.d.comb += [vertex.i_before.eq(before), vertex.i_centre.eq(centre), vertex.i_after.eq(after)]
 
         x_cycles = 1 + vertex.latency_cycles
-        x_done = delayed(m, candidate, x_cycles, reset_less=False)
+        x_done = delayed(m, self.i.present, x_cycles, reset_less=False)
         y_done = delayed(m, x_done, 1, reset_less=False)
         x, y = delayed(m, self.i.x, x_cycles), delayed(m, self.i.y, x_cycles + 1)
         with m.If(x_done):

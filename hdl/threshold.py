@@ -53,7 +53,7 @@ class AdaptiveThreshold(wiring.Component):
     i_target: Signal
     o_code: Signal
 
-    latency_cycles = 4
+    latency_cycles = 7
 
     def __init__(self, *, max_features: int) -> None:
         self.max_features = max_features
@@ -71,16 +71,19 @@ class AdaptiveThreshold(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Count, step, sum, each in its clock."""
+        """Count, clamp, compare, step, sum, clamp: each in its clock."""
         m = Module()
-        count = Signal(range(self.max_features + 1))
+        added = delayed(m, self.i_added, 1, reset_less=False)
+        # Once the highest bit is set, the count is more than enough, and rests.
+        count = Signal(self.max_features.bit_length() + 1)
         with m.If(self.i_frame_ends):
             m.d.sync += count.eq(0)
-        with m.Else():
-            m.d.sync += count.eq(_clamped(count + self.i_added, 0, self.max_features))
-        excess = delayed(m, count - self.i_target, 1)
+        with m.Elif(~count[-1]):
+            m.d.sync += count.eq(count + added)
+        excess = delayed(m, delayed(m, _clamped(count, 0, self.max_features), 1) - self.i_target, 1)
         largest = max(steps.largest for steps in STEPS.values())
         step = Signal(range(-largest, largest + 1), reset_less=True)
+        moved = delayed(m, self.o_code + step, 1)
         following = Signal(RESPONSE_CODE.bits, reset_less=True)
         with m.Switch(self.i_detector):
             for index, detector in enumerate(DETECTORS):
@@ -88,7 +91,7 @@ class AdaptiveThreshold(wiring.Component):
                 with m.Case(index):
                     m.d.sync += [
                         step.eq(_clamped(excess >> steps.shift, -steps.largest, steps.largest)),
-                        following.eq(_clamped(self.o_code + step, 1, steps.max_code)),
+                        following.eq(_clamped(moved, 1, steps.max_code)),
                     ]
         with m.If(self.i_load):
             m.d.sync += self.o_code.eq(self.i_code)

@@ -26,7 +26,7 @@ class Describer(wiring.Component):
         self.features = CandidateFeatures(
             pattern=pattern, spacing_cycles=spacing_cycles, level=level, lag_px=self.window.lag_px
         )
-        self.latency_cycles = self.window.latency_cycles + self.features.latency_cycles
+        self.latency_cycles = self.window.latency_cycles - 1 + self.features.latency_cycles
         super().__init__(
             {
                 "i": In(beat(pixel=8, ends_row=1, ends_level=1, **NEIGHBOURHOOD)),
@@ -39,9 +39,11 @@ class Describer(wiring.Component):
         m.submodules.window, m.submodules.features = window, features = self.window, self.features
         m.d.comb += window.i.pixel.eq(self.i.pixel)
         carry_scan(m, self.i, window.i, 0)
-        carry_scan(m, self.i, features.i, window.latency_cycles)
+        carry_scan(m, self.i, features.i, window.latency_cycles - 1)
+        present = self.i.valid & self.i.code.any()
+        m.d.comb += features.i.present.eq(delayed(m, present, window.latency_cycles - 1, reset_less=False))
         for name in ("ends_row", "ends_level", *NEIGHBOURHOOD):
-            m.d.comb += features.i[name].eq(delayed(m, self.i[name], window.latency_cycles))
+            m.d.comb += features.i[name].eq(delayed(m, self.i[name], window.latency_cycles - 1))
         for i_ring, ring in zip(features.i_pixels, window.o_pixels, strict=True):
             m.d.comb += [i_pixel.eq(pixel) for i_pixel, pixel in zip(i_ring, ring, strict=True)]
         carry_scan(m, self.i, self.o, self.latency_cycles)

@@ -84,15 +84,16 @@ def run_descriptor(dut, rings, *, pause_cycles):
             cycle += 1
 
         for candidate, values in enumerate(rings.tolist()):
-            for pixel, value in zip(pixels, values, strict=True):
-                ctx.set(pixel, value)
             ctx.set(dut.i_candidate, 1)
             offered.append(cycle)
             await tick()
             ctx.set(dut.i_candidate, 0)
+            for pixel, value in zip(pixels, values, strict=True):
+                ctx.set(pixel, value)
+            await tick()
             for pixel, value in zip(pixels, garbage.integers(0, 256, len(pixels)).tolist(), strict=True):
                 ctx.set(pixel, value)
-            for _ in range(dut.groups - 1 + (candidate % 3) * pause_cycles):
+            for _ in range(dut.groups - 2 + (candidate % 3) * pause_cycles):
                 await tick()
         for _ in range(dut.latency_cycles):
             await tick()

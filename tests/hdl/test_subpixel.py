@@ -63,12 +63,10 @@ def test_positions_equal_the_golden_model(level, spacing_cycles):
             # Between candidates: beats without a corner, and clocks without a beat.
             values = codes if here else dict(zip(codes, garbage[candidate % CANDIDATES][:, np.newaxis], strict=True))
             fields = {name: int(column[candidate if here else 0]) for name, column in values.items()}
-            if pause == 1:
-                fields["code"] = 0
             if here:
                 fields |= {"x": int(x[candidate]) + LAG_PX, "y": int(y[candidate]) + LAG_PX}
                 offered.append(cycle)
-            ctx.set(dut.i, {"valid": pause < 2, **fields})
+            ctx.set(dut.i, {"valid": pause < 2, "present": here, **fields})
             if cycle - dut.latency_cycles in offered:
                 positions.append((ctx.get(dut.o_x), ctx.get(dut.o_y)))
             await ctx.tick()
