@@ -27,7 +27,9 @@ _EMPTY = RANKING.const([{"response": 0, "slot": slot} for slot in range(MAX_PER_
 
 
 class Insertion(wiring.Component):
-    """A newcomer's place in a ranking: behind every response that is not smaller. Combinational.
+    """A newcomer's place in a ranking: behind every response that is not smaller.
+
+    Comparisons take one clock; in the next one everything is at the outputs, while the inputs are still the same.
 
     Members
     -------
@@ -48,6 +50,10 @@ class Insertion(wiring.Component):
         With the newcomer.
     o_order : Out(ORDER)
         The same without responses.
+
+    Attributes
+    ----------
+    latency_cycles : int
     """
 
     i_ranking: data.View
@@ -59,6 +65,8 @@ class Insertion(wiring.Component):
     o_added: Signal
     o_ranking: data.View
     o_order: data.View
+
+    latency_cycles = 1
 
     def __init__(self) -> None:
         super().__init__(
@@ -79,24 +87,25 @@ class Insertion(wiring.Component):
         """Move the beaten places down by one; they are the last ones, since the ranking falls."""
         m = Module()
         newcomer, ranking = Signal(RANK), Signal(RANKING)
-        taken, beaten = Signal(MAX_PER_CELL), Signal(MAX_PER_CELL)
-        # `i_empty` comes late, with many readers: nothing long waits for it.
+        taken, beaten = Signal(MAX_PER_CELL, reset_less=True), Signal(MAX_PER_CELL, reset_less=True)
         last_slot = Array(rank.slot for rank in self.i_ranking)[self.i_last_place]
+        m.d.sync += self.o_slot.eq(Mux(self.i_empty, self.i_last_place, last_slot))
         m.d.comb += [
             ranking.eq(Mux(self.i_empty, _EMPTY, self.i_ranking)),
             newcomer.response.eq(self.i_response),
             newcomer.slot.eq(self.o_slot),
             self.o_kept.eq(beaten.any()),
-            self.o_slot.eq(Mux(self.i_empty, self.i_last_place, last_slot)),
             self.o_added.eq(~taken.bit_select(self.i_last_place, 1)),
         ]
         above, above_taken, above_beaten = newcomer, 1, 0
         for place, rank in enumerate(ranking):
             in_use = self.i_last_place >= place
             smaller = self.i_ranking[place].response < self.i_response
-            m.d.comb += [
-                taken[place].eq(rank.response.any()),
+            m.d.sync += [
+                taken[place].eq(self.i_ranking[place].response.any() & ~self.i_empty),
                 beaten[place].eq((smaller | self.i_empty) & in_use),
+            ]
+            m.d.comb += [
                 self.o_ranking[place].eq(
                     Mux(beaten[place], Mux(above_beaten, above.as_value(), newcomer.as_value()), rank.as_value())
                 ),
@@ -175,25 +184,38 @@ class CellRanking(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Find the cell, read its ranking, insert and write back: each in its clock."""
+        """Find the cell, read its ranking, compare, insert and write back: each in its clock.
+
+        A feature that follows two clocks after another one in its cell reads what is only being written.
+        """
         m = Module()
         # Many bits and few words: LUT memory. `o_touched` tells old rankings from this row's, so nothing is cleared.
         rankings = memory.Memory(shape=RANKING, depth=self.cells, init=[], attrs={"ram_style": "distributed"})
         m.submodules.rankings = rankings
         m.submodules.insertion = insertion = Insertion()
-        read, write = rankings.read_port(), rankings.write_port()
+        read, write = rankings.read_port(domain="comb"), rankings.write_port()
         cell, feature = Signal.like(self.o_cell, reset_less=True), Signal.like(self.i.feature, reset_less=True)
+        ranking, touched = Signal(RANKING, reset_less=True), Signal(reset_less=True)
+        located = delayed(m, self.i.present, 1, reset_less=False)
+        arrived = delayed(m, located, 1 + insertion.latency_cycles, reset_less=False)
         with m.If(self.i.present):
             m.d.sync += [
                 cell.eq(self.i.x[SMALLEST_CELL_LOG2:] >> (self.i_cell_log2 - SMALLEST_CELL_LOG2)[:2]),
                 feature.eq(self.i.feature),
             ]
-        located = delayed(m, self.i.present, 1, reset_less=False)
-        arrived, touched = delayed(m, located, 1, reset_less=False), Signal(reset_less=True)
+        with m.If(self.i_clear):
+            m.d.sync += self.o_touched.eq(0)
+        with m.If(located):
+            m.d.sync += [
+                self.o_cell.eq(cell),
+                self.o_feature.eq(feature),
+                ranking.eq(Mux(arrived & (self.o_cell == cell), insertion.o_ranking.as_value(), read.data.as_value())),
+                touched.eq(self.o_touched.bit_select(cell, 1) & ~self.i_clear),
+                self.o_touched.bit_select(cell, 1).eq(1),
+            ]
         m.d.comb += [
             read.addr.eq(cell),
-            read.en.eq(located),
-            insertion.i_ranking.eq(read.data),
+            insertion.i_ranking.eq(ranking),
             insertion.i_empty.eq(~touched),
             insertion.i_response.eq(self.o_feature.response),
             insertion.i_last_place.eq(delayed(m, (self.i_per_cell - 1)[:3], 1)),
@@ -201,21 +223,9 @@ class CellRanking(wiring.Component):
             write.data.eq(insertion.o_ranking),
             # Where the newcomer has no place, this is the same ranking again.
             write.en.eq(arrived),
+            self.o_kept.eq(arrived & insertion.o_kept),
+            self.o_slot.eq(insertion.o_slot),
+            self.o_order.eq(insertion.o_order),
+            self.o_added.eq(insertion.o_added),
         ]
-        with m.If(located):
-            m.d.sync += [
-                self.o_cell.eq(cell),
-                self.o_feature.eq(feature),
-                touched.eq(self.o_touched.bit_select(cell, 1) & ~self.i_clear),
-            ]
-        m.d.sync += self.o_kept.eq(arrived & insertion.o_kept)
-        with m.If(arrived):
-            m.d.sync += [
-                self.o_slot.eq(insertion.o_slot),
-                self.o_order.eq(insertion.o_order),
-                self.o_added.eq(insertion.o_added),
-                self.o_touched.eq(self.o_touched | (1 << self.o_cell)),
-            ]
-        with m.If(self.i_clear):
-            m.d.sync += self.o_touched.eq(0)
         return m

@@ -123,10 +123,10 @@ class CellRows(wiring.Component):
                 m.d.comb += order.en.eq(1)
                 with m.If(touched[0]):
                     m.next = "Request-Features"
-                with m.Elif(last_cell):
-                    m.next = "Request-End"
                 with m.Else():
                     m.d.comb += next_cell.eq(1)
+                    with m.If(last_cell):
+                        m.next = "Request-End"
             with m.State("Request-Features"):
                 m.d.comb += requests.valid.eq(1)
                 with m.If(requests.ready):

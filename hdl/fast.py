@@ -49,8 +49,8 @@ class Fast(wiring.Component):
     o: data.View
 
     lag_px = MARGIN_PX
-    # The window; which pixels are brighter; the complement; the bits; difference; threshold.
-    latency_cycles = Window.latency_cycles + 2 + PIXEL.bits + 2
+    # The window; which pixels are brighter; whether to complement; that; the bits; difference; threshold.
+    latency_cycles = Window.latency_cycles + 3 + PIXEL.bits + 2
 
     def __init__(self) -> None:
         column = data.ArrayLayout(PIXEL.bits, WINDOW_PX)
@@ -91,15 +91,17 @@ class Fast(wiring.Component):
         # Registered here, and not only delayed, the planes rest with the detector.
         planes = [pipe.registered(Cat(pixel[bit] for pixel in circle), 0) for bit in reversed(range(PIXEL.bits))]
         brighter = pipe.registered(Cat(pixel > centre for pixel in circle), 0)
-        darker = ~_has_arc(brighter)
-        ones, *planes = (pipe.registered(plane ^ darker.replicate(len(circle)), 1) for plane in planes)
-        darker = pipe.registered(darker, 1)
+        darker = pipe.registered(~_has_arc(brighter), 1)
+        ones, *planes = (
+            pipe.registered(delayed(m, plane, 1) ^ darker.replicate(len(circle)), 2) for plane in planes
+        )
+        darker = pipe.registered(darker, 2)
         settled, decisive = Const(0, len(circle)), Cat()
-        cycles = 2
+        cycles = 3
         for plane in (*planes, Const(0, len(circle))):
             bit = _has_arc(ones)
             settled = settled | (ones ^ bit.replicate(len(circle)))
-            following = delayed(m, plane, cycles - 2)
+            following = delayed(m, plane, cycles - 3)
             ones = pipe.registered((ones & settled) | (following & ~settled), cycles)
             settled = pipe.registered(settled, cycles)
             decisive = pipe.registered(Cat(bit, decisive), cycles)

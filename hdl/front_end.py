@@ -83,13 +83,13 @@ class FrontEnd(wiring.Component):
         wiring.connect(m, skid_buffer.o, geometry.i)
         wiring.connect(m, merge.o, wiring.flipped(self.o_features))
         under_way = geometry.o_running | geometry.o_end | merge.o_pending
-        active, changing, load = self._settings(m, under_way)
+        active, load, may_start = self._settings(m, under_way)
         threshold_code = self._threshold(m, geometry, active.detector, load)
         m.d.sync += geometry.i_hold.eq(Cat(level.o_hold for level in self.levels).any())
         m.d.comb += [
             geometry.i_width_px.eq(active.width_px),
             geometry.i_height_px.eq(active.height_px),
-            geometry.i_may_start.eq(~(changing | load)),
+            geometry.i_may_start.eq(may_start),
             geometry.i_may_end.eq(~merge.o_pending),
             gray.i.eq(geometry.o),
             gray.i_gray_input.eq(active.gray_input),
@@ -123,12 +123,19 @@ class FrontEnd(wiring.Component):
         return [gray, half.o]
 
     def _settings(self, m: Module, under_way: Value) -> tuple[data.View, Value, Value]:
-        """The settings in use, whether they will change, and whether they do: in either case no frame may start."""
-        active, changing, load = Signal(FrontEndSettings), Signal(), Signal()
-        m.d.sync += [changing.eq(active.as_value() != self.settings.as_value()), load.eq(changing & ~under_way)]
+        """The settings in use, whether they are replaced in this clock, and whether a frame may start.
+
+        No frame may when they change, and then it takes a clock until it is known that none is under way.
+        """
+        active, changing, load, may_start = Signal(FrontEndSettings), Signal(), Signal(), Signal()
+        m.d.sync += [
+            changing.eq(active.as_value() != self.settings.as_value()),
+            may_start.eq(~(changing | load)),
+            load.eq(changing & ~may_start & ~under_way),
+        ]
         with m.If(load):
             m.d.sync += active.eq(self.settings)
-        return active, changing, load
+        return active, load, may_start
 
     def _threshold(self, m: Module, geometry: FrameGeometry, detector: Value, load: Value) -> Value:
         m.submodules.threshold = threshold = AdaptiveThreshold(max_features=self.config.max_features)

@@ -179,13 +179,13 @@ class ResponseCode(wiring.Component):
         """Shift right until 11 bits are left, join with the shifts' count, compare."""
         m = Module()
         carry_scan(m, self.i, self.o, self.latency_cycles)
-        value = Mux(self.i.raw < 0, 0, self.i.raw[: RAW_RESPONSE.bits - 1])
-        exponent = Cat()
+        value, exponent = self.i.raw[: RAW_RESPONSE.bits - 1], Cat()
         for steps in ((16,), (8,), (4,), (2, 1)):
             value, exponent = self._normalised(m, value, exponent, steps)
         # A hidden one that is left at the fraction's upper end carries into the exponent field, as it should.
         code = delayed(m, ((exponent << RESPONSE_FRACTION_BITS) + value)[: RESPONSE_CODE.bits], 1)
-        m.d.comb += self.o.code.eq(delayed(m, Mux(code < self.i_threshold_code, 0, code), 1))
+        negative = delayed(m, self.i.raw < 0, self.latency_cycles - 1)
+        m.d.comb += self.o.code.eq(delayed(m, Mux(negative | (code < self.i_threshold_code), 0, code), 1))
         return m
 
     @staticmethod

@@ -15,7 +15,6 @@ from hdl.features import CandidateFeatures
 from hdl.level_scan import LevelScan
 from hdl.ring_window import RingWindow
 from hdl.selection import CellSelection, RasterSelection
-from hdl.skid_buffer import SkidBuffer
 from hdl.smooth import Binomial
 from hdl.streams import CANDIDATE, FrontEndSettings, RowPayload, beat, carry_scan
 from hdl.window import Displaced, LineBuffer
@@ -181,9 +180,7 @@ class Level(wiring.Component):
         m.submodules.selection = selection = self._selection
         m.submodules.words = feature_words = FeatureWords(pattern=self.pattern, level=self.level)
         wiring.connect(m, selection.o, feature_words.i)
-        m.submodules.output = output = SkidBuffer(shape=RowPayload)
-        wiring.connect(m, feature_words.o, output.i)
-        wiring.connect(m, output.o, wiring.flipped(self.o))
+        wiring.connect(m, feature_words.o, wiring.flipped(self.o))
         m.d.comb += [selection.i.eq(self._features.o), self.o_added.eq(selection.o_added)]
         if isinstance(selection, RasterSelection):
             m.d.comb += self.o_hold.eq(selection.o_busy)

@@ -12,7 +12,7 @@ from golden_model.formats import RESPONSE_CODE
 from golden_model.records import FRAME_STATUS, WORD_BYTES, Cause, Record, Tag
 from hdl.geometry import CAUSES
 from hdl.skid_buffer import SkidBuffer
-from hdl.streams import FrontEndSettings, RowPayload, WordPayload, record_layout, words
+from hdl.streams import WORD, FrontEndSettings, RowPayload, WordPayload, record_layout, words
 
 TURNS = (0, 0, 1)
 """Level of each cell row in turn: two of the full size, one of the half size."""
@@ -83,68 +83,68 @@ class LevelMerge(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Rows by turns until every level has ended, then the status."""
         m = Module()
+        m.submodules.features = features = SkidBuffer(shape=WORD)
         m.submodules.output = output = SkidBuffer(shape=WordPayload)
         wiring.connect(m, wiring.flipped(self.o), output.o)
         record_words = self.record.record_bytes // WORD_BYTES
         word, index = Signal(range(record_words)), Signal(range(self.max_features + 1))
         record_ends, full, overflow, sent = word == record_words - 1, Signal(), Signal(), Signal()
-        item, offered, taken, exhausted = self._turns(m, restart=sent)
+        exhausted = self._turns(m, features.i, restart=sent) & ~features.o.valid
         passing = Signal()
         status, without_pixels = self._status(m, index, overflow, passing, sent)
         numbers = Signal(record_layout(self.record))
+        status_word, is_chosen = Signal(WORD, reset_less=True), Signal()
+        m.d.sync += status_word.eq(Array(words(status))[word])
         m.d.comb += [numbers.index.eq(index), numbers.frame.eq(status.frame)]
+        with m.If((features.o.valid & features.o.ready) | (output.i.valid & output.i.ready)):
+            m.d.sync += word.eq(Mux(record_ends, 0, word + 1))
         with m.FSM():
             with m.State("Pass-Rows"):
                 m.d.comb += [
                     passing.eq(1),
-                    output.i.valid.eq(offered & ~full),
-                    output.i.payload.data.eq(item.data | Array(words(numbers))[word]),
-                    taken.eq(output.i.ready | full),
+                    output.i.valid.eq(features.o.valid & ~full),
+                    output.i.payload.data.eq(features.o.payload | Array(words(numbers))[word]),
+                    features.o.ready.eq(output.i.ready | full),
                 ]
-                with m.If(offered & taken):
-                    m.d.sync += [
-                        word.eq(Mux(record_ends, 0, word + 1)),
-                        overflow.eq(overflow | full),
-                    ]
+                with m.If(features.o.valid & features.o.ready):
+                    m.d.sync += overflow.eq(overflow | full)
                     with m.If(record_ends & ~full):
                         m.d.sync += [index.eq(index + 1), full.eq(index == self.max_features - 1)]
                 with m.If(self.o_pending & (exhausted | without_pixels)):
                     m.next = "Send-Status"
             with m.State("Send-Status"):
                 m.d.comb += [
-                    output.i.valid.eq(1),
-                    output.i.payload.data.eq(Array(words(status))[word]),
+                    output.i.valid.eq(is_chosen),
+                    output.i.payload.data.eq(status_word),
                     output.i.payload.last.eq(record_ends),
-                    sent.eq(output.i.ready & record_ends),
+                    sent.eq(is_chosen & output.i.ready & record_ends),
                 ]
-                with m.If(output.i.ready):
-                    m.d.sync += word.eq(Mux(record_ends, 0, word + 1))
+                # The choice of a word among so many bits takes a clock of its own.
+                m.d.sync += is_chosen.eq(~(is_chosen & output.i.ready))
                 with m.If(sent):
                     m.d.sync += [index.eq(0), full.eq(0), overflow.eq(0)]
                     m.next = "Pass-Rows"
         return m
 
-    def _turns(self, m: Module, *, restart: Value) -> tuple[data.View, Value, Signal, Value]:
-        """Of the level whose turn it is: its word, whether there is one, what takes it; and whether all have ended."""
+    def _turns(self, m: Module, features: stream.Interface, *, restart: Value) -> Value:
+        """Hand on the words of the level whose turn it is; whether all levels have ended."""
         turns = TURNS if self.levels == 2 else TURNS[:1]
         turn, level, ended = Signal(range(len(turns))), Signal(range(self.levels)), Signal(self.levels)
         following = Mux(turn == len(turns) - 1, 0, turn + 1)
-        item, valid, taken = Signal(RowPayload), Signal(), Signal()
+        item = Array(source.payload.as_value() for source in self.i_levels)[level]
+        item, valid = RowPayload(item), Signal()
         for n, source in enumerate(self.i_levels):
             with m.If((level == n) & ~ended[n]):
-                m.d.comb += [
-                    item.eq(source.payload),
-                    valid.eq(source.valid),
-                    source.ready.eq(source.payload.ends_row | taken),
-                ]
+                m.d.comb += [valid.eq(source.valid), source.ready.eq(source.payload.ends_row | features.ready)]
         row_ends = valid & item.ends_row
+        m.d.comb += [features.payload.eq(item.data), features.valid.eq(valid & ~item.ends_row)]
         with m.If(row_ends | ended.bit_select(level, 1)):
             m.d.sync += [turn.eq(following), level.eq(Array(turns)[following])]
         with m.If(row_ends & item.ends_level):
             m.d.sync += ended.bit_select(level, 1).eq(1)
         with m.If(restart):
             m.d.sync += [turn.eq(0), level.eq(TURNS[0]), ended.eq(0)]
-        return item, valid & ~item.ends_row, taken, ended.all()
+        return ended.all()
 
     def _status(self, m: Module, index: Value, overflow: Value, passing: Value, sent: Value) -> tuple[data.View, Value]:
         """The status of the frame that has ended, and whether it had no pixels."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from amaranth import Const, Module, Signal
+from amaranth import Cat, Const, Module, Signal
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -98,7 +98,8 @@ class LevelScan(wiring.Component):
             cell_mask.eq((1 << self.i_cell_log2) - 1),
         ]
         x, y, first_px = self.i.x, self.i.y, self.border_px + self.lag_px
-        inside = delayed(m, (x >= first_px) & (y >= first_px) & (x + spare_px <= last_x) & (y + spare_px <= last_y), 2)
+        limits = (x >= first_px, y >= first_px, x + spare_px <= last_x, y + spare_px <= last_y)
+        inside = delayed(m, delayed(m, Cat(limits), 1).all(), 1)
         line_ends, line_ends_soon = delayed(m, x == last_x, 2), delayed(m, x >= warning_x, 2)
         is_lowest, is_above = delayed(m, y == lowest_y, 2), delayed(m, y < lowest_y, 2)
         cell_ends = Const(0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from amaranth import Cat, Module, Mux, Signal, Value, signed
+from amaranth import Cat, Const, Module, Mux, Signal, Value, signed
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -155,14 +155,16 @@ class SubPixel(wiring.Component):
         x_cycles = 1 + vertex.latency_cycles
         x_done = delayed(m, self.i.present, x_cycles, reset_less=False)
         y_done = delayed(m, x_done, 1, reset_less=False)
-        x, y = delayed(m, self.i.x, x_cycles), delayed(m, self.i.y, x_cycles + 1)
+        column, row = (Signal.like(scan, reset_less=True) for scan in (self.i.x, self.i.y))
+        m.d.sync += [column.eq(self.i.x - self.lag_px), row.eq(self.i.y - self.lag_px)]
+        x, y = delayed(m, column, x_cycles - 1), delayed(m, row, x_cycles)
         with m.If(x_done):
             m.d.sync += self.o_x.eq(self._full_resolution(x, vertex.o_offset))
         with m.If(y_done):
             m.d.sync += self.o_y.eq(self._full_resolution(y, vertex.o_offset))
         return m
 
-    def _full_resolution(self, scan: Value, offset: Value) -> Value:
-        one = POSITION.fraction_bits
-        fine = (scan << one) + (offset - (self.lag_px << one))
-        return fine if self.level == 0 else (fine << 1) + POSITION.one // 2
+    def _full_resolution(self, pixel: Value, offset: Value) -> Value:
+        """Level 0: pixel + offset; level 1: 2 (pixel + offset) + 1/2."""
+        half = Const(self.level * POSITION.one // 2, POSITION.fraction_bits + self.level)
+        return Cat(half, pixel) + (offset << self.level)
