@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from amaranth import Array, Module, Mux, Signal
+from amaranth import Array, Cat, Module, Mux, Signal
 from amaranth.lib import data, memory, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -89,28 +89,28 @@ class Insertion(wiring.Component):
         newcomer, ranking = Signal(RANK), Signal(RANKING)
         taken, beaten = Signal(MAX_PER_CELL, reset_less=True), Signal(MAX_PER_CELL, reset_less=True)
         last_slot = Array(rank.slot for rank in self.i_ranking)[self.i_last_place]
-        m.d.sync += self.o_slot.eq(Mux(self.i_empty, self.i_last_place, last_slot))
+        wins = Cat(rank.response < self.i_response for rank in self.i_ranking) | self.i_empty.replicate(MAX_PER_CELL)
+        in_use = Cat(self.i_last_place >= place for place in range(MAX_PER_CELL))
+        m.d.sync += [
+            self.o_slot.eq(Mux(self.i_empty, self.i_last_place, last_slot)),
+            self.o_kept.eq((wins & in_use).any()),
+            taken.eq(Cat(rank.response.any() for rank in self.i_ranking) & ~self.i_empty.replicate(MAX_PER_CELL)),
+            beaten.eq(wins & in_use),
+        ]
         m.d.comb += [
             ranking.eq(Mux(self.i_empty, _EMPTY, self.i_ranking)),
             newcomer.response.eq(self.i_response),
             newcomer.slot.eq(self.o_slot),
-            self.o_kept.eq(beaten.any()),
             self.o_added.eq(~taken.bit_select(self.i_last_place, 1)),
         ]
         above, above_taken, above_beaten = newcomer, 1, 0
         for place, rank in enumerate(ranking):
-            in_use = self.i_last_place >= place
-            smaller = self.i_ranking[place].response < self.i_response
-            m.d.sync += [
-                taken[place].eq(self.i_ranking[place].response.any() & ~self.i_empty),
-                beaten[place].eq((smaller | self.i_empty) & in_use),
-            ]
             m.d.comb += [
                 self.o_ranking[place].eq(
                     Mux(beaten[place], Mux(above_beaten, above.as_value(), newcomer.as_value()), rank.as_value())
                 ),
                 self.o_order[place].slot.eq(self.o_ranking[place].slot),
-                self.o_order[place].taken.eq(above_taken & in_use),
+                self.o_order[place].taken.eq(above_taken & in_use[place]),
             ]
             above, above_taken, above_beaten = rank, taken[place], beaten[place]
         return m
@@ -197,22 +197,27 @@ class CellRanking(wiring.Component):
         cell, feature = Signal.like(self.o_cell, reset_less=True), Signal.like(self.i.feature, reset_less=True)
         ranking, touched = Signal(RANKING, reset_less=True), Signal(reset_less=True)
         located = delayed(m, self.i.present, 1, reset_less=False)
-        arrived = delayed(m, located, 1 + insertion.latency_cycles, reset_less=False)
+        compared = delayed(m, located, 1, reset_less=False)
+        arrived = delayed(m, compared, insertion.latency_cycles, reset_less=False)
+        found, is_in_last_cell = Signal.like(cell), Signal(reset_less=True)
+        m.d.comb += found.eq(self.i.x[SMALLEST_CELL_LOG2:] >> (self.i_cell_log2 - SMALLEST_CELL_LOG2)[:2])
         with m.If(self.i.present):
             m.d.sync += [
-                cell.eq(self.i.x[SMALLEST_CELL_LOG2:] >> (self.i_cell_log2 - SMALLEST_CELL_LOG2)[:2]),
+                cell.eq(found),
                 feature.eq(self.i.feature),
+                is_in_last_cell.eq(compared & (found == self.o_cell)),
             ]
-        with m.If(self.i_clear):
-            m.d.sync += self.o_touched.eq(0)
         with m.If(located):
             m.d.sync += [
                 self.o_cell.eq(cell),
                 self.o_feature.eq(feature),
-                ranking.eq(Mux(arrived & (self.o_cell == cell), insertion.o_ranking.as_value(), read.data.as_value())),
+                ranking.eq(Mux(is_in_last_cell, insertion.o_ranking.as_value(), read.data.as_value())),
                 touched.eq(self.o_touched.bit_select(cell, 1) & ~self.i_clear),
-                self.o_touched.bit_select(cell, 1).eq(1),
             ]
+        with m.If(self.i_clear):
+            m.d.sync += self.o_touched.eq(0)
+        with m.Elif(compared):
+            m.d.sync += self.o_touched.bit_select(self.o_cell, 1).eq(1)
         m.d.comb += [
             read.addr.eq(cell),
             insertion.i_ranking.eq(ranking),

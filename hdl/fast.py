@@ -25,9 +25,9 @@ class Fast(wiring.Component):
     It cannot be both, since two arcs of nine overlap; so a first test, of which pixels are brighter than the centre,
     tells which.
 
-    The decisive pixel's bits come one a clock, the highest first, and each is the answer to the same question: are
-    there nine contiguous ones? A pixel whose bit differs from the answer is larger or smaller for good; from then on it
-    counts as ones or as zeros only.
+    The decisive pixel's bits come one after another, the highest first, and each is the answer to the same question:
+    are there nine contiguous ones? A pixel whose bit differs from the answer is larger or smaller for good; from then
+    on it counts as ones or as zeros only.
 
     Members
     -------
@@ -49,8 +49,8 @@ class Fast(wiring.Component):
     o: data.View
 
     lag_px = MARGIN_PX
-    # The window; which pixels are brighter; whether to complement; that; the bits; difference; threshold.
-    latency_cycles = Window.latency_cycles + 3 + PIXEL.bits + 2
+    # The window; which pixels are brighter; arcs of these; the complement; two for each bit; difference; threshold.
+    latency_cycles = Window.latency_cycles + 3 + 2 * PIXEL.bits + 2
 
     def __init__(self) -> None:
         column = data.ArrayLayout(PIXEL.bits, WINDOW_PX)
@@ -87,33 +87,38 @@ class Fast(wiring.Component):
         """The decisive pixel, complemented where its arc is darker, whether it is, and how late they are.
 
         ``ones`` is what each pixel counts as in the current bit, ``settled`` whether it differed in an earlier one.
+        An answer takes two clocks: whether each arc is complete, and then whether any is.
         """
-        # Registered here, and not only delayed, the planes rest with the detector.
+        # Registered, and not only delayed, everything rests with the detector.
         planes = [pipe.registered(Cat(pixel[bit] for pixel in circle), 0) for bit in reversed(range(PIXEL.bits))]
         brighter = pipe.registered(Cat(pixel > centre for pixel in circle), 0)
-        darker = pipe.registered(~_has_arc(brighter), 1)
+        darker = ~pipe.registered(_arcs(brighter), 1).any()
         ones, *planes = (
-            pipe.registered(delayed(m, plane, 1) ^ darker.replicate(len(circle)), 2) for plane in planes
+            pipe.registered(pipe.registered(plane, 1) ^ darker.replicate(len(circle)), 2) for plane in planes
         )
         darker = pipe.registered(darker, 2)
         settled, decisive = Const(0, len(circle)), Cat()
         cycles = 3
         for plane in (*planes, Const(0, len(circle))):
-            bit = _has_arc(ones)
+            arcs = pipe.registered(_arcs(ones), cycles)
+            ones, settled, decisive, darker = (
+                pipe.registered(value, cycles) for value in (ones, settled, decisive, darker)
+            )
+            bit = arcs.any()
             settled = settled | (ones ^ bit.replicate(len(circle)))
-            following = delayed(m, plane, cycles - 3)
-            ones = pipe.registered((ones & settled) | (following & ~settled), cycles)
-            settled = pipe.registered(settled, cycles)
-            decisive = pipe.registered(Cat(bit, decisive), cycles)
-            darker = pipe.registered(darker, cycles)
-            cycles += 1
+            following = delayed(m, plane, cycles - 2)
+            ones = pipe.registered((ones & settled) | (following & ~settled), cycles + 1)
+            settled = pipe.registered(settled, cycles + 1)
+            decisive = pipe.registered(Cat(bit, decisive), cycles + 1)
+            darker = pipe.registered(darker, cycles + 1)
+            cycles += 2
         return decisive, darker, cycles
 
 
-def _has_arc(ones: Value) -> Value:
-    """Whether nine contiguous pixels are ones: eight from an odd place on, and one more before or behind them."""
+def _arcs(ones: Value) -> Value:
+    """Which arcs of nine are all ones: eight pixels from an odd place on, and one more before or behind them."""
     evens, odds = ones[: len(CIRCLE) // 2], ones[len(CIRCLE) // 2 :]
     two = odds & evens.rotate_right(1)
     four = two & two.rotate_right(1)
     eight = four & four.rotate_right(2)
-    return (eight & (evens | odds.rotate_right(4))).any()
+    return eight & (evens | odds.rotate_right(4))

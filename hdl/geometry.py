@@ -98,6 +98,7 @@ class FrameGeometry(wiring.Component):
 
         m.d.sync += [
             self.o.valid.eq(emits),
+            self.o.data.eq(Mux(padding, 0, pixel.data)),
             self.o_start.eq(starts),
             self.o_end.eq(ends),
         ]
@@ -108,7 +109,6 @@ class FrameGeometry(wiring.Component):
         with m.If(emits):
             causes = Mux(starts | ~self.o_causes.any(), cause, self.o_causes)
             m.d.sync += [
-                self.o.data.eq(Mux(padding, 0, pixel.data)),
                 self.o_causes.eq(causes),
                 self.o_running.eq(1),
             ]
@@ -124,13 +124,9 @@ class FrameGeometry(wiring.Component):
         x, y, last_but_one_x, last_but_one_y = (Signal(COORDINATE) for _ in range(4))
         line_ends, is_last_line = Signal(), Signal()
         m.d.sync += [last_but_one_x.eq(self.i_width_px - 2), last_but_one_y.eq(self.i_height_px - 2)]
+        m.d.sync += [self.o.x.eq(x), self.o.y.eq(y)]
         with m.If(emits):
-            m.d.sync += [
-                self.o.x.eq(x),
-                self.o.y.eq(y),
-                x.eq(Mux(line_ends, 0, x + 1)),
-                line_ends.eq(x == last_but_one_x),
-            ]
+            m.d.sync += [x.eq(Mux(line_ends, 0, x + 1)), line_ends.eq(x == last_but_one_x)]
             with m.If(line_ends):
                 m.d.sync += [y.eq(Mux(is_last_line, 0, y + 1)), is_last_line.eq(y == last_but_one_y)]
         return line_ends, line_ends & is_last_line

@@ -66,7 +66,7 @@ class StructureTensor(wiring.Component):
         self.window_px = window_px
         square, mixed = unsigned(2 * GRADIENT.bits - 2), signed(2 * GRADIENT.bits - 1)
         self._sums = [self._box_sum(shape) for shape in (square, square, mixed)]
-        self.latency_cycles = 2 + self._sums[0].latency_cycles
+        self.latency_cycles = 3 + self._sums[0].latency_cycles
         super().__init__({"i": In(beat(column=data.ArrayLayout(GRADIENTS, TENSOR_LINES))), "o": Out(TENSOR)})
 
     def _box_sum(self, product: Shape) -> SeparableSum:
@@ -75,18 +75,22 @@ class StructureTensor(wiring.Component):
         return SeparableSum(vertical=weights, horizontal=weights, shape=product)
 
     def elaborate(self, platform: object) -> Module:
-        """A column of products, and its sums."""
+        """A column of products (operand, multiplier and product registers), and its sums."""
         m = Module()
         carry_scan(m, self.i, self.o, self.latency_cycles)
-        multiplied = delayed(m, self.i.valid, 1, reset_less=False)
+        operands = Signal.like(self.i.column, reset_less=True)
+        with m.If(self.i.valid):
+            m.d.sync += operands.eq(self.i.column)
+        operand_valid = delayed(m, self.i.valid, 1, reset_less=False)
+        multiplied = delayed(m, operand_valid, 1, reset_less=False)
         product_valid = delayed(m, multiplied, 1, reset_less=False)
         targets = (self.o.a, self.o.b, self.o.c)
         for name, factors, total, target in zip("abc", ("xx", "yy", "xy"), self._sums, targets, strict=True):
             m.submodules[f"sum_{name}"] = total
             m.d.comb += [total.i.valid.eq(product_valid), target.eq(total.o.sum >> TENSOR_SHIFT)]
-            for gradients, pixel in zip(self.i.column, total.i.column, strict=True):
+            for gradients, pixel in zip(operands, total.i.column, strict=True):
                 multiplier, product = (Signal.like(pixel, reset_less=True) for _ in range(2))
-                with m.If(self.i.valid):
+                with m.If(operand_valid):
                     m.d.sync += multiplier.eq(gradients[factors[0]] * gradients[factors[1]])
                 with m.If(multiplied):
                     m.d.sync += product.eq(multiplier)

@@ -95,7 +95,11 @@ class LevelMerge(wiring.Component):
         numbers = Signal(record_layout(self.record))
         status_word, is_chosen = Signal(WORD, reset_less=True), Signal()
         m.d.sync += status_word.eq(Array(words(status))[word])
-        m.d.comb += [numbers.index.eq(index), numbers.frame.eq(status.frame)]
+        m.d.comb += [
+            numbers.index.eq(index),
+            numbers.frame.eq(status.frame),
+            output.i.payload.data.eq(Mux(is_chosen, status_word, features.o.payload | Array(words(numbers))[word])),
+        ]
         with m.If((features.o.valid & features.o.ready) | (output.i.valid & output.i.ready)):
             m.d.sync += word.eq(Mux(record_ends, 0, word + 1))
         with m.FSM():
@@ -103,7 +107,6 @@ class LevelMerge(wiring.Component):
                 m.d.comb += [
                     passing.eq(1),
                     output.i.valid.eq(features.o.valid & ~full),
-                    output.i.payload.data.eq(features.o.payload | Array(words(numbers))[word]),
                     features.o.ready.eq(output.i.ready | full),
                 ]
                 with m.If(features.o.valid & features.o.ready):
@@ -115,15 +118,16 @@ class LevelMerge(wiring.Component):
             with m.State("Send-Status"):
                 m.d.comb += [
                     output.i.valid.eq(is_chosen),
-                    output.i.payload.data.eq(status_word),
                     output.i.payload.last.eq(record_ends),
-                    sent.eq(is_chosen & output.i.ready & record_ends),
                 ]
                 # The choice of a word among so many bits takes a clock of its own.
                 m.d.sync += is_chosen.eq(~(is_chosen & output.i.ready))
-                with m.If(sent):
-                    m.d.sync += [index.eq(0), full.eq(0), overflow.eq(0)]
-                    m.next = "Pass-Rows"
+                with m.If(is_chosen & output.i.ready & record_ends):
+                    m.next = "Start-Over"
+            with m.State("Start-Over"):
+                m.d.comb += sent.eq(1)
+                m.d.sync += [index.eq(0), full.eq(0), overflow.eq(0)]
+                m.next = "Pass-Rows"
         return m
 
     def _turns(self, m: Module, features: stream.Interface, *, restart: Value) -> Value:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from amaranth import Cat, Const, Module, Signal
+from amaranth import Cat, Const, Module, Mux, Signal
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -85,20 +85,22 @@ class LevelScan(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Compare the position with numbers that only settings change, then combine."""
         m = Module()
-        last_x, last_y, lowest_y = (Signal(COORDINATE, name=name) for name in ("last_x", "last_y", "lowest_y"))
+        last_x, lowest_y = Signal(COORDINATE), Signal(COORDINATE)
+        right_px, bottom_px = Signal.like(self.i_width_px), Signal.like(self.i_height_px)
         warning_x = Signal(COORDINATE)
         cell_mask = Signal(max(CELL_SIZES_PX).bit_length() - 1)
         spare_px = self.border_px - self.lag_px
         m.d.sync += [
             last_x.eq(self.i_width_px - 1),
             warning_x.eq(self.i_width_px - 1 - WARNING_PX),
-            last_y.eq(self.i_height_px - 1),
+            right_px.eq(Mux(self.i_width_px > spare_px, self.i_width_px - spare_px, 0)),
+            bottom_px.eq(Mux(self.i_height_px > spare_px, self.i_height_px - spare_px, 0)),
             # Above the frame's last line by so much that no feature is lost, and that even the smallest level has it.
             lowest_y.eq(self.i_height_px - 1 - min(spare_px, SMALLEST_LEVEL_PX - 1)),
             cell_mask.eq((1 << self.i_cell_log2) - 1),
         ]
         x, y, first_px = self.i.x, self.i.y, self.border_px + self.lag_px
-        limits = (x >= first_px, y >= first_px, x + spare_px <= last_x, y + spare_px <= last_y)
+        limits = (x >= first_px, y >= first_px, x < right_px, y < bottom_px)
         inside = delayed(m, delayed(m, Cat(limits), 1).all(), 1)
         line_ends, line_ends_soon = delayed(m, x == last_x, 2), delayed(m, x >= warning_x, 2)
         is_lowest, is_above = delayed(m, y == lowest_y, 2), delayed(m, y < lowest_y, 2)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from amaranth import Module, Mux, Signal, Value
+from amaranth import Array, Module, Mux, Signal, Value
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
@@ -53,7 +53,7 @@ class AdaptiveThreshold(wiring.Component):
     i_target: Signal
     o_code: Signal
 
-    latency_cycles = 7
+    latency_cycles = 9
 
     def __init__(self, *, max_features: int) -> None:
         self.max_features = max_features
@@ -71,7 +71,7 @@ class AdaptiveThreshold(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Count, clamp, compare, step, sum, clamp: each in its clock."""
+        """Count, excess, step, sum, each clamped: a clock for the comparison, one for the choice."""
         m = Module()
         added = delayed(m, self.i_added, 1, reset_less=False)
         # Once the highest bit is set, the count is more than enough, and rests.
@@ -80,19 +80,11 @@ class AdaptiveThreshold(wiring.Component):
             m.d.sync += count.eq(0)
         with m.Elif(~count[-1]):
             m.d.sync += count.eq(count + added)
-        excess = delayed(m, delayed(m, _clamped(count, 0, self.max_features), 1) - self.i_target, 1)
-        largest = max(steps.largest for steps in STEPS.values())
-        step = Signal(range(-largest, largest + 1), reset_less=True)
-        moved = delayed(m, self.o_code + step, 1)
-        following = Signal(RESPONSE_CODE.bits, reset_less=True)
-        with m.Switch(self.i_detector):
-            for index, detector in enumerate(DETECTORS):
-                steps = STEPS[detector]
-                with m.Case(index):
-                    m.d.sync += [
-                        step.eq(_clamped(excess >> steps.shift, -steps.largest, steps.largest)),
-                        following.eq(_clamped(moved, 1, steps.max_code)),
-                    ]
+        excess = delayed(m, _clamped(m, count, 0, self.max_features) - self.i_target, 1)
+        steps = [STEPS[detector] for detector in DETECTORS]
+        step = Array(_clamped(m, excess >> each.shift, -each.largest, each.largest) for each in steps)[self.i_detector]
+        moved = delayed(m, self.o_code + delayed(m, step, 1), 1)
+        following = delayed(m, Array(_clamped(m, moved, 1, each.max_code) for each in steps)[self.i_detector], 1)
         with m.If(self.i_load):
             m.d.sync += self.o_code.eq(self.i_code)
         with m.Elif(self.i_frame_ends & self.i_adapt):
@@ -100,5 +92,7 @@ class AdaptiveThreshold(wiring.Component):
         return m
 
 
-def _clamped(value: Value, low: int, high: int) -> Value:
-    return Mux(value < low, low, Mux(value > high, high, value))
+def _clamped(m: Module, value: Value, low: int, high: int) -> Value:
+    """The value of the clock before, moved into the range."""
+    below, above = delayed(m, value < low, 1), delayed(m, value > high, 1)
+    return Mux(below, low, Mux(above, high, delayed(m, value, 1)))

@@ -21,7 +21,7 @@ class LineBuffer(wiring.Component):
     lines : int
         How many lines before the current one.
     width_px : int
-        Largest width of a line, at least 4.
+        Largest width of a line, at least 5.
 
     Members
     -------
@@ -42,20 +42,23 @@ class LineBuffer(wiring.Component):
     i: data.View
     o: data.View
 
-    latency_cycles = 2
+    latency_cycles = 3
 
     def __init__(self, *, shape: ShapeLike, lines: int, width_px: int) -> None:
         if lines < 1:
             raise ValueError(f"lines is {lines}; it must be at least 1")
-        if width_px < 4:
-            raise ValueError(f"width_px is {width_px}; it must be at least 4, the clocks from a read to its write")
+        if width_px < 5:
+            raise ValueError(f"width_px is {width_px}; it must be at least 5, the clocks from a read to its write")
         self.shape = shape
         self.lines = lines
         self.width_px = width_px
         super().__init__({"i": In(beat(pixel=shape)), "o": Out(beat(column=data.ArrayLayout(shape, lines + 1)))})
 
     def elaborate(self, platform: object) -> Module:
-        """Read the column at x, register it, write it back one line further."""
+        """Read the column at x, register it twice, write it back one line further.
+
+        The first register can be the block RAM's own, or stand beside it: its output is slow.
+        """
         m = Module()
         m.submodules.memory = lines = memory.Memory(
             shape=data.ArrayLayout(self.shape, self.lines), depth=self.width_px, init=[]
@@ -63,9 +66,12 @@ class LineBuffer(wiring.Component):
         read, write = lines.read_port(), lines.write_port()
         carry_scan(m, self.i, self.o, self.latency_cycles)
         column = Signal.like(self.o.column, reset_less=True)
-        valid, pixel = delayed(m, self.i.valid, 1, reset_less=False), delayed(m, self.i.pixel, 1)
-        with m.If(valid):
-            m.d.sync += column.eq(Cat(pixel, read.data))
+        read_valid, pixel = delayed(m, self.i.valid, 1, reset_less=False), delayed(m, self.i.pixel, 2)
+        above = Signal.like(read.data, reset_less=True)
+        with m.If(read_valid):
+            m.d.sync += above.eq(read.data)
+        with m.If(delayed(m, read_valid, 1, reset_less=False)):
+            m.d.sync += column.eq(Cat(pixel, above))
         m.d.comb += [
             read.addr.eq(self.i.x),
             read.en.eq(self.i.valid),

@@ -177,4 +177,4 @@ class _Rows(Elaboratable):
 
 
 def test_a_row_that_leaves_is_not_written(tmp_path: Path) -> None:
-    prove(_Rows(), tmp_path, depth_cycles=15)
+    prove(_Rows(), tmp_path, depth_cycles=20)
