@@ -109,7 +109,7 @@ class FeatureBanks(wiring.Component):
         m.d.comb += [
             self.o_status.valid.eq(complete & ends_frame),
             self.o_status.payload.eq(record),
-            self.i.ready.eq(self.o_status.ready | ~self.o_status.valid),
+            self.i.ready.eq(~self.o_status.valid),
         ]
         reference, current, filling = self._roles(m)
         features = []
@@ -140,6 +140,8 @@ class FeatureBanks(wiring.Component):
                     m.d.sync += ends_frame.eq(incoming[self._tag] == Tag.FRAME_STATUS)
                 with m.If(word == self._record_words - 1):
                     m.d.sync += [word.eq(0), complete.eq(1)]
+        with m.Elif(self.o_status.ready):
+            m.d.sync += complete.eq(0)
         return complete, ends_frame, record
 
     def _roles(self, m: Module) -> tuple[Signal, Signal, Signal]:

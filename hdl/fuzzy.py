@@ -40,7 +40,7 @@ class Sugeno(wiring.Component):
     Members
     -------
     i : In(stream of ArrayLayout(value_bits, inputs))
-        Taken when the result is taken.
+        Taken in the clock after the result is.
     o : Out(stream of {weight: 8, rule: 5})
         UQ0.8, and the strongest rule, ties to the lowest.
 
@@ -64,11 +64,11 @@ class Sugeno(wiring.Component):
         inputs = len(system.inputs)
         if self._is_product and inputs not in PRODUCT_INPUTS:
             raise ValueError(f"{system.name}: multiplies {inputs} inputs; valid: {', '.join(map(str, PRODUCT_INPUTS))}")
-        # After the membership ROM: operands; products or minima of all but the term's own factor; term.
+        # Indices, membership ROM; then operands; products or minima of all but the term's own factor; term.
         combining = (inputs - 2) * PRODUCT_CYCLES if self._is_product else inputs - 1
         self._term_cycles = 1 + combining + PRODUCT_CYCLES
-        rounding = 1 if self._is_product else 1 + QUOTIENT_BITS
-        self.latency_cycles = 1 + len(system.rules) + self._term_cycles + rounding
+        rounding = 2 if self._is_product else 2 + QUOTIENT_BITS
+        self.latency_cycles = 2 + len(system.rules) + self._term_cycles + rounding
         values = data.ArrayLayout(value_bits, inputs)
         result = data.StructLayout({"weight": WEIGHT.bits, "rule": range(MAX_RULES)})
         super().__init__({"i": In(stream.Signature(values)), "o": Out(stream.Signature(result))})
@@ -78,7 +78,7 @@ class Sugeno(wiring.Component):
         m = Module()
         issuing, rule, last = self._rules(m)
         indices = [
-            Mux(value < variable.entries, value, variable.entries - 1)
+            delayed(m, Mux(value < variable.entries, value, variable.entries - 1), 1)
             for value, variable in zip(self.i.payload, self.system.inputs, strict=True)
         ]
         degrees = [self._degree(m, n, index, rule) for n, index in enumerate(indices)]
@@ -95,27 +95,23 @@ class Sugeno(wiring.Component):
             weight, finished = delayed(m, (total + half) >> exact_log2(2 * half), 1), ended
         else:
             weight, finished = self._quotient(m, ended, total, fired)
-        m.d.comb += self.o.payload.weight.eq(Mux(weight > WEIGHT.max_raw, WEIGHT.max_raw, weight))
-        with m.If(finished):
+        m.d.sync += self.o.payload.weight.eq(Mux(weight > WEIGHT.max_raw, WEIGHT.max_raw, weight))
+        with m.If(delayed(m, finished, 1, reset_less=False)):
             m.d.sync += self.o.valid.eq(1)
         with m.Elif(self.o.ready):
             m.d.sync += self.o.valid.eq(0)
         return m
 
     def _rules(self, m: Module) -> tuple[Signal, Signal, Signal]:
-        """Count the rules from the clock after ``i.valid``, when the membership ROMs answer."""
+        """Count the rules from two clocks after ``i.valid`` on, when the membership ROMs answer."""
         started, issuing, last = Signal(), Signal(), Signal()
         rule = Signal(range(MAX_RULES))
-        m.d.comb += [
-            last.eq(issuing & (rule == len(self.system.rules) - 1)),
-            self.i.ready.eq(self.o.valid & self.o.ready),
-        ]
-        with m.If(issuing):
+        m.d.comb += last.eq(issuing & (rule == len(self.system.rules) - 1))
+        m.d.sync += [started.eq(self.i.valid & ~self.i.ready), self.i.ready.eq(self.o.valid & self.o.ready)]
+        with m.If(delayed(m, self.i.valid & ~self.i.ready & ~started, 1, reset_less=False)):
+            m.d.sync += [issuing.eq(1), rule.eq(0)]
+        with m.Elif(issuing):
             m.d.sync += [rule.eq(rule + 1), issuing.eq(~last)]
-        with m.If(self.i.ready):
-            m.d.sync += started.eq(0)
-        with m.Elif(self.i.valid & ~started):
-            m.d.sync += [started.eq(1), issuing.eq(1), rule.eq(0)]
         return issuing, rule, last
 
     def _degree(self, m: Module, n: int, index: Value, rule: Value) -> Value:

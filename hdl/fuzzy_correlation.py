@@ -29,7 +29,7 @@ class FuzzyCorrelation(wiring.Component):
     Members
     -------
     i : In(stream of WINDOWS)
-        Taken when the result is taken.
+        Taken in the clock after the result is.
     o : Out(stream of {weight: 8, rule: 5})
         As of `hdl.fuzzy.Sugeno`.
 

@@ -84,7 +84,7 @@ class FuzzyStage(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Wait for the features, then count or weigh."""
+        """Count, or wait for the features and weigh."""
         m = Module()
         turn, peak = Signal(range(SECTORS)), Signal(range(SECTORS))
         count, weigh, counted, weighed = (Signal() for _ in range(4))
@@ -99,10 +99,10 @@ class FuzzyStage(wiring.Component):
             m.d.sync += waited.eq(0)
         with m.Elif(waited != wait_cycles):
             m.d.sync += waited.eq(waited + 1)
-        settled = self.i.valid & (waited == wait_cycles)
         m.d.comb += [
-            count.eq(settled & self.i_count),
-            weigh.eq(settled & ~self.i_count),
+            # The weight that it counts with needs no features; the turn is there before the weight.
+            count.eq(self.i.valid & self.i_count),
+            weigh.eq(self.i.valid & ~self.i_count & (waited == wait_cycles)),
             self.i.ready.eq(counted | weighed),
             self.o.payload.turn.eq(turn),
             self.o.payload.peak_turn.eq(peak),

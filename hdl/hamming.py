@@ -25,6 +25,8 @@ class Distances(wiring.Component):
 
     Members
     -------
+    i_run : In(1)
+        High with the first right descriptor and until the last one has left the lanes; the lanes rest otherwise.
     i_valid, i_right : In
         A right descriptor for lane 0. Where there is none, ``i_right`` should rest.
     i_load, i_lane, i_left, i_left_valid : In
@@ -40,6 +42,7 @@ class Distances(wiring.Component):
         From the inputs to lane 0's distance.
     """
 
+    i_run: Signal
     i_valid: Signal
     i_right: Signal
     i_load: Signal
@@ -56,6 +59,7 @@ class Distances(wiring.Component):
         self.latency_cycles = 1 + self._popcount.latency_cycles
         super().__init__(
             {
+                "i_run": In(1),
                 "i_valid": In(1),
                 "i_right": In(bits),
                 "i_load": In(1),
@@ -79,7 +83,7 @@ class Distances(wiring.Component):
             m.d.sync += left_valid.bit_select(self.i_lane, 1).eq(self.i_left_valid)
         for n, unequal in enumerate(popcount.i_planes):
             left, right = (Signal(self.lanes, name=f"{name}{n}", reset_less=True) for name in ("left", "right"))
-            with m.If(entered.any()):
+            with m.If(self.i_run):
                 m.d.sync += right.eq(Cat(self.i_right[n], right[:-1]))
             with m.If(self.i_load):
                 m.d.sync += left.bit_select(self.i_lane, 1).eq(self.i_left[n])

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from amaranth import Array, Module, Mux, Signal, Value
+from functools import reduce
+from operator import or_
+
+from amaranth import Module, Mux, Signal, Value
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -162,14 +165,14 @@ class Matcher(wiring.Component):
     def _send(self, m: Module, valid: Value, record: Value, ends_frame: Value, taken: Signal) -> None:
         """Send a record word by word; it is ``taken`` with its last one."""
         o = self.o_matches
-        word = Signal(range(len(words(record))))
-        last_word = word == len(words(record)) - 1
+        # One bit for each word, which is the fastest choice.
+        turn = Signal(len(words(record)), init=1)
+        chosen = reduce(or_, (Mux(bit, word, 0) for bit, word in zip(turn, words(record), strict=True)))
         with m.If(o.ready | ~o.valid):
-            m.d.sync += o.valid.eq(valid)
-            m.d.sync += [o.payload.data.eq(Array(words(record))[word]), o.payload.last.eq(ends_frame & last_word)]
-            m.d.comb += taken.eq(valid & last_word)
+            m.d.sync += [o.valid.eq(valid), o.payload.data.eq(chosen), o.payload.last.eq(ends_frame & turn[-1])]
+            m.d.comb += taken.eq(valid & turn[-1])
             with m.If(valid):
-                m.d.sync += word.eq(Mux(last_word, 0, word + 1))
+                m.d.sync += turn.eq(turn.rotate_left(1))
 
     def _lead(self, m: Module, status: data.View, sending: Signal, taken: Value) -> None:
         """From one FrameStatus to the next."""

@@ -139,17 +139,18 @@ class NearestNeighbours(wiring.Component):
         group = Signal(self._place["group"].shape)
         last_slot, last_group = Signal.like(slot), Signal.like(group)
         drain = Signal(range(self.drain_cycles + 1))
-        m.d.comb += self.o_busy.eq(issuing | drain.any())
         with m.If(issuing):
             m.d.sync += [slot.eq(slot + 1), drain.eq(self.drain_cycles)]
             with m.If(slot == last_slot):
                 m.d.sync += [slot.eq(0), group.eq(group + 1), issuing.eq(group != last_group)]
         with m.Elif(drain.any()):
-            m.d.sync += drain.eq(drain - 1)
+            m.d.sync += [drain.eq(drain - 1), self.o_busy.eq(drain != 1)]
         with m.If(self.i_start):
-            short = self.i_right_count < self.shortest_pass_cycles
+            short, any_pair = self.i_right_count < self.shortest_pass_cycles, Signal()
+            m.d.comb += any_pair.eq(self.i_left_count.any() & self.i_right_count.any())
             m.d.sync += [
-                issuing.eq(self.i_left_count.any() & self.i_right_count.any()),
+                issuing.eq(any_pair),
+                self.o_busy.eq(any_pair),
                 group.eq(0),
                 last_group.eq((self.i_left_count - 1) >> exact_log2(self.lanes)),
                 last_slot.eq(Mux(short, self.shortest_pass_cycles, self.i_right_count) - 1),
@@ -175,6 +176,7 @@ class NearestNeighbours(wiring.Component):
         ]
         distances = self._distances
         m.d.comb += [
+            distances.i_run.eq(self.o_busy),
             distances.i_valid.eq(delayed(m, valid, READ_CYCLES, reset_less=False)),
             distances.i_load.eq(delayed(m, load, READ_CYCLES, reset_less=False)),
             distances.i_lane.eq(delayed(m, lane, READ_CYCLES)),
@@ -247,7 +249,7 @@ class MutualMatches(wiring.Component):
     i_start : In(1)
         Begins a walk over the rows; the last one must have ended.
     i_left_count : In(range(max_features + 1))
-        Steady during the walk.
+        Steady during the walk and one clock before it.
     o_busy : Out(1)
         High from the clock after ``i_start`` until the last pair was taken.
     o_row_index, o_column_index, o_read : Out, i_row, i_column : In(Nearest)
@@ -295,6 +297,7 @@ class MutualMatches(wiring.Component):
         lefts = [Signal.like(left, name=f"left{n}", reset_less=True) for n in range(len(valid))]
         rows = [Signal(self.i_row.shape(), name=f"row{n}", reset_less=True) for n in range(RESULT_CYCLES)]
         row, column = rows[-1], self.i_column
+        last_left = delayed(m, (self.i_left_count - 1)[: len(left)], 1)
         is_mutual, met = Signal(), Signal(self.o.payload.shape(), reset_less=True)
         second = Signal.like(row.second, reset_less=True)
         m.d.comb += [
@@ -318,7 +321,7 @@ class MutualMatches(wiring.Component):
                 met.distance.eq(row.best),
                 second.eq(Mux(row.second < column.second, row.second, column.second)),
             ]
-            with m.If(left + 1 == self.i_left_count):
+            with m.If(left == last_left):
                 m.d.sync += walking.eq(0)
         with m.If(self.i_start):
             m.d.sync += [walking.eq(self.i_left_count.any()), left.eq(0)]

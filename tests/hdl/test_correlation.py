@@ -97,8 +97,7 @@ def test_latency(block):
             await ctx.tick()
             assert ctx.get(dut.o.valid)
             ctx.set(dut.o.ready, 1)
-            assert ctx.get(dut.i.ready)
-            await ctx.tick()
+            await ctx.tick().until(dut.i.ready)
 
     simulator.add_testbench(run)
     simulator.run()

@@ -47,8 +47,9 @@ def evaluated(system, value_bits, inputs):
             ctx.set(dut.o.ready, 1)
             await ctx.tick()
             assert ctx.get(dut.o.valid)
-            assert ctx.get(dut.i.ready)
             results.append((ctx.get(dut.o.payload.weight), ctx.get(dut.o.payload.rule)))
+            await ctx.tick()
+            assert ctx.get(dut.i.ready)
             await ctx.tick()
 
     simulator.add_testbench(run)
