@@ -103,7 +103,7 @@ class Matcher(wiring.Component):
         self._connect_results(m)
         sending, status, taken = Signal(), Signal(STATUS_LAYOUT), Signal()
         weighed, has_match, verdict = self._fuzzy.o, Signal(), Signal()
-        m.d.comb += weighed.ready.eq(taken & ~sending)
+        m.d.comb += weighed.ready.eq(taken & has_match)
         # A clock for the comparison.
         m.d.sync += has_match.eq(weighed.valid & ~weighed.ready)
         m.d.sync += verdict.eq(self.keeps_all | (weighed.payload.weight > self.i_keep_above))
@@ -180,13 +180,15 @@ class Matcher(wiring.Component):
         search, pairs, fuzzy_stage = self._search, self._pairs, self._fuzzy
         with m.FSM():
             with m.State("Wait-Frame"):
-                m.d.comb += arrived.ready.eq(1)
                 m.d.sync += status.eq(arrived.payload)
-                with m.If(arrived.valid & arrived.payload.good):
+                with m.If(arrived.valid):
+                    m.next = "Take-Frame"
+            with m.State("Take-Frame"):
+                m.d.comb += arrived.ready.eq(1)
+                m.next = "Send-Status"
+                with m.If(status.good):
                     m.d.comb += self.o_reference_taken.eq(self.i_take_reference)
                     m.next = "Start-Search"
-                with m.Elif(arrived.valid):
-                    m.next = "Send-Status"
             with m.State("Start-Search"):
                 m.d.comb += search.i_start.eq(1)
                 m.next = "Search"

@@ -61,6 +61,7 @@ class TurnHistogram(wiring.Component):
         height = Signal(range(10 * self._bin[-1] + 1))
         turn, weight = self.i.payload.turn, self.i.payload.weight
         square, smoothed = delayed(m, weight * weight, SQUARE_CYCLES), self._smoothed(m, read.data)
+        is_bin = delayed(m, step >= FIND_CYCLES - 1, 1)
         m.d.sync += step.eq(step + 1)
         with m.FSM(init="Clear"):
             with m.State("Clear"):
@@ -78,7 +79,7 @@ class TurnHistogram(wiring.Component):
                     m.next = "Find"
             with m.State("Find"):
                 m.d.comb += [self.o_busy.eq(1), read.addr.eq(step - 1)]
-                with m.If((step >= FIND_CYCLES) & (smoothed > height)):
+                with m.If(is_bin & (smoothed > height)):
                     m.d.sync += [height.eq(smoothed), self.o_peak.eq(step - FIND_CYCLES)]
                 with m.If(step == SECTORS + FIND_CYCLES - 1):
                     m.d.sync += step.eq(0)
