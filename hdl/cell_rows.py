@@ -104,7 +104,7 @@ class CellRows(wiring.Component):
         touched, ends_level = Signal.like(self.i_touched), Signal()
         followed = Cat(Cat(later.taken for later in order.data)[1:], 0).bit_select(place, 1)
         with m.If(self.i_close):
-            m.d.sync += [touched.eq(self.i_touched), ends_level.eq(self.i_ends_level)]
+            m.d.sync += [touched.eq(self.i_touched), ends_level.eq(self.i_ends_level), cell.eq(0)]
         with m.Elif(next_cell):
             m.d.sync += [touched.eq(touched >> 1), cell.eq(cell + 1)]
         m.d.comb += [
@@ -115,10 +115,8 @@ class CellRows(wiring.Component):
         ]
         last_cell = cell == self.cells - 1
         with m.FSM():
-            with m.State("Fill"):
-                m.d.sync += [cell.eq(0), place.eq(0)]
-                with m.If(self.i_close):
-                    m.next = "Read-Order"
+            with m.State("Fill"), m.If(self.i_close):
+                m.next = "Read-Order"
             with m.State("Read-Order"):
                 m.d.comb += order.en.eq(1)
                 with m.If(touched[0]):
