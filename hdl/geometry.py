@@ -8,6 +8,7 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.config import MAX_FRAME_PX
 from golden_model.records import FRAME_STATUS, Cause
+from hdl.delay import delayed
 from hdl.streams import COORDINATE, PixelPayload, beat
 
 CAUSES = next(field.bits for field in FRAME_STATUS.fields if field.name == "causes")
@@ -24,7 +25,7 @@ class FrameGeometry(wiring.Component):
     -------
     i : In(stream(PixelPayload))
     i_width_px, i_height_px : In
-        At least 2. Set at least 2 clocks before a frame is let in.
+        At least 4. Set at least 2 clocks before a frame is let in.
     i_may_start : In(1)
         A frame may start.
     i_may_end : In(1)
@@ -119,14 +120,16 @@ class FrameGeometry(wiring.Component):
     def _count(self, m: Module, emits: Value) -> tuple[Value, Value]:
         """Give each beat its position; whether the next one ends its line, and whether it ends its frame.
 
-        Both are known from the beat before, since what may happen hangs on them.
+        Both are known beforehand, since what may happen hangs on them.
         """
-        x, y, last_but_one_x, last_but_one_y = (Signal(COORDINATE) for _ in range(4))
+        x, y, last_but_one_x, last_y = (Signal(COORDINATE) for _ in range(4))
         line_ends, is_last_line = Signal(), Signal()
-        m.d.sync += [last_but_one_x.eq(self.i_width_px - 2), last_but_one_y.eq(self.i_height_px - 2)]
-        m.d.sync += [self.o.x.eq(x), self.o.y.eq(y)]
+        m.d.sync += [last_but_one_x.eq(self.i_width_px - 2), last_y.eq(self.i_height_px - 1)]
         with m.If(emits):
             m.d.sync += [x.eq(Mux(line_ends, 0, x + 1)), line_ends.eq(x == last_but_one_x)]
-            with m.If(line_ends):
-                m.d.sync += [y.eq(Mux(is_last_line, 0, y + 1)), is_last_line.eq(y == last_but_one_y)]
+        # y is the line of the beat that leaves.
+        with m.If(delayed(m, emits & line_ends, 1, reset_less=False)):
+            m.d.sync += y.eq(Mux(is_last_line, 0, y + 1))
+        m.d.sync += [self.o.x.eq(x), is_last_line.eq(y == last_y)]
+        m.d.comb += self.o.y.eq(y)
         return line_ends, line_ends & is_last_line

@@ -101,17 +101,17 @@ class Matcher(wiring.Component):
         m.submodules.fuzzy = self._fuzzy
         self._connect_banks(m)
         self._connect_results(m)
-        sending, status, taken = Signal(), Signal(STATUS_LAYOUT), Signal()
+        sending, status, closes = Signal(), Signal(STATUS_LAYOUT), Signal()
         weighed, has_match, verdict = self._fuzzy.o, Signal(), Signal()
-        m.d.comb += weighed.ready.eq(taken & has_match)
+        m.d.comb += weighed.ready.eq(closes & has_match)
         # A clock for the comparison.
         m.d.sync += has_match.eq(weighed.valid & ~weighed.ready)
         m.d.sync += verdict.eq(self.keeps_all | (weighed.payload.weight > self.i_keep_above))
         with m.If(weighed.ready):
             m.d.sync += [status.matches.eq(status.matches + 1), status.kept.eq(status.kept + verdict)]
         record = Mux(sending, status.as_value(), self._match(m, verdict).as_value())
-        self._send(m, sending | has_match, record, sending, taken)
-        self._lead(m, status, sending, taken)
+        self._send(m, sending | has_match, record, sending, closes)
+        self._lead(m, status, sending, closes)
         return m
 
     def _connect_banks(self, m: Module) -> None:
@@ -162,19 +162,19 @@ class Matcher(wiring.Component):
             m.d.comb += [match[f"{side}_x"].eq(feature.x), match[f"{side}_y"].eq(feature.y)]
         return match
 
-    def _send(self, m: Module, valid: Value, record: Value, ends_frame: Value, taken: Signal) -> None:
-        """Send a record word by word; it is ``taken`` with its last one."""
+    def _send(self, m: Module, valid: Value, record: Value, ends_frame: Value, closes: Signal) -> None:
+        """Send a record word by word; where it ``closes``, its last one is taken."""
         o = self.o_matches
         # One bit for each word, which is the fastest choice.
         turn = Signal(len(words(record)), init=1)
         chosen = reduce(or_, (Mux(bit, word, 0) for bit, word in zip(turn, words(record), strict=True)))
         with m.If(o.ready | ~o.valid):
             m.d.sync += [o.valid.eq(valid), o.payload.data.eq(chosen), o.payload.last.eq(ends_frame & turn[-1])]
-            m.d.comb += taken.eq(valid & turn[-1])
+            m.d.comb += closes.eq(turn[-1])
             with m.If(valid):
                 m.d.sync += turn.eq(turn.rotate_left(1))
 
-    def _lead(self, m: Module, status: data.View, sending: Signal, taken: Value) -> None:
+    def _lead(self, m: Module, status: data.View, sending: Signal, closes: Value) -> None:
         """From one FrameStatus to the next."""
         arrived = self._banks.o_status
         search, pairs, fuzzy_stage = self._search, self._pairs, self._fuzzy
@@ -208,5 +208,5 @@ class Matcher(wiring.Component):
                 m.next = "Send-Status"
             with m.State("Send-Status"):
                 m.d.comb += sending.eq(1)
-                with m.If(taken):
+                with m.If(closes):
                     m.next = "Wait-Frame"
