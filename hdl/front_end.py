@@ -125,17 +125,17 @@ class FrontEnd(wiring.Component):
     def _settings(self, m: Module, under_way: Value) -> tuple[data.View, Value, Value]:
         """The settings in use, whether they are replaced in this clock, and whether a frame may start.
 
-        No frame may when they change, and then it takes a clock until it is known that none is under way.
+        No frame may where they differ from what is asked for; a clock later it is known whether one is under way.
         """
-        active, changing, load, may_start = Signal(FrontEndSettings), Signal(), Signal(), Signal()
+        active, changing, load, settled = Signal(FrontEndSettings), Signal(), Signal(), Signal()
         m.d.sync += [
             changing.eq(active.as_value() != self.settings.as_value()),
-            may_start.eq(~(changing | load)),
-            load.eq(changing & ~may_start & ~under_way),
+            settled.eq(~(changing | load)),
+            load.eq(changing & ~settled & ~under_way),
         ]
         with m.If(load):
             m.d.sync += active.eq(self.settings)
-        return active, load, may_start
+        return active, load, settled & ~changing
 
     def _threshold(self, m: Module, geometry: FrameGeometry, detector: Value, load: Value) -> Value:
         m.submodules.threshold = threshold = AdaptiveThreshold(max_features=self.config.max_features)
