@@ -136,4 +136,4 @@ class _Merge(Elaboratable):
 
 
 def test_two_levels_leave_in_turn_and_whole(tmp_path: Path) -> None:
-    prove(_Merge(), tmp_path, depth_cycles=17)
+    prove(_Merge(), tmp_path, depth_cycles=15)
