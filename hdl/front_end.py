@@ -125,13 +125,13 @@ class FrontEnd(wiring.Component):
     def _settings(self, m: Module, under_way: Value) -> tuple[data.View, Value, Value]:
         """The settings in use, whether they are replaced in this clock, and whether a frame may start.
 
-        No frame may where they differ from what is asked for; a clock later it is known whether one is under way.
+        No frame may where they differ, or differed a clock before, from what is asked for.
         """
         active, changing, load, settled = Signal(FrontEndSettings), Signal(), Signal(), Signal()
         m.d.sync += [
             changing.eq(active.as_value() != self.settings.as_value()),
-            settled.eq(~(changing | load)),
-            load.eq(changing & ~settled & ~under_way),
+            settled.eq(~changing),
+            load.eq(changing & ~under_way),
         ]
         with m.If(load):
             m.d.sync += active.eq(self.settings)

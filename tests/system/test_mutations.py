@@ -44,7 +44,7 @@ MUTATIONS = {
         "tests/hdl/test_ilbp.py::test_sector_and_descriptor_equal_the_golden_model",
     ),
     "border": (
-        "hdl/level_scan.py", "(x >= first_px)", "(x > first_px)",
+        "hdl/level_scan.py", "(x >= first_px,", "(x > first_px,",
         "tests/hdl/test_level_scan.py",
     ),
     "rounding of the sub-pixel position": (
