@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.config import preset_config
-from skymosaic.detectors import DETECTORS
-from skymosaic.estimators import MAGSAC_TOLERANCE_PX, magsac
-from skymosaic.homography import apply
-from skymosaic.methods import choose, front_end_of
+from skymosaic.features.detectors import DETECTORS
+from skymosaic.features.methods import choose, front_end_of
+from skymosaic.geometry.estimators import MAGSAC_TOLERANCE_PX, magsac
+from skymosaic.geometry.homography import apply
 from skymosaic.registration import match_points
 
 BASELINES = ("sift", "orb", "akaze", "brisk", "freak", "surf", "klt")

@@ -24,13 +24,13 @@ from rich.console import Console
 from rich.table import Table
 
 from golden_model.config import MatcherConfig
-from golden_model.ilbp import PATTERNS, SECTORS, DescriptorPattern
-from golden_model.matcher import match
+from golden_model.feature.ilbp import PATTERNS, SECTORS, DescriptorPattern
+from golden_model.matching.matcher import match
 from golden_model.records import FRAME_STATUS, MATCH, Tag, feature_record
-from hdl.matcher import Matcher
+from hdl.matching.matcher import Matcher
 from sim import verilator
+from sim.accelerator_designs import MATCHES, source_key
 from sim.design import Design, Ports
-from sim.designs import MATCHES, source_key
 from sim.recording import START_OF_FRAME, Segment
 
 CONFIG = MatcherConfig()

@@ -28,8 +28,8 @@ from rich.table import Table
 
 from baselines import BASELINES, Baseline
 from skymosaic import register
-from skymosaic.metrics import grid_error
-from skymosaic.pairs import KnownPair, read_pairs
+from skymosaic.evaluation.known_pairs import KnownPair, read_pairs
+from skymosaic.evaluation.metrics import grid_error
 
 NOTHING_ESTIMATED_PX = 1000.0
 LIMITS_PX = (1, 3, 5)

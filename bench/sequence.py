@@ -35,12 +35,12 @@ from golden_model.config import preset_config
 from sim.build_cache import cache_folder
 from sim.scene import Flight as RenderedFlight
 from sim.scene import lawnmower
-from skymosaic.cache import ResultCache
-from skymosaic.collection import sources
-from skymosaic.homography import apply, estimate
-from skymosaic.scheduling import Workers
-from skymosaic.sequence import survey
-from skymosaic.views import Settings
+from skymosaic.flight.cache import ResultCache
+from skymosaic.flight.survey import survey
+from skymosaic.flight.view import Settings
+from skymosaic.flight.workers import Workers
+from skymosaic.geometry.homography import apply, estimate
+from skymosaic.imagery.photographs import sources
 
 METHODS = ("skymosaic", "openstitching", "openstitching-sift", "opencv")
 STITCHERS = Path(__file__).with_name("stitchers.py")

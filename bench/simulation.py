@@ -27,7 +27,7 @@ from rich.console import Console
 from rich.table import Table
 
 from golden_model.config import PRESETS
-from sim import cxxrtl, designs, pysim, verilator
+from sim import accelerator_designs, cxxrtl, pysim, verilator
 from sim.design import Design
 from sim.hardware import BUILT_SIZES_PX, frame_segments
 from sim.recording import Recording, Segment, flat_frame
@@ -48,7 +48,7 @@ def front_end_segment(frames: list[NDArray[np.uint8]]) -> Segment:
     """Frames for the front end alone."""
     height_px, width_px = frames[0].shape
     data, flags = (np.concatenate(parts) for parts in zip(*map(flat_frame, frames), strict=True))
-    values = designs.frame_settings(AERIAL.front_end, width_px, height_px, gray_input=True)
+    values = accelerator_designs.frame_settings(AERIAL.front_end, width_px, height_px, gray_input=True)
     return Segment(data, flags, packets=len(frames), cycle_limit=4 * data.size, settings=values)
 
 
@@ -57,10 +57,10 @@ def workloads(simulator: str) -> dict[str, tuple[Design, list[Segment]]]:
     frames = gray_pair()
     if simulator == "pysim":
         frames = [frame[:TINY_PX, :TINY_PX] for frame in frames]
-    front_end = designs.front_end(AERIAL.front_end, BUILT_SIZES_PX[0]), [front_end_segment(frames)]
+    front_end = accelerator_designs.front_end(AERIAL.front_end, BUILT_SIZES_PX[0]), [front_end_segment(frames)]
     if simulator == "pysim":
         return {"front end": front_end}
-    accelerator = designs.accelerator(AERIAL, BUILT_SIZES_PX[0]), frame_segments(frames, AERIAL, "held")
+    accelerator = accelerator_designs.accelerator(AERIAL, BUILT_SIZES_PX[0]), frame_segments(frames, AERIAL, "held")
     return {"front end": front_end, "accelerator": accelerator}
 
 
@@ -93,7 +93,7 @@ def pysim_row(design: Design, segments: list[Segment]) -> dict[str, Any]:
 
 def row(recording: Recording, run_seconds: float, seconds: float) -> dict[str, Any]:
     """Figures of a segment with two frames that took ``seconds`` to simulate."""
-    features = recording.outputs[designs.FEATURES].ends[:, 1]
+    features = recording.outputs[accelerator_designs.FEATURES].ends[:, 1]
     starts = recording.starts
     frame_cycles = int(starts[1] - starts[0])
     cycles = max(int(output.ends[-1, 1]) for output in recording.outputs.values()) - int(starts[0]) + 1

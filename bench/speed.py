@@ -25,7 +25,7 @@ from rich.table import Table
 from baselines import Baseline
 from sim.scene import pair as rendered_pair
 from skymosaic import register
-from skymosaic.images import save
+from skymosaic.imagery.images import save
 
 WARM_UPS = 2
 FEATURES = 1000

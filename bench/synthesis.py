@@ -28,24 +28,24 @@ from rich.table import Table
 
 from golden_model.config import PRESETS, FrontEndConfig
 from hdl.accelerator import Accelerator
-from hdl.corners import Corners
-from hdl.correlation import WindowCorrelation
-from hdl.fast import Fast
-from hdl.features import CandidateFeatures
+from hdl.feature.extractor import CandidateFeatures
+from hdl.feature.ring_window import RingWindow
 from hdl.front_end import FrontEnd
-from hdl.fuzzy_correlation import FuzzyCorrelation
-from hdl.gradients import GradientColumns
-from hdl.gray import Gray
-from hdl.half import Half
-from hdl.harris import RawResponse, ResponseCode, StructureTensor
 from hdl.level import Level
-from hdl.matcher import Matcher
+from hdl.matching.correlation import WindowCorrelation
+from hdl.matching.fuzzy_correlation import FuzzyCorrelation
+from hdl.matching.matcher import Matcher
 from hdl.netlist import to_verilog
-from hdl.nms import Suppression
-from hdl.ring_window import RingWindow
-from hdl.selection import CellSelection
-from hdl.smooth import Binomial
-from hdl.sobel import Sobel
+from hdl.pixel.corners import Corners
+from hdl.pixel.fast import Fast
+from hdl.pixel.gradients import GradientColumns
+from hdl.pixel.gray import Gray
+from hdl.pixel.half import Half
+from hdl.pixel.harris import RawResponse, ResponseCode, StructureTensor
+from hdl.pixel.nms import Suppression
+from hdl.pixel.smooth import Binomial
+from hdl.pixel.sobel import Sobel
+from hdl.selection.selection import CellSelection
 
 AERIAL, THESIS = PRESETS["aerial"], PRESETS["thesis"]
 WIDTH_PX, HEIGHT_PX = 1920, 1080

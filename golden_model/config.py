@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from golden_model.ilbp import PATTERNS, DescriptorPattern
+from golden_model.feature.ilbp import PATTERNS, DescriptorPattern
 
 DETECTORS = ("harris", "fast")
 RULE_BASES = ("aerial", "ilbp", "none")
@@ -58,7 +58,7 @@ class FrontEndConfig:
     max_features : int
         Capacity of a feature bank; a frame with more is bad.
     descriptor : str
-        A name of `golden_model.ilbp.PATTERNS`.
+        A name of `golden_model.feature.ilbp.PATTERNS`.
 
     Raises
     ------
@@ -120,7 +120,7 @@ class FrontEndConfig:
 
     @property
     def suppression(self) -> tuple[int, str]:
-        """Radius of the suppression in pixels and its rule of ties, as `golden_model.nms.suppress` takes them."""
+        """Radius of the suppression in pixels and its rule of ties, as `golden_model.pixel.nms.suppress` takes them."""
         return (1, "lose") if self.detector == "fast" else (self.suppression_radius_px, "first")
 
     @property

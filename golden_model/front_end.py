@@ -10,13 +10,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from golden_model import fast, harris, ilbp, nms, selection, sobel, subpixel
 from golden_model.config import FrontEndConfig
+from golden_model.feature import ilbp, subpixel
 from golden_model.formats import encode_response
-from golden_model.gray import to_gray
-from golden_model.half import halve
+from golden_model.pixel import fast, harris, nms, sobel
+from golden_model.pixel.gray import to_gray
+from golden_model.pixel.half import halve
+from golden_model.pixel.smooth import binomial3, binomial5
 from golden_model.records import FRAME_STATUS, Cause, Tag, feature_record
-from golden_model.smooth import binomial3, binomial5
+from golden_model.selection import selection
 
 Pixels = NDArray[np.uint8]
 

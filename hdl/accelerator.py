@@ -8,15 +8,15 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.config import Config
 from golden_model.records import MATCH, WORD_BYTES
-from hdl.axi_lite import AxiLiteSignature
+from hdl.axi.axi_lite import AxiLiteSignature
+from hdl.axi.packet_gate import PacketGate
+from hdl.axi.register_map import ADDRESS_BITS, built_constants
+from hdl.axi.registers import RegisterFile
+from hdl.axi.video_input import VideoInput, VideoPayload
 from hdl.front_end import FrontEnd
-from hdl.matcher import Matcher
-from hdl.packet_gate import PacketGate
-from hdl.register_map import ADDRESS_BITS, built_constants
-from hdl.registers import RegisterFile
-from hdl.skid_buffer import SkidBuffer
+from hdl.lib.skid_buffer import SkidBuffer
+from hdl.matching.matcher import Matcher
 from hdl.streams import FrontEndSettings, WordPayload
-from hdl.video_input import VideoInput, VideoPayload
 
 
 class Accelerator(wiring.Component):
@@ -40,7 +40,7 @@ class Accelerator(wiring.Component):
     o_features, o_matches : Out(stream of WordPayload)
         Packets: a frame's records, FrameStatus last.
     control : In(AxiLiteSignature)
-        `hdl.register_map`.
+        `hdl.axi.register_map`.
     o_interrupt : Out(1)
         Level; an event is cleared by writing 1.
     """

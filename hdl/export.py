@@ -10,10 +10,10 @@ import numpy as np
 
 from golden_model.config import Config
 from golden_model.records import FRAME_STATUS, MATCH, Tag, feature_record
-from hdl import register_docs
 from hdl.accelerator import Accelerator, AcceleratorTop
+from hdl.axi import register_docs
+from hdl.axi.register_map import REGISTERS, Access, built_constants
 from hdl.netlist import to_verilog
-from hdl.register_map import REGISTERS, Access, built_constants
 
 SOURCES = Path(__file__).parents[1] / "constraints"
 BOARDS = tuple(sorted(path.stem for path in (SOURCES / "boards").glob("*.tcl")))

@@ -8,14 +8,14 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.config import MAX_FRAME_PX, MIN_FRAME_PX, FrontEndConfig
 from golden_model.records import feature_record
-from hdl.geometry import FrameGeometry
-from hdl.gray import Gray
-from hdl.half import Half
+from hdl.frame_admission import FrameGeometry
 from hdl.level import Level
 from hdl.level_merge import LevelMerge
-from hdl.skid_buffer import SkidBuffer
+from hdl.lib.skid_buffer import SkidBuffer
+from hdl.pixel.gray import Gray
+from hdl.pixel.half import Half
+from hdl.pixel.threshold import AdaptiveThreshold
 from hdl.streams import FrontEndSettings, PixelPayload, WordPayload
-from hdl.threshold import AdaptiveThreshold
 
 
 class FrontEnd(wiring.Component):

@@ -8,16 +8,16 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.config import DETECTORS, FrontEndConfig
 from golden_model.formats import RESPONSE_CODE
-from hdl.corners import Corners, Stage
-from hdl.delay import delayed
-from hdl.emission import FeatureWords
-from hdl.features import CandidateFeatures
-from hdl.level_scan import LevelScan
-from hdl.ring_window import RingWindow
-from hdl.selection import CellSelection, RasterSelection
-from hdl.smooth import Binomial
+from hdl.feature.extractor import CandidateFeatures
+from hdl.feature.ring_window import RingWindow
+from hdl.lib.delay import delayed
+from hdl.pixel.corners import Corners, Stage
+from hdl.pixel.smooth import Binomial
+from hdl.pixel.window import Displaced, LineBuffer
+from hdl.selection.level_scan import LevelScan
+from hdl.selection.record_serializer import FeatureWords
+from hdl.selection.selection import CellSelection, RasterSelection
 from hdl.streams import CANDIDATE, FrontEndSettings, RowPayload, beat, carry_scan
-from hdl.window import Displaced, LineBuffer
 
 DOOR_CYCLES = 16
 """From the admission of a pixel to its beat here and from ``o_hold`` to the last admission, together at most."""

@@ -10,8 +10,8 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.formats import RESPONSE_CODE
 from golden_model.records import FRAME_STATUS, WORD_BYTES, Cause, Record, Tag
-from hdl.geometry import CAUSES
-from hdl.skid_buffer import SkidBuffer
+from hdl.frame_admission import CAUSES
+from hdl.lib.skid_buffer import SkidBuffer
 from hdl.streams import WORD, FrontEndSettings, RowPayload, WordPayload, record_layout, words
 
 TURNS = (0, 0, 1)

@@ -20,7 +20,7 @@ from amaranth.lib import data
 from golden_model.config import DETECTORS, MAX_FRAME_PX
 from golden_model.formats import RESPONSE_CODE
 from golden_model.records import WORD_BYTES, Record
-from hdl.delay import delayed
+from hdl.lib.delay import delayed
 
 COORDINATE = Shape.cast(range(MAX_FRAME_PX))
 """x or y of a beat."""

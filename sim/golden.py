@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from golden_model.config import Config
 from golden_model.front_end import extract
-from golden_model.matcher import match
+from golden_model.matching.matcher import match
 from golden_model.records import MATCH
 from sim.backend import BackendError, FrameResult, Progress, Reference
 
 
 class GoldenFrontEnd:
-    """`golden_model.front_end.extract` and `golden_model.matcher.match`, frame by frame."""
+    """`golden_model.front_end.extract` and `golden_model.matching.matcher.match`, frame by frame."""
 
     def run(
         self, frames: Sequence[NDArray[np.uint8]], config: Config, *, reference: Reference = "held"

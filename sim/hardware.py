@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from golden_model.config import Config
 from golden_model.records import FRAME_STATUS, MATCH, WORD_BYTES, Record, feature_record
+from sim.accelerator_designs import FEATURES, MATCHES, accelerator, frame_settings, register_writes
 from sim.backend import FrameResult, Progress, Reference
-from sim.designs import FEATURES, MATCHES, accelerator, frame_settings, register_writes
 from sim.recording import Recording, Segment, flat_frame
 
 BUILT_SIZES_PX = ((1920, 1080), (4096, 4096))

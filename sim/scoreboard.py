@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.config import FrontEndConfig
+from golden_model.feature.ilbp import SECTORS
 from golden_model.front_end import FrontEndTrace, Plane
-from golden_model.ilbp import SECTORS
 from sim.backend import FrameResult
 
 LEAST_LEVEL_0_FEATURES = 1000

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from golden_model.config import FrontEndConfig
 from golden_model.front_end import trace
+from sim.accelerator_designs import frame_settings, front_end
 from sim.backend import Progress, silent
-from sim.designs import frame_settings, front_end
 from sim.front_end_top import TAP_WORD, Tap
 from sim.hardware import built_size_px
 from sim.recording import Recording, Segment, flat_frame

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from golden_model.config import Config
 from golden_model.records import FRAME_STATUS, MATCH, feature_record
+from sim.accelerator_designs import frame_settings
 from sim.backend import BackendError, FrameResult, FrontEnd, Reference, create, silent
-from sim.designs import frame_settings
 
 PORT = 7020
 TIMEOUT_SECONDS = 30.0

@@ -9,13 +9,13 @@ from rich.console import Console
 from golden_model.config import preset_config
 from sim.backend import BackendError
 from sim.scene import pair as rendered_pair
-from skymosaic import report
-from skymosaic.comparison import compare
 from skymosaic.errors import RegistrationError
-from skymosaic.images import save
-from skymosaic.metrics import grid_error
+from skymosaic.evaluation.hardware import compare
+from skymosaic.evaluation.metrics import grid_error
+from skymosaic.imagery.images import save
 from skymosaic.mosaicing import mosaic_of_pair
 from skymosaic.registration import WORKING_WIDTH_PX, register
+from skymosaic.reports import pair as pair_report
 
 LARGEST_ERROR_PX = 0.5
 
@@ -30,7 +30,7 @@ def run_demo(folder: Path, seed: int, backend: str, console: Console) -> None:
     RegistrationError
         If the mean homography error is not below half a pixel, or hardware and golden model differ.
     """
-    report.prepare(folder)
+    pair_report.prepare(folder)
     with console.status("rendering a synthetic flight") as status:
         flight = rendered_pair(seed=seed)
         photographs = [folder / "left.png", folder / "right.png"]
@@ -41,7 +41,7 @@ def run_demo(folder: Path, seed: int, backend: str, console: Console) -> None:
         status.update("warping, blending and drawing")
         mosaic = mosaic_of_pair(pair, blending="distance")
         save(folder / "mosaic.png", mosaic.image)
-        page = report.write_pair_report(folder / "report", pair, mosaic.image)
+        page = pair_report.write_pair_report(folder / "report", pair, mosaic.image)
     assert pair.homography is not None  # mosaic_of_pair refuses a pair without one
     error_px = grid_error(pair.homography, flight.homography_between(0, 1), pair.left.size, pair.right.size)
     console.print(f"features {len(pair.features[0])} and {len(pair.features[1])}, inliers {len(pair.inliers)}")

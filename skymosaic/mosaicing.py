@@ -12,19 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.config import Config, preset_config
-from skymosaic.blend import METHODS, blend
-from skymosaic.cache import ResultCache
-from skymosaic.collection import sources
+from skymosaic.compositing.blend import METHODS, blend
+from skymosaic.compositing.warp import CANVAS_LIMIT_PX, CanvasError, canvas_of, magnification
 from skymosaic.errors import InputError, RegistrationError
-from skymosaic.footage import flight_sources, is_video
-from skymosaic.images import Pixels
-from skymosaic.lens import Lens
+from skymosaic.flight.cache import ResultCache
+from skymosaic.flight.composition import MEMORY_BYTES, compose
+from skymosaic.flight.survey import Flight, survey
+from skymosaic.flight.view import Settings
+from skymosaic.flight.workers import Workers
+from skymosaic.imagery.images import Pixels
+from skymosaic.imagery.key_frames import flight_sources, is_video
+from skymosaic.imagery.lens import Lens
+from skymosaic.imagery.photographs import sources
 from skymosaic.registration import WORKING_WIDTH_PX, Pair, register
-from skymosaic.scheduling import Workers
-from skymosaic.sequence import Flight, survey
-from skymosaic.tiles import MEMORY_BYTES, compose
-from skymosaic.views import Settings
-from skymosaic.warp import CANVAS_LIMIT_PX, CanvasError, canvas_of, magnification
 
 Matrix = NDArray[np.float64]
 
@@ -124,7 +124,7 @@ def mosaics(
     preset, config, backend, seed, working_width_px
         As `skymosaic.registration.register`.
     lens : Lens or None
-        Distortion and mask that all photographs share, from `skymosaic.lens.load_lens`.
+        Distortion and mask that all photographs share, from `skymosaic.imagery.lens.load_lens`.
     scheduler : str or None
         Address of a Dask scheduler; None: threads.
     cache : Path or None

@@ -12,16 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.config import LARGEST_THRESHOLD, Config, preset_config
-from golden_model.ilbp import PATTERNS
+from golden_model.feature.ilbp import PATTERNS
 from golden_model.records import Cause
 from sim.backend import FrameResult, FrontEnd, Progress, silent
 from skymosaic.errors import InputError
-from skymosaic.estimators import ESTIMATORS, FUZZY_RANSAC, estimate
-from skymosaic.homography import apply
-from skymosaic.images import Photograph, Pixels, load, reduced
-from skymosaic.methods import Method, choose, front_end_of
-from skymosaic.ransac import INLIER_PX, MIN_INLIERS
-from skymosaic.refine import refine_pair
+from skymosaic.features.guided_matching import refine_pair
+from skymosaic.features.methods import Method, choose, front_end_of
+from skymosaic.geometry.estimators import ESTIMATORS, FUZZY_RANSAC, estimate
+from skymosaic.geometry.homography import apply
+from skymosaic.geometry.prosac import INLIER_PX, MIN_INLIERS
+from skymosaic.imagery.images import Photograph, Pixels, load, reduced
 from skymosaic.stopwatch import Stopwatch
 
 WORKING_WIDTH_PX = 1280
@@ -132,10 +132,10 @@ def register(
     preset : str
         ``"aerial"`` or ``"thesis"``; `config` overrides it.
     detector, descriptor : str or None
-        Names of `skymosaic.detectors.DETECTORS` and `skymosaic.descriptors.DESCRIPTORS`; None: what goes with the
-        other, or as configured.
+        Names of `skymosaic.features.detectors.DETECTORS` and `skymosaic.features.descriptors.DESCRIPTORS`; None:
+        what goes with the other, or as configured.
     estimator : str
-        One of `skymosaic.estimators.ESTIMATORS`.
+        One of `skymosaic.geometry.estimators.ESTIMATORS`.
     backend : str
         Who computes features and matches: ``golden``, ``rtl``, ...
     seed : int

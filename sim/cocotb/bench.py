@@ -23,10 +23,10 @@ from cocotbext.axi import (
 from numpy.typing import NDArray
 
 from golden_model.front_end import extract
-from hdl.register_map import REGISTERS
+from hdl.axi.register_map import REGISTERS
+from sim.accelerator_designs import CONTROL, FEATURES, MATCHES, frame_settings, register_writes
 from sim.backend import FrameResult, Reference
 from sim.cocotb.runner import CONFIG
-from sim.designs import CONTROL, FEATURES, MATCHES, frame_settings, register_writes
 from sim.golden import matched
 from sim.hardware import frame_result
 from sim.recording import flat_frame

@@ -8,10 +8,10 @@ import cocotb
 import numpy as np
 from cocotb.triggers import ClockCycles
 
+from sim.accelerator_designs import FEATURES, MATCHES
 from sim.backend import Reference
 from sim.cocotb.bench import Bench, Image, assert_golden, golden, lines, scene, transfer
 from sim.cocotb.runner import CONFIG, MAX_SIZE_PX
-from sim.designs import FEATURES, MATCHES
 from sim.hardware import frame_result
 
 ODD_SIZE_PX = (125, 101)

@@ -17,7 +17,7 @@ from skymosaic.cli.options import (
     configuration,
     console,
 )
-from skymosaic.comparison import compare as compare_pair
+from skymosaic.evaluation.hardware import compare as compare_pair
 from skymosaic.registration import WORKING_WIDTH_PX
 
 

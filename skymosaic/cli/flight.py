@@ -14,9 +14,6 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextC
 from rich.table import Table
 
 from sim.build_cache import cache_folder
-from skymosaic import images
-from skymosaic.cache import ResultCache
-from skymosaic.check import FlightCheck, check_flight
 from skymosaic.cli.live import IdleOption
 from skymosaic.cli.live import live as grow_mosaic
 from skymosaic.cli.options import (
@@ -36,20 +33,23 @@ from skymosaic.cli.options import (
     tell,
 )
 from skymosaic.cli.pair import mosaic_pair
-from skymosaic.collection import Source
-from skymosaic.delivery import Delivery, deliver
+from skymosaic.compositing.warp import CANVAS_LIMIT_PX
 from skymosaic.errors import InputError, RegistrationError
-from skymosaic.flight_report import write_flight_report
-from skymosaic.footage import flight_sources, is_video
-from skymosaic.lens import load_lens
+from skymosaic.flight.cache import ResultCache
+from skymosaic.flight.check import FlightCheck, check_flight
+from skymosaic.flight.composition import compose
+from skymosaic.flight.output import Delivery, deliver
+from skymosaic.flight.survey import Flight, survey
+from skymosaic.flight.view import Settings
+from skymosaic.flight.workers import Workers
+from skymosaic.imagery import images
+from skymosaic.imagery.key_frames import flight_sources, is_video
+from skymosaic.imagery.lens import load_lens
+from skymosaic.imagery.photographs import Source
 from skymosaic.mosaicing import FLIGHT_BLENDING, PAIR_BLENDING, check_linked, check_options
 from skymosaic.registration import WORKING_WIDTH_PX
-from skymosaic.report import prepare
-from skymosaic.scheduling import Workers
-from skymosaic.sequence import Flight, survey
-from skymosaic.tiles import compose
-from skymosaic.views import Settings
-from skymosaic.warp import CANVAS_LIMIT_PX
+from skymosaic.reports.flight import write_flight_report
+from skymosaic.reports.pair import prepare
 
 FLIGHTS = "Flights of more than two photographs"
 MEGABYTE = 1 << 20

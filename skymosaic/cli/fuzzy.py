@@ -9,11 +9,11 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from skymosaic import report
 from skymosaic.cli.options import console, plotting_module
 from skymosaic.errors import InputError
-from skymosaic.fuzzy_systems import PORTRAITS, Portrait
-from skymosaic.images import save_bytes
+from skymosaic.imagery.images import save_bytes
+from skymosaic.reports import pair as pair_report
+from skymosaic.reports.fuzzy_systems import PORTRAITS, Portrait
 
 
 def fuzzy(
@@ -46,8 +46,8 @@ def _rules(name: str, portrait: Portrait) -> Table:
 
 
 def _draw(names: list[str], folder: Path) -> None:
-    picture = plotting_module("skymosaic.fuzzy_plots").picture
-    report.prepare(folder)
+    picture = plotting_module("skymosaic.reports.fuzzy_plots").picture
+    pair_report.prepare(folder)
     for name in names:
         path = folder / f"{name}.png"
         save_bytes(path, picture(name))

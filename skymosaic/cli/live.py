@@ -9,7 +9,6 @@ from typing import Annotated
 
 import typer
 
-from skymosaic import images
 from skymosaic.cli.options import (
     AddressOption,
     BackendOption,
@@ -23,9 +22,10 @@ from skymosaic.cli.options import (
     tell,
 )
 from skymosaic.errors import RegistrationError
-from skymosaic.images import Photograph
-from skymosaic.live import LiveMosaic, LiveUpdate
-from skymosaic.live_source import live_frames
+from skymosaic.imagery import images
+from skymosaic.imagery.images import Photograph
+from skymosaic.imagery.live_frames import live_frames
+from skymosaic.live.mosaic import LiveMosaic, LiveUpdate
 from skymosaic.registration import WORKING_WIDTH_PX
 
 PREVIEW_WIDTH_PX = 1280

@@ -11,11 +11,11 @@ import typer
 from rich.console import Console
 
 from golden_model.config import Config, load_config, preset_config
-from skymosaic import images
-from skymosaic.descriptors import DESCRIPTORS
-from skymosaic.detectors import DETECTORS
 from skymosaic.errors import InputError
-from skymosaic.estimators import ESTIMATORS
+from skymosaic.features.descriptors import DESCRIPTORS
+from skymosaic.features.detectors import DETECTORS
+from skymosaic.geometry.estimators import ESTIMATORS
+from skymosaic.imagery import images
 
 console = Console(stderr=True)
 

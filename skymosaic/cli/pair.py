@@ -10,7 +10,6 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from skymosaic import images, report
 from skymosaic.cli.options import (
     AddressOption,
     BackendOption,
@@ -28,9 +27,11 @@ from skymosaic.cli.options import (
 )
 from skymosaic.demo import run_demo
 from skymosaic.errors import RegistrationError
+from skymosaic.imagery import images
 from skymosaic.mosaicing import mosaic_of_pair
 from skymosaic.registration import WORKING_WIDTH_PX, Pair
 from skymosaic.registration import register as register_pair
+from skymosaic.reports import pair as pair_report
 
 
 def demo(
@@ -55,7 +56,7 @@ def mosaic_pair(
 ) -> None:
     """Make the mosaic of two photographs; ``registration`` are options of `skymosaic.registration.register`."""
     if report_folder:
-        report.prepare(report_folder)
+        pair_report.prepare(report_folder)
     with console.status("registering") as status:
         pair = register_pair(*photographs, **registration)
         result = None
@@ -67,7 +68,7 @@ def mosaic_pair(
         finally:
             # The report matters most where registration failed: it shows why.
             if report_folder:
-                report.write_pair_report(report_folder, pair, result.image if result else None)
+                pair_report.write_pair_report(report_folder, pair, result.image if result else None)
     _print_pair(pair)
     height_px, width_px = result.image.shape[:2]
     console.print(f"mosaic {output} ({width_px}x{height_px})" + (f", report {report_folder}" if report_folder else ""))

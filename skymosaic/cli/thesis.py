@@ -8,10 +8,10 @@ from typing import Annotated
 import typer
 from rich.progress import track
 
-from skymosaic import report
 from skymosaic.cli.options import console, plotting_module
-from skymosaic.images import save_bytes
-from skymosaic.thesis import material, pictures, tables
+from skymosaic.imagery.images import save_bytes
+from skymosaic.reports import pair as pair_report
+from skymosaic.thesis import dataset, pictures, tables
 from skymosaic.thesis.experiments import measure, most_inliers
 
 
@@ -26,8 +26,8 @@ def thesis(
 ) -> None:
     """Repeat the thesis's experiments, tables IV-1 to IV-7 and figure IV-6, beside the published figures."""
     page = plotting_module("skymosaic.thesis.page")
-    sources = material.sources(data)
-    report.prepare(output)
+    sources = dataset.sources(data)
+    pair_report.prepare(output)
     measurements = measure(track(sources, description="pairs", console=console))
     save_bytes(output / "measurements.csv", measurements.as_csv().encode())
     with console.status("drawing"):

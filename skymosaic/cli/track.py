@@ -9,7 +9,6 @@ from typing import Annotated
 
 import typer
 
-from skymosaic import images
 from skymosaic.cli.options import (
     AddressOption,
     BackendOption,
@@ -21,10 +20,11 @@ from skymosaic.cli.options import (
     console,
 )
 from skymosaic.errors import InputError, RegistrationError
-from skymosaic.template import Roi
-from skymosaic.track import track as track_frames
-from skymosaic.track_output import TABLE_SUFFIXES, TrackedCorners, outlined, row, save_corners
-from skymosaic.video import OUTPUT_SUFFIXES, VideoReader, writing
+from skymosaic.imagery import images
+from skymosaic.imagery.video import OUTPUT_SUFFIXES, VideoReader, writing
+from skymosaic.tracking.output import TABLE_SUFFIXES, TrackedCorners, outlined, row, save_corners
+from skymosaic.tracking.template import Roi
+from skymosaic.tracking.tracker import track as track_frames
 
 
 def track(

@@ -12,13 +12,13 @@ import cv2
 import numpy as np
 from nicegui import background_tasks, ui
 
-from skymosaic.images import Pixels
-from skymosaic.methods import front_end_of
+from skymosaic.features.methods import front_end_of
+from skymosaic.imagery.images import Pixels
 from skymosaic.panel import drawings
-from skymosaic.panel.choices import Choices, fault_of
-from skymosaic.panel.outcomes import Upload
+from skymosaic.panel.options import Choices, fault_of
+from skymosaic.panel.results import Upload
+from skymosaic.panel.sessions import Visitor
 from skymosaic.panel.viewer import Viewer, side_by_side
-from skymosaic.panel.visitors import Visitor
 from skymosaic.registration import Records, extract_within_capacity
 
 _Wanted = tuple[tuple[Upload, ...], Choices]

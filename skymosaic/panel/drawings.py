@@ -8,10 +8,10 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from golden_model.fuzzy import ONE
-from golden_model.ilbp import SECTORS
+from golden_model.feature.ilbp import SECTORS
+from golden_model.matching.fuzzy import ONE
 from skymosaic.panel.explain import Input
-from skymosaic.panel.outcomes import PairView
+from skymosaic.panel.results import PairView
 from skymosaic.registration import POSITIONS_PER_PX, Records, match_points
 
 GAP_PX = 12

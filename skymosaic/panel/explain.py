@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from golden_model import correlation, fuzzy
-from golden_model.fuzzy import ONE, SugenoSystem, Variable
-from golden_model.ilbp import PATTERNS, SECTORS
-from golden_model.matcher import circular_distance
-from skymosaic.descriptors import WINDOWS_PX
-from skymosaic.panel.outcomes import PairView
-from skymosaic.ransac import INLIER_PX
+from golden_model.feature.ilbp import PATTERNS, SECTORS
+from golden_model.matching import correlation, fuzzy
+from golden_model.matching.fuzzy import ONE, SugenoSystem, Variable
+from golden_model.matching.matcher import circular_distance
+from skymosaic.features.descriptors import WINDOWS_PX
+from skymosaic.geometry.prosac import INLIER_PX
+from skymosaic.panel.results import PairView
 from skymosaic.registration import POSITIONS_PER_PX
 
 HIGHEST_WEIGHT = 256

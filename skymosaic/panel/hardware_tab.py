@@ -6,11 +6,11 @@ from html import escape
 
 from nicegui import ui
 
-from skymosaic.panel.choices import HARDWARE
-from skymosaic.panel.frame import command_line
-from skymosaic.panel.outcomes import HardwareOutcome, MosaicOutcome
+from skymosaic.panel.options import HARDWARE
+from skymosaic.panel.page_layout import command_line
+from skymosaic.panel.results import HardwareOutcome, MosaicOutcome
+from skymosaic.panel.sessions import Visitor
 from skymosaic.panel.sidebar import enabled_while_idle
-from skymosaic.panel.visitors import Visitor
 
 CLOCK_HZ = 150e6
 """The design's target on a Zynq-7020; 1080p60 video needs 148.5 MHz."""

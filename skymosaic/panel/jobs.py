@@ -41,7 +41,7 @@ class JobCancelledError(Exception):
 def prepare_workers() -> None:
     """Start the helper that workers are forked from, so that the first job need not wait for its imports."""
     _processes.set_forkserver_preload(
-        ["skymosaic.panel.mosaic_work", "skymosaic.panel.tracking_work", "skymosaic.panel.work"]
+        ["skymosaic.panel.mosaic_tasks", "skymosaic.panel.tracking_tasks", "skymosaic.panel.upload_tasks"]
     )
     forkserver.ensure_running()
 

@@ -7,7 +7,7 @@ from nicegui import ui
 from skymosaic.panel import drawings
 from skymosaic.panel.explain import explain, verdicts
 from skymosaic.panel.explanation import markup
-from skymosaic.panel.outcomes import PairView
+from skymosaic.panel.results import PairView
 from skymosaic.panel.viewer import Pointer, Viewer, side_by_side
 
 KINDS = {"inlier": "kept, on the homography", "outlier": "kept, off it", "rejected": "rejected by the rules"}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from nicegui import ui
 
 from skymosaic.panel import drawings
-from skymosaic.panel.outcomes import MosaicOutcome
+from skymosaic.panel.results import MosaicOutcome
 from skymosaic.panel.viewer import Picture, Viewer
 
 

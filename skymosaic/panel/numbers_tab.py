@@ -9,9 +9,9 @@ from html import escape
 import numpy as np
 from nicegui import ui
 
-from skymosaic.metrics import confusion
-from skymosaic.panel.frame import command_line
-from skymosaic.panel.outcomes import MosaicOutcome, PairView
+from skymosaic.evaluation.metrics import confusion
+from skymosaic.panel.page_layout import command_line
+from skymosaic.panel.results import MosaicOutcome, PairView
 
 CORRECT_PX = 3.0
 """A match this close to the homography counts as correct for recall and precision."""

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from nicegui import ui
 
-from skymosaic.panel.choices import fault_of
 from skymosaic.panel.corners_tab import CornersTab
-from skymosaic.panel.frame import page_frame
 from skymosaic.panel.hardware_tab import HardwareTab
 from skymosaic.panel.matches_tab import MatchesTab
 from skymosaic.panel.mosaic_tab import build_mosaic_tab
 from skymosaic.panel.numbers_tab import build_numbers_tab
-from skymosaic.panel.outcomes import MosaicOutcome
+from skymosaic.panel.options import fault_of
+from skymosaic.panel.page_layout import page_frame
+from skymosaic.panel.results import MosaicOutcome
+from skymosaic.panel.sessions import Visitor
 from skymosaic.panel.sidebar import ChoicesCard, PhotographsCard, RunCard, enabled_while_idle
-from skymosaic.panel.visitors import Visitor
 
 STEPS = (
     ("grain", "Corners", "appear as soon as photographs are loaded, and follow the threshold as you move it."),

@@ -16,12 +16,12 @@ from starlette.responses import FileResponse, PlainTextResponse, Response, Strea
 
 from skymosaic.errors import InputError
 from skymosaic.panel.archive import zipped
-from skymosaic.panel.guard import Guard
 from skymosaic.panel.jobs import prepare_workers
+from skymosaic.panel.origin_check import Guard
 from skymosaic.panel.page import build_mosaic_page
+from skymosaic.panel.sessions import Visitor, Visitors
 from skymosaic.panel.tracking_page import build_tracking_page
 from skymosaic.panel.uploads import UploadRefusedError
-from skymosaic.panel.visitors import Visitor, Visitors
 
 HOST = "127.0.0.1"
 SECONDS_TO_CLOSE = 2

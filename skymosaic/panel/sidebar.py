@@ -8,12 +8,12 @@ from functools import partial
 from nicegui import ui
 from nicegui.elements.mixins.disableable_element import DisableableElement
 
-from skymosaic.panel.choices import OPTIONS, fault_of
 from skymosaic.panel.drop_zone import DropZone
-from skymosaic.panel.outcomes import Upload
+from skymosaic.panel.options import OPTIONS, fault_of
+from skymosaic.panel.results import Upload
+from skymosaic.panel.sessions import Visitor
 from skymosaic.panel.slider import Slider
 from skymosaic.panel.uploads import MEBIBYTE, PHOTOGRAPH
-from skymosaic.panel.visitors import Visitor
 
 BUILT_IN = {"Pair": 2, "Flight": 9}
 """How many photographs are rendered for each."""

@@ -7,18 +7,18 @@ from dataclasses import dataclass
 from nicegui import ui
 
 from skymosaic.panel.drop_zone import DropZone
-from skymosaic.panel.frame import command_line, page_frame
-from skymosaic.panel.outcomes import TrackingOutcome, Upload
+from skymosaic.panel.page_layout import command_line, page_frame
+from skymosaic.panel.results import TrackingOutcome, Upload
+from skymosaic.panel.sessions import Visitor
 from skymosaic.panel.sidebar import RunCard, enabled_while_idle, heading, select_choice
 from skymosaic.panel.uploads import MEBIBYTE, PHOTOGRAPH, VIDEO, Kind
-from skymosaic.panel.visitors import Visitor
 
 CORNERS = ("top left", "top right", "bottom right", "bottom left")
 
 
 @dataclass(frozen=True)
 class _Slot:
-    """A place for one file: its name in `skymosaic.panel.visitors.SLOTS`, and its words on the page."""
+    """A place for one file: its name in `skymosaic.panel.sessions.SLOTS`, and its words on the page."""
 
     name: str
     number: str

@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from golden_model.config import LARGEST_THRESHOLD, PRESETS, FrontEndConfig
 from golden_model.formats import decode_response
 from golden_model.front_end import extract, trace
-from skymosaic.descriptors import Records, describe
-from skymosaic.detectors import POSITIONS_PER_PX, from_features
-from skymosaic.estimators import ransac
-from skymosaic.fuzzy_ransac import TOLERANCE_PX
-from skymosaic.images import Pixels
-from skymosaic.matching import correlation_matches
-from skymosaic.metrics import correct_matches, repeatability
+from skymosaic.evaluation.metrics import correct_matches, repeatability
+from skymosaic.features.descriptors import Records, describe
+from skymosaic.features.detectors import POSITIONS_PER_PX, from_features
+from skymosaic.features.matchers import correlation_matches
+from skymosaic.geometry.estimators import ransac
+from skymosaic.geometry.fuzzy_ransac import TOLERANCE_PX
+from skymosaic.imagery.images import Pixels
 from skymosaic.registration import match_points
-from skymosaic.thesis.material import Specimen
+from skymosaic.thesis.dataset import Specimen
 from skymosaic.thesis.measurements import Line
 
 CORNERS = 300

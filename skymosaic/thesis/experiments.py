@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterable, Iterator
 import numpy as np
 
 from skymosaic.thesis.corners import by_quality, by_threshold
+from skymosaic.thesis.dataset import Source, Specimen
 from skymosaic.thesis.matches import by_rings, by_window
-from skymosaic.thesis.material import Source, Specimen
 from skymosaic.thesis.measurements import Line, Measurement, Measurements
 from skymosaic.thesis.mosaics import by_preset
 from skymosaic.thesis.rejection import DESCRIPTORS, by_aerial_preset, by_fuzzy_ransac

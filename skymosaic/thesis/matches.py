@@ -9,18 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.config import MatcherConfig
-from golden_model.correlation import best_matches
-from golden_model.ilbp import PATTERNS
-from golden_model.matcher import match
-from skymosaic.descriptors import WINDOWS_PX, describe
-from skymosaic.detectors import from_features
-from skymosaic.estimators import ransac
-from skymosaic.matching import correlation_matches
-from skymosaic.metrics import confusion, correct_matches, grid_error
+from golden_model.feature.ilbp import PATTERNS
+from golden_model.matching.correlation import best_matches
+from golden_model.matching.matcher import match
+from skymosaic.evaluation.metrics import confusion, correct_matches, grid_error
+from skymosaic.features.descriptors import WINDOWS_PX, describe
+from skymosaic.features.detectors import from_features
+from skymosaic.features.matchers import correlation_matches
+from skymosaic.geometry.estimators import ransac
 from skymosaic.registration import match_points
 from skymosaic.thesis import published
 from skymosaic.thesis.corners import strongest
-from skymosaic.thesis.material import Specimen
+from skymosaic.thesis.dataset import Specimen
 from skymosaic.thesis.measurements import Line
 
 FUZZY_ILBP = MatcherConfig(rule_base="ilbp", keep_above=127)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from skymosaic.errors import RegistrationError
 from skymosaic.mosaicing import mosaic
-from skymosaic.thesis.material import Specimen
+from skymosaic.thesis.dataset import Specimen
 from skymosaic.thesis.measurements import Line
 
 PRESETS = {"thesis preset": "thesis", "aerial preset": "aerial"}

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 import cv2
 
-from skymosaic import fuzzy_plots
-from skymosaic.images import Pixels
+from skymosaic.imagery.images import Pixels
+from skymosaic.reports import fuzzy_plots
 from skymosaic.thesis import charts, tables
 from skymosaic.thesis.corners import CORNERS, QUALITY_TARGET
-from skymosaic.thesis.material import WORKING_WIDTH_PX
+from skymosaic.thesis.dataset import WORKING_WIDTH_PX
 from skymosaic.thesis.measurements import Measurements
 from skymosaic.thesis.rejection import KEY_POINTS
 from skymosaic.thesis.tables import Sheet

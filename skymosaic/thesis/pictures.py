@@ -6,13 +6,13 @@ import dataclasses
 from collections.abc import Iterator
 
 from golden_model.config import PRESETS
-from skymosaic import figures
 from skymosaic.errors import RegistrationError
-from skymosaic.images import Pixels
+from skymosaic.imagery.images import Pixels
 from skymosaic.mosaicing import mosaic_of_pair
 from skymosaic.registration import Pair, register
+from skymosaic.reports import figures
 from skymosaic.thesis.corners import threshold_of
-from skymosaic.thesis.material import Specimen
+from skymosaic.thesis.dataset import Specimen
 
 
 def of_pair(specimen: Specimen) -> Iterator[tuple[str, Pixels]]:

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.config import PRESETS, MatcherConfig
-from skymosaic import estimators, fuzzy_ransac
-from skymosaic.methods import HostFrontEnd, choose
-from skymosaic.metrics import grid_error, rmse
+from skymosaic.evaluation.metrics import grid_error, rmse
+from skymosaic.features.methods import HostFrontEnd, choose
+from skymosaic.geometry import estimators, fuzzy_ransac
 from skymosaic.registration import match_points, register
+from skymosaic.thesis.dataset import Specimen
 from skymosaic.thesis.matches import Points, filtered, is_registered
-from skymosaic.thesis.material import Specimen
 from skymosaic.thesis.measurements import Line
 
 KEY_POINTS = 300

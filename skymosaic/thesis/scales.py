@@ -8,11 +8,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from skymosaic.detectors import detect, once_a_place, points_of
-from skymosaic.images import Pixels
-from skymosaic.metrics import repeatability
+from skymosaic.evaluation.metrics import repeatability
+from skymosaic.features.detectors import detect, once_a_place, points_of
+from skymosaic.imagery.images import Pixels
 from skymosaic.thesis.corners import CORNERS, points, strongest
-from skymosaic.thesis.material import Specimen
+from skymosaic.thesis.dataset import Specimen
 from skymosaic.thesis.measurements import Line
 
 REDUCTIONS = (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0)

@@ -5,10 +5,10 @@ from pathlib import Path
 from amaranth import Array, Cat, Elaboratable, Module, Mux, Signal, Value
 from amaranth.hdl import Assert, Assume, Cover
 
-from golden_model.ilbp import DescriptorPattern
+from golden_model.feature.ilbp import DescriptorPattern
 from golden_model.records import FRAME_STATUS, WORD_BYTES, Tag, feature_record
-from hdl.cell_rows import CellRows
-from hdl.feature_banks import READ_CYCLES, FeatureBanks
+from hdl.matching.feature_banks import READ_CYCLES, FeatureBanks
+from hdl.selection.row_buffer import CellRows
 from tests.formal.proofs import held, prove
 
 PATTERN = DescriptorPattern("one byte", (0, 1), 8, ((1, 0, 0),), smoothed=False, oriented=False)

@@ -9,8 +9,8 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.records import WORD_BYTES
 from hdl.accelerator import Accelerator
-from hdl.packet_gate import PacketGate
-from hdl.skid_buffer import SkidBuffer
+from hdl.axi.packet_gate import PacketGate
+from hdl.lib.skid_buffer import SkidBuffer
 from tests.formal.proofs import StreamContract, held, prove
 
 RECORD_WORDS = 4

@@ -6,8 +6,8 @@ from amaranth.hdl import Assert, Assume, Cover
 from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
-from hdl.axi_lite import AxiLiteSubordinate
-from hdl.skid_buffer import SkidBuffer
+from hdl.axi.axi_lite import AxiLiteSubordinate
+from hdl.lib.skid_buffer import SkidBuffer
 from tests.formal.proofs import StreamContract, held, prove
 
 PAYLOAD = unsigned(2)

@@ -5,7 +5,7 @@ from pathlib import Path
 from amaranth import Cat, Elaboratable, Module, Mux, Signal, Value
 from amaranth.hdl import Assert, Assume, Cover
 
-from hdl.video_input import GRAY_PER_WORD, VideoInput
+from hdl.axi.video_input import GRAY_PER_WORD, VideoInput
 from tests.formal.proofs import held, prove
 
 WIDTH_PX, HEIGHT_PX = 3, 2

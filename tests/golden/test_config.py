@@ -15,7 +15,7 @@ from golden_model.config import (
     preset_config,
     to_toml,
 )
-from golden_model.ilbp import PATTERNS
+from golden_model.feature.ilbp import PATTERNS
 
 front_ends = st.builds(
     FrontEndConfig,

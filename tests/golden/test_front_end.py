@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from golden_model import ilbp
 from golden_model.config import PRESETS, FrontEndConfig
+from golden_model.feature import ilbp
 from golden_model.formats import decode_response, encode_response
 from golden_model.front_end import Plane, extract, trace
+from golden_model.pixel.smooth import binomial5
 from golden_model.records import Cause, Tag
-from golden_model.smooth import binomial5
 
 AERIAL = PRESETS["aerial"].front_end
 FAST = FrontEndConfig(detector="fast", threshold=20)

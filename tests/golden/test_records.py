@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from golden_model.ilbp import PATTERNS
+from golden_model.feature.ilbp import PATTERNS
 from golden_model.records import FRAME_STATUS, MATCH, Tag, feature_record
 
 FEATURES = [feature_record(p.descriptor_bytes, p.window_bytes) for p in PATTERNS.values()]

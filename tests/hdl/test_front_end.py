@@ -11,12 +11,12 @@ import pytest
 from golden_model.config import PRESETS
 from golden_model.formats import decode_response
 from golden_model.front_end import extract
+from golden_model.pixel.threshold import next_code
 from golden_model.records import FRAME_STATUS, WORD_BYTES, Cause, feature_record
-from golden_model.threshold import next_code
 from hdl.front_end import FrontEnd
 from sim import cxxrtl, verilator
+from sim.accelerator_designs import FEATURES, frame_settings, front_end
 from sim.compiled import Bench
-from sim.designs import FEATURES, frame_settings, front_end
 from sim.recording import NO_PAUSES, Pauses, Segment, flat_frame
 from sim.scene import pair
 

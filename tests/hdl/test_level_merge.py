@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from amaranth.sim import Simulator
 
-from golden_model.ilbp import ILBP_128
+from golden_model.feature.ilbp import ILBP_128
 from golden_model.records import FRAME_STATUS, Cause, Tag, feature_record
-from golden_model.selection import emission_order
+from golden_model.selection.selection import emission_order
 from hdl.level_merge import LevelMerge
 from sim.recording import NO_PAUSES, Pauses
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from golden_model.ilbp import PATTERNS
+from golden_model.feature.ilbp import PATTERNS
 from golden_model.records import FRAME_STATUS, MATCH, feature_record
-from hdl.skid_buffer import SkidBuffer
+from hdl.lib.skid_buffer import SkidBuffer
 from hdl.streams import record_layout
 from sim.drivers import run_streams
 from sim.recording import NO_PAUSES, Pauses

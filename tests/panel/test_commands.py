@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 from sim.backend import silent
 from sim.scene import pair as rendered_pair
 from skymosaic.cli import app
-from skymosaic.panel.choices import Choices
-from skymosaic.panel.mosaic_work import make_mosaic
+from skymosaic.panel.mosaic_tasks import make_mosaic
+from skymosaic.panel.options import Choices
 
 CHOICES = {
     "preset": {},

@@ -8,8 +8,8 @@ import pytest
 
 from sim.backend import create
 from sim.scene import pair as rendered_pair
-from skymosaic.panel.choices import Choices
 from skymosaic.panel.corners_tab import detect
+from skymosaic.panel.options import Choices
 
 
 @pytest.fixture(scope="module")

@@ -5,11 +5,12 @@ import pytest
 
 from golden_model.config import preset_config
 from sim.scene import pair as rendered_pair
-from skymosaic import register, report
+from skymosaic import register
 from skymosaic.panel import drawings
 from skymosaic.panel.explain import HIGHEST_WEIGHT, explain, verdicts
 from skymosaic.panel.explanation import markup
-from skymosaic.panel.outcomes import PairView
+from skymosaic.panel.results import PairView
+from skymosaic.reports import pair as pair_report
 
 METHODS = {
     "aerial": {},
@@ -27,7 +28,7 @@ def images() -> list[np.ndarray]:
 @pytest.fixture(scope="module", params=METHODS.values(), ids=METHODS)
 def view(request: pytest.FixtureRequest, images: list[np.ndarray]) -> PairView:
     pair = register(*images, **request.param)
-    return PairView.of(pair, report.pair_numbers(pair))
+    return PairView.of(pair, pair_report.pair_numbers(pair))
 
 
 def test_strengths_and_outputs_give_the_recorded_weight(view: PairView) -> None:

@@ -7,8 +7,8 @@ import pytest
 from typer.testing import CliRunner
 
 from sim.scene import pair as rendered_pair
-from skymosaic import images
 from skymosaic.cli import app
+from skymosaic.imagery import images
 
 WIDTH_PX, HEIGHT_PX = 640, 480
 

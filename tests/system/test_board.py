@@ -19,9 +19,9 @@ import pytest
 from golden_model.config import Config, FrontEndConfig, to_toml
 from hdl.export import driver_map
 from sim import verilator
+from sim.accelerator_designs import FEATURES, LANES, MATCHES, accelerator
 from sim.backend import BackendError, create
 from sim.compiled import Bench
-from sim.designs import FEATURES, LANES, MATCHES, accelerator
 from sim.recording import END_OF_LINE, Segment
 from sim.scene import pair as rendered_pair
 from skymosaic import board

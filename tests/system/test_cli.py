@@ -9,7 +9,7 @@ import pytest
 
 from sim.scene import pair as rendered_pair
 from skymosaic.cli import main
-from skymosaic.metrics import grid_error
+from skymosaic.evaluation.metrics import grid_error
 
 SEED = 5
 

@@ -18,10 +18,10 @@ from sim.scene import lawnmower
 from skymosaic import mosaic
 from skymosaic.cli.live import grow
 from skymosaic.errors import InputError
-from skymosaic.homography import apply, estimate
-from skymosaic.live import LiveMosaic
-from skymosaic.live_source import live_frames
-from skymosaic.video import writing
+from skymosaic.geometry.homography import apply, estimate
+from skymosaic.imagery.live_frames import live_frames
+from skymosaic.imagery.video import writing
+from skymosaic.live.mosaic import LiveMosaic
 
 IMAGES, SIZE = 9, (480, 360)
 CONFIG = preset_config("aerial")

@@ -12,48 +12,50 @@ ROOT = Path(__file__).parents[2]
 
 MUTATIONS = {
     "k of Harris": (
-        "golden_model/harris.py", "k_numerator / (1 << k_shift)", "(k_numerator + 1) / (1 << k_shift)",
-        "tests/golden/test_harris.py::test_response_follows_corner_harris",
+        "golden_model/pixel/harris.py", "k_numerator / (1 << k_shift)", "(k_numerator + 1) / (1 << k_shift)",
+        "tests/golden/pixel/test_harris.py::test_response_follows_corner_harris",
     ),
     "rule of ties": (
-        "golden_model/nms.py", "code >= largest_after", "code > largest_after",
-        "tests/golden/test_nms.py",
+        "golden_model/pixel/nms.py", "code >= largest_after", "code > largest_after",
+        "tests/golden/pixel/test_nms.py",
     ),
     "radius of a ring": (
-        "golden_model/ilbp.py", "(0, 2, 4, 6, 9, 12, 15)", "(0, 2, 4, 6, 9, 12, 14)",
-        "tests/golden/test_ilbp.py",
+        "golden_model/feature/ilbp.py", "(0, 2, 4, 6, 9, 12, 15)", "(0, 2, 4, 6, 9, 12, 14)",
+        "tests/golden/feature/test_ilbp.py",
     ),
     "one feature more a cell": (
-        "golden_model/selection.py", "rank < per_cell", "rank <= per_cell",
+        "golden_model/selection/selection.py", "rank < per_cell", "rank <= per_cell",
         "tests/golden/test_front_end.py::test_cells_keep_their_best_in_the_order_of_emission",
     ),
     "second best of the columns": (
-        "golden_model/hamming.py", "np.minimum(others.min(axis=1)[left]", "np.maximum(others.min(axis=1)[left]",
-        "tests/golden/test_hamming.py",
+        "golden_model/matching/hamming.py",
+        "np.minimum(others.min(axis=1)[left]",
+        "np.maximum(others.min(axis=1)[left]",
+        "tests/golden/matching/test_hamming.py",
     ),
     "rounding of the smoothing": (
-        "hdl/smooth.py", "(1 << shift >> 1)", "(1 << shift >> 2)",
-        "tests/hdl/test_pixel_blocks.py::test_binomial",
+        "hdl/pixel/smooth.py", "(1 << shift >> 1)", "(1 << shift >> 2)",
+        "tests/hdl/pixel/test_pixel_blocks.py::test_binomial",
     ),
     "shift of Harris": (
-        "hdl/harris.py", "scaled >> self.k_shift)", "scaled >> self.k_shift + 1)",
-        "tests/hdl/test_pixel_blocks.py::test_raw_response",
+        "hdl/pixel/harris.py", "scaled >> self.k_shift)", "scaled >> self.k_shift + 1)",
+        "tests/hdl/pixel/test_pixel_blocks.py::test_raw_response",
     ),
     "equal pixels in a descriptor": (
-        "hdl/ilbp.py", "rings[a][n] >= rings[b]", "rings[a][n] > rings[b]",
-        "tests/hdl/test_ilbp.py::test_sector_and_descriptor_equal_the_golden_model",
+        "hdl/feature/ilbp.py", "rings[a][n] >= rings[b]", "rings[a][n] > rings[b]",
+        "tests/hdl/feature/test_ilbp.py::test_sector_and_descriptor_equal_the_golden_model",
     ),
     "border": (
-        "hdl/level_scan.py", "(x >= first_px,", "(x > first_px,",
-        "tests/hdl/test_level_scan.py",
+        "hdl/selection/level_scan.py", "(x >= first_px,", "(x > first_px,",
+        "tests/hdl/selection/test_level_scan.py",
     ),
     "rounding of the sub-pixel position": (
-        "hdl/subpixel.py", "POSITION.fraction_bits) + total, total)", "POSITION.fraction_bits), total)",
-        "tests/hdl/test_subpixel.py",
+        "hdl/feature/subpixel.py", "POSITION.fraction_bits) + total, total)", "POSITION.fraction_bits), total)",
+        "tests/hdl/feature/test_subpixel.py",
     ),
     "ties of the nearest": (
-        "hdl/hamming.py", "(distance < row.best)", "(distance <= row.best)",
-        "tests/hdl/test_hamming.py",
+        "hdl/matching/hamming.py", "(distance < row.best)", "(distance <= row.best)",
+        "tests/hdl/matching/test_hamming.py",
     ),
 }  # fmt: skip
 

@@ -10,7 +10,7 @@ from golden_model.records import MATCH
 from sim.scene import pair as rendered_pair
 from skymosaic import mosaic, register
 from skymosaic.errors import InputError, RegistrationError
-from skymosaic.metrics import grid_error
+from skymosaic.evaluation.metrics import grid_error
 
 DATA = Path(os.environ.get("SKYMOSAIC_DATA", Path(__file__).parents[3] / "shared" / "data"))
 VGA = (640, 480)

@@ -119,5 +119,5 @@ def test_a_fault_in_the_hardware_is_located(frames, monkeypatch):
     config = dataclasses.replace(AERIAL.front_end, levels=1)
     crop = np.ascontiguousarray(frames[0][100:164, 100:164])
     assert locate_mismatch(crop, config, pysim.simulate) is None
-    monkeypatch.setattr("hdl.harris.TENSOR_SHIFT", 7)
+    monkeypatch.setattr("hdl.pixel.harris.TENSOR_SHIFT", 7)
     assert locate_mismatch(crop, config, pysim.simulate).stage == "level 0 tensor_a"

@@ -14,15 +14,16 @@ from PIL.ExifTags import IFD
 
 from golden_model.config import preset_config
 from sim.scene import lawnmower
-from skymosaic import mosaic, scheduling
-from skymosaic.cache import ResultCache
-from skymosaic.check import check_flight
-from skymosaic.collection import sources
+from skymosaic import mosaic
 from skymosaic.errors import InputError, RegistrationError
-from skymosaic.homography import apply, estimate
-from skymosaic.scheduling import Workers
-from skymosaic.sequence import survey
-from skymosaic.views import Settings
+from skymosaic.flight import workers as flight_workers
+from skymosaic.flight.cache import ResultCache
+from skymosaic.flight.check import check_flight
+from skymosaic.flight.survey import survey
+from skymosaic.flight.view import Settings
+from skymosaic.flight.workers import Workers
+from skymosaic.geometry.homography import apply, estimate
+from skymosaic.imagery.photographs import sources
 
 DATA = Path(os.environ.get("SKYMOSAIC_DATA", Path(__file__).parents[3] / "shared" / "data"))
 IMAGES, SIZE = 9, (480, 360)
@@ -277,7 +278,7 @@ def test_a_cluster_of_processes_gives_the_same(folder) -> None:
 
 
 def test_an_absent_scheduler_is_one_line(folder, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scheduling, "CONNECT_TIMEOUT_S", 1)
+    monkeypatch.setattr(flight_workers, "CONNECT_TIMEOUT_S", 1)
     with pytest.raises(InputError, match="no Dask scheduler answers"):
         mosaic([folder], scheduler="tcp://127.0.0.1:9")
 

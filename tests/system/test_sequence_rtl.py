@@ -6,8 +6,8 @@ import pytest
 
 from golden_model.config import PRESETS
 from sim import verilator
+from sim.accelerator_designs import FEATURES, MATCHES, accelerator
 from sim.backend import Reference, create
-from sim.designs import FEATURES, MATCHES, accelerator
 from sim.hardware import BUILT_SIZES_PX, frame_result, frame_segments
 from sim.scene import lawnmower
 from sim.scoreboard import Coverage, first_mismatch

@@ -17,10 +17,10 @@ from sim.scene import pursuit
 from sim.scoreboard import first_mismatch
 from skymosaic.cli.track import track as track_command
 from skymosaic.errors import InputError, RegistrationError
-from skymosaic.homography import apply
-from skymosaic.template import Roi
-from skymosaic.track import track
-from skymosaic.video import VideoReader, writing
+from skymosaic.geometry.homography import apply
+from skymosaic.imagery.video import VideoReader, writing
+from skymosaic.tracking.template import Roi
+from skymosaic.tracking.tracker import track
 
 IMAGES = 48
 RATE = Fraction(25)

@@ -1,0 +1,1 @@
+"""Descriptor and window matching, and the fuzzy rules that weigh each match."""

@@ -1,0 +1,349 @@
+"""Zero-order Sugeno systems in fixed point: membership tables, rules with singletons, and the named rule bases.
+
+Degrees of membership and singletons are UQ1.8 (`golden_model.formats.MEMBERSHIP`); inputs are unsigned integers
+that index the tables, and one beyond the last entry reads the last entry. Evaluation is exact in integers up to one
+final rounding, so hardware may group the products as it likes.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.formats import MEMBERSHIP, WEIGHT, round_shift
+from golden_model.matching.correlation import NCC, SAD_PER_PIXEL, ZSSD_PER_PIXEL
+
+ONE = MEMBERSHIP.one
+MAX_RULES = 32
+"""The rule field of a match record has 5 bits."""
+
+Table = NDArray[np.int64]
+
+
+def ramp(entries: int, zero_at: float, one_at: float) -> Table:
+    """Table of ``entries`` degrees that is 0 up to ``zero_at`` and 1 from ``one_at`` on, or falls if they are swapped.
+
+    Positions are in units of the index; degrees are UQ1.8, rounded half up.
+    """
+    if zero_at == one_at:
+        raise ValueError(f"a ramp needs two different corners, not {zero_at} twice")
+    return _quantised(np.clip((np.arange(entries) - zero_at) / (one_at - zero_at), 0, 1))
+
+
+def trapezoid(entries: int, corners: NDArray[np.floating | np.integer]) -> Table:
+    """Table that goes from 0 to 1 between the first two of four ``corners`` and back to 0 between the last two.
+
+    Corners rise or fall throughout.
+    """
+    return np.minimum(ramp(entries, corners[0], corners[1]), ramp(entries, corners[3], corners[2]))
+
+
+def sigmoid(entries: int, centre: float, slope: float) -> Table:
+    """Table of 1 / (1 + exp(-slope (index - centre))), UQ1.8."""
+    return _quantised(1 / (1 + np.exp(-slope * (np.arange(entries) - centre))))
+
+
+def _quantised(degree: NDArray[np.float64]) -> Table:
+    return np.floor(degree * ONE + 0.5).astype(np.int64)
+
+
+@dataclass(frozen=True)
+class Variable:
+    """An input: its name and its fuzzy sets, each a membership table of one common length.
+
+    Raises
+    ------
+    ValueError
+        If there is no set, lengths differ, or a degree is outside 0..256.
+    """
+
+    name: str
+    sets: Mapping[str, Table]
+
+    def __post_init__(self) -> None:
+        if len({len(table) for table in self.sets.values()}) != 1:
+            raise ValueError(f"{self.name}: needs one or more sets, with tables of one length")
+        for name, table in self.sets.items():
+            if len(table) == 0 or table.min() < 0 or table.max() > ONE:
+                raise ValueError(f"{self.name} {name}: a table holds at least one degree, each 0 to {ONE}")
+
+    @property
+    def entries(self) -> int:
+        """Length of the tables."""
+        return len(next(iter(self.sets.values())))
+
+
+@dataclass(frozen=True)
+class Rule:
+    """``IF input 0 is sets[0] AND input 1 is sets[1] … THEN output``.
+
+    ``None`` in place of a set leaves that input out; ``output`` is a real number in 0..1, used as UQ1.8.
+    """
+
+    sets: tuple[str | None, ...]
+    output: float
+
+    @property
+    def singleton(self) -> int:
+        """The output as UQ1.8."""
+        return MEMBERSHIP.quantise(self.output)
+
+
+class SugenoSystem:
+    """Rules over inputs: the weighted mean of the singletons, weighted by the rules' strengths.
+
+    Parameters
+    ----------
+    name : str
+        For messages.
+    inputs : tuple of Variable
+        In the order of the values of `evaluate`.
+    rules : tuple of Rule
+        At most 32.
+    conjunction : {"product", "minimum"}
+        AND. The strengths of a product system must sum to one for every input, so that it never divides; the
+        constructor tries all of them. A minimum system divides by the sum of strengths.
+
+    Attributes
+    ----------
+    strength_one : int
+        The strength that stands for 1: 256 ** inputs with the product, 256 with the minimum.
+
+    Raises
+    ------
+    ValueError
+        For an unknown set or conjunction, a wrong number of sets or rules, a singleton outside 0..1, or a product
+        system whose strengths do not sum to one.
+    """
+
+    def __init__(self, name: str, *, inputs: tuple[Variable, ...], rules: tuple[Rule, ...], conjunction: str) -> None:
+        if conjunction not in ("product", "minimum"):
+            raise ValueError(f"{name}: conjunction is {conjunction!r}; valid: product, minimum")
+        if not 1 <= len(rules) <= MAX_RULES:
+            raise ValueError(f"{name}: has {len(rules)} rules; it must have 1 to {MAX_RULES}")
+        self.name = name
+        self.inputs = inputs
+        self.rules = rules
+        self.conjunction = conjunction
+        self.strength_one = ONE ** len(inputs) if conjunction == "product" else ONE
+        for index, rule in enumerate(rules):
+            self._check_rule(index, rule)
+        self._singletons = np.array([rule.singleton for rule in rules], dtype=np.int64)
+        if conjunction == "product":
+            self._check_sum()
+
+    def _check_rule(self, index: int, rule: Rule) -> None:
+        where = f"{self.name}, rule {index}"
+        if len(rule.sets) != len(self.inputs):
+            raise ValueError(f"{where}: names {len(rule.sets)} sets for {len(self.inputs)} inputs")
+        for variable, chosen in zip(self.inputs, rule.sets, strict=True):
+            if chosen is not None and chosen not in variable.sets:
+                raise ValueError(f"{where}: {variable.name} has no set {chosen!r}; it has {', '.join(variable.sets)}")
+        if not 0 <= rule.output <= 1:
+            raise ValueError(f"{where}: output is {rule.output}; it must be 0 to 1")
+
+    def _check_sum(self) -> None:
+        # Indices with equal degrees in every set behave alike: one of each is enough.
+        distinct = [
+            np.unique(np.stack(list(variable.sets.values())), axis=1, return_index=True)[1] for variable in self.inputs
+        ]
+        values = [grid.ravel() for grid in np.meshgrid(*distinct, indexing="ij")]
+        total = self.strengths(*values).sum(axis=1)
+        wrong = np.flatnonzero(total != self.strength_one)
+        if wrong.size:
+            where = ", ".join(f"{v.name} {value[wrong[0]]}" for v, value in zip(self.inputs, values, strict=True))
+            raise ValueError(
+                f"{self.name}: strengths sum to {total[wrong[0]] / self.strength_one:.4f} at {where}; make the sets "
+                "complementary and the rules cover each combination once, or use conjunction 'minimum'"
+            )
+
+    def strengths(self, *values: NDArray[np.integer]) -> NDArray[np.int64]:
+        """Strength of every rule, (N, rules) int64 in units of 1 / ``strength_one``, for (N,) values of each input.
+
+        Raises
+        ------
+        ValueError
+            If the number of inputs is wrong or a value is negative.
+        """
+        if len(values) != len(self.inputs):
+            raise ValueError(f"{self.name}: takes {len(self.inputs)} inputs, not {len(values)}")
+        degrees = [_degrees(variable, value) for variable, value in zip(self.inputs, values, strict=True)]
+        columns = []
+        for rule in self.rules:
+            chosen = [
+                np.full(len(values[0]), ONE) if name is None else degree[name]
+                for name, degree in zip(rule.sets, degrees, strict=True)
+            ]
+            columns.append(np.prod(chosen, axis=0) if self.conjunction == "product" else np.min(chosen, axis=0))
+        return np.stack(columns, axis=1)
+
+    def evaluate(self, *values: NDArray[np.integer]) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+        """Weight and loudest rule of N inputs.
+
+        Parameters
+        ----------
+        *values : (N,) unsigned integers
+            One array an input.
+
+        Returns
+        -------
+        weight : (N,) uint8
+            UQ0.8, rounded half up, 1 saturated to 255; 0 where no rule fires.
+        loudest : (N,) uint8
+            Index of the strongest rule, ties to the lowest.
+        """
+        strengths = self.strengths(*values)
+        total = strengths @ self._singletons
+        if self.conjunction == "product":
+            weight = round_shift(total, self.strength_one.bit_length() - 1)
+        else:
+            fired = np.maximum(strengths.sum(axis=1), 1)
+            weight = (2 * total + fired) // (2 * fired)
+        loudest = strengths.argmax(axis=1)
+        return np.minimum(weight, WEIGHT.max_raw).astype(np.uint8), loudest.astype(np.uint8)
+
+
+def _degrees(variable: Variable, value: NDArray[np.integer]) -> dict[str, Table]:
+    if value.size and value.min() < 0:
+        raise ValueError(f"{variable.name}: value {value.min()} is negative; inputs are unsigned")
+    index = np.minimum(value, variable.entries - 1)
+    return {name: table[index] for name, table in variable.sets.items()}
+
+
+def _complementary(name: str, table: Table, names: tuple[str, str]) -> Variable:
+    """A variable of two sets that sum to one: ``table`` under the first name, its complement under the second."""
+    return Variable(name, {names[0]: table, names[1]: ONE - table})
+
+
+def _falling_distance(bits: int, one_until: float, zero_from: float) -> Variable:
+    table = ramp(math.ceil(zero_from * bits) + 1, zero_from * bits, one_until * bits)
+    return _complementary("distance", table, ("low", "high"))
+
+
+def _rising_margin(bits: int, zero_until: float, one_from: float) -> Variable:
+    table = ramp(math.ceil(one_from * bits) + 1, zero_until * bits, one_from * bits)
+    return _complementary("margin", table, ("big", "small"))
+
+
+def _good_medium_bad(name: str, corners: NDArray[np.floating | np.integer]) -> Variable:
+    """Three overlapping sets: good up to the first corner, medium from the second to the third, bad from the fourth."""
+    entries = math.ceil(corners.max()) + 1
+    sets = {
+        "good": ramp(entries, corners[1], corners[0]),
+        "medium": trapezoid(entries, corners),
+        "bad": ramp(entries, corners[2], corners[3]),
+    }
+    return Variable(name, sets)
+
+
+@lru_cache
+def aerial(bits: int) -> SugenoSystem:
+    """The rule base of the ``aerial`` preset: product, 8 rules, no division.
+
+    Inputs: Hamming distance (low until .10 of ``bits``, high from .34), margin to the second best (big from .10 of
+    ``bits``), and distance of the match's turn from the common one in sectors: it belongs fully within one sector,
+    by .6 at two, by .2 at three, not beyond.
+    """
+    belonging = _quantised(np.array([1.0, 1.0, 0.6, 0.2, 0.0]))
+    outputs = {
+        ("low", "big"): (1.0, 0.15),
+        ("low", "small"): (0.6, 0.05),
+        ("high", "big"): (0.6, 0.02),
+        ("high", "small"): (0.2, 0.0),
+    }
+    return SugenoSystem(
+        "aerial",
+        inputs=(
+            _falling_distance(bits, 0.10, 0.34),
+            _rising_margin(bits, 0.0, 0.10),
+            _complementary("turn", belonging, ("common", "other")),
+        ),
+        rules=tuple(
+            Rule((*sets, turn), output)
+            for sets, pair in outputs.items()
+            for turn, output in zip(("common", "other"), pair, strict=True)
+        ),
+        conjunction="product",
+    )
+
+
+@lru_cache
+def aerial_turn(bits: int) -> SugenoSystem:
+    """The 4-rule system of distance and margin whose squared weight a match brings to the histogram of turns."""
+    return SugenoSystem(
+        "aerial_turn",
+        inputs=(_falling_distance(bits, 0.10, 0.34), _rising_margin(bits, 0.01, 0.14)),
+        rules=(
+            Rule(("low", "big"), 1.0),
+            Rule(("low", "small"), 0.35),
+            Rule(("high", "big"), 0.5),
+            Rule(("high", "small"), 0.0),
+        ),
+        conjunction="product",
+    )
+
+
+@lru_cache
+def ilbp(bits: int) -> SugenoSystem:
+    """The thesis's fuzzy ILBP: minimum, 4 rules over Hamming distance and the belongings r1 and r2.
+
+    The thesis prints neither corners nor which SAD gives which belonging. Our reading: both belongings come from
+    the SAD (equation III-1) between the 3x3 gray windows of the two features, given as the raw sum of 9 pixels. It
+    is symmetric, so r1 = r2 = r: rules 3 and 4, which want one without the other, speak only in the twilight where
+    r is neither 0 nor 1. At a low distance, rules 1 and 3 then balance for r up to one half: the weight is 1/2.
+
+    The sigmoid is centred at 9.5 gray levels a pixel, midway between the SAD that Table III-1 calls surely good (6)
+    and surely bad (13), and is .95 and .05 there. The distance is low until 1/8 of ``bits`` and high from 3/8: they
+    cross at 1/4, 2.8 standard deviations below the mean distance of unrelated descriptors of 32 independent bits,
+    and unrelated ones (1/2) are wholly high. Match is 1, no match 0; where no rule fires the answer is no match.
+    """
+    window_px, good, bad = 9, 6.0, 13.0
+    slope = 2 * math.log(0.95 / 0.05) / ((bad - good) * window_px)
+    # From 153 on, 17 gray levels a pixel, the belonging rounds to 0.
+    belongs = sigmoid(154, (good + bad) / 2 * window_px, -slope)
+    return SugenoSystem(
+        "ilbp",
+        inputs=(
+            _falling_distance(bits, 1 / 8, 3 / 8),
+            _complementary("SAD of r1", belongs, ("belongs", "does not")),
+            _complementary("SAD of r2", belongs, ("belongs", "does not")),
+        ),
+        rules=(
+            Rule(("low", "belongs", "belongs"), 1.0),
+            Rule(("high", "does not", "does not"), 0.0),
+            Rule(("low", "does not", "belongs"), 0.0),
+            Rule(("high", "belongs", "does not"), 0.0),
+        ),
+        conjunction="minimum",
+    )
+
+
+@lru_cache
+def correlation() -> SugenoSystem:
+    """The thesis's fuzzy correlation (Tables III-1, III-2): minimum, 27 rules over SAD, ZSSD and NCC.
+
+    Inputs are as `golden_model.matching.correlation.fuzzy_inputs` scales them. Sets ramp where the table's ranges
+    overlap; the lower edge of the medium NCC, on which the thesis is silent, ramps from .25 to .3. Outputs: good match
+    1, medium .5, bad 0. Any bad input gives a bad match; two or three good ones a good match; the rest a medium one.
+    """
+    sad = _good_medium_bad("SAD", np.array([4, 6, 13, 15]) * SAD_PER_PIXEL.one)
+    zssd = _good_medium_bad("ZSSD", np.array([20, 30, 45, 50]) * ZSSD_PER_PIXEL.one)
+    ncc = _good_medium_bad("NCC", np.array([0.55, 0.5, 0.3, 0.25]) * NCC.one)
+
+    def output(sets: tuple[str, ...]) -> float:
+        if "bad" in sets:
+            return 0.0
+        return 1.0 if sets.count("good") >= 2 else 0.5
+
+    return SugenoSystem(
+        "correlation",
+        inputs=(sad, zssd, ncc),
+        rules=tuple(Rule(sets, output(sets)) for sets in itertools.product(("good", "medium", "bad"), repeat=3)),
+        conjunction="minimum",
+    )

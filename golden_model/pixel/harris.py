@@ -1,0 +1,87 @@
+"""The Harris corner measure (thesis, equations III-6 and III-7) in integers.
+
+Bounds, for smoothed gradients and a 5x5 window: the gradient of any image is at most 821.5 long, the rounding of
+its smoothing included, so A + B <= 65 899 and |C| <= (A + B) / 2. With k < 1/4 the determinant and the penalty stay
+below 2**31. Unsmoothed gradients reach 1140.4 and are therefore limited to the 3x3 window, where A + B <= 45 720.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.formats import encode_response
+from golden_model.pixel.window import box_sum
+
+TENSOR_SHIFT = 8
+
+Gradient = NDArray[np.int16]
+Plane = NDArray[np.int32]
+
+
+def structure_tensor(gradient_x: Gradient, gradient_y: Gradient, window_px: int) -> tuple[Plane, Plane, Plane]:
+    """Windowed sums of gradient products, ``>> 8`` (floor).
+
+    Parameters
+    ----------
+    gradient_x, gradient_y : ndarray of int16, shape (H, W)
+        `golden_model.formats.GRADIENT`.
+    window_px : {3, 5}
+        Side of the box.
+
+    Returns
+    -------
+    a, b, c : ndarray of int32, shape (H, W)
+        Sums of Ix**2, Iy**2 (`TENSOR_DIAGONAL`) and Ix Iy (`TENSOR_MIXED`). Specified ``window_px // 2`` px and
+        more inside the region where the gradients are.
+    """
+    factors = ((gradient_x, gradient_x), (gradient_y, gradient_y), (gradient_x, gradient_y))
+    a, b, c = (
+        box_sum(np.multiply(first, second, dtype=np.int32), window_px) >> TENSOR_SHIFT for first, second in factors
+    )
+    return a, b, c
+
+
+def raw_response(a: Plane, b: Plane, c: Plane, k_numerator: int, k_shift: int) -> Plane:
+    """``R = A B - C**2 - ((k_numerator (A + B)**2) >> k_shift)`` (floor).
+
+    Parameters
+    ----------
+    a, b, c : ndarray of int32, shape (H, W)
+    k_numerator, k_shift : int
+        k = k_numerator / 2**k_shift, below 1/4.
+
+    Returns
+    -------
+    ndarray of int32, shape (H, W)
+        `golden_model.formats.RAW_RESPONSE`; it never saturates (see the module's bounds).
+    """
+    # (A + B)**2 needs 33 bits. Its product with a dyadic k is exact in float64, and truncation is floor as it is
+    # not negative.
+    penalty = np.add(a, b, dtype=np.float64)
+    penalty *= penalty
+    penalty *= k_numerator / (1 << k_shift)
+    raw = a * b
+    raw -= c * c
+    raw -= penalty.astype(np.int32)
+    return raw
+
+
+def response_code(raw: Plane, threshold: int) -> NDArray[np.uint16]:
+    """Responses as stored from here on: 15-bit codes, 0 below the threshold.
+
+    Parameters
+    ----------
+    raw : ndarray of int32, shape (H, W)
+        R.
+    threshold : int
+        Smallest R that survives, cut to its 11 leading bits like R itself: the comparison is one of codes.
+
+    Returns
+    -------
+    ndarray of uint16, shape (H, W)
+        `golden_model.formats.RESPONSE_CODE`.
+    """
+    code = encode_response(np.maximum(raw, 0))
+    code[code < encode_response(np.array(threshold))] = 0
+    return code

@@ -1,0 +1,1 @@
+"""Which corners of a frame become features: the best of each cell."""

@@ -1,0 +1,279 @@
+"""The register map of the accelerator, declared once.
+
+The hardware (`hdl.axi.registers`), the Markdown, SVD and C descriptions (`hdl.axi.register_docs`) and the host's
+constants all come from `REGISTERS`.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from golden_model.config import DETECTORS, RULE_BASES, FrontEndConfig, MatcherConfig
+from golden_model.records import MATCH, Cause, feature_record
+
+REGISTER_BITS = 32
+ADDRESS_BITS = 12
+IDENTITY = int.from_bytes(b"SKYM", "big")
+VERSION = (0, 1, 0)
+
+
+class Access(enum.Enum):
+    """Who writes a field, and how."""
+
+    CONSTANT = "constant"
+    STATUS = "read only"
+    SETTING = "read/write"
+    REQUEST = "write 1 to request; reads 1 until obeyed"
+    EVENT = "read; write 1 to clear"
+    COMMAND = "write 1; reads 0"
+
+
+@dataclass(frozen=True)
+class Field:
+    """Bits of a register.
+
+    Attributes
+    ----------
+    name : str
+        Unique in the map.
+    low, bits : int
+        Lowest bit, and width.
+    access : Access
+    description : str
+    init : int
+        Value after reset.
+    """
+
+    name: str
+    low: int
+    bits: int
+    access: Access
+    description: str
+    init: int = 0
+
+    @property
+    def mask(self) -> int:
+        """The field's bits in its register."""
+        return ((1 << self.bits) - 1) << self.low
+
+
+@dataclass(frozen=True)
+class Register:
+    """A 32-bit register at a byte ``offset``."""
+
+    name: str
+    offset: int
+    description: str
+    fields: tuple[Field, ...]
+
+
+_BAD = ", ".join(f"{cause.value} {cause.name.lower().replace('_', ' ')}" for cause in Cause)
+_CONSTANT, _STATUS, _SETTING = Access.CONSTANT, Access.STATUS, Access.SETTING
+
+REGISTERS = (
+    Register("ID", 0x00, "What this is.", (Field("identity", 0, 32, _CONSTANT, '"SKYM" in ASCII.'),)),
+    Register(
+        "VERSION",
+        0x04,
+        "Version of the register map and the records.",
+        (
+            Field("version_patch", 0, 8, _CONSTANT, "Nothing seen from software changed."),
+            Field("version_minor", 8, 8, _CONSTANT, "Registers or fields were added."),
+            Field("version_major", 16, 8, _CONSTANT, "Software must be changed."),
+        ),
+    ),
+    Register(
+        "BUILD",
+        0x08,
+        "What was built.",
+        (
+            Field("built_levels", 0, 2, _CONSTANT, "Pyramid levels."),
+            Field("built_detectors", 2, 2, _CONSTANT, f"What can be chosen, a bit each: {', '.join(DETECTORS)}."),
+            Field("built_rule_base", 4, 2, _CONSTANT, "Index into " + ", ".join(RULE_BASES) + "."),
+            Field("built_selection", 6, 1, _CONSTANT, "Whether corners are selected by cells."),
+            Field("built_descriptor_bytes", 8, 8, _CONSTANT, "Length of a descriptor."),
+            Field("built_lanes", 16, 8, _CONSTANT, "Left descriptors compared at a time."),
+        ),
+    ),
+    Register(
+        "BUILD_SIZE",
+        0x0C,
+        "Largest frame.",
+        (
+            Field("built_width_px", 0, 16, _CONSTANT, "Width."),
+            Field("built_height_px", 16, 16, _CONSTANT, "Height."),
+        ),
+    ),
+    Register(
+        "BUILD_RECORDS",
+        0x10,
+        "Capacity and lengths of records.",
+        (
+            Field("built_max_features", 0, 16, _CONSTANT, "Features a frame may have."),
+            Field(
+                "built_feature_bytes", 16, 8, _CONSTANT, "Bytes of a Feature record and of its stream's FrameStatus."
+            ),
+            Field("built_match_bytes", 24, 8, _CONSTANT, "Bytes of a Match record and of its stream's FrameStatus."),
+        ),
+    ),
+    Register(
+        "CONTROL",
+        0x20,
+        "What runs. SIZE and the settings below it take effect at the next start of a frame.",
+        (
+            Field("enable", 0, 1, _SETTING, "Pixels are taken in; 0 lets them wait at the door."),
+            Field("memory_mode", 1, 1, _SETTING, "Frames by SIZE from a plain stream; 0: by TUSER and TLAST (UG934)."),
+            Field("gray_input", 2, 1, _SETTING, "A beat carries 8-bit gray in its low byte; 0: colour."),
+            Field("features_enable", 3, 1, _SETTING, "Features leave; 0: they are discarded at the output."),
+            Field("matches_enable", 4, 1, _SETTING, "Matches leave; 0: they are discarded at the output."),
+            Field("hold_reference", 5, 1, _SETTING, "Frames are matched with a held one; 0: each with the last."),
+            Field("adaptive", 6, 1, _SETTING, "The threshold moves towards TARGET between frames."),
+            Field(
+                "clear",
+                8,
+                1,
+                Access.COMMAND,
+                "Forget frames and reference; settings stay. Reset the DMAs first.",
+            ),
+        ),
+    ),
+    Register(
+        "REFERENCE",
+        0x24,
+        "The held reference.",
+        (Field("take_reference", 0, 1, Access.REQUEST, "The next good frame becomes the reference, unmatched."),),
+    ),
+    Register(
+        "SIZE",
+        0x28,
+        "Size of the frames.",
+        (
+            Field("width_px", 0, 13, _SETTING, "Width, 64 to the largest built.", init=640),
+            Field("height_px", 16, 13, _SETTING, "Height, 64 to the largest built.", init=480),
+        ),
+    ),
+    Register(
+        "SELECTION",
+        0x2C,
+        "Selection by cells.",
+        (
+            Field("cell_log2", 0, 4, _SETTING, "log2 of the cell's side, 5 to 8.", init=5),
+            Field("per_cell", 8, 4, _SETTING, "Features kept in a cell, 1 to 8.", init=5),
+        ),
+    ),
+    Register(
+        "THRESHOLD",
+        0x30,
+        "Detector and its threshold.",
+        (
+            Field(
+                "threshold_code",
+                0,
+                15,
+                _SETTING,
+                "As a response code (FAST: in gray levels); where it starts, if adaptive.",
+                init=2,
+            ),
+            Field("detector", 16, 1, _SETTING, f"Index into {', '.join(DETECTORS)}."),
+        ),
+    ),
+    Register(
+        "TARGET",
+        0x34,
+        "Target of the adaptive threshold.",
+        (Field("target_features", 0, 13, _SETTING, "Features a frame.", init=1024),),
+    ),
+    Register(
+        "KEEP",
+        0x38,
+        "Limit of the fuzzy weight.",
+        (Field("keep_above", 0, 8, _SETTING, "A match is kept if its weight (UQ0.8) is larger.", init=64),),
+    ),
+    Register(
+        "STATUS",
+        0x40,
+        "Now.",
+        (
+            Field("video_waiting", 0, 1, _STATUS, "A pixel waits at the door."),
+            Field("features_waiting", 1, 1, _STATUS, "A word waits for its DMA on the features' stream."),
+            Field("matches_waiting", 2, 1, _STATUS, "A word waits for its DMA on the matches' stream."),
+        ),
+    ),
+    Register("FRAMES", 0x44, "Frames seen since clear.", (Field("frames", 0, 32, _STATUS, "Good and bad ones."),)),
+    Register("BAD_FRAMES", 0x48, "Bad ones of them.", (Field("bad_frames", 0, 32, _STATUS, "Features void."),)),
+    Register("CAUSES", 0x4C, "Of the last bad frame.", (Field("causes", 0, 16, _STATUS, f"{_BAD}."),)),
+    Register(
+        "LAST_FEATURES",
+        0x50,
+        "Of the last frame.",
+        (
+            Field("last_features", 0, 16, _STATUS, "Features."),
+            Field("last_threshold", 16, 15, _STATUS, "Threshold code it was made with."),
+        ),
+    ),
+    Register(
+        "LAST_MATCHES",
+        0x54,
+        "Of the last frame that was matched.",
+        (
+            Field("last_matches", 0, 16, _STATUS, "Mutual matches."),
+            Field("last_kept", 16, 16, _STATUS, "Kept ones."),
+        ),
+    ),
+    Register(
+        "LAST_CYCLES",
+        0x58,
+        "Of the last frame.",
+        (Field("last_cycles", 0, 32, _STATUS, "First pixel to last word."),),
+    ),
+    Register(
+        "IRQ_STATUS",
+        0x60,
+        "What happened; the interrupt is high while an event is set whose mask is.",
+        (
+            Field("frame_done", 0, 1, Access.EVENT, "A frame's features have left."),
+            Field("matches_done", 1, 1, Access.EVENT, "A frame's matches have left."),
+            Field("frame_bad", 2, 1, Access.EVENT, "A frame was bad."),
+        ),
+    ),
+    Register(
+        "IRQ_MASK",
+        0x64,
+        "Which events interrupt.",
+        (
+            Field("frame_done_mask", 0, 1, _SETTING, "For frame_done."),
+            Field("matches_done_mask", 1, 1, _SETTING, "For matches_done."),
+            Field("frame_bad_mask", 2, 1, _SETTING, "For frame_bad."),
+        ),
+    ),
+)
+"""Every register, in rising offset."""
+
+
+def fields(*accesses: Access) -> Iterator[Field]:
+    """Every field with one of ``accesses``, in the order of the map."""
+    return (field for register in REGISTERS for field in register.fields if field.access in accesses)
+
+
+def built_constants(
+    *, front_end: FrontEndConfig, matcher: MatcherConfig, lanes: int, max_width_px: int, max_height_px: int
+) -> dict[str, int]:
+    """The values of the constant fields for one build."""
+    pattern = front_end.pattern
+    return {
+        "identity": IDENTITY,
+        **dict(zip(("version_major", "version_minor", "version_patch"), VERSION, strict=True)),
+        "built_levels": front_end.levels,
+        "built_detectors": (1 << len(DETECTORS)) - 1,
+        "built_rule_base": RULE_BASES.index(matcher.rule_base),
+        "built_selection": int(front_end.selection),
+        "built_descriptor_bytes": pattern.descriptor_bytes,
+        "built_lanes": lanes,
+        "built_width_px": max_width_px,
+        "built_height_px": max_height_px,
+        "built_max_features": front_end.max_features,
+        "built_feature_bytes": feature_record(pattern.descriptor_bytes, pattern.window_bytes).record_bytes,
+        "built_match_bytes": MATCH.record_bytes,
+    }

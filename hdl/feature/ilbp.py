@@ -1,0 +1,158 @@
+"""Ring descriptors of candidates, for any `golden_model.feature.ilbp.DescriptorPattern`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from amaranth import Cat, Const, Module, Mux, Signal, Value
+from amaranth.lib import wiring
+from amaranth.lib.data import ArrayLayout
+from amaranth.lib.wiring import In, Out
+
+from golden_model.feature.ilbp import DescriptorPattern
+from hdl.feature.orientation import RingMoments, Sector
+from hdl.lib.delay import delayed
+
+SPACING_CYCLES = (2, 4)
+"""Least distance of two candidates: the clocks that one may take."""
+
+
+class RingDescriptor(wiring.Component):
+    """Orientation sector and descriptor of each candidate.
+
+    A candidate's rings are copied and then turned by a group of ``angles // spacing_cycles`` angles a clock, so that
+    ``spacing_cycles`` groups pass the comparators and the orientation's adders, the last group first. The comparison
+    bits wait for the sector, which says which of them go where.
+
+    Parameters
+    ----------
+    pattern : DescriptorPattern
+        What is compared.
+    spacing_cycles : {2, 4}
+        Candidates are at least so many clocks apart.
+
+    Members
+    -------
+    i_candidate : In(1)
+        The next clock's pixels are a candidate's: it is known early because so many registers wait for it.
+    i_pixels : In(8).array(rings, angles)
+        Ring pixels, `DescriptorPattern.offsets`.
+    o_valid : Out(1)
+        ``latency_cycles`` after ``i_candidate``, for one clock.
+    o_sector : Out(4)
+    o_descriptor : Out(8 * bytes)
+        Bit 8 j + i is bit i of byte j.
+
+    Attributes
+    ----------
+    latency_cycles : int
+
+    Raises
+    ------
+    ValueError
+        For another spacing.
+    """
+
+    i_candidate: Signal
+    i_pixels: Sequence[Sequence[Signal]]
+    o_valid: Signal
+    o_sector: Signal
+    o_descriptor: Signal
+
+    def __init__(self, *, pattern: DescriptorPattern, spacing_cycles: int) -> None:
+        if spacing_cycles not in SPACING_CYCLES:
+            raise ValueError(f"spacing_cycles is {spacing_cycles}; valid: {', '.join(map(str, SPACING_CYCLES))}")
+        self.pattern = pattern
+        self.groups = spacing_cycles
+        self.group_angles = pattern.angles // spacing_cycles
+        self._wait_cycles = 0
+        if pattern.oriented:
+            self._moments = RingMoments(radii_px=pattern.radii_px, groups=self.groups)
+            self._sector = Sector(moment=self._moments.o_mx.shape())
+            # The last group's moments and the sector, against the first group's comparisons (one clock).
+            self._wait_cycles = self.groups - 1 + self._moments.latency_cycles + self._sector.latency_cycles - 1
+        self.latency_cycles = 1 + 1 + 1 + self._wait_cycles + self.groups
+        super().__init__(
+            {
+                "i_candidate": In(1),
+                "i_pixels": In(8).array(len(pattern.radii_px), pattern.angles),
+                "o_valid": Out(1),
+                "o_sector": Out(4),
+                "o_descriptor": Out(pattern.bits),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """Turn the rings, compare, find the sector, collect the bits."""
+        m = Module()
+        # age[n]: there was a candidate n + 1 clocks ago.
+        age = Signal(self.latency_cycles)
+        m.d.sync += age.eq(Cat(self.i_candidate, age))
+        turning = Signal()
+        m.d.sync += turning.eq(Cat(self.i_candidate, age)[: self.groups].any())
+        rings = self._turning_rings(m, age[0], turning)
+        arrived = delayed(m, turning, 1, reset_less=False)
+        columns = self._comparisons(m, rings, arrived)
+        sector = Const(0, 4)
+        if self.pattern.oriented:
+            self._connect_orientation(m, rings, arrived, age[1:])
+            sector = self._sector.o_sector
+        collection = age[2 + self._wait_cycles :][: self.groups]
+        with m.If(collection[-1]):
+            m.d.sync += self.o_sector.eq(sector)
+        self._collect(m, delayed(m, columns, self._wait_cycles), sector, collection)
+        m.d.comb += self.o_valid.eq(age[-1])
+        return m
+
+    def _turning_rings(self, m: Module, load: Value, turn: Value) -> list[list[Signal]]:
+        """Copies of the candidate's rings; each clock the group before comes to the first positions."""
+        rings = []
+        for pixels, radius_px in zip(self.i_pixels, self.pattern.radii_px, strict=True):
+            if radius_px == 0:
+                centre = Signal(8, name="centre", reset_less=True)
+                with m.If(load):
+                    m.d.sync += centre.eq(pixels[0])
+                rings.append([centre] * self.pattern.angles)
+                continue
+            ring = Signal(ArrayLayout(8, self.pattern.angles), name=f"ring{radius_px}", reset_less=True)
+            loaded = [pixels[n - self.group_angles] for n in range(self.pattern.angles)]
+            turned = ring.as_value().rotate_left(8 * self.group_angles)
+            with m.If(turn):
+                m.d.sync += ring.eq(Mux(load, Cat(loaded), turned))
+            rings.append(ring)
+        return rings
+
+    def _comparisons(self, m: Module, rings: list[list[Signal]], arrived: Value) -> Signal:
+        """One bit a descriptor byte for each angle of the group, angle by angle."""
+        angles = self.pattern.angles
+        columns = Signal(ArrayLayout(len(self.pattern.comparisons), self.group_angles), reset_less=True)
+        with m.If(arrived):
+            for n, column in enumerate(columns):
+                bits = [rings[a][n] >= rings[b][(n + k) % angles] for a, b, k in self.pattern.comparisons]
+                m.d.sync += column.eq(Cat(bits))
+        return columns
+
+    def _connect_orientation(self, m: Module, rings: list[list[Signal]], arrived: Value, age: Value) -> None:
+        m.submodules.moments = moments = self._moments
+        m.submodules.sector = sector = self._sector
+        m.d.comb += [
+            moments.i_valid.eq(arrived),
+            moments.i_first.eq(age[0]),
+            sector.i_valid.eq(age[self.groups - 1 + moments.latency_cycles]),
+            sector.i_mx.eq(moments.o_mx),
+            sector.i_my.eq(moments.o_my),
+        ]
+        for i_ring, ring in zip(moments.i_pixels, rings, strict=True):
+            m.d.comb += [i_pixel.eq(ring[n]) for n, i_pixel in enumerate(i_ring)]
+
+    def _collect(self, m: Module, columns: Value, sector: Value, collection: Value) -> None:
+        """Bit i of every byte is at angle ``step * i + sector``: take it when that angle's group comes by."""
+        step = self.pattern.angles // 8
+        position_bits = (self.group_angles - 1).bit_length()
+        bits = [Signal(len(self.pattern.comparisons), name=f"bit{i}", reset_less=True) for i in range(8)]
+        for i, bit in enumerate(bits):
+            angle = (sector + step * i)[: (self.pattern.angles - 1).bit_length()]
+            position, group = angle[:position_bits], angle[position_bits:]
+            with m.If(collection.bit_select(~group, 1)):
+                m.d.sync += bit.eq(columns[position])
+        m.d.comb += self.o_descriptor.eq(Cat(bit[j] for j in range(self.pattern.descriptor_bytes) for bit in bits))

@@ -1,0 +1,170 @@
+"""Orientation sector of a candidate from its rings, a group of angles a clock."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import cos, pi, sin
+
+from amaranth import Cat, Module, Mux, Shape, Signal, Value, signed, unsigned
+from amaranth.lib import wiring
+from amaranth.lib.wiring import In, Out
+
+from golden_model.feature.ilbp import COSINE_ONE, HALF_SECTOR_TANGENTS, SECTORS, TANGENT_ONE
+from hdl.lib.delay import delayed
+from hdl.lib.weighted_sum import WeightedSum
+
+
+class RingMoments(wiring.Component):
+    """Moments Mx, My of rings whose 16 angles arrive in groups, the last group first.
+
+    Seen from its own first angle every group has the same weights, so one set of adders serves all:
+    M = P(0) + T (P(1) + T (P(2) + ...)), with P(g) the moments of group g as if it were group 0, and T the turn by
+    one group: a quarter or a half, which only swaps and negates.
+
+    Parameters
+    ----------
+    radii_px : tuple of int
+        Weight of each ring.
+    groups : {2, 4}
+        Groups, so clocks, of a candidate.
+
+    Members
+    -------
+    i_valid : In(1)
+        A group is at ``i_pixels``.
+    i_first : In(1)
+        It is the first of its candidate.
+    i_pixels : In(8).array(rings, 16 // groups)
+    o_mx, o_my : Out(signed)
+        Complete ``latency_cycles`` after a candidate's last group, until its successor's first group is added.
+
+    Attributes
+    ----------
+    latency_cycles : int
+    """
+
+    i_valid: Signal
+    i_first: Signal
+    i_pixels: Sequence[Sequence[Signal]]
+    o_mx: Signal
+    o_my: Signal
+
+    def __init__(self, *, radii_px: tuple[int, ...], groups: int) -> None:
+        if groups not in (2, 4):
+            raise ValueError(f"groups is {groups}; valid: 2, 4")
+        self.groups = groups
+        group_angles = SECTORS // groups
+        turns = [2 * pi * angle / SECTORS for angle in range(SECTORS)]
+        cosines = [round(COSINE_ONE * cos(turn)) for turn in turns]
+        sines = [round(COSINE_ONE * sin(turn)) for turn in turns]
+        self._radial = [WeightedSum(weights=radii_px, shape=unsigned(8)) for _ in range(group_angles)]
+        radial_shape = self._radial[0].o_sum.shape()
+        self._along_x = WeightedSum(weights=cosines[:group_angles], shape=radial_shape)
+        self._along_y = WeightedSum(weights=sines[:group_angles], shape=radial_shape)
+        self.latency_cycles = self._radial[0].latency_cycles + self._along_x.latency_cycles + 1
+        bound = self._radial[0].high * sum(cosine for cosine in cosines if cosine > 0)
+        moment = signed(bound.bit_length() + 1)
+        super().__init__(
+            {
+                "i_valid": In(1),
+                "i_first": In(1),
+                "i_pixels": In(8).array(len(radii_px), group_angles),
+                "o_mx": Out(moment),
+                "o_my": Out(moment),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """Radial sums of each angle, their two projections, and the turning accumulator."""
+        m = Module()
+        m.submodules.along_x = along_x = self._along_x
+        m.submodules.along_y = along_y = self._along_y
+        for angle, radial in enumerate(self._radial):
+            m.submodules[f"radial_{angle}"] = radial
+            m.d.comb += [i_value.eq(ring[angle]) for i_value, ring in zip(radial.i_values, self.i_pixels, strict=True)]
+            m.d.comb += [radial.i_valid.eq(self.i_valid)]
+            m.d.comb += [along.i_values[angle].eq(radial.o_sum) for along in (along_x, along_y)]
+        m.d.comb += [along.i_valid.eq(self._radial[0].o_valid) for along in (along_x, along_y)]
+        first = delayed(m, self.i_first, self.latency_cycles - 1)
+        turned_x, turned_y = (-self.o_my, self.o_mx) if self.groups == 4 else (-self.o_mx, -self.o_my)
+        with m.If(along_x.o_valid):
+            m.d.sync += [
+                self.o_mx.eq(along_x.o_sum + Mux(first, 0, turned_x)),
+                self.o_my.eq(along_y.o_sum + Mux(first, 0, turned_y)),
+            ]
+        return m
+
+
+class Sector(wiring.Component):
+    """Sector round(16 atan2(My, Mx) / 2 pi) mod 16 by two integer comparisons in the first octant; (0, 0) gives 0.
+
+    Parameters
+    ----------
+    moment : Shape
+        Signed shape of the moments, whose most negative number never occurs.
+
+    Members
+    -------
+    i_valid, i_mx, i_my : In
+    o_sector : Out(4)
+        ``latency_cycles`` after ``i_valid``, until the next.
+
+    Attributes
+    ----------
+    latency_cycles : int
+    """
+
+    i_valid: Signal
+    i_mx: Signal
+    i_my: Signal
+    o_sector: Signal
+
+    def __init__(self, *, moment: Shape) -> None:
+        length = unsigned(moment.width - 1)
+        self._borders = [WeightedSum(weights=(tangent, -TANGENT_ONE), shape=length) for tangent in HALF_SECTOR_TANGENTS]
+        self.latency_cycles = 3 + self._borders[0].latency_cycles + 1
+        super().__init__({"i_valid": In(1), "i_mx": In(moment), "i_my": In(moment), "o_sector": Out(4)})
+
+    def elaborate(self, platform: object) -> Module:
+        """Fold into the first octant, compare with its two sector borders, unfold."""
+        m = Module()
+        length = self._borders[0].i_values[0].shape()
+        along, across = Signal(length, reset_less=True), Signal(length, reset_less=True)
+        left, up = Signal(reset_less=True), Signal(reset_less=True)
+        with m.If(self.i_valid):
+            m.d.sync += [
+                left.eq(self.i_mx < 0),
+                up.eq(self.i_my < 0),
+                across.eq(Mux(self.i_mx < 0, -self.i_mx, self.i_mx)),
+                along.eq(Mux(self.i_my < 0, -self.i_my, self.i_my)),
+            ]
+
+        folded = delayed(m, self.i_valid, 1, reset_less=False)
+        compared = delayed(m, folded, 1, reset_less=False)
+        sorted_out = delayed(m, compared, 1, reset_less=False)
+        steep = Signal(reset_less=True)
+        longer, shorter = Signal(length, reset_less=True), Signal(length, reset_less=True)
+        with m.If(folded):
+            m.d.sync += steep.eq(along > across)
+        with m.If(compared):
+            m.d.sync += [longer.eq(Mux(steep, along, across)), shorter.eq(Mux(steep, across, along))]
+
+        for n, border in enumerate(self._borders):
+            m.submodules[f"border_{n}"] = border
+            m.d.comb += [border.i_valid.eq(sorted_out), border.i_values[0].eq(longer), border.i_values[1].eq(shorter)]
+        beyond = [border.o_sum < 0 for border in self._borders]
+        cycles = self._borders[0].latency_cycles
+        octant = delayed(m, Cat(steep, delayed(m, Cat(left, up), 2)), cycles)
+        with m.If(self._borders[0].o_valid):
+            m.d.sync += self.o_sector.eq(self._unfolded(m, beyond, *octant))
+        return m
+
+    @staticmethod
+    def _unfolded(m: Module, beyond: list[Value], steep: Value, left: Value, up: Value) -> Value:
+        octant, quadrant, half = Signal(4), Signal(4), Signal(4)
+        m.d.comb += [
+            octant.eq(Mux(steep, SECTORS // 4 - (beyond[0] + beyond[1]), beyond[0] + beyond[1])),
+            quadrant.eq(Mux(left, SECTORS // 2 - octant, octant)),
+            half.eq(Mux(up, -quadrant, quadrant)),
+        ]
+        return half

@@ -1,0 +1,68 @@
+"""The pixels of a descriptor's rings around every pixel."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from amaranth import Cat, Module, Signal
+from amaranth.lib import data, wiring
+from amaranth.lib.wiring import In, Out
+
+from golden_model.feature.ilbp import DescriptorPattern
+from hdl.pixel.window import LineBuffer
+from hdl.streams import beat
+
+
+class RingWindow(wiring.Component):
+    """Ring pixels around the pixel ``lag_px`` left of and above the scan position.
+
+    One memory holds ``2 * lag_px`` lines. Along x each used line is a chain of registers as long as its leftmost
+    ring pixel needs; where the chain has no tap it packs into SRLs. Within ``lag_px`` of the frame's border the pixels
+    are unspecified. Nothing needs a reset.
+
+    Parameters
+    ----------
+    pattern : DescriptorPattern
+    width_px : int
+        Largest width of a line.
+
+    Members
+    -------
+    i : In(beat(pixel))
+    o_pixels : Out(8).array(rings, angles)
+        As `DescriptorPattern.offsets`, ``latency_cycles`` after the beat, until the next beat's. One signal a pixel:
+        one wide signal would slow compiled simulations by a third.
+
+    Attributes
+    ----------
+    latency_cycles : int
+    lag_px : int
+        The largest radius.
+    """
+
+    i: data.View
+    o_pixels: Sequence[Sequence[Signal]]
+
+    def __init__(self, *, pattern: DescriptorPattern, width_px: int) -> None:
+        self.pattern = pattern
+        self.lag_px = max(pattern.radii_px)
+        self._lines = LineBuffer(shape=8, lines=2 * self.lag_px, width_px=width_px)
+        self.latency_cycles = self._lines.latency_cycles + 1
+        super().__init__({"i": In(beat(pixel=8)), "o_pixels": Out(8).array(len(pattern.radii_px), pattern.angles)})
+
+    def elaborate(self, platform: object) -> Module:
+        """The column at the scan position, and a chain of registers for each line that has ring pixels."""
+        m = Module()
+        m.submodules.lines = lines = self._lines
+        m.d.comb += lines.i.eq(self.i)
+        offsets = {offset for ring in self.pattern.offsets for offset in ring}
+        chains = {}
+        for y in sorted({y for _, y in offsets}):
+            above = self.lag_px - y
+            length = self.lag_px - min(x for x, line in offsets if line == y) + 1
+            chains[y] = Signal(data.ArrayLayout(8, length), name=f"line{above}", reset_less=True)
+            with m.If(lines.o.valid):
+                m.d.sync += chains[y].eq(Cat(lines.o.column[above], chains[y]))
+        for ring, o_ring in zip(self.pattern.offsets, self.o_pixels, strict=True):
+            m.d.comb += [o_pixel.eq(chains[y][self.lag_px - x]) for (x, y), o_pixel in zip(ring, o_ring, strict=True)]
+        return m

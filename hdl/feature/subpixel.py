@@ -1,0 +1,170 @@
+"""Sub-pixel positions of candidates: a parabola through three responses, separately in x and y."""
+
+from __future__ import annotations
+
+from amaranth import Cat, Const, Module, Mux, Signal, Value, signed
+from amaranth.lib import data, wiring
+from amaranth.lib.wiring import In, Out
+
+from golden_model.formats import POSITION, RAW_RESPONSE, RESPONSE_CODE, RESPONSE_FRACTION_BITS
+from hdl.lib.delay import delayed
+from hdl.streams import CANDIDATE
+
+OFFSET = signed(5)
+"""Offset from the pixel's centre, -8 to 8 sixteenths."""
+_VALUE_BITS = RAW_RESPONSE.bits - 2
+"""Responses are positive and below 2**30."""
+_MANTISSA_BITS = RESPONSE_FRACTION_BITS + 1
+_LARGEST_EXPONENT = _VALUE_BITS - _MANTISSA_BITS
+_QUOTIENT_BITS = 4
+
+
+class Vertex(wiring.Component):
+    """Vertex of the parabola through three response codes: one set a clock.
+
+    With u = centre - after and v = centre - before, ``o_offset`` is
+    sign(v - u) * floor((16 |v - u| + u + v) / (2 (u + v))), and 0 where u + v is.
+
+    Members
+    -------
+    i_before, i_centre, i_after : In(15)
+        Response codes; the centre is at least as large as the others.
+    o_offset : Out(signed(5))
+        In 1/16 px, -8 to 8, ``latency_cycles`` later.
+
+    Attributes
+    ----------
+    latency_cycles : int
+    """
+
+    i_before: Signal
+    i_centre: Signal
+    i_after: Signal
+    o_offset: Signal
+
+    def __init__(self) -> None:
+        self.latency_cycles = 5 + _QUOTIENT_BITS
+        code = In(RESPONSE_CODE.bits)
+        super().__init__({"i_before": code, "i_centre": code, "i_after": code, "o_offset": Out(OFFSET)})
+
+    def elaborate(self, platform: object) -> Module:
+        """Decode, subtract, divide a quotient bit a clock."""
+        m = Module()
+        before, centre, after = self._decoded(m)
+        fall_after, fall_before = Signal(_VALUE_BITS, reset_less=True), Signal(_VALUE_BITS, reset_less=True)
+        m.d.sync += [fall_after.eq(centre - after), fall_before.eq(centre - before)]
+
+        total = Signal(_VALUE_BITS + 1, reset_less=True)
+        difference = Signal(_VALUE_BITS, reset_less=True)
+        negative = Signal(reset_less=True)
+        m.d.sync += [
+            total.eq(fall_before + fall_after),
+            negative.eq(fall_before < fall_after),
+            difference.eq(Mux(fall_before < fall_after, fall_after - fall_before, fall_before - fall_after)),
+        ]
+        quotient = self._quotient(m, (difference << POSITION.fraction_bits) + total, total)
+        # Only 0 / 0 gives more than 8: every trial subtraction of nothing succeeds.
+        magnitude = Mux(quotient > POSITION.one // 2, 0, quotient)
+        m.d.sync += self.o_offset.eq(Mux(delayed(m, negative, _QUOTIENT_BITS), -magnitude, magnitude))
+        return m
+
+    def _decoded(self, m: Module) -> list[Value]:
+        """The three responses in two clocks, scaled so that the centre has the largest exponent.
+
+        The vertex depends on ratios only; so the centre needs no shifter.
+        """
+        codes = [self.i_before, self.i_centre, self.i_after]
+        fields = [code[RESPONSE_FRACTION_BITS:] for code in codes]
+        exponents = [field - field.any() for field in fields]
+        values = []
+        for code, field, exponent in zip(codes, fields, exponents, strict=True):
+            mantissa = delayed(m, Cat(code[:RESPONSE_FRACTION_BITS], field.any()), 1)
+            below_centre = delayed(m, (exponents[1] - exponent)[:5], 1)
+            values.append(delayed(m, ((mantissa << _LARGEST_EXPONENT) >> below_centre)[:_VALUE_BITS], 1))
+        return values
+
+    @staticmethod
+    def _quotient(m: Module, remainder: Value, total: Value) -> Value:
+        """``remainder // (2 * total)``, below 16, by one trial subtraction a clock."""
+        quotient = Cat()
+        for bit in reversed(range(_QUOTIENT_BITS)):
+            trial = remainder - (total << bit + 1)
+            fits = trial >= 0
+            remainder = delayed(m, Mux(fits, trial, remainder)[: len(total) + bit + 1], 1)
+            quotient = delayed(m, Cat(fits, quotient), 1)
+            total = delayed(m, total, 1)
+        return quotient
+
+
+class SubPixel(wiring.Component):
+    """Position of each candidate in full-resolution pixels.
+
+    Parameters
+    ----------
+    level : {0, 1}
+        Half-size pixel x stands at 2 (x + 1/2) - 1/2 of the full frame.
+    lag_px : int
+        The candidate's pixel is so far left of and above the scan position.
+
+    Members
+    -------
+    i : In(CANDIDATE)
+        Candidates come at least 2 clocks apart.
+    o_x, o_y : Out(16)
+        UQ(12, 4), ``latency_cycles`` after the candidate, for one clock at least.
+
+    Attributes
+    ----------
+    latency_cycles : int
+
+    Raises
+    ------
+    ValueError
+        For another level.
+    """
+
+    i: data.View
+    o_x: Signal
+    o_y: Signal
+
+    def __init__(self, *, level: int, lag_px: int) -> None:
+        if level not in (0, 1):
+            raise ValueError(f"level is {level}; valid: 0, 1")
+        self.level = level
+        self.lag_px = lag_px
+        self._vertex = Vertex()
+        self.latency_cycles = 1 + self._vertex.latency_cycles + 2
+        super().__init__({"i": In(CANDIDATE), "o_x": Out(POSITION.bits), "o_y": Out(POSITION.bits)})
+
+    def elaborate(self, platform: object) -> Module:
+        """One `Vertex` for both directions: x in the first clock, y in the second."""
+        m = Module()
+        m.submodules.vertex = vertex = self._vertex
+        up, before, centre, after, down = (Signal(RESPONSE_CODE.bits, reset_less=True) for _ in range(5))
+        m.d.sync += [before.eq(up), after.eq(down)]
+        with m.If(self.i.present):
+            m.d.sync += [
+                up.eq(self.i.up),
+                before.eq(self.i.left),
+                centre.eq(self.i.code),
+                after.eq(self.i.right),
+                down.eq(self.i.down),
+            ]
+        m.d.comb += [vertex.i_before.eq(before), vertex.i_centre.eq(centre), vertex.i_after.eq(after)]
+
+        x_cycles = 1 + vertex.latency_cycles
+        x_done = delayed(m, self.i.present, x_cycles, reset_less=False)
+        y_done = delayed(m, x_done, 1, reset_less=False)
+        column, row = (Signal.like(scan, reset_less=True) for scan in (self.i.x, self.i.y))
+        m.d.sync += [column.eq(self.i.x - self.lag_px), row.eq(self.i.y - self.lag_px)]
+        x, y = delayed(m, column, x_cycles - 1), delayed(m, row, x_cycles)
+        with m.If(x_done):
+            m.d.sync += self.o_x.eq(self._full_resolution(x, vertex.o_offset))
+        with m.If(y_done):
+            m.d.sync += self.o_y.eq(self._full_resolution(y, vertex.o_offset))
+        return m
+
+    def _full_resolution(self, pixel: Value, offset: Value) -> Value:
+        """Level 0: pixel + offset; level 1: 2 (pixel + offset) + 1/2."""
+        half = Const(self.level * POSITION.one // 2, POSITION.fraction_bits + self.level)
+        return Cat(half, pixel) + (offset << self.level)

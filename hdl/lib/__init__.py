@@ -1,0 +1,1 @@
+"""Building blocks that know nothing of images: delays, skid buffer, adder trees, population counts."""

@@ -1,0 +1,143 @@
+"""Counting ones for many lanes at once, with carry-save counters on bit planes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TypeVar
+
+from amaranth import Cat, Module, Signal, Value
+from amaranth.lib import wiring
+from amaranth.lib.wiring import In, Out
+
+from hdl.lib.delay import delayed
+
+LAYERS_A_STAGE = 2
+"""Layers of counters between two registers, after the first layer: two levels of LUTs."""
+
+Plane = TypeVar("Plane")
+Columns = list[list[Plane]]
+"""``columns[w]`` holds the planes of weight ``2**w`` that are still to be added up."""
+
+
+class Popcount(wiring.Component):
+    """``o_counts[k]`` = how many of ``i_planes`` have bit k set: one count a lane, every clock.
+
+    A plane is one bit of every lane side by side. Six planes of one weight become three of rising weight (or three
+    become two) in one LUT an output bit and lane, until two a weight are left; an adder a lane closes. The netlist
+    is that of separate lanes, but a simulator evaluates all lanes in one word operation.
+
+    Parameters
+    ----------
+    bits : int
+        Planes to count, at least 3.
+    lanes : int
+        Width of a plane.
+
+    Members
+    -------
+    i_valid : In(1)
+        Whether there is anything to count: stages without rest, which saves power and simulation time.
+    i_planes : In(lanes).array(bits)
+    o_counts : Out(range(bits + 1)).array(lanes)
+
+    Attributes
+    ----------
+    latency_cycles : int
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than 3 planes.
+    """
+
+    i_valid: Signal
+    i_planes: Sequence[Signal]
+    o_counts: Sequence[Signal]
+
+    def __init__(self, *, bits: int, lanes: int) -> None:
+        if bits < 3:
+            raise ValueError(f"bits is {bits}; it must be at least 3")
+        self.bits = bits
+        self.lanes = lanes
+        columns = reduced([[None] * bits], _sum_of_nothing, largest=3)
+        self.latency_cycles = 2
+        while _tallest(columns) > 2:
+            columns = _stage(columns, _sum_of_nothing)
+            self.latency_cycles += 1
+        super().__init__(
+            {"i_valid": In(1), "i_planes": In(lanes).array(bits), "o_counts": Out(range(bits + 1)).array(lanes)}
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """The first layer takes only triples, so that what feeds its planes (an XOR) fits the same LUTs."""
+        m = Module()
+
+        def counter(planes: list[Value]) -> list[Value]:
+            return _sum6(m, planes) if len(planes) == 6 else _full_adder(m, *planes)
+
+        valid, columns = self._registered(m, self.i_valid, reduced([list(self.i_planes)], counter, largest=3))
+        while _tallest(columns) > 2:
+            valid, columns = self._registered(m, valid, _stage(columns, counter))
+        for lane, count in enumerate(self.o_counts):
+            first = Cat(column[0][lane] for column in columns)
+            second = Cat(column[1][lane] if len(column) > 1 else 0 for column in columns)
+            register = Signal.like(count, name=f"count{lane}", reset_less=True)
+            with m.If(valid):
+                m.d.sync += register.eq(first + second)
+            m.d.comb += count.eq(register)
+        return m
+
+    @staticmethod
+    def _registered(m: Module, valid: Value, columns: Columns[Value]) -> tuple[Value, Columns[Value]]:
+        registers = [[Signal.like(plane, name="plane", reset_less=True) for plane in column] for column in columns]
+        with m.If(valid):
+            for column, register in zip(columns, registers, strict=True):
+                m.d.sync += [q.eq(plane) for plane, q in zip(column, register, strict=True)]
+        return delayed(m, valid, 1, reset_less=False), registers
+
+
+def reduced(
+    columns: Columns[Plane], counter: Callable[[list[Plane]], list[Plane]], *, largest: int = 6
+) -> Columns[Plane]:
+    """One layer of carry-save counters: each ``largest`` planes of a weight, then each 3, go through ``counter``.
+
+    ``counter`` returns the bits of its planes' sum, lowest weight first.
+    """
+    result: Columns[Plane] = [[] for _ in range(len(columns) + 2)]
+    for weight, column in enumerate(columns):
+        position = 0
+        for size in (largest, 3):
+            while position + size <= len(column):
+                for k, plane in enumerate(counter(column[position : position + size])):
+                    result[weight + k].append(plane)
+                position += size
+        result[weight] += column[position:]
+    return [column for column in result if column]
+
+
+def _stage(columns: Columns[Plane], counter: Callable[[list[Plane]], list[Plane]]) -> Columns[Plane]:
+    for _ in range(LAYERS_A_STAGE):
+        columns = reduced(columns, counter)
+    return columns
+
+
+def _tallest(columns: Columns[Plane]) -> int:
+    return max(len(column) for column in columns)
+
+
+def _sum_of_nothing(planes: list[None]) -> list[None]:
+    """Stands for a counter where only the number of planes matters."""
+    return [None] * len(planes).bit_length()
+
+
+def _full_adder(m: Module, a: Value, b: Value, c: Value) -> list[Value]:
+    total, carry = Signal.like(a, name="total"), Signal.like(a, name="carry")
+    m.d.comb += [total.eq(a ^ b ^ c), carry.eq((a & b) | (c & (a ^ b)))]
+    return [total, carry]
+
+
+def _sum6(m: Module, planes: list[Value]) -> list[Value]:
+    (low_a, high_a), (low_b, high_b) = _full_adder(m, *planes[:3]), _full_adder(m, *planes[3:])
+    ones, carry = Signal.like(low_a, name="ones"), Signal.like(low_a, name="low_carry")
+    m.d.comb += [ones.eq(low_a ^ low_b), carry.eq(low_a & low_b)]
+    return [ones, *_full_adder(m, high_a, high_b, carry)]

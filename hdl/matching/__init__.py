@@ -1,0 +1,1 @@
+"""Blocks that match two frames' descriptors and weigh the matches by fuzzy rules."""

@@ -1,0 +1,215 @@
+"""Window correlation in hardware (thesis, equations III-1 to III-3): SAD alone, and a core for SAD, ZSSD and NCC."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import reduce
+from operator import add
+from typing import NamedTuple
+
+from amaranth import Array, Cat, Module, Mux, Shape, Signal, Value, signed
+from amaranth.lib import data, stream, wiring
+from amaranth.lib.wiring import In, Out
+
+from golden_model.formats import PIXEL
+from golden_model.matching.correlation import NCC
+from hdl.lib.delay import delayed
+
+ADDENDS = 3
+"""Terms an adder sums in one clock."""
+PIXELS = 9
+"""Of the core's windows, 3x3."""
+WINDOW = data.ArrayLayout(PIXEL.bits, PIXELS)
+WINDOWS = data.StructLayout({"left": WINDOW, "right": WINDOW})
+_LARGEST_ENERGY = PIXELS * PIXEL.max_raw**2
+_ENERGY, _SQUARE = Shape.cast(range(_LARGEST_ENERGY + 1)), Shape.cast(range(_LARGEST_ENERGY**2 + 1))
+_PIXEL_CYCLES = 3
+"""From a pixel's choice to its place in the sums."""
+SCORES = data.StructLayout(
+    {
+        "sad": range(PIXELS * PIXEL.max_raw + 1),
+        # At most with half of the differences 255, the other half -255, and one over.
+        "zssd": range(PIXELS * _LARGEST_ENERGY - PIXEL.max_raw**2 + 1),
+        "ncc": range(NCC.one + 1),
+    }
+)
+"""As `golden_model.matching.correlation.sad`, ``zssd`` (9 times equation III-2) and ``ncc`` (UQ1.8) give them."""
+
+
+class SumOfAbsoluteDifferences(wiring.Component):
+    """``o_sum`` = sum of ``|i_left[n] - i_right[n]|``, every clock.
+
+    Parameters
+    ----------
+    pixels : int
+        Of a window.
+
+    Members
+    -------
+    i_left, i_right : In(8).array(pixels)
+    o_sum : Out(range(255 * pixels + 1))
+
+    Attributes
+    ----------
+    latency_cycles : int
+    """
+
+    i_left: Sequence[Signal]
+    i_right: Sequence[Signal]
+    o_sum: Signal
+
+    def __init__(self, *, pixels: int) -> None:
+        self.pixels = pixels
+        terms, self.latency_cycles = pixels, 1
+        while terms > 1:
+            terms = -(-terms // ADDENDS)
+            self.latency_cycles += 1
+        window = In(PIXEL.bits).array(pixels)
+        super().__init__({"i_left": window, "i_right": window, "o_sum": Out(range(PIXEL.max_raw * pixels + 1))})
+
+    def elaborate(self, platform: object) -> Module:
+        """Differences, then a tree of adders."""
+        m = Module()
+        terms = []
+        for left, right in zip(self.i_left, self.i_right, strict=True):
+            difference = Signal(PIXEL.bits)
+            m.d.comb += difference.eq(Mux(left > right, left - right, right - left))
+            terms.append(delayed(m, difference, 1))
+        while len(terms) > 1:
+            terms = [delayed(m, reduce(add, terms[n : n + ADDENDS]), 1) for n in range(0, len(terms), ADDENDS)]
+        m.d.comb += self.o_sum.eq(terms[0])
+        return m
+
+
+class _Sums(NamedTuple):
+    """Over the pixels of two windows: of their differences, of their products, of each one's squares."""
+
+    total: Signal
+    product: Signal
+    left_energy: Signal
+    right_energy: Signal
+
+
+class WindowCorrelation(wiring.Component):
+    """SAD, ZSSD and NCC of two 3x3 windows, a pixel a clock.
+
+    NCC is the largest q with q**2 / 256**2 <= (sum I1 I2)**2 / (sum I1**2 sum I2**2): the exact value rounded down,
+    error below 1/256. Both sides are multiplied out a bit a clock, and q comes a bit a clock as in a square root by
+    hand, where each trial subtracts a multiple of the right side's denominator.
+
+    Members
+    -------
+    i : In(stream of WINDOWS)
+        Taken when the scores are taken.
+    o : Out(stream of SCORES)
+
+    Attributes
+    ----------
+    latency_cycles : int
+        From ``i.valid`` to ``o.valid``.
+    """
+
+    i: stream.Interface
+    o: stream.Interface
+
+    def __init__(self) -> None:
+        self._phases = {
+            "Add-Pixels": PIXELS + _PIXEL_CYCLES,
+            "Multiply": _ENERGY.width + 1,
+            "Take-Root": NCC.bits,
+        }
+        self.latency_cycles = 1 + sum(self._phases.values())
+        super().__init__({"i": In(stream.Signature(WINDOWS)), "o": Out(stream.Signature(SCORES))})
+
+    def elaborate(self, platform: object) -> Module:
+        """Sums over the pixels; their products; the root."""
+        m = Module()
+        start, step = Signal(), Signal(range(max(self._phases.values())))
+        adding, multiplying, rooting = (Signal(name=name) for name in ("adding", "multiplying", "rooting"))
+        following = (*list(self._phases)[1:], "Offer")
+        with m.FSM():
+            with m.State("Wait"):
+                m.d.comb += start.eq(self.i.valid)
+                with m.If(start):
+                    m.next = "Add-Pixels"
+            for (phase, steps), active, after in zip(
+                self._phases.items(), (adding, multiplying, rooting), following, strict=True
+            ):
+                with m.State(phase):
+                    m.d.comb += active.eq(1)
+                    m.d.sync += step.eq(step + 1)
+                    with m.If(step == steps - 1):
+                        m.d.sync += step.eq(0)
+                        m.next = after
+            with m.State("Offer"):
+                m.d.comb += [self.o.valid.eq(1), self.i.ready.eq(self.o.ready)]
+                with m.If(self.o.ready):
+                    m.next = "Wait"
+        sums = self._sums(m, start, adding, step)
+        self._zssd(m, sums)
+        square, energy = self._products(m, start, multiplying, step, sums)
+        self._root(m, multiplying, rooting, square, energy)
+        return m
+
+    def _sums(self, m: Module, start: Value, adding: Value, step: Value) -> _Sums:
+        windows = self.i.payload
+        left, right = (delayed(m, Array(window)[step[:4]], 1) for window in (windows.left, windows.right))
+        difference = delayed(m, left - right, 1)
+        total = Signal(signed(len(self.o.payload.sad) + 1), reset_less=True)
+        product, left_energy, right_energy = (Signal(_ENERGY, reset_less=True) for _ in range(3))
+        addends = (
+            (total, difference),
+            (self.o.payload.sad, abs(difference)),
+            (product, delayed(m, left * right, 1)),
+            (left_energy, delayed(m, left * left, 1)),
+            (right_energy, delayed(m, right * right, 1)),
+        )
+        present = delayed(m, adding & (step < PIXELS), _PIXEL_CYCLES - 1, reset_less=False)
+        with m.If(start):
+            m.d.sync += [register.eq(0) for register, _ in addends]
+        with m.Elif(present):
+            m.d.sync += [register.eq(register + addend) for register, addend in addends]
+        return _Sums(total, product, left_energy, right_energy)
+
+    def _zssd(self, m: Module, sums: _Sums) -> None:
+        """9 times the sum of the differences' squares, less the square of their sum; ready long before the root."""
+        squares = delayed(m, delayed(m, sums.left_energy + sums.right_energy, 1) - (sums.product << 1), 1)
+        # Squares are not negative: the sign goes.
+        times_nine = delayed(m, (squares << 3) + squares, 1)[: len(self.o.payload.zssd)]
+        m.d.sync += self.o.payload.zssd.eq(times_nine - delayed(m, sums.total * sums.total, 2))
+
+    @staticmethod
+    def _products(m: Module, start: Value, multiplying: Value, step: Value, sums: _Sums) -> tuple[Signal, Signal]:
+        """The product's square and the energies' product, by adding multiples, the highest bit first."""
+        results = []
+        for multiplicand, multiplier in ((sums.product, sums.product), (sums.left_energy, sums.right_energy)):
+            result = Signal(_SQUARE, reset_less=True)
+            bit = multiplier.bit_select((_ENERGY.width - 1 - step)[: len(step)], 1)
+            with m.If(start):
+                m.d.sync += result.eq(0)
+            with m.Elif(multiplying & (step < _ENERGY.width)):
+                m.d.sync += result.eq((result << 1) + Mux(bit, multiplicand, 0))
+            results.append(result)
+        square, energy = results
+        return square, energy
+
+    def _root(self, m: Module, multiplying: Value, rooting: Value, square: Value, energy: Value) -> None:
+        """The root's bits, the highest first.
+
+        With Q the bits so far, a one more leaves ``remainder - (4 Q + 1) energy``; that multiple is ``trial``.
+        """
+        remainder, trial = (Signal(_SQUARE.width + NCC.bits + 3, reset_less=True) for _ in range(2))
+        quotient = self.o.payload.ncc
+        left_over = remainder - trial
+        fits = left_over >= 0
+        # A black window has no energy and no product: with an energy of one the root is 0.
+        divisor = Mux(energy.any(), energy, 1)
+        thrice = delayed(m, (divisor << 1) + divisor, 1)
+        with m.If(multiplying):
+            m.d.sync += [remainder.eq(square), trial.eq(divisor)]
+        with m.Elif(rooting):
+            m.d.sync += [
+                remainder.eq(Mux(fits, left_over, remainder) << 2),
+                trial.eq(Mux(fits, (trial << 1) + thrice, (trial << 1) - divisor)),
+                quotient.eq(Cat(fits, quotient)),
+            ]

@@ -1,0 +1,162 @@
+"""Three banks of features: the reference and the current frame are matched while the next one fills."""
+
+from __future__ import annotations
+
+from amaranth import Array, Cat, Module, Mux, Signal
+from amaranth.lib import data, stream, wiring
+from amaranth.lib.memory import Memory
+from amaranth.lib.wiring import In, Out
+
+from golden_model.feature.ilbp import SECTORS, DescriptorPattern
+from golden_model.formats import POSITION
+from golden_model.records import FRAME_STATUS, WORD_BYTES, Tag, feature_record
+from hdl.lib.delay import delayed
+from hdl.streams import WordPayload, record_layout
+
+ROLES = ("reference", "current", "filling")
+READ_CYCLES = 3
+"""From an address to its feature: a register before the memory, the memory, a register after it."""
+
+
+class BankedFeature(data.StructLayout):
+    """What matching needs of a feature: position, descriptor, and sector and gray window where the pattern has them."""
+
+    def __init__(self, *, pattern: DescriptorPattern) -> None:
+        super().__init__(
+            {
+                "x": POSITION.bits,
+                "y": POSITION.bits,
+                "sector": range(SECTORS if pattern.oriented else 1),
+                "descriptor": pattern.bits,
+                "window": 8 * pattern.window_bytes,
+            }
+        )
+
+
+class FeatureBanks(wiring.Component):
+    """Takes frames of Feature records, gives the features of two frames to match.
+
+    Features go to the filling bank. When a good frame's FrameStatus is taken from ``o_status``, the banks change
+    roles in that clock; the filling bank of a bad frame is filled again. Nothing is read from the filling bank, and
+    nothing is written to another.
+
+    The first good frame becomes the reference. A later one is the current frame, and the reference is the frame that
+    was current before, or with ``i_hold_reference`` stays.
+
+    Parameters
+    ----------
+    pattern : DescriptorPattern
+        Of the features.
+    max_features : int
+        Features a bank; a frame with more must be bad.
+
+    Members
+    -------
+    i : In(stream of WordPayload)
+        Records of one length; each frame ends with its FrameStatus.
+    o_status : Out(stream of FrameStatus)
+        Accepting it changes the roles; until then ``i`` waits.
+    i_hold_reference, i_take_reference : In(1)
+        Looked at when the roles change. With ``i_take_reference`` the frame becomes the reference, and there is no
+        current one to match.
+    i_left_address, i_right_address : In, o_left, o_right : Out(BankedFeature)
+        The reference's and the current frame's features, ``READ_CYCLES`` after their address.
+    o_left_count, o_right_count : Out(range(max_features + 1))
+        Features of the two frames; right is 0 where there is nothing to match.
+    """
+
+    i: stream.Interface
+    o_status: stream.Interface
+    i_hold_reference: Signal
+    i_take_reference: Signal
+    i_left_address: Signal
+    i_right_address: Signal
+    o_left: data.View
+    o_right: data.View
+    o_left_count: Signal
+    o_right_count: Signal
+
+    def __init__(self, *, pattern: DescriptorPattern, max_features: int) -> None:
+        self.max_features = max_features
+        self._feature = BankedFeature(pattern=pattern)
+        record = feature_record(pattern.descriptor_bytes, pattern.window_bytes)
+        self._record = record_layout(record)
+        self._status = record_layout(FRAME_STATUS, record.record_bytes)
+        tag = self._record["tag"]
+        self._tag = slice(tag.offset, tag.offset + tag.width)
+        self._record_words = record.record_bytes // WORD_BYTES
+        address, count = range(max_features), range(max_features + 1)
+        super().__init__(
+            {
+                "i": In(stream.Signature(WordPayload)),
+                "o_status": Out(stream.Signature(self._status)),
+                "i_hold_reference": In(1),
+                "i_take_reference": In(1),
+                "i_left_address": In(address),
+                "i_right_address": In(address),
+                "o_left": Out(self._feature),
+                "o_right": Out(self._feature),
+                "o_left_count": Out(count),
+                "o_right_count": Out(count),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """Collect records; store features; change roles at a good status; read."""
+        m = Module()
+        complete, ends_frame, record = self._collect(m)
+        feature = data.View(self._record, record)
+        m.d.comb += [
+            self.o_status.valid.eq(complete & ends_frame),
+            self.o_status.payload.eq(record),
+            self.i.ready.eq(~self.o_status.valid),
+        ]
+        reference, current, filling = self._roles(m)
+        features = []
+        for n in range(len(ROLES)):
+            bank = Memory(shape=self._feature, depth=self.max_features, init=[])
+            m.submodules[f"bank{n}"] = bank
+            write, read = bank.write_port(), bank.read_port()
+            m.d.comb += [write.en.eq(complete & ~ends_frame & (filling == n)), write.addr.eq(feature.index)]
+            for name, field in self._feature:
+                if field.width:
+                    m.d.comb += write.data[name].eq(feature[name])
+            m.d.sync += read.addr.eq(Mux(reference == n, self.i_left_address, self.i_right_address))
+            features.append(delayed(m, read.data, 1))
+        m.d.comb += [self.o_left.eq(Array(features)[reference]), self.o_right.eq(Array(features)[current])]
+        return m
+
+    def _collect(self, m: Module) -> tuple[Signal, Signal, Signal]:
+        """Shift a record together; ``complete`` for one clock, or until the status that it is has been taken."""
+        complete, ends_frame = Signal(), Signal(reset_less=True)
+        record = Signal(self._record.size, reset_less=True)
+        word = Signal(range(self._record_words))
+        incoming = self.i.payload.data
+        with m.If(self.i.ready):
+            m.d.sync += complete.eq(0)
+            with m.If(self.i.valid):
+                m.d.sync += [record.eq(Cat(record, incoming)[len(incoming) :]), word.eq(word + 1)]
+                with m.If(word == 0):
+                    m.d.sync += ends_frame.eq(incoming[self._tag] == Tag.FRAME_STATUS)
+                with m.If(word == self._record_words - 1):
+                    m.d.sync += [word.eq(0), complete.eq(1)]
+        with m.Elif(self.o_status.ready):
+            m.d.sync += complete.eq(0)
+        return complete, ends_frame, record
+
+    def _roles(self, m: Module) -> tuple[Signal, Signal, Signal]:
+        """Which bank is the reference, the current and the filling one."""
+        reference, current, filling = (Signal(range(len(ROLES)), init=n, name=name) for n, name in enumerate(ROLES))
+        has_reference, has_current = Signal(), Signal()
+        status = self.o_status.payload
+        with m.If(self.o_status.valid & self.o_status.ready & status.good):
+            with m.If(self.i_take_reference | ~has_reference):
+                m.d.sync += [reference.eq(filling), filling.eq(reference), self.o_left_count.eq(status.features)]
+                m.d.sync += [self.o_right_count.eq(0), has_reference.eq(1), has_current.eq(0)]
+            with m.Else():
+                m.d.sync += [current.eq(filling), self.o_right_count.eq(status.features), has_current.eq(1)]
+                with m.If(has_current & ~self.i_hold_reference):
+                    m.d.sync += [reference.eq(current), filling.eq(reference), self.o_left_count.eq(self.o_right_count)]
+                with m.Else():
+                    m.d.sync += filling.eq(current)
+        return reference, current, filling

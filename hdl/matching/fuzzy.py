@@ -1,0 +1,196 @@
+"""Zero-order Sugeno systems, generated from their description in `golden_model.matching.fuzzy`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from amaranth import Array, Cat, Const, Module, Mux, ShapeLike, Signal, Value
+from amaranth.lib import data, stream, wiring
+from amaranth.lib.memory import Memory
+from amaranth.lib.wiring import In, Out
+from amaranth.utils import ceil_log2, exact_log2
+
+from golden_model.formats import MEMBERSHIP, WEIGHT
+from golden_model.matching.fuzzy import MAX_RULES, SugenoSystem
+from hdl.lib.delay import delayed
+
+PRODUCT_INPUTS = (2, 3)
+PRODUCT_CYCLES = 2
+"""A multiplier's M and P registers."""
+QUOTIENT_BITS = WEIGHT.bits + 1
+"""The weighted mean of singletons is at most 1, which is 256."""
+
+
+class Sugeno(wiring.Component):
+    """Weight and loudest rule of a set of inputs, one rule a clock; equal to `SugenoSystem.evaluate`.
+
+    Membership tables are ROMs. A product system multiplies all degrees but the last and folds the last one into the
+    rules' singletons, a second ROM, so that no product is wider than 17 x 17 bits: three multipliers for three
+    inputs. A minimum system ends with a division, a quotient bit a clock.
+
+    Parameters
+    ----------
+    system : SugenoSystem
+        A product system has at most 3 inputs.
+    value_bits : int
+        Width of each input value.
+
+    Members
+    -------
+    i : In(stream of ArrayLayout(value_bits, inputs))
+        Taken in the clock after the result is.
+    o : Out(stream of {weight: 8, rule: 5})
+        UQ0.8, and the strongest rule, ties to the lowest.
+
+    Attributes
+    ----------
+    latency_cycles : int
+        From ``i.valid`` to ``o.valid``.
+
+    Raises
+    ------
+    ValueError
+        For a product system of another number of inputs.
+    """
+
+    i: stream.Interface
+    o: stream.Interface
+
+    def __init__(self, *, system: SugenoSystem, value_bits: int) -> None:
+        self.system = system
+        self._is_product = system.conjunction == "product"
+        inputs = len(system.inputs)
+        if self._is_product and inputs not in PRODUCT_INPUTS:
+            raise ValueError(f"{system.name}: multiplies {inputs} inputs; valid: {', '.join(map(str, PRODUCT_INPUTS))}")
+        # Indices, membership ROM; then operands; products or minima of all but the term's own factor; term.
+        combining = (inputs - 2) * PRODUCT_CYCLES if self._is_product else inputs - 1
+        self._term_cycles = 1 + combining + PRODUCT_CYCLES
+        rounding = 2 if self._is_product else 2 + QUOTIENT_BITS
+        self.latency_cycles = 2 + len(system.rules) + self._term_cycles + rounding
+        values = data.ArrayLayout(value_bits, inputs)
+        result = data.StructLayout({"weight": WEIGHT.bits, "rule": range(MAX_RULES)})
+        super().__init__({"i": In(stream.Signature(values)), "o": Out(stream.Signature(result))})
+
+    def elaborate(self, platform: object) -> Module:
+        """Look up; go through the rules; add up; round, after a division for the minimum."""
+        m = Module()
+        issuing, rule, last = self._rules(m)
+        indices = [
+            delayed(m, Mux(value < variable.entries, value, variable.entries - 1), 1)
+            for value, variable in zip(self.i.payload, self.system.inputs, strict=True)
+        ]
+        degrees = [self._degree(m, n, index, rule) for n, index in enumerate(indices)]
+        if self._is_product:
+            strength, term = self._product(m, degrees, self._folded(m, indices[-1], rule))
+        else:
+            strength, term = self._minimum(m, degrees, rule)
+        valid = delayed(m, issuing, self._term_cycles, reset_less=False)
+        total, fired = self._add_up(m, valid, delayed(m, rule, self._term_cycles), strength, term)
+
+        ended = delayed(m, last, self._term_cycles + 1, reset_less=False)
+        if self._is_product:
+            half = self.system.strength_one // 2
+            weight, finished = delayed(m, (total + half) >> exact_log2(2 * half), 1), ended
+        else:
+            weight, finished = self._quotient(m, ended, total, fired)
+        m.d.sync += self.o.payload.weight.eq(Mux(weight > WEIGHT.max_raw, WEIGHT.max_raw, weight))
+        with m.If(delayed(m, finished, 1, reset_less=False)):
+            m.d.sync += self.o.valid.eq(1)
+        with m.Elif(self.o.ready):
+            m.d.sync += self.o.valid.eq(0)
+        return m
+
+    def _rules(self, m: Module) -> tuple[Signal, Signal, Signal]:
+        """Count the rules from two clocks after ``i.valid`` on, when the membership ROMs answer."""
+        started, issuing, last = Signal(), Signal(), Signal()
+        rule = Signal(range(MAX_RULES))
+        m.d.comb += last.eq(issuing & (rule == len(self.system.rules) - 1))
+        m.d.sync += [started.eq(self.i.valid & ~self.i.ready), self.i.ready.eq(self.o.valid & self.o.ready)]
+        with m.If(delayed(m, self.i.valid & ~self.i.ready & ~started, 1, reset_less=False)):
+            m.d.sync += [issuing.eq(1), rule.eq(0)]
+        with m.Elif(issuing):
+            m.d.sync += [rule.eq(rule + 1), issuing.eq(~last)]
+        return issuing, rule, last
+
+    def _degree(self, m: Module, n: int, index: Value, rule: Value) -> Value:
+        """Degree of input n in the set that the rule names."""
+        sets = self.system.inputs[n].sets
+        shape = data.ArrayLayout(MEMBERSHIP.bits, len(sets))
+        table = [list(map(int, degrees)) for degrees in zip(*sets.values(), strict=True)]
+        degrees = dict(zip(sets, _rom(m, f"memberships{n}", shape, table, index), strict=True))
+        chosen = [degrees.get(each.sets[n], Const(MEMBERSHIP.one)) for each in self.system.rules]
+        return delayed(m, Array(chosen)[rule], 1)
+
+    def _folded(self, m: Module, index: Value, rule: Value) -> Value:
+        """Degree of the last input times the rule's singleton, together with `_degree`."""
+        *_, variable = self.system.inputs
+        rule_bits = ceil_log2(len(self.system.rules))
+        table = [0] * (variable.entries << rule_bits)
+        for n, each in enumerate(self.system.rules):
+            degrees = variable.sets.get(each.sets[-1], np.full(variable.entries, MEMBERSHIP.one))
+            for entry, degree in enumerate(degrees):
+                table[entry << rule_bits | n] = int(degree) * each.singleton
+        shape = range(MEMBERSHIP.one**2 + 1)
+        return _rom(m, "folded", shape, table, Cat(rule[:rule_bits], index))
+
+    def _product(self, m: Module, degrees: list[Value], folded: Value) -> tuple[Value, Value]:
+        others, *factors = degrees[:-1]
+        last = degrees[-1]
+        for factor in factors:
+            others = delayed(m, others * factor, PRODUCT_CYCLES)
+            last, folded = delayed(m, last, PRODUCT_CYCLES), delayed(m, folded, PRODUCT_CYCLES)
+        return delayed(m, others * last, PRODUCT_CYCLES), delayed(m, others * folded, PRODUCT_CYCLES)
+
+    def _minimum(self, m: Module, degrees: list[Value], rule: Value) -> tuple[Value, Value]:
+        strength, *others = degrees
+        for n, degree in enumerate(others):
+            waiting = delayed(m, degree, n)
+            strength = delayed(m, Mux(waiting < strength, waiting, strength), 1)
+        singletons = Array(Const(each.singleton, MEMBERSHIP.bits) for each in self.system.rules)
+        singleton = delayed(m, singletons[rule], 1 + len(others))
+        return delayed(m, strength, PRODUCT_CYCLES), delayed(m, strength * singleton, PRODUCT_CYCLES)
+
+    def _add_up(self, m: Module, valid: Value, rule: Value, strength: Value, term: Value) -> tuple[Signal, Signal]:
+        """Sums of terms and strengths, and the first of the strongest rules, from 0 for each set of inputs."""
+        largest = self.system.strength_one * (1 if self._is_product else len(self.system.rules))
+        total, fired = Signal(range(largest * MEMBERSHIP.one + 1)), Signal(range(largest + 1))
+        loudest = Signal.like(strength)
+        with m.If(valid):
+            m.d.sync += [total.eq(total + term), fired.eq(fired + strength)]
+            with m.If(strength > loudest):
+                m.d.sync += [loudest.eq(strength), self.o.payload.rule.eq(rule)]
+        with m.If(self.i.ready):
+            m.d.sync += [total.eq(0), fired.eq(0), loudest.eq(0), self.o.payload.rule.eq(0)]
+        return total, fired
+
+    @staticmethod
+    def _quotient(m: Module, start: Value, total: Value, fired: Value) -> tuple[Signal, Signal]:
+        """``total / fired`` rounded half up, 0 for 0 / 0, by one trial subtraction a clock."""
+        divisor = Signal(len(fired) + QUOTIENT_BITS, reset_less=True)
+        remainder = Signal.like(divisor)
+        quotient = Signal(QUOTIENT_BITS, reset_less=True)
+        steps = Signal(range(QUOTIENT_BITS + 1))
+        fits = remainder >= divisor
+        with m.If(start):
+            m.d.sync += [
+                divisor.eq(Mux(fired.any(), fired, 1) << QUOTIENT_BITS),
+                remainder.eq((total << 1) + fired),
+                steps.eq(QUOTIENT_BITS),
+            ]
+        with m.Elif(steps.any()):
+            m.d.sync += [
+                divisor.eq(divisor >> 1),
+                remainder.eq(Mux(fits, remainder - divisor, remainder)),
+                quotient.eq(Cat(fits, quotient)),
+                steps.eq(steps - 1),
+            ]
+        return quotient, steps == 1
+
+
+def _rom(m: Module, name: str, shape: ShapeLike, table: Sequence[Any], index: Value) -> Value:
+    m.submodules[name] = memory = Memory(shape=shape, depth=len(table), init=table)
+    port = memory.read_port()
+    m.d.comb += port.addr.eq(index)
+    return port.data

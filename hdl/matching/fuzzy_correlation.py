@@ -1,0 +1,88 @@
+"""The thesis's fuzzy correlation in hardware (Tables III-1, III-2): two 3x3 windows in, their match's weight out."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+from amaranth import Module, Mux, Value
+from amaranth.lib import stream, wiring
+from amaranth.lib.wiring import In, Out
+
+from golden_model.matching import fuzzy
+from golden_model.matching.correlation import NCC, SAD_PER_PIXEL, ZSSD_PER_PIXEL
+from hdl.lib.delay import delayed
+from hdl.matching.correlation import PIXELS, WINDOWS, WindowCorrelation
+from hdl.matching.fuzzy import Sugeno
+
+SCALE_CYCLES = 3
+"""Operand, multiplier and product register."""
+_ENTRIES = 256
+"""The tables of SAD and of ZSSD are shorter."""
+
+
+class FuzzyCorrelation(wiring.Component):
+    """The 27 rules over SAD, ZSSD and NCC of two windows, equal to `golden_model.matching.fuzzy.correlation`.
+
+    SAD and ZSSD are taken per pixel, as `golden_model.matching.correlation.fuzzy_inputs` does.
+
+    Members
+    -------
+    i : In(stream of WINDOWS)
+        Taken in the clock after the result is.
+    o : Out(stream of {weight: 8, rule: 5})
+        As of `hdl.matching.fuzzy.Sugeno`.
+
+    Attributes
+    ----------
+    latency_cycles : int
+        From ``i.valid`` to ``o.valid``.
+    """
+
+    i: stream.Interface
+    o: stream.Interface
+
+    def __init__(self) -> None:
+        self._correlation = WindowCorrelation()
+        self._rules = Sugeno(system=fuzzy.correlation(), value_bits=NCC.bits)
+        self.latency_cycles = self._correlation.latency_cycles + SCALE_CYCLES + self._rules.latency_cycles
+        super().__init__({"i": In(stream.Signature(WINDOWS)), "o": Out(self._rules.o.signature)})
+
+    def elaborate(self, platform: object) -> Module:
+        """Scores, scaled, into the rules."""
+        m = Module()
+        m.submodules.correlation = correlation = self._correlation
+        m.submodules.rules = rules = self._rules
+        wiring.connect(m, wiring.flipped(self.i), correlation.i)
+        wiring.connect(m, rules.o, wiring.flipped(self.o))
+        scores = correlation.o.payload
+        values = (
+            _scaled(m, scores.sad, Fraction(SAD_PER_PIXEL.one, PIXELS)),
+            _scaled(m, scores.zssd, Fraction(ZSSD_PER_PIXEL.one, PIXELS**2)),
+            scores.ncc,
+        )
+        m.d.comb += [sink.eq(value) for sink, value in zip(rules.i.payload, values, strict=True)]
+        settled = delayed(m, correlation.o.valid, SCALE_CYCLES, reset_less=False)
+        m.d.comb += [
+            rules.i.valid.eq(correlation.o.valid & settled),
+            correlation.o.ready.eq(rules.i.ready),
+        ]
+        return m
+
+
+def scale_constants(factor: Fraction) -> tuple[int, int, int]:
+    """``limit, multiplier, shift``: below the limit ``score * multiplier >> shift`` is ``score * factor`` rounded down.
+
+    The multiplier is the factor rounded up, with so many fraction bits that the error stays below the distance to the
+    next whole number. The limit is where the result would be `_ENTRIES`.
+    """
+    limit = math.ceil(_ENTRIES / factor)
+    shift = (limit * factor.denominator).bit_length()
+    return limit, math.ceil(factor * (1 << shift)), shift
+
+
+def _scaled(m: Module, score: Value, factor: Fraction) -> Value:
+    """``score * factor`` rounded down; beyond the tables, a number that is beyond them, too."""
+    limit, multiplier, shift = scale_constants(factor)
+    clipped = delayed(m, Mux(score < limit, score, limit - 1), 1)
+    return delayed(m, clipped * multiplier, 2)[shift:]

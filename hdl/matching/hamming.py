@@ -1,0 +1,193 @@
+"""Hamming distances, and the nearest of each row and column: the chain of lanes that right descriptors pass."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from amaranth import Cat, Const, Module, Mux, Shape, Signal
+from amaranth.lib import data, wiring
+from amaranth.lib.wiring import In, Out
+
+from hdl.lib.delay import delayed
+from hdl.lib.popcount import Popcount
+
+
+class Distances(wiring.Component):
+    """Hamming distances in a chain of lanes: each holds a left descriptor, right ones move on a lane a clock.
+
+    Lane k sees the right descriptor of lane 0 k clocks later. Bits are kept as planes over the lanes (`Popcount`).
+
+    Parameters
+    ----------
+    bits : int
+        Length of a descriptor.
+    lanes : int
+
+    Members
+    -------
+    i_run : In(1)
+        High with the first right descriptor and until the last one has left the lanes; the lanes rest otherwise.
+    i_valid, i_right : In
+        A right descriptor for lane 0. Where there is none, ``i_right`` should rest.
+    i_load, i_lane, i_left, i_left_valid : In
+        ``i_lane`` takes ``i_left`` for the right descriptor that reaches it in this clock, and those after; without
+        ``i_left_valid`` the lane stays silent until its next load.
+    o_valid : Out(lanes)
+        Lanes that have a distance.
+    o_distances : Out(range(bits + 1)).array(lanes)
+
+    Attributes
+    ----------
+    latency_cycles : int
+        From the inputs to lane 0's distance.
+    """
+
+    i_run: Signal
+    i_valid: Signal
+    i_right: Signal
+    i_load: Signal
+    i_lane: Signal
+    i_left: Signal
+    i_left_valid: Signal
+    o_valid: Signal
+    o_distances: Sequence[Signal]
+
+    def __init__(self, *, bits: int, lanes: int) -> None:
+        self.bits = bits
+        self.lanes = lanes
+        self._popcount = Popcount(bits=bits, lanes=lanes)
+        self.latency_cycles = 1 + self._popcount.latency_cycles
+        super().__init__(
+            {
+                "i_run": In(1),
+                "i_valid": In(1),
+                "i_right": In(bits),
+                "i_load": In(1),
+                "i_lane": In(range(lanes)),
+                "i_left": In(bits),
+                "i_left_valid": In(1),
+                "o_valid": Out(lanes),
+                "o_distances": Out(range(bits + 1)).array(lanes),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """Operand registers, exclusive or, count: plane by plane, a shift by one bit moves every lane to the next."""
+        m = Module()
+        m.submodules.popcount = popcount = self._popcount
+        left_valid, right_valid, entered = Signal(self.lanes), Signal(self.lanes), Signal(self.lanes)
+        counting = Signal()
+        m.d.comb += [entered.eq(Cat(self.i_valid, right_valid[:-1])), popcount.i_valid.eq(counting)]
+        m.d.sync += [right_valid.eq(entered), counting.eq(entered.any())]
+        with m.If(self.i_load):
+            m.d.sync += left_valid.bit_select(self.i_lane, 1).eq(self.i_left_valid)
+        for n, unequal in enumerate(popcount.i_planes):
+            left, right = (Signal(self.lanes, name=f"{name}{n}", reset_less=True) for name in ("left", "right"))
+            with m.If(self.i_run):
+                m.d.sync += right.eq(Cat(self.i_right[n], right[:-1]))
+            with m.If(self.i_load):
+                m.d.sync += left.bit_select(self.i_lane, 1).eq(self.i_left[n])
+            m.d.comb += unequal.eq(left ^ right)
+        valid = delayed(m, left_valid & right_valid, popcount.latency_cycles, reset_less=False)
+        m.d.comb += self.o_valid.eq(valid)
+        for distance, count in zip(self.o_distances, popcount.o_counts, strict=True):
+            m.d.comb += distance.eq(count)
+        return m
+
+
+class Nearest(data.StructLayout):
+    """The best of a row or column so far: its distance and index, and the second best distance.
+
+    All ones is the empty state, since every distance is smaller: a missing second reads as all ones.
+    """
+
+    def __init__(self, *, bits: int, max_features: int) -> None:
+        distance = Shape.cast(range(bits + 1))
+        super().__init__({"best": distance, "second": distance, "index": range(max_features)})
+
+
+class Place(data.StructLayout):
+    """Where a search is.
+
+    ``group`` counts the loads of the lanes, and ``first_group`` is the first one; ``right`` is the index of the right
+    descriptor, ``first`` or ``last`` of those that pass.
+    """
+
+    def __init__(self, *, lanes: int, max_features: int) -> None:
+        group = range(-(-max_features // lanes))
+        super().__init__({"first_group": 1, "group": group, "first": 1, "last": 1, "right": range(max_features)})
+
+
+class Passing(data.StructLayout):
+    """What passes the lanes beside a right descriptor: its place and the nearest of the left ones it has met."""
+
+    def __init__(self, *, bits: int, lanes: int, max_features: int) -> None:
+        super().__init__(
+            {
+                "valid": 1,
+                "place": Place(lanes=lanes, max_features=max_features),
+                "column": Nearest(bits=bits, max_features=max_features),
+            }
+        )
+
+
+class Lane(wiring.Component):
+    """Nearest right descriptor of one left one, while the columns of the right ones pass by and are updated.
+
+    Parameters
+    ----------
+    lane, lanes : int
+        Which of how many, a power of two: the left index is ``lanes * group + lane``.
+    bits, max_features : int
+
+    Members
+    -------
+    i_valid, i_distance : In
+        Distance to the right descriptor of ``i_passing``.
+    i_passing : In(Passing), o_passing : Out(Passing)
+        From the lane before, and one clock later to the next one.
+    o_row_valid, o_row : Out
+        The row, one clock after its last right descriptor.
+    """
+
+    i_valid: Signal
+    i_distance: Signal
+    i_passing: data.View
+    o_passing: data.View
+    o_row_valid: Signal
+    o_row: data.View
+
+    def __init__(self, *, lane: int, lanes: int, bits: int, max_features: int) -> None:
+        self.lane = Const(lane, range(lanes))
+        passing = Passing(bits=bits, lanes=lanes, max_features=max_features)
+        super().__init__(
+            {
+                "i_valid": In(1),
+                "i_distance": In(range(bits + 1)),
+                "i_passing": In(passing),
+                "o_passing": Out(passing),
+                "o_row_valid": Out(1),
+                "o_row": Out(Nearest(bits=bits, max_features=max_features)),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """Strictly smaller distances win, so that ties stay with the lowest index: both indices only rise."""
+        m = Module()
+        distance, place, column = self.i_distance, self.i_passing.place, self.i_passing.column
+        row, passed = self.o_row, self.o_passing
+        m.d.sync += [self.o_row_valid.eq(self.i_valid & place.last), passed.valid.eq(self.i_passing.valid)]
+        with m.If(self.i_valid):
+            with m.If(place.first | (distance < row.best)):
+                m.d.sync += [row.best.eq(distance), row.index.eq(place.right)]
+                m.d.sync += row.second.eq(Mux(place.first, ~0, row.best))
+            with m.Elif(distance < row.second):
+                m.d.sync += row.second.eq(distance)
+        with m.If(self.i_passing.valid):
+            m.d.sync += [passed.place.eq(place), passed.column.eq(column)]
+            with m.If(self.i_valid & (distance < column.best)):
+                m.d.sync += [passed.column.best.eq(distance), passed.column.second.eq(column.best)]
+                m.d.sync += passed.column.index.eq(Cat(self.lane, place.group))
+            with m.Elif(self.i_valid & (distance < column.second)):
+                m.d.sync += passed.column.second.eq(distance)
+        return m

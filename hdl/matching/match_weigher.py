@@ -1,0 +1,161 @@
+"""The fuzzy stage: counts the turns of all matches, then weighs each match by a rule base."""
+
+from __future__ import annotations
+
+from amaranth import Cat, Module, Mux, Signal, Value
+from amaranth.lib import data, stream, wiring
+from amaranth.lib.wiring import In, Out
+
+from golden_model.config import MatcherConfig
+from golden_model.feature.ilbp import SECTORS, DescriptorPattern
+from golden_model.formats import WEIGHT
+from golden_model.matching import fuzzy
+from golden_model.matching.fuzzy import MAX_RULES
+from hdl.matching.correlation import SumOfAbsoluteDifferences
+from hdl.matching.feature_banks import READ_CYCLES, BankedFeature
+from hdl.matching.fuzzy import Sugeno
+from hdl.matching.nearest_neighbours import Pair
+from hdl.matching.orientation_histogram import TurnHistogram
+
+WEIGHED = data.StructLayout(
+    {"weight": WEIGHT.bits, "rule": range(MAX_RULES), "turn": range(SECTORS), "peak_turn": range(SECTORS)}
+)
+
+
+class FuzzyStage(wiring.Component):
+    """Weight of each match, after its turn was compared with the one most matches agree on.
+
+    All pairs come twice: first to be counted in the histogram of turns, then to be weighed. Patterns without
+    orientation have no turn and need no counting.
+
+    Parameters
+    ----------
+    config : MatcherConfig
+        The rule base.
+    pattern : DescriptorPattern
+    max_features : int
+
+    Members
+    -------
+    i : In(stream of Pair)
+        Taken when counted, or with its weight.
+    i_left, i_right : In(BankedFeature)
+        Features of the pair, ``READ_CYCLES`` after it is valid.
+    i_count : In(1)
+        Count, do not weigh.
+    i_find : In(1), o_busy : Out(1)
+        Find the most frequent turn; see `TurnHistogram`.
+    o : Out(stream of {weight: 8, rule: 5, turn: 4, peak_turn: 4})
+
+    Raises
+    ------
+    ValueError
+        If the rule base needs a window that the pattern does not carry.
+    """
+
+    i: stream.Interface
+    i_left: data.View
+    i_right: data.View
+    i_count: Signal
+    i_find: Signal
+    o_busy: Signal
+    o: stream.Interface
+
+    def __init__(self, *, config: MatcherConfig, pattern: DescriptorPattern, max_features: int) -> None:
+        if config.rule_base == "ilbp" and not pattern.carries_window:
+            raise ValueError(
+                f"rule base 'ilbp' needs the gray window around each feature, which {pattern.name} does not carry; "
+                "use a thesis-ilbp descriptor or the rule base 'aerial'"
+            )
+        self.rule_base = config.rule_base
+        self.pattern = pattern
+        self.max_features = max_features
+        feature = BankedFeature(pattern=pattern)
+        super().__init__(
+            {
+                "i": In(stream.Signature(Pair(bits=pattern.bits, max_features=max_features))),
+                "i_left": In(feature),
+                "i_right": In(feature),
+                "i_count": In(1),
+                "i_find": In(1),
+                "o_busy": Out(1),
+                "o": Out(stream.Signature(WEIGHED)),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """Count, or wait for the features and weigh."""
+        m = Module()
+        turn, peak = Signal(range(SECTORS)), Signal(range(SECTORS))
+        count, weigh, counted, weighed = (Signal() for _ in range(4))
+        # The difference wraps around the circle.
+        m.d.sync += turn.eq(self.i_right.sector - self.i_left.sector)
+        if self.pattern.oriented:
+            self._count(m, count, turn, counted, peak)
+        wait_cycles = READ_CYCLES + self._weigh(m, weigh, turn, peak, weighed)
+
+        waited = Signal(range(wait_cycles + 1))
+        with m.If(self.i.ready | ~self.i.valid):
+            m.d.sync += waited.eq(0)
+        with m.Elif(waited != wait_cycles):
+            m.d.sync += waited.eq(waited + 1)
+        m.d.comb += [
+            # The weight that it counts with needs no features; the turn is there before the weight.
+            count.eq(self.i.valid & self.i_count),
+            weigh.eq(self.i.valid & ~self.i_count & (waited == wait_cycles)),
+            self.i.ready.eq(counted | weighed),
+            self.o.payload.turn.eq(turn),
+            self.o.payload.peak_turn.eq(peak),
+        ]
+        return m
+
+    def _count(self, m: Module, count: Value, turn: Value, counted: Signal, peak: Signal) -> None:
+        """Add the pair to the histogram, with the weight of the turns' own fuzzy system."""
+        pair = self.i.payload
+        m.submodules.turn_weight = weight = Sugeno(
+            system=fuzzy.aerial_turn(self.pattern.bits), value_bits=len(pair.distance)
+        )
+        m.submodules.histogram = histogram = TurnHistogram(max_matches=self.max_features)
+        m.d.comb += [
+            weight.i.valid.eq(count),
+            Cat(weight.i.payload).eq(Cat(pair.distance, pair.margin)),
+            histogram.i.valid.eq(weight.o.valid),
+            histogram.i.payload.turn.eq(turn),
+            histogram.i.payload.weight.eq(weight.o.payload.weight),
+            weight.o.ready.eq(histogram.i.ready),
+            counted.eq(weight.i.ready),
+            histogram.i_find.eq(self.i_find),
+            self.o_busy.eq(histogram.o_busy),
+            peak.eq(histogram.o_peak),
+        ]
+
+    def _weigh(self, m: Module, weigh: Value, turn: Value, peak: Value, weighed: Signal) -> int:
+        """Evaluate the rule base. Returns the clocks its inputs need after the features."""
+        distance, margin = self.i.payload.distance, self.i.payload.margin
+        if self.rule_base == "none":
+            m.d.comb += [
+                self.o.valid.eq(weigh),
+                self.o.payload.weight.eq(WEIGHT.max_raw),
+                weighed.eq(weigh & self.o.ready),
+            ]
+            return 1
+        if self.rule_base == "aerial":
+            ahead, behind = (turn - peak)[: len(turn)], (peak - turn)[: len(turn)]
+            system, cycles = fuzzy.aerial(self.pattern.bits), 1
+            values = [distance, margin, Mux(ahead < behind, ahead, behind)]
+        else:
+            m.submodules.sad = sad = SumOfAbsoluteDifferences(pixels=self.pattern.window_bytes)
+            m.d.comb += [Cat(sad.i_left).eq(self.i_left.window), Cat(sad.i_right).eq(self.i_right.window)]
+            system, cycles = fuzzy.ilbp(self.pattern.bits), sad.latency_cycles
+            values = [distance, sad.o_sum, sad.o_sum]
+        m.submodules.weight = weight = Sugeno(system=system, value_bits=max(map(len, values)))
+        m.d.comb += [sink.eq(value) for sink, value in zip(weight.i.payload, values, strict=True)]
+        m.d.comb += [
+            weight.i.valid.eq(weigh),
+            weighed.eq(weight.i.ready),
+            self.o.valid.eq(weight.o.valid),
+            weight.o.ready.eq(self.o.ready),
+            self.o.payload.weight.eq(weight.o.payload.weight),
+            self.o.payload.rule.eq(weight.o.payload.rule),
+        ]
+        return cycles

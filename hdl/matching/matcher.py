@@ -1,0 +1,212 @@
+"""Matching of two feature sets: mutual nearest neighbours, the histogram of turns, and the fuzzy weight of a match."""
+
+from __future__ import annotations
+
+from functools import reduce
+from operator import or_
+
+from amaranth import Module, Mux, Signal, Value
+from amaranth.lib import data, stream, wiring
+from amaranth.lib.wiring import In, Out
+
+from golden_model.config import MatcherConfig
+from golden_model.feature.ilbp import DescriptorPattern
+from golden_model.formats import WEIGHT
+from golden_model.records import FRAME_STATUS, MATCH, Tag
+from hdl.matching.feature_banks import FeatureBanks
+from hdl.matching.match_weigher import WEIGHED, FuzzyStage
+from hdl.matching.nearest_neighbours import MutualMatches, NearestNeighbours
+from hdl.streams import WordPayload, record_layout, words
+
+MATCH_LAYOUT = record_layout(MATCH)
+STATUS_LAYOUT = record_layout(FRAME_STATUS, MATCH.record_bytes)
+
+
+class Matcher(wiring.Component):
+    """Matches each good frame with its reference; equal to `golden_model.matching.matcher.match`.
+
+    A frame is stored while the one before it is matched (`FeatureBanks`). When its FrameStatus has come and the
+    matcher is idle, it becomes the current frame: all distances are searched, which takes left * right / lanes
+    clocks; then the mutual matches are gone through once for the histogram of turns (oriented patterns only), and
+    once more to weigh them and send them out. Every frame, good or bad, matched or not, ends with its FrameStatus.
+
+    Parameters
+    ----------
+    config : MatcherConfig
+        The rule base is built in; the limit of the weight is an input.
+    pattern : DescriptorPattern
+        Of the features.
+    lanes : int
+        Left descriptors compared at a time.
+    max_features : int
+        Features a bank.
+
+    Members
+    -------
+    i_features : In(stream of WordPayload)
+        Feature and FrameStatus records of the front end. Waits while a frame is complete and the one before it is
+        still being matched.
+    o_matches : Out(stream of WordPayload)
+        Match records in rising left index; the FrameStatus with its numbers of matches and of those kept; ``last``
+        with its last word.
+    i_hold_reference, i_take_reference : In(1)
+        See `FeatureBanks`; looked at when a good frame becomes the current one.
+    o_reference_taken : Out(1)
+        ``i_take_reference`` was obeyed in this clock.
+    i_keep_above : In(8)
+        A match is kept if its weight is larger.
+
+    Raises
+    ------
+    ValueError
+        If lanes is not a power of two from 2 to max_features, or the rule base needs a window that the pattern does
+        not carry.
+    """
+
+    i_features: stream.Interface
+    o_matches: stream.Interface
+    i_hold_reference: Signal
+    i_take_reference: Signal
+    o_reference_taken: Signal
+    i_keep_above: Signal
+
+    def __init__(
+        self, *, config: MatcherConfig, pattern: DescriptorPattern, lanes: int = 16, max_features: int = 2048
+    ) -> None:
+        bits = pattern.bits
+        self._fuzzy = FuzzyStage(config=config, pattern=pattern, max_features=max_features)
+        self._banks = FeatureBanks(pattern=pattern, max_features=max_features)
+        self._search = NearestNeighbours(bits=bits, lanes=lanes, max_features=max_features)
+        self._pairs = MutualMatches(bits=bits, max_features=max_features)
+        self.keeps_all = config.rule_base == "none"
+        self.counts_turns = pattern.oriented
+        word_stream = stream.Signature(WordPayload)
+        super().__init__(
+            {
+                "i_features": In(word_stream),
+                "o_matches": Out(word_stream),
+                "i_hold_reference": In(1),
+                "i_take_reference": In(1),
+                "o_reference_taken": Out(1),
+                "i_keep_above": In(WEIGHT.bits),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """Banks, search, pairs and fuzzy stage in a row; a state machine leads each frame through them."""
+        m = Module()
+        m.submodules.banks = self._banks
+        m.submodules.search = self._search
+        m.submodules.pairs = self._pairs
+        m.submodules.fuzzy = self._fuzzy
+        self._connect_banks(m)
+        self._connect_results(m)
+        sending, status, closes = Signal(), Signal(STATUS_LAYOUT), Signal()
+        weighed, has_match, verdict = self._fuzzy.o, Signal(), Signal()
+        m.d.comb += weighed.ready.eq(closes & has_match)
+        # A clock for the comparison.
+        m.d.sync += has_match.eq(weighed.valid & ~weighed.ready)
+        m.d.sync += verdict.eq(self.keeps_all | (weighed.payload.weight > self.i_keep_above))
+        with m.If(weighed.ready):
+            m.d.sync += [status.matches.eq(status.matches + 1), status.kept.eq(status.kept + verdict)]
+        record = Mux(sending, status.as_value(), self._match(m, verdict).as_value())
+        self._send(m, sending | has_match, record, sending, closes)
+        self._lead(m, status, sending, closes)
+        return m
+
+    def _connect_banks(self, m: Module) -> None:
+        """The search and the pairs take turns in reading the banks."""
+        banks, search, pair = self._banks, self._search, self._pairs.o.payload
+        wiring.connect(m, wiring.flipped(self.i_features), banks.i)
+        m.d.comb += [
+            banks.i_hold_reference.eq(self.i_hold_reference),
+            banks.i_take_reference.eq(self.i_take_reference),
+            banks.i_left_address.eq(Mux(search.o_busy, search.o_left_address, pair.left)),
+            banks.i_right_address.eq(Mux(search.o_busy, search.o_right_address, pair.right)),
+            search.i_left_count.eq(banks.o_left_count),
+            search.i_right_count.eq(banks.o_right_count),
+            search.i_left.eq(banks.o_left.descriptor),
+            search.i_right.eq(banks.o_right.descriptor),
+            self._fuzzy.i_left.eq(banks.o_left),
+            self._fuzzy.i_right.eq(banks.o_right),
+        ]
+
+    def _connect_results(self, m: Module) -> None:
+        """Rows and columns of the search to the pairs, these to the fuzzy stage."""
+        search, pairs = self._search, self._pairs
+        wiring.connect(m, pairs.o, self._fuzzy.i)
+        m.d.comb += [
+            # Without right features the search leaves no rows.
+            pairs.i_left_count.eq(Mux(self._banks.o_right_count.any(), self._banks.o_left_count, 0)),
+            search.i_row_index.eq(pairs.o_row_index),
+            search.i_column_index.eq(pairs.o_column_index),
+            search.i_read.eq(pairs.o_read),
+            pairs.i_row.eq(search.o_row),
+            pairs.i_column.eq(search.o_column),
+        ]
+
+    def _match(self, m: Module, verdict: Value) -> data.View:
+        """The Match record of the pair that the fuzzy stage holds."""
+        match = Signal(MATCH_LAYOUT)
+        pair, weighed = self._pairs.o.payload, self._fuzzy.o.payload
+        m.d.comb += [
+            match.tag.eq(Tag.MATCH),
+            match.verdict.eq(verdict),
+            match.left_index.eq(pair.left),
+            match.right_index.eq(pair.right),
+            match.distance.eq(pair.distance),
+            match.margin.eq(pair.margin),
+            *(match[name].eq(weighed[name]) for name, _ in WEIGHED),
+        ]
+        for side, feature in (("left", self._banks.o_left), ("right", self._banks.o_right)):
+            m.d.comb += [match[f"{side}_x"].eq(feature.x), match[f"{side}_y"].eq(feature.y)]
+        return match
+
+    def _send(self, m: Module, valid: Value, record: Value, ends_frame: Value, closes: Signal) -> None:
+        """Send a record word by word; where it ``closes``, its last one is taken."""
+        o = self.o_matches
+        # One bit for each word, which is the fastest choice.
+        turn = Signal(len(words(record)), init=1)
+        chosen = reduce(or_, (Mux(bit, word, 0) for bit, word in zip(turn, words(record), strict=True)))
+        with m.If(o.ready | ~o.valid):
+            m.d.sync += [o.valid.eq(valid), o.payload.data.eq(chosen), o.payload.last.eq(ends_frame & turn[-1])]
+            m.d.comb += closes.eq(turn[-1])
+            with m.If(valid):
+                m.d.sync += turn.eq(turn.rotate_left(1))
+
+    def _lead(self, m: Module, status: data.View, sending: Signal, closes: Value) -> None:
+        """From one FrameStatus to the next."""
+        arrived = self._banks.o_status
+        search, pairs, fuzzy_stage = self._search, self._pairs, self._fuzzy
+        with m.FSM():
+            with m.State("Wait-Frame"):
+                m.d.sync += status.eq(arrived.payload)
+                with m.If(arrived.valid):
+                    m.next = "Take-Frame"
+            with m.State("Take-Frame"):
+                m.d.comb += arrived.ready.eq(1)
+                m.next = "Send-Status"
+                with m.If(status.good):
+                    m.d.comb += self.o_reference_taken.eq(self.i_take_reference)
+                    m.next = "Start-Search"
+            with m.State("Start-Search"):
+                m.d.comb += search.i_start.eq(1)
+                m.next = "Search"
+            with m.State("Search"), m.If(~search.o_busy):
+                m.d.comb += pairs.i_start.eq(1)
+                m.next = "Count-Turns" if self.counts_turns else "Weigh"
+            if self.counts_turns:
+                with m.State("Count-Turns"):
+                    m.d.comb += fuzzy_stage.i_count.eq(1)
+                    with m.If(~pairs.o_busy):
+                        m.d.comb += fuzzy_stage.i_find.eq(1)
+                        m.next = "Find-Peak"
+                with m.State("Find-Peak"), m.If(~fuzzy_stage.o_busy):
+                    m.d.comb += pairs.i_start.eq(1)
+                    m.next = "Weigh"
+            with m.State("Weigh"), m.If(~pairs.o_busy):
+                m.next = "Send-Status"
+            with m.State("Send-Status"):
+                m.d.comb += sending.eq(1)
+                with m.If(closes):
+                    m.next = "Wait-Frame"

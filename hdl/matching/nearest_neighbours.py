@@ -1,0 +1,328 @@
+"""Nearest neighbours of two feature sets, and the pairs that are each other's nearest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import reduce
+from itertools import pairwise
+from operator import or_
+
+from amaranth import Cat, Module, Mux, Shape, Signal, Value
+from amaranth.lib import data, stream, wiring
+from amaranth.lib.memory import Memory
+from amaranth.lib.wiring import In, Out
+from amaranth.utils import exact_log2
+
+from hdl.lib.delay import delayed
+from hdl.lib.skid_buffer import SkidBuffer
+from hdl.matching.feature_banks import READ_CYCLES
+from hdl.matching.hamming import Distances, Lane, Nearest, Place
+
+RESULT_CYCLES = 2
+"""From an index to the registered row or column."""
+
+
+class NearestNeighbours(wiring.Component):
+    """Nearest right feature of every left one and nearest left feature of every right one.
+
+    Groups of ``lanes`` left descriptors stay while all right ones pass; the columns wait in a memory from group to
+    group. The addresses follow each other without a gap, so a search takes left * right / lanes clocks and a
+    constant (`search_cycles`). Ties go to the lowest index.
+
+    Parameters
+    ----------
+    bits : int
+        Length of a descriptor.
+    lanes : int
+        Left descriptors compared at a time.
+    max_features : int
+        Largest number of either side.
+
+    Members
+    -------
+    i_start : In(1)
+        Begins a search; the last one must have ended.
+    i_left_count, i_right_count : In(range(max_features + 1))
+        Steady during the search. With no feature on either side the search ends at once and leaves no result.
+    o_busy : Out(1)
+        High from the clock after ``i_start`` until the results are readable.
+    o_left_address, o_right_address : Out, i_left, i_right : In(bits)
+        Feature banks, which answer ``READ_CYCLES`` later.
+    i_row_index, i_column_index : In(range(max_features)), o_row, o_column : Out(Nearest)
+        Results while not busy, ``RESULT_CYCLES`` after their index, counting only clocks with ``i_read``.
+    i_read : In(1)
+
+    Attributes
+    ----------
+    shortest_pass_cycles : int
+        Least clocks a group, so that a column is back in the memory before the next group reads it.
+    drain_cycles : int
+        From the last address to readable results.
+
+    Raises
+    ------
+    ValueError
+        If lanes is not a power of two from 2 to max_features.
+    """
+
+    i_start: Signal
+    i_left_count: Signal
+    i_right_count: Signal
+    o_busy: Signal
+    o_left_address: Signal
+    o_right_address: Signal
+    i_left: Signal
+    i_right: Signal
+    i_row_index: Signal
+    i_column_index: Signal
+    i_read: Signal
+    o_row: data.View
+    o_column: data.View
+
+    def __init__(self, *, bits: int, lanes: int, max_features: int) -> None:
+        if lanes < 2 or lanes & (lanes - 1) or lanes > max_features:
+            raise ValueError(f"lanes is {lanes}; it must be a power of two, 2 to max_features ({max_features})")
+        self.bits, self.lanes, self.max_features = bits, lanes, max_features
+        self._distances = Distances(bits=bits, lanes=lanes)
+        self._nearest = Nearest(bits=bits, max_features=max_features)
+        self._place = Place(lanes=lanes, max_features=max_features)
+        self.shortest_pass_cycles = lanes + RESULT_CYCLES + 1
+        self.drain_cycles = READ_CYCLES + self._distances.latency_cycles + lanes + 2
+        index, count = range(max_features), range(max_features + 1)
+        super().__init__(
+            {
+                "i_start": In(1),
+                "i_left_count": In(count),
+                "i_right_count": In(count),
+                "o_busy": Out(1),
+                "o_left_address": Out(index),
+                "o_right_address": Out(index),
+                "i_left": In(bits),
+                "i_right": In(bits),
+                "i_row_index": In(index),
+                "i_column_index": In(index),
+                "i_read": In(1),
+                "o_row": Out(self._nearest),
+                "o_column": Out(self._nearest),
+            }
+        )
+
+    def search_cycles(self, left_count: int, right_count: int) -> int:
+        """Clocks for which ``o_busy`` is high."""
+        if not left_count or not right_count:
+            return 0
+        groups = -(-left_count // self.lanes)
+        return groups * max(right_count, self.shortest_pass_cycles) + self.drain_cycles
+
+    def elaborate(self, platform: object) -> Module:
+        """Addresses; distances; the lanes, in a chain between the two ports of the column memory; row memory."""
+        m = Module()
+        m.submodules.distances = distances = self._distances
+        lanes = [
+            Lane(lane=k, lanes=self.lanes, bits=self.bits, max_features=self.max_features) for k in range(self.lanes)
+        ]
+        for k, lane in enumerate(lanes):
+            m.submodules[f"lane{k}"] = lane
+            m.d.comb += [lane.i_valid.eq(distances.o_valid[k]), lane.i_distance.eq(distances.o_distances[k])]
+        for lane, following in pairwise(lanes):
+            m.d.comb += following.i_passing.eq(lane.o_passing)
+        issuing, slot, group = self._count(m)
+        valid, place = self._address(m, issuing, slot, group)
+        self._hold_columns(m, valid, place, lanes)
+        self._hold_rows(m, lanes)
+        return m
+
+    def _count(self, m: Module) -> tuple[Signal, Signal, Signal]:
+        """Slots of a pass, passes of a search, and the drain after it."""
+        issuing = Signal()
+        slot = Signal(range(max(self.max_features, self.shortest_pass_cycles)))
+        group = Signal(self._place["group"].shape)
+        last_slot, last_group = Signal.like(slot), Signal.like(group)
+        drain = Signal(range(self.drain_cycles + 1))
+        with m.If(issuing):
+            m.d.sync += [slot.eq(slot + 1), drain.eq(self.drain_cycles)]
+            with m.If(slot == last_slot):
+                m.d.sync += [slot.eq(0), group.eq(group + 1), issuing.eq(group != last_group)]
+        with m.Elif(drain.any()):
+            m.d.sync += [drain.eq(drain - 1), self.o_busy.eq(drain != 1)]
+        with m.If(self.i_start):
+            short, any_pair = self.i_right_count < self.shortest_pass_cycles, Signal()
+            m.d.comb += any_pair.eq(self.i_left_count.any() & self.i_right_count.any())
+            m.d.sync += [
+                issuing.eq(any_pair),
+                self.o_busy.eq(any_pair),
+                group.eq(0),
+                last_group.eq((self.i_left_count - 1) >> exact_log2(self.lanes)),
+                last_slot.eq(Mux(short, self.shortest_pass_cycles, self.i_right_count) - 1),
+            ]
+        return issuing, slot, group
+
+    def _address(self, m: Module, issuing: Value, slot: Value, group: Value) -> tuple[Value, data.View]:
+        """Read the banks, load the lanes. Validity and place of the right descriptor, with its address."""
+        place = Signal(self._place)
+        valid, load, left_valid = Signal(), Signal(), Signal()
+        lane = slot[: exact_log2(self.lanes)]
+        m.d.comb += [
+            self.o_left_address.eq(Cat(lane, group)),
+            self.o_right_address.eq(slot),
+            valid.eq(issuing & (slot < self.i_right_count)),
+            load.eq(issuing & (slot < self.lanes)),
+            left_valid.eq(self.o_left_address < self.i_left_count),
+            place.first.eq(slot == 0),
+            place.last.eq(slot + 1 == self.i_right_count),
+            place.first_group.eq(group == 0),
+            place.group.eq(group),
+            place.right.eq(slot),
+        ]
+        distances = self._distances
+        m.d.comb += [
+            distances.i_run.eq(self.o_busy),
+            distances.i_valid.eq(delayed(m, valid, READ_CYCLES, reset_less=False)),
+            distances.i_load.eq(delayed(m, load, READ_CYCLES, reset_less=False)),
+            distances.i_lane.eq(delayed(m, lane, READ_CYCLES)),
+            distances.i_left_valid.eq(delayed(m, left_valid, READ_CYCLES)),
+            distances.i_left.eq(self.i_left),
+            distances.i_right.eq(self.i_right),
+        ]
+        return valid, place
+
+    def _hold_columns(self, m: Module, valid: Value, place: data.View, lanes: Sequence[Lane]) -> None:
+        """A column leaves the memory to meet its first distance, and returns from the last lane."""
+        m.submodules.columns = columns = Memory(shape=self._nearest, depth=self.max_features, init=[])
+        # Meets the first distance, not the descriptor.
+        cycles = READ_CYCLES + self._distances.latency_cycles - RESULT_CYCLES
+        valid, place = delayed(m, valid, cycles, reset_less=False), delayed(m, place, cycles)
+        read = columns.read_port()
+        m.d.comb += [
+            read.addr.eq(Mux(self.o_busy, place.right, self.i_column_index)),
+            read.en.eq(self.o_busy | self.i_read),
+        ]
+        with m.If(read.en):
+            m.d.sync += self.o_column.eq(read.data)
+        first, last = lanes[0].i_passing, lanes[-1].o_passing
+        m.d.comb += [
+            first.valid.eq(delayed(m, valid, RESULT_CYCLES, reset_less=False)),
+            first.place.eq(delayed(m, place, RESULT_CYCLES)),
+            first.column.eq(Mux(first.place.first_group, ~0, self.o_column)),
+        ]
+        write = columns.write_port()
+        m.d.comb += [write.en.eq(last.valid), write.addr.eq(last.place.right), write.data.eq(last.column)]
+
+    def _hold_rows(self, m: Module, lanes: Sequence[Lane]) -> None:
+        """Rows leave the lanes one after the other, in rising left index."""
+        m.submodules.rows = rows = Memory(shape=self._nearest, depth=self.max_features, init=[])
+        write = rows.write_port()
+        valid, row = Signal(), Signal(self._nearest, reset_less=True)
+        m.d.sync += [
+            valid.eq(Cat(lane.o_row_valid for lane in lanes).any()),
+            row.eq(reduce(or_, (Mux(lane.o_row_valid, lane.o_row.as_value(), 0) for lane in lanes))),
+        ]
+        m.d.comb += [write.en.eq(valid), write.data.eq(row)]
+        with m.If(valid):
+            m.d.sync += write.addr.eq(write.addr + 1)
+        with m.If(self.i_start):
+            m.d.sync += write.addr.eq(0)
+        read = rows.read_port()
+        m.d.comb += [read.addr.eq(self.i_row_index), read.en.eq(self.i_read)]
+        with m.If(self.i_read):
+            m.d.sync += self.o_row.eq(read.data)
+
+
+class Pair(data.StructLayout):
+    """Two features that are each other's nearest: indices, distance, and second best minus best."""
+
+    def __init__(self, *, bits: int, max_features: int) -> None:
+        distance, index = Shape.cast(range(bits + 1)), Shape.cast(range(max_features))
+        super().__init__({"left": index, "right": index, "distance": distance, "margin": distance})
+
+
+class MutualMatches(wiring.Component):
+    """The pairs that are each other's nearest, in rising left index: a row a clock, while ``o`` accepts.
+
+    Parameters
+    ----------
+    bits, max_features : int
+        As of the `NearestNeighbours` whose results it reads.
+
+    Members
+    -------
+    i_start : In(1)
+        Begins a walk over the rows; the last one must have ended.
+    i_left_count : In(range(max_features + 1))
+        Steady during the walk and one clock before it.
+    o_busy : Out(1)
+        High from the clock after ``i_start`` until the last pair was taken.
+    o_row_index, o_column_index, o_read : Out, i_row, i_column : In(Nearest)
+        To `NearestNeighbours`.
+    o : Out(stream of Pair)
+        The second best of a pair is the smaller of its row's and its column's; a missing one counts as ``bits``.
+    """
+
+    i_start: Signal
+    i_left_count: Signal
+    o_busy: Signal
+    o_row_index: Signal
+    o_column_index: Signal
+    o_read: Signal
+    i_row: data.View
+    i_column: data.View
+    o: stream.Interface
+
+    def __init__(self, *, bits: int, max_features: int) -> None:
+        self.bits = bits
+        self.max_features = max_features
+        nearest, index = Nearest(bits=bits, max_features=max_features), range(max_features)
+        super().__init__(
+            {
+                "i_start": In(1),
+                "i_left_count": In(range(max_features + 1)),
+                "o_busy": Out(1),
+                "o_row_index": Out(index),
+                "o_column_index": Out(index),
+                "o_read": Out(1),
+                "i_row": In(nearest),
+                "i_column": In(nearest),
+                "o": Out(stream.Signature(Pair(bits=bits, max_features=max_features))),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """A pipeline that stands still while a pair waits: read the row, read its column, compare, subtract."""
+        m = Module()
+        # Its ready comes from a register: one that came all the way from the output would be the slowest path.
+        m.submodules.buffer = buffer = SkidBuffer(shape=self.o.payload.shape())
+        wiring.connect(m, buffer.o, wiring.flipped(self.o))
+        walking, left = Signal(), Signal(range(self.max_features))
+        valid = Signal(2 * RESULT_CYCLES)
+        lefts = [Signal.like(left, name=f"left{n}", reset_less=True) for n in range(len(valid))]
+        rows = [Signal(self.i_row.shape(), name=f"row{n}", reset_less=True) for n in range(RESULT_CYCLES)]
+        row, column = rows[-1], self.i_column
+        last_left = delayed(m, (self.i_left_count - 1)[: len(left)], 1)
+        is_mutual, met = Signal(), Signal(self.o.payload.shape(), reset_less=True)
+        second = Signal.like(row.second, reset_less=True)
+        m.d.comb += [
+            self.o_read.eq(buffer.i.ready),
+            self.o_row_index.eq(left),
+            self.o_column_index.eq(self.i_row.index),
+            self.o_busy.eq(walking | valid.any() | is_mutual | self.o.valid),
+            buffer.i.valid.eq(is_mutual),
+            buffer.i.payload.eq(met),
+            buffer.i.payload.margin.eq(Mux(second.all(), self.bits, second) - met.distance),
+        ]
+        with m.If(self.o_read):
+            m.d.sync += [
+                left.eq(left + 1),
+                valid.eq(Cat(walking, valid[:-1])),
+                Cat(lefts).eq(Cat(left, lefts[:-1])),
+                Cat(rows).eq(Cat(self.i_row, rows[:-1])),
+                is_mutual.eq(valid[-1] & (column.index == lefts[-1])),
+                met.left.eq(lefts[-1]),
+                met.right.eq(row.index),
+                met.distance.eq(row.best),
+                second.eq(Mux(row.second < column.second, row.second, column.second)),
+            ]
+            with m.If(left == last_left):
+                m.d.sync += walking.eq(0)
+        with m.If(self.i_start):
+            m.d.sync += [walking.eq(self.i_left_count.any()), left.eq(0)]
+        return m

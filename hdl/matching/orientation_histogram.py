@@ -1,0 +1,94 @@
+"""Histogram of the matches' turns, and its peak."""
+
+from __future__ import annotations
+
+from amaranth import Module, Signal, Value
+from amaranth.lib import data, stream, wiring
+from amaranth.lib.memory import Memory
+from amaranth.lib.wiring import In, Out
+
+from golden_model.feature.ilbp import SECTORS
+from golden_model.formats import WEIGHT
+from hdl.lib.delay import delayed
+
+SQUARE_CYCLES = 2
+"""A multiplier's M and P registers."""
+FIND_CYCLES = 5
+"""From the address of the bin before to the smoothed bin."""
+
+
+class TurnHistogram(wiring.Component):
+    """Adds squared weights up by turn, then finds the most common turn (`golden_model.matching.matcher.common_turn`).
+
+    The bins are smoothed around the circle by 4 h + 3 h₋ + 3 h₊; the first maximum wins. After a search, and after
+    reset, the bins are cleared.
+
+    Parameters
+    ----------
+    max_matches : int
+        Most matches a histogram.
+
+    Members
+    -------
+    i : In(stream of {turn: 4, weight: 8})
+        A match; not taken while busy.
+    i_find : In(1)
+        Begins the search for the peak; no match may be underway.
+    o_busy : Out(1)
+        High from the clock after ``i_find`` until the peak is found and the bins are cleared.
+    o_peak : Out(4)
+        Turn of the last peak found.
+    """
+
+    i: stream.Interface
+    i_find: Signal
+    o_busy: Signal
+    o_peak: Signal
+
+    def __init__(self, *, max_matches: int) -> None:
+        self._bin = range(max_matches * WEIGHT.max_raw**2 + 1)
+        match = data.StructLayout({"turn": range(SECTORS), "weight": WEIGHT.bits})
+        super().__init__(
+            {"i": In(stream.Signature(match)), "i_find": In(1), "o_busy": Out(1), "o_peak": Out(range(SECTORS))}
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """One memory: cleared bin by bin, read and written for each match, read in order for the peak."""
+        m = Module()
+        m.submodules.bins = bins = Memory(shape=self._bin, depth=SECTORS, init=[])
+        read, write = bins.read_port(), bins.write_port()
+        step = Signal(range(SECTORS + FIND_CYCLES))
+        height = Signal(range(10 * self._bin[-1] + 1))
+        turn, weight = self.i.payload.turn, self.i.payload.weight
+        square, smoothed = delayed(m, weight * weight, SQUARE_CYCLES), self._smoothed(m, read.data)
+        is_bin = delayed(m, step >= FIND_CYCLES - 1, 1)
+        m.d.sync += step.eq(step + 1)
+        with m.FSM(init="Clear"):
+            with m.State("Clear"):
+                m.d.comb += [self.o_busy.eq(1), write.en.eq(1), write.addr.eq(step)]
+                with m.If(step == SECTORS - 1):
+                    m.d.sync += step.eq(0)
+                    m.next = "Add"
+            with m.State("Add"):
+                m.d.comb += [read.addr.eq(turn), write.addr.eq(turn), write.data.eq(read.data + square)]
+                m.d.comb += [write.en.eq(self.i.ready), self.i.ready.eq(self.i.valid & (step == SQUARE_CYCLES))]
+                with m.If(~self.i.valid | self.i.ready):
+                    m.d.sync += step.eq(0)
+                with m.If(self.i_find):
+                    m.d.sync += [step.eq(0), height.eq(0), self.o_peak.eq(0)]
+                    m.next = "Find"
+            with m.State("Find"):
+                m.d.comb += [self.o_busy.eq(1), read.addr.eq(step - 1)]
+                with m.If(is_bin & (smoothed > height)):
+                    m.d.sync += [height.eq(smoothed), self.o_peak.eq(step - FIND_CYCLES)]
+                with m.If(step == SECTORS + FIND_CYCLES - 1):
+                    m.d.sync += step.eq(0)
+                    m.next = "Clear"
+        return m
+
+    @staticmethod
+    def _smoothed(m: Module, height: Value) -> Value:
+        """From the bins one after the other: the smoothed one, 3 clocks after the bin itself."""
+        middle = delayed(m, height, 1)
+        around = delayed(m, delayed(m, middle, 1) + height, 1)
+        return delayed(m, (delayed(m, middle, 1) << 2) + (around << 1) + around, 1)

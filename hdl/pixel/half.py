@@ -1,0 +1,67 @@
+"""The half-size level of the pyramid."""
+
+from __future__ import annotations
+
+from amaranth import Module, Signal
+from amaranth.lib import data, memory, wiring
+from amaranth.lib.wiring import In, Out
+
+from hdl.lib.delay import delayed
+from hdl.streams import beat
+
+
+class Half(wiring.Component):
+    """Mean of each 2x2 block, ``(a + b + c + d + 2) >> 2``, when its last pixel has come.
+
+    An odd last row or column gives nothing.
+
+    Parameters
+    ----------
+    width_px : int
+        Largest width of the full-size line.
+
+    Members
+    -------
+    i : In(beat(pixel))
+        Full size.
+    o : Out(beat(pixel))
+        Half size, with the half-size scan position.
+
+    Attributes
+    ----------
+    latency_cycles : int
+        From the block's last pixel to its mean.
+    """
+
+    i: data.View
+    o: data.View
+
+    latency_cycles = 3
+
+    def __init__(self, *, width_px: int) -> None:
+        self.width_px = width_px
+        super().__init__({"i": In(beat(pixel=8)), "o": Out(beat(pixel=8))})
+
+    def elaborate(self, platform: object) -> Module:
+        """Pair sums of even lines wait in a memory for those of odd lines."""
+        m = Module()
+        m.submodules.memory = pairs_above = memory.Memory(shape=9, depth=self.width_px // 2, init=[])
+        read, write = pairs_above.read_port(), pairs_above.write_port()
+        left, pair, above = Signal(8, reset_less=True), Signal(9, reset_less=True), Signal(9, reset_less=True)
+        with m.If(self.i.valid):
+            m.d.sync += [left.eq(self.i.pixel), pair.eq(left + self.i.pixel)]
+        m.d.comb += [read.addr.eq(self.i.x >> 1), read.en.eq(self.i.valid)]
+
+        column, row = delayed(m, self.i.x, 1), delayed(m, self.i.y, 1)
+        paired = delayed(m, self.i.valid & self.i.x[0], 1, reset_less=False)
+        m.d.comb += [write.addr.eq(column >> 1), write.data.eq(pair), write.en.eq(paired & ~row[0])]
+
+        below, pixel = delayed(m, pair, 1), Signal(8, reset_less=True)
+        m.d.sync += [above.eq(read.data), pixel.eq((above + below + 2) >> 2)]
+        m.d.comb += [
+            self.o.valid.eq(delayed(m, paired & row[0], 2, reset_less=False)),
+            self.o.x.eq(delayed(m, column >> 1, 2)),
+            self.o.y.eq(delayed(m, row >> 1, 2)),
+            self.o.pixel.eq(pixel),
+        ]
+        return m

@@ -1,0 +1,203 @@
+"""The Harris corner measure (thesis, equations III-6 and III-7), pipelined for DSP slices."""
+
+from __future__ import annotations
+
+from amaranth import Cat, Const, Module, Mux, Shape, Signal, Value, signed, unsigned
+from amaranth.lib import data, wiring
+from amaranth.lib.wiring import In, Out
+
+from golden_model.formats import (
+    GRADIENT,
+    RAW_RESPONSE,
+    RESPONSE_CODE,
+    RESPONSE_FRACTION_BITS,
+    TENSOR_DIAGONAL,
+    TENSOR_MIXED,
+    TENSOR_TRACE,
+)
+from golden_model.pixel.harris import TENSOR_SHIFT
+from hdl.lib.delay import delayed
+from hdl.lib.weighted_sum import signed_digits
+from hdl.pixel.window import SeparableSum
+from hdl.streams import beat, carry_scan
+
+GRADIENTS = data.StructLayout({"x": signed(GRADIENT.bits), "y": signed(GRADIENT.bits)})
+TENSOR_LINES = 5
+"""Of the largest window; a smaller one lies in the middle."""
+TENSOR = beat(a=TENSOR_DIAGONAL.bits, b=TENSOR_DIAGONAL.bits, c=signed(TENSOR_MIXED.bits))
+"""The structure tensor: sums of Ix**2, Iy**2 and Ix Iy."""
+
+
+class StructureTensor(wiring.Component):
+    """Sums of gradient products over a box, ``>> 8`` (floor).
+
+    The lines before it hold gradients, 22 bits a pixel, and their products are formed for the whole column anew;
+    products would take 61 bits.
+
+    Parameters
+    ----------
+    window_px : {3, 5}
+
+    Members
+    -------
+    i : In(beat(column))
+        5 pixels' `GRADIENTS`, the newest line first.
+    o : Out(beat(a, b, c))
+
+    Attributes
+    ----------
+    lag_px : int
+    latency_cycles : int
+
+    Raises
+    ------
+    ValueError
+        For another window.
+    """
+
+    i: data.View
+    o: data.View
+
+    lag_px = TENSOR_LINES // 2
+
+    def __init__(self, *, window_px: int) -> None:
+        if window_px not in (3, 5):
+            raise ValueError(f"window_px is {window_px}; valid: 3, 5")
+        self.window_px = window_px
+        square, mixed = unsigned(2 * GRADIENT.bits - 2), signed(2 * GRADIENT.bits - 1)
+        self._sums = [self._box_sum(shape) for shape in (square, square, mixed)]
+        self.latency_cycles = 3 + self._sums[0].latency_cycles
+        super().__init__({"i": In(beat(column=data.ArrayLayout(GRADIENTS, TENSOR_LINES))), "o": Out(TENSOR)})
+
+    def _box_sum(self, product: Shape) -> SeparableSum:
+        outside = (0,) * ((TENSOR_LINES - self.window_px) // 2)
+        weights = (*outside, *(1,) * self.window_px, *outside)
+        return SeparableSum(vertical=weights, horizontal=weights, shape=product)
+
+    def elaborate(self, platform: object) -> Module:
+        """A column of products (operand, multiplier and product registers), and its sums."""
+        m = Module()
+        carry_scan(m, self.i, self.o, self.latency_cycles)
+        operands = Signal.like(self.i.column, reset_less=True)
+        with m.If(self.i.valid):
+            m.d.sync += operands.eq(self.i.column)
+        operand_valid = delayed(m, self.i.valid, 1, reset_less=False)
+        multiplied = delayed(m, operand_valid, 1, reset_less=False)
+        product_valid = delayed(m, multiplied, 1, reset_less=False)
+        targets = (self.o.a, self.o.b, self.o.c)
+        for name, factors, total, target in zip("abc", ("xx", "yy", "xy"), self._sums, targets, strict=True):
+            m.submodules[f"sum_{name}"] = total
+            m.d.comb += [total.i.valid.eq(product_valid), target.eq(total.o.sum >> TENSOR_SHIFT)]
+            for gradients, pixel in zip(operands, total.i.column, strict=True):
+                multiplier, product = (Signal.like(pixel, reset_less=True) for _ in range(2))
+                with m.If(operand_valid):
+                    m.d.sync += multiplier.eq(gradients[factors[0]] * gradients[factors[1]])
+                with m.If(multiplied):
+                    m.d.sync += product.eq(multiplier)
+                m.d.comb += pixel.eq(product)
+        return m
+
+
+class RawResponse(wiring.Component):
+    """``R = A B - C**2 - ((k_numerator (A + B)**2) >> k_shift)`` (floor).
+
+    R fits 32 bits (`golden_model.pixel.harris`), so all is computed modulo 2**32.
+
+    Parameters
+    ----------
+    k_numerator, k_shift : int
+
+    Members
+    -------
+    i : In(beat(a, b, c))
+    o : Out(beat(raw))
+        `golden_model.formats.RAW_RESPONSE`.
+
+    Attributes
+    ----------
+    latency_cycles : int
+    """
+
+    i: data.View
+    o: data.View
+
+    latency_cycles = 5
+
+    def __init__(self, *, k_numerator: int, k_shift: int) -> None:
+        self.k_numerator = k_numerator
+        self.k_shift = k_shift
+        super().__init__({"i": In(TENSOR), "o": Out(beat(raw=signed(RAW_RESPONSE.bits)))})
+
+    def elaborate(self, platform: object) -> Module:
+        """Operands, multipliers, products, determinant and penalty, response."""
+        m = Module()
+        carry_scan(m, self.i, self.o, self.latency_cycles)
+        a, b, c = delayed(m, self.i.a, 1), delayed(m, self.i.b, 1), delayed(m, self.i.c, 1)
+        trace = delayed(m, (self.i.a + self.i.b)[: TENSOR_TRACE.bits], 1)
+        a_b, c_c, trace_squared = (delayed(m, product, 2) for product in (a * b, c * c, trace * trace))
+        determinant = delayed(m, (a_b - c_c)[: RAW_RESPONSE.bits], 1)
+        penalty = delayed(m, self._penalty(trace_squared), 1)
+        m.d.comb += self.o.raw.eq(delayed(m, (determinant - penalty)[: RAW_RESPONSE.bits], 1))
+        return m
+
+    def _penalty(self, trace_squared: Value) -> Value:
+        scaled: Value = Const(0)
+        for shift, sign in signed_digits(self.k_numerator):
+            term = trace_squared << shift
+            scaled = scaled + term if sign > 0 else scaled - term
+        return (scaled >> self.k_shift)[: RAW_RESPONSE.bits]
+
+
+class ResponseCode(wiring.Component):
+    """Responses as stored: 15-bit codes, 0 below the threshold.
+
+    Members
+    -------
+    i : In(beat(raw))
+    i_threshold_code : In(15)
+        Smallest code that survives. Static within a frame.
+    o : Out(beat(code))
+        `golden_model.formats.RESPONSE_CODE`.
+
+    Attributes
+    ----------
+    latency_cycles : int
+    """
+
+    i: data.View
+    i_threshold_code: Signal
+    o: data.View
+
+    latency_cycles = 6
+
+    def __init__(self) -> None:
+        super().__init__(
+            {
+                "i": In(beat(raw=signed(RAW_RESPONSE.bits))),
+                "i_threshold_code": In(RESPONSE_CODE.bits),
+                "o": Out(beat(code=RESPONSE_CODE.bits)),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """Shift right until 11 bits are left, join with the shifts' count, compare."""
+        m = Module()
+        carry_scan(m, self.i, self.o, self.latency_cycles)
+        value, exponent = self.i.raw[: RAW_RESPONSE.bits - 1], Cat()
+        for steps in ((16,), (8,), (4,), (2, 1)):
+            value, exponent = self._normalised(m, value, exponent, steps)
+        # A hidden one that is left at the fraction's upper end carries into the exponent field, as it should.
+        code = delayed(m, ((exponent << RESPONSE_FRACTION_BITS) + value)[: RESPONSE_CODE.bits], 1)
+        negative = delayed(m, self.i.raw < 0, self.latency_cycles - 1)
+        m.d.comb += self.o.code.eq(delayed(m, Mux(negative | (code < self.i_threshold_code), 0, code), 1))
+        return m
+
+    @staticmethod
+    def _normalised(m: Module, value: Value, exponent: Value, steps: tuple[int, ...]) -> tuple[Value, Value]:
+        """One clock of conditional shifts, the largest first; ``exponent`` collects which were taken."""
+        for step in steps:
+            kept_bits = RESPONSE_FRACTION_BITS + step
+            too_long = value[kept_bits:].any()
+            value = Mux(too_long, value >> step, value)[:kept_bits]
+            exponent = Cat(too_long, exponent)
+        return delayed(m, value, 1), delayed(m, exponent, 1)

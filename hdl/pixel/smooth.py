@@ -1,0 +1,64 @@
+"""Binomial smoothing: 3x3 ahead of the gradients, 5x5 ahead of the descriptor."""
+
+from __future__ import annotations
+
+from math import comb
+
+from amaranth import Module, Signal, unsigned
+from amaranth.lib import data, wiring
+from amaranth.lib.wiring import In, Out
+
+from hdl.pixel.window import SeparableSum
+from hdl.streams import beat, carry_scan
+
+
+class Binomial(wiring.Component):
+    """``[1 2 1]`` or ``[1 4 6 4 1]`` in x and y, divided by 16 or 256 with halves rounded up.
+
+    Parameters
+    ----------
+    window_px : {1, 3, 5}
+        1 leaves the pixels as they are.
+
+    Members
+    -------
+    i : In(beat(column))
+        ``window_px`` pixels, the newest line first.
+    o : Out(beat(pixel))
+
+    Attributes
+    ----------
+    lag_px : int
+    latency_cycles : int
+
+    Raises
+    ------
+    ValueError
+        For another window.
+    """
+
+    i: data.View
+    o: data.View
+
+    def __init__(self, *, window_px: int) -> None:
+        if window_px not in (1, 3, 5):
+            raise ValueError(f"window_px is {window_px}; valid: 1, 3, 5")
+        self.window_px = window_px
+        self.lag_px = window_px // 2
+        weights = tuple(comb(window_px - 1, n) for n in range(window_px))
+        self._sum = SeparableSum(vertical=weights, horizontal=weights, shape=unsigned(8))
+        self.latency_cycles = self._sum.latency_cycles + 1
+        super().__init__({"i": In(beat(column=data.ArrayLayout(8, window_px))), "o": Out(beat(pixel=8))})
+
+    def elaborate(self, platform: object) -> Module:
+        """Weigh and round."""
+        m = Module()
+        m.submodules.sum = weighted = self._sum
+        m.d.comb += weighted.i.eq(self.i)
+        carry_scan(m, weighted.o, self.o, 1)
+        shift = 2 * (self.window_px - 1)
+        pixel = Signal(8, reset_less=True)
+        with m.If(weighted.o.valid):
+            m.d.sync += pixel.eq((weighted.o.sum + (1 << shift >> 1)) >> shift)
+        m.d.comb += self.o.pixel.eq(pixel)
+        return m

@@ -1,0 +1,62 @@
+"""Sobel gradients."""
+
+from __future__ import annotations
+
+from amaranth import Module, signed, unsigned
+from amaranth.lib import data, wiring
+from amaranth.lib.wiring import In, Out
+
+from golden_model.formats import GRADIENT
+from hdl.pixel.window import SeparableSum
+from hdl.streams import beat, carry_scan
+
+SMOOTH = (1, 2, 1)
+DERIVE = (1, 0, -1)
+"""The newest pixel is the right or lower one."""
+
+
+class Sobel(wiring.Component):
+    """Horizontal and vertical 3x3 gradients, positive where the image brightens to the right and downwards.
+
+    Members
+    -------
+    i : In(beat(column))
+        3 pixels, the newest line first.
+    o : Out(beat(gradient_x, gradient_y))
+        `golden_model.formats.GRADIENT`.
+
+    Attributes
+    ----------
+    lag_px : int
+    latency_cycles : int
+    """
+
+    i: data.View
+    o: data.View
+
+    lag_px = 1
+
+    def __init__(self) -> None:
+        self._along_x = SeparableSum(vertical=SMOOTH, horizontal=DERIVE, shape=unsigned(8))
+        self._along_y = SeparableSum(vertical=DERIVE, horizontal=SMOOTH, shape=unsigned(8))
+        self.latency_cycles = self._along_x.latency_cycles
+        gradient = signed(GRADIENT.bits)
+        super().__init__(
+            {
+                "i": In(beat(column=data.ArrayLayout(8, 3))),
+                "o": Out(beat(gradient_x=gradient, gradient_y=gradient)),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """Two separable sums."""
+        m = Module()
+        m.submodules.along_x, m.submodules.along_y = self._along_x, self._along_y
+        m.d.comb += [
+            self._along_x.i.eq(self.i),
+            self._along_y.i.eq(self.i),
+            self.o.gradient_x.eq(self._along_x.o.sum),
+            self.o.gradient_y.eq(self._along_y.o.sum),
+        ]
+        carry_scan(m, self._along_x.o, self.o, 0)
+        return m

@@ -1,0 +1,1 @@
+"""Blocks that choose the features of a frame, order them and serialise their records."""

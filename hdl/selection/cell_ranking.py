@@ -1,0 +1,236 @@
+"""The ranking of every cell of a cell row, kept up to date as features come."""
+
+from __future__ import annotations
+
+from amaranth import Array, Cat, Module, Mux, Signal
+from amaranth.lib import data, memory, wiring
+from amaranth.lib.wiring import In, Out
+
+from golden_model.feature.ilbp import DescriptorPattern
+from golden_model.formats import RESPONSE_CODE
+from hdl.feature.extractor import feature_beat, feature_layout
+from hdl.lib.delay import delayed
+
+MAX_PER_CELL = 8
+SMALLEST_CELL_LOG2 = 5
+LARGEST_CELL_LOG2 = 8
+
+
+RANK = data.StructLayout({"response": RESPONSE_CODE.bits, "slot": range(MAX_PER_CELL)})
+"""A place in a cell: the response of its feature, 0 where it is free, and the slot that holds the feature."""
+PLACE = data.StructLayout({"taken": 1, "slot": range(MAX_PER_CELL)})
+"""What is left of a rank when the row is complete."""
+RANKING = data.ArrayLayout(RANK, MAX_PER_CELL)
+"""A cell's places by falling response, equal ones in raster order, the free ones last."""
+ORDER = data.ArrayLayout(PLACE, MAX_PER_CELL)
+_EMPTY = RANKING.const([{"response": 0, "slot": slot} for slot in range(MAX_PER_CELL)])
+
+
+class Insertion(wiring.Component):
+    """A newcomer's place in a ranking: behind every response that is not smaller.
+
+    Comparisons take one clock; in the next one everything is at the outputs, while the inputs are still the same.
+
+    Members
+    -------
+    i_ranking : In(RANKING)
+    i_empty : In(1)
+        Every place is free, whatever the ranking says.
+    i_response : In(15)
+        The newcomer's, not 0.
+    i_last_place : In(3)
+        The last one of the places in use.
+    o_kept : Out(1)
+        The newcomer has a place.
+    o_slot : Out(3)
+        The slot it takes: the last place's, which is free or whose feature drops out.
+    o_added : Out(1)
+        With ``o_kept``: that place was free.
+    o_ranking : Out(RANKING)
+        With the newcomer.
+    o_order : Out(ORDER)
+        The same without responses.
+
+    Attributes
+    ----------
+    latency_cycles : int
+    """
+
+    i_ranking: data.View
+    i_empty: Signal
+    i_response: Signal
+    i_last_place: Signal
+    o_kept: Signal
+    o_slot: Signal
+    o_added: Signal
+    o_ranking: data.View
+    o_order: data.View
+
+    latency_cycles = 1
+
+    def __init__(self) -> None:
+        super().__init__(
+            {
+                "i_ranking": In(RANKING),
+                "i_empty": In(1),
+                "i_response": In(RESPONSE_CODE.bits),
+                "i_last_place": In(range(MAX_PER_CELL)),
+                "o_kept": Out(1),
+                "o_slot": Out(range(MAX_PER_CELL)),
+                "o_added": Out(1),
+                "o_ranking": Out(RANKING),
+                "o_order": Out(ORDER),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """Move the beaten places down by one; they are the last ones, since the ranking falls."""
+        m = Module()
+        newcomer, ranking = Signal(RANK), Signal(RANKING)
+        taken, beaten = Signal(MAX_PER_CELL, reset_less=True), Signal(MAX_PER_CELL, reset_less=True)
+        last_slot = Array(rank.slot for rank in self.i_ranking)[self.i_last_place]
+        wins = Cat(rank.response < self.i_response for rank in self.i_ranking) | self.i_empty.replicate(MAX_PER_CELL)
+        in_use = Cat(self.i_last_place >= place for place in range(MAX_PER_CELL))
+        m.d.sync += [
+            self.o_slot.eq(Mux(self.i_empty, self.i_last_place, last_slot)),
+            self.o_kept.eq((wins & in_use).any()),
+            taken.eq(Cat(rank.response.any() for rank in self.i_ranking) & ~self.i_empty.replicate(MAX_PER_CELL)),
+            beaten.eq(wins & in_use),
+        ]
+        m.d.comb += [
+            ranking.eq(Mux(self.i_empty, _EMPTY, self.i_ranking)),
+            newcomer.response.eq(self.i_response),
+            newcomer.slot.eq(self.o_slot),
+            self.o_added.eq(~taken.bit_select(self.i_last_place, 1)),
+        ]
+        above, above_taken, above_beaten = newcomer, 1, 0
+        for place, rank in enumerate(ranking):
+            m.d.comb += [
+                self.o_ranking[place].eq(
+                    Mux(beaten[place], Mux(above_beaten, above.as_value(), newcomer.as_value()), rank.as_value())
+                ),
+                self.o_order[place].slot.eq(self.o_ranking[place].slot),
+                self.o_order[place].taken.eq(above_taken & in_use[place]),
+            ]
+            above, above_taken, above_beaten = rank, taken[place], beaten[place]
+        return m
+
+
+class CellRanking(wiring.Component):
+    """Ranks the features of the open cell row.
+
+    Parameters
+    ----------
+    pattern : DescriptorPattern
+    cells : int
+        Largest number of cells in a row.
+
+    Members
+    -------
+    i : In(feature_beat)
+        Features at least 2 clocks apart.
+    i_cell_log2 : In(4)
+        log2 of the cell's side, 5 to 8.
+    i_per_cell : In(4)
+        1 to 8.
+    i_clear : In(1)
+        Empties every ranking.
+    o_kept : Out(1)
+        A feature has a place, ``latency_cycles`` after its beat.
+    o_cell, o_slot, o_feature : Out
+        Its cell, its slot there, and itself.
+    o_order : Out(ORDER)
+        The places of its cell by now.
+    o_added : Out(1)
+        With ``o_kept``: no other feature has lost its place.
+    o_touched : Out(cells)
+        Cells that have a feature.
+
+    Attributes
+    ----------
+    latency_cycles : int
+    """
+
+    i: data.View
+    i_cell_log2: Signal
+    i_per_cell: Signal
+    i_clear: Signal
+    o_kept: Signal
+    o_cell: Signal
+    o_slot: Signal
+    o_feature: data.View
+    o_order: data.View
+    o_added: Signal
+    o_touched: Signal
+
+    latency_cycles = 3
+
+    def __init__(self, *, pattern: DescriptorPattern, cells: int) -> None:
+        self.cells = cells
+        super().__init__(
+            {
+                "i": In(feature_beat(pattern)),
+                "i_cell_log2": In(range(LARGEST_CELL_LOG2 + 1)),
+                "i_per_cell": In(range(MAX_PER_CELL + 1)),
+                "i_clear": In(1),
+                "o_kept": Out(1),
+                "o_cell": Out(range(cells)),
+                "o_slot": Out(range(MAX_PER_CELL)),
+                "o_feature": Out(feature_layout(pattern)),
+                "o_order": Out(ORDER),
+                "o_added": Out(1),
+                "o_touched": Out(cells),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """Find the cell, read its ranking, compare, insert and write back: each in its clock.
+
+        A feature that follows two clocks after another one in its cell reads what is only being written.
+        """
+        m = Module()
+        # Many bits and few words: LUT memory. `o_touched` tells old rankings from this row's, so nothing is cleared.
+        rankings = memory.Memory(shape=RANKING, depth=self.cells, init=[], attrs={"ram_style": "distributed"})
+        m.submodules.rankings = rankings
+        m.submodules.insertion = insertion = Insertion()
+        read, write = rankings.read_port(domain="comb"), rankings.write_port()
+        cell, feature = Signal.like(self.o_cell, reset_less=True), Signal.like(self.i.feature, reset_less=True)
+        ranking, touched = Signal(RANKING, reset_less=True), Signal(reset_less=True)
+        located = delayed(m, self.i.present, 1, reset_less=False)
+        compared = delayed(m, located, 1, reset_less=False)
+        arrived = delayed(m, compared, insertion.latency_cycles, reset_less=False)
+        found, is_in_last_cell = Signal.like(cell), Signal(reset_less=True)
+        m.d.comb += found.eq(self.i.x[SMALLEST_CELL_LOG2:] >> (self.i_cell_log2 - SMALLEST_CELL_LOG2)[:2])
+        with m.If(self.i.present):
+            m.d.sync += [
+                cell.eq(found),
+                feature.eq(self.i.feature),
+                is_in_last_cell.eq(compared & (found == self.o_cell)),
+            ]
+        with m.If(located):
+            m.d.sync += [
+                self.o_cell.eq(cell),
+                self.o_feature.eq(feature),
+                ranking.eq(Mux(is_in_last_cell, insertion.o_ranking.as_value(), read.data.as_value())),
+                touched.eq(self.o_touched.bit_select(cell, 1) & ~self.i_clear),
+            ]
+        with m.If(self.i_clear):
+            m.d.sync += self.o_touched.eq(0)
+        with m.Elif(compared):
+            m.d.sync += self.o_touched.bit_select(self.o_cell, 1).eq(1)
+        m.d.comb += [
+            read.addr.eq(cell),
+            insertion.i_ranking.eq(ranking),
+            insertion.i_empty.eq(~touched),
+            insertion.i_response.eq(self.o_feature.response),
+            insertion.i_last_place.eq(delayed(m, (self.i_per_cell - 1)[:3], 1)),
+            write.addr.eq(self.o_cell),
+            write.data.eq(insertion.o_ranking),
+            # Where the newcomer has no place, this is the same ranking again.
+            write.en.eq(arrived),
+            self.o_kept.eq(arrived & insertion.o_kept),
+            self.o_slot.eq(insertion.o_slot),
+            self.o_order.eq(insertion.o_order),
+            self.o_added.eq(insertion.o_added),
+        ]
+        return m

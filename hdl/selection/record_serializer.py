@@ -1,0 +1,56 @@
+"""Feature records of a level as words."""
+
+from __future__ import annotations
+
+from amaranth import Array, Module, Mux, Signal
+from amaranth.lib import stream, wiring
+from amaranth.lib.wiring import In, Out
+
+from golden_model.feature.ilbp import DescriptorPattern
+from golden_model.records import Tag, feature_record
+from hdl.feature.extractor import feature_or_end
+from hdl.streams import RowPayload, record_layout, words
+
+
+class FeatureWords(wiring.Component):
+    """Feature records of one level, a word a clock; index and frame number are still 0.
+
+    Combinational from the selection, which holds a feature until its last word is taken.
+
+    Parameters
+    ----------
+    pattern : DescriptorPattern
+    level : {0, 1}
+
+    Members
+    -------
+    i : In(stream of feature_or_end)
+    o : Out(stream(RowPayload))
+    """
+
+    i: stream.Interface
+    o: stream.Interface
+
+    def __init__(self, *, pattern: DescriptorPattern, level: int) -> None:
+        self.level = level
+        self._record = record_layout(feature_record(pattern.descriptor_bytes, pattern.window_bytes))
+        super().__init__({"i": In(stream.Signature(feature_or_end(pattern))), "o": Out(stream.Signature(RowPayload))})
+
+    def elaborate(self, platform: object) -> Module:
+        """Lay the record out and count its words."""
+        m = Module()
+        record, feature = Signal(self._record), self.i.p.feature
+        m.d.comb += [record.tag.eq(Tag.FEATURE), record.level.eq(self.level)]
+        m.d.comb += [record[name].eq(feature[name]) for name, _ in feature.shape()]
+        word = Signal(range(len(words(record))))
+        last = self.i.p.ends_row | (word == len(words(record)) - 1)
+        m.d.comb += [
+            self.o.valid.eq(self.i.valid),
+            self.o.p.data.eq(Array(words(record))[word]),
+            self.o.p.ends_row.eq(self.i.p.ends_row),
+            self.o.p.ends_level.eq(self.i.p.ends_level),
+            self.i.ready.eq(self.o.ready & last),
+        ]
+        with m.If(self.o.valid & self.o.ready):
+            m.d.sync += word.eq(Mux(last, 0, word + 1))
+        return m

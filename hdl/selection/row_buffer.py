@@ -1,0 +1,166 @@
+"""Two cell rows in memory: one fills while the other leaves in order."""
+
+from __future__ import annotations
+
+from amaranth import Cat, Module, Mux, Signal, Value
+from amaranth.lib import data, memory, stream, wiring
+from amaranth.lib.wiring import In, Out
+
+from golden_model.feature.ilbp import DescriptorPattern
+from hdl.feature.extractor import feature_layout, feature_or_end
+from hdl.selection.cell_ranking import MAX_PER_CELL, ORDER
+
+
+class CellRows(wiring.Component):
+    """Features by cell and slot, and the order of each cell's slots, in two banks.
+
+    Parameters
+    ----------
+    pattern : DescriptorPattern
+    cells : int
+        Largest number of cells in a row.
+
+    Members
+    -------
+    i_write : In(1)
+        Writes ``i_feature`` into slot ``i_slot`` of cell ``i_cell``, and ``i_order`` for the cell.
+    i_close : In(1)
+        With or after the row's last write: the banks change roles. Only where the closed row was drained.
+    i_touched : In(cells)
+        With ``i_close``: cells of the row that were written.
+    i_ends_level : In(1)
+        With ``i_close``: it is the last row.
+    o_drained : Out(1)
+        The closed row is read; for one clock.
+    o : Out(stream of feature_or_end)
+
+    Attributes
+    ----------
+    latency_cycles : int
+        From ``i_close`` to the first cell's first feature; every cell without features before it takes one more.
+    """
+
+    i_write: Signal
+    i_cell: Signal
+    i_slot: Signal
+    i_feature: data.View
+    i_order: data.View
+    i_close: Signal
+    i_touched: Signal
+    i_ends_level: Signal
+    o_drained: Signal
+    o: stream.Interface
+
+    latency_cycles = 4
+
+    def __init__(self, *, pattern: DescriptorPattern, cells: int) -> None:
+        self.cells = cells
+        self._feature = feature_layout(pattern)
+        self._request = data.StructLayout(
+            {"cell": range(cells), "slot": range(MAX_PER_CELL), "ends_row": 1, "ends_level": 1}
+        )
+        super().__init__(
+            {
+                "i_write": In(1),
+                "i_cell": In(range(cells)),
+                "i_slot": In(range(MAX_PER_CELL)),
+                "i_feature": In(self._feature),
+                "i_order": In(ORDER),
+                "i_close": In(1),
+                "i_touched": In(cells),
+                "i_ends_level": In(1),
+                "o_drained": Out(1),
+                "o": Out(stream.Signature(feature_or_end(pattern))),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """Both memories, the bank that fills, and the two steps in which the other one leaves."""
+        m = Module()
+        depth = 2 << len(self.i_cell)
+        # A wide word and few of them: LUT memory.
+        attributes = {"ram_style": "distributed"}
+        m.submodules.orders = orders = memory.Memory(shape=ORDER, depth=depth, init=[], attrs=attributes)
+        m.submodules.features = features = memory.Memory(shape=self._feature, depth=depth * MAX_PER_CELL, init=[])
+        filling = Signal()
+        with m.If(self.i_close):
+            m.d.sync += filling.eq(~filling)
+        for port, address, value in (
+            (orders.write_port(), self.i_cell, self.i_order),
+            (features.write_port(), Cat(self.i_slot, self.i_cell), self.i_feature),
+        ):
+            m.d.comb += [port.en.eq(self.i_write), port.addr.eq(Cat(address, filling)), port.data.eq(value)]
+
+        requests = stream.Signature(self._request).create()
+        self._walk(m, orders.read_port(), ~filling, requests)
+        self._fetch(m, features.read_port(), ~filling, requests)
+        m.d.comb += self.o_drained.eq(requests.valid & requests.ready & requests.p.ends_row)
+        return m
+
+    def _walk(self, m: Module, order: memory.ReadPort, bank: Value, requests: stream.Interface) -> None:
+        """Request every taken place of every cell, then the end of the row."""
+        cell, place, next_cell = Signal.like(self.i_cell), Signal(range(MAX_PER_CELL)), Signal()
+        # The lowest bit is the current cell's.
+        touched, ends_level = Signal.like(self.i_touched), Signal()
+        followed = Cat(Cat(later.taken for later in order.data)[1:], 0).bit_select(place, 1)
+        with m.If(self.i_close):
+            m.d.sync += [touched.eq(self.i_touched), ends_level.eq(self.i_ends_level), cell.eq(0)]
+        with m.Elif(next_cell):
+            m.d.sync += [touched.eq(touched >> 1), cell.eq(cell + 1)]
+        m.d.comb += [
+            order.addr.eq(Cat(cell, bank)),
+            requests.p.cell.eq(cell),
+            requests.p.slot.eq(order.data[place].slot),
+            requests.p.ends_level.eq(ends_level),
+        ]
+        last_cell = cell == self.cells - 1
+        with m.FSM():
+            with m.State("Fill"), m.If(self.i_close):
+                m.next = "Read-Order"
+            with m.State("Read-Order"):
+                m.d.comb += order.en.eq(1)
+                with m.If(touched[0]):
+                    m.next = "Request-Features"
+                with m.Else():
+                    m.d.comb += next_cell.eq(1)
+                    with m.If(last_cell):
+                        m.next = "Request-End"
+            with m.State("Request-Features"):
+                m.d.comb += requests.valid.eq(1)
+                with m.If(requests.ready):
+                    m.d.sync += place.eq(Mux(followed, place + 1, 0))
+                    with m.If(~followed):
+                        m.d.comb += next_cell.eq(1)
+                        m.next = "Read-Order"
+                        with m.If(last_cell):
+                            m.next = "Request-End"
+            with m.State("Request-End"):
+                m.d.comb += [requests.valid.eq(1), requests.p.ends_row.eq(1)]
+                with m.If(requests.ready):
+                    m.next = "Fill"
+
+    def _fetch(self, m: Module, feature: memory.ReadPort, bank: Value, requests: stream.Interface) -> None:
+        """Read what is requested; the memory's output is one stage, the output's register another.
+
+        A stage takes the next feature when it is empty, not already when it becomes so: a feature has several words,
+        and so nothing long waits for ``ready``.
+        """
+        fetched, mark = Signal(), Signal.like(requests.p)
+        advance = fetched & ~self.o.valid
+        m.d.comb += [
+            requests.ready.eq(~fetched),
+            feature.addr.eq(Cat(requests.p.slot, requests.p.cell, bank)),
+            feature.en.eq(requests.valid & requests.ready),
+        ]
+        with m.If(feature.en):
+            m.d.sync += [fetched.eq(1), mark.eq(requests.p)]
+        with m.If(advance):
+            m.d.sync += [
+                fetched.eq(0),
+                self.o.valid.eq(1),
+                self.o.p.feature.eq(feature.data),
+                self.o.p.ends_row.eq(mark.ends_row),
+                self.o.p.ends_level.eq(mark.ends_row & mark.ends_level),
+            ]
+        with m.Elif(self.o.ready):
+            m.d.sync += self.o.valid.eq(0)

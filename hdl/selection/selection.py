@@ -1,0 +1,181 @@
+"""The best features of each cell, in the order of emission; or every feature in raster order."""
+
+from __future__ import annotations
+
+from amaranth import Cat, Module, Signal
+from amaranth.lib import data, fifo, stream, wiring
+from amaranth.lib.wiring import In, Out
+
+from golden_model.feature.ilbp import DescriptorPattern
+from hdl.feature.extractor import feature_beat, feature_or_end
+from hdl.lib.delay import delayed
+from hdl.selection.cell_ranking import LARGEST_CELL_LOG2, MAX_PER_CELL, SMALLEST_CELL_LOG2, CellRanking
+from hdl.selection.row_buffer import CellRows
+
+
+class CellSelection(wiring.Component):
+    """The best features of each cell of one level, cell row by cell row.
+
+    Features are ranked as they come; at the end of a cell row the row leaves in order while the next one fills.
+
+    Parameters
+    ----------
+    pattern : DescriptorPattern
+    width_px : int
+        Largest width of the level.
+
+    Members
+    -------
+    i : In(feature_beat)
+        Features at least 2 clocks apart.
+    i_cell_log2 : In(4)
+        log2 of the cell's side, 5 to 8.
+    i_per_cell : In(4)
+        1 to 8.
+    i_reserve : In(1)
+        The pixel that will end a cell row has been admitted: nothing can stop it now.
+    o_busy : Out(1)
+        A cell row is on its way to its end, or has not left yet: another ``i_reserve`` must wait.
+    o_added : Out(1)
+        The frame has one more feature.
+    o : Out(stream of feature_or_end)
+        By cell, in a cell by falling response, equal ones in raster order; then the end of the row.
+
+    Attributes
+    ----------
+    latency_cycles : int
+        From the end of a cell row to its first feature at ``o``, if that is in the first cell; every empty cell
+        before it takes one more.
+
+    Raises
+    ------
+    ValueError
+        If no pixel fits the width.
+    """
+
+    i: data.View
+    i_cell_log2: Signal
+    i_per_cell: Signal
+    i_reserve: Signal
+    o_busy: Signal
+    o_added: Signal
+    o: stream.Interface
+
+    latency_cycles = CellRanking.latency_cycles + CellRows.latency_cycles
+
+    def __init__(self, *, pattern: DescriptorPattern, width_px: int) -> None:
+        if width_px < 1:
+            raise ValueError(f"width_px is {width_px}; it must be at least 1")
+        self.pattern = pattern
+        self.cells = -(-width_px >> SMALLEST_CELL_LOG2)
+        super().__init__(
+            {
+                "i": In(feature_beat(pattern)),
+                "i_cell_log2": In(range(LARGEST_CELL_LOG2 + 1)),
+                "i_per_cell": In(range(MAX_PER_CELL + 1)),
+                "i_reserve": In(1),
+                "o_busy": Out(1),
+                "o_added": Out(1),
+                "o": Out(stream.Signature(feature_or_end(pattern))),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """Ranking, then storage; the end of a row comes after its last feature's ranking."""
+        m = Module()
+        m.submodules.ranking = ranking = CellRanking(pattern=self.pattern, cells=self.cells)
+        m.submodules.rows = rows = CellRows(pattern=self.pattern, cells=self.cells)
+        ends_row, ends_level = delayed(
+            m, Cat(self.i.ends_row, self.i.ends_level), ranking.latency_cycles, reset_less=False
+        )
+        m.d.comb += [
+            ranking.i.eq(self.i),
+            ranking.i_cell_log2.eq(self.i_cell_log2),
+            ranking.i_per_cell.eq(self.i_per_cell),
+            ranking.i_clear.eq(ends_row),
+            rows.i_write.eq(ranking.o_kept),
+            rows.i_cell.eq(ranking.o_cell),
+            rows.i_slot.eq(ranking.o_slot),
+            rows.i_feature.eq(ranking.o_feature),
+            rows.i_order.eq(ranking.o_order),
+            rows.i_close.eq(ends_row),
+            rows.i_touched.eq(ranking.o_touched),
+            rows.i_ends_level.eq(ends_level),
+            self.o_added.eq(ranking.o_kept & ranking.o_added),
+        ]
+        wiring.connect(m, wiring.flipped(self.o), rows.o)
+        with m.If(self.i_reserve):
+            m.d.sync += self.o_busy.eq(1)
+        with m.Elif(rows.o_drained):
+            m.d.sync += self.o_busy.eq(0)
+        return m
+
+
+class RasterSelection(wiring.Component):
+    """Every feature of the level in raster order.
+
+    Parameters
+    ----------
+    pattern : DescriptorPattern
+    depth : int
+        Features that may wait.
+    in_flight : int
+        Features that may still come once the door has closed: half the clocks from the door to here.
+
+    Members
+    -------
+    i : In(feature_beat)
+        Features at least 2 clocks apart.
+    o_busy : Out(1)
+        No pixel may be admitted.
+    o_added : Out(1)
+        The frame has one more feature.
+    o : Out(stream of feature_or_end)
+        The end of the level is the end of its only row.
+
+    Attributes
+    ----------
+    latency_cycles : int
+        From a feature to the same at ``o``.
+    """
+
+    i: data.View
+    o_busy: Signal
+    o_added: Signal
+    o: stream.Interface
+
+    latency_cycles = 2
+
+    def __init__(self, *, pattern: DescriptorPattern, depth: int, in_flight: int) -> None:
+        if in_flight >= depth:
+            raise ValueError(f"in_flight is {in_flight}; it must be less than the depth, {depth}")
+        self.depth = depth
+        self.in_flight = in_flight
+        super().__init__(
+            {
+                "i": In(feature_beat(pattern)),
+                "o_busy": Out(1),
+                "o_added": Out(1),
+                "o": Out(stream.Signature(feature_or_end(pattern))),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """A queue; the end follows the level's last beat a clock later, where no feature can be."""
+        m = Module()
+        m.submodules.queue = queue = fifo.SyncFIFOBuffered(width=len(self.o.p.as_value()), depth=self.depth)
+        ends_level = delayed(m, self.i.ends_level, 1, reset_less=False)
+        entry = Signal.like(self.o.p)
+        m.d.comb += [
+            entry.feature.eq(self.i.feature),
+            entry.ends_row.eq(ends_level),
+            entry.ends_level.eq(ends_level),
+            self.o_added.eq(self.i.present),
+            queue.w_data.eq(entry),
+            queue.w_en.eq(self.i.present | ends_level),
+            self.o.valid.eq(queue.r_rdy),
+            self.o.p.eq(queue.r_data),
+            queue.r_en.eq(self.o.ready),
+        ]
+        m.d.sync += self.o_busy.eq(queue.level >= self.depth - self.in_flight)
+        return m

@@ -1,0 +1,106 @@
+"""The project's designs, ready to be simulated, and how their settings follow from a configuration."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+import golden_model
+import hdl
+from golden_model.config import DETECTORS, Config, FrontEndConfig
+from golden_model.formats import encode_response
+from hdl.accelerator import Accelerator, AcceleratorTop
+from hdl.axi.register_map import REGISTERS
+from hdl.front_end import FrontEnd
+from sim import front_end_top
+from sim.build_cache import digest_files
+from sim.design import Design, Ports
+from sim.front_end_top import SETTINGS, FrontEndTop, Tap
+
+FEATURES, MATCHES, CONTROL = "m_axis_features", "m_axis_matches", "s_axi_ctrl"
+LANES = 16
+
+
+def accelerator(config: Config, max_size_px: tuple[int, int], *, lanes: int = LANES) -> Design:
+    """The whole accelerator for frames up to a width and height."""
+    config = dataclasses.replace(
+        config,
+        preset="any",
+        front_end=_as_built(config.front_end),
+        matcher=dataclasses.replace(config.matcher, keep_above=0),
+    )
+    size = {"max_width_px": max_size_px[0], "max_height_px": max_size_px[1]}
+    return Design(
+        "the accelerator",
+        Ports(outputs=(FEATURES, MATCHES), control=CONTROL),
+        lambda: AcceleratorTop(Accelerator(config=config, lanes=lanes, **size)),
+        f"{config} {lanes} {size} {source_key()}",
+    )
+
+
+def front_end(config: FrontEndConfig, max_size_px: tuple[int, int], *, taps: tuple[Tap, ...] = ()) -> Design:
+    """The front end alone for frames up to a width and height, with ``taps`` of stages to look at."""
+    config = _as_built(config)
+    size = {"max_width_px": max_size_px[0], "max_height_px": max_size_px[1]}
+    return Design(
+        "the front end",
+        Ports(outputs=(FEATURES,), settings=SETTINGS, taps=tuple(tap.port for tap in taps)),
+        lambda: FrontEndTop(FrontEnd(config=config, **size), taps=taps),
+        f"{config} {size} {taps} {source_key()}",
+    )
+
+
+def _as_built(config: FrontEndConfig) -> FrontEndConfig:
+    """The configuration without what is set at run time, so that one build serves all of it."""
+    return dataclasses.replace(config, detector="harris", threshold=1, cell_px=None, per_cell=None)
+
+
+@functools.cache
+def source_key() -> str:
+    """A key for all that the designs are made from."""
+    folders = [Path(package.__file__).parent for package in (golden_model, hdl)]
+    return digest_files([*(path for folder in folders for path in folder.rglob("*.py")), Path(front_end_top.__file__)])
+
+
+def frame_settings(config: FrontEndConfig, width_px: int, height_px: int, *, gray_input: bool) -> dict[str, int]:
+    """Run-time settings for frames of one size, by the names of `hdl.streams.FrontEndSettings`.
+
+    Raises
+    ------
+    ValueError
+        If the configuration cannot take the size.
+    """
+    config = config.for_size(width_px, height_px)
+    return {
+        "width_px": width_px,
+        "height_px": height_px,
+        "cell_log2": ((config.cell_px or 32) - 1).bit_length(),
+        "per_cell": config.per_cell or 1,
+        "detector": DETECTORS.index(config.detector),
+        "threshold_code": int(encode_response(np.array(config.threshold))),
+        "gray_input": int(gray_input),
+        "adaptive": 0,
+        "target_features": config.max_features - 1,
+    }
+
+
+def register_writes(values: Mapping[str, int]) -> list[tuple[int, int]]:
+    """Addresses and words that set fields of `hdl.axi.register_map.REGISTERS`; their other fields are reset.
+
+    Raises
+    ------
+    ValueError
+        For a field that does not exist.
+    """
+    unknown = values.keys() - {field.name for register in REGISTERS for field in register.fields}
+    if unknown:
+        raise ValueError(f"no register field {', '.join(sorted(unknown))}")
+    return [
+        (register.offset, sum(values.get(field.name, field.init) << field.low for field in register.fields))
+        for register in REGISTERS
+        if any(field.name in values for field in register.fields)
+    ]

@@ -1,0 +1,1 @@
+"""From laid-out photographs to one picture: warping, exposure, seams, blending."""

@@ -1,0 +1,250 @@
+"""Warping images into a common frame: the canvas, backward and forward warping, the cylinder.
+
+Every image comes with a homography from its pixels to the pixels of one reference frame. A `Canvas` is a
+rectangle of that frame: the whole mosaic, a tile of it, or the part that one image covers. The planar manifold
+(thesis, section II.2.4) is the reference frame itself.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from skymosaic.geometry.homography import apply, scaled
+
+Array = NDArray[np.float64]
+Pixels = NDArray[np.uint8]
+
+CANVAS_LIMIT_PX = 250_000_000
+"""Default limit of a canvas's area."""
+TILE_PX = 1024
+"""Side of the tiles that are warped at once: they stay in the cache, and far below OpenCV's limit of 32767."""
+ROUNDING_PX = 1e-6
+"""A corner this close to a pixel is on it; composed transformations are not exact."""
+SUPPORT_PX = 2
+"""Pixels around a source position that bilinear interpolation may read, rounding included."""
+
+
+class CanvasError(ValueError):
+    """The images do not fit on a canvas: one reaches behind the camera, or the canvas would be too large."""
+
+
+@dataclass(frozen=True)
+class Canvas:
+    """A rectangle of whole pixels of the reference frame.
+
+    Attributes
+    ----------
+    x_px, y_px : int
+        Its first pixel in the reference frame.
+    width_px, height_px : int
+        Its size.
+    """
+
+    x_px: int
+    y_px: int
+    width_px: int
+    height_px: int
+
+    @property
+    def translation(self) -> Array:
+        """(3, 3): reference pixels to pixels of this rectangle."""
+        return np.array([[1.0, 0, -self.x_px], [0, 1.0, -self.y_px], [0, 0, 1.0]])
+
+    @property
+    def corners(self) -> Array:
+        """The centres (4, 2) of its corner pixels in the reference frame."""
+        x, y = self.x_px + self.width_px - 1, self.y_px + self.height_px - 1
+        return np.array([[self.x_px, self.y_px], [x, self.y_px], [x, y], [self.x_px, y]], dtype=np.float64)
+
+    def intersection(self, other: Canvas) -> Canvas | None:
+        """What both cover; None where they do not meet."""
+        x, y = max(self.x_px, other.x_px), max(self.y_px, other.y_px)
+        width = min(self.x_px + self.width_px, other.x_px + other.width_px) - x
+        height = min(self.y_px + self.height_px, other.y_px + other.height_px) - y
+        return Canvas(x, y, width, height) if width > 0 and height > 0 else None
+
+    def within(self, other: Canvas) -> tuple[slice, slice]:
+        """The index of this rectangle in an array that holds ``other``, which must cover it."""
+        x, y = self.x_px - other.x_px, self.y_px - other.y_px
+        return slice(y, y + self.height_px), slice(x, x + self.width_px)
+
+    def tiles(self, side_px: int = TILE_PX) -> Iterator[Canvas]:
+        """Tiles of at most ``side_px`` squared that cover it, row by row."""
+        for y in range(0, self.height_px, side_px):
+            for x in range(0, self.width_px, side_px):
+                width, height = min(side_px, self.width_px - x), min(side_px, self.height_px - y)
+                yield Canvas(self.x_px + x, self.y_px + y, width, height)
+
+
+def magnification(zoom: float) -> Array:
+    """(3, 3): magnifies by ``zoom`` about the corner of pixel (0, 0), so that pixel centres stay at integers."""
+    return np.array([[zoom, 0, (zoom - 1) / 2], [0, zoom, (zoom - 1) / 2], [0, 0, 1]])
+
+
+def canvas_of(
+    sizes: Sequence[tuple[int, int]], transforms: Sequence[Array], *, limit_px: int = CANVAS_LIMIT_PX
+) -> Canvas:
+    """The smallest canvas that holds all images.
+
+    Parameters
+    ----------
+    sizes : sequence of (int, int)
+        Width and height of each image, px.
+    transforms : sequence of (3, 3) float64 ndarray
+        Image pixels to reference pixels.
+    limit_px : int
+        Largest accepted area.
+
+    Raises
+    ------
+    CanvasError
+        If a corner of an image comes to lie behind the camera, or the area exceeds the limit; nothing was
+        allocated by then.
+    """
+    parts = [footprint(size, transform) for size, transform in zip(sizes, transforms, strict=True)]
+    x, y = min(part.x_px for part in parts), min(part.y_px for part in parts)
+    width = max(part.x_px + part.width_px for part in parts) - x
+    height = max(part.y_px + part.height_px for part in parts) - y
+    if width * height > limit_px:
+        raise CanvasError(
+            f"the canvas would be {width}x{height} px, {width * height / 1e6:.0f} megapixels; "
+            f"the limit is {limit_px / 1e6:.0f}"
+        )
+    return Canvas(x, y, width, height)
+
+
+def footprint(size: tuple[int, int], transform: Array) -> Canvas:
+    """The pixels of the reference frame whose centres an image of ``size`` (width, height) may cover.
+
+    Raises
+    ------
+    CanvasError
+        If a corner of the image comes to lie behind the camera.
+    """
+    corners = Canvas(0, 0, *size).corners
+    depth = corners @ transform[2, :2] + transform[2, 2]
+    if not (depth * depth[0] > 0).all():
+        raise CanvasError(f"a corner of an image of {size[0]}x{size[1]} px would lie behind the camera")
+    mapped = apply(transform, corners)
+    first = np.ceil(mapped.min(axis=0) - ROUNDING_PX)
+    last = np.floor(mapped.max(axis=0) + ROUNDING_PX)
+    return Canvas(int(first[0]), int(first[1]), int(last[0] - first[0]) + 1, int(last[1] - first[1]) + 1)
+
+
+def shrunk(image: Pixels, transform: Array) -> tuple[Pixels, Array]:
+    """The image reduced by area, with its transformation, where the transformation shrinks it to half or less.
+
+    Bilinear interpolation reads four pixels; a picture that becomes much smaller has to be averaged first.
+    """
+    height, width = image.shape[:2]
+    x, y = (width - 1) / 2, (height - 1) / 2
+    along_x, along_y = apply(transform, [(x + 1, y), (x, y + 1)]) - apply(transform, (x, y))
+    scale = math.sqrt(abs(along_x[0] * along_y[1] - along_x[1] * along_y[0]))
+    factor = min(int(1 / max(scale, 1e-6) + 1e-6), width, height)
+    if factor < 2:
+        return image, transform
+    small = (width // factor, height // factor)
+    by_x, by_y = width / small[0], height / small[1]
+    enlarge = np.array([[by_x, 0, (by_x - 1) / 2], [0, by_y, (by_y - 1) / 2], [0, 0, 1]])
+    return np.asarray(cv2.resize(image, small, interpolation=cv2.INTER_AREA), dtype=np.uint8), transform @ enlarge
+
+
+def source_window(size: tuple[int, int], transform: Array, tile: Canvas) -> Canvas:
+    """The rectangle of an image's own pixels that a tile of the reference frame needs.
+
+    Where the tile shows nothing of the image, it is the border next to it.
+    """
+    inverse = np.asarray(np.linalg.inv(scaled(transform)), dtype=np.float64)
+    depth = tile.corners @ inverse[2, :2] + inverse[2, 2]
+    if depth.min() <= 0:
+        return Canvas(0, 0, *size)  # The tile reaches beyond the horizon: its corners do not bound what it shows.
+    mapped = apply(inverse, tile.corners)
+    last_pixel = np.array(size) - 1
+    x, y = np.clip(np.floor(mapped.min(axis=0)) - SUPPORT_PX, 0, last_pixel).astype(int).tolist()
+    last_x, last_y = np.clip(np.ceil(mapped.max(axis=0)) + SUPPORT_PX, 0, last_pixel).astype(int).tolist()
+    return Canvas(x, y, last_x - x + 1, last_y - y + 1)
+
+
+def backward(image: Pixels, transform: Array, canvas: Canvas, *, border: int = cv2.BORDER_CONSTANT) -> Pixels:
+    """Backward warping x = H^-1 x', bilinear (thesis, equation II-17).
+
+    Parameters
+    ----------
+    image : (H, W) or (H, W, 3) uint8 ndarray
+        Gray, BGR, or a mask.
+    transform : (3, 3) float64 ndarray
+        Image pixels to reference pixels.
+    canvas : Canvas
+        What to fill; of any size.
+    border : int
+        OpenCV's border mode: 0 outside the image, or ``cv2.BORDER_REPLICATE``.
+
+    Returns
+    -------
+    uint8 ndarray
+        The canvas's pixels.
+    """
+    whole_size = (image.shape[1], image.shape[0])
+    warped = np.empty((canvas.height_px, canvas.width_px, *image.shape[2:]), dtype=np.uint8)
+    for tile in canvas.tiles():
+        source = source_window(whole_size, transform, tile)
+        part = image[source.within(Canvas(0, 0, *whole_size))]
+        warped[tile.within(canvas)] = warp_tile(part, transform, source, tile, border)
+    return warped
+
+
+def warp_tile(part: NDArray[np.generic], transform: Array, source: Canvas, tile: Canvas, border: int) -> Pixels:
+    """Warp ``part``, the pixels of an image inside ``source``, into one tile."""
+    matrix = tile.translation @ transform @ np.linalg.inv(source.translation)
+    size = (tile.width_px, tile.height_px)
+    return np.asarray(cv2.warpPerspective(part, matrix, size, flags=cv2.INTER_LINEAR, borderMode=border))
+
+
+def forward(image: Pixels, transform: Array, canvas: Canvas) -> Pixels:
+    """Forward warping x' = Hx to the nearest pixel (thesis, equation II-16).
+
+    Arguments and result as in `backward`. Pixels that nothing maps to stay 0: where the transformation
+    enlarges, holes are left.
+    """
+    warped = np.zeros((canvas.height_px, canvas.width_px, *image.shape[2:]), dtype=np.uint8)
+    whole = Canvas(0, 0, *image.shape[1::-1])
+    for part in whole.tiles():
+        rows, columns = part.within(whole)
+        y, x = np.mgrid[rows, columns]
+        target = apply(canvas.translation @ transform, np.stack([x, y], axis=-1))
+        inside = ((target > -0.5) & (target < np.array([canvas.width_px, canvas.height_px]) - 0.5)).all(axis=-1)
+        column, row = np.rint(target[inside]).astype(np.int64).T
+        warped[row, column] = image[rows, columns][inside]
+    return warped
+
+
+def cylindrical(image: Pixels, focal_px: float) -> Pixels:
+    """Project an image onto a cylinder about the vertical axis through the camera (thesis, section II.2.4).
+
+    On the cylinder, a turn of the camera about that axis is a shift along x.
+
+    Parameters
+    ----------
+    image : (H, W) or (H, W, 3) uint8 ndarray
+        Taken with its optical axis through the centre.
+    focal_px : float
+        Focal length in pixels, the cylinder's radius; the scale at the centre is kept.
+
+    Returns
+    -------
+    uint8 ndarray
+        As high as the image and as wide as its arc; 0 where the image shows nothing.
+    """
+    height, width = image.shape[:2]
+    arc = 2 * math.floor(focal_px * math.atan((width - 1) / 2 / focal_px)) + 1
+    angle = (np.arange(arc) - (arc - 1) / 2) / focal_px
+    rise = np.arange(height) - (height - 1) / 2
+    x = np.broadcast_to(focal_px * np.tan(angle) + (width - 1) / 2, (height, arc))
+    y = rise[:, None] / np.cos(angle) + (height - 1) / 2
+    return np.asarray(cv2.remap(image, x.astype(np.float32), y.astype(np.float32), cv2.INTER_LINEAR), dtype=np.uint8)

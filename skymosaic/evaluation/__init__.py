@@ -1,0 +1,1 @@
+"""Measuring results: metrics, pairs with known homographies, hardware against golden model."""

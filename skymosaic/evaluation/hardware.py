@@ -1,0 +1,130 @@
+"""The same pair through the golden model and through hardware: equal or not, how much was compared, how fast."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from golden_model.config import Config
+from sim.backend import FrameResult, create, silent
+from sim.hardware import HardwareFrontEnd
+from sim.scoreboard import Coverage, Mismatch, first_mismatch
+from sim.stages import locate_mismatch
+from skymosaic import board
+from skymosaic.imagery.images import Pixels, load, reduced
+from skymosaic.registration import extract_within_capacity
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What came of a comparison.
+
+    Attributes
+    ----------
+    mismatch : Mismatch or None
+        The first difference; None where everything is equal. Where a simulation differs, it is the first pixel of
+        the first stage of the front end, or a record's field if it arises behind those.
+    coverage : Coverage
+        How much was compared.
+    cycles_per_frame : tuple of int
+        Clocks from a frame's first pixel to its last word.
+    seconds : float
+        Wall time of the simulation, builds excluded.
+    notes : tuple of str
+        Why equality proves little, where it does.
+    """
+
+    mismatch: Mismatch | None
+    coverage: Coverage
+    cycles_per_frame: tuple[int, ...]
+    seconds: float
+    notes: tuple[str, ...]
+
+    @property
+    def cycles_per_second(self) -> float:
+        """Simulated clocks a second."""
+        return sum(self.cycles_per_frame) / self.seconds
+
+    def summary(self) -> dict[str, Any]:
+        """The comparison as ``compare --json`` prints it."""
+        return {
+            "equal": self.mismatch is None,
+            "frames": self.coverage.frames,
+            "features": list(self.coverage.features),
+            "sectors": self.coverage.sectors,
+            "matches": self.coverage.matches,
+            "cycles_per_frame": list(self.cycles_per_frame),
+            "cycles_per_second": round(self.cycles_per_second),
+            "mismatch": str(self.mismatch) if self.mismatch else None,
+            "notes": list(self.notes),
+        }
+
+
+def compare(
+    left: str | Path | Pixels,
+    right: str | Path | Pixels,
+    *,
+    config: Config,
+    backend: str,
+    working_width_px: int,
+    waves: Path | None = None,
+    progress: Callable[[str], None] = silent,
+) -> Comparison:
+    """Run a pair through the golden model and ``backend``.
+
+    Parameters
+    ----------
+    left, right : path or ndarray of uint8
+    config : Config
+    backend : str
+        As for `skymosaic.registration.register`.
+    working_width_px : int
+        Wider photographs are reduced first.
+    waves : Path or None
+        Where a simulation writes its waves (VCD), tens of kilobytes a clock: for small frames.
+    progress : callable
+        Receives lines about a first build.
+    """
+    frames = [
+        reduced(load(image, name).pixels, working_width_px)[0]
+        for image, name in ((left, "left image"), (right, "right image"))
+    ]
+    golden, config = extract_within_capacity(create("golden"), frames, config)
+    hardware = board.front_end(backend, progress=progress, waves=waves)
+    if waves is None:
+        # The first run builds what is missing; only the second one is timed.
+        hardware.run(frames, config)
+    start = time.perf_counter()
+    found = hardware.run(frames, config)
+    seconds = time.perf_counter() - start
+    mismatch = first_mismatch(golden, found)
+    if mismatch and isinstance(hardware, HardwareFrontEnd):
+        mismatch = _located(mismatch, frames, config, hardware, progress)
+    return Comparison(
+        mismatch=mismatch,
+        coverage=Coverage.of(golden),
+        cycles_per_frame=tuple(_cycles(result) for result in found),
+        seconds=seconds,
+        notes=tuple(Coverage.of(golden).missing(config.front_end)),
+    )
+
+
+def _located(
+    mismatch: Mismatch,
+    frames: list[Pixels],
+    config: Config,
+    hardware: HardwareFrontEnd,
+    progress: Callable[[str], None],
+) -> Mismatch:
+    """The stage at which a frame's records went wrong, where one of those that can be watched did."""
+    progress("looking for the stage")
+    frame = mismatch.frame
+    stage = locate_mismatch(frames[frame], config.front_end, hardware.simulate, frame=frame, progress=progress)
+    return stage or mismatch
+
+
+def _cycles(result: FrameResult) -> int:
+    return result.cycles or 0

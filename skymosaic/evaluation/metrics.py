@@ -1,0 +1,132 @@
+"""Quality of features, matches and homographies against the truth (thesis, equations IV-2 to IV-7)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import KDTree
+
+from skymosaic.geometry.homography import apply
+
+Array = NDArray[np.float64]
+
+GRID_POINTS = 20
+MISSING_ERROR_PX = 1000.0
+"""Grid error where no homography was estimated."""
+
+
+@dataclass(frozen=True)
+class Confusion:
+    """How many matches were kept and rejected, rightly and wrongly."""
+
+    true_positives: int
+    false_positives: int
+    true_negatives: int
+    false_negatives: int
+
+    @property
+    def recall(self) -> float:
+        """Correct matches kept / all correct correspondences found (equation IV-6); 0 where there are none."""
+        return _share(self.true_positives, self.true_positives + self.false_negatives)
+
+    @property
+    def precision(self) -> float:
+        """Correct matches kept / all matches kept, one minus equation IV-7; 0 where none was kept."""
+        return _share(self.true_positives, self.true_positives + self.false_positives)
+
+
+def confusion(kept: ArrayLike, correct: ArrayLike) -> Confusion:
+    """Count the four cases of matches that were ``kept`` (N,) bool against which are ``correct`` (N,) bool."""
+    positive, true = np.asarray(kept, dtype=bool), np.asarray(correct, dtype=bool)
+    return Confusion(
+        true_positives=int(np.count_nonzero(positive & true)),
+        false_positives=int(np.count_nonzero(positive & ~true)),
+        true_negatives=int(np.count_nonzero(~positive & ~true)),
+        false_negatives=int(np.count_nonzero(~positive & true)),
+    )
+
+
+def correct_matches(left: ArrayLike, right: ArrayLike, truth: Array, *, tolerance_px: float = 3.0) -> NDArray[np.bool_]:
+    """Which matches (N, 2) to (N, 2) agree with the true homography within ``tolerance_px``, (N,) bool."""
+    return np.asarray(_distances(truth, left, right) <= tolerance_px)
+
+
+def rmse(H: Array, left: ArrayLike, right: ArrayLike) -> float:
+    """Root of the mean squared distance of Hx to x', px (equations IV-3 to IV-5), of at least one match."""
+    return float(np.sqrt(np.mean(_distances(H, left, right) ** 2)))
+
+
+def repeatability(
+    left: ArrayLike, right: ArrayLike, truth: Array, right_size: tuple[int, int], *, tolerance_px: float = 1.5
+) -> float:
+    """Share of the left features in the overlap that were detected in the right image too (equation IV-2).
+
+    Parameters
+    ----------
+    left, right : (N, 2) and (M, 2) array_like
+        Feature positions, px.
+    truth : (3, 3) float64 ndarray
+        Maps left to right.
+    right_size : (int, int)
+        Width and height of the right image, px.
+    tolerance_px : float
+        Two features correspond if each is the other's nearest and they are this close (1.5 px: Schmid, Mohr and
+        Bauckhage 2000).
+
+    Returns
+    -------
+    float
+        Correspondences / query features, 0 where no left feature maps into the right image.
+    """
+    mapped, found = apply(truth, left), np.asarray(right, dtype=np.float64)
+    query = mapped[_inside(mapped, right_size)]
+    if len(query) == 0 or len(found) == 0:
+        return 0.0
+    distance, nearest = KDTree(found).query(query)
+    _, nearest_query = KDTree(query).query(found)
+    mutual = nearest_query[nearest] == np.arange(len(query))
+    return _share(int(np.count_nonzero(mutual & (distance <= tolerance_px))), len(query))
+
+
+def grid_error(estimated: Array | None, truth: Array, left_size: tuple[int, int], right_size: tuple[int, int]) -> float:
+    """Mean distance between two homographies over the overlap, px.
+
+    Parameters
+    ----------
+    estimated : (3, 3) float64 ndarray or None
+        None counts as `MISSING_ERROR_PX`, as does one that sends a point of the overlap to infinity.
+    truth : (3, 3) float64 ndarray
+        Both map left to right.
+    left_size, right_size : (int, int)
+        Width and height, px. Of 20x20 points spread over the left image, those count that the truth maps
+        into the right one.
+
+    Raises
+    ------
+    ValueError
+        If there are none.
+    """
+    axes = (np.linspace(0, side - 1, GRID_POINTS) for side in left_size)
+    points = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
+    expected = apply(truth, points)
+    inside = _inside(expected, right_size)
+    if not inside.any():
+        raise ValueError("the images do not overlap under the true homography")
+    if estimated is None:
+        return MISSING_ERROR_PX
+    error = float(_distances(estimated, points[inside], expected[inside]).mean())
+    return error if np.isfinite(error) else MISSING_ERROR_PX
+
+
+def _distances(H: Array, left: ArrayLike, right: ArrayLike) -> Array:
+    return np.asarray(np.linalg.norm(apply(H, left) - np.asarray(right, dtype=np.float64), axis=-1))
+
+
+def _inside(points: Array, size: tuple[int, int]) -> NDArray[np.bool_]:
+    return np.asarray(((points >= 0) & (points <= np.array(size) - 1)).all(axis=-1))
+
+
+def _share(part: int, whole: int) -> float:
+    return part / whole if whole else 0.0

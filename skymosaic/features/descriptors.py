@@ -1,0 +1,118 @@
+"""Descriptors of any key points, as feature records: OpenCV's, ILBP, gray windows, or none (for the KLT tracker)."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from functools import cache
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.feature import ilbp
+from golden_model.feature.ilbp import PATTERNS, SECTORS
+from golden_model.formats import POSITION, encode_response
+from golden_model.matching.correlation import windows
+from golden_model.pixel.smooth import binomial5
+from golden_model.records import Tag, feature_record
+from skymosaic.features.detectors import POSITIONS_PER_PX, KeyPoints, Pixels, points_of
+
+Records = NDArray[np.void]
+Bytes = NDArray[np.uint8]
+
+_OPENCV: dict[str, Callable[[], cv2.Feature2D]] = {
+    # nfeatures, octave layers, contrast, edge, sigma, and descriptors as the bytes that they are.
+    "sift": lambda: cv2.SIFT.create(0, 3, 0.02, 10, 1.6, cv2.CV_8U, False),
+    "orb": cv2.ORB.create,
+    "akaze": cv2.xfeatures2d.AKAZE.create,
+    "brisk": cv2.xfeatures2d.BRISK.create,
+    "freak": cv2.xfeatures2d.FREAK.create,
+}
+WINDOWS_PX = {f"window-{size}": size for size in (3, 10, 22, 25, 30)}
+"""Gray windows for correlation, with the sides of Table IV-2."""
+TRACKED = "klt"
+DESCRIPTORS = (*PATTERNS, *WINDOWS_PX, *_OPENCV, TRACKED)
+"""Every descriptor by name."""
+ONCE_A_PLACE = ("brisk", "freak", *PATTERNS, *WINDOWS_PX)
+"""Descriptors that ignore the angle of a key point: SIFT's repeats at one place would get equal ones."""
+STRONGEST_RESPONSE = 1 << 30
+"""The records' response of the strongest key point of an image; the others are in proportion."""
+
+
+def describe(gray: Pixels, key_points: KeyPoints, descriptor: str) -> Records:
+    """Feature records of the key points that can be described, in their order.
+
+    Parameters
+    ----------
+    gray : ndarray of uint8, shape (H, W)
+    key_points : sequence of cv2.KeyPoint
+        Those nearer to the border than the descriptor's support are dropped.
+    descriptor : str
+        One of `DESCRIPTORS`. ILBP and windows are taken at the nearest pixel of the full size.
+
+    Returns
+    -------
+    structured ndarray, shape (N,)
+        `golden_model.records.feature_record`; the sector is that of the ILBP, or of the key point's angle.
+    """
+    if descriptor in _OPENCV:
+        extractor = _extractor(descriptor)
+        key_points, values = extractor.compute(gray, key_points)
+        return _records(key_points, np.empty((0, extractor.descriptorSize()), np.uint8) if values is None else values)
+    if descriptor in WINDOWS_PX:
+        size_px = WINDOWS_PX[descriptor]
+        key_points, x, y = _inside(gray, key_points, -(-size_px // 2))
+        return _records(key_points, windows(gray, x, y, size_px))
+    if descriptor == TRACKED:
+        return _records(key_points, np.empty((len(key_points), 0), np.uint8))
+    return _ilbp(gray, key_points, descriptor)
+
+
+@cache
+def _extractor(descriptor: str) -> cv2.Feature2D:
+    """Made once: BRISK's tables take longer to build than an image to describe."""
+    return _OPENCV[descriptor]()
+
+
+def _ilbp(gray: Pixels, key_points: KeyPoints, descriptor: str) -> Records:
+    pattern = PATTERNS[descriptor]
+    key_points, x, y = _inside(gray, key_points, pattern.support_px)
+    sector, values = ilbp.describe(gray, binomial5(gray), x, y, pattern)
+    window = ilbp.window3x3(gray, x, y) if pattern.carries_window else None
+    records = _records(key_points, values, window)
+    records["sector"] = sector
+    return records
+
+
+def _inside(
+    gray: Pixels, key_points: KeyPoints, support_px: int
+) -> tuple[KeyPoints, NDArray[np.intp], NDArray[np.intp]]:
+    """The key points at least ``support_px`` from the border, and the pixels they are nearest to."""
+    places = np.floor(points_of(key_points) + 0.5).astype(np.intp)
+    limits = np.array(gray.shape[::-1]) - support_px
+    inside = ((places >= support_px) & (places < limits)).all(axis=1)
+    return list(itertools.compress(key_points, inside)), *places[inside].T
+
+
+def _records(key_points: KeyPoints, descriptors: Bytes, window: Bytes | None = None) -> Records:
+    record = feature_record(descriptors.shape[1], 0 if window is None else window.shape[1])
+    records = np.zeros(len(key_points), record.dtype)
+    records["tag"] = Tag.FEATURE
+    records["index"] = np.arange(len(records))
+    records["x"], records["y"] = positions(points_of(key_points)).T
+    angle = np.array([point.angle for point in key_points])
+    records["sector"] = np.rint(angle * (SECTORS / 360)).astype(int) % SECTORS
+    response = np.array([point.response for point in key_points], dtype=np.float64)
+    scale = STRONGEST_RESPONSE / response.max(initial=1e-30)
+    records["response"] = encode_response((np.maximum(response, 0) * scale).astype(np.int64))
+    records["descriptor"] = descriptors
+    if window is not None:
+        records["window"] = window
+    return records
+
+
+def positions(points: NDArray[np.floating]) -> NDArray[np.uint16]:
+    """Points (N, 2) in px as `golden_model.formats.POSITION`, 1/16 px, half up."""
+    raw = np.floor(points * POSITIONS_PER_PX + 0.5)
+    return np.asarray(np.clip(raw, POSITION.min_raw, POSITION.max_raw), dtype=np.uint16)

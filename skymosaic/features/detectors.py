@@ -1,0 +1,80 @@
+"""Key points of every detector: Harris and FAST of the front end, SURF's boxes, and OpenCV's.
+
+Thresholds are low enough for thousands of key points on ordinary photographs; the caller keeps the strongest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.feature.ilbp import SECTORS
+from golden_model.formats import decode_response
+from skymosaic.features import surf
+
+Pixels = NDArray[np.uint8]
+KeyPoints = Sequence[cv2.KeyPoint]
+
+FRONT_END_DETECTORS = ("harris", "fast")
+POSITIONS_PER_PX = 16
+CORNER_SIZE_PX = 7.0
+"""Diameter given to Harris and FAST corners, which have no scale: OpenCV's for FAST."""
+
+_OPENCV: dict[str, Callable[[int], cv2.Feature2D]] = {
+    # All of SIFT's: a limit would count each orientation of a place.
+    "sift": lambda _: cv2.SIFT.create(nfeatures=0, contrastThreshold=0.02),
+    "orb": lambda count: cv2.ORB.create(nfeatures=count, fastThreshold=10),
+    "akaze": lambda _: cv2.xfeatures2d.AKAZE.create(threshold=1e-4),
+    "brisk": lambda _: cv2.xfeatures2d.BRISK.create(thresh=15),
+    # Shi and Tomasi's good features to track, the corners of the KLT tracker.
+    "klt": lambda count: cv2.GFTTDetector.create(maxCorners=count, qualityLevel=1e-3, minDistance=5),
+}
+DETECTORS = (*FRONT_END_DETECTORS, "surf", *_OPENCV)
+"""Every detector by name."""
+
+
+def detect(gray: Pixels, detector: str, count: int) -> list[cv2.KeyPoint]:
+    """Key points by falling response.
+
+    Parameters
+    ----------
+    gray : ndarray of uint8, shape (H, W)
+    detector : str
+        One of `DETECTORS` that is not the front end's.
+    count : int
+        How many are wanted: detectors that can find more may give more.
+    """
+    found = surf.key_points(gray) if detector == "surf" else _OPENCV[detector](count).detect(gray, None)
+    return sorted(found, key=lambda point: -float(point.response))
+
+
+def once_a_place(key_points: KeyPoints) -> list[cv2.KeyPoint]:
+    """The first key point of each place: SIFT gives one for every strong orientation there."""
+    return list({point.pt: point for point in reversed(key_points)}.values())[::-1]
+
+
+def from_features(features: NDArray[np.void]) -> list[cv2.KeyPoint]:
+    """Corners of the front end as key points; their sector is the angle."""
+    return [
+        cv2.KeyPoint(x, y, CORNER_SIZE_PX, angle, response)
+        for x, y, angle, response in zip(
+            (features["x"] / POSITIONS_PER_PX).tolist(),
+            (features["y"] / POSITIONS_PER_PX).tolist(),
+            (features["sector"] * (360.0 / SECTORS)).tolist(),
+            decode_response(features["response"]).astype(float).tolist(),
+            strict=True,
+        )
+    ]
+
+
+def without_octaves(key_points: KeyPoints) -> list[cv2.KeyPoint]:
+    """The key points as any descriptor takes them: each detector numbers its octaves in its own way."""
+    return [cv2.KeyPoint(point.pt[0], point.pt[1], point.size, point.angle, point.response) for point in key_points]
+
+
+def points_of(key_points: KeyPoints) -> NDArray[np.float32]:
+    """Their positions (N, 2), px."""
+    return np.array([point.pt for point in key_points], dtype=np.float32).reshape(-1, 2)

@@ -1,0 +1,110 @@
+"""The optional second pass: search guided by the first homography, then a match of the warped image, upright.
+
+Warping the right image onto the left one removes rotation, scale and perspective, so that the same corners are
+found on both at the same sub-pixel phase, and upright descriptors tell them apart better than turned ones.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
+
+from golden_model.config import Config, FrontEndConfig
+from golden_model.front_end import extract
+from golden_model.matching.hamming import distances, mutual_matches
+from skymosaic.geometry.homography import DegenerateError, apply
+from skymosaic.geometry.refinement import refine_robustly
+from skymosaic.imagery.images import Pixels
+
+GUIDED_RADIUS_PX = 8.0
+WARPED_RADIUS_PX = 4.0
+LARGEST_DISTANCE = 0.34
+"""Share of differing bits from which on the rule base calls a distance high."""
+INLIER_PX = 2.0
+POSITIONS_PER_PX = 16
+
+Matrix = NDArray[np.float64]
+Records = NDArray[np.void]
+
+
+def refine_pair(
+    left: Pixels, right: Pixels, features: tuple[Records, Records], homography: Matrix, config: Config
+) -> tuple[Matrix, int]:
+    """Refine an accepted homography of two working images.
+
+    Parameters
+    ----------
+    left, right : ndarray of uint8
+        The images as the front end saw them.
+    features : tuple of structured arrays
+        Their feature records.
+    homography : ndarray, shape (3, 3)
+        Left to right, of the first pass.
+    config : Config
+        Of the first pass.
+
+    Returns
+    -------
+    homography : ndarray, shape (3, 3)
+    inliers : int
+        Matches of the last search within 2 px of it.
+    """
+    left_points, right_points = _guided_matches(*features, homography, GUIDED_RADIUS_PX)
+    guided = _fit(homography, left_points, right_points)
+    size = (left.shape[1], left.shape[0])
+    to_left_grid = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    warped = cv2.warpPerspective(right, guided, size, flags=to_left_grid)
+    covered = cv2.warpPerspective(np.full(right.shape[:2], 255, np.uint8), guided, size, flags=to_left_grid)
+
+    front_end = _upright(config.front_end)
+    border_px = front_end.border_px << (front_end.levels - 1)
+    warped_features = _well_inside(extract(warped.astype(np.uint8), front_end).features, covered, border_px)
+    left_features = extract(left, front_end).features
+    left_points, warped_points = _guided_matches(left_features, warped_features, np.eye(3), WARPED_RADIUS_PX)
+    correction = _fit(np.eye(3), left_points, warped_points)
+    residual = np.linalg.norm(apply(correction, left_points) - warped_points, axis=1)
+    refined = guided @ correction
+    return refined / refined[2, 2], int((residual <= INLIER_PX).sum())
+
+
+def _guided_matches(
+    left: Records, right: Records, homography: Matrix, radius_px: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Mutual nearest descriptors among the features within ``radius_px`` of where the homography expects them."""
+    left_points, right_points = _points(left), _points(right)
+    bits = 8 * left["descriptor"].shape[1]
+    distance = distances(left["descriptor"], right["descriptor"]).astype(np.uint16)
+    distance[cdist(apply(homography, left_points), right_points) > radius_px] = bits
+    left_index, right_index, best, _ = mutual_matches(distance, bits)
+    near = best < LARGEST_DISTANCE * bits
+    return left_points[left_index[near]], right_points[right_index[near]]
+
+
+def _fit(start: Matrix, left: NDArray[np.float64], right: NDArray[np.float64]) -> Matrix:
+    try:
+        return refine_robustly(start, left, right)
+    except (DegenerateError, ValueError):
+        return start
+
+
+def _upright(config: FrontEndConfig) -> FrontEndConfig:
+    if not config.pattern.oriented:
+        return config
+    return dataclasses.replace(config, descriptor=f"{config.descriptor}-upright")
+
+
+def _well_inside(features: Records, covered: Pixels, border_px: int) -> Records:
+    """The features whose whole support the warped image covers."""
+    kernel = np.ones((2 * border_px + 1, 2 * border_px + 1), np.uint8)
+    interior = cv2.erode(covered, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0)
+    points = np.rint(_points(features)).astype(np.intp)
+    inside: Records = features[interior[points[:, 1], points[:, 0]] == 255]
+    return inside
+
+
+def _points(features: Records) -> NDArray[np.float64]:
+    return np.stack((features["x"], features["y"]), axis=1) / POSITIONS_PER_PX

@@ -1,0 +1,159 @@
+"""Matches of feature records beyond the front end's own: ratio test, window correlation, KLT tracking.
+
+All give `golden_model.records.MATCH` records in rising left index; ``verdict`` says which passed the check in the
+other direction, or the fuzzy rules.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.formats import WEIGHT
+from golden_model.matching import correlation, fuzzy
+from golden_model.matching.matcher import paired
+from skymosaic.features.descriptors import Records, positions
+from skymosaic.features.detectors import POSITIONS_PER_PX, Pixels
+
+RATIO = 0.8
+"""A match is distinct if the nearest is closer than this share of the second nearest (equation II-7)."""
+GOOD_MATCH_ABOVE = 191
+"""Fuzzy correlation keeps what is nearer to a good match (255) than to a medium one (128)."""
+TRACKING_WINDOW_PX = 21
+TRACKING_LEVELS = 5
+RETURN_TOLERANCE_PX = 1.0
+"""A corner tracked into the other image and back must return this close to where it began."""
+
+RATIO_RULES = ("nearest in both directions", "nearest in one direction only")
+TRACKING_RULES = ("tracked there and back", "lost on the way back")
+
+
+def ratio_matches(left: Records, right: Records, norm: int) -> Records:
+    """Distinct nearest neighbours, one for each right feature (equation II-7), and the bidirectional check (III.5.2).
+
+    Parameters
+    ----------
+    left, right : structured ndarray, shape (F1,) and (F2,)
+        Feature records with descriptors of one kind.
+    norm : int
+        ``cv2.NORM_L2`` or ``cv2.NORM_HAMMING``.
+
+    Returns
+    -------
+    (M,) structured
+        Match records; ``weight`` is 1 - nearest / second nearest, ``verdict`` 1 where the left feature is the right
+        one's nearest too; ``rule`` indexes `RATIO_RULES`.
+    """
+    if len(left) < 2 or len(right) < 2:
+        return paired(left, right, np.zeros(0, np.intp), np.zeros(0, np.intp))
+    distance, nearest = _nearest(left, right, norm, 2)
+    _, back = _nearest(right, left, norm, 1)
+    distinct = np.flatnonzero(distance[:, 0] < RATIO * distance[:, 1])
+    closest_first = distinct[np.argsort(distance[distinct, 0], kind="stable")]
+    _, first = np.unique(nearest[closest_first, 0], return_index=True)
+    chosen = np.sort(closest_first[first])
+
+    partner = nearest[chosen, 0]
+    best, second = distance[chosen].T
+    matches = paired(left, right, chosen, partner)
+    matches["distance"], matches["margin"] = np.rint(best), np.rint(second) - np.rint(best)
+    matches["weight"] = np.rint(WEIGHT.max_raw * (1 - best / second))
+    matches["verdict"] = back[partner, 0] == chosen
+    matches["rule"] = 1 - matches["verdict"]
+    return matches
+
+
+def correlation_matches(left: Records, right: Records) -> Records:
+    """Windows that are each other's nearest under SAD, weighed by fuzzy correlation (Tables III-1 and III-2).
+
+    Parameters
+    ----------
+    left, right : structured ndarray, shape (F1,) and (F2,)
+        Feature records whose descriptors are gray windows of one size.
+
+    Returns
+    -------
+    (M,) structured
+        Match records; ``verdict`` 1 for a good match, ``rule`` indexes the 27 rules, ``distance`` is the SAD a pixel
+        in 1/16 gray levels.
+    """
+    if len(left) == 0 or len(right) == 0:
+        return paired(left, right, np.zeros(0, np.intp), np.zeros(0, np.intp))
+    _, nearest = _nearest(left, right, cv2.NORM_L1, 1)
+    _, back = _nearest(right, left, cv2.NORM_L1, 1)
+    chosen = np.flatnonzero(back[nearest[:, 0], 0] == np.arange(len(left)))
+    partner = nearest[chosen, 0]
+    matches = paired(left, right, chosen, partner)
+    scores = correlation.fuzzy_inputs(left["descriptor"][chosen], right["descriptor"][partner])
+    matches["distance"] = scores[0]
+    matches["weight"], matches["rule"] = fuzzy.correlation().evaluate(*scores)
+    matches["verdict"] = matches["weight"] > GOOD_MATCH_ABOVE
+    return matches
+
+
+def tracked(left_gray: Pixels, right_gray: Pixels, left: Records, right: Records) -> tuple[Records, Records]:
+    """Follow the left features into the right image with the pyramidal KLT tracker (equations II-8 to II-11).
+
+    Parameters
+    ----------
+    left_gray, right_gray : ndarray of uint8, shape (H, W)
+        Their sizes may differ.
+    left, right : structured ndarray
+        The features of both images.
+
+    Returns
+    -------
+    features : structured ndarray
+        ``right`` and, after them, one feature where each left one was found.
+    matches : structured ndarray
+        ``verdict`` 1 where the feature, tracked back, returns to its place; ``rule`` indexes `TRACKING_RULES`.
+    """
+    start = _points(left)
+    if len(left) == 0:
+        return right, paired(left, right, np.zeros(0, np.intp), np.zeros(0, np.intp))
+    height, width = right_gray.shape
+    left_gray, right_gray = _of_one_size(left_gray, right_gray)
+    there, found = _track(left_gray, right_gray, start)
+    returned, found_back = _track(right_gray, left_gray, there)
+    inside = found & ((there >= 0) & (there <= (width - 1, height - 1))).all(axis=1)
+    index = np.flatnonzero(inside)
+    arrived = left[index].copy()
+    arrived["x"], arrived["y"] = positions(there[index]).T
+    features = np.concatenate([right, arrived])
+    features["index"] = np.arange(len(features))
+    matches = paired(left, features, index, len(right) + np.arange(len(index)))
+    kept = found_back & (np.linalg.norm(returned - start, axis=1) <= RETURN_TOLERANCE_PX)
+    matches["weight"], matches["verdict"] = WEIGHT.max_raw, kept[index]
+    matches["rule"] = 1 - matches["verdict"]
+    return features, matches
+
+
+def _nearest(
+    queries: Records, candidates: Records, norm: int, count: int
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Distances and indices (N, count) of each query's nearest candidates, nearest first, ties to the lowest index."""
+    first, second = (np.ascontiguousarray(records["descriptor"]) for records in (queries, candidates))
+    if norm == cv2.NORM_L2:
+        # OpenCV's distance of bytes is ten times as slow as that of floats.
+        first, second = first.astype(np.float32), second.astype(np.float32)
+    kind = cv2.CV_32F if norm == cv2.NORM_L2 else cv2.CV_32S
+    distance, index = cv2.batchDistance(first, second, kind, normType=norm, K=count)
+    return distance.astype(np.float64), index
+
+
+def _of_one_size(*images: Pixels) -> list[Pixels]:
+    """The images, their last rows and columns repeated up to the largest height and width."""
+    height, width = np.max([image.shape for image in images], axis=0)
+    return [np.pad(image, ((0, height - image.shape[0]), (0, width - image.shape[1])), "edge") for image in images]
+
+
+def _track(before: Pixels, after: Pixels, points: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    moved, found, _ = cv2.calcOpticalFlowPyrLK(
+        before, after, points, None, winSize=(TRACKING_WINDOW_PX, TRACKING_WINDOW_PX), maxLevel=TRACKING_LEVELS
+    )
+    return moved, found[:, 0] == 1
+
+
+def _points(features: Records) -> NDArray[np.float32]:
+    return (np.stack((features["x"], features["y"]), axis=1) / POSITIONS_PER_PX).astype(np.float32)

@@ -1,0 +1,210 @@
+"""Detector and descriptor by name: which combinations there are, and a front end on the host that computes them.
+
+Harris and FAST with an ILBP descriptor are the accelerator's own and run on any backend; every other combination
+runs here, behind the same `sim.backend.FrontEnd` interface.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.config import PRESETS, Config, FrontEndConfig
+from golden_model.feature.ilbp import PATTERNS
+from golden_model.front_end import extract
+from golden_model.matching import fuzzy, matcher
+from golden_model.pixel.gray import to_gray
+from golden_model.records import FRAME_STATUS, MATCH, Tag
+from sim.backend import FrameResult, FrontEnd, Progress, Reference, silent
+from skymosaic import board
+from skymosaic.errors import InputError
+from skymosaic.features import detectors, matchers
+from skymosaic.features.descriptors import DESCRIPTORS, ONCE_A_PLACE, TRACKED, WINDOWS_PX, Records, describe
+from skymosaic.features.detectors import DETECTORS, FRONT_END_DETECTORS, Pixels
+
+FAST_THRESHOLD = 10
+"""Gray levels; a configuration's own threshold is of the Harris measure."""
+LARGEST_BORDER_PX = 255
+USUAL_DETECTOR = {name: name for name in DETECTORS} | {"freak": "brisk"}
+"""The detector that goes with a descriptor where none was named; for all others, the configuration's."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """What finds and describes features: names of `DETECTORS` and `DESCRIPTORS`."""
+
+    detector: str
+    descriptor: str
+
+    @property
+    def on_accelerator(self) -> bool:
+        """Whether backends compute it, not the host."""
+        return self.detector in FRONT_END_DETECTORS and self.descriptor in PATTERNS
+
+    def rule_names(self, config: Config) -> Sequence[str]:
+        """What each value of a match record's ``rule`` stands for."""
+        if self.descriptor == TRACKED:
+            return matchers.TRACKING_RULES
+        if self.descriptor in WINDOWS_PX:
+            return matcher.in_words(fuzzy.correlation())
+        if self.on_accelerator or config.matcher.rule_base != "none":
+            return matcher.rule_names(PATTERNS[self.descriptor], config.matcher)
+        return matchers.RATIO_RULES
+
+
+def choose(config: Config, detector: str | None = None, descriptor: str | None = None) -> tuple[Method, Config]:
+    """Complete a choice of detector and descriptor, and the configuration that goes with it.
+
+    Parameters
+    ----------
+    config : Config
+        Says what was left open; matches of ILBP descriptors are judged by its rule base (with "none": by the
+        ratio test on the host, not at all on the accelerator), all others by the ratio test, fuzzy correlation or
+        the tracker.
+    detector, descriptor : str or None
+        Names of `DETECTORS` and `DESCRIPTORS`.
+
+    Raises
+    ------
+    InputError
+        For an unknown name, with the valid ones; for an impossible combination, with the reason.
+    """
+    _check_name("descriptor", descriptor, DESCRIPTORS)
+    if detector == "freak":
+        raise InputError(
+            f"freak describes key points but finds none; add --descriptor freak to a detector: {_list(DETECTORS)}"
+        )
+    _check_name("detector", detector, DETECTORS)
+    own = config.front_end
+    if detector is None:
+        detector = USUAL_DETECTOR.get(descriptor or "", own.detector)
+    if descriptor is None:
+        descriptor = detector if detector in DESCRIPTORS else own.descriptor
+    if descriptor == "akaze" and detector != "akaze":
+        raise InputError(
+            f"akaze describes key points in its own scale space, not those of {detector}; use --detector akaze"
+        )
+    if descriptor in PATTERNS:
+        try:
+            matcher.check_rule_base(PATTERNS[descriptor], config.matcher)
+        except ValueError as error:
+            raise InputError(str(error)) from None
+    else:
+        config = dataclasses.replace(config, matcher=dataclasses.replace(config.matcher, rule_base="none"))
+    method = Method(detector, descriptor)
+    return method, dataclasses.replace(config, front_end=_front_end(config, method))
+
+
+def front_end_of(method: Method, backend: str, progress: Progress = silent) -> FrontEnd:
+    """What computes the method: the backend, or this module."""
+    if method.on_accelerator:
+        return board.front_end(backend, progress=progress)
+    if backend != "golden":
+        raise InputError(
+            f"backend {backend} computes {_list(FRONT_END_DETECTORS)} with ILBP descriptors, not {method.detector} "
+            f"with {method.descriptor}, which the host computes; leave out --backend"
+        )
+    return HostFrontEnd(method)
+
+
+@dataclass(frozen=True, eq=False)
+class _Frame:
+    gray: Pixels
+    features: Records
+    good: bool
+
+
+@dataclass(frozen=True)
+class HostFrontEnd:
+    """Any method, computed on the host: the golden model's corners and rules, OpenCV's detectors and descriptors.
+
+    Of OpenCV's and SURF's key points the ``max_features`` strongest count.
+    """
+
+    method: Method
+
+    def run(
+        self, frames: Sequence[NDArray[np.uint8]], config: Config, *, reference: Reference = "held"
+    ) -> list[FrameResult]:
+        """See `sim.backend.FrontEnd.run`."""
+        results: list[FrameResult] = []
+        left = None
+        for number, image in enumerate(frames):
+            right, status = self._frame(image, config.front_end, number)
+            features, matches = right.features, np.zeros(0, MATCH.dtype)
+            if left is not None and right.good:
+                features, matches = self._match(left, right, config)
+            match_status = status.copy()
+            match_status["matches"], match_status["kept"] = len(matches), np.count_nonzero(matches["verdict"])
+            results.append(FrameResult(features, matches, status, match_status, None))
+            if right.good and (left is None or reference == "previous"):
+                left = right
+        return results
+
+    def _frame(self, image: Pixels, config: FrontEndConfig, number: int) -> tuple[_Frame, np.void]:
+        gray = to_gray(image)
+        detector, descriptor = self.method.detector, self.method.descriptor
+        if detector in FRONT_END_DETECTORS:
+            corners = extract(image, config, frame=number)
+            status, key_points = corners.status, detectors.from_features(corners.features)
+        else:
+            status = _status(gray, number)
+            key_points = detectors.detect(gray, detector, config.max_features)
+            if descriptor in ONCE_A_PLACE:
+                key_points = detectors.once_a_place(key_points)
+            key_points = key_points[: config.max_features]
+            if detector != descriptor:
+                key_points = detectors.without_octaves(key_points)
+        features = describe(gray, key_points, descriptor)
+        features["frame"] = number
+        status["features"] = len(features)
+        return _Frame(gray, features, bool(status["good"])), status
+
+    def _match(self, left: _Frame, right: _Frame, config: Config) -> tuple[Records, Records]:
+        """The right features, to which a tracker adds its own, and the matches."""
+        descriptor = self.method.descriptor
+        if descriptor == TRACKED:
+            return matchers.tracked(left.gray, right.gray, left.features, right.features)
+        pair = left.features, right.features
+        if descriptor in WINDOWS_PX:
+            return right.features, matchers.correlation_matches(*pair)
+        if config.matcher.rule_base != "none":
+            return right.features, matcher.match(*pair, PATTERNS[descriptor], config.matcher)
+        norm = cv2.NORM_L2 if descriptor == "sift" else cv2.NORM_HAMMING
+        return right.features, matchers.ratio_matches(*pair, norm)
+
+
+def _status(gray: Pixels, number: int) -> np.void:
+    status = np.zeros(1, FRAME_STATUS.dtype)
+    status["tag"], status["good"], status["frame"] = Tag.FRAME_STATUS, 1, number
+    status["height"], status["width"] = gray.shape
+    record: np.void = status[0]
+    return record
+
+
+def _front_end(config: Config, method: Method) -> FrontEndConfig:
+    """The configuration's front end with the method's detector and descriptor, and the border they need."""
+    own = config.front_end
+    detector = method.detector if method.detector in FRONT_END_DETECTORS else own.detector
+    descriptor = method.descriptor if method.descriptor in PATTERNS else own.descriptor
+    threshold = own.threshold
+    if detector != own.detector:
+        threshold = FAST_THRESHOLD if detector == "fast" else PRESETS[config.preset].front_end.threshold
+    changed = dataclasses.replace(
+        own, detector=detector, descriptor=descriptor, threshold=threshold, border_px=LARGEST_BORDER_PX
+    )
+    return dataclasses.replace(changed, border_px=max(own.border_px, changed.smallest_border_px))
+
+
+def _check_name(what: str, name: str | None, valid: Sequence[str]) -> None:
+    if name is not None and name not in valid:
+        raise InputError(f"{what} is {name!r}; valid: {_list(valid)}")
+
+
+def _list(names: Sequence[str]) -> str:
+    return ", ".join(names)

@@ -1,0 +1,145 @@
+"""Is the flight complete? Overlap, blur, exposure, GPS and weak links, while one can still fly again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from skymosaic.flight.layout import Layout, groups, outline, overlap
+from skymosaic.flight.links import Link
+from skymosaic.flight.sharpness import BLURRED, CLIPPED, sharpness_ratios
+from skymosaic.flight.survey import Flight
+
+LITTLE_OVERLAP = 0.3
+"""Best overlap with any other photograph below which a photograph is poorly tied."""
+WEAK_TIES = 40
+WEAK_OVERLAP = 0.2
+"""A link with fewer ties or less overlap is weak, if much hangs on it."""
+
+
+@dataclass(frozen=True)
+class PhotographCheck:
+    """One photograph of a flight.
+
+    Attributes
+    ----------
+    name : str
+    links : int
+        Photographs it is linked with.
+    overlap : float
+        Best overlap with another one, as share of the smaller; 0 where it is not placed.
+    sharpness : float
+        Against those that show the same ground: 1 is as sharp as they are.
+    clipped : float
+        Share of it that is black or white.
+    gps : bool
+    problems : tuple of str
+    """
+
+    name: str
+    links: int
+    overlap: float
+    sharpness: float
+    clipped: float
+    gps: bool
+    problems: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class FlightCheck:
+    """A flight as a whole.
+
+    Attributes
+    ----------
+    complete : bool
+        Whether all photographs that can be read make one mosaic.
+    photographs : tuple of PhotographCheck
+        In the order of the flight, without those that cannot be read.
+    problems : tuple of str
+        Of the flight as a whole, each with what to do.
+    """
+
+    complete: bool
+    photographs: tuple[PhotographCheck, ...]
+    problems: tuple[str, ...]
+
+
+def check_flight(flight: Flight) -> FlightCheck:
+    """Judge a flight that was laid out."""
+    overlaps = _best_overlaps(flight)
+    ratios = sharpness_ratios(flight.views, flight.links)
+    held = [link for link in flight.links if link.holds]
+    photographs = []
+    for place, view in enumerate(flight.views):
+        links = sum(place in (link.left, link.right) for link in held)
+        problems = _problems(links, overlaps[place], float(ratios[place]), view.clipped)
+        photographs.append(
+            PhotographCheck(
+                name=view.name,
+                links=links,
+                overlap=overlaps[place],
+                sharpness=float(ratios[place]),
+                clipped=view.clipped,
+                gps=view.place is not None,
+                problems=problems,
+            )
+        )
+    whole = len(flight.layouts) == 1 and len(flight.layouts[0].members) == len(flight.views)
+    return FlightCheck(whole, tuple(photographs), tuple(_of_the_whole(flight)))
+
+
+def _overlaps(flight: Flight, layout: Layout) -> dict[Link, float]:
+    """Overlap of the two photographs of each link, as share of the smaller."""
+    outlines = {m: outline(flight.views[m], layout.transforms[m]) for m in layout.members}
+    return {link: overlap(outlines[link.left], outlines[link.right]) for link in layout.links}
+
+
+def _best_overlaps(flight: Flight) -> list[float]:
+    best = [0.0] * len(flight.views)
+    for layout in flight.layouts:
+        for link, share in _overlaps(flight, layout).items():
+            for end in (link.left, link.right):
+                best[end] = max(best[end], share)
+    return best
+
+
+def _problems(links: int, best_overlap: float, sharpness: float, clipped: float) -> tuple[str, ...]:
+    found = []
+    if links == 0:
+        found.append("linked with no other photograph")
+    elif best_overlap < LITTLE_OVERLAP:
+        found.append(f"overlaps others by {best_overlap:.0%} at most")
+    if sharpness < BLURRED:
+        found.append("blurred")
+    if clipped > CLIPPED:
+        found.append(f"{clipped:.0%} black or white")
+    return tuple(found)
+
+
+def _of_the_whole(flight: Flight) -> Iterator[str]:
+    unusable = len(flight.names) - len(flight.views)
+    if unusable:
+        yield f"{unusable} photographs cannot be used or repeat another"
+    if len(flight.layouts) > 1:
+        sizes = ", ".join(str(len(layout.members)) for layout in flight.layouts)
+        yield f"{len(flight.layouts)} groups that nothing links ({sizes} photographs): fly again between them"
+    for layout in flight.layouts:
+        yield from _weak_places(flight, layout)
+    with_gps = sum(view.place is not None for view in flight.views)
+    if 0 < with_gps < len(flight.views):
+        yield f"{len(flight.views) - with_gps} of {len(flight.views)} photographs have no GPS"
+
+
+def _weak_places(flight: Flight, layout: Layout) -> Iterator[str]:
+    """Parts of a layout that only weak links join to the rest."""
+    overlaps = _overlaps(flight, layout)
+    strong = [link for link in layout.links if link.ties >= WEAK_TIES and overlaps[link] >= WEAK_OVERLAP]
+    inside = set(layout.members)
+    parts = [part for part in groups(len(flight.views), strong) if inside.issuperset(part)]
+    for part in parts[1:]:
+        across = [link for link in layout.links if (link.left in part) != (link.right in part)]
+        best = max(across, key=lambda link: link.ties)
+        left, right = (Path(flight.views[end].name).name for end in (best.left, best.right))
+        shared = f"{best.ties} matches and {overlaps[best]:.0%} overlap"
+        yield f"{len(part)} photographs hang on {left} and {right} with {shared}: fly again there"

@@ -1,0 +1,31 @@
+"""Photographs that are blurred or badly exposed, told from those that show the same ground."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skymosaic.flight.links import Link
+from skymosaic.flight.view import View
+
+BLURRED = 0.25
+"""A photograph is blurred if its sharpness is below this share of its neighbours': a blur of about 0.8 working px."""
+CLIPPED = 0.2
+"""It is badly exposed if more than this share of it is black or white."""
+
+
+def sharpness_ratios(views: Sequence[View], links: Sequence[Link]) -> NDArray[np.float64]:
+    """Sharpness of each view against the median of those it is linked with, or of all where it has no link, (V,).
+
+    What is shown matters more for sharpness than the lens: only views of the same ground compare.
+    """
+    neighbours: list[list[float]] = [[] for _ in views]
+    for link in links:
+        if link.holds:
+            neighbours[link.left].append(views[link.right].sharpness)
+            neighbours[link.right].append(views[link.left].sharpness)
+    overall = float(np.median([view.sharpness for view in views]))
+    expected = [float(np.median(around)) if around else overall for around in neighbours]
+    return np.array([view.sharpness / max(value, 1e-9) for view, value in zip(views, expected, strict=True)])

@@ -1,0 +1,1 @@
+"""Homographies and how to estimate them robustly from matched points."""

@@ -1,0 +1,99 @@
+"""The robust estimators by name: ours, OpenCV's RANSAC and MAGSAC, and the thesis's fuzzy RANSAC."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from skymosaic.geometry import fuzzy_ransac
+from skymosaic.geometry.homography import DegenerateError, apply, dlt
+from skymosaic.geometry.prosac import INLIER_PX, MIN_INLIERS, estimate_homography
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+FUZZY_RANSAC = "fuzzy-ransac"
+ESTIMATORS = ("prosac", "ransac", "magsac", FUZZY_RANSAC)
+"""Every estimator; ``prosac`` is `skymosaic.geometry.prosac`."""
+FEWEST_MATCHES = 4
+RANSAC_ROUNDS = 2000
+MAGSAC_TOLERANCE_PX = 3.0
+MAGSAC_ROUNDS = 10_000
+CONFIDENCE = 0.9999
+
+
+def estimate(
+    name: str, left: Array, right: Array, weight: Array, verified: Mask, *, rng: np.random.Generator
+) -> tuple[Array | None, Mask]:
+    """The homography of matches, of which many may be wrong.
+
+    Parameters
+    ----------
+    name : str
+        One of `ESTIMATORS`.
+    left, right : (N, 2) float64 ndarray
+        Matched points, px.
+    weight : (N,) float64 ndarray
+        Confidence of each match; only ``prosac`` makes use of it.
+    verified : (N,) bool ndarray
+        The verdict of the front end. Only fuzzy RANSAC looks at the other matches too.
+    rng : numpy.random.Generator
+        Source of the samples of ``prosac``; those of OpenCV's estimators are always the same.
+
+    Returns
+    -------
+    homography : (3, 3) float64 ndarray or None
+        Left to right; None with fewer than 12 verified matches within 2 px.
+    inliers : (N,) bool ndarray
+        The verified matches within 2 px; of fuzzy RANSAC those that its rules accept.
+    """
+    inliers = np.zeros(len(left), dtype=bool)
+    if name == "prosac":
+        found = estimate_homography(left[verified], right[verified], weight[verified], rng=rng)
+        inliers[verified] = found.inliers
+        return found.homography, inliers
+    if name == FUZZY_RANSAC:
+        H, decision = fuzzy(left, right, verified)
+        inliers = inliers if decision is None else decision.inliers
+    else:
+        H = (magsac if name == "magsac" else ransac)(left[verified], right[verified])
+    if H is None:
+        return None, inliers
+    near = verified & (np.linalg.norm(apply(H, left) - right, axis=1) <= INLIER_PX)
+    return H if near.sum() >= MIN_INLIERS else None, inliers if name == FUZZY_RANSAC else near
+
+
+def ransac(left: Array, right: Array, tolerance_px: float = fuzzy_ransac.TOLERANCE_PX) -> Array | None:
+    """RANSAC by OpenCV: solve fours and count, until a better one is improbable (thesis, section III.5.1).
+
+    None where nothing can be estimated.
+    """
+    return _estimated(left, right, cv2.RANSAC, tolerance_px, RANSAC_ROUNDS)
+
+
+def magsac(left: Array, right: Array) -> Array | None:
+    """MAGSAC++ by OpenCV (Barath et al., 2020) at 3 px; None where nothing can be estimated."""
+    return _estimated(left, right, cv2.USAC_MAGSAC, MAGSAC_TOLERANCE_PX, MAGSAC_ROUNDS)
+
+
+def fuzzy(left: Array, right: Array, verified: Mask) -> tuple[Array | None, fuzzy_ransac.Decision | None]:
+    """RANSAC over all matches, the six rules on each, and the DLT over those they accept (thesis, Table III-3).
+
+    No decision where RANSAC finds nothing; no homography where the rules accept too few.
+    """
+    H = ransac(left, right)
+    if H is None:
+        return None, None
+    decision = fuzzy_ransac.decide(H, left, right, verified)
+    try:
+        return dlt(left[decision.inliers], right[decision.inliers]), decision
+    except DegenerateError:
+        return None, decision
+
+
+def _estimated(left: Array, right: Array, kind: int, tolerance_px: float, rounds: int) -> Array | None:
+    if len(left) < FEWEST_MATCHES:
+        return None
+    H, _ = cv2.findHomography(left, right, kind, tolerance_px, maxIters=rounds, confidence=CONFIDENCE)
+    return None if H is None else np.asarray(H, dtype=np.float64)

@@ -1,0 +1,125 @@
+"""The thesis's fuzzy RANSAC: six rules decide which matches are inliers of a homography (Table III-3).
+
+A match that passed the bidirectional check and whose error is less than or equal to tau is an inlier; every other
+is not. The table's counts need both checks to be made on every match by itself (`decide`); the text decides a
+random four together (`decide_by_fours`). Both are here.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from golden_model.matching.fuzzy import ONE, Rule, SugenoSystem, Variable
+from skymosaic.geometry.homography import apply
+
+TOLERANCE_PX = 4.0
+STEPS_PER_PX = 16
+"""Errors are compared in 1/16 px, the resolution of feature positions: equal to tau means within half a step."""
+FOURS = 2000
+INLIER_RULES = (0, 1)
+NEAR_RULES = (0, 1, 3, 4)
+"""Rules of matches that RANSAC alone would accept: the error is less than or equal to tau."""
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What the six rules say of each match.
+
+    Attributes
+    ----------
+    rule : (N,) uint8 ndarray
+        Rule that fired: 0, 1, 2 for a verified match with an error less than, equal to, more than tau;
+        3, 4, 5 likewise for one that is not verified.
+    inliers : (N,) bool ndarray
+        Whether the rule says inlier (0 or 1).
+    """
+
+    rule: NDArray[np.uint8]
+    inliers: NDArray[np.bool_]
+
+
+@lru_cache
+def rule_base(tolerance_px: float = TOLERANCE_PX) -> SugenoSystem:
+    """The six rules over the bidirectional check (0 or 1) and the error in 1/16 px."""
+    tau = round(tolerance_px * STEPS_PER_PX)
+    steps = np.arange(tau + 2)
+    check = {"verified": np.array([0, ONE]), "not verified": np.array([ONE, 0])}
+    error = {"less": steps < tau, "equal": steps == tau, "more": steps > tau}
+    combinations = itertools.product(check, error)
+    return SugenoSystem(
+        "fuzzy RANSAC",
+        inputs=(
+            Variable("bidirectional check", check),
+            Variable("error", {name: ONE * table.astype(np.int64) for name, table in error.items()}),
+        ),
+        rules=tuple(Rule(sets, 1.0 if index in INLIER_RULES else 0.0) for index, sets in enumerate(combinations)),
+        conjunction="minimum",
+    )
+
+
+def decide(
+    H: NDArray[np.float64],
+    left: ArrayLike,
+    right: ArrayLike,
+    verified: ArrayLike,
+    *,
+    tolerance_px: float = TOLERANCE_PX,
+) -> Decision:
+    """Decide every match by itself.
+
+    Parameters
+    ----------
+    H : (3, 3) float64 ndarray
+        Maps left to right; the thesis takes it from RANSAC over all matches.
+    left, right : (N, 2) array_like
+        Matched points, px.
+    verified : (N,) array_like of bool
+        Whether the match passed the bidirectional check.
+    tolerance_px : float
+        tau, at least 1/16.
+    """
+    weight, rule = rule_base(tolerance_px).evaluate(
+        np.asarray(verified, dtype=np.int64), _error_steps(H, left, right, tolerance_px)
+    )
+    return Decision(rule, weight > 0)
+
+
+def decide_by_fours(
+    H: NDArray[np.float64],
+    left: ArrayLike,
+    right: ArrayLike,
+    verified: ArrayLike,
+    *,
+    rng: np.random.Generator,
+    fours: int = FOURS,
+    tolerance_px: float = TOLERANCE_PX,
+) -> NDArray[np.bool_]:
+    """Decide random fours together: all must be verified and all errors at most tau, then all four are inliers.
+
+    Parameters as in `decide`; ``fours`` is how many are drawn. A match is an inlier once one of its fours is, so
+    with many draws this tends to `decide`, provided there are four inliers at all.
+
+    Returns
+    -------
+    (N,) bool ndarray
+    """
+    checks, errors = np.asarray(verified, dtype=np.int64), _error_steps(H, left, right, tolerance_px)
+    inliers = np.zeros(len(checks), dtype=bool)
+    if len(checks) < 4:
+        return inliers
+    drawn = np.stack([rng.choice(len(checks), size=4, replace=False) for _ in range(fours)])
+    weight, _ = rule_base(tolerance_px).evaluate(checks[drawn].min(axis=1), errors[drawn].max(axis=1))
+    inliers[drawn[weight > 0]] = True
+    return inliers
+
+
+def _error_steps(H: NDArray[np.float64], left: ArrayLike, right: ArrayLike, tolerance_px: float) -> NDArray[np.int64]:
+    """Transfer error in steps, cut at twice tau, where infinite errors end too."""
+    error_px = np.linalg.norm(apply(H, left) - np.asarray(right, dtype=np.float64), axis=-1)
+    capped = np.minimum(np.nan_to_num(error_px, nan=np.inf), 2 * tolerance_px)
+    return np.asarray(np.rint(capped * STEPS_PER_PX), dtype=np.int64)

@@ -1,0 +1,95 @@
+"""Placing a small object from few matches: a similarity, or a homography where the matches speak for one."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skymosaic.geometry.homography import DegenerateError, apply, estimate
+from skymosaic.geometry.prosac import estimate_homography
+
+Array = NDArray[np.float64]
+
+TOLERANCE_PX = 3.0
+"""Matches that a transformation fits this well support it."""
+MOST_TRIED = 60
+SHORTEST_BASE_PX = 10.0
+"""Similarities are tried from all pairs of this many matches, at least so far apart."""
+NOISE_PX = 1.0
+"""Expected error of a match, for the choice of the model."""
+PARAMETERS = {"similarity": 4, "projective": 8}
+
+
+class Fit(NamedTuple):
+    """A transformation ``matrix`` (3, 3), left to right, its ``model`` and how many matches lie within 3 px."""
+
+    matrix: Array
+    model: str
+    inliers: int
+
+
+def fit(left: Array, right: Array, weight: Array, *, fewest: int, rng: np.random.Generator) -> Fit | None:
+    """The model that explains the matches best.
+
+    A homography needs 12 matches within 2 px, and must be worth its four further parameters by Torr's geometric
+    robust information criterion (Geometric motion segmentation and model selection, 1998).
+
+    Parameters
+    ----------
+    left, right : ndarray, shape (N, 2)
+        Matched points, px; wrong matches may be among them.
+    weight : ndarray, shape (N,)
+        Positive.
+    fewest : int
+        Inliers needed.
+    rng : numpy.random.Generator
+        Of the homography's estimator.
+
+    Returns
+    -------
+    Fit or None
+        None with fewer inliers.
+    """
+    fits = [similarity(left, right, weight, fewest=fewest)]
+    projective = estimate_homography(left, right, weight, rng=rng).homography
+    if projective is not None:
+        inliers = int((_squared_error(projective, left, right) <= TOLERANCE_PX**2).sum())
+        fits.append(Fit(projective, "projective", inliers))
+    return min((found for found in fits if found), key=lambda found: _criterion(found, left, right), default=None)
+
+
+def similarity(left: Array, right: Array, weight: Array, *, fewest: int) -> Fit | None:
+    """The similarity with the largest weight of support, of all that two matches define, fitted to its inliers.
+
+    Arguments and result as in `fit`. With few matches every pair can be tried, so chance plays no part.
+    """
+    heaviest = np.argsort(-weight, kind="stable")[:MOST_TRIED]
+    x, y = left @ [1, 1j], right @ [1, 1j]
+    first, second = heaviest[np.array(np.triu_indices(len(heaviest), 1))]
+    apart = np.abs(x[second] - x[first]) > SHORTEST_BASE_PX
+    first, second = first[apart], second[apart]
+    if first.size == 0:
+        return None
+    turn = (y[second] - y[first]) / (x[second] - x[first])
+    error = np.abs(turn[:, None] * (x - x[first, None]) + y[first, None] - y)
+    best = np.argmax(np.maximum(0, 1 - (error / TOLERANCE_PX) ** 2) @ weight)
+    inliers = error[best] <= TOLERANCE_PX
+    if inliers.sum() < fewest:
+        return None
+    try:
+        matrix = estimate(left[inliers], right[inliers], model="similarity")
+    except DegenerateError:
+        return None
+    return Fit(matrix, "similarity", int(inliers.sum()))
+
+
+def _criterion(found: Fit, left: Array, right: Array) -> float:
+    """Bounded squared errors plus the price of the parameters; the smallest is the best."""
+    errors = np.minimum(_squared_error(found.matrix, left, right) / NOISE_PX**2, 4)
+    return float(errors.sum() + PARAMETERS[found.model] * np.log(4 * len(left)))
+
+
+def _squared_error(homography: Array, left: Array, right: Array) -> Array:
+    return np.asarray(((apply(homography, left) - right) ** 2).sum(axis=1))

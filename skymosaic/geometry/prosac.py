@@ -1,0 +1,231 @@
+"""Robust homography from weighted matches: PROSAC with local optimisation.
+
+Sampling follows Chum and Matas (Matching with PROSAC, CVPR 2005): matches ordered by weight, samples drawn from
+a growing set of the best. Samples are solved and scored in batches. The best sample of a batch is improved by
+the DLT over its shrinking inlier band (Chum, Matas and Kittler, Locally optimized RANSAC, 2003), the final
+homography by reweighted Gauss-Newton.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from skymosaic.geometry.homography import DegenerateError, apply, checked_pairs, dlt
+from skymosaic.geometry.refinement import refine_robustly
+
+Array = NDArray[np.float64]
+
+MAX_SAMPLES = 3000
+TOLERANCE_PX = 3.0
+"""tau of the score: a match supports a homography below sqrt(2) tau."""
+LOCAL_BANDS = (2.0, 1.5, 1.0)
+"""Inlier bands of the local optimisation, in tau."""
+MIN_GAIN = 0.01
+"""The local optimisation goes on while a round raises the score by this share."""
+INLIER_PX = 2.0
+MIN_INLIERS = 12
+CONFIDENCE = 0.9999
+BATCH = 64
+TRIPLES = ((1, 2, 3), (2, 0, 3), (0, 1, 3), (0, 1, 2))
+"""Three of the four points of a sample; the first three, without point 0, 1 and 2, also span the fourth."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What `estimate_homography` found.
+
+    Attributes
+    ----------
+    homography : (3, 3) float64 ndarray or None
+        Maps left to right, H[2, 2] = 1; None unless accepted.
+    inliers : (N,) bool ndarray
+        Matches within 2 px of the best homography, accepted or not.
+    samples : int
+        Minimal samples drawn.
+    """
+
+    homography: Array | None
+    inliers: NDArray[np.bool_]
+    samples: int
+
+    @property
+    def accepted(self) -> bool:
+        """Whether at least 12 matches lie within 2 px."""
+        return self.homography is not None
+
+
+@dataclass(frozen=True)
+class _Matches:
+    """Point pairs by falling weight."""
+
+    left: Array
+    right: Array
+    weight: Array
+
+    def squared_error(self, H: Array) -> Array:
+        """Squared transfer error (N,) in the right image, px²."""
+        return np.asarray(((apply(H, self.left) - self.right) ** 2).sum(axis=-1))
+
+    def score(self, squared_error: Array) -> Array:
+        """Sum of w max(0, 1 - e²/2tau²) over the last axis."""
+        return np.maximum(0, 1 - squared_error / (2 * TOLERANCE_PX**2)) @ self.weight
+
+
+def estimate_homography(
+    left: ArrayLike, right: ArrayLike, weight: ArrayLike, *, rng: np.random.Generator, max_samples: int = MAX_SAMPLES
+) -> Estimate:
+    """Fit a homography to matches of which many may be wrong.
+
+    Parameters
+    ----------
+    left, right : (N, 2) array_like
+        Matched points, px; any N.
+    weight : (N,) array_like
+        Non-negative confidence of each match, in any unit; orders the sampling and weighs the score.
+    rng : numpy.random.Generator
+        Source of the samples; the same state gives the same result.
+    max_samples : int
+        Sampling stops here, or earlier once a better homography is improbable.
+
+    Returns
+    -------
+    Estimate
+        Not accepted where fewer than 12 matches agree within 2 px.
+
+    Raises
+    ------
+    ValueError
+        For wrong shapes, values that are not finite, or negative weights.
+    """
+    x, y, root_weight = checked_pairs(left, right, weight, minimum=0)
+    order = np.argsort(-root_weight, kind="stable")
+    matches = _Matches(x[order], y[order], root_weight[order] ** 2)
+    best, samples = _search(matches, rng, max_samples)
+    if best is None:
+        return Estimate(None, np.zeros(len(x), dtype=bool), samples)
+    inliers = np.zeros(len(x), dtype=bool)
+    inliers[order] = matches.squared_error(best) <= INLIER_PX**2
+    return Estimate(best if inliers.sum() >= MIN_INLIERS else None, inliers, samples)
+
+
+def _search(matches: _Matches, rng: np.random.Generator, max_samples: int) -> tuple[Array | None, int]:
+    """The homography with the highest score, polished, and how many samples it took."""
+    subset_sizes = _subset_sizes(len(matches.left), max_samples)
+    best, best_score, best_sample_score = None, 0.0, 0.0
+    drawn, needed = 0, float(len(subset_sizes))
+    while drawn < needed:
+        batch = subset_sizes[drawn : drawn + BATCH]
+        drawn += len(batch)
+        sample, sample_score = _best_of(_minimal_homographies(matches, _draw(batch, rng)), matches)
+        if sample is None or sample_score <= best_sample_score:
+            continue
+        best_sample_score = sample_score
+        improved, score = _optimise_locally(sample, sample_score, matches)
+        if score > best_score:
+            best, best_score = improved, score
+            needed = min(needed, _samples_needed(best, matches))
+    return None if best is None else _polish(best, matches), drawn
+
+
+def _subset_sizes(count: int, max_samples: int) -> NDArray[np.int64]:
+    """Size of the set of best matches that each PROSAC sample is drawn from, (samples,).
+
+    The set grows so that a sample is tried in the order uniform sampling of all ``max_samples`` would be
+    expected to, best first; each size gets at least one sample.
+    """
+    if count < 4:
+        return np.zeros(0, dtype=np.int64)
+    size = np.arange(4, count + 1)
+    share = size * (size - 1.0) * (size - 2) * (size - 3) / (count * (count - 1.0) * (count - 2) * (count - 3))
+    samples_of_size = np.ceil(np.diff(max_samples * share, prepend=0)).astype(np.int64)
+    return np.repeat(size, samples_of_size)[:max_samples]
+
+
+def _draw(subset_sizes: NDArray[np.int64], rng: np.random.Generator) -> NDArray[np.int64]:
+    """One sample a subset: its last match and three distinct others (Floyd's algorithm), (B, 4)."""
+    chosen = np.repeat(subset_sizes[:, None] - 1, 4, axis=1)
+    for column in range(3):
+        last = subset_sizes - 4 + column
+        pick = rng.integers(0, last + 1)
+        taken = (chosen[:, :column] == pick[:, None]).any(axis=1)
+        chosen[:, column] = np.where(taken, last, pick)
+    return chosen
+
+
+def _minimal_homographies(matches: _Matches, samples: NDArray[np.int64]) -> Array:
+    """Homographies (M, 3, 3) of the samples (B, 4) that preserve orientation and are not degenerate.
+
+    In homogeneous coordinates the fourth point is p3 = sum_i a_i p_i, i = 0..2, where a_i is a ratio of triangle
+    areas. With b_i the same of the right points, H = sum_i (b_i / a_i) q_i (p_j x p_k)'. The signs of the areas
+    are the orientation test: a view from the same side turns no triangle over.
+    """
+    left, right = (_homogeneous(points[samples]) for points in (matches.left, matches.right))
+    left_areas, right_areas = _areas(left), _areas(right)
+    # Twice the area of a triangle whose corner lies tau from a side of tau length; below, noise decides.
+    large = np.minimum(np.abs(left_areas), np.abs(right_areas)).min(axis=1) > TOLERANCE_PX**2
+    usable = large & (left_areas * right_areas > 0).all(axis=1)
+    left, right = left[usable], right[usable]
+    ratio = right_areas[usable, :3] / left_areas[usable, :3]
+    crossed = np.cross(np.roll(left[:, :3], -1, axis=1), np.roll(left[:, :3], -2, axis=1))
+    return np.asarray((right[:, :3] * ratio[..., None]).transpose(0, 2, 1) @ crossed)
+
+
+def _areas(points: Array) -> Array:
+    """Twice the signed area (B, 4) of the triangles `TRIPLES` of homogeneous points (B, 4, 3)."""
+    corners = points[:, np.array(TRIPLES), :2]
+    first, second = corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0]
+    return np.asarray(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
+
+
+def _homogeneous(points: Array) -> Array:
+    return np.concatenate([points, np.ones((*points.shape[:-1], 1))], axis=-1)
+
+
+def _best_of(homographies: Array, matches: _Matches) -> tuple[Array | None, float]:
+    if len(homographies) == 0:
+        return None, 0.0
+    mapped = homographies.reshape(-1, 3) @ _homogeneous(matches.left).T
+    x, y, w = mapped.reshape(len(homographies), 3, -1).transpose(1, 0, 2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        squared_error = (x / w - matches.right[:, 0]) ** 2 + (y / w - matches.right[:, 1]) ** 2
+    scores = matches.score(np.nan_to_num(squared_error, nan=np.inf))
+    best = int(np.argmax(scores))
+    return homographies[best], float(scores[best])
+
+
+def _optimise_locally(H: Array, score: float, matches: _Matches) -> tuple[Array, float]:
+    """Refit by the DLT to the matches within each band in turn, again while that gains; the best of all."""
+    gain = 1.0
+    while gain > MIN_GAIN:
+        start = score
+        refit = H
+        for band in LOCAL_BANDS:
+            near = matches.squared_error(refit) <= (band * TOLERANCE_PX) ** 2
+            try:
+                refit = dlt(matches.left[near], matches.right[near], matches.weight[near])
+            except DegenerateError:
+                break
+            refit_score = float(matches.score(matches.squared_error(refit)))
+            if refit_score > score:
+                H, score = refit, refit_score
+        gain = score / start - 1
+    return H, score
+
+
+def _samples_needed(H: Array, matches: _Matches) -> float:
+    """How many samples find an all-inlier one with `CONFIDENCE`, given the inliers of ``H``."""
+    inlier_share = float(np.mean(matches.squared_error(H) < 2 * TOLERANCE_PX**2))
+    good_sample = min(inlier_share**4, 1 - 1e-9)
+    return float(np.log(1 - CONFIDENCE) / np.log1p(-good_sample))
+
+
+def _polish(H: Array, matches: _Matches) -> Array | None:
+    """Reweighted Gauss-Newton over all matches; None where it ends in no homography."""
+    finite = np.isfinite(matches.squared_error(H))
+    try:
+        return refine_robustly(H, matches.left[finite], matches.right[finite])
+    except DegenerateError:
+        return None

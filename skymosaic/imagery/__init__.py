@@ -1,0 +1,1 @@
+"""Photographs, videos and maps: reading, lens correction, metadata, writing."""

@@ -1,0 +1,126 @@
+"""What every photograph of a flight has in common: the camera's distortion, and places that show the drone itself."""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from skymosaic.errors import InputError
+from skymosaic.imagery.images import Pixels, load
+
+Array = NDArray[np.float64]
+_REQUIRED = ("width_px", "height_px", "focal_x_px", "focal_y_px", "centre_x_px", "centre_y_px")
+_DISTORTION = ("k1", "k2", "p1", "p2", "k3")
+
+
+@dataclass(frozen=True, eq=False)
+class Lens:
+    """Takes the distortion out of photographs and knows which of their pixels count.
+
+    Attributes
+    ----------
+    size : (int, int) or None
+        Width and height the camera was calibrated at; photographs of another size are taken as scaled.
+    matrix : ndarray of float64, shape (3, 3), or None
+        Calibration matrix K at that size, pixel centres at integers; None: the photographs have no distortion.
+    distortion : ndarray of float64, shape (5,), or None
+        k1, k2, p1, p2, k3 of OpenCV's model.
+    mask : ndarray of uint8, shape (H, W), or None
+        0 where a photograph shows nothing of the ground; resized to each photograph.
+    """
+
+    size: tuple[int, int] | None = None
+    matrix: Array | None = None
+    distortion: Array | None = None
+    mask: Pixels | None = None
+
+    @cached_property
+    def key(self) -> str:
+        """Changes with everything that `straighten` and `visible` depend on."""
+        state = hashlib.sha256(repr(self.size).encode())
+        for part in (self.matrix, self.distortion, self.mask):
+            state.update(b"none" if part is None else repr(part.shape).encode() + part.tobytes())
+        return state.hexdigest()
+
+    def straighten(self, pixels: Pixels) -> Pixels:
+        """The photograph as a pinhole camera with the same matrix would have taken it."""
+        if self.matrix is None:
+            return pixels
+        maps = self._maps((pixels.shape[1], pixels.shape[0]))
+        return np.asarray(cv2.remap(pixels, *maps, cv2.INTER_LINEAR), dtype=np.uint8)
+
+    def visible(self, size: tuple[int, int]) -> Pixels | None:
+        """255 where a straightened photograph of ``size`` (width, height) shows ground, else 0; None: everywhere."""
+        if self.mask is None and self.matrix is None:
+            return None
+        mask = np.full(size[::-1], 255, np.uint8)
+        if self.mask is not None:
+            mask = np.asarray(cv2.resize(self.mask, size, interpolation=cv2.INTER_NEAREST), dtype=np.uint8)
+        straight = self.straighten(mask)
+        return np.where(straight == 255, straight, 0).astype(np.uint8)
+
+    def _maps(self, size: tuple[int, int]) -> tuple[NDArray[np.generic], NDArray[np.generic]]:
+        assert self.size is not None
+        assert self.matrix is not None
+        # Pixel centres are at integers: the outer corner of the first pixel, which scaling keeps, is at -0.5.
+        x, y = size[0] / self.size[0], size[1] / self.size[1]
+        scaled = np.array([[x, 0, (x - 1) / 2], [0, y, (y - 1) / 2], [0, 0, 1]]) @ self.matrix
+        first, second = cv2.initUndistortRectifyMap(scaled, self.distortion, None, scaled, size, cv2.CV_16SC2)
+        return first, second
+
+
+def load_lens(camera: Path | None, mask: Path | None) -> Lens:
+    """Read a camera file and a mask picture; either may be missing.
+
+    The camera file is TOML with ``width_px``, ``height_px``, ``focal_x_px``, ``focal_y_px``, ``centre_x_px``,
+    ``centre_y_px`` and, of OpenCV's distortion, any of ``k1``, ``k2``, ``p1``, ``p2``, ``k3``. The mask is black
+    where photographs show no ground.
+
+    Raises
+    ------
+    InputError
+        For a file that cannot be read, a key that is missing or unknown, or a value that is no number.
+    """
+    ground = None
+    if mask is not None:
+        pixels = load(mask).pixels
+        ground = ((pixels if pixels.ndim == 2 else pixels.max(axis=2)) > 127).astype(np.uint8) * np.uint8(255)
+        if not ground.any():
+            raise InputError(f"{mask}: the mask is black everywhere; paint white what shows the ground")
+    if camera is None:
+        return Lens(mask=ground)
+    values = _numbers(camera)
+    fx, fy, cx, cy = (values[key] for key in _REQUIRED[2:])
+    if min(values[key] for key in _REQUIRED) <= 0:
+        raise InputError(f"{camera}: sizes, focal lengths and the centre must be positive")
+    return Lens(
+        size=(round(values["width_px"]), round(values["height_px"])),
+        matrix=np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]], dtype=np.float64),
+        distortion=np.array([values.get(key, 0.0) for key in _DISTORTION], dtype=np.float64),
+        mask=ground,
+    )
+
+
+def _numbers(path: Path) -> dict[str, float]:
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); give a TOML file") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: not valid TOML: {error}") from None
+    for key, value in table.items():
+        if key not in _REQUIRED + _DISTORTION:
+            raise InputError(f"{path}: unknown key {key}; valid: {', '.join(_REQUIRED + _DISTORTION)}")
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise InputError(f"{path}: {key} is {value!r}; it must be a number")
+    missing = [key for key in _REQUIRED if key not in table]
+    if missing:
+        raise InputError(f"{path}: {', '.join(missing)} missing; a camera file needs {', '.join(_REQUIRED)}")
+    return {key: float(value) for key, value in table.items()}

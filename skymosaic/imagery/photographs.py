@@ -1,0 +1,132 @@
+"""The photographs of a flight: which files they are, and their pixels when they are needed."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from threading import Lock
+
+from skymosaic.errors import InputError
+from skymosaic.imagery.images import Photograph, Pixels, load
+from skymosaic.imagery.lens import Lens
+
+PHOTOGRAPH_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp")
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """One photograph of a flight: a file, or an array of pixels.
+
+    Attributes
+    ----------
+    index : int
+        Its place among the photographs as given.
+    name : str
+        The file as given, or ``"image N"``.
+    content : Path or ndarray of uint8, shape (H, W) or (H, W, 3) BGR
+    """
+
+    index: int
+    name: str
+    content: Path | Pixels
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of the file, or of the array: the same content has the same digest wherever it lies.
+
+        Raises
+        ------
+        InputError
+            For a file that cannot be read.
+        """
+        if isinstance(self.content, Path):
+            try:
+                with self.content.open("rb") as file:
+                    return hashlib.file_digest(file, "sha256").hexdigest()
+            except OSError as error:
+                raise InputError(f"{self.name}: cannot be read ({error.strerror}); check the file") from None
+        return hashlib.sha256(repr(self.content.shape).encode() + self.content.tobytes()).hexdigest()
+
+    def photograph(self, lens: Lens) -> Photograph:
+        """The decoded photograph, upright and without the lens's distortion.
+
+        Raises
+        ------
+        InputError
+            As `skymosaic.imagery.images.load`.
+        """
+        decoded = load(self.content, self.name)
+        return Photograph(decoded.name, lens.straighten(decoded.pixels), decoded.notes)
+
+
+def sources(images: Sequence[str | Path | Pixels]) -> list[Source]:
+    """Files, arrays and folders as one list; a folder gives its pictures by name, 2 before 10.
+
+    Raises
+    ------
+    InputError
+        For a folder without pictures. Files are looked at later: one bad file does not end a flight.
+    """
+    found: list[Path | Pixels] = []
+    for image in images:
+        if not isinstance(image, str | Path):
+            found.append(image)
+        else:
+            found += _pictures(Path(image)) if Path(image).is_dir() else [Path(image)]
+    return [
+        Source(index, str(content) if isinstance(content, Path) else f"image {index}", content)
+        for index, content in enumerate(found)
+    ]
+
+
+def _pictures(folder: Path) -> list[Path]:
+    pictures = [path for path in folder.iterdir() if path.suffix.lower() in PHOTOGRAPH_SUFFIXES and path.is_file()]
+    # A leading dot hides what file systems and half-finished copies leave behind.
+    pictures = [path for path in pictures if not path.name.startswith(".")]
+    if not pictures:
+        raise InputError(f"{folder}: holds no pictures ({', '.join(PHOTOGRAPH_SUFFIXES)}); name another folder")
+    return sorted(pictures, key=lambda path: _natural(path.name))
+
+
+def _natural(name: str) -> list[tuple[int, str]]:
+    """Sorting key that counts numbers by value."""
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", name)]
+
+
+class DecodedPhotographs:
+    """Decoded pixels of the photographs used last, up to a number of bytes; safe for several threads.
+
+    Parameters
+    ----------
+    limit_bytes : int
+        What may be held; a photograph that is larger alone is decoded each time.
+    """
+
+    def __init__(self, limit_bytes: int) -> None:
+        self._limit_bytes = limit_bytes
+        self._held: OrderedDict[tuple[str, str], Pixels] = OrderedDict()
+        self._lock = Lock()
+
+    @property
+    def held_bytes(self) -> int:
+        """What is held now."""
+        return sum(pixels.nbytes for pixels in self._held.values())
+
+    def pixels(self, source: Source, lens: Lens) -> Pixels:
+        """The straightened pixels of ``source``."""
+        key = source.digest, lens.key
+        with self._lock:
+            if key in self._held:
+                self._held.move_to_end(key)
+                return self._held[key]
+        pixels = source.photograph(lens).pixels
+        with self._lock:
+            self._held[key] = pixels
+            while self.held_bytes > self._limit_bytes:
+                self._held.popitem(last=False)
+        return pixels

@@ -1,0 +1,214 @@
+"""Video in and out through FFmpeg's libraries, and the few frames of a video that a mosaic needs."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+from collections.abc import Callable, Iterable, Iterator
+from fractions import Fraction
+from pathlib import Path
+from typing import NamedTuple
+
+import av
+import cv2
+import numpy as np
+from av.error import FFmpegError
+
+from skymosaic.errors import InputError
+from skymosaic.imagery.images import Pixels, reduced, replacing
+
+VIDEO_SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".avi", ".ts", ".mts", ".m2ts", ".webm", ".wmv", ".mpg", ".mpeg")
+"""Names that are taken for videos where photographs are possible too."""
+OUTPUT_SUFFIXES = (".mp4", ".mov", ".mkv")
+DEFAULT_RATE = Fraction(25)
+"""Frames a second where the video does not say."""
+CONSTANT_QUALITY = "18"
+"""x264's rate factor: visually lossless."""
+KEY_OVERLAP = 0.65
+"""Neighbouring key frames share this much or a little more: enough for a sure registration, few enough to be quick."""
+FLOW_WIDTH_PX = 320
+"""Frames are reduced to this width to follow their flow."""
+FLOW_CORNERS = 200
+FEWEST_CORNERS = 12
+
+
+class VideoReader:
+    """The frames of a video, one at a time, upright by its rotation tag.
+
+    Iterating gives uint8 arrays, shape (H, W, 3) BGR. Damaged packets, the last one of a recording that was cut off
+    among them, are left out, and `notes` says so once the frames are used up.
+
+    Parameters
+    ----------
+    path : str or Path
+        A file, or a stream's address (``rtsp://...``).
+
+    Attributes
+    ----------
+    frame_rate : Fraction
+        Mean frames a second.
+    notes : list of str
+        What was done to the frames, or is wrong with the file.
+
+    Raises
+    ------
+    InputError
+        If it cannot be opened or holds no video; while iterating, if no frame can be decoded.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.name = str(path)
+        self.notes: list[str] = []
+        if "://" not in self.name:
+            _check_file(Path(path))
+        try:
+            self._container = av.open(self.name)
+        except (FFmpegError, OSError):
+            raise InputError(
+                f"{self.name}: not a video that can be read, or a recording cut off before its index was written; "
+                "give another file or repair it"
+            ) from None
+        # Without a codec context the stream is cut off inside its first frame.
+        streams = [stream for stream in self._container.streams.video if stream.codec_context]
+        if not streams:
+            self._container.close()
+            raise InputError(f"{self.name}: a video without frames; give another file")
+        self._stream = streams[0]
+        self._stream.thread_type = "AUTO"
+        self.frame_rate = self._stream.average_rate or self._stream.guessed_rate or DEFAULT_RATE
+
+    def __iter__(self) -> Iterator[Pixels]:
+        quarter_turns, frames = 0, 0
+        with self._container:
+            for frame in self._decoded():
+                quarter_turns = round(frame.rotation / 90) % 4
+                frames += 1
+                yield np.ascontiguousarray(np.rot90(frame.to_ndarray(format="bgr24"), quarter_turns), dtype=np.uint8)
+        if not frames:
+            raise InputError(f"{self.name}: no frame of the video can be decoded; give another file")
+        if quarter_turns:
+            self.notes.append("turned upright by its rotation tag")
+        if frames < self._stream.frames:
+            self.notes.append(f"{frames} of {self._stream.frames} frames can be decoded; the others are left out")
+
+    def _decoded(self) -> Iterator[av.VideoFrame]:
+        packets = self._container.demux(self._stream)
+        # The demuxer ends with an error where the file ends in the middle of a packet.
+        with contextlib.suppress(FFmpegError):
+            for packet in packets:
+                if not packet.is_corrupt:
+                    with contextlib.suppress(FFmpegError):
+                        yield from packet.decode()
+
+
+def _check_file(path: Path) -> None:
+    if not path.exists():
+        raise InputError(f"{path}: no such file; check the path")
+    if not path.is_file():
+        raise InputError(f"{path}: not a file; name a video")
+    if path.stat().st_size == 0:
+        raise InputError(f"{path}: the file is empty; copy it again from the camera")
+
+
+@contextlib.contextmanager
+def writing(path: Path, frame_rate: Fraction) -> Iterator[Callable[[Pixels], None]]:
+    """Write H.264 under a temporary name that becomes ``path`` at the end; nothing is left where it fails.
+
+    Yields a function that appends a frame, (H, W, 3) uint8 BGR, all of one size; an odd last row or column is
+    dropped, since colour is stored at half size.
+
+    Parameters
+    ----------
+    path : Path
+        Its suffix, one of `OUTPUT_SUFFIXES`, decides the container.
+    frame_rate : Fraction
+        Frames a second.
+
+    Raises
+    ------
+    InputError
+        If it cannot be written.
+    """
+    muxer = {".mp4": "mp4", ".mov": "mov", ".mkv": "matroska"}[path.suffix.lower()]
+    with replacing(path) as temporary, av.open(str(temporary), "w", format=muxer) as container:
+        stream = container.add_stream("libx264", rate=frame_rate, options={"crf": CONSTANT_QUALITY, "preset": "fast"})
+
+        def write(pixels: Pixels) -> None:
+            even = np.ascontiguousarray(pixels[: pixels.shape[0] // 2 * 2, : pixels.shape[1] // 2 * 2])
+            if not stream.codec_context.is_open:
+                stream.height, stream.width = even.shape[:2]
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(even, format="bgr24")))
+
+        yield write
+        container.mux(stream.encode())
+
+
+class KeyFrame(NamedTuple):
+    """A frame worth registering, and its number in the video, from 0."""
+
+    number: int
+    pixels: Pixels
+
+
+def key_frames(frames: Iterable[Pixels], *, overlap: float = KEY_OVERLAP) -> Iterator[KeyFrame]:
+    """The first frame; then always the last one that shows ``overlap`` of the key frame before; and the end.
+
+    So a hovering camera gives two, and a steady flight gives frames that overlap by little more than ``overlap``.
+    Where the picture jumps farther from one frame to the next, both are key frames.
+
+    Parameters
+    ----------
+    frames : iterable of (H, W, 3) uint8 ndarray
+        All of one size. A frame is given out when the next one has been seen.
+    overlap : float
+        Share of the area, 0..1.
+    """
+    flow, held = None, None
+    for current in map(KeyFrame, itertools.count(), frames):
+        gray = _small_gray(current.pixels)
+        if flow is None:
+            yield current
+            flow = _Flow(gray)
+        elif flow.common_share(gray) >= overlap:
+            held = current
+        elif held is None:
+            yield current
+            flow = _Flow(gray)
+        else:
+            yield held
+            flow, held = _Flow(_small_gray(held.pixels)), current
+            flow.common_share(gray)
+    if held is not None:
+        yield held
+
+
+class _Flow:
+    """Follows the corners of a key frame by pyramidal Lucas-Kanade (thesis, equations II-8 to II-11)."""
+
+    def __init__(self, key: Pixels) -> None:
+        self._last = key
+        corners = cv2.goodFeaturesToTrack(key, FLOW_CORNERS, qualityLevel=0.01, minDistance=7)
+        self._key_points = np.zeros((0, 1, 2), np.float32) if corners is None else corners
+        self._points = self._key_points
+
+    def common_share(self, gray: Pixels) -> float:
+        """Share of the key frame's area that the next frame shows; 0 where the flow was lost."""
+        if len(self._points) < FEWEST_CORNERS:
+            return 0.0
+        points, found, _ = cv2.calcOpticalFlowPyrLK(self._last, gray, self._points, None)
+        followed = found[:, 0] == 1
+        self._last, self._points, self._key_points = gray, points[followed], self._key_points[followed]
+        if len(self._points) < FEWEST_CORNERS:
+            return 0.0
+        motion, inliers = cv2.estimateAffinePartial2D(self._key_points, self._points, ransacReprojThreshold=2.0)
+        if motion is None or inliers.sum() < FEWEST_CORNERS:
+            return 0.0
+        height, width = gray.shape
+        frame = np.array([[0, 0], [width, 0], [width, height], [0, height]], np.float32)
+        common, _ = cv2.intersectConvexConvex(frame, cv2.transform(frame[None], motion)[0])
+        return float(common / (np.linalg.det(motion[:, :2]) * width * height))
+
+
+def _small_gray(pixels: Pixels) -> Pixels:
+    small, _ = reduced(pixels, FLOW_WIDTH_PX)
+    return np.asarray(cv2.cvtColor(small, cv2.COLOR_BGR2GRAY), dtype=np.uint8)

@@ -1,0 +1,1 @@
+"""Mosaics that grow while frames arrive."""

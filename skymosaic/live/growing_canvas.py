@@ -1,0 +1,185 @@
+"""A mosaic that grows photograph by photograph, which are not kept: what was painted can only be moved."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from skymosaic.compositing.warp import CANVAS_LIMIT_PX, Canvas, backward, canvas_of, footprint, shrunk
+from skymosaic.imagery.images import Pixels
+
+Array = NDArray[np.float64]
+
+FEATHER_PX = 16
+"""Width over which one photograph fades into the other."""
+NOBODY = 65535
+"""In the place of a photograph's number where none shows anything."""
+SPARE_ROOM = 0.15
+"""Share of the mosaic's size that is allocated beyond each side, so that growing seldom copies."""
+GAIN_LIMITS = (0.5, 2.0)
+
+
+class GrowingCanvas:
+    """Photographs painted on top of each other, each shown where its own border is farther away than the others'.
+
+    Beside the colours, a distance and a photograph's number are kept: 9 bytes a pixel in all.
+
+    Parameters
+    ----------
+    limit_px : int
+        Largest area of the mosaic.
+
+    Attributes
+    ----------
+    extent : Canvas or None
+        The smallest rectangle of the reference frame that holds everything painted; None before the first.
+    """
+
+    def __init__(self, limit_px: int = CANVAS_LIMIT_PX) -> None:
+        self.extent: Canvas | None = None
+        self._limit_px = limit_px
+        self._room = Canvas(0, 0, 0, 0)
+        self._pixels = np.zeros((0, 0, 3), np.uint8)
+        self._distance = np.zeros((0, 0), np.float32)
+        self._number = np.zeros((0, 0), np.uint16)
+
+    def paint(self, picture: Pixels, transform: Array, number: int) -> None:
+        """Paint photograph ``number`` (0 to 65534), (H, W) or (H, W, 3) BGR, which ``transform`` maps to the reference
+        frame; where it meets others, the brighter ones are darkened to match.
+
+        Raises
+        ------
+        CanvasError
+            If the canvas would exceed its limit, or the picture reaches behind the camera; nothing has changed.
+        """
+        coloured = picture if picture.ndim == 3 else cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)
+        whole = np.full(picture.shape[:2], 255, np.uint8)
+        self._paint([_Part(np.asarray(coloured, dtype=np.uint8), whole, transform, number)], matching=True)
+
+    def take_over(self, other: GrowingCanvas, motions: Mapping[int, Array], *, matching: bool) -> None:
+        """Paint what each photograph shows on another canvas, moved by a transformation of the reference frame.
+
+        Parameters
+        ----------
+        other : GrowingCanvas
+        motions : mapping of int to (3, 3) ndarray
+            By the photograph's number; what others show is left out.
+        matching : bool
+            Whether brightness is matched to what is met, as `paint` does.
+
+        Raises
+        ------
+        CanvasError
+            As `paint`.
+        """
+        kernel = np.ones((2 * FEATHER_PX + 1, 2 * FEATHER_PX + 1), np.uint8)
+        bounds = Canvas(0, 0, other._room.width_px, other._room.height_px)
+        parts = []
+        for number, motion in motions.items():
+            shown = np.asarray(other._number == number, dtype=np.uint8)
+            x, y, width, height = cv2.boundingRect(shown)
+            if width == 0:
+                continue
+            # With a margin of what lies around, so that seams fade where they did and no gap opens.
+            margin = Canvas(x - FEATHER_PX, y - FEATHER_PX, width + 2 * FEATHER_PX, height + 2 * FEATHER_PX)
+            around = margin.intersection(bounds) or bounds
+            where = around.within(bounds)
+            mask = cv2.dilate(shown[where], kernel) * (other._distance[where] > 0) * np.uint8(255)
+            x, y, width, height = cv2.boundingRect(mask)
+            inner = slice(y, y + height), slice(x, x + width)
+            corner = np.linalg.inv(around.translation @ other._room.translation) @ Canvas(-x, -y, 0, 0).translation
+            picture = other._pixels[where][inner]
+            parts.append(_Part(picture, np.asarray(mask[inner], dtype=np.uint8), motion @ corner, number))
+        self._paint(parts, matching=matching)
+
+    @property
+    def to_image(self) -> Array:
+        """The reference frame's pixels to those of `image`, (3, 3)."""
+        return np.eye(3) if self.extent is None else self.extent.translation
+
+    @property
+    def image(self) -> Pixels:
+        """What was painted, (H, W, 3) uint8; 0 where nothing was."""
+        if self.extent is None:
+            return self._pixels
+        return self._pixels[self.extent.within(self._room)]
+
+    def _darken(self, divisor: NDArray[np.float32]) -> None:
+        if (divisor > 1).any():
+            levels = np.arange(256)[:, None] / divisor
+            cv2.LUT(self._pixels, np.rint(levels).astype(np.uint8)[None], dst=self._pixels)
+
+    def _paint(self, parts: Sequence[_Part], *, matching: bool) -> None:
+        self._reserve(parts)
+        for picture, mask, transform, number in parts:
+            covered = footprint((picture.shape[1], picture.shape[0]), transform)
+            where = covered.within(self._room)
+            new = backward(*shrunk(picture, transform), covered, border=cv2.BORDER_REPLICATE).astype(np.float32)
+            new_distance = _distance(mask, transform, covered)
+            old, old_distance = self._pixels[where], self._distance[where]
+            if matching:
+                gain = _gain(old, new, (old_distance > 0) & (new_distance > 0))
+                # Neither is ever made brighter: what is saturated would stay so.
+                new *= np.minimum(gain, 1)
+                self._darken(np.maximum(gain, 1))
+            share = np.clip((new_distance - old_distance) / FEATHER_PX + 0.5, 0, 1)
+            share[old_distance == 0] = 1
+            share[new_distance == 0] = 0
+            self._pixels[where] = np.rint(np.clip(old + share[..., None] * (new - old), 0, 255)).astype(np.uint8)
+            self._number[where][new_distance > old_distance] = number
+            np.maximum(old_distance, new_distance, out=old_distance)
+
+    def _reserve(self, parts: Sequence[_Part]) -> None:
+        """Make room for pictures, and some to spare where the allocated room is too small."""
+        sizes = [(part.picture.shape[1], part.picture.shape[0]) for part in parts]
+        transforms, old = [part.transform for part in parts], self.extent
+        if old is not None:
+            sizes.append((old.width_px, old.height_px))
+            transforms.append(np.asarray(np.linalg.inv(old.translation), dtype=np.float64))
+        self.extent = canvas_of(sizes, transforms, limit_px=self._limit_px)
+        if self._room.intersection(self.extent) == self.extent:
+            return
+        spare_x, spare_y = round(SPARE_ROOM * self.extent.width_px), round(SPARE_ROOM * self.extent.height_px)
+        room = Canvas(
+            self.extent.x_px - spare_x,
+            self.extent.y_px - spare_y,
+            self.extent.width_px + 2 * spare_x,
+            self.extent.height_px + 2 * spare_y,
+        )
+        pixels = np.zeros((room.height_px, room.width_px, 3), np.uint8)
+        distance = np.zeros(pixels.shape[:2], np.float32)
+        number = np.full(pixels.shape[:2], NOBODY, np.uint16)
+        if old is not None:
+            pixels[old.within(room)] = self._pixels[old.within(self._room)]
+            distance[old.within(room)] = self._distance[old.within(self._room)]
+            number[old.within(room)] = self._number[old.within(self._room)]
+        self._room, self._pixels, self._distance, self._number = room, pixels, distance, number
+
+
+class _Part(NamedTuple):
+    """A picture (H, W, 3), where it shows something (H, W), its way to the reference frame, and its number."""
+
+    picture: Pixels
+    mask: Pixels
+    transform: Array
+    number: int
+
+
+def _distance(mask: Pixels, transform: Array, part: Canvas) -> NDArray[np.float32]:
+    """Distance of each pixel of a part of the reference frame to the next that the picture does not show."""
+    shown = np.asarray(backward(*shrunk(mask, transform), part) == 255, dtype=np.uint8)
+    # What lies around the part shows nothing either.
+    framed = cv2.copyMakeBorder(shown, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
+    return np.asarray(cv2.distanceTransform(framed, cv2.DIST_L2, 5)[1:-1, 1:-1], dtype=np.float32)
+
+
+def _gain(old: Pixels, new: NDArray[np.float32], common: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Factors that give the channels of the new pixels the means of the old ones where they meet, (3,)."""
+    if not common.any():
+        return np.ones(3, dtype=np.float32)
+    gain = old[common].mean(axis=0) / np.maximum(new[common].mean(axis=0), 1)
+    return np.asarray(np.clip(gain, *GAIN_LIMITS), dtype=np.float32)

@@ -1,0 +1,205 @@
+"""A mosaic while the camera is still in the air: every frame is placed when it comes, and then let go.
+
+Of past frames only the features are kept. A new frame is registered against several of those it overlaps, not the
+last one only, so that parallel legs of a flight hold each other. Now and then all frames are laid out anew, and what
+was painted moves along. Frames that show nothing known begin an island of their own, which joins the others once a
+frame shows both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.config import Config
+from skymosaic import board
+from skymosaic.compositing.warp import CANVAS_LIMIT_PX, Canvas, CanvasError, magnification
+from skymosaic.errors import InputError
+from skymosaic.flight.links import FEWEST_VOTES, PairEstimator, votes
+from skymosaic.geometry.homography import apply, estimate
+from skymosaic.imagery.images import Pixels, reduced
+from skymosaic.live.submap import Frame, Island, Placement
+from skymosaic.registration import WORKING_WIDTH_PX, extract_within_capacity
+
+Array = NDArray[np.float64]
+Records = NDArray[np.void]
+
+LATEST = 3
+MOST_ALIKE = 4
+"""Placed frames that a new one is tried with: the latest ones, then those with the most similar features."""
+FEWEST_FEATURES = 50
+"""A frame with fewer does not begin an island."""
+
+
+@dataclass(frozen=True, eq=False)
+class LiveUpdate:
+    """What became of one frame.
+
+    Attributes
+    ----------
+    number : int
+        Of the frame, from 0.
+    placement : Placement or None
+        Where it was registered and against which frames; None where it begins an island or was left out.
+    reason : str
+        Why it was left out; empty where it was painted.
+    islands : int
+        Separate parts of the mosaic after this frame.
+    """
+
+    number: int
+    placement: Placement | None
+    reason: str
+    islands: int
+
+
+class LiveMosaic:
+    """Places frames as they come and paints them.
+
+    The mosaic is the island with the most frames. Its reference frame is that of its first frame, but for the tilt,
+    with pixels multiplied by ``scale``.
+
+    Parameters
+    ----------
+    config : Config
+        Front end and matcher.
+    backend : str
+        Who computes the features.
+    seed : int
+        Of the robust estimator.
+    working_width_px : int
+        Wider frames are reduced by area for registration.
+    scale : float
+        Pixels of the mosaic a pixel of the first frame, more than 0 and at most 1.
+    canvas_limit_px : int
+        Largest area of the mosaic; a frame that would exceed it is left out.
+
+    Raises
+    ------
+    InputError
+        For an impossible scale.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        backend: str = "golden",
+        *,
+        seed: int = 0,
+        working_width_px: int = WORKING_WIDTH_PX,
+        scale: float = 1.0,
+        canvas_limit_px: int = CANVAS_LIMIT_PX,
+    ) -> None:
+        if not 0 < scale <= 1:
+            raise InputError(f"scale is {scale}; it must be more than 0 and at most 1")
+        self._config = config
+        self._front_end = board.front_end(backend)
+        self._estimator = PairEstimator(config, seed)
+        self._working_width_px = working_width_px
+        self._scale = scale
+        self._canvas_limit_px = canvas_limit_px
+        self._islands: list[Island] = []
+        self._reasons: list[str] = []
+
+    @property
+    def image(self) -> Pixels:
+        """The mosaic so far, (H, W, 3) uint8 BGR; 0 where nothing was painted, and without a pixel before the first."""
+        return self._mosaic.canvas.image
+
+    @property
+    def transforms(self) -> dict[int, Array]:
+        """By number, each frame's own pixels to those of `image`, (3, 3)."""
+        return {frame.number: self._mosaic.canvas.to_image @ frame.from_original for frame in self._mosaic.frames}
+
+    @property
+    def left_out(self) -> dict[int, str]:
+        """By number, the frames that are not in the mosaic, with the reason."""
+        inside = {frame.number for frame in self._mosaic.frames}
+        apart = "shows nothing that the mosaic shows"
+        return {number: reason or apart for number, reason in enumerate(self._reasons) if number not in inside}
+
+    def add(self, pixels: Pixels, features: Records | None = None) -> LiveUpdate:
+        """Place and paint the next frame.
+
+        Parameters
+        ----------
+        pixels : ndarray of uint8, shape (H, W) or (H, W, 3) BGR
+        features : structured ndarray, optional
+            Its features, where a front end has computed them already (a camera's, in sequence mode), of the frame
+            reduced to the working width.
+        """
+        frame = self._described(pixels, features)
+        placement, reason = None, ""
+        try:
+            found = self._found(frame, self._islands)
+            if found is not None:
+                island, placement = found
+                island.add(frame.moved(placement.transform), pixels)
+                self._join(island, frame.moved(placement.transform)).settle()
+            elif len(frame.features) >= FEWEST_FEATURES:
+                island = Island(self._estimator, self._canvas_limit_px)
+                island.add(frame, pixels)
+                self._islands.append(island)
+            else:
+                reason = f"too few features (flat or blurred?): {len(frame.features)}, {FEWEST_FEATURES} needed"
+        except CanvasError as error:
+            reason = str(error)
+        self._reasons.append(reason)
+        return LiveUpdate(frame.number, placement, reason, len(self._islands))
+
+    def finish(self) -> None:
+        """Lay out the mosaic once more, when no frame will follow."""
+        self._mosaic.settle(at_last=True)
+
+    @property
+    def _mosaic(self) -> Island:
+        """The island with the most frames; an empty one before the first frame."""
+        empty = Island(self._estimator, self._canvas_limit_px)
+        return max(self._islands, key=lambda island: len(island.frames), default=empty)
+
+    def _described(self, pixels: Pixels, features: Records | None) -> Frame:
+        working, to_original = reduced(pixels, self._working_width_px)
+        if features is None:
+            results, _ = extract_within_capacity(self._front_end, [working], self._config)
+            features = results[0].features
+        size = working.shape[1], working.shape[0]
+        return Frame(len(self._reasons), size, features, to_original, magnification(self._scale) @ to_original)
+
+    def _found(self, frame: Frame, islands: list[Island]) -> tuple[Island, Placement] | None:
+        """An island that shows some of what the frame shows, and where the frame lies in it."""
+        for island, other in self._candidates(frame, islands):
+            tied = island.tied(other, frame)
+            placement = tied and island.place(frame, tied)
+            if placement:
+                return island, placement
+        return None
+
+    def _candidates(self, frame: Frame, islands: list[Island]) -> Iterator[tuple[Island, Frame]]:
+        """Placed frames, the likeliest first: the latest, then those that resemble the new one."""
+        placed = [(island, other) for island in islands for other in island.frames]
+        placed.sort(key=lambda pair: -pair[1].number)
+        yield from placed[:LATEST]
+        older = placed[LATEST:]
+        resembling = np.array(votes(frame.compact, [other.compact for _, other in older]), dtype=np.intp)
+        for index in np.argsort(-resembling, kind="stable")[:MOST_ALIKE]:
+            if resembling[index] >= FEWEST_VOTES:
+                yield older[index]
+
+    def _join(self, island: Island, frame: Frame) -> Island:
+        """Unite an island with another one that its newest frame shows too; raises CanvasError as `Island.add`."""
+        found = self._found(frame, [other for other in self._islands if other is not island])
+        if found is None:
+            return island
+        other, placement = found
+        corners = Canvas(0, 0, *frame.size).corners
+        here, there = apply(frame.transform, corners), apply(placement.transform, corners)
+        if len(other.frames) >= len(island.frames):
+            other.absorb(island, estimate(here, there, model="similarity"))
+            self._islands.remove(island)
+            return other
+        island.absorb(other, estimate(there, here, model="similarity"))
+        self._islands.remove(other)
+        return island

@@ -1,0 +1,145 @@
+"""What a visitor may choose; every list is the library's own, so a choice exists here exactly when it exists there."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any
+
+from golden_model.config import PRESETS, RULE_BASES, Config, preset_config
+from sim.backend import BACKENDS
+from skymosaic.compositing.blend import METHODS as BLENDINGS
+from skymosaic.errors import InputError
+from skymosaic.features.descriptors import DESCRIPTORS
+from skymosaic.features.detectors import DETECTORS, FRONT_END_DETECTORS
+from skymosaic.features.methods import Method, choose
+from skymosaic.geometry.estimators import ESTIMATORS
+
+SOFTWARE = "golden"
+AUTOMATIC = "automatic"
+"""Blending as the library has it: by distance for two photographs, multi-band along seams for more."""
+HARDWARE = tuple(name for name in BACKENDS if name not in (SOFTWARE, "verilator"))  # the latter is "rtl"
+OPTIONS = {
+    "preset": tuple(PRESETS),
+    "detector": DETECTORS,
+    "descriptor": DESCRIPTORS,
+    "rule_base": RULE_BASES,
+    "estimator": ESTIMATORS,
+    "blending": (AUTOMATIC, *BLENDINGS),
+    "backend": (SOFTWARE, *HARDWARE),
+}
+"""The values of each choice."""
+
+
+@dataclass(frozen=True)
+class Scale:
+    """What the slider under a detector moves, at whole positions from ``lowest`` to ``highest``.
+
+    Harris responses span nine decades, so their slider goes by half octaves; FAST's goes by gray levels. Detectors
+    of the host keep their strongest key points, so theirs sets how many.
+    """
+
+    title: str
+    lowest: int
+    highest: int
+    steps_per_octave: int = 0
+
+    def value(self, position: int) -> int:
+        """The threshold or number at a position."""
+        return round(2 ** (position / self.steps_per_octave)) if self.steps_per_octave else position
+
+    def position(self, value: int) -> int:
+        """The lowest position whose value reaches ``value``."""
+        return next((p for p in range(self.lowest, self.highest) if self.value(p) >= value), self.highest)
+
+
+SCALES = {
+    "harris": Scale("Harris threshold", 0, 56, steps_per_octave=2),
+    "fast": Scale("FAST threshold, gray levels", 1, 120),
+}
+STRONGEST = Scale("Strongest key points", 14, 22, steps_per_octave=2)
+
+
+@dataclass(frozen=True)
+class Choices:
+    """One set of choices; ``position`` is the slider's."""
+
+    preset: str
+    detector: str
+    descriptor: str
+    position: int
+    rule_base: str
+    estimator: str = "prosac"
+    blending: str = AUTOMATIC
+    backend: str = SOFTWARE
+    refine: bool = False
+
+    @classmethod
+    def of_preset(cls, preset: str) -> Choices:
+        """What a preset chooses."""
+        config = preset_config(preset)
+        detector = config.front_end.detector
+        return cls(
+            preset=preset,
+            detector=detector,
+            descriptor=config.front_end.descriptor,
+            position=_usual_position(config, detector),
+            rule_base=config.matcher.rule_base,
+        )
+
+    def changed(self, name: str, value: Any) -> Choices:
+        """These choices with one of them changed, and what follows: a preset sets all, a detector its slider."""
+        if name == "preset":
+            return Choices.of_preset(value)
+        changed = dataclasses.replace(self, **{name: value})
+        if name == "detector":
+            position = _usual_position(preset_config(self.preset), changed.detector)
+            return dataclasses.replace(changed, position=position)
+        return changed
+
+    @property
+    def scale(self) -> Scale:
+        """What the slider moves."""
+        return SCALES.get(self.detector, STRONGEST)
+
+    def blending_or(self, usual: str) -> str:
+        """The blending; the usual one where it is automatic."""
+        return usual if self.blending == AUTOMATIC else self.blending
+
+    def settled(self, photographs: int = 2) -> tuple[Method, Config]:
+        """The method and configuration that these choices stand for.
+
+        Raises
+        ------
+        InputError
+            For choices that do not go together, or not with so many photographs.
+        """
+        base = preset_config(self.preset)
+        base = dataclasses.replace(base, matcher=dataclasses.replace(base.matcher, rule_base=self.rule_base))
+        method, config = choose(base, self.detector, self.descriptor)
+        value = self.scale.value(self.position)
+        own = config.front_end
+        if photographs > 2 and (not method.on_accelerator or self.estimator != "prosac" or self.refine):
+            raise InputError(
+                "more than two photographs take Harris or FAST with ILBP, prosac, and no second pass; choose these, "
+                "or leave two photographs"
+            )
+        if self.detector in FRONT_END_DETECTORS:
+            return method, dataclasses.replace(config, front_end=dataclasses.replace(own, threshold=value))
+        return method, dataclasses.replace(config, front_end=dataclasses.replace(own, max_features=value))
+
+
+def fault_of(choices: Choices, photographs: int = 2) -> str:
+    """Why choices do not go together, or not with so many photographs; empty where they do."""
+    try:
+        choices.settled(photographs)
+    except (InputError, ValueError) as error:
+        return str(error)
+    return ""
+
+
+def _usual_position(preset: Config, detector: str) -> int:
+    _, config = choose(preset, detector, preset.front_end.descriptor)
+    own = config.front_end
+    value = own.threshold if detector in FRONT_END_DETECTORS else own.max_features
+    return SCALES.get(detector, STRONGEST).position(value)

@@ -1,0 +1,57 @@
+"""What all pages share: style, header, the two columns, and how a command line is shown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+
+from nicegui import ui
+
+from skymosaic.panel.sessions import Visitor
+
+PAGES = {"/": "Mosaic", "/tracking": "Tracking"}
+LOGO = (
+    '<svg viewBox="0 0 32 32" aria-hidden="true"><g fill="none" stroke-width="2.4">'
+    '<rect x="4" y="9" width="16" height="14" rx="2" stroke="#38d9ff" transform="rotate(-8 12 16)"/>'
+    '<rect x="13" y="9" width="16" height="14" rx="2" stroke="#ffb020" transform="rotate(7 21 16)"/></g></svg>'
+)
+
+
+@cache
+def _style() -> str:
+    return Path(__file__).with_name("style.css").read_text(encoding="utf-8")
+
+
+def command_line(words: str) -> None:
+    """A command line to copy; it runs in the folder of the archive that holds the result."""
+    ui.label("The same again, in the unpacked archive's folder:").classes("hint")
+    code = ui.code(words, language="bash").classes("command")
+    code.copy_button.props('aria-label="Copy the command line"')
+
+
+@contextmanager
+def page_frame(visitor: Visitor, here: str) -> Iterator[None]:
+    """The header of the page at path ``here``; what is built inside comes below it, in two columns."""
+    ui.add_css(_style())
+    ui.colors(primary="#0f6e78")
+    with ui.element("header").classes("top"):
+        ui.html(LOGO, sanitize=False)
+        ui.html("skymosaic", tag="h1", sanitize=False)
+        with ui.element("nav").props('aria-label="Pages"'):
+            for path, title in PAGES.items():
+                link = ui.link(title, path)
+                if path == here:
+                    link.props('aria-current="page"')
+        ui.element("div").classes("grow")
+        download = ui.button("Download everything", icon="download")
+        download.props('outline dense no-caps color=white href="/archive"')
+    with ui.element("div").classes("layout"):
+        yield
+
+    def update() -> None:
+        download.set_visibility(bool(visitor.result_folders()))
+
+    visitor.changed.subscribe(update)
+    update()

@@ -1,0 +1,268 @@
+"""What workers hand back: plain numbers, records and names of pictures, no pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.config import Config
+from skymosaic.evaluation.hardware import Comparison
+from skymosaic.features.descriptors import WINDOWS_PX
+from skymosaic.features.matchers import GOOD_MATCH_ABOVE
+from skymosaic.features.methods import Method
+from skymosaic.geometry.homography import apply
+from skymosaic.panel.options import Choices
+from skymosaic.registration import Matrix, Pair, Records, match_points
+from skymosaic.tracking.output import TrackedCorners
+
+Size = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Upload:
+    """A file that was accepted.
+
+    Attributes
+    ----------
+    name : str
+        Of the file in the visitor's folder, made by the panel.
+    size : (int, int)
+        Width and height of the original, px.
+    notes : tuple of str
+        What was done to its pixels.
+    working : Path
+        Its picture as the front end sees it (PNG).
+    working_size : (int, int)
+    """
+
+    name: str
+    size: Size
+    notes: tuple[str, ...]
+    working: Path
+    working_size: Size
+
+    @property
+    def pictures(self) -> list[Path]:
+        """What shows it."""
+        return [self.working]
+
+
+@dataclass(frozen=True)
+class PairView:
+    """A registered pair without its pixels.
+
+    Attributes
+    ----------
+    names : (str, str)
+        Left and right.
+    working_sizes : (Size, Size)
+    features : tuple of structured arrays
+        Of left and right, in 1/16 working px.
+    matches : structured array
+        All mutual matches.
+    residual_px : (M,) float64 or None
+        Distance of each match from the homography in the right working image; None where there is none.
+    inlier : (M,) bool
+        Kept, and within 2 px of the homography.
+    method : Method
+        What found, described and matched the features.
+    config : Config
+    numbers : dict
+        `skymosaic.reports.pair.pair_numbers`.
+    """
+
+    names: tuple[str, str]
+    working_sizes: tuple[Size, Size]
+    features: tuple[Records, Records]
+    matches: Records
+    residual_px: NDArray[np.float64] | None
+    inlier: NDArray[np.bool_]
+    method: Method
+    config: Config
+    numbers: dict[str, Any]
+
+    @classmethod
+    def of(cls, pair: Pair, numbers: dict[str, Any]) -> PairView:
+        """The view of a pair."""
+        residual = None
+        if pair.homography is not None:
+            left, right = match_points(pair.matches)
+            residual = np.linalg.norm(apply(_in_working(pair), left) - right, axis=1)
+        sizes = tuple((image.shape[1], image.shape[0]) for image in pair.working)
+        return cls(
+            names=(pair.left.name, pair.right.name),
+            working_sizes=(sizes[0], sizes[1]),
+            features=pair.features,
+            matches=pair.matches,
+            residual_px=residual,
+            inlier=np.isin(pair.matches["left_index"], pair.inliers["left_index"]),
+            method=pair.method,
+            config=pair.config,
+            numbers=numbers,
+        )
+
+    @property
+    def kept(self) -> NDArray[np.bool_]:
+        """Which matches the fuzzy stage kept, (M,)."""
+        return np.asarray(self.matches["verdict"] == 1)
+
+    @property
+    def rule_names(self) -> Sequence[str]:
+        """What each value of a match's ``rule`` stands for."""
+        return self.method.rule_names(self.config)
+
+    @property
+    def keep_above(self) -> int:
+        """The weight, UQ0.8, that a match must exceed to be kept."""
+        return GOOD_MATCH_ABOVE if self.method.descriptor in WINDOWS_PX else self.config.matcher.keep_above
+
+
+@dataclass(frozen=True)
+class ShownMosaic:
+    """A mosaic as the page shows it.
+
+    Attributes
+    ----------
+    picture : Path
+        Reduced where the mosaic is large.
+    size : (int, int)
+        Of the whole mosaic.
+    shown_size : (int, int)
+    outlines : dict of str to (4, 2) ndarray
+        Corners of each photograph placed, by its name, in pixels of the picture.
+    """
+
+    picture: Path
+    size: Size
+    shown_size: Size
+    outlines: dict[str, NDArray[np.float64]]
+
+
+@dataclass(frozen=True)
+class LinkView:
+    """Two photographs of a flight that were linked, by their names."""
+
+    names: tuple[str, str]
+    inliers: int
+
+
+@dataclass(frozen=True)
+class MosaicOutcome:
+    """A finished run.
+
+    Attributes
+    ----------
+    folder : Path
+        All that the run used and wrote; the archive holds it.
+    choices : Choices
+        What it was made with.
+    workings : tuple of Path
+        Working pictures of the photographs, in their order.
+    pair : PairView
+        Of a flight, the one that is looked at.
+    mosaic : ShownMosaic or None
+        None where none could be made, for the ``reason``.
+    left_out : tuple of str
+        Which photographs were not placed, and why.
+    command : str
+        The command line that does it again.
+    seconds : dict of str to float
+        Wall time of each stage.
+    links : tuple of LinkView
+        Of a flight, by falling inliers: the pairs that can be looked at.
+    facts : dict of str to str
+        Of a flight as a whole.
+    """
+
+    folder: Path
+    choices: Choices
+    workings: tuple[Path, ...]
+    pair: PairView
+    mosaic: ShownMosaic | None
+    left_out: tuple[str, ...]
+    reason: str
+    command: str
+    seconds: dict[str, float]
+    links: tuple[LinkView, ...] = ()
+    facts: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def on_accelerator(self) -> bool:
+        """Whether hardware can compute the features too."""
+        return self.choices.settled()[0].on_accelerator
+
+    @property
+    def pictures(self) -> list[Path]:
+        """The pictures that show it."""
+        return [*self.workings, *([self.mosaic.picture] if self.mosaic else [])]
+
+
+@dataclass(frozen=True)
+class HardwareOutcome:
+    """A pair through software and hardware.
+
+    Attributes
+    ----------
+    names : (str, str)
+        The photographs.
+    size : (int, int)
+        Of the larger frame, px.
+    backend : str
+        The hardware.
+    comparison : Comparison
+    software_seconds : float
+        Features and matches of both by the golden model.
+    command : str
+        The command line that compares again.
+    """
+
+    names: tuple[str, str]
+    size: Size
+    backend: str
+    comparison: Comparison
+    software_seconds: float
+    command: str
+
+
+@dataclass(frozen=True)
+class TrackingOutcome:
+    """An object followed through a video.
+
+    Attributes
+    ----------
+    folder : Path
+        All that the run used and wrote.
+    video : Path
+        The video with the outline.
+    rows : tuple of TrackedCorners
+        Every frame's numbers.
+    seconds_a_frame : float
+    notes : tuple of str
+        What is wrong with the video.
+    command : str
+        The command line that does it again.
+    """
+
+    folder: Path
+    video: Path
+    rows: tuple[TrackedCorners, ...]
+    seconds_a_frame: float
+    notes: tuple[str, ...]
+    command: str
+
+    @property
+    def pictures(self) -> list[Path]:
+        """What shows it."""
+        return [self.video]
+
+
+def _in_working(pair: Pair) -> Matrix:
+    assert pair.homography is not None
+    to_left, to_right = pair.to_original
+    working: Matrix = np.linalg.inv(to_right) @ pair.homography @ to_left
+    return working

@@ -1,0 +1,113 @@
+"""Pictures for people: corners, and matches kept and rejected in the colour of the rule that decided."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from skymosaic.imagery.images import Pixels
+from skymosaic.registration import POSITIONS_PER_PX, Pair, match_points
+
+Color = tuple[int, int, int]
+LEVEL_COLORS: tuple[Color, ...] = ((60, 220, 255), (255, 170, 60))
+INLIER_COLOR: Color = (80, 230, 80)
+TEXT_COLOR: Color = (245, 245, 245)
+_RULE_COLORS: tuple[Color, ...] = (
+    (75, 180, 60), (60, 180, 200), (230, 190, 80), (200, 110, 90),
+    (180, 80, 200), (60, 130, 245), (130, 130, 240), (70, 70, 220),
+)  # fmt: skip
+_SECTORS = 16
+_SUBPIXEL_SHIFT = 4
+_PANEL_GAP_PX = 8
+_HEADER_ROW_PX = 26
+_TEXT_GAP_PX = 16
+_FONT, _FONT_SCALE = cv2.FONT_HERSHEY_SIMPLEX, 0.5
+
+
+def corners(image: Pixels, features: NDArray[np.void]) -> Pixels:
+    """The image with a circle a feature (colour: level) and a tick along its orientation sector."""
+    canvas = _dimmed(image)
+    for feature in features:
+        x, y = int(feature["x"]), int(feature["y"])
+        radius = (4 if feature["level"] == 0 else 8) << _SUBPIXEL_SHIFT
+        turn = 2 * math.pi * int(feature["sector"]) / _SECTORS
+        tip = (x + round(radius * math.cos(turn)), y + round(radius * math.sin(turn)))
+        color = LEVEL_COLORS[int(feature["level"])]
+        cv2.circle(canvas, (x, y), radius, color, 1, cv2.LINE_AA, _SUBPIXEL_SHIFT)
+        cv2.line(canvas, (x, y), tip, color, 1, cv2.LINE_AA, _SUBPIXEL_SHIFT)
+    return _with_header(
+        canvas, f"{len(features)} features", (("full size", LEVEL_COLORS[0]), ("half size", LEVEL_COLORS[1]))
+    )
+
+
+def matches(pair: Pair, rule_names: Sequence[str]) -> Pixels:
+    """Kept matches above, rejected below; each line in the colour of the rule that spoke loudest."""
+    rejected = pair.matches[pair.matches["verdict"] == 0]
+    inlier_note = f"{len(pair.kept)} kept, {len(pair.inliers)} of them within 2 px of the homography (rings)"
+    upper = _match_panel(pair, pair.kept, pair.inliers, inlier_note, rule_names)
+    lower = _match_panel(pair, rejected, rejected[:0], f"{len(rejected)} rejected", rule_names)
+    return np.concatenate((upper, lower), axis=0)
+
+
+def rule_color(rule: int) -> Color:
+    """Colour (BGR) of a rule in every picture."""
+    return _RULE_COLORS[rule % len(_RULE_COLORS)]
+
+
+def _match_panel(
+    pair: Pair, shown: NDArray[np.void], ringed: NDArray[np.void], title: str, rule_names: Sequence[str]
+) -> Pixels:
+    left, right = (_dimmed(image) for image in pair.working)
+    height = max(left.shape[0], right.shape[0])
+    panel = np.full((height, left.shape[1] + _PANEL_GAP_PX + right.shape[1], 3), 24, np.uint8)
+    panel[: left.shape[0], : left.shape[1]] = left
+    panel[: right.shape[0], _right_offset(pair) :] = right
+    shift = _right_offset(pair) * POSITIONS_PER_PX
+    for match in shown:
+        start = (int(match["left_x"]), int(match["left_y"]))
+        end = (int(match["right_x"]) + shift, int(match["right_y"]))
+        cv2.line(panel, start, end, rule_color(int(match["rule"])), 1, cv2.LINE_AA, _SUBPIXEL_SHIFT)
+    for left_point, right_point in zip(*match_points(ringed), strict=True):
+        _ring(panel, left_point, 0)
+        _ring(panel, right_point, _right_offset(pair))
+    spoke = np.bincount(shown["rule"], minlength=len(rule_names))
+    legend = [(f"{name} {spoke[rule]}", rule_color(rule)) for rule, name in enumerate(rule_names) if spoke[rule]]
+    return _with_header(panel, title, legend)
+
+
+def _right_offset(pair: Pair) -> int:
+    return int(pair.working[0].shape[1]) + _PANEL_GAP_PX
+
+
+def _ring(panel: Pixels, point: NDArray[np.float64], offset_px: int) -> None:
+    center = (round(point[0]) + offset_px, round(point[1]))
+    cv2.circle(panel, center, 3, INLIER_COLOR, 1, cv2.LINE_AA)
+
+
+def _dimmed(image: Pixels) -> Pixels:
+    """A colour copy at 60 % brightness, so that lines stand out."""
+    colour = image if image.ndim == 3 else cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
+    return np.asarray(cv2.convertScaleAbs(colour, alpha=0.6), dtype=np.uint8)
+
+
+def _with_header(picture: Pixels, title: str, legend: Sequence[tuple[str, Color]]) -> Pixels:
+    """The picture under a title and its legend, which wraps at the picture's width."""
+    rows: list[list[tuple[str, Color, int]]] = [[]]
+    x = _TEXT_GAP_PX
+    for text, color in ((title, TEXT_COLOR), *legend):
+        width = int(cv2.getTextSize(text, _FONT, _FONT_SCALE, 1)[0][0])
+        if x + width > picture.shape[1] and rows[-1]:
+            rows.append([])
+            x = _TEXT_GAP_PX
+        rows[-1].append((text, color, x))
+        x += width + _TEXT_GAP_PX
+    header = np.full((_HEADER_ROW_PX * len(rows), picture.shape[1], 3), 24, np.uint8)
+    for index, row in enumerate(rows):
+        for text, color, left in row:
+            baseline = (left, _HEADER_ROW_PX * index + 18)
+            cv2.putText(header, text, baseline, _FONT, _FONT_SCALE, color, 1, cv2.LINE_AA)
+    return np.concatenate((header, picture), axis=0)

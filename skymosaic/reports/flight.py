@@ -1,0 +1,201 @@
+"""The report of a flight: one page with its mosaics, the graph of its links, who is absent and why, and the numbers."""
+
+from __future__ import annotations
+
+import dataclasses
+import html
+import json
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from skymosaic.compositing.warp import Canvas
+from skymosaic.flight.check import FlightCheck
+from skymosaic.flight.layout import Layout
+from skymosaic.flight.output import Delivery
+from skymosaic.flight.survey import Flight
+from skymosaic.geometry.homography import apply
+from skymosaic.imagery.images import save, save_bytes
+from skymosaic.reports.pair import PAGE, prepare
+
+FLAT = 0.05
+"""A layout with a smaller share of matches off the plane counts as flat."""
+_STRONG_TIES = 200
+_GRAPH_STYLE = (
+    "<style>svg { width: 100%; background: #fafafa } polygon, line { vector-effect: non-scaling-stroke } "
+    "polygon { fill: #3572b00d; stroke: #3572b0 }</style>"
+)
+
+
+def write_flight_report(folder: Path, deliveries: Sequence[Delivery], check: FlightCheck) -> Path:
+    """Write previews, ``report.json`` and ``index.html`` into ``folder``; returns the page's path.
+
+    Parameters
+    ----------
+    folder : Path
+        Made where it is missing.
+    deliveries : sequence of Delivery
+        The mosaics of one flight, the largest first.
+    check : FlightCheck
+        Of that flight.
+    """
+    prepare(folder)
+    for number, delivery in enumerate(deliveries, start=1):
+        save(folder / f"mosaic_{number}.jpg", delivery.preview)
+    numbers = flight_numbers(deliveries, check)
+    save_bytes(folder / "report.json", (json.dumps(numbers, indent=1) + "\n").encode())
+    save_bytes(folder / "index.html", _page(deliveries, check, numbers).encode())
+    return folder / "index.html"
+
+
+def flight_numbers(deliveries: Sequence[Delivery], check: FlightCheck) -> dict[str, Any]:
+    """Everything of a flight that is a number or a word, ready for JSON."""
+    flight = deliveries[0].flight
+    return {
+        "photographs": len(flight.names),
+        "left_out": {flight.names[index]: reason for index, reason in sorted(flight.left_out.items())},
+        "pairs_tried": len(flight.links),
+        "links": sum(link.holds for link in flight.links),
+        "seconds": {stage: round(value, 3) for stage, value in flight.seconds.items()},
+        "mosaics": [_mosaic_numbers(delivery) for delivery in deliveries],
+        "check": dataclasses.asdict(check),
+        "backend": flight.settings.backend,
+        "working_width_px": flight.settings.working_width_px,
+        "configuration": dataclasses.asdict(flight.settings.config),
+    }
+
+
+def _mosaic_numbers(delivery: Delivery) -> dict[str, Any]:
+    layout, flight = delivery.layout, delivery.flight
+    errors = np.concatenate(layout.errors_px)
+    place = delivery.place
+    return {
+        "file": str(delivery.path),
+        "size": list(delivery.composition.size),
+        "placed": len(layout.members),
+        "reference": flight.views[layout.reference].name,
+        "model": layout.model,
+        "model_reason": layout.reason,
+        "relief": round(layout.relief, 4),
+        "median_error_px": round(layout.median_error_px, 4),
+        "error_90_percent_px": round(float(np.percentile(errors, 90)), 4),
+        "transforms": {p.source.name: p.transform.tolist() for p in delivery.composition.placements},
+        "links": [_link_numbers(flight, layout, row) for row in range(len(layout.links))],
+        "contradicting": [[flight.views[end].name for end in (x.left, x.right)] for x in layout.contradicting],
+        "epsg": place.epsg if place else None,
+        "canvas_to_map": place.to_map.tolist() if place else None,
+        "gps_residual_m": round(place.residual_m, 3) if place else None,
+        "map_note": delivery.map_note,
+        "seconds": round(delivery.seconds, 3),
+    }
+
+
+def _link_numbers(flight: Flight, layout: Layout, row: int) -> dict[str, Any]:
+    link = layout.links[row]
+    return {
+        "left": flight.views[link.left].name,
+        "right": flight.views[link.right].name,
+        "inliers": link.inliers,
+        "ties": link.ties,
+        "median_error_px": round(float(np.median(layout.errors_px[row])), 4),
+    }
+
+
+def _page(deliveries: Sequence[Delivery], check: FlightCheck, numbers: dict[str, Any]) -> str:
+    flight = deliveries[0].flight
+    placed = sum(len(delivery.layout.members) for delivery in deliveries)
+    rows = [
+        ("photographs", f"{len(flight.names)}, {placed} placed"),
+        ("pairs", f"{numbers['pairs_tried']} tried, {numbers['links']} linked"),
+        ("seconds", ", ".join(f"{stage} {value:.1f}" for stage, value in flight.seconds.items())),
+    ]
+    parts = [_list("Left out", flight.left_out.values()), _list("To look at before driving home", _advice(check))]
+    for number, delivery in enumerate(deliveries, start=1):
+        parts += [f"<h2>Mosaic {number}</h2><table>{_rows(_mosaic_rows(delivery))}</table>"]
+        parts += [_figure(f"<img src='mosaic_{number}.jpg' alt='mosaic {number}'>", "The mosaic, reduced")]
+        parts += [
+            _figure(_graph(delivery), "Links: thicker and greener with more ties; red where the layout disagrees")
+        ]
+        parts += [_link_table(delivery)]
+    return PAGE.format(title=f"flight of {len(flight.names)} photographs", rows=_rows(rows), figures="".join(parts))
+
+
+def _mosaic_rows(delivery: Delivery) -> list[tuple[str, str]]:
+    layout, views = delivery.layout, delivery.flight.views
+    errors = np.concatenate(layout.errors_px)
+    width_px = max(views[member].working_size[0] for member in layout.members)
+    ground = "flat" if layout.relief < FLAT else "with relief: expect breaks where something stands out of the ground"
+    ninety = f"90 % below {np.percentile(errors, 90):.2f} px,"
+    rows = [
+        ("file", f"{delivery.path}, {delivery.composition.size[0]}x{delivery.composition.size[1]}"),
+        ("photographs", str(len(layout.members))),
+        ("frame", f"{views[layout.reference].name}, without its tilt"),
+        ("model", f"{layout.model} ({layout.reason})"),
+        ("ground", f"{ground} ({layout.relief:.0%} of the matches lie 3 to 12 px off the plane)"),
+        ("reprojection error", f"median {layout.median_error_px:.2f} px, {ninety} at {width_px} px wide"),
+        ("blending and writing", f"{delivery.seconds:.1f} s"),
+    ]
+    if delivery.place:
+        place = delivery.place
+        rows.append(
+            ("map", f"EPSG:{place.epsg}, {place.metres_a_pixel:.3f} m a pixel, GPS residual {place.residual_m:.2f} m")
+        )
+    return rows + ([("map note", delivery.map_note)] if delivery.map_note else [])
+
+
+def _advice(check: FlightCheck) -> list[str]:
+    single = [f"{photo.name}: {', '.join(photo.problems)}" for photo in check.photographs if photo.problems]
+    return [*check.problems, *single]
+
+
+def _graph(delivery: Delivery) -> str:
+    """The outlines on the canvas and the links between their centres, as SVG."""
+    layout, views, width_px = delivery.layout, delivery.flight.views, delivery.composition.size[0]
+    placements = dict(zip(layout.members, delivery.composition.placements, strict=True))
+    outlines = {m: apply(p.transform, Canvas(0, 0, *p.size).corners) for m, p in placements.items()}
+    centres = {member: corners.mean(axis=0) for member, corners in outlines.items()}
+    shapes = [
+        f"<polygon points='{' '.join(f'{x:.0f},{y:.0f}' for x, y in corners)}'/>" for corners in outlines.values()
+    ]
+    for link in (*layout.links, *layout.contradicting):
+        (x1, y1), (x2, y2) = centres[link.left], centres[link.right]
+        strength = min(1.0, link.ties / _STRONG_TIES)
+        color = "#c33" if link in layout.contradicting else f"hsl({120 * strength:.0f} 60% 40%)"
+        title = html.escape(f"{views[link.left].name} and {views[link.right].name}: {link.inliers} inliers")
+        shapes.append(
+            f"<line x1='{x1:.0f}' y1='{y1:.0f}' x2='{x2:.0f}' y2='{y2:.0f}' stroke='{color}' "
+            f"stroke-width='{1 + 4 * strength:.1f}'><title>{title}</title></line>"
+        )
+    for member, (x, y) in centres.items():
+        name = html.escape(Path(views[member].name).stem)
+        shapes.append(
+            f"<text x='{x:.0f}' y='{y:.0f}' font-size='{width_px / 90:.0f}' text-anchor='middle'>{name}</text>"
+        )
+    size = " ".join(map(str, delivery.composition.size))
+    return f"{_GRAPH_STYLE}<svg viewBox='0 0 {size}' xmlns='http://www.w3.org/2000/svg'>{''.join(shapes)}</svg>"
+
+
+def _link_table(delivery: Delivery) -> str:
+    layout = delivery.layout
+    links = [_link_numbers(delivery.flight, layout, row) for row in range(len(layout.links))]
+    links.sort(key=lambda link: -link["median_error_px"])
+    head = "<tr><th>left</th><th>right</th><th>inliers</th><th>ties</th><th>median error, px</th></tr>"
+    body = "".join(
+        f"<tr>{''.join(f'<td>{html.escape(str(value))}</td>' for value in link.values())}</tr>" for link in links
+    )
+    return f"<details><summary>{len(links)} links, worst first</summary><table>{head}{body}</table></details>"
+
+
+def _list(title: str, items: Iterable[str]) -> str:
+    lines = "".join(f"<li>{html.escape(item)}</li>" for item in items)
+    return f"<h2>{title}</h2><ul>{lines}</ul>" if lines else ""
+
+
+def _figure(content: str, caption: str) -> str:
+    return f"<figure>{content}<figcaption>{caption}</figcaption></figure>"
+
+
+def _rows(rows: Iterable[tuple[str, str]]) -> str:
+    return "".join(f"<tr><th>{html.escape(key)}</th><td>{html.escape(value)}</td></tr>" for key, value in rows)

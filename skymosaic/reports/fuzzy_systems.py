@@ -1,0 +1,94 @@
+"""The fuzzy systems for people: their names, the units of their inputs, and which surface shows their rules."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from golden_model.feature.ilbp import PATTERNS
+from golden_model.matching import correlation, fuzzy
+from golden_model.matching.fuzzy import SugenoSystem
+from skymosaic.geometry import fuzzy_ransac
+
+
+@dataclass(frozen=True)
+class Axis:
+    """How an input is shown: ``label`` with its unit, and how many table entries a unit has."""
+
+    label: str
+    entries_a_unit: float = 1.0
+
+
+@dataclass(frozen=True)
+class Portrait:
+    """What is drawn of a system.
+
+    Parameters
+    ----------
+    title : str
+    system : callable
+        Makes it.
+    axes : tuple of Axis
+        One an input.
+    surface : (int, int)
+        The inputs of the rule surface; the remaining one, if any, is held at each of ``held`` (table entries, with
+        their words).
+    held : tuple of (str, int)
+    """
+
+    title: str
+    system: Callable[[], SugenoSystem]
+    axes: tuple[Axis, ...]
+    surface: tuple[int, int]
+    held: tuple[tuple[str, int], ...] = (("", 0),)
+
+
+_BITS = PATTERNS["ilbp-128"].bits
+_THESIS_BITS = PATTERNS["thesis-ilbp-4"].bits
+_DISTANCE = Axis("Hamming distance, share of bits", _BITS)
+_SAD, _ZSSD, _NCC = correlation.SAD_PER_PIXEL.one, correlation.ZSSD_PER_PIXEL.one, correlation.NCC.one
+
+PORTRAITS = {
+    "correlation": Portrait(
+        "Fuzzy correlation (Tables III-1 and III-2)",
+        fuzzy.correlation,
+        (
+            Axis("SAD, gray levels a pixel", _SAD),
+            Axis("ZSSD, squared gray levels a pixel", _ZSSD),
+            Axis("NCC", _NCC),
+        ),
+        surface=(0, 2),
+        held=(("ZSSD good", 0), ("ZSSD medium", 38 * _ZSSD), ("ZSSD bad", 60 * _ZSSD)),
+    ),
+    "ilbp": Portrait(
+        "Fuzzy ILBP",
+        lambda: fuzzy.ilbp(_THESIS_BITS),
+        (
+            Axis("Hamming distance, share of bits", _THESIS_BITS),
+            Axis("SAD of region 1, gray levels a pixel", 9),
+            Axis("SAD of region 2, gray levels a pixel", 9),
+        ),
+        surface=(0, 1),
+        held=(("region 2 belongs", 0), ("region 2 in doubt", 86), ("region 2 does not belong", 153)),
+    ),
+    "ransac": Portrait(
+        "Fuzzy RANSAC (Table III-3)",
+        fuzzy_ransac.rule_base,
+        (Axis("bidirectional check (1: verified)"), Axis("error, px", fuzzy_ransac.STEPS_PER_PX)),
+        surface=(1, 0),
+    ),
+    "aerial": Portrait(
+        "The aerial preset's rules",
+        lambda: fuzzy.aerial(_BITS),
+        (_DISTANCE, Axis("margin to the second best, share of bits", _BITS), Axis("turn off the common one, sectors")),
+        surface=(0, 1),
+        held=(("turn common", 0), ("two sectors off", 2), ("four sectors off", 4)),
+    ),
+    "aerial-turn": Portrait(
+        "The aerial preset's votes for a common turn",
+        lambda: fuzzy.aerial_turn(_BITS),
+        (_DISTANCE, Axis("margin to the second best, share of bits", _BITS)),
+        surface=(0, 1),
+    ),
+}
+"""Every fuzzy system by name."""

@@ -1,0 +1,98 @@
+"""What the experiments run on: the user's pairs, or a rendered flight, at the size the thesis worked with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.pixel.gray import to_gray
+from sim.scene import Flight, lawnmower
+from skymosaic.errors import InputError
+from skymosaic.evaluation.known_pairs import KnownPair, read_pairs
+from skymosaic.evaluation.metrics import grid_error
+from skymosaic.imagery.images import Pixels, load, reduced
+
+WORKING_WIDTH_PX = 640
+"""Larger photographs are reduced to it (thesis, section IV.6.2.1)."""
+RENDERED_IMAGES = 12
+RENDERED_SIZE = (WORKING_WIDTH_PX, 480)
+RENDERED_SEED = 4
+
+Matrix = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Specimen:
+    """A pair of images to experiment on.
+
+    Attributes
+    ----------
+    name, group : str
+    left, right : ndarray of uint8, shape (H, W) or (H, W, 3) BGR
+    truth : (3, 3) float64 ndarray
+        Maps left to right.
+
+    Raises
+    ------
+    skymosaic.errors.InputError
+        If they do not overlap under it.
+    """
+
+    name: str
+    group: str
+    left: Pixels
+    right: Pixels
+    truth: Matrix
+
+    def __post_init__(self) -> None:
+        try:
+            grid_error(self.truth, self.truth, *self.sizes)
+        except ValueError as error:
+            raise InputError(f"{self.name}: {error}; its homography must map left pixels to right pixels") from None
+
+    @cached_property
+    def grays(self) -> tuple[Pixels, Pixels]:
+        """Both in gray."""
+        return to_gray(self.left), to_gray(self.right)
+
+    @property
+    def sizes(self) -> tuple[tuple[int, int], tuple[int, int]]:
+        """Width and height of both."""
+        left, right = ((image.shape[1], image.shape[0]) for image in (self.left, self.right))
+        return left, right
+
+
+Source = Callable[[], Specimen]
+"""Loads or renders a pair when it is its turn."""
+
+
+def sources(data: Path | None) -> Sequence[Source]:
+    """The pairs that ``data``/pairs.csv lists, or neighbouring pictures of a rendered survey flight.
+
+    Raises
+    ------
+    skymosaic.errors.InputError
+        For a list that cannot be used.
+    """
+    if data is not None:
+        return [partial(_photographs, pair) for pair in read_pairs(data)]
+    flight = lawnmower(RENDERED_SEED, RENDERED_IMAGES, RENDERED_SIZE)
+    return [partial(_rendered, flight, index) for index in range(RENDERED_IMAGES - 1)]
+
+
+def _photographs(pair: KnownPair) -> Specimen:
+    left, right = (reduced(load(path).pixels, WORKING_WIDTH_PX) for path in (pair.left, pair.right))
+    truth = np.linalg.inv(right[1]) @ pair.truth @ left[1]
+    return Specimen(pair.name, pair.group, left[0], right[0], truth / truth[2, 2])
+
+
+def _rendered(flight: Flight, index: int) -> Specimen:
+    left, right = flight.images[index], flight.images[index + 1]
+    turn_deg = abs(flight.poses[index + 1].heading_deg - flight.poses[index].heading_deg)
+    group = "along a leg" if turn_deg < 90 else "turned round"
+    return Specimen(f"rendered {index}-{index + 1}", group, left, right, flight.homography_between(index, index + 1))

@@ -1,0 +1,1 @@
+"""Following an object's outline through a video."""

@@ -1,0 +1,73 @@
+"""What tracking leaves behind: the outline drawn into the frames, and the corners as a table."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from skymosaic.imagery.images import Pixels, save_bytes
+from skymosaic.tracking.tracker import TrackedFrame
+
+TABLE_SUFFIXES = (".csv", ".json")
+OUTLINE_COLOR = (0, 255, 0)
+OUTLINE_WIDTH_PX = 2
+_SUBPIXEL_SHIFT = 4
+
+
+@dataclass(frozen=True)
+class TrackedCorners:
+    """One frame's row: corners (x, y) clockwise from the template's top left, None where it was lost."""
+
+    frame: int
+    seconds: float
+    corners: tuple[tuple[float, float], ...] | None
+    model: str
+    inliers: int
+
+
+def outlined(frame: TrackedFrame) -> Pixels:
+    """The frame with the template's corners as a green quadrilateral; as it is where the template was lost."""
+    picture = frame.pixels.copy()
+    if frame.corners is not None:
+        corners = np.rint(frame.corners * (1 << _SUBPIXEL_SHIFT)).astype(np.int32)
+        cv2.polylines(picture, [corners], True, OUTLINE_COLOR, OUTLINE_WIDTH_PX, cv2.LINE_AA, _SUBPIXEL_SHIFT)
+    return picture
+
+
+def row(frame: TrackedFrame, frame_rate: Fraction) -> TrackedCorners:
+    """The numbers of a frame, without its pixels."""
+    seconds = round(float(frame.number / frame_rate), 6)
+    if frame.corners is None or frame.place is None:
+        return TrackedCorners(frame.number, seconds, None, "", 0)
+    corners = tuple((round(float(x), 3), round(float(y), 3)) for x, y in frame.corners)
+    return TrackedCorners(frame.number, seconds, corners, frame.place.model, frame.place.inliers)
+
+
+def save_corners(path: Path, rows: Sequence[TrackedCorners]) -> None:
+    """Write the rows as CSV or JSON, as the suffix says."""
+    text = _json(rows) if path.suffix.lower() == ".json" else _csv(rows)
+    save_bytes(path, text.encode())
+
+
+def _json(rows: Sequence[TrackedCorners]) -> str:
+    return "[\n" + ",\n".join(json.dumps(vars(each)) for each in rows) + "\n]\n"
+
+
+def _csv(rows: Sequence[TrackedCorners]) -> str:
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(
+        ["frame", "seconds", *(f"{axis}{corner}" for corner in range(4) for axis in "xy"), "model", "inliers"]
+    )
+    for each in rows:
+        values = [""] * 8 if each.corners is None else [value for point in each.corners for value in point]
+        table.writerow([each.frame, each.seconds, *values, each.model, each.inliers])
+    return text.getvalue()

@@ -1,0 +1,174 @@
+"""What is tracked, as the front end sees it, and where it is in a frame.
+
+A small object has few corners at its own size, and none within the border that descriptors need. So the front end is
+shown a *view*: the object enlarged, in its surroundings, whose features are masked. A frame is warped into the same
+view by the place where the object is expected; held-reference matching then finds what the expectation lacks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.config import Config
+from sim.backend import FrontEnd
+from skymosaic.compositing.warp import Canvas, backward, magnification, shrunk
+from skymosaic.geometry.homography import apply
+from skymosaic.geometry.model_selection import TOLERANCE_PX, fit, similarity
+from skymosaic.imagery.images import Pixels
+from skymosaic.registration import POSITIONS_PER_PX, match_points
+
+Array = NDArray[np.float64]
+
+SMALLEST_SIDE_PX = 128
+LARGEST_SIDE_PX = 256
+"""Side, as the root of the area, to which the view enlarges or reduces the object."""
+MARGIN_PX = 64
+"""Surroundings in the view: the front end's border at half size (40 px), and what the expectation may be off."""
+
+
+class Roi(NamedTuple):
+    """A rectangle of whole pixels."""
+
+    x_px: int
+    y_px: int
+    width_px: int
+    height_px: int
+
+
+class Place(NamedTuple):
+    """Where the template is.
+
+    ``homography`` (3, 3) maps template pixels to frame pixels; ``model`` says what was estimated, "similarity" or
+    "projective"; ``features`` are the indices of the template's features that agree within 3 view pixels, and
+    ``inliers`` counts those of them that were trusted.
+    """
+
+    homography: Array
+    model: str
+    inliers: int
+    features: NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class Template:
+    """A rectangle of a picture, and the front end that finds it elsewhere.
+
+    Attributes
+    ----------
+    picture : ndarray of uint8, shape (H, W) or (H, W, 3)
+    roi : Roi
+        The part that is the template; its first pixel is the origin of template coordinates.
+    front_end : FrontEnd
+        Matches, with the template's view as the held reference.
+    config : Config
+        What it computes.
+    """
+
+    picture: Pixels
+    roi: Roi
+    front_end: FrontEnd
+    config: Config
+
+    @property
+    def corners(self) -> Array:
+        """Outer corners (4, 2) in template pixels, clockwise from the top left."""
+        right, bottom = self.roi.width_px - 0.5, self.roi.height_px - 0.5
+        return np.array([[-0.5, -0.5], [right, -0.5], [right, bottom], [-0.5, bottom]])
+
+    @property
+    def in_picture(self) -> Array:
+        """Template pixels to pixels of the picture, (3, 3)."""
+        return np.array([[1.0, 0, self.roi.x_px], [0, 1, self.roi.y_px], [0, 0, 1]])
+
+    @cached_property
+    def zoom(self) -> float:
+        """View pixels a template pixel."""
+        side_px = float(np.sqrt(self.roi.width_px * self.roi.height_px))
+        return float(np.clip(side_px, SMALLEST_SIDE_PX, LARGEST_SIDE_PX)) / side_px
+
+    @cached_property
+    def weight(self) -> Array:
+        """Weight of each feature of the view, (F,): it falls from the middle outwards, and is 0 for surroundings.
+
+        A rectangle drawn around an object shows the object in its middle and more and more of the ground outwards.
+        """
+        features = self.front_end.run([self._reference], self.config)[0].features
+        points = np.stack((features["x"], features["y"]), axis=1) / POSITIONS_PER_PX
+        first, last = apply(self._to_view, self.corners)[[0, 2]]
+        from_middle = (2 * points - first - last) / (last - first)
+        inside = (np.abs(from_middle) <= 1).all(axis=1)
+        return np.where(inside, np.exp(-(from_middle**2).sum(axis=1)), 0)
+
+    def near(
+        self, frame: Pixels, expected: Array, weight: Array, *, fewest: int, rng: np.random.Generator
+    ) -> Place | None:
+        """The template within about a quarter of its size from where it is expected.
+
+        Parameters
+        ----------
+        frame : ndarray of uint8
+        expected : ndarray, shape (3, 3)
+            Template to frame pixels.
+        weight : ndarray, shape (F,)
+            Of the template's features; 0 for those not to be trusted.
+        fewest : int
+            Inliers needed.
+        rng : numpy.random.Generator
+            Of the robust estimator.
+        """
+        index, left, right = self._matches(self._view(frame, expected))
+        trusted = weight[index] > 0
+        found = fit(left[trusted], right[trusted], weight[index[trusted]], fewest=fewest, rng=rng)
+        if found is None:
+            return None
+        agreeing = np.linalg.norm(apply(found.matrix, left) - right, axis=1) <= TOLERANCE_PX
+        homography = expected @ np.linalg.inv(self._to_view) @ found.matrix @ self._to_view
+        return Place(homography / homography[2, 2], found.model, found.inliers, index[agreeing])
+
+    def within(self, frame: Pixels, part: Canvas, zoom: float, weight: Array, *, fewest: int) -> Array | None:
+        """A guess, template to frame pixels, from a part of the frame after magnification by ``zoom``.
+
+        It takes ``fewest`` inliers of a similarity; chance finds up to 3.
+        """
+        magnified = magnification(zoom)
+        index, left, right = self._matches(warped(frame, magnified, part))
+        trusted = weight[index] > 0
+        found = similarity(left[trusted], right[trusted], weight[index[trusted]], fewest=fewest)
+        if found is None:
+            return None
+        homography = np.linalg.inv(part.translation @ magnified) @ found.matrix @ self._to_view
+        return np.asarray(homography / homography[2, 2])
+
+    @cached_property
+    def _to_view(self) -> Array:
+        """Template pixels to view pixels, (3, 3)."""
+        return np.array([[1.0, 0, MARGIN_PX], [0, 1, MARGIN_PX], [0, 0, 1]]) @ magnification(self.zoom)
+
+    @cached_property
+    def _reference(self) -> Pixels:
+        return self._view(self.picture, self.in_picture)
+
+    def _view(self, frame: Pixels, place: Array) -> Pixels:
+        """The view of a frame, if the template were at ``place``."""
+        width, height = (round(self.zoom * side) + 2 * MARGIN_PX for side in self.roi[2:])
+        return warped(frame, self._to_view @ np.linalg.inv(place), Canvas(0, 0, width, height))
+
+    def _matches(self, shown: Pixels) -> tuple[NDArray[np.intp], Array, Array]:
+        """Index of the template's feature, and positions in view and picture, of all mutual matches but the masked.
+
+        The fuzzy stage's verdicts are not asked: the turn that most matches agree on may be the surroundings'.
+        """
+        matches = self.front_end.run([self._reference, shown], self.config, reference="held")[1].matches
+        matches = matches[self.weight[matches["left_index"]] > 0]
+        return matches["left_index"].astype(np.intp), *match_points(matches)
+
+
+def warped(frame: Pixels, transform: Array, canvas: Canvas) -> Pixels:
+    """Part of a frame after ``transform``, averaged where it is reduced; its border goes on beyond it."""
+    return backward(*shrunk(frame, transform), canvas, border=cv2.BORDER_REPLICATE)

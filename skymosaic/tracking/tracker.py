@@ -1,0 +1,236 @@
+"""Tracks an object through a video: its four corners in every frame (thesis, section IV.6.3).
+
+The template's features are held as the reference, so that errors do not add up. In each frame the template is looked
+for where it is expected (constant velocity), enlarged; where it is not there, in one part of the frame after the
+other, nearest first, one a frame.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from golden_model.config import Config, preset_config
+from skymosaic import board
+from skymosaic.compositing.warp import Canvas
+from skymosaic.errors import InputError, RegistrationError
+from skymosaic.geometry.homography import DegenerateError, apply, dlt
+from skymosaic.imagery.images import SMALLEST_SIDE_PX, Pixels, load
+from skymosaic.registration import extract_within_capacity
+from skymosaic.tracking.template import Array, Place, Roi, Template
+
+SMALLEST_ROI_PX = 16
+FEWEST_FEATURES = 12
+"""A template with fewer cannot be told from chance."""
+FEWEST_TO_STAY = 6
+"""Inliers that keep a track. Where the object is hidden, or somewhere else, at most 3 matches agree by chance."""
+FEWEST_TO_BEGIN = 8
+"""Inliers that begin a track, or take it up again."""
+FEWEST_TO_GUESS = 4
+POSITION_GAIN, VELOCITY_GAIN = 0.85, 0.4
+"""Of the alpha-beta filter: shares of what was measured beyond what was expected."""
+COASTED_FRAMES = 10
+"""For so long the template is also looked for where its last velocity would have taken it."""
+LEARNING_FRAMES = 5
+TRUSTED_SHARE = 0.15
+"""After so many frames, only features that followed the object in this share of them are trusted: a rectangle in the
+first frame holds some of the ground too, which is found again where the object is not."""
+PART_PX = (1280, 960)
+PART_OVERLAP_PX = 192
+"""Largest part of a magnified frame that is searched at once, and how far neighbours overlap."""
+SEARCH_SCALES: tuple[float, ...] = (1.0, 0.7, 1.4, 0.5, 2.0)
+"""Sizes of the object against the template that are tried in turn, until its size is known."""
+LARGEST_CHANGE = 2.0
+"""A place whose area differs from the expected one by more is no place."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrackedFrame:
+    """What is known after one frame.
+
+    Attributes
+    ----------
+    number : int
+        The frame's number, from 0.
+    pixels : ndarray of uint8, shape (H, W, 3)
+        The frame.
+    corners : ndarray of float64, shape (4, 2), or None
+        The template's corners in frame pixels, smoothed; from its top left clockwise. None where it is lost.
+    place : Place or None
+        The homography as measured in this frame, its model and inliers.
+    """
+
+    number: int
+    pixels: Pixels
+    corners: Array | None
+    place: Place | None
+
+
+def track(
+    template: str | Path | Pixels | Roi,
+    frames: Iterable[Pixels],
+    *,
+    preset: str = "aerial",
+    config: Config | None = None,
+    backend: str = "golden",
+    seed: int = 0,
+) -> Iterator[TrackedFrame]:
+    """Follow an object through the frames of a video.
+
+    Parameters
+    ----------
+    template : path, array or Roi
+        A picture of the object, or its rectangle in the first frame.
+    frames : iterable of ndarray of uint8, shape (H, W) or (H, W, 3) BGR
+        Of one size; one at a time is held.
+    preset, config, backend, seed
+        As in `skymosaic.register`.
+
+    Raises
+    ------
+    InputError
+        For a template that cannot be read, or a rectangle that is too small or not inside the frame.
+    """
+    remaining = iter(frames)
+    first = next(remaining, None)
+    if first is None:
+        return
+    if isinstance(template, Roi):
+        _check_roi(template, first)
+        picture, roi = first, template
+    else:
+        picture = load(template, "template").pixels
+        roi = Roi(0, 0, picture.shape[1], picture.shape[0])
+    front_end = board.front_end(backend)
+    # Without cell selection, a threshold that the first frame fits; with it, nothing changes.
+    _, config = extract_within_capacity(front_end, [first], config or preset_config(preset))
+    tracker = _Tracker(Template(picture, roi, front_end, config), np.random.default_rng(seed))
+    if isinstance(template, Roi):
+        tracker.begin(tracker.template.in_picture)
+    for number, pixels in enumerate(itertools.chain([first], remaining)):
+        place = tracker.follow(pixels)
+        yield TrackedFrame(number, pixels, tracker.corners if place else None, place)
+
+
+def _check_roi(roi: Roi, frame: Pixels) -> None:
+    height, width = frame.shape[:2]
+    text = ",".join(map(str, roi))
+    if min(roi.width_px, roi.height_px) < SMALLEST_ROI_PX:
+        raise InputError(f"roi {text}: too small; give at least {SMALLEST_ROI_PX}x{SMALLEST_ROI_PX} pixels")
+    if min(roi) < 0 or roi.x_px + roi.width_px > width or roi.y_px + roi.height_px > height:
+        raise InputError(f"roi {text}: reaches out of the first frame, {width}x{height} pixels; give x,y,width,height")
+
+
+class _Tracker:
+    """Where the template is expected, what of it is trusted, and what to do when it is not there."""
+
+    def __init__(self, template: Template, rng: np.random.Generator) -> None:
+        self.template = template
+        self.corners: Array | None = None
+        """The corners (4, 2) in the last frame, smoothed; where they were expected, if the template was lost."""
+        self._rng = rng
+        self._velocity = np.zeros((4, 2))
+        self._is_steady = False
+        self._lost_frames = 0
+        self._followed_frames = 0
+        self._followed = np.zeros(len(template.weight))
+        features = np.count_nonzero(template.weight)
+        if features < FEWEST_FEATURES:
+            raise RegistrationError(
+                f"the template has {features} features, {FEWEST_FEATURES} needed; choose a larger part with more detail"
+            )
+
+    def begin(self, homography: Array) -> None:
+        """Take up the track at a place that is known."""
+        self.corners = apply(homography, self.template.corners)
+        self._velocity = np.zeros((4, 2))
+        self._is_steady = False
+
+    def follow(self, frame: Pixels) -> Place | None:
+        """The place in the next frame; None where it is not found."""
+        place = self._expected(frame) or self._searched(frame)
+        if place is None:
+            # What is not seen keeps its shape and only moves on.
+            self._velocity[:] = self._velocity.mean(axis=0)
+        self._lost_frames = 0 if place else self._lost_frames + 1
+        return place
+
+    @property
+    def _weight(self) -> Array:
+        """Weight of the template's features by what was learned of them."""
+        if self._followed_frames < LEARNING_FRAMES:
+            return self.template.weight
+        share = self._followed / self._followed_frames
+        return np.where(share >= TRUSTED_SHARE, share * self.template.weight, 0)
+
+    def _expected(self, frame: Pixels) -> Place | None:
+        """Look where the template is expected, and move what is expected by one step of the alpha-beta filter."""
+        if self.corners is None or self._lost_frames > COASTED_FRAMES:
+            return None
+        self.corners = self.corners + self._velocity
+        place = self._verified(frame, dlt(self.template.corners, self.corners), FEWEST_TO_STAY)
+        if place is not None:
+            beyond = apply(place.homography, self.template.corners) - self.corners
+            # A new track takes its first step as its velocity.
+            position_gain, velocity_gain = (POSITION_GAIN, VELOCITY_GAIN) if self._is_steady else (1.0, 1.0)
+            self.corners = self.corners + position_gain * beyond
+            self._velocity = self._velocity + velocity_gain * beyond
+            self._is_steady = True
+            self._followed[place.features] += 1
+            self._followed_frames += 1
+        return place
+
+    def _verified(self, frame: Pixels, expected: Array, fewest: int) -> Place | None:
+        """The place near an expected one, if it is plausible: its corners convex, its area like the expected one."""
+        try:
+            place = self.template.near(frame, expected, self._weight, fewest=fewest, rng=self._rng)
+        except DegenerateError:
+            return None
+        if place is None:
+            return None
+        corners, before = (apply(homography, self.template.corners) for homography in (place.homography, expected))
+        change = _area(corners) / _area(before)
+        plausible = cv2.isContourConvex(corners.astype(np.float32)) and 1 / LARGEST_CHANGE < change < LARGEST_CHANGE
+        return place if plausible else None
+
+    def _searched(self, frame: Pixels) -> Place | None:
+        """Look into one part of the frame for the object at one size; parts and sizes take turns."""
+        looks = self._looks((frame.shape[1], frame.shape[0]))
+        zoom, part = looks[self._lost_frames % len(looks)]
+        guess = self.template.within(frame, part, zoom, self._weight, fewest=FEWEST_TO_GUESS)
+        place = None if guess is None else self._verified(frame, guess, FEWEST_TO_BEGIN)
+        if place is not None:
+            self.begin(place.homography)
+        return place
+
+    def _looks(self, size: tuple[int, int]) -> list[tuple[float, Canvas]]:
+        """Magnifications of the frame, each with a part of the magnified frame; the likeliest first."""
+        middle, scales = np.array(size) / 2, SEARCH_SCALES
+        if self.corners is not None:
+            middle = self.corners.mean(axis=0)
+            scales = (math.sqrt(_area(self.corners) / _area(self.template.corners)),)
+        smallest_zoom = SMALLEST_SIDE_PX / min(size)
+        zooms = [max(self.template.zoom / scale, smallest_zoom) for scale in scales]
+        return [(zoom, part) for zoom in zooms for part in _parts(size, zoom, middle)]
+
+
+def _parts(size: tuple[int, int], zoom: float, middle: Array) -> list[Canvas]:
+    """Overlapping parts of a magnified frame, nearest to ``middle`` (in pixels of the frame) first."""
+    spans = []
+    for side, part_px in zip(size, PART_PX, strict=True):
+        whole = round(side * zoom)
+        length = min(whole, part_px)
+        count = 1 + math.ceil((whole - length) / (part_px - PART_OVERLAP_PX))
+        spans.append([(round(start), length) for start in np.linspace(0, whole - length, count)])
+    parts = [Canvas(x, y, width, height) for y, height in spans[1] for x, width in spans[0]]
+    return sorted(parts, key=lambda part: float(np.linalg.norm(part.corners.mean(axis=0) - zoom * middle)))
+
+
+def _area(corners: Array) -> float:
+    return float(cv2.contourArea(corners.astype(np.float32)))

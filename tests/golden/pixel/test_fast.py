@@ -1,0 +1,55 @@
+"""FAST against cv2.FastFeatureDetector TYPE_9_16, exactly: the corner set at every threshold, and the scores."""
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from golden_model.pixel.fast import response_code, score
+from golden_model.pixel.nms import suppress
+
+
+def opencv_corners(gray, threshold, *, suppressed):
+    """Plane of cv2's corners: their score where suppressed, else 1."""
+    kind = cv2.FAST_FEATURE_DETECTOR_TYPE_9_16
+    plane = np.zeros(gray.shape, np.int64)
+    for corner in cv2.FastFeatureDetector_create(threshold, suppressed, kind).detect(gray):
+        plane[int(corner.pt[1]), int(corner.pt[0])] = corner.response if suppressed else 1
+    return plane
+
+
+@given(data=st.data(), threshold=st.integers(1, 254))
+def test_corner_set_is_opencvs(contents, data, threshold):
+    gray = data.draw(contents(8, 60))
+    corners = response_code(gray, threshold) > 0
+    np.testing.assert_array_equal(corners, opencv_corners(gray, threshold, suppressed=False))
+
+
+@given(data=st.data(), threshold=st.integers(1, 254))
+def test_suppressed_corners_and_scores_are_opencvs(contents, data, threshold):
+    gray = data.draw(contents(8, 60))
+    survivors = suppress(response_code(gray, threshold), 1, "lose")
+    np.testing.assert_array_equal(survivors, opencv_corners(gray, threshold, suppressed=True))
+
+
+def test_score_is_the_largest_threshold_that_opencv_passes(texture):
+    gray = texture(97, 131)
+    largest = np.zeros(gray.shape, np.int64)
+    for threshold in range(1, 255):
+        largest[opencv_corners(gray, threshold, suppressed=False) > 0] = threshold
+    assert (largest > 0).sum() > 500
+    np.testing.assert_array_equal(score(gray), largest)
+
+
+@pytest.mark.parametrize(("run", "corner"), [(8, False), (9, True), (16, True)])
+@pytest.mark.parametrize("start", [0, 5, 12])
+@pytest.mark.parametrize("brighter", [False, True])
+def test_nine_contiguous_pixels_make_a_corner(run, corner, start, brighter):
+    circle = [(0, -3), (1, -3), (2, -2), (3, -1), (3, 0), (3, 1), (2, 2), (1, 3)]
+    circle += [(-x, -y) for x, y in circle]
+    gray = np.full((7, 7), 100, np.uint8)
+    for i in range(run):
+        x, y = circle[(start + i) % 16]
+        gray[3 + y, 3 + x] = 130 if brighter else 70
+    assert score(gray)[3, 3] == (29 if corner else 0)

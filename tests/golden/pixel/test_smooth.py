@@ -1,0 +1,45 @@
+"""Binomial smoothing and Sobel against integer correlation (SciPy) and cv2.Sobel; both exact inside the margin."""
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.ndimage import correlate
+
+from golden_model.formats import GRADIENT
+from golden_model.pixel.smooth import binomial3, binomial5
+from golden_model.pixel.sobel import gradients
+
+
+def inside(plane, margin_px):
+    return plane[margin_px:-margin_px, margin_px:-margin_px]
+
+
+@pytest.mark.parametrize(("smooth", "taps"), [(binomial3, [1, 2, 1]), (binomial5, [1, 4, 6, 4, 1])])
+@given(data=st.data())
+def test_smoothing_rounds_the_binomial_sum_once(contents, smooth, taps, data):
+    gray = data.draw(contents(8, 70))
+    kernel = np.outer(taps, taps)
+    sums = correlate(gray.astype(np.int64), kernel)
+    expected = (sums + kernel.sum() // 2) // kernel.sum()
+    np.testing.assert_array_equal(inside(smooth(gray), len(taps) // 2), inside(expected, len(taps) // 2))
+
+
+@given(data=st.data())
+def test_gradients_are_cv2_sobel(contents, data):
+    gray = data.draw(contents(8, 70))
+    gradient_x, gradient_y = gradients(gray)
+    np.testing.assert_array_equal(inside(gradient_x, 1), inside(cv2.Sobel(gray, cv2.CV_16S, 1, 0), 1))
+    np.testing.assert_array_equal(inside(gradient_y, 1), inside(cv2.Sobel(gray, cv2.CV_16S, 0, 1), 1))
+
+
+def test_gradient_reaches_its_bound_and_points_to_the_bright_side():
+    step = np.zeros((9, 9), np.uint8)
+    step[:, 5:] = 255
+    for image, axis in ((step, 0), (step.T, 1)):
+        along, across = gradients(np.ascontiguousarray(image))[axis], gradients(np.ascontiguousarray(image))[1 - axis]
+        assert along.max() == 4 * 255
+        assert not across.any()
+        assert GRADIENT.holds(along)
+        assert GRADIENT.holds(-along)

@@ -1,0 +1,149 @@
+# amaranth: UnusedElaboratable=no
+"""Ring window, orientation and descriptor against the golden model."""
+
+import numpy as np
+import pytest
+from amaranth import Module, ResetInserter, Signal
+from amaranth.lib import data, wiring
+from amaranth.lib.wiring import In, Out
+from amaranth.sim import Simulator
+
+from golden_model.feature.ilbp import PATTERNS, describe, gather
+from hdl.feature.ilbp import RingDescriptor
+from hdl.feature.ring_window import RingWindow
+from hdl.streams import beat, carry_scan
+from sim.drivers import run_beats
+from sim.recording import Pauses
+
+CENTRE_PX = 20
+PATCH_PX = 2 * CENTRE_PX + 1
+
+
+class RingBeats(wiring.Component):
+    """A ring window whose pixels leave as beats."""
+
+    def __init__(self, *, pattern, width_px):
+        self.window = RingWindow(pattern=pattern, width_px=width_px)
+        rings = data.ArrayLayout(8, len(pattern.radii_px) * pattern.angles)
+        super().__init__({"i": In(self.window.i.shape()), "o": Out(beat(pixels=rings))})
+
+    def elaborate(self, platform):
+        m = Module()
+        m.submodules.window = self.window
+        m.d.comb += self.window.i.eq(self.i)
+        carry_scan(m, self.i, self.o, self.window.latency_cycles)
+        pixels = [pixel for ring in self.window.o_pixels for pixel in ring]
+        m.d.comb += [o_pixel.eq(pixel) for o_pixel, pixel in zip(self.o.pixels, pixels, strict=True)]
+        return m
+
+
+@pytest.mark.parametrize(("name", "width_px", "height_px"), [("ilbp-128", 35, 33), ("thesis-ilbp-3", 23, 17)])
+@pytest.mark.parametrize("gaps", [0, 80])
+def test_ring_window_gives_the_pixels_of_the_rings(name, width_px, height_px, gaps):
+    pattern = PATTERNS[name]
+    frames = np.random.default_rng(5).integers(0, 256, (2, height_px, width_px), dtype=np.uint8)
+    dut = RingBeats(pattern=pattern, width_px=width_px)
+    lag_px = dut.window.lag_px
+    assert lag_px == max(pattern.radii_px)
+    sent, received = run_beats(dut, [{"pixel": frame} for frame in frames], pauses=Pauses(gaps=gaps, seed=2))
+    np.testing.assert_array_equal(received.cycles - sent.cycles, dut.window.latency_cycles)
+    inside = np.mgrid[lag_px : height_px - lag_px, lag_px : width_px - lag_px]
+    y, x = inside.reshape(2, -1)
+    offsets = [offset for ring in pattern.offsets for offset in ring]
+    for frame, part in zip(frames, received.split(), strict=True):
+        planes = part.plane("pixels", frame.shape, lag_px=lag_px)
+        np.testing.assert_array_equal(planes[y, x].T, gather(frame, x, y, offsets))
+
+
+def patches(rng):
+    """Slopes in every direction, noise, ties and the extremes, one (H, W) patch a candidate."""
+    y, x = np.mgrid[-CENTRE_PX : CENTRE_PX + 1, -CENTRE_PX : CENTRE_PX + 1]
+    turns = np.arange(48)[:, np.newaxis, np.newaxis] * 2 * np.pi / 48
+    slopes = 128 + 3 * (x * np.cos(turns) + y * np.sin(turns)) + rng.normal(0, 8, (48, PATCH_PX, PATCH_PX))
+    noise = rng.integers(0, 256, (24, PATCH_PX, PATCH_PX))
+    coarse = rng.integers(0, 2, (24, PATCH_PX, PATCH_PX)) * 255
+    flat = np.stack([np.full((PATCH_PX, PATCH_PX), value) for value in (0, 255)])
+    halves = np.stack([side * 255 for side in (x > 0, x < 0, y > 0, y < 0, x > y, x < -y)])
+    return np.concatenate([slopes, noise, flat, coarse, halves]).clip(0, 255).astype(np.uint8)
+
+
+def run_descriptor(dut, rings, *, pause_cycles):
+    """Offer (N, rings * angles) pixels, other ones between them; the cycles, and what was found in which cycle."""
+    pixels = [pixel for ring in dut.i_pixels for pixel in ring]
+    garbage = np.random.default_rng(8)
+    offered, found = [], []
+
+    async def testbench(ctx):
+        cycle = 0
+
+        async def tick():
+            nonlocal cycle
+            *_, valid, sector, descriptor = await ctx.tick().sample(dut.o_valid, dut.o_sector, dut.o_descriptor)
+            if valid:
+                found.append((cycle, sector, descriptor))
+            cycle += 1
+
+        for candidate, values in enumerate(rings.tolist()):
+            ctx.set(dut.i_candidate, 1)
+            offered.append(cycle)
+            await tick()
+            ctx.set(dut.i_candidate, 0)
+            for pixel, value in zip(pixels, values, strict=True):
+                ctx.set(pixel, value)
+            await tick()
+            for pixel, value in zip(pixels, garbage.integers(0, 256, len(pixels)).tolist(), strict=True):
+                ctx.set(pixel, value)
+            for _ in range(dut.groups - 2 + (candidate % 3) * pause_cycles):
+                await tick()
+        for _ in range(dut.latency_cycles):
+            await tick()
+
+    simulator = Simulator(dut)
+    simulator.add_clock(1e-8)
+    simulator.add_testbench(testbench)
+    simulator.run()
+    return offered, found
+
+
+@pytest.mark.parametrize("name", PATTERNS)
+@pytest.mark.parametrize(("spacing_cycles", "pause_cycles"), [(2, 0), (4, 0), (4, 1)])
+def test_sector_and_descriptor_equal_the_golden_model(name, spacing_cycles, pause_cycles):
+    pattern = PATTERNS[name]
+    scene = np.concatenate(list(patches(np.random.default_rng(9))))
+    y = np.arange(len(scene) // PATCH_PX) * PATCH_PX + CENTRE_PX
+    x = np.full_like(y, CENTRE_PX)
+    sectors, descriptors = describe(scene, scene, x, y, pattern)
+    assert not pattern.oriented or set(sectors.tolist()) == set(range(16))
+
+    rings = gather(scene, x, y, [offset for ring in pattern.offsets for offset in ring]).T
+    dut = RingDescriptor(pattern=pattern, spacing_cycles=spacing_cycles)
+    offered, found = run_descriptor(dut, rings, pause_cycles=pause_cycles)
+    assert [cycle - dut.latency_cycles for cycle, _, _ in found] == offered
+    assert [sector for _, sector, _ in found] == sectors.tolist()
+    assert [value for *_, value in found] == [int.from_bytes(row.tobytes(), "little") for row in descriptors]
+
+
+def test_reset_forgets_the_candidates_under_way():
+    dut = RingDescriptor(pattern=PATTERNS["ilbp-128"], spacing_cycles=4)
+    reset = Signal()
+    valids = []
+
+    async def testbench(ctx):
+        for cycle in range(3 * dut.latency_cycles):
+            ctx.set(dut.i_candidate, cycle % 4 == 0 and cycle <= 2 * dut.latency_cycles)
+            ctx.set(reset, cycle == dut.latency_cycles)
+            *_, valid = await ctx.tick().sample(dut.o_valid)
+            valids.append(valid)
+
+    simulator = Simulator(ResetInserter(reset)(dut))
+    simulator.add_clock(1e-8)
+    simulator.add_testbench(testbench)
+    simulator.run()
+    after = range(dut.latency_cycles + 1, 3 * dut.latency_cycles)
+    offered = {cycle for cycle in after if cycle % 4 == 0 and cycle <= 2 * dut.latency_cycles}
+    assert {cycle for cycle in after if valids[cycle]} == {cycle + dut.latency_cycles for cycle in offered}
+
+
+def test_impossible_spacing_is_refused():
+    with pytest.raises(ValueError, match="spacing_cycles is 3; valid: 2, 4"):
+        RingDescriptor(pattern=PATTERNS["ilbp-128"], spacing_cycles=3)

@@ -1,0 +1,66 @@
+# amaranth: UnusedElaboratable=no
+import itertools
+
+import numpy as np
+import pytest
+from amaranth.hdl import signed, unsigned
+from amaranth.sim import Simulator
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hdl.lib.weighted_sum import WeightedSum, signed_digits
+
+
+@given(st.integers(-(1 << 40), 1 << 40))
+def test_signed_digits_give_the_constant_without_neighbours(constant):
+    digits = signed_digits(constant)
+    shifts = [shift for shift, _ in digits]
+    assert sum(sign << shift for shift, sign in digits) == constant
+    assert all(after - before >= 2 for before, after in itertools.pairwise(shifts))
+
+
+@pytest.mark.parametrize(
+    ("weights", "shape", "latency_cycles"),
+    [
+        ((64, 59, 45, 24), unsigned(14), 4),
+        ((815, -4096), unsigned(23), 3),
+        ((-3, 0, 7), signed(9), 2),
+        ((-5,), unsigned(4), 1),
+        ((8,), signed(4), 1),
+    ],
+)
+def test_sum_is_exact_at_its_latency(weights, shape, latency_cycles):
+    dut = WeightedSum(weights=weights, shape=shape)
+    assert dut.latency_cycles == latency_cycles
+    low, high = (-(1 << shape.width - 1), (1 << shape.width - 1) - 1) if shape.signed else (0, (1 << shape.width) - 1)
+    rng = np.random.default_rng(3)
+    vectors = rng.integers(low, high + 1, (60, len(weights)))
+    vectors[0] = np.where(np.array(weights) > 0, high, low)
+    vectors[1] = np.where(np.array(weights) > 0, low, high)
+    valids = rng.random(60) < 0.7
+    valids[:2] = True
+    sums = []
+
+    async def testbench(ctx):
+        for cycle in range(60 + latency_cycles):
+            asked = cycle < 60
+            ctx.set(dut.i_valid, bool(asked and valids[cycle]))
+            for i_value, value in zip(dut.i_values, vectors[min(cycle, 59)].tolist(), strict=True):
+                ctx.set(i_value, value)
+            *_, valid, total = await ctx.tick().sample(dut.o_valid, dut.o_sum)
+            before = cycle - latency_cycles
+            assert valid == (before >= 0 and valids[before])
+            if valid:
+                sums.append(total)
+
+    simulator = Simulator(dut)
+    simulator.add_clock(1e-8)
+    simulator.add_testbench(testbench)
+    simulator.run()
+    assert sums == (vectors @ np.array(weights))[valids].tolist()
+    assert (dut.low, dut.high) == (sums[1], sums[0])
+
+
+def test_weights_that_are_all_zero_are_refused():
+    with pytest.raises(ValueError, match=r"weights are \[0, 0\]"):
+        WeightedSum(weights=(0, 0), shape=unsigned(8))

@@ -1,0 +1,126 @@
+"""Roles, contents and counts of the feature banks, frame after frame."""
+
+import numpy as np
+import pytest
+from amaranth.sim import Simulator
+
+from golden_model.feature.ilbp import PATTERNS
+from golden_model.records import FRAME_STATUS, Tag, feature_record
+from hdl.matching.feature_banks import READ_CYCLES, FeatureBanks
+from sim.recording import NO_PAUSES, Pauses
+
+MAX_FEATURES = 16
+
+
+def random_frames(rng, sizes, pattern):
+    """Records of each frame's features."""
+    record = feature_record(pattern.descriptor_bytes, pattern.window_bytes)
+    for size in sizes:
+        features = np.frombuffer(rng.bytes(size * record.record_bytes), record.dtype).copy()
+        features["tag"], features["index"] = Tag.FEATURE, np.arange(size)
+        features["sector"] = rng.integers(0, 16, size)
+        yield features
+
+
+def status_of(features, good):
+    status = np.zeros(1, FRAME_STATUS.dtype_padded_to(features.dtype.itemsize))
+    status["tag"], status["good"], status["features"] = Tag.FRAME_STATUS, good, len(features)
+    return status
+
+
+class BanksBench:
+    """Sends frames, takes their status after a while, and reads both sides back while the next frame comes."""
+
+    def __init__(self, pattern, frames, pauses):
+        self.dut = FeatureBanks(pattern=pattern, max_features=MAX_FEATURES)
+        self.pattern, self.frames, self.pauses = pattern, frames, pauses
+        self.sides = []
+
+    def run(self):
+        simulator = Simulator(self.dut)
+        simulator.add_clock(1e-8)
+        simulator.add_testbench(self.sink)
+        simulator.add_testbench(self.source, background=True)
+        simulator.run()
+        return self.sides
+
+    async def source(self, ctx):
+        port, cycle = self.dut.i, 0
+        for features, good, _ in self.frames:
+            for word in np.frombuffer(features.tobytes() + status_of(features, good).tobytes(), np.uint64).tolist():
+                while self.pauses.gap(cycle, 0):
+                    await ctx.tick()
+                    cycle += 1
+                cycle += 1
+                ctx.set(port.payload, {"data": word, "last": 0})
+                ctx.set(port.valid, 1)
+                await ctx.tick().until(port.ready)
+                ctx.set(port.valid, 0)
+
+    async def sink(self, ctx):
+        dut = self.dut
+        for _, good, (hold, take) in self.frames:
+            ctx.set(dut.i_hold_reference, hold)
+            ctx.set(dut.i_take_reference, take)
+            ctx.set(dut.o_status.ready, 1)
+            *_, status = await ctx.tick().sample(dut.o_status.payload).until(dut.o_status.valid)
+            assert status.good == good
+            ctx.set(dut.o_status.ready, 0)
+            self.sides.append([await self.side(ctx, side) for side in ("left", "right")])
+
+    async def side(self, ctx, side):
+        address, count = getattr(self.dut, f"i_{side}_address"), getattr(self.dut, f"o_{side}_count")
+        feature = getattr(self.dut, f"o_{side}")
+        features = []
+        for n in range(ctx.get(count)):
+            ctx.set(address, n)
+            await ctx.tick().repeat(READ_CYCLES)
+            features.append({name: ctx.get(feature[name]) for name, _ in feature.shape()})
+        return features
+
+
+def contents(features, pattern):
+    """What the banks should give for the frame."""
+    result = []
+    for feature in features:
+        entry = {"x": int(feature["x"]), "y": int(feature["y"]), "sector": 0, "window": 0}
+        entry["descriptor"] = int.from_bytes(feature["descriptor"].tobytes(), "little")
+        if pattern.oriented:
+            entry["sector"] = int(feature["sector"])
+        if pattern.carries_window:
+            entry["window"] = int.from_bytes(feature["window"].tobytes(), "little")
+        result.append(entry)
+    return result
+
+
+PREVIOUS, HELD, TAKE = (0, 0), (1, 0), (0, 1)
+
+
+@pytest.mark.parametrize("pauses", [NO_PAUSES, Pauses(gaps=120, seed=4)], ids=["free", "gaps"])
+@pytest.mark.parametrize("name", ["ilbp-128", "thesis-ilbp-2"])
+def test_roles(name, pauses):
+    """Frame by frame: which frames are left and right afterwards."""
+    pattern = PATTERNS[name]
+    steps = [
+        # features, good, settings, left, right
+        (5, 0, PREVIOUS, None, None),
+        (16, 1, PREVIOUS, 1, None),
+        (7, 1, PREVIOUS, 1, 2),
+        (9, 0, PREVIOUS, 1, 2),
+        (16, 1, PREVIOUS, 2, 4),
+        (0, 1, PREVIOUS, 4, 5),
+        (3, 1, HELD, 4, 6),
+        (1, 1, HELD, 4, 7),
+        (12, 1, PREVIOUS, 7, 8),
+        (16, 1, TAKE, 9, None),
+        (11, 0, TAKE, 9, None),
+        (2, 1, HELD, 9, 11),
+        (13, 1, (1, 1), 12, None),
+        (15, 1, PREVIOUS, 12, 13),
+    ]
+    frames = list(random_frames(np.random.default_rng(6), [size for size, *_ in steps], pattern))
+    bench = BanksBench(pattern, [(f, good, how) for f, (_, good, how, *_) in zip(frames, steps, strict=True)], pauses)
+    for number, (sides, (*_, left, right)) in enumerate(zip(bench.run(), steps, strict=True)):
+        for actual, frame in zip(sides, (left, right), strict=True):
+            expected = [] if frame is None else contents(frames[frame], pattern)
+            assert actual == expected, f"after frame {number}"

@@ -1,0 +1,187 @@
+# amaranth: UnusedElaboratable=no
+"""Sugeno systems, the histogram of turns and the sum of absolute differences equal the golden ones."""
+
+import itertools
+
+import numpy as np
+import pytest
+from amaranth.sim import Simulator
+
+from golden_model.feature.ilbp import SECTORS
+from golden_model.matching import correlation, fuzzy
+from golden_model.matching.matcher import common_turn
+from hdl.matching.correlation import SumOfAbsoluteDifferences
+from hdl.matching.fuzzy import Sugeno
+from hdl.matching.orientation_histogram import TurnHistogram
+from sim.drivers import run_streams
+from sim.recording import Pauses
+
+CLOCK_S = 1e-8
+
+
+def distinct(variable):
+    """The first index of each different column of degrees, and one beyond the tables."""
+    columns = np.stack(list(variable.sets.values()))
+    return [*np.sort(np.unique(columns, axis=1, return_index=True)[1]).tolist(), variable.entries + 3]
+
+
+def golden(system, inputs):
+    """Weight and rule of each input, one row an input."""
+    return np.stack(system.evaluate(*np.array(inputs).T), axis=1)
+
+
+def evaluated(system, value_bits, inputs):
+    """The same from the hardware, in the latency it promises."""
+    dut = Sugeno(system=system, value_bits=value_bits)
+    simulator = Simulator(dut)
+    simulator.add_clock(CLOCK_S)
+    results = []
+
+    async def run(ctx):
+        ctx.set(dut.i.valid, 1)
+        for values in inputs:
+            ctx.set(dut.i.payload, values)
+            ctx.set(dut.o.ready, 0)
+            await ctx.tick().repeat(dut.latency_cycles - 1)
+            assert not ctx.get(dut.o.valid)
+            ctx.set(dut.o.ready, 1)
+            await ctx.tick()
+            assert ctx.get(dut.o.valid)
+            results.append((ctx.get(dut.o.payload.weight), ctx.get(dut.o.payload.rule)))
+            await ctx.tick()
+            assert ctx.get(dut.i.ready)
+            await ctx.tick()
+
+    simulator.add_testbench(run)
+    simulator.run()
+    return np.array(results)
+
+
+@pytest.mark.parametrize(
+    ("system", "value_bits"),
+    [
+        (fuzzy.aerial(128), 8),
+        (fuzzy.aerial(24), 5),
+        (fuzzy.aerial_turn(128), 8),
+        (fuzzy.aerial_turn(256), 9),
+    ],
+    ids=["aerial-128", "aerial-24", "aerial_turn-128", "aerial_turn-256"],
+)
+def test_product_systems_over_their_whole_domain(system, value_bits):
+    inputs = list(itertools.product(*(distinct(variable) for variable in system.inputs)))
+    np.testing.assert_array_equal(evaluated(system, value_bits, inputs), golden(system, inputs))
+
+
+@pytest.mark.parametrize("bits", [8, 32])
+def test_ilbp_over_its_whole_domain(bits):
+    system = fuzzy.ilbp(bits)
+    distances, sads, _ = (distinct(variable) for variable in system.inputs)
+    inputs = [(distance, sad, sad) for distance in distances for sad in [*sads, 9 * 255]]
+    np.testing.assert_array_equal(evaluated(system, 12, inputs), golden(system, inputs))
+
+
+def test_correlation_over_a_grid():
+    """Every combination of a set's core, two places on each ramp, and beyond the tables."""
+    system = fuzzy.correlation()
+    grids = [np.array(distinct(variable)) for variable in system.inputs]
+    inputs = list(itertools.product(*(grid[np.linspace(0, len(grid) - 1, 7).astype(int)].tolist() for grid in grids)))
+    expected = golden(system, inputs)
+    assert len(set(expected[:, 1])) == 27
+    assert len(set(expected[:, 0])) > 80
+    np.testing.assert_array_equal(evaluated(system, 9, inputs), expected)
+
+
+def test_gaps_and_stalls():
+    system = fuzzy.ilbp(8)
+    inputs = [(distance, sad, 60) for distance in range(4) for sad in (0, 40, 80, 120)]
+    dut = Sugeno(system=system, value_bits=8)
+    pauses = Pauses(gaps=100, stalls=180, seed=2)
+    results = run_streams(dut, {"i": inputs}, {"o": len(inputs)}, pauses=pauses, cycle_limit=2000)["o"]
+    np.testing.assert_array_equal([(result.weight, result.rule) for result in results], golden(system, inputs))
+
+
+def test_left_out_inputs_and_silent_rules():
+    """A rule may leave an input out; where nothing fires the weight is 0."""
+    near = fuzzy.Variable("near", {"yes": np.array([256, 100, 0])})
+    rules = (fuzzy.Rule(("yes", None), 0.9), fuzzy.Rule((None, "yes"), 0.3))
+    system = fuzzy.SugenoSystem("two", inputs=(near, near), rules=rules, conjunction="minimum")
+    inputs = list(itertools.product(range(3), repeat=2))
+    expected = golden(system, inputs)
+    assert expected[-1, 0] == 0
+    np.testing.assert_array_equal(evaluated(system, 2, inputs), expected)
+
+
+def test_product_of_too_many_inputs_is_refused():
+    always = fuzzy.Variable("always", {"yes": np.array([256])})
+    rule = fuzzy.Rule(("yes",) * 4, 1.0)
+    system = fuzzy.SugenoSystem("four", inputs=(always,) * 4, rules=(rule,), conjunction="product")
+    with pytest.raises(ValueError, match="four: multiplies 4 inputs; valid: 2, 3"):
+        Sugeno(system=system, value_bits=1)
+
+
+def test_histogram_of_turns():
+    bits, rng = 128, np.random.default_rng(4)
+    system = fuzzy.aerial_turn(bits)
+    frames = []
+    for count in (60, 0, 25, 1, 40, 3):
+        distance, margin = rng.integers(0, 30, count), rng.integers(0, 20, count)
+        turn = rng.integers(0, 16, count) if count % 2 else (rng.normal(count, 1.5, count) % SECTORS).astype(np.int64)
+        frames.append((turn, distance, margin))
+    # Equal bins apart: the first maximum wins.
+    frames.append((np.array([12, 5, 3]), np.zeros(3, np.int64), np.full(3, 18)))
+
+    dut = TurnHistogram(max_matches=64)
+    simulator = Simulator(dut)
+    simulator.add_clock(CLOCK_S)
+    peaks = []
+
+    async def run(ctx):
+        for turns, distance, margin in frames:
+            weights, _ = system.evaluate(distance, margin)
+            for turn, weight in zip(turns.tolist(), weights.tolist(), strict=True):
+                ctx.set(dut.i.payload, {"turn": turn, "weight": weight})
+                ctx.set(dut.i.valid, 1)
+                await ctx.tick().until(dut.i.ready)
+                ctx.set(dut.i.valid, 0)
+            ctx.set(dut.i_find, 1)
+            await ctx.tick()
+            ctx.set(dut.i_find, 0)
+            cycles = 0
+            while ctx.get(dut.o_busy):
+                await ctx.tick()
+                cycles += 1
+                assert cycles < 50
+            peaks.append(ctx.get(dut.o_peak))
+
+    simulator.add_testbench(run)
+    simulator.run()
+    assert peaks == [common_turn(turn, distance, margin, bits) for turn, distance, margin in frames]
+    assert len(set(peaks)) > 3
+
+
+def test_sum_of_absolute_differences():
+    rng = np.random.default_rng(5)
+    windows = rng.integers(0, 256, (40, 2, 9), dtype=np.uint8)
+    windows[0], windows[1, 0], windows[1, 1] = 255, 255, 0
+    dut = SumOfAbsoluteDifferences(pixels=9)
+    simulator = Simulator(dut)
+    simulator.add_clock(CLOCK_S)
+    sums = []
+
+    async def drive(ctx):
+        for left, right in windows:
+            for ports, window in ((dut.i_left, left), (dut.i_right, right)):
+                for port, pixel in zip(ports, window.tolist(), strict=True):
+                    ctx.set(port, pixel)
+            await ctx.tick()
+
+    async def watch(ctx):
+        await ctx.tick().repeat(dut.latency_cycles)
+        for _ in windows:
+            sums.append(ctx.get(dut.o_sum))
+            await ctx.tick()
+
+    simulator.add_testbench(drive)
+    simulator.add_testbench(watch)
+    simulator.run()
+    np.testing.assert_array_equal(sums, correlation.sad(windows[:, 0], windows[:, 1]))

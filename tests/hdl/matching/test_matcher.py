@@ -1,0 +1,262 @@
+# amaranth: UnusedElaboratable=no
+"""Match records of whole sequences equal the golden ones, word for word."""
+
+import itertools
+
+import numpy as np
+import pytest
+from amaranth import ResetInserter, Signal
+from amaranth.hdl import Fragment
+from amaranth.sim import Simulator
+
+from golden_model.config import Config, FrontEndConfig, MatcherConfig
+from golden_model.feature.ilbp import ILBP_128, PATTERNS
+from golden_model.records import FRAME_STATUS, MATCH, Cause, Tag, feature_record
+from hdl.matching.match_weigher import FuzzyStage
+from hdl.matching.matcher import Matcher
+from hdl.matching.nearest_neighbours import NearestNeighbours
+from sim.golden import matched
+from sim.recording import NO_PAUSES, Pauses
+
+ILBP_32 = PATTERNS["thesis-ilbp-4"]
+LANES, MAX_FEATURES = 4, 32
+CYCLE_LIMIT = 12_000
+
+
+def feature_dtypes(pattern):
+    record = feature_record(pattern.descriptor_bytes, pattern.window_bytes)
+    return record.dtype, FRAME_STATUS.dtype_padded_to(record.record_bytes)
+
+
+def random_features(rng, number, pattern, descriptors=None):
+    features = np.zeros(number, feature_dtypes(pattern)[0])
+    features["tag"], features["index"] = Tag.FEATURE, np.arange(number)
+    features["x"], features["y"] = rng.integers(0, 1 << 16, (2, number))
+    features["level"], features["response"] = rng.integers(0, 2, number), rng.integers(1, 1 << 15, number)
+    features["descriptor"] = rng.integers(0, 256, (number, pattern.descriptor_bytes))
+    if descriptors is not None:
+        features["descriptor"] = descriptors[rng.integers(0, len(descriptors), number)]
+    if pattern.oriented:
+        features["sector"] = rng.integers(0, 16, number)
+    if pattern.carries_window:
+        features["window"] = rng.integers(0, 256, (number, 9))
+    return features
+
+
+def seen_again(rng, features, number, pattern):
+    """Some of the features in another order, turned, and each disturbed by its own amount."""
+    again = features[rng.permutation(len(features))[:number]]
+    again["index"] = np.arange(number)
+    noise = rng.uniform(0, 0.4, (number, 1))
+    again["descriptor"] ^= np.packbits(rng.random((number, pattern.bits)) < noise, axis=1)
+    if pattern.oriented:
+        again["sector"] = (again["sector"] + 5 + rng.choice([0, 0, 0, 1, 2, 3, 8], number)) % 16
+    if pattern.carries_window:
+        again["window"] = np.clip(again["window"] + rng.normal(0, rng.uniform(0, 30, (number, 1)), (number, 9)), 0, 255)
+    return again
+
+
+def frame_status(pattern, number, features, causes=0):
+    status = np.zeros((), feature_dtypes(pattern)[1])
+    status["tag"], status["good"], status["causes"], status["frame"] = Tag.FRAME_STATUS, not causes, causes, number
+    status["features"] = 0 if causes else len(features)
+    status["width"], status["height"], status["threshold"], status["cycles"] = 640, 480, 77, 1 << 20
+    return status
+
+
+def sequence(pattern, sizes, bad=(), descriptors=None):
+    """``(features, status)`` of frames: each the features of the one before seen again, as far as they reach."""
+    rng = np.random.default_rng(sizes)
+    frames, features = [], random_features(rng, MAX_FEATURES, pattern, descriptors)
+    for number, size in enumerate(sizes):
+        fresh = random_features(rng, size, pattern, descriptors)
+        features = seen_again(rng, features, size, pattern) if len(features) >= size else fresh
+        frames.append((features, frame_status(pattern, number, features, Cause.LONG_LINE if number in bad else 0)))
+    return frames
+
+
+def packets_of(results):
+    """Words of each frame's matches and status."""
+    for matches, status in results:
+        ending = np.zeros((), FRAME_STATUS.dtype_padded_to(MATCH.record_bytes))
+        for name in FRAME_STATUS.dtype.names:
+            ending[name] = status[name]
+        yield np.frombuffer(matches.tobytes() + ending.tobytes(), np.uint64).tolist()
+
+
+def expected_packets(frames, pattern, matcher, reference):
+    config = Config(front_end=FrontEndConfig(descriptor=pattern.name, border_px=20), matcher=matcher)
+    results = list(matched(((features, status, None) for features, status in frames), config, reference))
+    return list(packets_of((result.matches, result.match_status) for result in results)), results
+
+
+class MatcherBench:
+    """Streams frames through a matcher, each with its settings.
+
+    ``interrupted`` says how much to send before a reset, from which on the frames come: a number of words, and clocks
+    to wait after them.
+    """
+
+    def __init__(self, pattern, config, frames, settings, *, pauses=NO_PAUSES, interrupted=(0, 0)):
+        self.dut = Matcher(config=config, pattern=pattern, lanes=LANES, max_features=MAX_FEATURES)
+        self.pauses, self.interrupted, self.frames = pauses, interrupted, len(frames)
+        self.words = []
+        for (features, status), values in zip(frames, settings, strict=True):
+            *words, last = np.frombuffer(features.tobytes() + status.tobytes(), np.uint64).tolist()
+            self.words += [*(({"data": word, "last": 0}, {}) for word in words), ({"data": last, "last": 1}, values)]
+        self.reset, self.has_reset = Signal(), False
+        self.commits, self.packets, self.ends, self.taken = [], [], [], []
+
+    def run(self):
+        """Packets of words that leave after the reset."""
+        simulator = Simulator(ResetInserter(self.reset)(self.dut))
+        simulator.add_clock(1e-8)
+        simulator.add_testbench(self.sink)
+        simulator.add_testbench(self.source, background=True)
+        simulator.run()
+        return self.packets
+
+    async def source(self, ctx):
+        words, wait_cycles = self.interrupted
+        await self.send(ctx, self.words[:words])
+        await ctx.tick().repeat(wait_cycles + 1)
+        ctx.set(self.reset, 1)
+        await ctx.tick()
+        ctx.set(self.reset, 0)
+        self.has_reset = True
+        await self.send(ctx, self.words)
+
+    async def send(self, ctx, words):
+        port = self.dut.i_features
+        clock = itertools.count()
+        for payload, settings in words:
+            while self.pauses.gap(next(clock), 0):
+                await ctx.tick()
+            for name, value in settings.items():
+                ctx.set(getattr(self.dut, name), value)
+            ctx.set(port.payload, payload)
+            ctx.set(port.valid, 1)
+            await ctx.tick().until(port.ready)
+            ctx.set(port.valid, 0)
+
+    async def sink(self, ctx):
+        port, words = self.dut.o_matches, []
+        watched = port.valid, port.payload, self.dut.o_reference_taken
+        ctx.set(port.ready, 1)
+        while not self.has_reset:
+            await ctx.tick()
+        for cycle in range(CYCLE_LIMIT):
+            ready = not self.pauses.stall(cycle, 1)
+            ctx.set(port.ready, ready)
+            *_, valid, payload, taken = await ctx.tick().sample(*watched)
+            if taken:
+                self.taken.append(len(self.packets))
+            if valid and ready:
+                words.append(payload.data)
+            if valid and ready and payload.last:
+                self.packets.append(words)
+                self.ends.append(cycle)
+                words = []
+            if len(self.packets) == self.frames:
+                return
+        raise AssertionError(f"{len(self.packets)} of {self.frames} frames in {CYCLE_LIMIT} cycles")
+
+
+def settings_for(frames, config, reference):
+    return [{"i_hold_reference": reference == "held", "i_keep_above": config.keep_above}] * len(frames)
+
+
+def assert_equal_to_golden(pattern, config, frames, reference, **bench):
+    """Returns the golden results."""
+    expected, results = expected_packets(frames, pattern, config, reference)
+    assert MatcherBench(pattern, config, frames, settings_for(frames, config, reference), **bench).run() == expected
+    return results
+
+
+@pytest.mark.parametrize(
+    ("reference", "pauses"), [("previous", NO_PAUSES), ("held", Pauses(gaps=60, stalls=200, seed=9))]
+)
+def test_sequences(reference, pauses):
+    """Full, empty and bad frames, and frames of one feature."""
+    frames = sequence(ILBP_128, (32, 30, 27, 1, 1, 0, 32, 32), bad=(2,))
+    results = assert_equal_to_golden(ILBP_128, MatcherConfig(), frames, reference, pauses=pauses)
+    assert sum(len(result.matches) for result in results) > 40
+    assert len({rule for result in results for rule in result.matches["rule"].tolist()}) > 4
+
+
+@pytest.mark.parametrize("config", [MatcherConfig(rule_base="ilbp", keep_above=127), MatcherConfig(rule_base="none")])
+def test_other_rule_bases(config):
+    frames = sequence(ILBP_32, (32, 29, 31))
+    results = assert_equal_to_golden(ILBP_32, config, frames, "previous", pauses=Pauses(stalls=100, seed=1))
+    assert len(results[1].matches) > 15
+    assert len(set(results[1].matches["verdict"])) == (1 if config.rule_base == "none" else 2)
+
+
+@pytest.mark.parametrize("different", [1, 2, 5])
+@pytest.mark.parametrize("sizes", [(32, 32), (5, 32), (32, 3), (1, 1)])
+def test_ties(different, sizes):
+    """Few different descriptors, so that distances tie everywhere; 1 and 2 tie at 0 and at all bits."""
+    descriptors = np.random.default_rng(7).integers(0, 256, (different, 4), dtype=np.uint8)
+    if different == 2:
+        descriptors[1] = ~descriptors[0]
+    rng = np.random.default_rng(sizes)
+    frames = [random_features(rng, size, ILBP_32, descriptors) for size in (*sizes, *sizes)]
+    frames = [(features, frame_status(ILBP_32, n, features)) for n, features in enumerate(frames)]
+    results = assert_equal_to_golden(ILBP_32, MatcherConfig(), frames, "previous")
+    assert all(len(result.matches) > 0 for result in results[1:])
+
+
+@pytest.mark.parametrize("keep_above", [0, 255])
+def test_the_limit_of_the_weight(keep_above):
+    frames = sequence(ILBP_32, (32, 32))
+    _, result = assert_equal_to_golden(ILBP_32, MatcherConfig(keep_above=keep_above), frames, "held")
+    assert result.matches["verdict"].any() == (keep_above == 0)
+
+
+def test_a_taken_reference_replaces_the_old_one():
+    frames = sequence(ILBP_32, (20, 20, 20, 20, 20, 20))
+    config = MatcherConfig()
+    taken = [0, 0, 1, 0, 0, 0]
+    settings = settings_for(frames, config, "held")
+    settings = [{**values, "i_take_reference": take} for values, take in zip(settings, taken, strict=True)]
+    bench = MatcherBench(ILBP_32, config, frames, settings)
+    # The third frame is a reference like the first: as if a run began with it.
+    before, _ = expected_packets(frames[:2], ILBP_32, config, "held")
+    after, _ = expected_packets(frames[2:], ILBP_32, config, "held")
+    assert bench.run() == before + after
+    assert len(bench.taken) == 1
+
+
+def test_from_held_to_previous():
+    frames = sequence(ILBP_32, (20, 20, 20, 20, 20))
+    config = MatcherConfig()
+    settings = settings_for(frames[:3], config, "held") + settings_for(frames[3:], config, "previous")
+    held, _ = expected_packets(frames[:3], ILBP_32, config, "held")
+    previous, _ = expected_packets(frames[2:], ILBP_32, config, "previous")
+    assert MatcherBench(ILBP_32, config, frames, settings).run() == held + previous[1:]
+
+
+@pytest.mark.parametrize("interrupted", [(2, 0), (150, 0), (194, 40), (194, 300), (194, 700)])
+def test_reset_in_the_middle(interrupted):
+    """In a record, a frame, the search, the count of the turns, and the sending of the matches."""
+    frames = sequence(ILBP_128, (24, 23))
+    assert_equal_to_golden(ILBP_128, MatcherConfig(), frames, "previous", interrupted=interrupted)
+
+
+@pytest.mark.parametrize("sizes", [(32, 32, 32), (32, 32, 16), (31, 1, 31)])
+def test_cycles(sizes):
+    """A frame takes left * right / lanes clocks, and a few for each match, feature and pass."""
+    frames = sequence(ILBP_128, sizes)
+    config = MatcherConfig()
+    bench = MatcherBench(ILBP_128, config, frames, settings_for(frames, config, "previous"))
+    matches = len(bench.run()[-1]) // 3 - 1
+    left, right = sizes[-2:]
+    search = NearestNeighbours(bits=ILBP_128.bits, lanes=LANES, max_features=MAX_FEATURES)
+    Fragment.get(search, None)  # its parts must not go unused
+    cycles = bench.ends[-1] - bench.ends[-2] - search.search_cycles(left, right)
+    assert 0 < cycles <= 2 * left + 42 * matches + 90
+
+
+def test_a_rule_base_without_its_window_is_refused():
+    with pytest.raises(ValueError, match="rule base 'ilbp' needs the gray window"):
+        FuzzyStage(config=MatcherConfig(rule_base="ilbp"), pattern=ILBP_128, max_features=MAX_FEATURES)

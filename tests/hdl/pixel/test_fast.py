@@ -1,0 +1,46 @@
+# amaranth: UnusedElaboratable=no
+"""FAST's segment test and score equal the golden model, which is OpenCV's."""
+
+import numpy as np
+import pytest
+
+from golden_model.pixel import fast
+from hdl.pixel.fast import WINDOW_PX, Fast
+
+
+def columns(plane):
+    """For each pixel the seven above it, itself first; above the frame, whatever."""
+    above = np.pad(plane, ((WINDOW_PX - 1, 0), (0, 0)), mode="reflect")
+    return np.stack([above[WINDOW_PX - 1 - n : len(above) - n] for n in range(WINDOW_PX)], axis=-1)
+
+
+def arcs():
+    """Circles with runs of brighter and of darker pixels around centres of any brightness, touching each other."""
+    rng = np.random.default_rng(3)
+    tiles = []
+    for run in (8, 9, 10, 16):
+        for start, rise in ((0, 40), (5, -40), (11, 1), (14, -1), (3, 255), (8, -255)):
+            tile = np.full((WINDOW_PX, WINDOW_PX), 128 - rise // 2) + rng.integers(-1, 2, (WINDOW_PX, WINDOW_PX))
+            for step in range(run):
+                x, y = fast.CIRCLE[(start + step) % len(fast.CIRCLE)]
+                tile[fast.MARGIN_PX + y, fast.MARGIN_PX + x] += rise
+            tiles.append(tile.clip(0, 255).astype(np.uint8))
+    return np.block([tiles[n : n + 6] for n in range(0, len(tiles), 6)])
+
+
+@pytest.mark.parametrize("threshold", [1, 38])
+def test_scores_equal_the_golden_model(gray_frames, check_block, threshold):
+    noise, _, checkerboard, *_ = gray_frames
+    frames = [noise, checkerboard, arcs()]
+    expected = [fast.response_code(frame, threshold) for frame in frames]
+    scores = np.concatenate([plane.ravel() for plane in expected])
+    assert np.count_nonzero(scores) > 90
+    assert scores.max() > 250
+    assert scores[scores > 0].min() == threshold
+    check_block(
+        Fast(),
+        [{"column": columns(frame)} for frame in frames],
+        {"code": expected},
+        margin_px=fast.MARGIN_PX,
+        settings={"i_threshold_code": threshold},
+    )

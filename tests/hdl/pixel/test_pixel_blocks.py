@@ -1,0 +1,181 @@
+# amaranth: UnusedElaboratable=no
+"""The blocks that turn planes into planes, each against its golden model."""
+
+import numpy as np
+import pytest
+
+from golden_model.config import DETECTORS
+from golden_model.formats import GRADIENT, encode_response
+from golden_model.pixel import gray, half, harris, nms, smooth, sobel
+from hdl.pixel.fast import WINDOW_PX
+from hdl.pixel.gradients import GradientColumns
+from hdl.pixel.gray import Gray
+from hdl.pixel.half import Half
+from hdl.pixel.harris import TENSOR_LINES, RawResponse, ResponseCode, StructureTensor
+from hdl.pixel.nms import Suppression
+from hdl.pixel.smooth import Binomial
+from hdl.pixel.sobel import Sobel
+from hdl.pixel.window import Displaced, LineBuffer, Window
+from sim.drivers import run_beats
+
+WIDTH_PX = 24
+
+
+def columns(plane, lines):
+    """For each pixel those above it, itself first; above the frame, whatever."""
+    above = np.pad(plane, ((lines - 1, 0), (0, 0)), mode="reflect")
+    return np.stack([above[lines - 1 - n : len(above) - n] for n in range(lines)], axis=-1)
+
+
+def gradients(frame, smoothed):
+    return sobel.gradients(smooth.binomial3(frame) if smoothed else frame)
+
+
+def test_line_buffer_gives_the_column_above(gray_frames, run_block):
+    parts = run_block(LineBuffer(shape=8, lines=3, width_px=WIDTH_PX), [{"pixel": frame} for frame in gray_frames])
+    for part, frame in zip(parts, gray_frames, strict=True):
+        np.testing.assert_array_equal(part.plane("column", frame.shape)[3:], columns(frame, 4)[3:])
+
+
+def test_window_gives_the_columns_to_the_left(gray_frames, run_block):
+    parts = run_block(Window(shape=8, columns=4), [{"column": frame} for frame in gray_frames])
+    for part, frame in zip(parts, gray_frames, strict=True):
+        window = part.plane("columns", frame.shape)
+        for n in range(4):
+            np.testing.assert_array_equal(window[:, 3:, n], frame[:, 3 - n : frame.shape[1] - n])
+
+
+@pytest.mark.parametrize("distance_px", [0, 3])
+def test_displaced_gives_columns_from_further_up_and_left(gray_frames, run_block, distance_px):
+    dut = Displaced(shape=8, rows=2, distance_px=distance_px)
+    parts = run_block(dut, [{"column": columns(frame, distance_px + 2)} for frame in gray_frames])
+    for part, frame in zip(parts, gray_frames, strict=True):
+        moved = part.plane("column", frame.shape, lag_px=distance_px)
+        inside = (slice(1, len(frame) - distance_px), slice(frame.shape[1] - distance_px))
+        np.testing.assert_array_equal(moved[inside], columns(frame, 2)[inside])
+
+
+@pytest.mark.parametrize("gray_input", [0, 1])
+def test_gray(gray_frames, check_block, gray_input):
+    blue, green, red = gray_frames, gray_frames[1:] + gray_frames[:1], gray_frames[2:] + gray_frames[:2]
+    colour = [np.stack(channels, axis=-1) for channels in zip(blue, green, red, strict=True)]
+    frames = [{"data": frame.astype(int) @ (1 << 8, 1, 1 << 16)} for frame in colour]
+    expected = green if gray_input else [gray.to_gray(frame) for frame in colour]
+    check_block(Gray(), frames, {"pixel": expected}, settings={"i_gray_input": gray_input})
+
+
+@pytest.mark.parametrize("shape", [(19, 23), (18, 24), (4, 4)])
+def test_half(gray_frames, pauses, shape):
+    dut = Half(width_px=WIDTH_PX)
+    frames = [np.resize(frame, shape) for frame in gray_frames]
+    sent, received = run_beats(dut, [{"pixel": frame} for frame in frames], pauses=pauses)
+    ends_block = (sent.fields["x"] % 2 == 1) & (sent.fields["y"] % 2 == 1)
+    np.testing.assert_array_equal(received.cycles - sent.cycles[ends_block], dut.latency_cycles)
+    for part, frame in zip(received.split(), frames, strict=True):
+        expected = half.halve(frame)
+        np.testing.assert_array_equal(part.plane("pixel", expected.shape), expected)
+
+
+@pytest.mark.parametrize(
+    ("window_px", "model"), [(1, lambda frame: frame), (3, smooth.binomial3), (5, smooth.binomial5)]
+)
+def test_binomial(gray_frames, check_block, window_px, model):
+    frames = [{"column": columns(frame, window_px)} for frame in gray_frames]
+    expected = {"pixel": [model(frame) for frame in gray_frames]}
+    check_block(Binomial(window_px=window_px), frames, expected, margin_px=window_px - 1)
+
+
+def test_sobel(gray_frames, check_block):
+    planes = zip(*map(sobel.gradients, gray_frames), strict=True)
+    expected = dict(zip(("gradient_x", "gradient_y"), planes, strict=True))
+    check_block(Sobel(), [{"column": columns(frame, 3)} for frame in gray_frames], expected, margin_px=2)
+
+
+@pytest.mark.parametrize(("window_px", "smoothed"), [(3, False), (5, True)])
+def test_structure_tensor(gray_frames, check_block, window_px, smoothed):
+    planes = [gradients(frame, smoothed) for frame in gray_frames]
+    pixels = np.frompyfunc(lambda x, y: {"x": x, "y": y}, 2, 1)
+    frames = [{"column": columns(pixels(x, y), TENSOR_LINES)} for x, y in planes]
+    tensors = zip(*(harris.structure_tensor(x, y, window_px) for x, y in planes), strict=True)
+    dut = StructureTensor(window_px=window_px)
+    check_block(dut, frames, dict(zip("abc", tensors, strict=True)), margin_px=window_px - 1)
+
+
+@pytest.mark.parametrize("smoothed", [False, True])
+@pytest.mark.parametrize("detector", DETECTORS)
+def test_gradient_columns(gray_frames, run_block, smoothed, detector):
+    dut = GradientColumns(smoothed=smoothed, width_px=WIDTH_PX)
+    frames = [gray_frames[0], gray_frames[-1]]
+    sent = [{"column": columns(frame, 3)} for frame in frames]
+    parts = run_block(dut, sent, {"i_fast": DETECTORS.index(detector)})
+    for part, frame in zip(parts, frames, strict=True):
+        if detector == "fast":
+            field, lag_px, expected = "pixels", dut.pixel_lag_px, columns(frame, WINDOW_PX)
+        else:
+            field, lag_px = "gradients", dut.gradient_lag_px
+            x, y = (plane.astype(int) & (1 << GRADIENT.bits) - 1 for plane in gradients(frame, smoothed))
+            expected = columns(x | y << GRADIENT.bits, TENSOR_LINES)
+        found = part.plane(field, frame.shape, lag_px=lag_px)
+        inside = (slice(7, len(frame) - lag_px - 1), slice(2, frame.shape[1] - lag_px - 1))
+        np.testing.assert_array_equal(found[inside], expected[inside])
+
+
+@pytest.mark.parametrize(("k_numerator", "k_shift"), [(1, 4), (5, 7), (11, 6), (0, 0)])
+def test_raw_response(gray_frames, check_block, k_numerator, k_shift):
+    tensors = [harris.structure_tensor(*gradients(frame, True), 5) for frame in gray_frames]
+    frames = [dict(zip("abc", tensor, strict=True)) for tensor in tensors]
+    expected = [harris.raw_response(*tensor, k_numerator, k_shift) for tensor in tensors]
+    check_block(RawResponse(k_numerator=k_numerator, k_shift=k_shift), frames, {"raw": expected})
+
+
+@pytest.mark.parametrize("threshold", [1, 1500, 70_000])
+def test_response_code(check_block, threshold):
+    rng = np.random.default_rng(5)
+    around_powers = [(1 << k) + d for k in range(31) for d in (-1, 0, 1)]
+    edges = np.resize([*around_powers, 0, -1, -(1 << 31), (1 << 31) - 1, threshold], (10, 11))
+    spread = (2 ** rng.uniform(0, 31, edges.shape)).astype(np.int64)
+    raw = [np.asarray(frame, np.int32) for frame in (edges, spread, -spread)]
+    expected = [harris.response_code(frame, threshold) for frame in raw]
+    settings = {"i_threshold_code": int(encode_response(np.array(threshold)))}
+    check_block(ResponseCode(), [{"raw": frame} for frame in raw], {"code": expected}, settings=settings)
+
+
+@pytest.mark.parametrize("radius_px", [1, 3])
+@pytest.mark.parametrize("detector", DETECTORS)
+def test_suppression(check_block, radius_px, detector):
+    rng = np.random.default_rng(6)
+    shape = (19, 23)
+    twins = np.zeros(shape, int)
+    twins[9, [11, 12]] = twins[10, 10] = 9
+    is_fast = detector == "fast"
+    largest = 255 if is_fast else 1 << 15
+    codes = [*(rng.integers(0, high, shape) for high in (2, 6, largest)), np.full(shape, 7), twins]
+    rule = (1, "lose") if is_fast else (radius_px, "first")
+    survivors = [nms.suppress(frame.astype(np.uint16), *rule) for frame in codes]
+    assert sum(map(np.count_nonzero, survivors)) >= 20
+    expected = {
+        "code": survivors,
+        "left": [np.roll(frame, 1, axis=1) for frame in codes],
+        "right": [np.roll(frame, -1, axis=1) for frame in codes],
+        "up": [np.roll(frame, 1, axis=0) for frame in codes],
+        "down": [np.roll(frame, -1, axis=0) for frame in codes],
+    }
+    dut = Suppression(radius_px=radius_px, width_px=WIDTH_PX)
+    settings = {"i_fast": int(is_fast)}
+    check_block(dut, [{"code": frame} for frame in codes], expected, margin_px=radius_px, settings=settings)
+
+
+@pytest.mark.parametrize(
+    ("block", "parameters", "message"),
+    [
+        (Binomial, {"window_px": 7}, "window_px is 7"),
+        (StructureTensor, {"window_px": 4}, "window_px is 4"),
+        (Suppression, {"radius_px": 2, "width_px": 64}, "radius_px is 2"),
+        (LineBuffer, {"shape": 8, "lines": 0, "width_px": 64}, "lines is 0"),
+        (LineBuffer, {"shape": 8, "lines": 1, "width_px": 3}, "width_px is 3"),
+        (Window, {"shape": 8, "columns": 0}, "columns is 0"),
+    ],
+)
+def test_impossible_parameters_are_named(block, parameters, message):
+    with pytest.raises(ValueError, match=message):
+        block(**parameters)

@@ -1,0 +1,57 @@
+# amaranth: UnusedElaboratable=no
+"""The adaptive threshold takes the golden model's steps."""
+
+import random
+
+import pytest
+from amaranth.sim import Simulator
+
+from golden_model.config import DETECTORS
+from golden_model.pixel.threshold import STEPS, next_code
+from hdl.pixel.threshold import AdaptiveThreshold
+
+MAX_FEATURES = 300
+
+
+@pytest.mark.parametrize("detector", DETECTORS)
+@pytest.mark.parametrize("start_code", [1, 200, 32_000])
+def test_threshold_follows_the_golden_model(detector, start_code):
+    dut = AdaptiveThreshold(max_features=MAX_FEATURES)
+    start_code = min(start_code, STEPS[detector].max_code)
+    rng = random.Random(start_code)
+    frames = [(rng.choice([0, 5, 150, 299, 310]), rng.random() < 0.8) for _ in range(12)]
+    seen = []
+
+    async def testbench(ctx):
+        ctx.set(dut.i_detector, DETECTORS.index(detector))
+        ctx.set(dut.i_target, 150)
+        ctx.set(dut.i_code, start_code)
+        ctx.set(dut.i_load, 1)
+        await ctx.tick()
+        ctx.set(dut.i_load, 0)
+        for features, adapt in frames:
+            ctx.set(dut.i_adapt, adapt)
+            left = features
+            while left:
+                added = min(rng.randint(0, 2), left)
+                left -= added
+                ctx.set(dut.i_added, added)
+                await ctx.tick()
+            ctx.set(dut.i_added, 0)
+            await ctx.tick().repeat(dut.latency_cycles - 1)
+            ctx.set(dut.i_frame_ends, 1)
+            await ctx.tick()
+            ctx.set(dut.i_frame_ends, 0)
+            seen.append(ctx.get(dut.o_code))
+
+    simulator = Simulator(dut)
+    simulator.add_clock(1e-8)
+    simulator.add_testbench(testbench)
+    simulator.run()
+    expected, code = [], start_code
+    for features, adapt in frames:
+        if adapt:
+            code = next_code(code, min(features, MAX_FEATURES), 150, detector)
+        expected.append(code)
+    assert seen == expected
+    assert len(set(seen)) > 2

@@ -1,0 +1,46 @@
+# amaranth: UnusedElaboratable=no
+"""Where features may be, and where cell rows and levels end."""
+
+import numpy as np
+import pytest
+
+from hdl.selection.level_scan import LevelScan
+
+LAG_PX, BORDER_PX, CELL_LOG2 = 4, 7, 5
+
+
+@pytest.mark.parametrize("shape", [(75, 33)])
+@pytest.mark.parametrize("cells", [True, False])
+def test_marks_belong_to_the_lagging_pixel(run_block, shape, cells):
+    height_px, width_px = shape
+    dut = LevelScan(lag_px=LAG_PX, border_px=BORDER_PX, cells=cells)
+    settings = {"i_width_px": width_px, "i_height_px": height_px, "i_cell_log2": CELL_LOG2}
+    # During the first frame the sizes are still new.
+    _, *parts = run_block(dut, [{"pixel": np.zeros(shape, int)}] * 3, settings)
+
+    y, x = np.indices(shape) - LAG_PX
+    inside = (x >= BORDER_PX) & (x < width_px - BORDER_PX) & (y >= BORDER_PX) & (y < height_px - BORDER_PX)
+    line_ends, lowest = x == width_px - 1 - LAG_PX, height_px - 1 - BORDER_PX
+    cell_ends = cells & (y >= 0) & (y % (1 << CELL_LOG2) == (1 << CELL_LOG2) - 1) & (y < lowest)
+    expected = {
+        "inside": inside,
+        "ends_row": line_ends & (cell_ends | (y == lowest)),
+        "ends_level": line_ends & (y == lowest),
+    }
+    for part in parts:
+        for name, plane in expected.items():
+            np.testing.assert_array_equal(part.plane(name, shape), plane, name)
+
+
+def test_a_border_wider_than_the_smallest_level_still_ends_it(run_block):
+    shape = (32, 32)
+    dut = LevelScan(lag_px=LAG_PX, border_px=60, cells=True)
+    settings = {"i_width_px": 32, "i_height_px": 32, "i_cell_log2": CELL_LOG2}
+    _, part = run_block(dut, [{"pixel": np.zeros(shape, int)}] * 2, settings)
+    assert not part.fields["inside"].any()
+    assert part.fields["ends_level"].sum() == part.fields["ends_row"].sum() == 1
+
+
+def test_too_small_a_border_is_named():
+    with pytest.raises(ValueError, match=r"border_px is 5; .* needs 6"):
+        LevelScan(lag_px=LAG_PX, border_px=5, cells=True)

@@ -1,0 +1,47 @@
+import numpy as np
+import pytest
+
+from golden_model.feature.ilbp import PATTERNS
+from golden_model.records import Tag, feature_record
+from hdl.feature.extractor import feature_layout
+from hdl.selection.record_serializer import FeatureWords
+from sim.drivers import run_streams
+from sim.recording import Pauses
+
+FEATURES = 40
+ENDS_AFTER = {11: [0], 12: [0, 1], 39: [1]}
+"""After which features a cell row ends, and whether it is the level's last."""
+
+
+def random_records(rng, pattern, level):
+    """Records with random bits in every field that the level knows."""
+    record = feature_record(pattern.descriptor_bytes, pattern.window_bytes)
+    records = np.zeros(FEATURES, record.dtype)
+    records["tag"], records["level"] = Tag.FEATURE, level
+    known = {name for name, _ in feature_layout(pattern)}
+    for field in record.fields:
+        if field.name in known:
+            values = records[field.name]
+            values[:] = rng.integers(0, 256 if field.is_bytes else 1 << field.bits, values.shape)
+    return records
+
+
+@pytest.mark.parametrize("name", ["ilbp-128", "ilbp-256", "thesis-ilbp-1", "thesis-ilbp-4"])
+@pytest.mark.parametrize(("level", "pauses"), [(0, Pauses()), (1, Pauses(gaps=90, stalls=120, seed=3))])
+def test_words_are_the_records(name, level, pauses):
+    pattern = PATTERNS[name]
+    records = random_records(np.random.default_rng(13), pattern, level)
+    known = [field for field, _ in feature_layout(pattern)]
+    items, expected = [], []
+    for number, record in enumerate(records):
+        items.append({"feature": {field: int.from_bytes(record[field].tobytes(), "little") for field in known}})
+        expected += [(word, 0, 0) for word in np.frombuffer(record.tobytes(), "<u8").tolist()]
+        for ends_level in ENDS_AFTER.get(number, []):
+            # What else stands in the payload of an end does not matter.
+            items.append({**items[-1], "ends_row": 1, "ends_level": ends_level})
+            expected.append((None, 1, ends_level))
+
+    dut = FeatureWords(pattern=pattern, level=level)
+    received = run_streams(dut, {"i": items}, {"o": len(expected)}, pauses=pauses)["o"]
+    words = [(None if word.ends_row else word.data, word.ends_row, word.ends_level) for word in received]
+    assert words == expected

@@ -1,0 +1,238 @@
+# amaranth: UnusedElaboratable=no
+"""Selection of one level against the golden model: which features, in which order, under any back-pressure."""
+
+import numpy as np
+import pytest
+from amaranth import ResetInserter, Signal
+from amaranth.sim import Simulator
+
+from golden_model.feature.ilbp import PATTERNS
+from golden_model.selection import selection
+from hdl.selection.selection import CellSelection, RasterSelection
+from sim.recording import Pauses
+
+PATTERN = PATTERNS["thesis-ilbp-1"]
+WIDTH_PX, HEIGHT_PX = 200, 150
+SPACING_PX = 2
+FLIGHT_CYCLES = 5
+"""Clocks from the door to the selection."""
+CYCLE_LIMIT = 60_000
+
+
+def candidate_plane(rng, responses):
+    """A (H, W) plane of response codes, candidates of a line at least `SPACING_PX` apart."""
+    plane = np.zeros((HEIGHT_PX, WIDTH_PX), np.uint16)
+    plane[:, ::SPACING_PX] = responses[:, ::SPACING_PX]
+    plane[:, ::SPACING_PX] *= rng.random((HEIGHT_PX, -(-WIDTH_PX // SPACING_PX))) < 0.03
+    return plane
+
+
+@pytest.fixture
+def planes():
+    """Few and many different responses, none at all, one, everything the same."""
+    rng = np.random.default_rng(31)
+    shape = HEIGHT_PX, WIDTH_PX
+    falling = np.arange(HEIGHT_PX * WIDTH_PX, 0, -1).reshape(shape)
+    lone = np.zeros(shape, np.uint16)
+    lone[77, 198] = 1
+    return [
+        candidate_plane(rng, rng.integers(1, 1 << 15, shape)),
+        candidate_plane(rng, rng.integers(1, 4, shape)),
+        lone,
+        np.zeros(shape, np.uint16),
+        candidate_plane(rng, np.full(shape, 0x7FFF)),
+        candidate_plane(rng, falling),
+        candidate_plane(rng, falling[::-1]),
+    ]
+
+
+def events(plane, cell_px):
+    """What the selection is told of a frame, in raster order: fields of its beats."""
+    height, width = plane.shape
+    for y in range(height):
+        ends_level = y == height - 1
+        ends_row = ends_level or (cell_px is not None and y % cell_px == cell_px - 1)
+        beats = {int(x): {"x": int(x), "present": 1, "feature": feature(plane, x, y)} for x in np.flatnonzero(plane[y])}
+        if ends_row:
+            # The line's last beat may hold a feature, too.
+            last = width - SPACING_PX
+            beats[last] = {"x": last, **beats.get(last, {}), "ends_row": 1, "ends_level": int(ends_level)}
+        yield from beats.values()
+
+
+def feature(plane, x, y):
+    """A feature that no other one equals."""
+    return {"response": int(plane[y, x]), "x": int(x), "y": int(y), "descriptor": int(x * 7 + y * 3) & 0xFF}
+
+
+def golden(plane, cell_px, per_cell):
+    """What must leave: features, and ``True`` or ``False`` for the end of a row that is or is not the last."""
+    if cell_px is None:
+        return [*(feature(plane, x, y) for x, y in zip(*selection.raster(plane), strict=True)), True]
+    x, y = selection.best_of_cells(plane, cell_px, per_cell)
+    rows = -(-plane.shape[0] // cell_px)
+    leaving = []
+    for row in range(rows):
+        leaving += [feature(plane, *at) for at in zip(x, y, strict=True) if at[1] // cell_px == row]
+        leaving.append(row == rows - 1)
+    return leaving
+
+
+class Bench:
+    """Plays the pipeline before a selection, its door included, and the stream behind it."""
+
+    def __init__(self, dut, *, pauses, settings=None):
+        self.dut = dut
+        self.pauses = pauses
+        self.settings = settings or {}
+        self.reset = Signal()
+        self.received = []
+        self.added = 0
+        self.waited_cycles = 0
+
+    def run(self, play):
+        simulator = Simulator(ResetInserter(self.reset)(self.dut))
+        simulator.add_clock(1e-8)
+        simulator.add_testbench(play)
+        simulator.add_testbench(self._take, background=True)
+        simulator.add_testbench(self._limit, background=True)
+        simulator.run()
+
+    async def send(self, ctx, beats, *, cells):
+        for number, beat in enumerate(beats):
+            if not cells or "ends_row" in beat:
+                while ctx.get(self.dut.o_busy):
+                    self.waited_cycles += 1
+                    await self._tick(ctx)
+            if cells and "ends_row" in beat:
+                ctx.set(self.dut.i_reserve, 1)
+                await self._tick(ctx)
+                ctx.set(self.dut.i_reserve, 0)
+                for _ in range(FLIGHT_CYCLES):
+                    await self._tick(ctx)
+            ctx.set(self.dut.i, beat)
+            await self._tick(ctx)
+            ctx.set(self.dut.i, {"feature": {"response": 0x5555}})
+            for _ in range(SPACING_PX - 1 + self.pauses.gap(number)):
+                await self._tick(ctx)
+
+    async def drain(self, ctx, ends):
+        while sum(item is True for item in self.received) < ends:
+            await self._tick(ctx)
+
+    async def _tick(self, ctx):
+        *_, added = await ctx.tick().sample(self.dut.o_added)
+        self.added += added
+
+    async def _take(self, ctx):
+        for name, value in self.settings.items():
+            ctx.set(getattr(self.dut, name), value)
+        cycle, waiting = 0, None
+        while True:
+            ready = not self.pauses.stall(cycle, 1)
+            ctx.set(self.dut.o.ready, ready)
+            *_, valid, payload = await ctx.tick().sample(self.dut.o.valid, self.dut.o.payload)
+            assert waiting is None or (valid and payload == waiting), f"withdrawn in cycle {cycle}"
+            waiting = payload if valid and not ready else None
+            if valid and ready:
+                self.received.append(plain(payload))
+            cycle += 1
+
+    async def _limit(self, ctx):
+        for _ in range(CYCLE_LIMIT):
+            await ctx.tick()
+        raise AssertionError(f"not done within {CYCLE_LIMIT} cycles; {len(self.received)} items received")
+
+
+def plain(payload):
+    """A feature as `feature` writes it, or the end of a row as `golden` does."""
+    if payload.ends_row:
+        return bool(payload.ends_level)
+    assert not payload.ends_level
+    return {name: payload.feature[name] for name in ("response", "x", "y", "descriptor")}
+
+
+FREE = Pauses()
+STALLED = Pauses(gaps=60, stalls=240, seed=4)
+
+
+@pytest.mark.parametrize(
+    ("cell_log2", "per_cell", "pauses"),
+    [(5, 5, FREE), (5, 5, STALLED), (5, 1, FREE), (6, 8, STALLED), (7, 3, FREE), (8, 2, FREE)],
+)
+def test_cells_keep_their_best_in_order(planes, cell_log2, per_cell, pauses):
+    dut = CellSelection(pattern=PATTERN, width_px=WIDTH_PX)
+    bench = Bench(dut, pauses=pauses, settings={"i_cell_log2": cell_log2, "i_per_cell": per_cell})
+
+    async def play(ctx):
+        for plane in planes:
+            await bench.send(ctx, events(plane, 1 << cell_log2), cells=True)
+        await bench.drain(ctx, len(planes))
+
+    bench.run(play)
+    expected = [item for plane in planes for item in golden(plane, 1 << cell_log2, per_cell)]
+    assert bench.received == expected
+    assert bench.added == sum(isinstance(item, dict) for item in expected)
+    assert bench.waited_cycles > 0 or pauses is FREE
+
+
+@pytest.mark.parametrize("pauses", [FREE, STALLED])
+def test_raster_selection_keeps_everything(planes, pauses):
+    planes = [planes[0], planes[2], planes[3]]
+    bench = Bench(RasterSelection(pattern=PATTERN, depth=16, in_flight=4), pauses=pauses)
+
+    async def play(ctx):
+        for plane in planes:
+            await bench.send(ctx, events(plane, None), cells=False)
+        await bench.drain(ctx, len(planes))
+
+    bench.run(play)
+    expected = [item for plane in planes for item in golden(plane, None, None)]
+    assert bench.received == expected
+    assert bench.added == sum(isinstance(item, dict) for item in expected)
+    assert (bench.waited_cycles > 0) == (pauses is STALLED)
+
+
+@pytest.mark.parametrize("cells", [True, False])
+def test_latency(cells):
+    if cells:
+        dut, settings = CellSelection(pattern=PATTERN, width_px=WIDTH_PX), {"i_cell_log2": 5, "i_per_cell": 1}
+    else:
+        dut, settings = RasterSelection(pattern=PATTERN, depth=16, in_flight=4), {}
+    bench = Bench(dut, pauses=FREE, settings=settings)
+
+    async def play(ctx):
+        ctx.set(dut.i, {"x": 30, "present": 1, "ends_row": 1, "ends_level": 1, "feature": {"response": 9}})
+        await ctx.tick()
+        ctx.set(dut.i, {})
+        for _ in range(dut.latency_cycles - 1):
+            assert not ctx.get(dut.o.valid)
+            await ctx.tick()
+        assert ctx.get(dut.o.valid)
+
+    bench.run(play)
+
+
+def test_reset_in_the_middle_of_a_frame(planes):
+    dut = CellSelection(pattern=PATTERN, width_px=WIDTH_PX)
+    bench = Bench(dut, pauses=FREE, settings={"i_cell_log2": 5, "i_per_cell": 4})
+    broken = list(events(planes[4], 32))
+
+    async def play(ctx):
+        await bench.send(ctx, broken[: len(broken) // 2], cells=True)
+        ctx.set(bench.reset, 1)
+        await ctx.tick()
+        ctx.set(bench.reset, 0)
+        bench.received.clear()
+        await bench.send(ctx, events(planes[0], 32), cells=True)
+        await bench.drain(ctx, 1)
+
+    bench.run(play)
+    assert bench.received == golden(planes[0], 32, 4)
+
+
+def test_impossible_parameters_are_refused():
+    with pytest.raises(ValueError, match="width_px is 0; it must be at least 1"):
+        CellSelection(pattern=PATTERN, width_px=0)
+    with pytest.raises(ValueError, match="in_flight is 16; it must be less than the depth, 16"):
+        RasterSelection(pattern=PATTERN, depth=16, in_flight=16)

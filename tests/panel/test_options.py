@@ -1,0 +1,71 @@
+"""What may be chosen, and what choices stand for."""
+
+import itertools
+from pathlib import Path
+
+import httpx
+import pytest
+
+from skymosaic.errors import InputError
+from skymosaic.panel.options import OPTIONS, SCALES, STRONGEST, Choices, fault_of
+from tests.panel.visit import running_panel
+
+
+@pytest.mark.parametrize("slider", [*SCALES.values(), STRONGEST], ids=lambda slider: slider.title)
+def test_a_slider_rises_and_finds_its_way_back(slider) -> None:
+    values = [slider.value(position) for position in range(slider.lowest, slider.highest + 1)]
+    assert values == sorted(values)
+    assert values[0] >= 1
+    assert all(slider.value(slider.position(value)) == value for value in values)
+
+
+@pytest.mark.parametrize("preset", OPTIONS["preset"])
+def test_a_preset_chooses_its_own_configuration(preset: str) -> None:
+    choices = Choices.of_preset(preset)
+    _, config = choices.settled()
+    assert config.preset == preset
+    assert choices.scale.value(choices.position) >= config.front_end.threshold
+
+
+def test_every_combination_settles_or_says_why_not() -> None:
+    lists = (OPTIONS[name] for name in ("preset", "detector", "descriptor", "rule_base"))
+    outcomes = [_settles(*combination) for combination in itertools.product(*lists)]
+    assert outcomes.count("") > 200
+    assert "another method" not in outcomes
+    assert not any("\n" in why_not for why_not in outcomes)
+
+
+def _settles(preset: str, detector: str, descriptor: str, rule_base: str) -> str:
+    choices = Choices.of_preset(preset).changed("detector", detector).changed("descriptor", descriptor)
+    try:
+        method, _ = choices.changed("rule_base", rule_base).settled()
+    except InputError as error:
+        return str(error)
+    return "" if (method.detector, method.descriptor) == (detector, descriptor) else "another method"
+
+
+def test_the_slider_reaches_the_front_end() -> None:
+    harris = Choices.of_preset("aerial").changed("position", 20)
+    assert harris.settled()[1].front_end.threshold == 1024
+    strongest = harris.changed("detector", "sift").changed("position", 16)
+    assert strongest.settled()[1].front_end.max_features == 256
+
+
+def test_a_preset_resets_what_was_chosen() -> None:
+    changed = Choices.of_preset("aerial").changed("detector", "fast").changed("descriptor", "ilbp-256")
+    assert changed.changed("preset", "thesis") == Choices.of_preset("thesis")
+
+
+def test_a_flight_takes_less_than_a_pair() -> None:
+    aerial = Choices.of_preset("aerial")
+    assert fault_of(aerial, 3) == fault_of(aerial.changed("detector", "fast"), 3) == ""
+    for name, value in (("detector", "sift"), ("estimator", "magsac"), ("refine", True)):
+        changed = aerial.changed(name, value)
+        assert fault_of(changed) == ""
+        assert "leave two photographs" in fault_of(changed, 3)
+
+
+def test_a_board_is_a_backend_where_there_is_one(tmp_path: Path) -> None:
+    with running_panel(tmp_path, "--board", "192.0.2.7:5000") as address:
+        for path in ("/", "/tracking"):
+            assert "board:192.0.2.7:5000" in httpx.get(address + path).text

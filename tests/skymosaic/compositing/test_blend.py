@@ -1,0 +1,154 @@
+import cv2
+import numpy as np
+import pytest
+
+from skymosaic.compositing.blend import METHODS, blend, exposure_gains
+from skymosaic.compositing.warp import TILE_PX, Canvas, backward, canvas_of, footprint
+
+TURNED = np.array([[0.96, 0.17, 90.0], [-0.17, 0.98, 70.0], [1e-5, -2e-5, 1]])
+
+
+def shift(x, y):
+    return np.array([[1.0, 0, x], [0, 1, y], [0, 0, 1]])
+
+
+def smooth_image(height, width, *channels, seed=0):
+    noise = np.random.default_rng(seed).integers(0, 256, (height, width, *channels), dtype=np.uint8)
+    return cv2.normalize(cv2.GaussianBlur(noise, (0, 0), 5), None, 20, 180, cv2.NORM_MINMAX)
+
+
+def two_views(*channels):
+    """Two crops of one scene, 60 px apart, with the canvas that holds both: the scene itself."""
+    scene = smooth_image(120, 260, *channels)
+    images, transforms = [scene[:, :200], scene[:, 60:]], [np.eye(3), shift(60, 0)]
+    return scene, images, transforms, canvas_of([(200, 120), (200, 120)], transforms)
+
+
+@pytest.mark.parametrize("channels", [(), (3,)], ids=["gray", "bgr"])
+@pytest.mark.parametrize("method", METHODS)
+def test_equal_images_give_the_image(method, channels):
+    image = smooth_image(100, 140, *channels)
+    mosaic = blend([image] * 3, [np.eye(3)] * 3, Canvas(0, 0, 140, 100), method=method)
+    np.testing.assert_array_equal(mosaic, image)
+
+
+@pytest.mark.parametrize("channels", [(), (3,)], ids=["gray", "bgr"])
+@pytest.mark.parametrize("method", METHODS)
+def test_two_crops_give_the_scene(method, channels):
+    scene, images, transforms, canvas = two_views(*channels)
+    mosaic = blend(images, transforms, canvas, method=method)
+    # Near its border a view repeats the border, which the coarsest bands carry some way inwards.
+    np.testing.assert_allclose(mosaic, scene, atol=5 if method == "multiband" else 0)
+    assert np.abs(mosaic.astype(int) - scene).mean() < 0.25
+
+
+def test_average_and_distance_by_hand():
+    # Two flat 5x5 images, 2 columns apart: columns 2 to 4 overlap.
+    images = [np.full((5, 5), value, np.uint8) for value in (100, 200)]
+    transforms, canvas = [np.eye(3), shift(2, 0)], Canvas(0, 0, 7, 5)
+    average = blend(images, transforms, canvas, method="average")
+    np.testing.assert_array_equal(average[2], [100, 100, 150, 150, 150, 200, 200])
+    # Middle row, distances to the own border: 2, 1, 0 of the left image and 0, 1, 2 of the right one.
+    distance = blend(images, transforms, canvas, method="distance")
+    np.testing.assert_array_equal(distance[2], [100, 100, 100, 150, 200, 200, 200])
+    # One pixel from the top both are at most 1 away: 1, 1, 0 and 0, 1, 1.
+    np.testing.assert_array_equal(distance[1], [100, 100, 100, 150, 200, 200, 200])
+
+
+def largest_step(mosaic):
+    return max(np.abs(np.diff(mosaic.astype(int), axis=axis)).max() for axis in (0, 1))
+
+
+@pytest.mark.parametrize(("method", "limit"), [("distance", 3), ("multiband", 3)])
+def test_no_seam_between_different_exposures(method, limit):
+    # Two flat images 40 gray levels apart, with their borders crossing inside the mosaic.
+    images = [np.full((300, 400), value, np.uint8) for value in (100, 140)]
+    transforms = [np.eye(3), shift(150, 0)]
+    canvas = Canvas(0, 0, 550, 300)
+    assert largest_step(blend(images, transforms, canvas, method="average")) == 20
+    # Away from the corners of the overlap, where every border meets.
+    assert largest_step(blend(images, transforms, canvas, method=method)[40:-40]) <= limit
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_outside_is_black_and_no_border_is_darkened(method):
+    image = np.full((200, 260), 180, np.uint8)
+    canvas = Canvas(-20, -20, 420, 380)
+    mosaic = blend([image], [TURNED], canvas, method=method)
+    shown = mosaic > 0
+    np.testing.assert_array_equal(mosaic[shown], 180)
+    covered = backward(np.full((200, 260), 255, np.uint8), TURNED, canvas) == 255
+    np.testing.assert_array_equal(shown, covered)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_tiles_leave_no_trace(method):
+    # Very different images, and a window on the coarsest band's grid that crosses two tiles and the seam.
+    images = [smooth_image(700, 1300, seed=1) // 4, smooth_image(700, 1300, seed=2) // 2 + 150]
+    transforms = [np.eye(3), TURNED @ shift(600, 300)]
+    canvas = canvas_of([(1300, 700)] * 2, transforms)
+    window = Canvas(canvas.x_px + TILE_PX - 384, canvas.y_px + 320, 512, 320)
+    mosaic, part = (blend(images, transforms, whole, method=method) for whole in (canvas, window))
+    assert np.ptp(part) > 100
+    assert np.abs(mosaic[window.within(canvas)].astype(int) - part).max() <= 1
+
+
+def test_gray_becomes_bgr_beside_colour_and_stays_gray_alone():
+    gray, colour = np.full((64, 64), 50, np.uint8), np.full((64, 64, 3), (10, 20, 30), np.uint8)
+    mosaic = blend([gray, colour], [np.eye(3), shift(64, 0)], Canvas(0, 0, 128, 64))
+    np.testing.assert_array_equal(mosaic[:, :64], np.full((64, 64, 3), 50))
+    np.testing.assert_array_equal(mosaic[:, 64:], colour)
+    assert blend([gray], [np.eye(3)], Canvas(0, 0, 64, 64)).ndim == 2
+
+
+def test_a_small_mosaic_is_averaged_not_sampled():
+    stripes = np.tile(np.array([0, 255], np.uint8), (256, 128))
+    quarter = np.array([[0.25, 0, -0.375], [0, 0.25, -0.375], [0, 0, 1]])
+    canvas = canvas_of([(256, 256)], [quarter])
+    assert canvas == Canvas(0, 0, 64, 64)
+    mosaic = blend([stripes], [quarter], canvas)
+    assert (np.abs(mosaic.astype(int) - 127) <= 1).all()
+
+
+def test_images_off_the_canvas_are_skipped():
+    image = np.full((64, 64), 77, np.uint8)
+    for method in METHODS:
+        mosaic = blend([image, image], [np.eye(3), shift(500, 0)], Canvas(0, 0, 64, 64), method=method)
+        np.testing.assert_array_equal(mosaic, image)
+
+
+def test_gains_equalise_the_overlap():
+    scene, images, transforms, canvas = two_views(3)
+    darker = (images[1] * 0.7).astype(np.uint8)
+    gains = exposure_gains([images[0], darker], transforms, canvas)
+    assert gains[1] / gains[0] == pytest.approx(1 / 0.7, rel=0.03)
+    assert gains[0] < 1 < gains[1]
+    mosaic = blend([images[0], darker], transforms, canvas, gains=gains)
+    np.testing.assert_allclose(mosaic / mosaic.mean(), scene / scene.mean(), rtol=0.07)
+
+
+def test_gains_of_equal_and_of_separate_images_are_one():
+    _, images, transforms, canvas = two_views()
+    np.testing.assert_allclose(exposure_gains(images, transforms, canvas), 1, atol=1e-6)
+    apart = [np.eye(3), shift(500, 0)]
+    bright_and_dark = [np.full((64, 64), value, np.uint8) for value in (40, 200)]
+    np.testing.assert_allclose(exposure_gains(bright_and_dark, apart, canvas_of([(64, 64)] * 2, apart)), 1)
+
+
+def test_gains_come_from_a_reduced_canvas():
+    rng = np.random.default_rng(3)
+    scene = cv2.resize(rng.integers(60, 160, (40, 100), dtype=np.uint8), (5000, 2000), interpolation=cv2.INTER_LINEAR)
+    images, transforms = [scene[:, :3500], (scene[:, 1500:] * 0.8).astype(np.uint8)], [np.eye(3), shift(1500, 0)]
+    canvas = canvas_of([(3500, 2000)] * 2, transforms)
+    gains = exposure_gains(images, transforms, canvas)
+    assert gains[1] / gains[0] == pytest.approx(1.25, rel=0.02)
+
+
+def test_bright_gain_saturates():
+    image = np.full((64, 64), 200, np.uint8)
+    assert (blend([image], [np.eye(3)], Canvas(0, 0, 64, 64), gains=[1.5]) == 255).all()
+
+
+def test_unknown_method_names_the_valid_ones():
+    with pytest.raises(ValueError, match=r"'feather'.*multiband"):
+        blend([np.zeros((64, 64), np.uint8)], [np.eye(3)], footprint((64, 64), np.eye(3)), method="feather")

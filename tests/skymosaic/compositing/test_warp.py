@@ -1,0 +1,182 @@
+import cv2
+import numpy as np
+import pytest
+
+from skymosaic.compositing.warp import (
+    TILE_PX,
+    Canvas,
+    CanvasError,
+    backward,
+    canvas_of,
+    cylindrical,
+    footprint,
+    forward,
+    shrunk,
+    source_window,
+)
+from skymosaic.geometry.homography import apply
+
+PROJECTIVE = np.array([[0.9, 0.2, 30.0], [-0.15, 1.1, 20.0], [2e-4, -1e-4, 1.0]])
+
+
+def shift(x, y):
+    return np.array([[1.0, 0, x], [0, 1, y], [0, 0, 1]])
+
+
+def noise_image(height, width, *channels, seed=0):
+    return np.random.default_rng(seed).integers(0, 256, (height, width, *channels), dtype=np.uint8)
+
+
+def smooth_image(height, width, *channels, seed=0):
+    return cv2.GaussianBlur(noise_image(height, width, *channels, seed=seed), (0, 0), 4)
+
+
+def test_rectangles():
+    left, right = Canvas(0, 0, 10, 5), Canvas(8, -2, 10, 5)
+    assert left.intersection(right) == Canvas(8, 0, 2, 3)
+    assert left.intersection(Canvas(10, 0, 3, 3)) is None
+    assert Canvas(8, 0, 2, 3).within(right) == (slice(2, 5), slice(0, 2))
+    np.testing.assert_array_equal(apply(right.translation, right.corners[0]), (0, 0))
+
+
+def test_tiles_cover_each_pixel_once():
+    canvas = Canvas(-3, 7, 25, 11)
+    hits = np.zeros((11, 25), dtype=int)
+    for tile in canvas.tiles(8):
+        assert max(tile.width_px, tile.height_px) <= 8
+        hits[tile.within(canvas)] += 1
+    assert (hits == 1).all()
+
+
+def test_canvas_holds_all_images_and_no_more():
+    canvas = canvas_of([(100, 50), (80, 60)], [shift(-20.5, 3), np.eye(3)])
+    assert canvas == Canvas(-20, 0, 100, 60)
+    assert canvas_of([(100, 50)], [np.eye(3) + 1e-12]) == Canvas(0, 0, 100, 50)
+
+
+def test_canvas_beyond_the_limit_is_refused_with_its_size():
+    with pytest.raises(CanvasError, match=r"100100x100 px, 10 megapixels; the limit is 5"):
+        canvas_of([(100, 100), (100, 100)], [np.eye(3), shift(100_000, 0)], limit_px=5_000_000)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_image_that_reaches_behind_the_camera_is_refused(sign):
+    horizon = np.array([[1.0, 0, 0], [0, 1, 0], [-1 / 90, 0, 1]])
+    assert footprint((80, 100), sign * horizon).width_px == 647
+    for width in (91, 120):
+        with pytest.raises(CanvasError, match=f"{width}x100 px would lie behind the camera"):
+            canvas_of([(width, 100)], [sign * horizon])
+
+
+@pytest.mark.parametrize("channels", [(), (3,)], ids=["gray", "bgr"])
+@pytest.mark.parametrize("warping", [backward, forward])
+def test_whole_pixel_shift_is_exact(warping, channels):
+    image = noise_image(40, 60, *channels)
+    warped = warping(image, shift(7, -5), Canvas(0, -10, 80, 60))
+    expected = np.zeros((60, 80, *channels), dtype=np.uint8)
+    expected[5:45, 7:67] = image
+    np.testing.assert_array_equal(warped, expected)
+
+
+def test_backward_interpolates_bilinearly():
+    image = noise_image(40, 60).astype(np.float64)
+    warped = backward(image.astype(np.uint8), shift(0.25, 0.5), Canvas(1, 1, 58, 38))
+    row, column = image[:-1] + image[1:], np.s_[1:39]
+    expected = (0.25 * row[:, :-1] + 0.75 * row[:, 1:])[:38, :58] / 2
+    assert warped[:, column].shape == (38, 38)
+    np.testing.assert_allclose(warped, expected, atol=0.51)
+
+
+def test_backward_against_a_textbook_loop():
+    image = smooth_image(50, 70)
+    canvas = Canvas(20, 10, 60, 45)
+    warped = backward(image, PROJECTIVE, canvas)
+    checked = 0
+    for y in range(0, 45, 4):
+        for x in range(0, 60, 4):
+            u, v = apply(np.linalg.inv(PROJECTIVE), (x + 20, y + 10))
+            if 0 <= u <= 69 and 0 <= v <= 49:
+                column, row = min(int(u), 68), min(int(v), 48)
+                a, b = u - column, v - row
+                corners = image[row : row + 2, column : column + 2].astype(float)
+                assert abs(warped[y, x] - [1 - b, b] @ corners @ [1 - a, a]) <= 0.6
+                checked += 1
+    assert checked > 60
+
+
+def test_tiles_leave_no_trace():
+    image = smooth_image(900, 1500, 3)
+    large = Canvas(0, 0, 2 * TILE_PX + 100, TILE_PX + 50)
+    by_tiles = backward(image, PROJECTIVE @ np.diag([1.4, 1.4, 1]), large)
+    at_once = cv2.warpPerspective(image, PROJECTIVE @ np.diag([1.4, 1.4, 1]), (large.width_px, large.height_px))
+    assert (by_tiles > 0).mean() > 0.5
+    assert np.abs(by_tiles.astype(int) - at_once).max() <= 1
+
+
+def test_sides_beyond_the_limit_of_opencv():
+    wide = noise_image(3, 40_000)
+    np.testing.assert_array_equal(backward(wide, shift(5, 0), Canvas(5, 0, 40_000, 3)), wide)
+
+
+def test_a_tile_beyond_the_horizon_still_shows_the_image():
+    horizon = np.array([[1.0, 0, 0], [0, 1, 0], [-1 / 90, 0, 1]])
+    tile = Canvas(-300, 0, 400, 50)
+    assert source_window((80, 100), horizon, tile) == Canvas(0, 0, 80, 100)
+    assert (backward(np.full((100, 80), 200, np.uint8), horizon, tile)[:, 310:] == 200).all()
+
+
+def test_source_window_is_the_near_border_where_the_image_is_not():
+    assert source_window((60, 40), np.eye(3), Canvas(200, 0, 10, 10)) == Canvas(59, 0, 1, 12)
+    assert source_window((60, 40), np.eye(3), Canvas(50, 30, 100, 100)) == Canvas(48, 28, 12, 12)
+
+
+def test_forward_leaves_holes_where_it_enlarges_and_backward_none():
+    image = np.full((20, 20), 9, np.uint8)
+    zoom, canvas = np.diag([2.0, 2, 1]), Canvas(0, 0, 39, 39)
+    warped = forward(image, zoom, canvas)
+    assert (warped[::2, ::2] == 9).all()
+    assert np.count_nonzero(warped) == 400
+    assert (backward(image, zoom, canvas) == 9).all()
+
+
+def test_forward_agrees_with_backward_on_a_smooth_image():
+    # The nearest pixel is at most half a pixel off along x and y, turned here; the ramp rises by 1 along both.
+    ramp = np.add.outer(np.arange(100), np.arange(120)).astype(np.uint8)
+    turn = np.array([[0.8, -0.6, 60], [0.6, 0.8, 0], [0, 0, 1]])
+    canvas = footprint((120, 100), turn)
+    there, back = forward(ramp, turn, canvas), backward(ramp, turn, canvas, border=cv2.BORDER_REPLICATE)
+    hit = there > 0
+    assert hit.sum() > 0.9 * ramp.size
+    assert np.abs(there[hit].astype(int) - back[hit]).max() <= 2
+
+
+def test_shrunk_keeps_the_geometry_and_averages():
+    image = noise_image(120, 180)
+    scale = np.array([[0.25, 0, -0.375], [0, 0.25, -0.375], [0, 0, 1]])
+    small, transform = shrunk(image, scale)
+    assert small.shape == (30, 45)
+    np.testing.assert_allclose(transform, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(small, image.reshape(30, 4, 45, 4).mean(axis=(1, 3)), atol=0.51)
+    assert shrunk(image, 0.6 * np.eye(3) + np.diag([0, 0, 0.4]))[0] is image
+
+
+def test_cylinder_turns_a_pan_into_a_shift():
+    # A dot seen under 0.2 rad lands f * 0.2 px beside the centre, at its elevation's tangent times f.
+    focal_px = 500.0
+    image = np.zeros((201, 601), dtype=np.uint8)
+    x, y = 300 + focal_px * np.tan(0.2), 100 + 50 / np.cos(0.2)
+    cv2.circle(image, (round(x * 16), round(y * 16)), 6 * 16, 255, -1, cv2.LINE_AA, 4)
+    warped = cylindrical(image, focal_px)
+    assert warped.shape == (201, 2 * int(focal_px * np.arctan(0.6)) + 1)
+    rows, columns = np.nonzero(warped > 127)
+    assert columns.mean() - (warped.shape[1] - 1) / 2 == pytest.approx(100, abs=0.3)
+    assert rows.mean() == pytest.approx(150, abs=0.3)
+
+
+def test_cylinder_of_a_long_lens_is_the_plane():
+    image = smooth_image(60, 80)
+    warped = cylindrical(image, 1e6)
+    # The arc of 79 px spans 78 whole ones: an even number about the centre.
+    assert warped.shape == (60, 79)
+    middle = (image[:, :-1].astype(float) + image[:, 1:]) / 2
+    np.testing.assert_allclose(warped, middle, atol=0.6)

@@ -1,0 +1,151 @@
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+from PIL.ExifTags import IFD
+
+from golden_model.config import preset_config
+from sim.scene import pair as rendered_pair
+from skymosaic.errors import InputError
+from skymosaic.flight.cache import ResultCache, key_of
+from skymosaic.flight.view import Settings, describe, unpacked
+from skymosaic.imagery.exif import Position, position
+from skymosaic.imagery.lens import Lens, load_lens
+from skymosaic.imagery.photographs import DecodedPhotographs, Source, sources
+
+
+def test_a_folder_gives_its_pictures_by_number(tmp_path):
+    for name in ("IMG_10.png", "IMG_2.png", "notes.txt", ".IMG_3.png"):
+        (tmp_path / name).write_bytes(b"x")
+    found = sources([tmp_path, np.zeros((64, 64), np.uint8)])
+    assert [source.name.rsplit("/")[-1] for source in found] == ["IMG_2.png", "IMG_10.png", "image 2"]
+    assert [source.index for source in found] == [0, 1, 2]
+
+
+def test_an_empty_folder_is_one_line(tmp_path):
+    with pytest.raises(InputError, match="holds no pictures"):
+        sources([tmp_path])
+
+
+def test_digests_depend_on_the_content_alone(tmp_path):
+    for name, data in (("a.png", b"one"), ("b.png", b"one"), ("c.png", b"two")):
+        (tmp_path / name).write_bytes(data)
+    a, b, c = sources([tmp_path])
+    assert a.digest == b.digest != c.digest
+
+
+def test_decoded_photographs_stay_below_their_limit(tmp_path):
+    held = [Source(index, f"image {index}", np.full((64, 64), index, np.uint8)) for index in range(5)]
+    photographs = DecodedPhotographs(3 * 64 * 64)
+    first = photographs.pixels(held[0], Lens())
+    assert photographs.pixels(held[0], Lens()) is first
+    for source in held[1:]:
+        assert np.all(photographs.pixels(source, Lens()) == source.index)
+    assert photographs.held_bytes <= 3 * 64 * 64
+
+
+def test_gps_is_read_from_exif(tmp_path):
+    exif = Image.Exif()
+    exif.get_ifd(IFD.GPSInfo).update(
+        {1: "S", 2: (33.0, 30.0, 36.0), 3: "W", 4: (70.0, 15.0, 0.0), 5: b"\x00", 6: 520.5}
+    )
+    Image.new("RGB", (64, 64)).save(tmp_path / "gps.jpg", exif=exif)
+    found = position(tmp_path / "gps.jpg")
+    assert found.latitude_deg == pytest.approx(-33.51)
+    assert found.longitude_deg == pytest.approx(-70.25)
+    assert found.altitude_m == pytest.approx(520.5)
+    Image.new("RGB", (64, 64)).save(tmp_path / "none.jpg")
+    assert position(tmp_path / "none.jpg") is None
+
+
+def test_metres_between_positions():
+    east, north = Position(46.0, -91.99).metres_from(Position(45.99, -92.0))
+    assert north == pytest.approx(1112, rel=0.005)
+    assert east == pytest.approx(1112 * np.cos(np.radians(46)), rel=0.005)
+
+
+CAMERA = """width_px = 640
+height_px = 480
+focal_x_px = 500
+focal_y_px = 500
+centre_x_px = 319.5
+centre_y_px = 239.5
+k1 = -0.2
+"""
+
+
+def test_a_camera_takes_the_distortion_out(tmp_path):
+    (tmp_path / "camera.toml").write_text(CAMERA)
+    lens = load_lens(tmp_path / "camera.toml", None)
+    # Points of a straight line, distorted as the camera would, end on a line again.
+    line = np.column_stack([np.linspace(60, 580, 14), np.full(14, 90.0)])
+    rays = np.column_stack([(line - [319.5, 239.5]) / 500, np.ones(14)])
+    seen, _ = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), lens.matrix, lens.distortion)
+    picture = np.zeros((480, 640), np.uint8)
+    for x, y in seen[:, 0]:
+        cv2.circle(picture, (round(x * 16), round(y * 16)), 3 << 4, 255, -1, cv2.LINE_AA, 4)
+    straight = lens.straighten(picture)
+    assert np.ptp(seen[:, 0, 1]) > 4
+    for x, y in line:
+        patch = straight[round(y) - 6 : round(y) + 7, round(x) - 6 : round(x) + 7].astype(float)
+        rows, columns = np.mgrid[-6:7, -6:7]
+        centre = np.array([(patch * columns).sum(), (patch * rows).sum()]) / patch.sum() + np.rint([x, y])
+        np.testing.assert_allclose(centre, [x, y], atol=0.3)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (CAMERA.replace("k1", "q1"), "unknown key q1"),
+        (CAMERA.replace("focal_x_px = 500\n", ""), "focal_x_px missing"),
+        (CAMERA.replace("500", "'long'"), "must be a number"),
+        (CAMERA.replace("width_px = 640", "width_px = 0"), "must be positive"),
+        ("width_px =", "not valid TOML"),
+    ],
+)
+def test_bad_camera_files_are_one_line(tmp_path, text, says):
+    (tmp_path / "camera.toml").write_text(text)
+    with pytest.raises(InputError, match=says):
+        load_lens(tmp_path / "camera.toml", None)
+
+
+def test_masked_places_have_no_features(tmp_path):
+    mask = np.full((480, 640), 255, np.uint8)
+    mask[300:] = 0
+    cv2.imwrite(str(tmp_path / "mask.png"), mask)
+    lens = load_lens(None, tmp_path / "mask.png")
+    image = rendered_pair(seed=1).images[0]
+    source = Source(0, "image", image)
+    free = describe(source, Settings(preset_config("aerial")))
+    masked = describe(source, Settings(preset_config("aerial"), lens=lens))
+    assert len(masked.features) < len(free.features)
+    assert masked.points[:, 1].max() < 300
+    assert free.points[:, 1].max() > 400
+    assert masked.key != free.key
+
+
+def test_a_view_survives_the_cache(tmp_path):
+    cache = ResultCache(tmp_path / "cache")
+    source = Source(0, "image", rendered_pair(seed=1).images[0])
+    view = describe(source, Settings(preset_config("aerial")))
+    assert cache.load(view.key) is None
+    cache.save(view.key, view.packed())
+    again = unpacked(cache.load(view.key), "renamed", view.key)
+    np.testing.assert_array_equal(again.features, view.features)
+    np.testing.assert_array_equal(again.thumbnail, view.thumbnail)
+    assert again.features.dtype == view.features.dtype
+    assert (again.size, again.sharpness, again.place) == (view.size, view.sharpness, view.place)
+    assert again.name == "renamed"
+
+
+def test_a_damaged_cache_file_counts_as_missing(tmp_path):
+    cache = ResultCache(tmp_path)
+    cache.save("key", {"values": np.arange(1000)})
+    path = tmp_path / "key.npz"
+    path.write_bytes(path.read_bytes()[:200])
+    assert cache.load("key") is None
+
+
+def test_keys_change_with_every_part():
+    assert key_of("view", 1, "a") == key_of("view", 1, "a")
+    assert len({key_of("view", 1, "a"), key_of("view", 1, "b"), key_of("view", "1", "a")}) == 3

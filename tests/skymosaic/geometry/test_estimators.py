@@ -1,0 +1,63 @@
+import numpy as np
+import pytest
+
+from skymosaic.geometry import fuzzy_ransac
+from skymosaic.geometry.estimators import ESTIMATORS, FUZZY_RANSAC, estimate, fuzzy, magsac, ransac
+from skymosaic.geometry.homography import apply
+
+TRUTH = np.array([[1.05, 0.08, -20], [-0.06, 0.97, 35], [6e-5, -4e-5, 1]])
+
+
+def matches(good: int = 120, bad: int = 60, noise_px: float = 0.3) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(5)
+    left = rng.uniform(0, 600, (good + bad, 2))
+    right = apply(TRUTH, left) + rng.normal(0, noise_px, left.shape)
+    right[good:] = rng.uniform(0, 600, (bad, 2))
+    return left, right, np.arange(good + bad) < good
+
+
+@pytest.mark.parametrize("name", ESTIMATORS)
+def test_every_estimator_finds_the_homography_among_wrong_matches(name: str) -> None:
+    left, right, good = matches()
+    verified = np.ones(len(left), dtype=bool)
+    H, inliers = estimate(name, left, right, np.ones(len(left)), verified, rng=np.random.default_rng(0))
+    corners = np.array([[0, 0], [600, 0], [0, 600], [600, 600]])
+    assert np.linalg.norm(apply(H, corners) - apply(TRUTH, corners), axis=1).max() < 1.0
+    assert inliers[good].mean() > 0.95
+    assert inliers[~good].mean() < 0.05
+
+
+@pytest.mark.parametrize("name", ESTIMATORS)
+def test_unverified_matches_are_no_inliers(name: str) -> None:
+    left, right, good = matches()
+    verified = good & (np.arange(len(left)) % 2 == 0)
+    _, inliers = estimate(name, left, right, np.ones(len(left)), verified, rng=np.random.default_rng(0))
+    assert inliers.any()
+    assert not (inliers & ~verified).any()
+
+
+@pytest.mark.parametrize("name", ESTIMATORS)
+@pytest.mark.parametrize("count", [0, 3, 11])
+def test_fewer_than_twelve_matches_are_not_accepted(name: str, count: int) -> None:
+    left, right, _ = matches(good=count, bad=0)
+    H, inliers = estimate(name, left, right, np.ones(count), np.ones(count, dtype=bool), rng=np.random.default_rng(0))
+    assert H is None
+    assert inliers.shape == (count,)
+
+
+def test_fuzzy_ransac_accepts_what_its_rules_accept() -> None:
+    left, right, _ = matches()
+    verified = np.arange(len(left)) % 3 > 0
+    H, inliers = estimate(FUZZY_RANSAC, left, right, np.ones(len(left)), verified, rng=np.random.default_rng(0))
+    _, decision = fuzzy(left, right, verified)
+    expected = fuzzy_ransac.decide(ransac(left, right), left, right, verified)
+    np.testing.assert_array_equal(decision.rule, expected.rule)
+    np.testing.assert_array_equal(inliers, np.isin(expected.rule, fuzzy_ransac.INLIER_RULES))
+    assert H is not None
+
+
+def test_nothing_comes_of_three_matches() -> None:
+    left, right, _ = matches(good=3, bad=0)
+    assert ransac(left, right) is None
+    assert magsac(left, right) is None
+    assert fuzzy(left, right, np.ones(3, dtype=bool)) == (None, None)

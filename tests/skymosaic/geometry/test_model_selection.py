@@ -1,0 +1,50 @@
+import numpy as np
+import pytest
+
+from skymosaic.geometry.homography import apply
+from skymosaic.geometry.model_selection import fit, similarity
+
+SIMILAR = np.array([[0.9, -0.3, 20.0], [0.3, 0.9, -10.0], [0, 0, 1]])
+TILTED = np.array([[0.9, -0.3, 20.0], [0.3, 0.9, -10.0], [6e-4, -9e-4, 1]])
+
+
+def matches(truth: np.ndarray, right_ones: int, wrong_ones: int, seed: int = 0, noise_px: float = 0.3):
+    rng = np.random.default_rng(seed)
+    left = rng.uniform(0, 250, (right_ones + wrong_ones, 2))
+    right = apply(truth, left) + rng.normal(0, noise_px, left.shape)
+    right[right_ones:] = rng.uniform(0, 250, (wrong_ones, 2))
+    return left, right, np.ones(len(left))
+
+
+def error_px(found: np.ndarray, truth: np.ndarray) -> float:
+    corners = np.array([[0, 0], [250, 0], [250, 250], [0, 250]], dtype=np.float64)
+    return float(np.linalg.norm(apply(found, corners) - apply(truth, corners), axis=1).max())
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_eight_right_matches_among_thirty_wrong_ones_are_enough(seed):
+    found = similarity(*matches(SIMILAR, 8, 30, seed), fewest=6)
+    assert found.inliers >= 8
+    assert error_px(found.matrix, SIMILAR) < 1.5
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_chance_alone_is_no_place(seed):
+    assert similarity(*matches(SIMILAR, 0, 40, seed), fewest=6) is None
+
+
+def test_the_model_follows_what_the_matches_say():
+    for truth, model in ((SIMILAR, "similarity"), (TILTED, "projective")):
+        found = fit(*matches(truth, 60, 20), fewest=6, rng=np.random.default_rng(1))
+        assert found.model == model
+        assert error_px(found.matrix, truth) < 1.0
+
+
+def test_few_matches_never_make_a_homography():
+    found = fit(*matches(TILTED, 9, 0), fewest=4, rng=np.random.default_rng(1))
+    assert found is None or found.model == "similarity"
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_too_few_matches_are_no_place(count):
+    assert similarity(*matches(SIMILAR, count, 0), fewest=1) is None

@@ -1,0 +1,50 @@
+import struct
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from skymosaic.errors import InputError
+from skymosaic.imagery import band_writer
+from skymosaic.imagery.band_writer import write_bands
+
+
+def bands_of(picture: np.ndarray, rows: int = 64) -> list[np.ndarray]:
+    return [picture[top : top + rows] for top in range(0, len(picture), rows)]
+
+
+def noise(height: int, width: int, *channels: int) -> np.ndarray:
+    return np.random.default_rng(1).integers(0, 256, (height, width, *channels), dtype=np.uint8)
+
+
+@pytest.mark.parametrize("channels", [(), (3,)], ids=["gray", "bgr"])
+@pytest.mark.parametrize("suffix", [".png", ".tif", ".bmp"])
+def test_bands_read_back_as_the_picture(tmp_path, suffix, channels):
+    picture = noise(150, 67, *channels)
+    path = tmp_path / f"picture{suffix}"
+    write_bands(path, (67, 150), len(channels) * 2 + 1, bands_of(picture))
+    np.testing.assert_array_equal(cv2.imread(str(path), cv2.IMREAD_UNCHANGED), picture)
+    with Image.open(path) as opened:
+        rgb = np.asarray(opened)
+    np.testing.assert_array_equal(rgb, picture[..., ::-1] if channels else picture)
+
+
+def test_a_big_tiff_reads_back_too(tmp_path, monkeypatch):
+    monkeypatch.setattr(band_writer, "LARGEST_CLASSIC_TIFF_BYTES", 0)
+    picture = noise(150, 67, 3)
+    write_bands(tmp_path / "big.tif", (67, 150), 3, bands_of(picture))
+    magic = struct.unpack("<2sH", (tmp_path / "big.tif").read_bytes()[:4])
+    assert magic == (b"II", 43)
+    np.testing.assert_array_equal(cv2.imread(str(tmp_path / "big.tif")), picture)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif"])
+def test_a_full_disk_leaves_one_line_and_no_file(tmp_path, suffix):
+    def disk_fills():
+        yield noise(64, 67)
+        raise OSError(28, "No space left on device")
+
+    with pytest.raises(InputError, match="No space left on device"):
+        write_bands(tmp_path / f"picture{suffix}", (67, 150), 1, disk_fills())
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,208 @@
+import resource
+from collections.abc import Iterable, Iterator
+from fractions import Fraction
+from itertools import pairwise
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+import pytest
+
+from sim.scene import Camera, CameraPose, Flight, Photometry
+from skymosaic.errors import InputError
+from skymosaic.imagery.video import VideoReader, key_frames, writing
+
+RATE = Fraction(30000, 1001)
+
+
+@pytest.fixture(scope="module")
+def texture() -> np.ndarray:
+    grain = np.random.default_rng(0).integers(0, 256, (300, 500, 3), dtype=np.uint8)
+    return cv2.GaussianBlur(grain, (0, 0), 3)
+
+
+@pytest.fixture(scope="module")
+def frames(texture) -> list[np.ndarray]:
+    return [np.ascontiguousarray(texture[i : i + 240, 2 * i : 2 * i + 320]) for i in range(30)]
+
+
+def encode(path: Path, frames: list[np.ndarray], rotation: int = 0, **options: str) -> Path:
+    """Write a video without the module under test."""
+    with av.open(str(path), "w", options=options) as container:
+        stream = container.add_stream("libx264", rate=25)
+        stream.height, stream.width = frames[0].shape[:2]
+        stream.pix_fmt = "yuv420p"
+        if rotation:
+            stream.set_display_rotation(rotation)
+        for frame in frames:
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(frame, format="bgr24")))
+        container.mux(stream.encode())
+    return path
+
+
+def _write(path: Path, frames: Iterable[np.ndarray]) -> None:
+    with writing(path, RATE) as write:
+        for frame in frames:
+            write(frame)
+
+
+def difference(frame: np.ndarray, other: np.ndarray) -> float:
+    """Mean absolute difference of the gray levels: colour is stored at half size."""
+    return float(np.abs(frame.mean(axis=2) - other.mean(axis=2)).mean())
+
+
+def test_what_is_written_is_read_again(tmp_path: Path, frames) -> None:
+    odd = [frame[:239, :319] for frame in frames]
+    _write(tmp_path / "v.mp4", odd)
+    reader = VideoReader(tmp_path / "v.mp4")
+    read = list(reader)
+    assert [path.name for path in tmp_path.iterdir()] == ["v.mp4"]
+    assert reader.frame_rate == RATE
+    assert len(read) == len(frames)
+    assert reader.notes == []
+    for frame, original in zip(read, odd, strict=True):
+        assert frame.shape == (238, 318, 3)
+        assert frame.dtype == np.uint8
+        # The encoder's loss; the next frame differs by more than twice that.
+        assert difference(frame, original[:238, :318]) < 3
+    with av.open(str(tmp_path / "v.mp4")) as container:
+        assert container.streams.video[0].codec_context.name == "h264"
+
+
+@pytest.mark.parametrize(("rotation", "quarter_turns"), [(90, 1), (-90, 3), (180, 2)])
+def test_frames_are_upright(tmp_path: Path, frames, rotation: int, quarter_turns: int) -> None:
+    reader = VideoReader(encode(tmp_path / "v.mp4", frames[:3], rotation))
+    upright = [np.rot90(frame, quarter_turns) for frame in frames[:3]]
+    assert all(difference(*pair) < 3 for pair in zip(reader, upright, strict=True))
+    assert reader.notes == ["turned upright by its rotation tag"]
+
+
+@pytest.mark.parametrize("name", ["v.mp4", "v.avi", "v.mkv"])
+def test_a_recording_cut_off_is_used_up_to_its_last_whole_frame(tmp_path: Path, frames, name: str) -> None:
+    path = encode(tmp_path / name, frames, movflags="faststart")
+    path.write_bytes(path.read_bytes()[: int(0.95 * path.stat().st_size)])
+    reader = VideoReader(path)
+    read = list(reader)
+    assert 10 < len(read) < len(frames)
+    # A frame that was not whole would be patched up from its neighbours.
+    assert all(min(difference(frame, original) for original in frames) < 2.5 for frame in read[-3:])
+    if name != "v.mkv":  # Matroska does not say how many frames there should be.
+        assert reader.notes == [f"{len(read)} of 30 frames can be decoded; the others are left out"]
+
+
+def _missing(path: Path, _frames) -> None:
+    pass
+
+
+def _empty(path: Path, _frames) -> None:
+    path.touch()
+
+
+def _folder(path: Path, _frames) -> None:
+    path.mkdir()
+
+
+def _text(path: Path, _frames) -> None:
+    path.write_text("words, not frames\n" * 100)
+
+
+def _without_index(path: Path, frames) -> None:
+    data = encode(path, frames).read_bytes()
+    path.write_bytes(data[: len(data) // 2])
+
+
+def _within_first_frame(path: Path, frames) -> None:
+    data = encode(path, frames, movflags="faststart").read_bytes()
+    path.write_bytes(data[: data.index(b"mdat") + 200])
+
+
+def _sound(path: Path, _frames) -> None:
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("aac", rate=8000, layout="mono")
+        silence = av.AudioFrame.from_ndarray(np.zeros((1, 1024), np.float32), format="fltp", layout="mono")
+        silence.rate = 8000
+        container.mux(stream.encode(silence))
+        container.mux(stream.encode())
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (_missing, "no such file"),
+        (_empty, "empty"),
+        (_folder, "not a file"),
+        (_text, "not a video"),
+        (_without_index, "cut off before its index"),
+        (_within_first_frame, "without frames|no frame of the video can be decoded"),
+        (_sound, "without frames"),
+    ],
+)
+def test_a_bad_video_gets_one_line_that_names_it(tmp_path: Path, frames, make, says: str) -> None:
+    path = tmp_path / "v.mp4"
+    make(path, frames)
+    with pytest.raises(InputError, match=says) as caught:
+        list(VideoReader(path))
+    assert str(caught.value).startswith(f"{path}: ")
+    assert "\n" not in str(caught.value)
+
+
+def test_nothing_is_left_of_a_video_that_could_not_be_finished(tmp_path: Path, frames) -> None:
+    def interrupted() -> Iterator[np.ndarray]:
+        yield frames[0]
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        _write(tmp_path / "v.mp4", interrupted())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_full_disk_is_told_and_nothing_is_left(tmp_path: Path) -> None:
+    noise = np.random.default_rng(1).integers(0, 256, (40, 240, 320, 3), dtype=np.uint8)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (30_000, hard))
+        with pytest.raises(InputError, match=r"v\.mp4: cannot be written"):
+            _write(tmp_path / "v.mp4", noise)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert list(tmp_path.iterdir()) == []
+
+
+def _flight(poses: list[CameraPose]) -> Flight:
+    camera = Camera(width_px=320, height_px=240, focal_px=260)
+    return Flight(3, camera, tuple(poses), (Photometry(noise_sigma=2),) * len(poses))
+
+
+def test_key_frames_overlap_enough_and_not_too_much() -> None:
+    flight = _flight(
+        [
+            CameraPose(
+                x_px=6.0 * t,
+                y_px=20 * np.sin(t / 9),
+                altitude_px=260 * (1 + 0.1 * np.sin(t / 20)),
+                heading_deg=8 * np.sin(t / 15),
+            )
+            for t in range(60)
+        ]
+    )
+    numbers = [frame.number for frame in key_frames(flight.images)]
+    assert numbers[0] == 0
+    assert numbers[-1] == 59
+    overlaps = [flight.overlap_between(*pair) for pair in pairwise(numbers)]
+    assert len(overlaps) >= 3
+    assert all(0.6 < overlap < 0.8 for overlap in overlaps[:-1])
+    assert overlaps[-1] > 0.6
+
+
+def test_a_hovering_camera_gives_its_first_and_its_last_frame() -> None:
+    flight = _flight([CameraPose(x_px=x, y_px=0, altitude_px=260) for x in np.linspace(0, 2, 12)])
+    assert [frame.number for frame in key_frames(flight.images)] == [0, 11]
+
+
+def test_every_frame_is_a_key_frame_where_the_flow_is_lost() -> None:
+    flight = _flight([CameraPose(x_px=x, y_px=0, altitude_px=260) for x in (0, 200, 400)])
+    assert [frame.number for frame in key_frames(flight.images)] == [0, 1, 2]
+    flat = [np.full((240, 320, 3), 90, np.uint8)] * 3
+    assert [frame.number for frame in key_frames(flat)] == [0, 1, 2]
+    assert list(key_frames([])) == []
