@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from golden_model.config import preset_config
 from skymosaic.features.detectors import DETECTORS
-from skymosaic.features.methods import choose, front_end_of
+from skymosaic.features.methods import backend_of, choose
 from skymosaic.geometry.estimators import MAGSAC_TOLERANCE_PX, magsac
 from skymosaic.geometry.homography import apply
 from skymosaic.registration import match_points
@@ -26,7 +26,7 @@ class Baseline:
         config = dataclasses.replace(config, front_end=dataclasses.replace(config.front_end, max_features=count))
         named = {"detector": name} if name in DETECTORS else {"descriptor": name}
         method, self._config = choose(config, **named)
-        self._front_end = front_end_of(method, "golden")
+        self._front_end = backend_of(method, "golden")
 
     def homography(self, left: NDArray[np.uint8], right: NDArray[np.uint8]) -> tuple[NDArray[np.float64] | None, int]:
         """Homography from left to right of two images (None where nothing was estimated), and the inliers at 3 px."""

@@ -22,6 +22,7 @@ BACKENDS = {
     "verilator": "sim.verilator",
     "cxxrtl": "sim.cxxrtl",
     "pysim": "sim.pysim",
+    "board": "sim.board",
 }
 """The module behind each name; ``rtl`` is the fastest simulation of the hardware."""
 
@@ -62,7 +63,7 @@ class FrameResult:
     cycles: int | None
 
 
-class FrontEnd(Protocol):
+class Backend(Protocol):
     """Computes features and matches: the golden model, a simulation of the hardware, or a board."""
 
     def run(
@@ -89,30 +90,32 @@ class FrontEnd(Protocol):
         ...
 
 
-def create(name: str, *, progress: Progress = silent, waves: Path | None = None) -> FrontEnd:
-    """The front end called ``name``.
+def load_backend(name: str, *, progress: Progress = silent, waves: Path | None = None) -> Backend:
+    """The backend called ``name``.
 
     Parameters
     ----------
     name : str
-        A key of `BACKENDS`.
+        A key of `BACKENDS`; a board with its address, ``board:HOST[:PORT]``.
     progress : callable
         Receives a line of text when something slow (a first build) starts, advances or ends.
     waves : Path or None
-        Where a simulation writes the waves of its runs (VCD); the golden model has none.
+        Where a simulation writes the waves of its runs (VCD); golden model and board have none.
 
     Raises
     ------
     BackendError
-        For an unknown name, with the valid ones; for a wave file that cannot be written.
+        For an unknown name, with the valid ones; a board without an address; waves that cannot be written.
     """
-    if name not in BACKENDS:
+    kind, _, address = name.partition(":")
+    if kind not in BACKENDS or (address and kind != "board"):
         raise BackendError(f"unknown backend {name!r}; valid: {', '.join(BACKENDS)}")
     if waves is not None:
         try:
             waves.touch()
         except OSError as error:
             raise BackendError(f"cannot write the waves to {waves}: {error.strerror}") from error
-    # Imported when asked for: the golden model needs neither Amaranth nor a compiler.
-    front_end: FrontEnd = importlib.import_module(BACKENDS[name]).front_end(progress=progress, waves=waves)
-    return front_end
+    # Imported on demand: the golden model needs neither Amaranth nor a compiler.
+    load = importlib.import_module(BACKENDS[kind]).load
+    backend: Backend = load(address, waves=waves) if kind == "board" else load(progress=progress, waves=waves)
+    return backend

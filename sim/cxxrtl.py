@@ -10,7 +10,7 @@ from sim import compiled, cxxrtl_units
 from sim.backend import Progress, silent
 from sim.build_cache import cached, digest, digest_files
 from sim.design import Design
-from sim.hardware import HardwareFrontEnd
+from sim.hardware import HardwareBackend
 
 
 def shared_library(design: Design, *, waves: bool = False, progress: Progress = silent) -> Path:
@@ -47,6 +47,6 @@ def _runtime_folder() -> Path:
     return Path(spec.origin).parent / "share" / "include" / "backends" / "cxxrtl" / "runtime"
 
 
-def front_end(*, progress: Progress, waves: Path | None) -> HardwareFrontEnd:
-    """The front end for `sim.backend.create`."""
-    return HardwareFrontEnd(simulate, progress=progress, waves=waves)
+def load(*, progress: Progress, waves: Path | None) -> HardwareBackend:
+    """This backend, for `sim.backend.load_backend`."""
+    return HardwareBackend(simulate, progress=progress, waves=waves)

@@ -1,4 +1,4 @@
-"""The golden model behind the `sim.backend.FrontEnd` interface; every other backend is compared with it."""
+"""The golden model behind the `sim.backend.Backend` interface; every other backend is compared with it."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from golden_model.records import MATCH
 from sim.backend import BackendError, FrameResult, Progress, Reference
 
 
-class GoldenFrontEnd:
+class GoldenBackend:
     """`golden_model.front_end.extract` and `golden_model.matching.matcher.match`, frame by frame."""
 
     def run(
         self, frames: Sequence[NDArray[np.uint8]], config: Config, *, reference: Reference = "held"
     ) -> list[FrameResult]:
-        """See `sim.backend.FrontEnd.run`."""
+        """See `sim.backend.Backend.run`."""
         extracted = (extract(image, config.front_end, frame=number) for number, image in enumerate(frames))
         return list(matched(((frame.features, frame.status, None) for frame in extracted), config, reference))
 
@@ -46,8 +46,8 @@ def matched(
         yield FrameResult(features, matches, status, match_status, cycles)
 
 
-def front_end(*, progress: Progress, waves: Path | None) -> GoldenFrontEnd:
-    """The front end for `sim.backend.create`; it builds nothing and has no waves.
+def load(*, progress: Progress, waves: Path | None) -> GoldenBackend:
+    """This backend, for `sim.backend.load_backend`; it builds nothing and has no waves.
 
     Raises
     ------
@@ -56,4 +56,4 @@ def front_end(*, progress: Progress, waves: Path | None) -> GoldenFrontEnd:
     """
     if waves is not None:
         raise BackendError("the golden backend has no waves; use verilator, cxxrtl or pysim")
-    return GoldenFrontEnd()
+    return GoldenBackend()

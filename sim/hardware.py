@@ -1,4 +1,4 @@
-"""The simulated accelerator behind the `sim.backend.FrontEnd` interface, whichever simulator runs it."""
+"""The simulated accelerator behind the `sim.backend.Backend` interface, whichever simulator runs it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BUILT_SIZES_PX = ((1920, 1080), (4096, 4096))
 """Largest width and height of the builds; a run uses the first one that its frames fit."""
 
 
-class HardwareFrontEnd:
+class HardwareBackend:
     """Features and matches by the simulated accelerator.
 
     Parameters
@@ -39,7 +39,7 @@ class HardwareFrontEnd:
     def run(
         self, frames: Sequence[NDArray[np.uint8]], config: Config, *, reference: Reference = "held"
     ) -> list[FrameResult]:
-        """See `sim.backend.FrontEnd.run`."""
+        """See `sim.backend.Backend.run`."""
         segments = frame_segments(frames, config, reference)
         recordings = self.simulate(accelerator(config, built_size_px(frames)), segments, **self._options)
         return [result for recording in recordings for result in _results(recording, config)]

@@ -15,7 +15,7 @@ from amaranth.sim import Simulator
 
 from sim.backend import Progress, silent
 from sim.design import Design, Ports
-from sim.hardware import HardwareFrontEnd
+from sim.hardware import HardwareBackend
 from sim.recording import END_OF_LINE, NO_PAUSES, START_OF_FRAME, Output, Pauses, Recording, Segment, check_access
 
 RESET_CYCLES = 4
@@ -165,6 +165,6 @@ def _recording(ports: Ports, starts: list[int], traces: dict[str, _Trace]) -> Re
     )
 
 
-def front_end(*, progress: Progress, waves: Path | None) -> HardwareFrontEnd:
-    """The front end for `sim.backend.create`."""
-    return HardwareFrontEnd(simulate, progress=progress, waves=waves)
+def load(*, progress: Progress, waves: Path | None) -> HardwareBackend:
+    """This backend, for `sim.backend.load_backend`."""
+    return HardwareBackend(simulate, progress=progress, waves=waves)

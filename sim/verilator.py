@@ -12,7 +12,7 @@ from sim import compiled
 from sim.backend import BackendError, Progress, silent
 from sim.build_cache import cached, digest
 from sim.design import Design
-from sim.hardware import HardwareFrontEnd
+from sim.hardware import HardwareBackend
 
 VERILATOR_FLAGS = (
     "--cc", "-O3", "--x-assign", "fast", "--x-initial", "fast", "--no-assert", "--output-split", "20000",
@@ -62,6 +62,6 @@ def package_folder() -> Path:
     return Path(spec.origin).parent
 
 
-def front_end(*, progress: Progress, waves: Path | None) -> HardwareFrontEnd:
-    """The front end for `sim.backend.create`."""
-    return HardwareFrontEnd(simulate, progress=progress, waves=waves)
+def load(*, progress: Progress, waves: Path | None) -> HardwareBackend:
+    """This backend, for `sim.backend.load_backend`."""
+    return HardwareBackend(simulate, progress=progress, waves=waves)

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from golden_model.config import LARGEST_THRESHOLD, Config, preset_config
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.records import Cause
-from sim.backend import FrameResult, FrontEnd, Progress, silent
+from sim.backend import Backend, FrameResult, Progress, silent
 from skymosaic.errors import InputError
 from skymosaic.features.guided_matching import refine_pair
-from skymosaic.features.methods import Method, choose, front_end_of
+from skymosaic.features.methods import Method, backend_of, choose
 from skymosaic.geometry.estimators import ESTIMATORS, FUZZY_RANSAC, estimate
 from skymosaic.geometry.homography import apply
 from skymosaic.geometry.prosac import INLIER_PX, MIN_INLIERS
@@ -193,7 +193,7 @@ def register_photographs(
     clock = Stopwatch(seconds)
     method, config = _settled(config, detector, descriptor, estimator, refine)
     (left, to_left), (right, to_right) = (reduced(photo.pixels, working_width_px) for photo in photographs)
-    results, config = extract_within_capacity(front_end_of(method, backend, progress), [left, right], config)
+    results, config = extract_within_capacity(backend_of(method, backend, progress), [left, right], config)
     matches = results[1].matches
     clock.lap("features and matches")
 
@@ -239,7 +239,7 @@ def register_photographs(
 
 
 def extract_within_capacity(
-    front_end: FrontEnd, frames: Sequence[Pixels], config: Config
+    front_end: Backend, frames: Sequence[Pixels], config: Config
 ) -> tuple[list[FrameResult], Config]:
     """Run the front end; a frame with more corners than a feature bank holds raises the threshold for all.
 

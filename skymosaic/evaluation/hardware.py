@@ -9,11 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from golden_model.config import Config
-from sim.backend import FrameResult, create, silent
-from sim.hardware import HardwareFrontEnd
+from sim.backend import FrameResult, load_backend, silent
+from sim.hardware import HardwareBackend
 from sim.scoreboard import Coverage, Mismatch, first_mismatch
 from sim.stages import locate_mismatch
-from skymosaic import board
 from skymosaic.imagery.images import Pixels, load, reduced
 from skymosaic.registration import extract_within_capacity
 
@@ -92,8 +91,8 @@ def compare(
         reduced(load(image, name).pixels, working_width_px)[0]
         for image, name in ((left, "left image"), (right, "right image"))
     ]
-    golden, config = extract_within_capacity(create("golden"), frames, config)
-    hardware = board.front_end(backend, progress=progress, waves=waves)
+    golden, config = extract_within_capacity(load_backend("golden"), frames, config)
+    hardware = load_backend(backend, progress=progress, waves=waves)
     if waves is None:
         # The first run builds what is missing; only the second one is timed.
         hardware.run(frames, config)
@@ -101,7 +100,7 @@ def compare(
     found = hardware.run(frames, config)
     seconds = time.perf_counter() - start
     mismatch = first_mismatch(golden, found)
-    if mismatch and isinstance(hardware, HardwareFrontEnd):
+    if mismatch and isinstance(hardware, HardwareBackend):
         mismatch = _located(mismatch, frames, config, hardware, progress)
     return Comparison(
         mismatch=mismatch,
@@ -116,7 +115,7 @@ def _located(
     mismatch: Mismatch,
     frames: list[Pixels],
     config: Config,
-    hardware: HardwareFrontEnd,
+    hardware: HardwareBackend,
     progress: Callable[[str], None],
 ) -> Mismatch:
     """The stage at which a frame's records went wrong, where one of those that can be watched did."""

@@ -1,7 +1,7 @@
 """Detector and descriptor by name: which combinations there are, and a front end on the host that computes them.
 
 Harris and FAST with an ILBP descriptor are the accelerator's own and run on any backend; every other combination
-runs here, behind the same `sim.backend.FrontEnd` interface.
+runs here, behind the same `sim.backend.Backend` interface.
 """
 
 from __future__ import annotations
@@ -20,8 +20,7 @@ from golden_model.front_end import extract
 from golden_model.matching import fuzzy, matcher
 from golden_model.pixel.gray import to_gray
 from golden_model.records import FRAME_STATUS, MATCH, Tag
-from sim.backend import FrameResult, FrontEnd, Progress, Reference, silent
-from skymosaic import board
+from sim.backend import Backend, FrameResult, Progress, Reference, load_backend, silent
 from skymosaic.errors import InputError
 from skymosaic.features import detectors, matchers
 from skymosaic.features.descriptors import DESCRIPTORS, ONCE_A_PLACE, TRACKED, WINDOWS_PX, Records, describe
@@ -100,16 +99,16 @@ def choose(config: Config, detector: str | None = None, descriptor: str | None =
     return method, dataclasses.replace(config, front_end=_front_end(config, method))
 
 
-def front_end_of(method: Method, backend: str, progress: Progress = silent) -> FrontEnd:
+def backend_of(method: Method, backend: str, progress: Progress = silent) -> Backend:
     """What computes the method: the backend, or this module."""
     if method.on_accelerator:
-        return board.front_end(backend, progress=progress)
+        return load_backend(backend, progress=progress)
     if backend != "golden":
         raise InputError(
             f"backend {backend} computes {_list(FRONT_END_DETECTORS)} with ILBP descriptors, not {method.detector} "
             f"with {method.descriptor}, which the host computes; leave out --backend"
         )
-    return HostFrontEnd(method)
+    return HostBackend(method)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +119,7 @@ class _Frame:
 
 
 @dataclass(frozen=True)
-class HostFrontEnd:
+class HostBackend:
     """Any method, computed on the host: the golden model's corners and rules, OpenCV's detectors and descriptors.
 
     Of OpenCV's and SURF's key points the ``max_features`` strongest count.
@@ -131,7 +130,7 @@ class HostFrontEnd:
     def run(
         self, frames: Sequence[NDArray[np.uint8]], config: Config, *, reference: Reference = "held"
     ) -> list[FrameResult]:
-        """See `sim.backend.FrontEnd.run`."""
+        """See `sim.backend.Backend.run`."""
         results: list[FrameResult] = []
         left = None
         for number, image in enumerate(frames):

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from golden_model.config import Config
 from golden_model.pixel.gray import to_gray
-from skymosaic import board
+from sim.backend import load_backend
 from skymosaic.flight.cache import Arrays, key_of
 from skymosaic.imagery.exif import Position, position
 from skymosaic.imagery.images import Pixels, reduced
@@ -141,7 +141,7 @@ def describe(source: Source, settings: Settings) -> View:
     photograph = source.photograph(settings.lens)
     working, to_original = reduced(photograph.pixels, settings.working_width_px)
     thumbnail, from_thumbnail = reduced(working, THUMBNAIL_WIDTH_PX)
-    results, _ = extract_within_capacity(board.front_end(settings.backend), [working], settings.config)
+    results, _ = extract_within_capacity(load_backend(settings.backend), [working], settings.config)
     working_size = working.shape[1], working.shape[0]
     gray = to_gray(thumbnail)
     return View(

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.config import Config
-from skymosaic import board
+from sim.backend import load_backend
 from skymosaic.compositing.warp import CANVAS_LIMIT_PX, Canvas, CanvasError, magnification
 from skymosaic.errors import InputError
 from skymosaic.flight.links import FEWEST_VOTES, PairEstimator, votes
@@ -96,7 +96,7 @@ class LiveMosaic:
         if not 0 < scale <= 1:
             raise InputError(f"scale is {scale}; it must be more than 0 and at most 1")
         self._config = config
-        self._front_end = board.front_end(backend)
+        self._front_end = load_backend(backend)
         self._estimator = PairEstimator(config, seed)
         self._working_width_px = working_width_px
         self._scale = scale

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from nicegui import background_tasks, ui
 
-from skymosaic.features.methods import front_end_of
+from skymosaic.features.methods import backend_of
 from skymosaic.imagery.images import Pixels
 from skymosaic.panel import drawings
 from skymosaic.panel.options import Choices, fault_of
@@ -87,7 +87,7 @@ class CornersTab:
 def detect(pictures: Sequence[Path], choices: Choices) -> list[Records]:
     """The corners of working pictures, as a run with these choices would find them."""
     method, config = choices.settled()
-    front_end = front_end_of(method, "golden")
+    front_end = backend_of(method, "golden")
     while True:
         results = [extract_within_capacity(front_end, [_pixels(picture)], config) for picture in pictures]
         raised = next((settled for _, settled in results if settled != config), None)

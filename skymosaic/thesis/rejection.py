@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from golden_model.config import PRESETS, MatcherConfig
 from skymosaic.evaluation.metrics import grid_error, rmse
-from skymosaic.features.methods import HostFrontEnd, choose
+from skymosaic.features.methods import HostBackend, choose
 from skymosaic.geometry import estimators, fuzzy_ransac
 from skymosaic.registration import match_points, register
 from skymosaic.thesis.dataset import Specimen
@@ -35,7 +35,7 @@ def by_fuzzy_ransac(specimen: Specimen) -> Iterator[Line]:
     )
     for setting, descriptor in DESCRIPTORS.items():
         method, config = choose(base, "sift", descriptor)
-        left, right = HostFrontEnd(method).run([specimen.left, specimen.right], config)
+        left, right = HostBackend(method).run([specimen.left, specimen.right], config)
         pairs, verified = match_points(right.matches), right.matches["verdict"] == 1
         H, decision = estimators.fuzzy(*pairs, verified)
         rule = np.full(len(verified), -1) if decision is None else decision.rule

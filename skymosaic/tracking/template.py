@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.config import Config
-from sim.backend import FrontEnd
+from sim.backend import Backend
 from skymosaic.compositing.warp import Canvas, backward, magnification, shrunk
 from skymosaic.geometry.homography import apply
 from skymosaic.geometry.model_selection import TOLERANCE_PX, fit, similarity
@@ -64,7 +64,7 @@ class Template:
     picture : ndarray of uint8, shape (H, W) or (H, W, 3)
     roi : Roi
         The part that is the template; its first pixel is the origin of template coordinates.
-    front_end : FrontEnd
+    front_end : Backend
         Matches, with the template's view as the held reference.
     config : Config
         What it computes.
@@ -72,7 +72,7 @@ class Template:
 
     picture: Pixels
     roi: Roi
-    front_end: FrontEnd
+    front_end: Backend
     config: Config
 
     @property

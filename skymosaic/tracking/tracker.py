@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 
 from golden_model.config import Config, preset_config
-from skymosaic import board
+from sim.backend import load_backend
 from skymosaic.compositing.warp import Canvas
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.geometry.homography import DegenerateError, apply, dlt
@@ -107,7 +107,7 @@ def track(
     else:
         picture = load(template, "template").pixels
         roi = Roi(0, 0, picture.shape[1], picture.shape[0])
-    front_end = board.front_end(backend)
+    front_end = load_backend(backend)
     # Without cell selection, a threshold that the first frame fits; with it, nothing changes.
     _, config = extract_within_capacity(front_end, [first], config or preset_config(preset))
     tracker = _Tracker(Template(picture, roi, front_end, config), np.random.default_rng(seed))

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from sim.backend import create
+from sim.backend import load_backend
 from sim.scene import pair as rendered_pair
 from skymosaic.panel.corners_tab import detect
 from skymosaic.panel.options import Choices
@@ -25,7 +25,7 @@ def test_the_slider_shows_what_a_run_finds(picture: Path, detector: str) -> None
     for position in (2, 20, 34):
         choices = Choices.of_preset("aerial").changed("detector", detector).changed("position", position)
         (shown,) = detect([picture], choices)
-        (found,) = create("golden").run([pixels], choices.settled()[1])
+        (found,) = load_backend("golden").run([pixels], choices.settled()[1])
         assert np.array_equal(shown, found.features)
         counts.add(len(shown))
     assert len(counts) == 3

@@ -20,11 +20,10 @@ from golden_model.config import Config, FrontEndConfig, to_toml
 from hdl.export import driver_map
 from sim import verilator
 from sim.accelerator_designs import FEATURES, LANES, MATCHES, accelerator
-from sim.backend import BackendError, create
+from sim.backend import BackendError, load_backend
 from sim.compiled import Bench
 from sim.recording import END_OF_LINE, Segment
 from sim.scene import pair as rendered_pair
-from skymosaic import board
 from skymosaic.cli import main
 
 PYNQ = Path(__file__).parents[2] / "constraints" / "pynq"
@@ -114,8 +113,8 @@ def frames(*, gray: bool) -> list[np.ndarray]:
 @pytest.mark.parametrize("config", [CONFIG, FAST], ids=["harris", "fast"])
 def test_the_board_gives_what_the_golden_model_gives(address: str, gray: bool, reference: str, config: Config) -> None:
     images = [*frames(gray=gray), frames(gray=gray)[0]]
-    golden = create("golden").run(images, config, reference=reference)
-    found = board.front_end(f"board:{address}").run(images, config, reference=reference)
+    golden = load_backend("golden").run(images, config, reference=reference)
+    found = load_backend(f"board:{address}").run(images, config, reference=reference)
     assert sum(len(frame.features) for frame in golden) > 100
     assert sum(len(frame.matches) for frame in golden) > 20
     for ours, theirs in zip(found, golden, strict=True):
@@ -176,23 +175,23 @@ def test_a_wrong_address_is_told_in_one_line(
 def test_the_server_refuses_what_was_not_built_and_lives_on(address: str) -> None:
     wide = np.zeros((120, 1000), np.uint8)
     with pytest.raises(BackendError, match="1000 px wide; 64 to 192 were built"):
-        board.front_end(f"board:{address}").run([wide, wide], CONFIG)
+        load_backend(f"board:{address}").run([wide, wide], CONFIG)
     host, port = address.split(":")
     for nonsense in (b"GET / HTTP/1.1\r\n", b"{}\n", b'{"shape": [1], "frames": 1}\n'):
         with socket.create_connection((host, int(port)), 10) as connection:
             connection.sendall(nonsense)
             assert b"malformed" in connection.makefile("rb").readline()
-    assert board.front_end(f"board:{address}").run(frames(gray=True), CONFIG)[0].status["good"]
+    assert load_backend(f"board:{address}").run(frames(gray=True), CONFIG)[0].status["good"]
 
 
 def test_frames_of_two_sizes_are_refused_before_anything_is_sent() -> None:
     with pytest.raises(BackendError, match="one size"):
-        board.front_end("board:127.0.0.1:1").run([np.zeros((64, 64), np.uint8), np.zeros((64, 65), np.uint8)], CONFIG)
+        load_backend("board:127.0.0.1:1").run([np.zeros((64, 64), np.uint8), np.zeros((64, 65), np.uint8)], CONFIG)
 
 
 def test_a_board_that_is_not_there_is_told_in_one_line() -> None:
     with pytest.raises(BackendError, match="no board answers"):
-        board.front_end("board:127.0.0.1:1").run([np.zeros((64, 64), np.uint8)], CONFIG)
+        load_backend("board:127.0.0.1:1").run([np.zeros((64, 64), np.uint8)], CONFIG)
 
 
 def test_another_build_is_refused(driver, bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from golden_model.config import preset_config
-from sim.backend import create
+from sim.backend import load_backend
 from sim.scene import lawnmower
 from skymosaic import mosaic
 from skymosaic.cli.live import grow
@@ -89,7 +89,7 @@ def test_every_frame_is_placed_when_it_comes(flight, frames) -> None:
 
 
 def test_features_of_a_camera_in_sequence_mode_are_taken_as_they_are(frames) -> None:
-    results = create("golden").run(frames[:4], CONFIG, reference="previous")
+    results = load_backend("golden").run(frames[:4], CONFIG, reference="previous")
     given, computed = LiveMosaic(CONFIG), LiveMosaic(CONFIG)
     for frame, result in zip(frames, results, strict=False):
         given.add(frame, result.features)
@@ -114,7 +114,7 @@ def test_laid_out_anew_the_mosaic_is_as_flat_as_the_ground(flight, frames) -> No
 @pytest.mark.slow
 def test_the_hardware_in_sequence_mode_is_a_source(frames) -> None:
     """Compiles the accelerator the first time."""
-    results = {name: create(name).run(frames[:3], CONFIG, reference="previous") for name in ("golden", "rtl")}
+    results = {name: load_backend(name).run(frames[:3], CONFIG, reference="previous") for name in ("golden", "rtl")}
     for wanted, got in zip(*results.values(), strict=True):
         np.testing.assert_array_equal(wanted.features, got.features)
         np.testing.assert_array_equal(wanted.matches, got.matches)

@@ -8,7 +8,7 @@ import pytest
 from golden_model.config import PRESETS
 from golden_model.front_end import trace
 from sim import pysim
-from sim.backend import create
+from sim.backend import load_backend
 from sim.scene import pair as rendered_pair
 from sim.scoreboard import Coverage, first_mismatch, first_stage_mismatch
 from sim.stages import locate_mismatch
@@ -23,7 +23,7 @@ def frames():
 
 @pytest.fixture(scope="module")
 def results(frames):
-    return create("golden").run(frames, AERIAL)
+    return load_backend("golden").run(frames, AERIAL)
 
 
 def changed(results, frame, part, field, *, row, value):

@@ -7,7 +7,7 @@ import pytest
 from golden_model.config import PRESETS
 from sim import verilator
 from sim.accelerator_designs import FEATURES, MATCHES, accelerator
-from sim.backend import Reference, create
+from sim.backend import Reference, load_backend
 from sim.hardware import BUILT_SIZES_PX, frame_result, frame_segments
 from sim.scene import lawnmower
 from sim.scoreboard import Coverage, first_mismatch
@@ -36,7 +36,7 @@ def test_no_frame_waits_and_every_match_comes_in_time(flight: list[np.ndarray], 
     packets = zip(features.packets, matches.packets, strict=True)
     results = [frame_result(*both, CONFIG, cycles=None) for both in packets]
     assert [int(result.status["frame"]) for result in results] == list(range(FRAMES))
-    mismatch = first_mismatch(create("golden").run(flight, CONFIG, reference=reference), results)
+    mismatch = first_mismatch(load_backend("golden").run(flight, CONFIG, reference=reference), results)
     assert mismatch is None, str(mismatch)
     assert not Coverage.of(results).missing(CONFIG.front_end)
     assert min(len(result.matches) for result in results[1:]) > LEAST_MATCHES

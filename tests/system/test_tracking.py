@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from golden_model.config import preset_config
-from sim.backend import create
+from sim.backend import load_backend
 from sim.scene import pursuit
 from sim.scoreboard import first_mismatch
 from skymosaic.cli.track import track as track_command
@@ -171,7 +171,7 @@ class Recorded:
     """A front end that keeps what it was asked and what it answered."""
 
     def __init__(self, backend: str) -> None:
-        self._front_end = create(backend)
+        self._front_end = load_backend(backend)
         self.runs: list[tuple] = []
 
     def run(self, frames, config, *, reference="held"):
@@ -186,7 +186,7 @@ def test_the_hardware_holding_its_reference_tracks_the_same(frames, roi, monkeyp
     tracked, recorded = {}, {}
     for backend in ("golden", "rtl"):
         recorded[backend] = Recorded(backend)
-        monkeypatch.setattr("skymosaic.board.front_end", lambda name: recorded[name])
+        monkeypatch.setattr("skymosaic.tracking.tracker.load_backend", lambda name: recorded[name])
         tracked[backend] = list(track(roi, frames[:6], backend=backend, config=preset_config("aerial")))
     assert {reference for _, reference, _ in recorded["rtl"].runs} == {"held"}
     assert sum(len(results[-1].matches) for *_, results in recorded["rtl"].runs) > 100

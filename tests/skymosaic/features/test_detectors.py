@@ -15,7 +15,7 @@ from skymosaic.errors import InputError
 from skymosaic.evaluation.metrics import correct_matches
 from skymosaic.features.descriptors import DESCRIPTORS, WINDOWS_PX, describe
 from skymosaic.features.detectors import DETECTORS, FRONT_END_DETECTORS, detect, from_features, once_a_place, points_of
-from skymosaic.features.methods import HostFrontEnd, Method, choose, front_end_of
+from skymosaic.features.methods import HostBackend, Method, backend_of, choose
 from skymosaic.geometry.homography import apply
 from skymosaic.registration import match_points, register
 
@@ -105,7 +105,7 @@ def test_every_combination_speaks_the_front_ends_language(images, detector: str,
     # Small crops: the language is tested here, not the quality.
     frames = [image[100:260, 100:300] for image in images]
     method, config = choose(config, detector, descriptor)
-    left, right = front_end_of(method, "golden").run(frames, config)
+    left, right = backend_of(method, "golden").run(frames, config)
     assert right.matches.dtype == MATCH.dtype
     window_bytes = left.features.dtype["window"].shape[0] if "window" in left.features.dtype.names else 0
     record = feature_record(left.features.dtype["descriptor"].shape[0], window_bytes)
@@ -156,8 +156,8 @@ def test_tracking_takes_images_of_different_size(images) -> None:
 def test_frames_are_matched_with_the_first_or_with_the_one_before(images) -> None:
     method, config = choose(PRESETS["aerial"], "orb")
     frames = [images[0], images[1], images[1]]
-    held = HostFrontEnd(method).run(frames, config)
-    previous = HostFrontEnd(method).run(frames, config, reference="previous")
+    held = HostBackend(method).run(frames, config)
+    previous = HostBackend(method).run(frames, config, reference="previous")
     assert len(held[0].matches) == 0
     np.testing.assert_array_equal(held[1].matches, previous[1].matches)
     np.testing.assert_array_equal(held[2].matches[["left_x", "right_x"]], held[1].matches[["left_x", "right_x"]])
@@ -202,7 +202,7 @@ def test_good_matches_of_the_baselines(images) -> None:
     truth = FLIGHT.homography_between(0, 1)
     for detector in set(DETECTORS) - set(FRONT_END_DETECTORS) - {"klt", "surf"}:
         method, config = choose(preset_config("aerial"), detector)
-        matches = HostFrontEnd(method).run(images, config)[1].matches
+        matches = HostBackend(method).run(images, config)[1].matches
         kept = matches[matches["verdict"] == 1]
         assert len(kept) > 200
         assert correct_matches(*match_points(kept), truth).mean() > 0.9

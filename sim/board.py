@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import socket
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from io import BufferedIOBase
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from golden_model.config import Config
 from golden_model.records import FRAME_STATUS, MATCH, feature_record
 from sim.accelerator_designs import frame_settings
-from sim.backend import BackendError, FrameResult, FrontEnd, Reference, create, silent
+from sim.backend import BackendError, FrameResult, Reference
 
 PORT = 7020
 TIMEOUT_SECONDS = 30.0
@@ -23,7 +23,7 @@ LARGEST_HEADER_BYTES = 1 << 16
 LARGEST_PACKET_BYTES = 1 << 22
 
 
-class BoardFrontEnd:
+class BoardBackend:
     """Features and matches by a board.
 
     Parameters
@@ -43,7 +43,7 @@ class BoardFrontEnd:
     def run(
         self, frames: Sequence[NDArray[np.uint8]], config: Config, *, reference: Reference = "held"
     ) -> list[FrameResult]:
-        """See `sim.backend.FrontEnd.run`; all frames must have one shape.
+        """See `sim.backend.Backend.run`; all frames must have one shape.
 
         Raises
         ------
@@ -126,25 +126,14 @@ def _result(parts: tuple[bytes, ...], feature: np.dtype[np.void]) -> FrameResult
     )
 
 
-def front_end(name: str, *, progress: Callable[[str], None] = silent, waves: Path | None = None) -> FrontEnd:
-    """The front end called ``name``: ``board:HOST[:PORT]``, or one of `sim.backend.BACKENDS`.
-
-    Parameters
-    ----------
-    name : str
-    progress : callable
-        Receives lines about a first build.
-    waves : Path or None
-        Where a simulation writes its waves (VCD).
+def load(address: str, *, waves: Path | None) -> BoardBackend:
+    """This backend, for `sim.backend.load_backend`.
 
     Raises
     ------
     BackendError
-        For an unknown name, a board without an address, or waves that the backend does not have.
+        For a missing or impossible address; if waves are asked for.
     """
-    kind, _, address = name.partition(":")
-    if kind != "board":
-        return create(name, progress=progress, waves=waves)
-    if waves:
+    if waves is not None:
         raise BackendError("a board has no waves; use verilator, cxxrtl or pysim")
-    return BoardFrontEnd(address)
+    return BoardBackend(address)
