@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
+from golden_model.arrays import Array
 from golden_model.config import preset_config
 from skymosaic.features.detectors import DETECTORS
 from skymosaic.features.methods import backend_of, choose
@@ -28,7 +29,7 @@ class Baseline:
         method, self._config = choose(config, **named)
         self._front_end = backend_of(method, "golden")
 
-    def homography(self, left: NDArray[np.uint8], right: NDArray[np.uint8]) -> tuple[NDArray[np.float64] | None, int]:
+    def homography(self, left: NDArray[np.uint8], right: NDArray[np.uint8]) -> tuple[Array | None, int]:
         """Homography from left to right of two images (None where nothing was estimated), and the inliers at 3 px."""
         matches = self._front_end.run([left, right], self._config)[1].matches
         left_points, right_points = match_points(matches[matches["verdict"] == 1])

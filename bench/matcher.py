@@ -19,10 +19,10 @@ import typer
 from amaranth import Cat, ClockDomain, ClockSignal, Module, ResetSignal, Signal
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
+from golden_model.arrays import Records
 from golden_model.config import MatcherConfig
 from golden_model.feature.ilbp import PATTERNS, SECTORS, DescriptorPattern
 from golden_model.matching.matcher import match
@@ -99,7 +99,7 @@ def design(pattern: DescriptorPattern, lanes: int) -> Design:
     return Design(f"the matcher, {pattern.name}, {lanes} lanes", Ports((MATCHES,)), top, identity)
 
 
-def partners(count: int, pattern: DescriptorPattern) -> tuple[NDArray[np.void], NDArray[np.void]]:
+def partners(count: int, pattern: DescriptorPattern) -> tuple[Records, Records]:
     """Features of two frames, the right ones in another order and with some of their bits turned round."""
     rng = np.random.default_rng(count)
     left = np.zeros(count, feature_record(pattern.descriptor_bytes, pattern.window_bytes).dtype)
@@ -115,7 +115,7 @@ def partners(count: int, pattern: DescriptorPattern) -> tuple[NDArray[np.void], 
     return left, right
 
 
-def segment(frames: tuple[NDArray[np.void], ...], lanes: int) -> Segment:
+def segment(frames: tuple[Records, ...], lanes: int) -> Segment:
     """Packets of features as beats; the last beat of each is marked as a start, whose clock is recorded."""
     beats = []
     for number, features in enumerate(frames):

@@ -27,6 +27,7 @@ from rich.progress import track
 from rich.table import Table
 
 from baselines import BASELINES, Baseline
+from golden_model.arrays import Matrix
 from skymosaic import register
 from skymosaic.evaluation.known_pairs import KnownPair, read_pairs
 from skymosaic.evaluation.metrics import grid_error
@@ -36,7 +37,6 @@ LIMITS_PX = (1, 3, 5)
 FEW_FEATURES = 1000
 NEGATIVE_PAIRS = 100
 
-Matrix = NDArray[np.float64]
 Method = Callable[[Path, Path], tuple[Matrix | None, int]]
 
 

@@ -26,11 +26,11 @@ from typing import Annotated, Any
 import cv2
 import numpy as np
 import typer
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from golden_model.arrays import Array
 from golden_model.config import preset_config
 from sim.build_cache import cache_folder
 from sim.scene import Flight as RenderedFlight
@@ -48,7 +48,6 @@ REPORTED_WIDTH_PX = 1600
 GRID_POINTS = 5
 JPEG_QUALITY = 95
 
-Array = NDArray[np.float64]
 Result = dict[str, Any]
 
 

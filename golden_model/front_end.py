@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from golden_model.arrays import Pixels
 from golden_model.config import FrontEndConfig
 from golden_model.feature import ilbp, subpixel
 from golden_model.formats import encode_response
@@ -19,8 +20,6 @@ from golden_model.pixel.half import halve
 from golden_model.pixel.smooth import binomial3, binomial5
 from golden_model.records import FRAME_STATUS, Cause, Tag, feature_record
 from golden_model.selection import selection
-
-Pixels = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,9 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from golden_model.arrays import Matrix, Pixels
 from golden_model.config import Config, preset_config
 from skymosaic.compositing.blend import METHODS, blend
 from skymosaic.compositing.warp import CANVAS_LIMIT_PX, CanvasError, canvas_of, magnification
@@ -20,13 +18,10 @@ from skymosaic.flight.composition import MEMORY_BYTES, compose
 from skymosaic.flight.survey import Flight, survey
 from skymosaic.flight.view import Settings
 from skymosaic.flight.workers import Workers
-from skymosaic.imagery.images import Pixels
 from skymosaic.imagery.key_frames import flight_sources, is_video
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import sources
 from skymosaic.registration import WORKING_WIDTH_PX, Pair, register
-
-Matrix = NDArray[np.float64]
 
 PAIR_BLENDING, FLIGHT_BLENDING = "distance", "multiband"
 """Default methods: many photographs, of which ten may show one place, would average to a blur."""

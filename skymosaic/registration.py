@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from golden_model.arrays import Array, Matrix, Pixels, Records
 from golden_model.config import LARGEST_THRESHOLD, Config, preset_config
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.records import Cause
@@ -21,13 +21,11 @@ from skymosaic.features.methods import Method, backend_of, choose
 from skymosaic.geometry.estimators import ESTIMATORS, FUZZY_RANSAC, estimate
 from skymosaic.geometry.homography import apply
 from skymosaic.geometry.prosac import INLIER_PX, MIN_INLIERS
-from skymosaic.imagery.images import Photograph, Pixels, load, reduced
+from skymosaic.imagery.images import Photograph, load, reduced
 from skymosaic.stopwatch import Stopwatch
 
 WORKING_WIDTH_PX = 1280
 POSITIONS_PER_PX = 16
-Records = NDArray[np.void]
-Matrix = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -256,7 +254,7 @@ def extract_within_capacity(
         config = dataclasses.replace(config, front_end=raised)
 
 
-def match_points(matches: Records) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def match_points(matches: Records) -> tuple[Array, Array]:
     """Left and right positions of match records in working pixels, shape (N, 2) each."""
     left = np.stack((matches["left_x"], matches["left_y"]), axis=1) / POSITIONS_PER_PX
     right = np.stack((matches["right_x"], matches["right_y"]), axis=1) / POSITIONS_PER_PX

@@ -12,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from golden_model.arrays import Pixels
 from golden_model.pixel.window import neighbour
 
 CIRCLE = (
@@ -20,8 +21,6 @@ CIRCLE = (
 )  # fmt: skip
 """The Bresenham circle of radius 3 as (x, y), clockwise from the top (y down)."""
 MARGIN_PX = 3
-
-Pixels = NDArray[np.uint8]
 
 
 def score(gray: Pixels) -> NDArray[np.uint8]:

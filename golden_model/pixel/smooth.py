@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-Pixels = NDArray[np.uint8]
+from golden_model.arrays import Pixels
 
 
 def binomial3(gray: Pixels) -> Pixels:

@@ -22,6 +22,7 @@ from cocotbext.axi import (
 )
 from numpy.typing import NDArray
 
+from golden_model.arrays import Pixels
 from golden_model.front_end import extract
 from hdl.axi.register_map import REGISTERS
 from sim.accelerator_designs import CONTROL, FEATURES, MATCHES, frame_settings, register_writes
@@ -37,8 +38,6 @@ CLOCK_NS = 10
 RESET_CYCLES = 4
 REGISTER_BYTES = 4
 PLACES = {field.name: (register.offset, field) for register in REGISTERS for field in register.fields}
-
-Image = NDArray[np.uint8]
 
 
 class Bench:
@@ -113,7 +112,7 @@ class Bench:
         assert response == AxiResp.OKAY
         return (word & field.mask) >> field.low
 
-    async def configure(self, image: Image, *, reference: Reference = "held", **values: int) -> None:
+    async def configure(self, image: Pixels, *, reference: Reference = "held", **values: int) -> None:
         """Settings for frames like ``image``; both outputs are on."""
         height_px, width_px = image.shape[:2]
         settings = {
@@ -144,14 +143,14 @@ def _pauses(seed: int) -> Iterator[bool]:
         yield from [rng.random() < 0.4] * rng.randint(1, 8)
 
 
-def lines(image: Image) -> list[AxiStreamFrame]:
+def lines(image: Pixels) -> list[AxiStreamFrame]:
     """A frame as AXI4-Stream video: a packet a line, TUSER with the first pixel."""
     data, _ = flat_frame(image)
     rows = data.reshape(image.shape[:2]).tolist()
     return [AxiStreamFrame(row, tuser=[int(y == 0 and x == 0) for x in range(len(row))]) for y, row in enumerate(rows)]
 
 
-def transfer(images: Sequence[Image]) -> AxiStreamFrame:
+def transfer(images: Sequence[Pixels]) -> AxiStreamFrame:
     """Frames as a DMA sends them: four gray pixels a beat, each frame filled up to whole beats; or RGBX."""
     beats: list[int] = []
     for image in images:
@@ -164,13 +163,13 @@ def transfer(images: Sequence[Image]) -> AxiStreamFrame:
     return AxiStreamFrame(beats)
 
 
-def scene(size_px: tuple[int, int], *, gray: bool) -> list[Image]:
+def scene(size_px: tuple[int, int], *, gray: bool) -> list[Pixels]:
     """Two rendered views of a landscape."""
     images = rendered_pair(seed=3, size=size_px).images
     return [np.ascontiguousarray(image[..., 1]) if gray else image for image in images]
 
 
-def golden(images: Mapping[int, Image], reference: Reference) -> list[FrameResult]:
+def golden(images: Mapping[int, Pixels], reference: Reference) -> list[FrameResult]:
     """The golden model's results for good frames, by their numbers since reset."""
     extracted = (extract(image, CONFIG.front_end, frame=number) for number, image in images.items())
     results = list(matched(((frame.features, frame.status, None) for frame in extracted), CONFIG, reference))
@@ -179,7 +178,7 @@ def golden(images: Mapping[int, Image], reference: Reference) -> list[FrameResul
     return results
 
 
-def assert_golden(results: Sequence[FrameResult], images: Mapping[int, Image], reference: Reference = "held") -> None:
+def assert_golden(results: Sequence[FrameResult], images: Mapping[int, Pixels], reference: Reference = "held") -> None:
     """Of all frames since reset, the good ones, which show ``images``, equal the golden model's."""
     mismatch = first_mismatch(golden(images, reference), [results[number] for number in images])
     assert mismatch is None, str(mismatch)

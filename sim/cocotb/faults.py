@@ -9,9 +9,10 @@ import cocotb
 import numpy as np
 from cocotbext.axi import AxiStreamFrame
 
+from golden_model.arrays import Pixels
 from golden_model.records import Cause
 from sim.backend import FrameResult
-from sim.cocotb.bench import Bench, Image, assert_golden, lines, scene, transfer
+from sim.cocotb.bench import Bench, assert_golden, lines, scene, transfer
 from sim.cocotb.runner import MAX_SIZE_PX
 
 SIZE_PX = (112, 80)
@@ -19,25 +20,25 @@ FAULTY_LINE = 7
 MISSING_LINES = 3
 
 
-def _short_line(image: Image) -> list[AxiStreamFrame]:
+def _short_line(image: Pixels) -> list[AxiStreamFrame]:
     packets = lines(image)
     line = packets[FAULTY_LINE]
     packets[FAULTY_LINE] = AxiStreamFrame(line.tdata[:-1], tuser=line.tuser[:-1])
     return packets
 
 
-def _long_line(image: Image) -> list[AxiStreamFrame]:
+def _long_line(image: Pixels) -> list[AxiStreamFrame]:
     packets = lines(image)
     line = packets[FAULTY_LINE]
     packets[FAULTY_LINE] = AxiStreamFrame([*line.tdata, 0], tuser=[*line.tuser, 0])
     return packets
 
 
-def _early_end(image: Image) -> list[AxiStreamFrame]:
+def _early_end(image: Pixels) -> list[AxiStreamFrame]:
     return lines(image)[:-MISSING_LINES]
 
 
-def _missing_start(image: Image) -> list[AxiStreamFrame]:
+def _missing_start(image: Pixels) -> list[AxiStreamFrame]:
     return [AxiStreamFrame(line.tdata, tuser=0) for line in lines(image)]
 
 
@@ -66,7 +67,7 @@ async def _assert_counted(bench: Bench, results: Sequence[FrameResult], bad: int
 
 
 async def _assert_only_second_bad(
-    bench: Bench, results: Sequence[FrameResult], good: tuple[Image, Image], cause: Cause
+    bench: Bench, results: Sequence[FrameResult], good: tuple[Pixels, Pixels], cause: Cause
 ) -> None:
     _assert_bad(results[1], 1, cause)
     assert_golden(results, {0: good[0], 2: good[1]})

@@ -8,9 +8,10 @@ import cocotb
 import numpy as np
 from cocotb.triggers import ClockCycles
 
+from golden_model.arrays import Pixels
 from sim.accelerator_designs import FEATURES, MATCHES
 from sim.backend import Reference
-from sim.cocotb.bench import Bench, Image, assert_golden, golden, lines, scene, transfer
+from sim.cocotb.bench import Bench, assert_golden, golden, lines, scene, transfer
 from sim.cocotb.runner import CONFIG, MAX_SIZE_PX
 from sim.hardware import frame_result
 
@@ -20,7 +21,7 @@ QUIET_CYCLES = 500
 
 
 async def _run(
-    dut: Any, images: list[Image], *, memory_mode: bool, reference: Reference = "held", seed: int | None = None
+    dut: Any, images: list[Pixels], *, memory_mode: bool, reference: Reference = "held", seed: int | None = None
 ) -> None:
     """All frames without a pause between them, or with random ones everywhere; nothing comes out but their packets."""
     bench = Bench(dut)

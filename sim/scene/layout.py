@@ -13,6 +13,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from golden_model.arrays import Points
 from sim.scene.noise import Stream, random_stream
 
 SECTION_PX = 1500
@@ -34,8 +35,6 @@ _ROADSIDE = 0.021
 """Share of a section's width between a boundary road's centre line and the parcels."""
 _REACH_PX = 60
 """Lanes and drives that end this near to a road are joined to it."""
-
-Points = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from golden_model.arrays import Array, Pixels
 from sim.scene.camera import Camera, CameraPose, Photometry, project
 from sim.scene.flight import FOCAL_WIDTHS, Flight
 from sim.scene.noise import Stream, noise_bands, random_stream
@@ -39,8 +40,6 @@ _WINDOWS_AND_LAMPS = (
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 _LENS = Photometry(blur_sigma_px=0.4, noise_sigma=2.0, vignetting=0.1)
 
-Array = NDArray[np.float64]
-Pixels = NDArray[np.uint8]
 Layer = NDArray[np.float32]
 """Opacity, and BGR times opacity, shape (H, W, 4)."""
 

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
+from golden_model.arrays import Pixels
 from skymosaic.cli.options import (
     AddressOption,
     BackendOption,
@@ -46,7 +47,7 @@ def demo(
 
 
 def mosaic_pair(
-    photographs: Sequence[Path | images.Pixels],
+    photographs: Sequence[Path | Pixels],
     output: Path,
     report_folder: Path | None,
     *,

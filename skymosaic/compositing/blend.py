@@ -9,12 +9,9 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from golden_model.arrays import Array, Float32, Mask, Pixels
 from skymosaic.compositing.layer import Layer
 from skymosaic.compositing.warp import Canvas, footprint, shrunk
-
-Array = NDArray[np.float64]
-Pixels = NDArray[np.uint8]
-Float32 = NDArray[np.float32]
 
 METHODS = ("average", "distance", "multiband")
 BANDS = 5
@@ -201,7 +198,7 @@ def _halved(where: tuple[slice, slice]) -> tuple[slice, slice]:
     return rows, columns
 
 
-def _bounds(shown: NDArray[np.bool_], canvas: Canvas) -> Canvas:
+def _bounds(shown: Mask, canvas: Canvas) -> Canvas:
     """The smallest rectangle that holds all that is shown of a canvas."""
     rows, columns = (np.flatnonzero(shown.any(axis=axis)) for axis in (1, 0))
     x, y = canvas.x_px + int(columns[0]), canvas.y_px + int(rows[0])

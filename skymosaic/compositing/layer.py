@@ -7,14 +7,10 @@ from functools import cached_property
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from golden_model.arrays import Array, Float32, Mask, Pixels
 from skymosaic.compositing.warp import Canvas, backward, footprint, magnification, source_window, warp_tile
 from skymosaic.geometry.homography import apply
-
-Array = NDArray[np.float64]
-Pixels = NDArray[np.uint8]
-Float32 = NDArray[np.float32]
 
 SMALLEST_WEIGHT = 1e-3
 """Weight of a pixel on the image's own border: it counts only where no other image shows anything."""
@@ -122,7 +118,7 @@ class Layer:
         share = np.maximum(self.seam.share(part), 1)
         return np.where(self._covers(part), share, 0).astype(np.float32)
 
-    def _covers(self, part: Canvas) -> NDArray[np.bool_]:
+    def _covers(self, part: Canvas) -> Mask:
         whole = np.full(self.image.shape[:2], 255, np.uint8) if self.visible is None else self.visible
         return np.asarray(backward(whole, self.transform, part) == 255)
 

@@ -11,12 +11,9 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from skymosaic.compositing.layer import Layer, SeamMask
 from skymosaic.compositing.warp import canvas_of, footprint
-
-Pixels = NDArray[np.uint8]
 
 NEARLY_FARTHEST = 0.6
 """A photograph may show a place if its claim to it is at least this share of the strongest claim."""

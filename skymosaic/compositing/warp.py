@@ -15,10 +15,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from golden_model.arrays import Array, Pixels
 from skymosaic.geometry.homography import apply, scaled
-
-Array = NDArray[np.float64]
-Pixels = NDArray[np.uint8]
 
 CANVAS_LIMIT_PX = 250_000_000
 """Default limit of a canvas's area."""

@@ -8,12 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from golden_model.arrays import Pixels
 from golden_model.config import Config
 from sim.backend import FrameResult, load_backend, silent
 from sim.hardware import HardwareBackend
 from sim.scoreboard import Coverage, Mismatch, first_mismatch
 from sim.stages import locate_mismatch
-from skymosaic.imagery.images import Pixels, load, reduced
+from skymosaic.imagery.images import load, reduced
 from skymosaic.registration import extract_within_capacity
 
 

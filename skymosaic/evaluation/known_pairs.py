@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from golden_model.arrays import Array
 from skymosaic.errors import InputError
 
 LIST_NAME = "pairs.csv"
@@ -24,7 +24,7 @@ class KnownPair:
     group: str
     left: Path
     right: Path
-    truth: NDArray[np.float64]
+    truth: Array
 
     @property
     def flight(self) -> str:

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial import KDTree
 
+from golden_model.arrays import Array, Mask
 from skymosaic.geometry.homography import apply
-
-Array = NDArray[np.float64]
 
 GRID_POINTS = 20
 MISSING_ERROR_PX = 1000.0
@@ -48,7 +47,7 @@ def confusion(kept: ArrayLike, correct: ArrayLike) -> Confusion:
     )
 
 
-def correct_matches(left: ArrayLike, right: ArrayLike, truth: Array, *, tolerance_px: float = 3.0) -> NDArray[np.bool_]:
+def correct_matches(left: ArrayLike, right: ArrayLike, truth: Array, *, tolerance_px: float = 3.0) -> Mask:
     """Which matches (N, 2) to (N, 2) agree with the true homography within ``tolerance_px``, (N,) bool."""
     return np.asarray(_distances(truth, left, right) <= tolerance_px)
 
@@ -124,7 +123,7 @@ def _distances(H: Array, left: ArrayLike, right: ArrayLike) -> Array:
     return np.asarray(np.linalg.norm(apply(H, left) - np.asarray(right, dtype=np.float64), axis=-1))
 
 
-def _inside(points: Array, size: tuple[int, int]) -> NDArray[np.bool_]:
+def _inside(points: Array, size: tuple[int, int]) -> Mask:
     return np.asarray(((points >= 0) & (points <= np.array(size) - 1)).all(axis=-1))
 
 

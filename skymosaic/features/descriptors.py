@@ -10,15 +10,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from golden_model.arrays import Pixels, Records
 from golden_model.feature import ilbp
 from golden_model.feature.ilbp import PATTERNS, SECTORS
 from golden_model.formats import POSITION, encode_response
 from golden_model.matching.correlation import windows
 from golden_model.pixel.smooth import binomial5
 from golden_model.records import Tag, feature_record
-from skymosaic.features.detectors import POSITIONS_PER_PX, KeyPoints, Pixels, points_of
+from skymosaic.features.detectors import POSITIONS_PER_PX, KeyPoints, points_of
 
-Records = NDArray[np.void]
 Bytes = NDArray[np.uint8]
 
 _OPENCV: dict[str, Callable[[], cv2.Feature2D]] = {

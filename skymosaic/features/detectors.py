@@ -9,13 +9,12 @@ from collections.abc import Callable, Sequence
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from golden_model.arrays import Float32, Pixels, Records
 from golden_model.feature.ilbp import SECTORS
 from golden_model.formats import decode_response
 from skymosaic.features import surf
 
-Pixels = NDArray[np.uint8]
 KeyPoints = Sequence[cv2.KeyPoint]
 
 FRONT_END_DETECTORS = ("harris", "fast")
@@ -56,7 +55,7 @@ def once_a_place(key_points: KeyPoints) -> list[cv2.KeyPoint]:
     return list({point.pt: point for point in reversed(key_points)}.values())[::-1]
 
 
-def from_features(features: NDArray[np.void]) -> list[cv2.KeyPoint]:
+def from_features(features: Records) -> list[cv2.KeyPoint]:
     """Corners of the front end as key points; their sector is the angle."""
     return [
         cv2.KeyPoint(x, y, CORNER_SIZE_PX, angle, response)
@@ -75,6 +74,6 @@ def without_octaves(key_points: KeyPoints) -> list[cv2.KeyPoint]:
     return [cv2.KeyPoint(point.pt[0], point.pt[1], point.size, point.angle, point.response) for point in key_points]
 
 
-def points_of(key_points: KeyPoints) -> NDArray[np.float32]:
+def points_of(key_points: KeyPoints) -> Float32:
     """Their positions (N, 2), px."""
     return np.array([point.pt for point in key_points], dtype=np.float32).reshape(-1, 2)

@@ -10,15 +10,14 @@ import dataclasses
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
+from golden_model.arrays import Array, Matrix, Pixels, Records
 from golden_model.config import Config, FrontEndConfig
 from golden_model.front_end import extract
 from golden_model.matching.hamming import distances, mutual_matches
 from skymosaic.geometry.homography import DegenerateError, apply
 from skymosaic.geometry.refinement import refine_robustly
-from skymosaic.imagery.images import Pixels
 
 GUIDED_RADIUS_PX = 8.0
 WARPED_RADIUS_PX = 4.0
@@ -26,9 +25,6 @@ LARGEST_DISTANCE = 0.34
 """Share of differing bits from which on the rule base calls a distance high."""
 INLIER_PX = 2.0
 POSITIONS_PER_PX = 16
-
-Matrix = NDArray[np.float64]
-Records = NDArray[np.void]
 
 
 def refine_pair(
@@ -71,9 +67,7 @@ def refine_pair(
     return refined / refined[2, 2], int((residual <= INLIER_PX).sum())
 
 
-def _guided_matches(
-    left: Records, right: Records, homography: Matrix, radius_px: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _guided_matches(left: Records, right: Records, homography: Matrix, radius_px: float) -> tuple[Array, Array]:
     """Mutual nearest descriptors among the features within ``radius_px`` of where the homography expects them."""
     left_points, right_points = _points(left), _points(right)
     bits = 8 * left["descriptor"].shape[1]
@@ -84,7 +78,7 @@ def _guided_matches(
     return left_points[left_index[near]], right_points[right_index[near]]
 
 
-def _fit(start: Matrix, left: NDArray[np.float64], right: NDArray[np.float64]) -> Matrix:
+def _fit(start: Matrix, left: Array, right: Array) -> Matrix:
     try:
         return refine_robustly(start, left, right)
     except (DegenerateError, ValueError):
@@ -106,5 +100,5 @@ def _well_inside(features: Records, covered: Pixels, border_px: int) -> Records:
     return inside
 
 
-def _points(features: Records) -> NDArray[np.float64]:
+def _points(features: Records) -> Array:
     return np.stack((features["x"], features["y"]), axis=1) / POSITIONS_PER_PX

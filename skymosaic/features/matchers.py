@@ -10,11 +10,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from golden_model.arrays import Array, Float32, Mask, Pixels, Records
 from golden_model.formats import WEIGHT
 from golden_model.matching import correlation, fuzzy
 from golden_model.matching.matcher import paired
-from skymosaic.features.descriptors import Records, positions
-from skymosaic.features.detectors import POSITIONS_PER_PX, Pixels
+from skymosaic.features.descriptors import positions
+from skymosaic.features.detectors import POSITIONS_PER_PX
 
 RATIO = 0.8
 """A match is distinct if the nearest is closer than this share of the second nearest (equation II-7)."""
@@ -129,9 +130,7 @@ def tracked(left_gray: Pixels, right_gray: Pixels, left: Records, right: Records
     return features, matches
 
 
-def _nearest(
-    queries: Records, candidates: Records, norm: int, count: int
-) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+def _nearest(queries: Records, candidates: Records, norm: int, count: int) -> tuple[Array, NDArray[np.int32]]:
     """Distances and indices (N, count) of each query's nearest candidates, nearest first, ties to the lowest index."""
     first, second = (np.ascontiguousarray(records["descriptor"]) for records in (queries, candidates))
     if norm == cv2.NORM_L2:
@@ -148,12 +147,12 @@ def _of_one_size(*images: Pixels) -> list[Pixels]:
     return [np.pad(image, ((0, height - image.shape[0]), (0, width - image.shape[1])), "edge") for image in images]
 
 
-def _track(before: Pixels, after: Pixels, points: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+def _track(before: Pixels, after: Pixels, points: Float32) -> tuple[Float32, Mask]:
     moved, found, _ = cv2.calcOpticalFlowPyrLK(
         before, after, points, None, winSize=(TRACKING_WINDOW_PX, TRACKING_WINDOW_PX), maxLevel=TRACKING_LEVELS
     )
     return moved, found[:, 0] == 1
 
 
-def _points(features: Records) -> NDArray[np.float32]:
+def _points(features: Records) -> Float32:
     return (np.stack((features["x"], features["y"]), axis=1) / POSITIONS_PER_PX).astype(np.float32)

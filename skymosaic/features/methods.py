@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from golden_model.arrays import Pixels, Records
 from golden_model.config import PRESETS, Config, FrontEndConfig
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.front_end import extract
@@ -23,8 +24,8 @@ from golden_model.records import FRAME_STATUS, MATCH, Tag
 from sim.backend import Backend, FrameResult, Progress, Reference, load_backend, silent
 from skymosaic.errors import InputError
 from skymosaic.features import detectors, matchers
-from skymosaic.features.descriptors import DESCRIPTORS, ONCE_A_PLACE, TRACKED, WINDOWS_PX, Records, describe
-from skymosaic.features.detectors import DETECTORS, FRONT_END_DETECTORS, Pixels
+from skymosaic.features.descriptors import DESCRIPTORS, ONCE_A_PLACE, TRACKED, WINDOWS_PX, describe
+from skymosaic.features.detectors import DETECTORS, FRONT_END_DETECTORS
 
 FAST_THRESHOLD = 10
 """Gray levels; a configuration's own threshold is of the Harris measure."""

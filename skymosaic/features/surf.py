@@ -10,8 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-Pixels = NDArray[np.uint8]
-Plane = NDArray[np.float64]
+from golden_model.arrays import Array, Pixels
 
 OCTAVES_PX = ((9, 15, 21, 27), (15, 27, 39, 51), (27, 51, 75, 99))
 """Side of the filters by octave; maxima are sought at the inner two."""
@@ -44,7 +43,7 @@ def key_points(gray: Pixels) -> list[cv2.KeyPoint]:
     return found
 
 
-def determinant(integral: NDArray[np.int32], size_px: int) -> Plane:
+def determinant(integral: NDArray[np.int32], size_px: int) -> Array:
     """Determinant of the box Hessian, Dxx Dyy - (0.9 Dxy)**2, at every pixel (equations II-4 to II-6).
 
     Parameters
@@ -115,12 +114,12 @@ def _octave(integral: NDArray[np.int32], sizes: tuple[int, ...]) -> list[cv2.Key
 
 
 def _fitted_maxima(
-    planes: Plane, scale: NDArray[np.intp], y: NDArray[np.intp], x: NDArray[np.intp]
-) -> tuple[Plane, Plane]:
+    planes: Array, scale: NDArray[np.intp], y: NDArray[np.intp], x: NDArray[np.intp]
+) -> tuple[Array, Array]:
     """Where the quadratic through each maximum's 26 neighbours has its top: steps (N, 3) in scale, y, x; its value."""
 
-    def at(ds: int, dy: int, dx: int) -> Plane:
-        values: Plane = planes[scale + ds, y + dy, x + dx]
+    def at(ds: int, dy: int, dx: int) -> Array:
+        values: Array = planes[scale + ds, y + dy, x + dx]
         return values
 
     axes = np.eye(3, dtype=int)

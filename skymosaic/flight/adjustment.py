@@ -15,11 +15,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import spsolve
 
-Array = NDArray[np.float64]
+from golden_model.arrays import Array
 
 MODELS = {"similarity": 4, "affine": 6, "homography": 8}
 """Motions that each model leaves free."""

@@ -9,8 +9,8 @@ from itertools import groupby
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from golden_model.arrays import Array, Pixels
 from skymosaic.compositing.blend import blend_layers, exposure_gains, layers_of
 from skymosaic.compositing.layer import Layer, SeamMask
 from skymosaic.compositing.seams import seam_masks
@@ -31,9 +31,6 @@ from skymosaic.flight.view import View
 from skymosaic.flight.workers import Workers
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import DecodedPhotographs, Source
-
-Array = NDArray[np.float64]
-Pixels = NDArray[np.uint8]
 
 MEMORY_BYTES = 1 << 30
 """Default limit of the decoded photographs a process keeps."""

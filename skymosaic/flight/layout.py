@@ -8,18 +8,16 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 from scipy.spatial import KDTree
 
+from golden_model.arrays import Array
 from skymosaic.compositing.warp import Canvas
 from skymosaic.flight.adjustment import MODELS, Network, Ties
 from skymosaic.flight.links import Candidate, Link
 from skymosaic.flight.view import View
 from skymosaic.geometry.homography import apply, estimate
-
-Array = NDArray[np.float64]
 
 GOOD_ENOUGH = 1.05
 """A simpler model is taken if its error is at most this many times the best one's."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from golden_model.arrays import Array, Records
 from golden_model.config import Config
 from golden_model.feature.ilbp import SECTORS
 from golden_model.matching.hamming import distances, mutual_matches
@@ -35,7 +36,6 @@ FEWEST_VOTES = 9
 FIRST_LOOK_SAMPLES = 1000
 """A third of a single pair's: most candidates overlap well or not at all."""
 
-Array = NDArray[np.float64]
 Candidate = tuple[int, int]
 """Indices of two views, the smaller first."""
 
@@ -105,7 +105,7 @@ class PairEstimator:
     max_samples: int = FIRST_LOOK_SAMPLES
 
 
-def verify(estimator: PairEstimator, pair: Candidate, left: NDArray[np.void], right: NDArray[np.void]) -> Link:
+def verify(estimator: PairEstimator, pair: Candidate, left: Records, right: Records) -> Link:
     """Match the features of two views and fit a homography."""
     config = estimator.config
     matches = match(left, right, config.front_end.pattern, config.matcher)
@@ -141,19 +141,19 @@ def _nearest_by_gps(views: Sequence[View]) -> list[Candidate]:
     return [(known[row][0], known[other][0]) for row, others in enumerate(nearest) for other in others if other != row]
 
 
-def compact(features: NDArray[np.void]) -> NDArray[np.void]:
+def compact(features: Records) -> Records:
     """The strongest features of a view, few enough to compare every view with every other."""
     strongest = np.argsort(-features["response"].astype(np.int64), kind="stable")[:COMPACT_FEATURES]
-    chosen: NDArray[np.void] = features[strongest]
+    chosen: Records = features[strongest]
     return chosen
 
 
-def votes(one: NDArray[np.void], others: Sequence[NDArray[np.void]]) -> list[int]:
+def votes(one: Records, others: Sequence[Records]) -> list[int]:
     """How many close mutual matches of compact feature sets agree on a turn, for ``one`` against each of others."""
     return [_agreeing(one, other) for other in others]
 
 
-def _agreeing(left: NDArray[np.void], right: NDArray[np.void]) -> int:
+def _agreeing(left: Records, right: Records) -> int:
     bits = 8 * left["descriptor"].shape[1]
     left_index, right_index, best, _ = mutual_matches(distances(left["descriptor"], right["descriptor"]), bits)
     close = best <= CLOSE_BITS * bits

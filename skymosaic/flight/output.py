@@ -9,8 +9,8 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from golden_model.arrays import Pixels
 from skymosaic.flight.composition import Composition
 from skymosaic.flight.layout import Layout
 from skymosaic.flight.survey import Flight
@@ -18,8 +18,6 @@ from skymosaic.flight.workers import Workers
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.band_writer import write_bands
 from skymosaic.imagery.geotiff import Georeference, georeference, has_writer, write_cog
-
-Pixels = NDArray[np.uint8]
 
 PREVIEW_WIDTH_PX = 1600
 GEOTIFF_SUFFIXES = (".tif", ".tiff")

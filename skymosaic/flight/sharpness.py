@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from golden_model.arrays import Array
 from skymosaic.flight.links import Link
 from skymosaic.flight.view import View
 
@@ -16,7 +16,7 @@ CLIPPED = 0.2
 """It is badly exposed if more than this share of it is black or white."""
 
 
-def sharpness_ratios(views: Sequence[View], links: Sequence[Link]) -> NDArray[np.float64]:
+def sharpness_ratios(views: Sequence[View], links: Sequence[Link]) -> Array:
     """Sharpness of each view against the median of those it is linked with, or of all where it has no link, (V,).
 
     What is shown matters more for sharpness than the lens: only views of the same ground compare.

@@ -10,14 +10,14 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from golden_model.arrays import Array, Pixels, Records
 from golden_model.config import Config
 from golden_model.pixel.gray import to_gray
 from sim.backend import load_backend
 from skymosaic.flight.cache import Arrays, key_of
 from skymosaic.imagery.exif import Position, position
-from skymosaic.imagery.images import Pixels, reduced
+from skymosaic.imagery.images import reduced
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
 from skymosaic.registration import WORKING_WIDTH_PX, extract_within_capacity
@@ -27,7 +27,6 @@ THUMBNAIL_WIDTH_PX = 320
 MASK_MARGIN_PX = 40
 """Features keep this distance from what is masked, in working pixels: beyond it no descriptor sees the mask."""
 
-Array = NDArray[np.float64]
 _ARRAYS = ("to_original", "to_thumbnail", "features", "thumbnail")
 _FACTS = ("size", "working_size", "sharpness", "clipped", "place", "notes")
 
@@ -65,7 +64,7 @@ class View:
     working_size: tuple[int, int]
     to_original: Array
     to_thumbnail: Array
-    features: NDArray[np.void]
+    features: Records
     thumbnail: Pixels
     sharpness: float
     clipped: float
@@ -160,11 +159,11 @@ def describe(source: Source, settings: Settings) -> View:
     )
 
 
-def _on_the_ground(features: NDArray[np.void], visible: Pixels | None) -> NDArray[np.void]:
+def _on_the_ground(features: Records, visible: Pixels | None) -> Records:
     if visible is None:
         return features
     kernel = np.ones((2 * MASK_MARGIN_PX + 1, 2 * MASK_MARGIN_PX + 1), np.uint8)
     inside = cv2.erode(visible, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=255)
     x, y = (np.rint(features[axis] / POSITIONS_PER_PX).astype(np.intp) for axis in ("x", "y"))
-    kept: NDArray[np.void] = features[inside[y, x] == 255]
+    kept: Records = features[inside[y, x] == 255]
     return kept

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from golden_model.arrays import Array, Mask
 from skymosaic.geometry import fuzzy_ransac
 from skymosaic.geometry.homography import DegenerateError, apply, dlt
 from skymosaic.geometry.prosac import INLIER_PX, MIN_INLIERS, estimate_homography
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 FUZZY_RANSAC = "fuzzy-ransac"
 ESTIMATORS = ("prosac", "ransac", "magsac", FUZZY_RANSAC)

@@ -14,6 +14,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from golden_model.arrays import Array, Mask
 from golden_model.matching.fuzzy import ONE, Rule, SugenoSystem, Variable
 from skymosaic.geometry.homography import apply
 
@@ -40,7 +41,7 @@ class Decision:
     """
 
     rule: NDArray[np.uint8]
-    inliers: NDArray[np.bool_]
+    inliers: Mask
 
 
 @lru_cache
@@ -63,7 +64,7 @@ def rule_base(tolerance_px: float = TOLERANCE_PX) -> SugenoSystem:
 
 
 def decide(
-    H: NDArray[np.float64],
+    H: Array,
     left: ArrayLike,
     right: ArrayLike,
     verified: ArrayLike,
@@ -90,7 +91,7 @@ def decide(
 
 
 def decide_by_fours(
-    H: NDArray[np.float64],
+    H: Array,
     left: ArrayLike,
     right: ArrayLike,
     verified: ArrayLike,
@@ -98,7 +99,7 @@ def decide_by_fours(
     rng: np.random.Generator,
     fours: int = FOURS,
     tolerance_px: float = TOLERANCE_PX,
-) -> NDArray[np.bool_]:
+) -> Mask:
     """Decide random fours together: all must be verified and all errors at most tau, then all four are inliers.
 
     Parameters as in `decide`; ``fours`` is how many are drawn. A match is an inlier once one of its fours is, so
@@ -118,7 +119,7 @@ def decide_by_fours(
     return inliers
 
 
-def _error_steps(H: NDArray[np.float64], left: ArrayLike, right: ArrayLike, tolerance_px: float) -> NDArray[np.int64]:
+def _error_steps(H: Array, left: ArrayLike, right: ArrayLike, tolerance_px: float) -> NDArray[np.int64]:
     """Transfer error in steps, cut at twice tau, where infinite errors end too."""
     error_px = np.linalg.norm(apply(H, left) - np.asarray(right, dtype=np.float64), axis=-1)
     capped = np.minimum(np.nan_to_num(error_px, nan=np.inf), 2 * tolerance_px)

@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from golden_model.arrays import Array
 
 RANK_TOLERANCE = 1e-10
 """A system whose deciding singular value is smaller, relative to the largest, is degenerate."""

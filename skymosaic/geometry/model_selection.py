@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from golden_model.arrays import Array
 from skymosaic.geometry.homography import DegenerateError, apply, estimate
 from skymosaic.geometry.prosac import estimate_homography
-
-Array = NDArray[np.float64]
 
 TOLERANCE_PX = 3.0
 """Matches that a transformation fits this well support it."""

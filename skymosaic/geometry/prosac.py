@@ -13,10 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from golden_model.arrays import Array, Mask
 from skymosaic.geometry.homography import DegenerateError, apply, checked_pairs, dlt
 from skymosaic.geometry.refinement import refine_robustly
-
-Array = NDArray[np.float64]
 
 MAX_SAMPLES = 3000
 TOLERANCE_PX = 3.0
@@ -48,7 +47,7 @@ class Estimate:
     """
 
     homography: Array | None
-    inliers: NDArray[np.bool_]
+    inliers: Mask
     samples: int
 
     @property

@@ -16,12 +16,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
+from golden_model.arrays import Array
 from skymosaic.geometry.homography import apply, checked_pairs, normalisation, scaled
 
-Array = NDArray[np.float64]
 Residuals = Callable[[Array, Array, Array], tuple[Array, Array]]
 
 CORRECTION_STEPS = 4

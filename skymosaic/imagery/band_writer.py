@@ -10,11 +10,9 @@ from typing import BinaryIO
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from golden_model.arrays import Pixels
 from skymosaic.imagery.images import replacing, save
-
-Pixels = NDArray[np.uint8]
 
 STREAMED_SUFFIXES = (".png", ".tif", ".tiff")
 COMPRESSION_LEVEL = 3

@@ -13,15 +13,12 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from golden_model.arrays import Array, Pixels
 from skymosaic.errors import InputError
 from skymosaic.geometry.homography import DegenerateError, apply, estimate
 from skymosaic.imagery.exif import Position
 from skymosaic.imagery.images import replacing
-
-Array = NDArray[np.float64]
-Pixels = NDArray[np.uint8]
 
 EQUATOR_RADIUS_M = 6_378_137.0
 FLATTENING = 1 / 298.257223563

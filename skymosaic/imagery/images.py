@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from PIL import Image as PillowImage
 from PIL import UnidentifiedImageError
 
+from golden_model.arrays import Array, Pixels
 from skymosaic.errors import InputError
 
 SMALLEST_SIDE_PX = 64
@@ -25,7 +26,6 @@ _ORIENTATION_TAG = 0x0112
 _UPRIGHT = 1
 _TAIL_PERCENT = 0.1
 
-Pixels = NDArray[np.uint8]
 
 # Pillow only warns of images beyond its limit; the header check turns that into our own line.
 warnings.filterwarnings("error", category=PillowImage.DecompressionBombWarning)
@@ -159,7 +159,7 @@ def to_8_bit(decoded: NDArray[np.generic], name: str) -> tuple[Pixels, tuple[str
     return np.clip(np.rint(levels), 0, 255).astype(np.uint8), (f"{decoded.dtype}: {low:g}..{high:g} mapped to 0..255",)
 
 
-def reduced(pixels: Pixels, width_px: int) -> tuple[Pixels, NDArray[np.float64]]:
+def reduced(pixels: Pixels, width_px: int) -> tuple[Pixels, Array]:
     """``pixels`` reduced by area to at most ``width_px``.
 
     Returns

@@ -8,7 +8,8 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from skymosaic.imagery.images import Pixels, save
+from golden_model.arrays import Pixels
+from skymosaic.imagery.images import save
 from skymosaic.imagery.photographs import Source, sources
 from skymosaic.imagery.video import VIDEO_SUFFIXES, VideoReader, key_frames
 

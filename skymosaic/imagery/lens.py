@@ -12,10 +12,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from golden_model.arrays import Array, Pixels
 from skymosaic.errors import InputError
-from skymosaic.imagery.images import Pixels, load
+from skymosaic.imagery.images import load
 
-Array = NDArray[np.float64]
 _REQUIRED = ("width_px", "height_px", "focal_x_px", "focal_y_px", "centre_x_px", "centre_y_px")
 _DISTORTION = ("k1", "k2", "p1", "p2", "k3")
 

@@ -10,8 +10,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from golden_model.arrays import Pixels
 from skymosaic.errors import InputError
-from skymosaic.imagery.images import Photograph, Pixels, load
+from skymosaic.imagery.images import Photograph, load
 from skymosaic.imagery.photographs import sources
 from skymosaic.imagery.video import VideoReader, key_frames
 

@@ -11,8 +11,9 @@ from functools import cached_property
 from pathlib import Path
 from threading import Lock
 
+from golden_model.arrays import Pixels
 from skymosaic.errors import InputError
-from skymosaic.imagery.images import Photograph, Pixels, load
+from skymosaic.imagery.images import Photograph, load
 from skymosaic.imagery.lens import Lens
 
 PHOTOGRAPH_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp")

@@ -14,8 +14,9 @@ import cv2
 import numpy as np
 from av.error import FFmpegError
 
+from golden_model.arrays import Pixels
 from skymosaic.errors import InputError
-from skymosaic.imagery.images import Pixels, reduced, replacing
+from skymosaic.imagery.images import reduced, replacing
 
 VIDEO_SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".avi", ".ts", ".mts", ".m2ts", ".webm", ".wmv", ".mpg", ".mpeg")
 """Names that are taken for videos where photographs are possible too."""

@@ -7,12 +7,9 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from golden_model.arrays import Array, Float32, Mask, Pixels
 from skymosaic.compositing.warp import CANVAS_LIMIT_PX, Canvas, backward, canvas_of, footprint, shrunk
-from skymosaic.imagery.images import Pixels
-
-Array = NDArray[np.float64]
 
 FEATHER_PX = 16
 """Width over which one photograph fades into the other."""
@@ -108,7 +105,7 @@ class GrowingCanvas:
             return self._pixels
         return self._pixels[self.extent.within(self._room)]
 
-    def _darken(self, divisor: NDArray[np.float32]) -> None:
+    def _darken(self, divisor: Float32) -> None:
         if (divisor > 1).any():
             levels = np.arange(256)[:, None] / divisor
             cv2.LUT(self._pixels, np.rint(levels).astype(np.uint8)[None], dst=self._pixels)
@@ -169,7 +166,7 @@ class _Part(NamedTuple):
     number: int
 
 
-def _distance(mask: Pixels, transform: Array, part: Canvas) -> NDArray[np.float32]:
+def _distance(mask: Pixels, transform: Array, part: Canvas) -> Float32:
     """Distance of each pixel of a part of the reference frame to the next that the picture does not show."""
     shown = np.asarray(backward(*shrunk(mask, transform), part) == 255, dtype=np.uint8)
     # What lies around the part shows nothing either.
@@ -177,7 +174,7 @@ def _distance(mask: Pixels, transform: Array, part: Canvas) -> NDArray[np.float3
     return np.asarray(cv2.distanceTransform(framed, cv2.DIST_L2, 5)[1:-1, 1:-1], dtype=np.float32)
 
 
-def _gain(old: Pixels, new: NDArray[np.float32], common: NDArray[np.bool_]) -> NDArray[np.float32]:
+def _gain(old: Pixels, new: Float32, common: Mask) -> Float32:
     """Factors that give the channels of the new pixels the means of the old ones where they meet, (3,)."""
     if not common.any():
         return np.ones(3, dtype=np.float32)

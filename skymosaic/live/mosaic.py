@@ -12,20 +12,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from golden_model.arrays import Array, Pixels, Records
 from golden_model.config import Config
 from sim.backend import load_backend
 from skymosaic.compositing.warp import CANVAS_LIMIT_PX, Canvas, CanvasError, magnification
 from skymosaic.errors import InputError
 from skymosaic.flight.links import FEWEST_VOTES, PairEstimator, votes
 from skymosaic.geometry.homography import apply, estimate
-from skymosaic.imagery.images import Pixels, reduced
+from skymosaic.imagery.images import reduced
 from skymosaic.live.submap import Frame, Island, Placement
 from skymosaic.registration import WORKING_WIDTH_PX, extract_within_capacity
-
-Array = NDArray[np.float64]
-Records = NDArray[np.void]
 
 LATEST = 3
 MOST_ALIKE = 4

@@ -10,19 +10,15 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from golden_model.arrays import Array, Float32, Pixels, Records
 from skymosaic.compositing.warp import Canvas, CanvasError
 from skymosaic.flight.adjustment import MODELS, Network, Ties, shapes
 from skymosaic.flight.layout import normalisation
 from skymosaic.flight.links import TIE_PX, PairEstimator, compact, verify
 from skymosaic.geometry.homography import apply, estimate, scaled
 from skymosaic.geometry.prosac import MIN_INLIERS
-from skymosaic.imagery.images import Pixels
 from skymosaic.live.growing_canvas import GrowingCanvas
-
-Array = NDArray[np.float64]
-Records = NDArray[np.void]
 
 MOST_NEIGHBOURS = 4
 LEAST_USE = 0.1
@@ -66,7 +62,7 @@ class Frame:
         return compact(self.features)
 
     @cached_property
-    def outline(self) -> NDArray[np.float32]:
+    def outline(self) -> Float32:
         """Corners (4, 2) in the reference frame."""
         return apply(self.transform, Canvas(0, 0, *self.size).corners).astype(np.float32)
 

@@ -12,14 +12,14 @@ import cv2
 import numpy as np
 from nicegui import background_tasks, ui
 
+from golden_model.arrays import Pixels, Records
 from skymosaic.features.methods import backend_of
-from skymosaic.imagery.images import Pixels
 from skymosaic.panel import drawings
 from skymosaic.panel.options import Choices, fault_of
 from skymosaic.panel.results import Upload
 from skymosaic.panel.sessions import Visitor
 from skymosaic.panel.viewer import Viewer, side_by_side
-from skymosaic.registration import Records, extract_within_capacity
+from skymosaic.registration import extract_within_capacity
 
 _Wanted = tuple[tuple[Upload, ...], Choices]
 _MOVED_BY = ("preset", "detector", "descriptor", "position")

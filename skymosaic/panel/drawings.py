@@ -6,13 +6,13 @@ import math
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from golden_model.arrays import Array, Records
 from golden_model.feature.ilbp import SECTORS
 from golden_model.matching.fuzzy import ONE
 from skymosaic.panel.explain import Input
 from skymosaic.panel.results import PairView
-from skymosaic.registration import POSITIONS_PER_PX, Records, match_points
+from skymosaic.registration import POSITIONS_PER_PX, match_points
 
 GAP_PX = 12
 """Between the left and the right picture."""
@@ -39,12 +39,12 @@ def corners(features: Records, offset_px: int) -> str:
     return "".join(parts)
 
 
-def _path(form: str, numbers: NDArray[np.float64]) -> str:
+def _path(form: str, numbers: Array) -> str:
     """The numbers (N, M) as N times ``form``: one formatting of all takes half the time of N."""
     return form * len(numbers) % tuple(numbers.ravel().tolist())
 
 
-def segments(view: PairView) -> NDArray[np.float64]:
+def segments(view: PairView) -> Array:
     """End points (M, 4) of the matches in the viewer's pixels: left x, y, right x, y."""
     left, right = match_points(view.matches)
     return np.hstack((left, right + np.array([right_offset(view), 0])))
@@ -55,7 +55,7 @@ def right_offset(view: PairView) -> int:
     return view.working_sizes[0][0] + GAP_PX
 
 
-def matches(lines: NDArray[np.float64], verdicts: list[str], shown: Iterable[str]) -> str:
+def matches(lines: Array, verdicts: list[str], shown: Iterable[str]) -> str:
     """The matches whose verdict is shown, rejected ones undermost; one path a verdict."""
     parts = []
     for verdict in ("rejected", "outlier", "inlier"):
@@ -65,7 +65,7 @@ def matches(lines: NDArray[np.float64], verdicts: list[str], shown: Iterable[str
     return "".join(parts)
 
 
-def chosen_match(line: NDArray[np.float64], verdict: str) -> str:
+def chosen_match(line: Array, verdict: str) -> str:
     """One match, to be drawn over the others."""
     x0, y0, x1, y1 = (f"{value:.1f}" for value in line)
     return (
@@ -75,7 +75,7 @@ def chosen_match(line: NDArray[np.float64], verdict: str) -> str:
     )
 
 
-def nearest(lines: NDArray[np.float64], x: float, y: float, within: float) -> int | None:
+def nearest(lines: Array, x: float, y: float, within: float) -> int | None:
     """The line (M, 4) nearest to a point, if it is near enough."""
     if len(lines) == 0:
         return None
@@ -87,7 +87,7 @@ def nearest(lines: NDArray[np.float64], x: float, y: float, within: float) -> in
     return index if distance[index] <= within else None
 
 
-def outlines(quadrilaterals: Iterable[NDArray[np.float64]]) -> str:
+def outlines(quadrilaterals: Iterable[Array]) -> str:
     """Closed outlines, numbered from 1 at their centres."""
     parts = []
     for number, corners_px in enumerate(quadrilaterals, 1):

@@ -13,8 +13,8 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from golden_model.arrays import Array, Pixels
 from golden_model.config import to_toml
 from golden_model.formats import decode_response
 from sim.backend import Progress
@@ -28,7 +28,7 @@ from skymosaic.flight.survey import Flight, survey
 from skymosaic.flight.view import Settings
 from skymosaic.flight.workers import Workers
 from skymosaic.geometry.homography import apply
-from skymosaic.imagery.images import Pixels, save, save_bytes
+from skymosaic.imagery.images import save, save_bytes
 from skymosaic.imagery.photographs import sources
 from skymosaic.mosaicing import FLIGHT_BLENDING, PAIR_BLENDING, check_linked, mosaic_of_pair
 from skymosaic.panel.explain import verdicts
@@ -180,14 +180,14 @@ def command(names: list[str], choices: Choices) -> str:
     return shlex.join([*words, "--backend", choices.backend, "--report", "report", "-o", "mosaic.png"])
 
 
-def _outline(size: Size, transform: NDArray[np.float64]) -> NDArray[np.float64]:
+def _outline(size: Size, transform: Array) -> Array:
     """The corners of a photograph on the canvas, (4, 2)."""
     width, height = size
     frame = np.array([(0, 0), (width, 0), (width, height), (0, height)]) - 0.5
     return apply(transform, frame)
 
 
-def _shown(image: Pixels, size: Size, outlines: dict[str, NDArray[np.float64]], views: Path) -> ShownMosaic:
+def _shown(image: Pixels, size: Size, outlines: dict[str, Array], views: Path) -> ShownMosaic:
     """Store a picture of the mosaic for the page; ``image`` is the mosaic of ``size``, or a preview of it."""
     scale = min(1.0, SHOWN_SIDE_PX / max(image.shape))
     shown = max(round(image.shape[1] * scale), 1), max(round(image.shape[0] * scale), 1)

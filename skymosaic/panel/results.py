@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from golden_model.arrays import Array, Mask, Matrix, Records
 from golden_model.config import Config
 from skymosaic.evaluation.hardware import Comparison
 from skymosaic.features.descriptors import WINDOWS_PX
@@ -17,7 +17,7 @@ from skymosaic.features.matchers import GOOD_MATCH_ABOVE
 from skymosaic.features.methods import Method
 from skymosaic.geometry.homography import apply
 from skymosaic.panel.options import Choices
-from skymosaic.registration import Matrix, Pair, Records, match_points
+from skymosaic.registration import Pair, match_points
 from skymosaic.tracking.output import TrackedCorners
 
 Size = tuple[int, int]
@@ -80,8 +80,8 @@ class PairView:
     working_sizes: tuple[Size, Size]
     features: tuple[Records, Records]
     matches: Records
-    residual_px: NDArray[np.float64] | None
-    inlier: NDArray[np.bool_]
+    residual_px: Array | None
+    inlier: Mask
     method: Method
     config: Config
     numbers: dict[str, Any]
@@ -107,7 +107,7 @@ class PairView:
         )
 
     @property
-    def kept(self) -> NDArray[np.bool_]:
+    def kept(self) -> Mask:
         """Which matches the fuzzy stage kept, (M,)."""
         return np.asarray(self.matches["verdict"] == 1)
 
@@ -140,7 +140,7 @@ class ShownMosaic:
     picture: Path
     size: Size
     shown_size: Size
-    outlines: dict[str, NDArray[np.float64]]
+    outlines: dict[str, Array]
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from golden_model.arrays import Pixels
 from sim.backend import Progress
 from sim.scene import lawnmower, pursuit
 from sim.scene import pair as rendered_pair
 from skymosaic.errors import InputError
-from skymosaic.imagery.images import LARGEST_AREA_PX, Pixels, load, reduced, save
+from skymosaic.imagery.images import LARGEST_AREA_PX, load, reduced, save
 from skymosaic.imagery.video import DEFAULT_RATE, VideoReader, writing
 from skymosaic.panel.results import Upload
 from skymosaic.registration import WORKING_WIDTH_PX

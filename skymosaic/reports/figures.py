@@ -7,9 +7,8 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from skymosaic.imagery.images import Pixels
+from golden_model.arrays import Array, Pixels, Records
 from skymosaic.registration import POSITIONS_PER_PX, Pair, match_points
 
 Color = tuple[int, int, int]
@@ -28,7 +27,7 @@ _TEXT_GAP_PX = 16
 _FONT, _FONT_SCALE = cv2.FONT_HERSHEY_SIMPLEX, 0.5
 
 
-def corners(image: Pixels, features: NDArray[np.void]) -> Pixels:
+def corners(image: Pixels, features: Records) -> Pixels:
     """The image with a circle a feature (colour: level) and a tick along its orientation sector."""
     canvas = _dimmed(image)
     for feature in features:
@@ -58,9 +57,7 @@ def rule_color(rule: int) -> Color:
     return _RULE_COLORS[rule % len(_RULE_COLORS)]
 
 
-def _match_panel(
-    pair: Pair, shown: NDArray[np.void], ringed: NDArray[np.void], title: str, rule_names: Sequence[str]
-) -> Pixels:
+def _match_panel(pair: Pair, shown: Records, ringed: Records, title: str, rule_names: Sequence[str]) -> Pixels:
     left, right = (_dimmed(image) for image in pair.working)
     height = max(left.shape[0], right.shape[0])
     panel = np.full((height, left.shape[1] + _PANEL_GAP_PX + right.shape[1], 3), 24, np.uint8)
@@ -83,7 +80,7 @@ def _right_offset(pair: Pair) -> int:
     return int(pair.working[0].shape[1]) + _PANEL_GAP_PX
 
 
-def _ring(panel: Pixels, point: NDArray[np.float64], offset_px: int) -> None:
+def _ring(panel: Pixels, point: Array, offset_px: int) -> None:
     center = (round(point[0]) + offset_px, round(point[1]))
     cv2.circle(panel, center, 3, INLIER_COLOR, 1, cv2.LINE_AA)
 

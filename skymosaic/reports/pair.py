@@ -11,8 +11,9 @@ from typing import Any
 import cv2
 import numpy as np
 
+from golden_model.arrays import Pixels
 from skymosaic.errors import InputError
-from skymosaic.imagery.images import Pixels, save, save_bytes
+from skymosaic.imagery.images import save, save_bytes
 from skymosaic.registration import Pair
 from skymosaic.reports import figures
 

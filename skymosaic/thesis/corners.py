@@ -9,16 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from golden_model.arrays import Array, Pixels, Records
 from golden_model.config import LARGEST_THRESHOLD, PRESETS, FrontEndConfig
 from golden_model.formats import decode_response
 from golden_model.front_end import extract, trace
 from skymosaic.evaluation.metrics import correct_matches, repeatability
-from skymosaic.features.descriptors import Records, describe
+from skymosaic.features.descriptors import describe
 from skymosaic.features.detectors import POSITIONS_PER_PX, from_features
 from skymosaic.features.matchers import correlation_matches
 from skymosaic.geometry.estimators import ransac
 from skymosaic.geometry.fuzzy_ransac import TOLERANCE_PX
-from skymosaic.imagery.images import Pixels
 from skymosaic.registration import match_points
 from skymosaic.thesis.dataset import Specimen
 from skymosaic.thesis.measurements import Line
@@ -55,7 +55,7 @@ def responses(image: Pixels) -> NDArray[np.int32]:
     return decode_response(candidates[candidates > 0])
 
 
-def points(features: Records) -> NDArray[np.float64]:
+def points(features: Records) -> Array:
     """Positions (N, 2) of feature records, px."""
     return np.stack((features["x"], features["y"]), axis=1) / POSITIONS_PER_PX
 

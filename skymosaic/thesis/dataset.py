@@ -8,22 +8,20 @@ from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from golden_model.arrays import Matrix, Pixels
 from golden_model.pixel.gray import to_gray
 from sim.scene import Flight, lawnmower
 from skymosaic.errors import InputError
 from skymosaic.evaluation.known_pairs import KnownPair, read_pairs
 from skymosaic.evaluation.metrics import grid_error
-from skymosaic.imagery.images import Pixels, load, reduced
+from skymosaic.imagery.images import load, reduced
 
 WORKING_WIDTH_PX = 640
 """Larger photographs are reduced to it (thesis, section IV.6.2.1)."""
 RENDERED_IMAGES = 12
 RENDERED_SIZE = (WORKING_WIDTH_PX, 480)
 RENDERED_SEED = 4
-
-Matrix = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

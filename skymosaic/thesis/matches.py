@@ -6,8 +6,8 @@ import time
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from golden_model.arrays import Array, Mask, Points, Records
 from golden_model.config import MatcherConfig
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.matching.correlation import best_matches
@@ -26,8 +26,6 @@ from skymosaic.thesis.measurements import Line
 FUZZY_ILBP = MatcherConfig(rule_base="ilbp", keep_above=127)
 REGISTERED_PX = 5.0
 """A pair counts as registered if the mean error over the overlap is smaller."""
-
-Points = NDArray[np.float64]
 
 
 def by_window(specimen: Specimen) -> Iterator[Line]:
@@ -58,16 +56,16 @@ def by_rings(specimen: Specimen) -> Iterator[Line]:
         yield filtered(f"fuzzy ILBP, N = {rings}", specimen, match_points(matches), _kept(matches))
 
 
-def _kept(matches: NDArray[np.void]) -> NDArray[np.bool_]:
+def _kept(matches: Records) -> Mask:
     return np.asarray(matches["verdict"] == 1)
 
 
-def _counted(specimen: Specimen, matches: NDArray[np.void], seconds: float) -> dict[str, float]:
+def _counted(specimen: Specimen, matches: Records, seconds: float) -> dict[str, float]:
     good = correct_matches(*match_points(matches), specimen.truth)
     return {"matches": len(matches), "good": int(good.sum()), "seconds": seconds}
 
 
-def filtered(stage: str, specimen: Specimen, pairs: tuple[Points, Points], kept: NDArray[np.bool_]) -> Line:
+def filtered(stage: str, specimen: Specimen, pairs: tuple[Points, Points], kept: Mask) -> Line:
     """What a fuzzy stage made of matches, and whether RANSAC registers the pair with all of them and with the kept."""
     counts = confusion(kept, correct_matches(*pairs, specimen.truth))
     return (
@@ -84,6 +82,6 @@ def filtered(stage: str, specimen: Specimen, pairs: tuple[Points, Points], kept:
     )
 
 
-def is_registered(H: NDArray[np.float64] | None, specimen: Specimen) -> bool:
+def is_registered(H: Array | None, specimen: Specimen) -> bool:
     """Whether the mean error over the overlap is small."""
     return grid_error(H, specimen.truth, *specimen.sizes) < REGISTERED_PX

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import cv2
 
-from skymosaic.imagery.images import Pixels
+from golden_model.arrays import Pixels
 from skymosaic.reports import fuzzy_plots
 from skymosaic.thesis import charts, tables
 from skymosaic.thesis.corners import CORNERS, QUALITY_TARGET

@@ -5,9 +5,9 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator
 
+from golden_model.arrays import Pixels
 from golden_model.config import PRESETS
 from skymosaic.errors import RegistrationError
-from skymosaic.imagery.images import Pixels
 from skymosaic.mosaicing import mosaic_of_pair
 from skymosaic.registration import Pair, register
 from skymosaic.reports import figures

@@ -6,15 +6,15 @@ import dataclasses
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from golden_model.arrays import Array, Points
 from golden_model.config import PRESETS, MatcherConfig
 from skymosaic.evaluation.metrics import grid_error, rmse
 from skymosaic.features.methods import HostBackend, choose
 from skymosaic.geometry import estimators, fuzzy_ransac
 from skymosaic.registration import match_points, register
 from skymosaic.thesis.dataset import Specimen
-from skymosaic.thesis.matches import Points, filtered, is_registered
+from skymosaic.thesis.matches import filtered, is_registered
 from skymosaic.thesis.measurements import Line
 
 KEY_POINTS = 300
@@ -63,7 +63,7 @@ def by_aerial_preset(specimen: Specimen) -> Iterator[Line]:
     yield _error(OURS, specimen, pair.homography, match_points(pair.inliers))
 
 
-def _error(setting: str, specimen: Specimen, H: NDArray[np.float64] | None, inliers: tuple[Points, Points]) -> Line:
+def _error(setting: str, specimen: Specimen, H: Array | None, inliers: tuple[Points, Points]) -> Line:
     """RMSE over the inliers as the thesis takes it, and the distance from the truth, where the pair was registered."""
     if H is None or not is_registered(H, specimen):
         return "IV-5", setting, {"registered": 0}

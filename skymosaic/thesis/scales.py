@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from golden_model.arrays import Pixels
 from skymosaic.evaluation.metrics import repeatability
 from skymosaic.features.detectors import detect, once_a_place, points_of
-from skymosaic.imagery.images import Pixels
 from skymosaic.thesis.corners import CORNERS, points, strongest
 from skymosaic.thesis.dataset import Specimen
 from skymosaic.thesis.measurements import Line

@@ -13,7 +13,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from skymosaic.imagery.images import Pixels, save_bytes
+from golden_model.arrays import Pixels
+from skymosaic.imagery.images import save_bytes
 from skymosaic.tracking.tracker import TrackedFrame
 
 TABLE_SUFFIXES = (".csv", ".json")

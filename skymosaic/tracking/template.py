@@ -15,15 +15,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from golden_model.arrays import Array, Pixels
 from golden_model.config import Config
 from sim.backend import Backend
 from skymosaic.compositing.warp import Canvas, backward, magnification, shrunk
 from skymosaic.geometry.homography import apply
 from skymosaic.geometry.model_selection import TOLERANCE_PX, fit, similarity
-from skymosaic.imagery.images import Pixels
 from skymosaic.registration import POSITIONS_PER_PX, match_points
-
-Array = NDArray[np.float64]
 
 SMALLEST_SIDE_PX = 128
 LARGEST_SIDE_PX = 256

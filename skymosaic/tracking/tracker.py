@@ -16,14 +16,15 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from golden_model.arrays import Array, Pixels
 from golden_model.config import Config, preset_config
 from sim.backend import load_backend
 from skymosaic.compositing.warp import Canvas
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.geometry.homography import DegenerateError, apply, dlt
-from skymosaic.imagery.images import SMALLEST_SIDE_PX, Pixels, load
+from skymosaic.imagery.images import SMALLEST_SIDE_PX, load
 from skymosaic.registration import extract_within_capacity
-from skymosaic.tracking.template import Array, Place, Roi, Template
+from skymosaic.tracking.template import Place, Roi, Template
 
 SMALLEST_ROI_PX = 16
 FEWEST_FEATURES = 12
