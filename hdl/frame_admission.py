@@ -14,7 +14,7 @@ from hdl.streams import COORDINATE, PixelPayload, beat
 CAUSES = next(field.bits for field in FRAME_STATUS.fields if field.name == "causes")
 
 
-class FrameGeometry(wiring.Component):
+class FrameAdmission(wiring.Component):
     """Admit pixels, give them their position, and check ``first`` and ``last`` against the size.
 
     What follows always sees whole frames: a bad frame goes on with whatever pixels come, and where the next frame

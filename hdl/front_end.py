@@ -8,7 +8,7 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.config import MAX_FRAME_PX, MIN_FRAME_PX, FrontEndConfig
 from golden_model.records import feature_record
-from hdl.frame_admission import FrameGeometry
+from hdl.frame_admission import FrameAdmission
 from hdl.level import Level
 from hdl.level_merge import LevelMerge
 from hdl.lib.skid_buffer import SkidBuffer
@@ -76,27 +76,27 @@ class FrontEnd(wiring.Component):
         """Door, gray, levels, merge; and what changes between frames."""
         m = Module()
         m.submodules.skid_buffer = skid_buffer = SkidBuffer(shape=PixelPayload)
-        m.submodules.geometry = geometry = FrameGeometry()
+        m.submodules.admission = admission = FrameAdmission()
         m.submodules.gray = gray = Gray()
         m.submodules.merge = merge = self._merge()
         wiring.connect(m, wiring.flipped(self.i_pixels), skid_buffer.i)
-        wiring.connect(m, skid_buffer.o, geometry.i)
+        wiring.connect(m, skid_buffer.o, admission.i)
         wiring.connect(m, merge.o, wiring.flipped(self.o_features))
-        under_way = geometry.o_running | geometry.o_end | merge.o_pending
+        under_way = admission.o_running | admission.o_end | merge.o_pending
         active, load, may_start = self._settings(m, under_way)
-        threshold_code = self._threshold(m, geometry, active.detector, load)
-        m.d.sync += geometry.i_hold.eq(Cat(level.o_hold for level in self.levels).any())
+        threshold_code = self._threshold(m, admission, active.detector, load)
+        m.d.sync += admission.i_hold.eq(Cat(level.o_hold for level in self.levels).any())
         m.d.comb += [
-            geometry.i_width_px.eq(active.width_px),
-            geometry.i_height_px.eq(active.height_px),
-            geometry.i_may_start.eq(may_start),
-            geometry.i_may_end.eq(~merge.o_pending),
-            gray.i.eq(geometry.o),
+            admission.i_width_px.eq(active.width_px),
+            admission.i_height_px.eq(active.height_px),
+            admission.i_may_start.eq(may_start),
+            admission.i_may_end.eq(~merge.o_pending),
+            gray.i.eq(admission.o),
             gray.i_gray_input.eq(active.gray_input),
             merge.i_settings.eq(active),
-            merge.i_starts.eq(geometry.o_start),
-            merge.i_ends.eq(geometry.o_end),
-            merge.i_causes.eq(geometry.o_causes),
+            merge.i_starts.eq(admission.o_start),
+            merge.i_ends.eq(admission.o_end),
+            merge.i_causes.eq(admission.o_causes),
             merge.i_threshold_code.eq(threshold_code),
         ]
         for n, (level, pixels) in enumerate(zip(self.levels, self._pyramid(m, gray.o), strict=True)):
@@ -137,15 +137,15 @@ class FrontEnd(wiring.Component):
             m.d.sync += active.eq(self.settings)
         return active, load, settled & ~changing
 
-    def _threshold(self, m: Module, geometry: FrameGeometry, detector: Value, load: Value) -> Value:
+    def _threshold(self, m: Module, admission: FrameAdmission, detector: Value, load: Value) -> Value:
         m.submodules.threshold = threshold = AdaptiveThreshold(max_features=self.config.max_features)
         m.d.comb += [
             threshold.i_detector.eq(detector),
             threshold.i_load.eq(load),
             threshold.i_code.eq(self.settings.threshold_code),
             threshold.i_added.eq(sum(level.o_added for level in self.levels)),
-            threshold.i_frame_ends.eq(geometry.o_end),
-            threshold.i_adapt.eq(self.settings.adaptive & ~geometry.o_causes.any()),
+            threshold.i_frame_ends.eq(admission.o_end),
+            threshold.i_adapt.eq(self.settings.adaptive & ~admission.o_causes.any()),
             threshold.i_target.eq(self.settings.target_features),
         ]
         return threshold.o_code

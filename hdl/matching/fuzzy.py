@@ -24,7 +24,7 @@ QUOTIENT_BITS = WEIGHT.bits + 1
 
 
 class Sugeno(wiring.Component):
-    """Weight and loudest rule of a set of inputs, one rule a clock; equal to `SugenoSystem.evaluate`.
+    """Weight and dominant_strength rule of a set of inputs, one rule a clock; equal to `SugenoSystem.evaluate`.
 
     Membership tables are ROMs. A product system multiplies all degrees but the last and folds the last one into the
     rules' singletons, a second ROM, so that no product is wider than 17 x 17 bits: three multipliers for three
@@ -156,13 +156,13 @@ class Sugeno(wiring.Component):
         """Sums of terms and strengths, and the first of the strongest rules, from 0 for each set of inputs."""
         largest = self.system.strength_one * (1 if self._is_product else len(self.system.rules))
         total, fired = Signal(range(largest * MEMBERSHIP.one + 1)), Signal(range(largest + 1))
-        loudest = Signal.like(strength)
+        dominant_strength = Signal.like(strength)
         with m.If(valid):
             m.d.sync += [total.eq(total + term), fired.eq(fired + strength)]
-            with m.If(strength > loudest):
-                m.d.sync += [loudest.eq(strength), self.o.payload.rule.eq(rule)]
+            with m.If(strength > dominant_strength):
+                m.d.sync += [dominant_strength.eq(strength), self.o.payload.rule.eq(rule)]
         with m.If(self.i.ready):
-            m.d.sync += [total.eq(0), fired.eq(0), loudest.eq(0), self.o.payload.rule.eq(0)]
+            m.d.sync += [total.eq(0), fired.eq(0), dominant_strength.eq(0), self.o.payload.rule.eq(0)]
         return total, fired
 
     @staticmethod

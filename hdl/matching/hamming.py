@@ -106,7 +106,7 @@ class Nearest(data.StructLayout):
         super().__init__({"best": distance, "second": distance, "index": range(max_features)})
 
 
-class Place(data.StructLayout):
+class SearchPosition(data.StructLayout):
     """Where a search is.
 
     ``group`` counts the loads of the lanes, and ``first_group`` is the first one; ``right`` is the index of the right
@@ -118,14 +118,14 @@ class Place(data.StructLayout):
         super().__init__({"first_group": 1, "group": group, "first": 1, "last": 1, "right": range(max_features)})
 
 
-class Passing(data.StructLayout):
+class LaneBus(data.StructLayout):
     """What passes the lanes beside a right descriptor: its place and the nearest of the left ones it has met."""
 
     def __init__(self, *, bits: int, lanes: int, max_features: int) -> None:
         super().__init__(
             {
                 "valid": 1,
-                "place": Place(lanes=lanes, max_features=max_features),
+                "position": SearchPosition(lanes=lanes, max_features=max_features),
                 "column": Nearest(bits=bits, max_features=max_features),
             }
         )
@@ -143,8 +143,8 @@ class Lane(wiring.Component):
     Members
     -------
     i_valid, i_distance : In
-        Distance to the right descriptor of ``i_passing``.
-    i_passing : In(Passing), o_passing : Out(Passing)
+        Distance to the right descriptor of ``i_bus``.
+    i_bus : In(LaneBus), o_bus : Out(LaneBus)
         From the lane before, and one clock later to the next one.
     o_row_valid, o_row : Out
         The row, one clock after its last right descriptor.
@@ -152,20 +152,20 @@ class Lane(wiring.Component):
 
     i_valid: Signal
     i_distance: Signal
-    i_passing: data.View
-    o_passing: data.View
+    i_bus: data.View
+    o_bus: data.View
     o_row_valid: Signal
     o_row: data.View
 
     def __init__(self, *, lane: int, lanes: int, bits: int, max_features: int) -> None:
         self.lane = Const(lane, range(lanes))
-        passing = Passing(bits=bits, lanes=lanes, max_features=max_features)
+        bus = LaneBus(bits=bits, lanes=lanes, max_features=max_features)
         super().__init__(
             {
                 "i_valid": In(1),
                 "i_distance": In(range(bits + 1)),
-                "i_passing": In(passing),
-                "o_passing": Out(passing),
+                "i_bus": In(bus),
+                "o_bus": Out(bus),
                 "o_row_valid": Out(1),
                 "o_row": Out(Nearest(bits=bits, max_features=max_features)),
             }
@@ -174,20 +174,20 @@ class Lane(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Strictly smaller distances win, so that ties stay with the lowest index: both indices only rise."""
         m = Module()
-        distance, place, column = self.i_distance, self.i_passing.place, self.i_passing.column
-        row, passed = self.o_row, self.o_passing
-        m.d.sync += [self.o_row_valid.eq(self.i_valid & place.last), passed.valid.eq(self.i_passing.valid)]
+        distance, position, column = self.i_distance, self.i_bus.position, self.i_bus.column
+        row, next_bus = self.o_row, self.o_bus
+        m.d.sync += [self.o_row_valid.eq(self.i_valid & position.last), next_bus.valid.eq(self.i_bus.valid)]
         with m.If(self.i_valid):
-            with m.If(place.first | (distance < row.best)):
-                m.d.sync += [row.best.eq(distance), row.index.eq(place.right)]
-                m.d.sync += row.second.eq(Mux(place.first, ~0, row.best))
+            with m.If(position.first | (distance < row.best)):
+                m.d.sync += [row.best.eq(distance), row.index.eq(position.right)]
+                m.d.sync += row.second.eq(Mux(position.first, ~0, row.best))
             with m.Elif(distance < row.second):
                 m.d.sync += row.second.eq(distance)
-        with m.If(self.i_passing.valid):
-            m.d.sync += [passed.place.eq(place), passed.column.eq(column)]
+        with m.If(self.i_bus.valid):
+            m.d.sync += [next_bus.position.eq(position), next_bus.column.eq(column)]
             with m.If(self.i_valid & (distance < column.best)):
-                m.d.sync += [passed.column.best.eq(distance), passed.column.second.eq(column.best)]
-                m.d.sync += passed.column.index.eq(Cat(self.lane, place.group))
+                m.d.sync += [next_bus.column.best.eq(distance), next_bus.column.second.eq(column.best)]
+                m.d.sync += next_bus.column.index.eq(Cat(self.lane, position.group))
             with m.Elif(self.i_valid & (distance < column.second)):
-                m.d.sync += passed.column.second.eq(distance)
+                m.d.sync += next_bus.column.second.eq(distance)
         return m

@@ -15,14 +15,14 @@ from hdl.matching.correlation import SumOfAbsoluteDifferences
 from hdl.matching.feature_banks import READ_CYCLES, BankedFeature
 from hdl.matching.fuzzy import Sugeno
 from hdl.matching.nearest_neighbours import Pair
-from hdl.matching.orientation_histogram import TurnHistogram
+from hdl.matching.orientation_histogram import OrientationHistogram
 
 WEIGHED = data.StructLayout(
     {"weight": WEIGHT.bits, "rule": range(MAX_RULES), "turn": range(SECTORS), "peak_turn": range(SECTORS)}
 )
 
 
-class FuzzyStage(wiring.Component):
+class MatchWeigher(wiring.Component):
     """Weight of each match, after its turn was compared with the one most matches agree on.
 
     All pairs come twice: first to be counted in the histogram of turns, then to be weighed. Patterns without
@@ -44,7 +44,7 @@ class FuzzyStage(wiring.Component):
     i_count : In(1)
         Count, do not weigh.
     i_find : In(1), o_busy : Out(1)
-        Find the most frequent turn; see `TurnHistogram`.
+        Find the most frequent turn; see `OrientationHistogram`.
     o : Out(stream of {weight: 8, rule: 5, turn: 4, peak_turn: 4})
 
     Raises
@@ -86,13 +86,13 @@ class FuzzyStage(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Count, or wait for the features and weigh."""
         m = Module()
-        turn, peak = Signal(range(SECTORS)), Signal(range(SECTORS))
+        orientation, peak = Signal(range(SECTORS)), Signal(range(SECTORS))
         count, weigh, counted, weighed = (Signal() for _ in range(4))
         # The difference wraps around the circle.
-        m.d.sync += turn.eq(self.i_right.sector - self.i_left.sector)
+        m.d.sync += orientation.eq(self.i_right.sector - self.i_left.sector)
         if self.pattern.oriented:
-            self._count(m, count, turn, counted, peak)
-        wait_cycles = READ_CYCLES + self._weigh(m, weigh, turn, peak, weighed)
+            self._count(m, count, orientation, counted, peak)
+        wait_cycles = READ_CYCLES + self._weigh(m, weigh, orientation, peak, weighed)
 
         waited = Signal(range(wait_cycles + 1))
         with m.If(self.i.ready | ~self.i.valid):
@@ -104,23 +104,23 @@ class FuzzyStage(wiring.Component):
             count.eq(self.i.valid & self.i_count),
             weigh.eq(self.i.valid & ~self.i_count & (waited == wait_cycles)),
             self.i.ready.eq(counted | weighed),
-            self.o.payload.turn.eq(turn),
+            self.o.payload.turn.eq(orientation),
             self.o.payload.peak_turn.eq(peak),
         ]
         return m
 
-    def _count(self, m: Module, count: Value, turn: Value, counted: Signal, peak: Signal) -> None:
+    def _count(self, m: Module, count: Value, orientation: Value, counted: Signal, peak: Signal) -> None:
         """Add the pair to the histogram, with the weight of the turns' own fuzzy system."""
         pair = self.i.payload
-        m.submodules.turn_weight = weight = Sugeno(
+        m.submodules.count_weight = weight = Sugeno(
             system=fuzzy.aerial_turn(self.pattern.bits), value_bits=len(pair.distance)
         )
-        m.submodules.histogram = histogram = TurnHistogram(max_matches=self.max_features)
+        m.submodules.histogram = histogram = OrientationHistogram(max_matches=self.max_features)
         m.d.comb += [
             weight.i.valid.eq(count),
             Cat(weight.i.payload).eq(Cat(pair.distance, pair.margin)),
             histogram.i.valid.eq(weight.o.valid),
-            histogram.i.payload.turn.eq(turn),
+            histogram.i.payload.relative_orientation.eq(orientation),
             histogram.i.payload.weight.eq(weight.o.payload.weight),
             weight.o.ready.eq(histogram.i.ready),
             counted.eq(weight.i.ready),
@@ -129,7 +129,7 @@ class FuzzyStage(wiring.Component):
             peak.eq(histogram.o_peak),
         ]
 
-    def _weigh(self, m: Module, weigh: Value, turn: Value, peak: Value, weighed: Signal) -> int:
+    def _weigh(self, m: Module, weigh: Value, orientation: Value, peak: Value, weighed: Signal) -> int:
         """Evaluate the rule base. Returns the clocks its inputs need after the features."""
         distance, margin = self.i.payload.distance, self.i.payload.margin
         if self.rule_base == "none":
@@ -140,7 +140,7 @@ class FuzzyStage(wiring.Component):
             ]
             return 1
         if self.rule_base == "aerial":
-            ahead, behind = (turn - peak)[: len(turn)], (peak - turn)[: len(turn)]
+            ahead, behind = (orientation - peak)[: len(orientation)], (peak - orientation)[: len(orientation)]
             system, cycles = fuzzy.aerial(self.pattern.bits), 1
             values = [distance, margin, Mux(ahead < behind, ahead, behind)]
         else:

@@ -14,8 +14,8 @@ from golden_model.feature.ilbp import DescriptorPattern
 from golden_model.formats import WEIGHT
 from golden_model.records import FRAME_STATUS, MATCH, Tag
 from hdl.matching.feature_banks import FeatureBanks
-from hdl.matching.match_weigher import WEIGHED, FuzzyStage
-from hdl.matching.nearest_neighbours import MutualMatches, NearestNeighbours
+from hdl.matching.match_weigher import WEIGHED, MatchWeigher
+from hdl.matching.nearest_neighbours import MutualNearestNeighbours, NearestNeighbours
 from hdl.streams import WordPayload, record_layout, words
 
 MATCH_LAYOUT = record_layout(MATCH)
@@ -74,12 +74,12 @@ class Matcher(wiring.Component):
         self, *, config: MatcherConfig, pattern: DescriptorPattern, lanes: int = 16, max_features: int = 2048
     ) -> None:
         bits = pattern.bits
-        self._fuzzy = FuzzyStage(config=config, pattern=pattern, max_features=max_features)
+        self._weigher = MatchWeigher(config=config, pattern=pattern, max_features=max_features)
         self._banks = FeatureBanks(pattern=pattern, max_features=max_features)
         self._search = NearestNeighbours(bits=bits, lanes=lanes, max_features=max_features)
-        self._pairs = MutualMatches(bits=bits, max_features=max_features)
+        self._pairs = MutualNearestNeighbours(bits=bits, max_features=max_features)
         self.keeps_all = config.rule_base == "none"
-        self.counts_turns = pattern.oriented
+        self.counts_orientations = pattern.oriented
         word_stream = stream.Signature(WordPayload)
         super().__init__(
             {
@@ -98,11 +98,11 @@ class Matcher(wiring.Component):
         m.submodules.banks = self._banks
         m.submodules.search = self._search
         m.submodules.pairs = self._pairs
-        m.submodules.fuzzy = self._fuzzy
+        m.submodules.weigher = self._weigher
         self._connect_banks(m)
         self._connect_results(m)
         sending, status, closes = Signal(), Signal(STATUS_LAYOUT), Signal()
-        weighed, has_match, verdict = self._fuzzy.o, Signal(), Signal()
+        weighed, has_match, verdict = self._weigher.o, Signal(), Signal()
         m.d.comb += weighed.ready.eq(closes & has_match)
         # A clock for the comparison.
         m.d.sync += has_match.eq(weighed.valid & ~weighed.ready)
@@ -127,14 +127,14 @@ class Matcher(wiring.Component):
             search.i_right_count.eq(banks.o_right_count),
             search.i_left.eq(banks.o_left.descriptor),
             search.i_right.eq(banks.o_right.descriptor),
-            self._fuzzy.i_left.eq(banks.o_left),
-            self._fuzzy.i_right.eq(banks.o_right),
+            self._weigher.i_left.eq(banks.o_left),
+            self._weigher.i_right.eq(banks.o_right),
         ]
 
     def _connect_results(self, m: Module) -> None:
         """Rows and columns of the search to the pairs, these to the fuzzy stage."""
         search, pairs = self._search, self._pairs
-        wiring.connect(m, pairs.o, self._fuzzy.i)
+        wiring.connect(m, pairs.o, self._weigher.i)
         m.d.comb += [
             # Without right features the search leaves no rows.
             pairs.i_left_count.eq(Mux(self._banks.o_right_count.any(), self._banks.o_left_count, 0)),
@@ -148,7 +148,7 @@ class Matcher(wiring.Component):
     def _match(self, m: Module, verdict: Value) -> data.View:
         """The Match record of the pair that the fuzzy stage holds."""
         match = Signal(MATCH_LAYOUT)
-        pair, weighed = self._pairs.o.payload, self._fuzzy.o.payload
+        pair, weighed = self._pairs.o.payload, self._weigher.o.payload
         m.d.comb += [
             match.tag.eq(Tag.MATCH),
             match.verdict.eq(verdict),
@@ -166,18 +166,18 @@ class Matcher(wiring.Component):
         """Send a record word by word; where it ``closes``, its last one is taken."""
         o = self.o_matches
         # One bit for each word, which is the fastest choice.
-        turn = Signal(len(words(record)), init=1)
-        chosen = reduce(or_, (Mux(bit, word, 0) for bit, word in zip(turn, words(record), strict=True)))
+        selected = Signal(len(words(record)), init=1)
+        chosen = reduce(or_, (Mux(bit, word, 0) for bit, word in zip(selected, words(record), strict=True)))
         with m.If(o.ready | ~o.valid):
-            m.d.sync += [o.valid.eq(valid), o.payload.data.eq(chosen), o.payload.last.eq(ends_frame & turn[-1])]
-            m.d.comb += closes.eq(turn[-1])
+            m.d.sync += [o.valid.eq(valid), o.payload.data.eq(chosen), o.payload.last.eq(ends_frame & selected[-1])]
+            m.d.comb += closes.eq(selected[-1])
             with m.If(valid):
-                m.d.sync += turn.eq(turn.rotate_left(1))
+                m.d.sync += selected.eq(selected.rotate_left(1))
 
     def _lead(self, m: Module, status: data.View, sending: Signal, closes: Value) -> None:
         """From one FrameStatus to the next."""
         arrived = self._banks.o_status
-        search, pairs, fuzzy_stage = self._search, self._pairs, self._fuzzy
+        search, pairs, weigher = self._search, self._pairs, self._weigher
         with m.FSM():
             with m.State("Wait-Frame"):
                 m.d.sync += status.eq(arrived.payload)
@@ -194,14 +194,14 @@ class Matcher(wiring.Component):
                 m.next = "Search"
             with m.State("Search"), m.If(~search.o_busy):
                 m.d.comb += pairs.i_start.eq(1)
-                m.next = "Count-Turns" if self.counts_turns else "Weigh"
-            if self.counts_turns:
-                with m.State("Count-Turns"):
-                    m.d.comb += fuzzy_stage.i_count.eq(1)
+                m.next = "Count-Orientations" if self.counts_orientations else "Weigh"
+            if self.counts_orientations:
+                with m.State("Count-Orientations"):
+                    m.d.comb += weigher.i_count.eq(1)
                     with m.If(~pairs.o_busy):
-                        m.d.comb += fuzzy_stage.i_find.eq(1)
+                        m.d.comb += weigher.i_find.eq(1)
                         m.next = "Find-Peak"
-                with m.State("Find-Peak"), m.If(~fuzzy_stage.o_busy):
+                with m.State("Find-Peak"), m.If(~weigher.o_busy):
                     m.d.comb += pairs.i_start.eq(1)
                     m.next = "Weigh"
             with m.State("Weigh"), m.If(~pairs.o_busy):

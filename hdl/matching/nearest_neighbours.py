@@ -16,7 +16,7 @@ from amaranth.utils import exact_log2
 from hdl.lib.delay import delayed
 from hdl.lib.skid_buffer import SkidBuffer
 from hdl.matching.feature_banks import READ_CYCLES
-from hdl.matching.hamming import Distances, Lane, Nearest, Place
+from hdl.matching.hamming import Distances, Lane, Nearest, SearchPosition
 
 RESULT_CYCLES = 2
 """From an index to the registered row or column."""
@@ -85,7 +85,7 @@ class NearestNeighbours(wiring.Component):
         self.bits, self.lanes, self.max_features = bits, lanes, max_features
         self._distances = Distances(bits=bits, lanes=lanes)
         self._nearest = Nearest(bits=bits, max_features=max_features)
-        self._place = Place(lanes=lanes, max_features=max_features)
+        self._position = SearchPosition(lanes=lanes, max_features=max_features)
         self.shortest_pass_cycles = lanes + RESULT_CYCLES + 1
         self.drain_cycles = READ_CYCLES + self._distances.latency_cycles + lanes + 2
         index, count = range(max_features), range(max_features + 1)
@@ -125,10 +125,10 @@ class NearestNeighbours(wiring.Component):
             m.submodules[f"lane{k}"] = lane
             m.d.comb += [lane.i_valid.eq(distances.o_valid[k]), lane.i_distance.eq(distances.o_distances[k])]
         for lane, following in pairwise(lanes):
-            m.d.comb += following.i_passing.eq(lane.o_passing)
+            m.d.comb += following.i_bus.eq(lane.o_bus)
         issuing, slot, group = self._count(m)
-        valid, place = self._address(m, issuing, slot, group)
-        self._hold_columns(m, valid, place, lanes)
+        valid, position = self._address(m, issuing, slot, group)
+        self._hold_columns(m, valid, position, lanes)
         self._hold_rows(m, lanes)
         return m
 
@@ -136,7 +136,7 @@ class NearestNeighbours(wiring.Component):
         """Slots of a pass, passes of a search, and the drain after it."""
         issuing = Signal()
         slot = Signal(range(max(self.max_features, self.shortest_pass_cycles)))
-        group = Signal(self._place["group"].shape)
+        group = Signal(self._position["group"].shape)
         last_slot, last_group = Signal.like(slot), Signal.like(group)
         drain = Signal(range(self.drain_cycles + 1))
         with m.If(issuing):
@@ -159,7 +159,7 @@ class NearestNeighbours(wiring.Component):
 
     def _address(self, m: Module, issuing: Value, slot: Value, group: Value) -> tuple[Value, data.View]:
         """Read the banks, load the lanes. Validity and place of the right descriptor, with its address."""
-        place = Signal(self._place)
+        position = Signal(self._position)
         valid, load, left_valid = Signal(), Signal(), Signal()
         lane = slot[: exact_log2(self.lanes)]
         m.d.comb += [
@@ -168,11 +168,11 @@ class NearestNeighbours(wiring.Component):
             valid.eq(issuing & (slot < self.i_right_count)),
             load.eq(issuing & (slot < self.lanes)),
             left_valid.eq(self.o_left_address < self.i_left_count),
-            place.first.eq(slot == 0),
-            place.last.eq(slot + 1 == self.i_right_count),
-            place.first_group.eq(group == 0),
-            place.group.eq(group),
-            place.right.eq(slot),
+            position.first.eq(slot == 0),
+            position.last.eq(slot + 1 == self.i_right_count),
+            position.first_group.eq(group == 0),
+            position.group.eq(group),
+            position.right.eq(slot),
         ]
         distances = self._distances
         m.d.comb += [
@@ -184,29 +184,29 @@ class NearestNeighbours(wiring.Component):
             distances.i_left.eq(self.i_left),
             distances.i_right.eq(self.i_right),
         ]
-        return valid, place
+        return valid, position
 
-    def _hold_columns(self, m: Module, valid: Value, place: data.View, lanes: Sequence[Lane]) -> None:
+    def _hold_columns(self, m: Module, valid: Value, position: data.View, lanes: Sequence[Lane]) -> None:
         """A column leaves the memory to meet its first distance, and returns from the last lane."""
         m.submodules.columns = columns = Memory(shape=self._nearest, depth=self.max_features, init=[])
         # Meets the first distance, not the descriptor.
         cycles = READ_CYCLES + self._distances.latency_cycles - RESULT_CYCLES
-        valid, place = delayed(m, valid, cycles, reset_less=False), delayed(m, place, cycles)
+        valid, position = delayed(m, valid, cycles, reset_less=False), delayed(m, position, cycles)
         read = columns.read_port()
         m.d.comb += [
-            read.addr.eq(Mux(self.o_busy, place.right, self.i_column_index)),
+            read.addr.eq(Mux(self.o_busy, position.right, self.i_column_index)),
             read.en.eq(self.o_busy | self.i_read),
         ]
         with m.If(read.en):
             m.d.sync += self.o_column.eq(read.data)
-        first, last = lanes[0].i_passing, lanes[-1].o_passing
+        first, last = lanes[0].i_bus, lanes[-1].o_bus
         m.d.comb += [
             first.valid.eq(delayed(m, valid, RESULT_CYCLES, reset_less=False)),
-            first.place.eq(delayed(m, place, RESULT_CYCLES)),
-            first.column.eq(Mux(first.place.first_group, ~0, self.o_column)),
+            first.position.eq(delayed(m, position, RESULT_CYCLES)),
+            first.column.eq(Mux(first.position.first_group, ~0, self.o_column)),
         ]
         write = columns.write_port()
-        m.d.comb += [write.en.eq(last.valid), write.addr.eq(last.place.right), write.data.eq(last.column)]
+        m.d.comb += [write.en.eq(last.valid), write.addr.eq(last.position.right), write.data.eq(last.column)]
 
     def _hold_rows(self, m: Module, lanes: Sequence[Lane]) -> None:
         """Rows leave the lanes one after the other, in rising left index."""
@@ -236,7 +236,7 @@ class Pair(data.StructLayout):
         super().__init__({"left": index, "right": index, "distance": distance, "margin": distance})
 
 
-class MutualMatches(wiring.Component):
+class MutualNearestNeighbours(wiring.Component):
     """The pairs that are each other's nearest, in rising left index: a row a clock, while ``o`` accepts.
 
     Parameters

@@ -17,7 +17,7 @@ FIND_CYCLES = 5
 """From the address of the bin before to the smoothed bin."""
 
 
-class TurnHistogram(wiring.Component):
+class OrientationHistogram(wiring.Component):
     """Adds squared weights up by turn, then finds the most common turn (`golden_model.matching.matcher.common_turn`).
 
     The bins are smoothed around the circle by 4 h + 3 h₋ + 3 h₊; the first maximum wins. After a search, and after
@@ -30,7 +30,7 @@ class TurnHistogram(wiring.Component):
 
     Members
     -------
-    i : In(stream of {turn: 4, weight: 8})
+    i : In(stream of {relative_orientation: 4, weight: 8})
         A match; not taken while busy.
     i_find : In(1)
         Begins the search for the peak; no match may be underway.
@@ -47,7 +47,7 @@ class TurnHistogram(wiring.Component):
 
     def __init__(self, *, max_matches: int) -> None:
         self._bin = range(max_matches * WEIGHT.max_raw**2 + 1)
-        match = data.StructLayout({"turn": range(SECTORS), "weight": WEIGHT.bits})
+        match = data.StructLayout({"relative_orientation": range(SECTORS), "weight": WEIGHT.bits})
         super().__init__(
             {"i": In(stream.Signature(match)), "i_find": In(1), "o_busy": Out(1), "o_peak": Out(range(SECTORS))}
         )
@@ -59,7 +59,7 @@ class TurnHistogram(wiring.Component):
         read, write = bins.read_port(), bins.write_port()
         step = Signal(range(SECTORS + FIND_CYCLES))
         height = Signal(range(10 * self._bin[-1] + 1))
-        turn, weight = self.i.payload.turn, self.i.payload.weight
+        orientation, weight = self.i.payload.relative_orientation, self.i.payload.weight
         square, smoothed = delayed(m, weight * weight, SQUARE_CYCLES), self._smoothed(m, read.data)
         is_bin = delayed(m, step >= FIND_CYCLES - 1, 1)
         m.d.sync += step.eq(step + 1)
@@ -70,7 +70,7 @@ class TurnHistogram(wiring.Component):
                     m.d.sync += step.eq(0)
                     m.next = "Add"
             with m.State("Add"):
-                m.d.comb += [read.addr.eq(turn), write.addr.eq(turn), write.data.eq(read.data + square)]
+                m.d.comb += [read.addr.eq(orientation), write.addr.eq(orientation), write.data.eq(read.data + square)]
                 m.d.comb += [write.en.eq(self.i.ready), self.i.ready.eq(self.i.valid & (step == SQUARE_CYCLES))]
                 with m.If(~self.i.valid | self.i.ready):
                     m.d.sync += step.eq(0)

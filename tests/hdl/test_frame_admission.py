@@ -6,7 +6,7 @@ import pytest
 from amaranth.sim import Simulator
 
 from golden_model.records import Cause
-from hdl.frame_admission import FrameGeometry
+from hdl.frame_admission import FrameAdmission
 from sim.recording import NO_PAUSES, Pauses
 
 WIDTH_PX, HEIGHT_PX = 5, 4
@@ -25,7 +25,7 @@ def frame(seed, *, drop=(), double=(), without_start=False):
 
 def admit(pixels, pauses=NO_PAUSES):
     """Frames ``(causes, [(x, y, data), ...])`` that come out; ``pauses.stalls`` of them hold the door."""
-    dut = FrameGeometry()
+    dut = FrameAdmission()
     frames, beats = [], []
 
     async def testbench(ctx):

@@ -12,7 +12,7 @@ from golden_model.matching import correlation, fuzzy
 from golden_model.matching.matcher import common_turn
 from hdl.matching.correlation import SumOfAbsoluteDifferences
 from hdl.matching.fuzzy import Sugeno
-from hdl.matching.orientation_histogram import TurnHistogram
+from hdl.matching.orientation_histogram import OrientationHistogram
 from sim.drivers import run_streams
 from sim.recording import Pauses
 
@@ -130,7 +130,7 @@ def test_histogram_of_turns():
     # Equal bins apart: the first maximum wins.
     frames.append((np.array([12, 5, 3]), np.zeros(3, np.int64), np.full(3, 18)))
 
-    dut = TurnHistogram(max_matches=64)
+    dut = OrientationHistogram(max_matches=64)
     simulator = Simulator(dut)
     simulator.add_clock(CLOCK_S)
     peaks = []
@@ -139,7 +139,7 @@ def test_histogram_of_turns():
         for turns, distance, margin in frames:
             weights, _ = system.evaluate(distance, margin)
             for turn, weight in zip(turns.tolist(), weights.tolist(), strict=True):
-                ctx.set(dut.i.payload, {"turn": turn, "weight": weight})
+                ctx.set(dut.i.payload, {"relative_orientation": turn, "weight": weight})
                 ctx.set(dut.i.valid, 1)
                 await ctx.tick().until(dut.i.ready)
                 ctx.set(dut.i.valid, 0)

@@ -9,7 +9,7 @@ from amaranth.sim import Simulator
 from golden_model.matching import hamming
 from hdl.lib.popcount import Popcount
 from hdl.matching.feature_banks import READ_CYCLES
-from hdl.matching.nearest_neighbours import RESULT_CYCLES, MutualMatches, NearestNeighbours
+from hdl.matching.nearest_neighbours import RESULT_CYCLES, MutualNearestNeighbours, NearestNeighbours
 from sim.recording import Pauses
 
 CLOCK_S = 1e-8
@@ -223,7 +223,7 @@ def test_mutual_matches(sizes, descriptors, stalls):
     each = descriptors(rng, sum(sizes), 32)
     distance = hamming.distances(each[: sizes[0]], each[sizes[0] :])
     expected = list(zip(*(column.tolist() for column in hamming.mutual_matches(distance, 32)), strict=True))
-    dut = MutualMatches(bits=32, max_features=32)
+    dut = MutualNearestNeighbours(bits=32, max_features=32)
     # A row a clock, the two reads, and two more clocks until a pair is taken.
     last_pair = expected[-1][0] if expected else 0
     walk_cycles = 2 * RESULT_CYCLES + max(sizes[0], last_pair + 3)

@@ -12,7 +12,7 @@ from amaranth.sim import Simulator
 from golden_model.config import Config, FrontEndConfig, MatcherConfig
 from golden_model.feature.ilbp import ILBP_128, PATTERNS
 from golden_model.records import FRAME_STATUS, MATCH, Cause, Tag, feature_record
-from hdl.matching.match_weigher import FuzzyStage
+from hdl.matching.match_weigher import MatchWeigher
 from hdl.matching.matcher import Matcher
 from hdl.matching.nearest_neighbours import NearestNeighbours
 from sim.golden import matched
@@ -259,4 +259,4 @@ def test_cycles(sizes):
 
 def test_a_rule_base_without_its_window_is_refused():
     with pytest.raises(ValueError, match="rule base 'ilbp' needs the gray window"):
-        FuzzyStage(config=MatcherConfig(rule_base="ilbp"), pattern=ILBP_128, max_features=MAX_FEATURES)
+        MatchWeigher(config=MatcherConfig(rule_base="ilbp"), pattern=ILBP_128, max_features=MAX_FEATURES)
