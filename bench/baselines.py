@@ -11,9 +11,9 @@ from golden_model.arrays import Array
 from golden_model.config import preset_config
 from skymosaic.features.detectors import DETECTORS
 from skymosaic.features.methods import backend_of, choose
+from skymosaic.features.positions import match_points
 from skymosaic.geometry.estimators import MAGSAC_TOLERANCE_PX, magsac
 from skymosaic.geometry.homography import apply
-from skymosaic.registration import match_points
 
 BASELINES = ("sift", "orb", "akaze", "brisk", "freak", "surf", "klt")
 """Names of detectors, with the descriptor that goes with each; FREAK's detector is BRISK's, SURF's descriptor ours."""

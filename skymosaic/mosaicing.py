@@ -11,13 +11,14 @@ from typing import Any
 from golden_model.arrays import Matrix, Pixels
 from golden_model.config import Config, preset_config
 from skymosaic.compositing.blend import METHODS, blend
-from skymosaic.compositing.warp import CANVAS_LIMIT_PX, CanvasError, canvas_of, magnification
+from skymosaic.compositing.warp import CANVAS_LIMIT_PX, CanvasError, canvas_of
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.flight.cache import ResultCache
 from skymosaic.flight.composition import MEMORY_BYTES, compose
 from skymosaic.flight.survey import Flight, survey
 from skymosaic.flight.view import Settings
 from skymosaic.flight.workers import Workers
+from skymosaic.geometry.homography import resize_matrix
 from skymosaic.imagery.key_frames import flight_sources, is_video
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import sources
@@ -173,7 +174,7 @@ def mosaic_of_pair(
     if pair.homography is None:
         raise RegistrationError(f"{pair.left.name} and {pair.right.name} cannot be registered: {pair.reason}")
     start = time.perf_counter()
-    shrink = magnification(scale)
+    shrink = resize_matrix(scale)
     photographs = [pair.left, pair.right]
     transforms = [shrink @ pair.homography, shrink]
     try:

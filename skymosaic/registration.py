@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from golden_model.arrays import Array, Matrix, Pixels, Records
+from golden_model.arrays import Matrix, Pixels, Records
 from golden_model.config import LARGEST_THRESHOLD, Config, preset_config
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.records import Cause
@@ -18,6 +18,7 @@ from sim.backend import Backend, FrameResult, Progress, silent
 from skymosaic.errors import InputError
 from skymosaic.features.guided_matching import refine_pair
 from skymosaic.features.methods import Method, backend_of, choose
+from skymosaic.features.positions import match_points
 from skymosaic.geometry.estimators import ESTIMATORS, FUZZY_RANSAC, estimate
 from skymosaic.geometry.homography import apply
 from skymosaic.geometry.prosac import INLIER_PX, MIN_INLIERS
@@ -25,7 +26,6 @@ from skymosaic.imagery.images import Photograph, load, reduced
 from skymosaic.stopwatch import Stopwatch
 
 WORKING_WIDTH_PX = 1280
-POSITIONS_PER_PX = 16
 
 
 @dataclass(frozen=True)
@@ -252,13 +252,6 @@ def extract_within_capacity(
             return results, config
         raised = dataclasses.replace(config.front_end, threshold=min(2 * threshold, limit))
         config = dataclasses.replace(config, front_end=raised)
-
-
-def match_points(matches: Records) -> tuple[Array, Array]:
-    """Left and right positions of match records in working pixels, shape (N, 2) each."""
-    left = np.stack((matches["left_x"], matches["left_y"]), axis=1) / POSITIONS_PER_PX
-    right = np.stack((matches["right_x"], matches["right_y"]), axis=1) / POSITIONS_PER_PX
-    return left, right
 
 
 def _in_originals(homography: Matrix, to_left: Matrix, to_right: Matrix) -> Matrix:

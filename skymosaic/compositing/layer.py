@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Array, Float32, Mask, Pixels
-from skymosaic.compositing.warp import Canvas, backward, footprint, magnification, source_window, warp_tile
-from skymosaic.geometry.homography import apply
+from skymosaic.compositing.warp import Canvas, backward, footprint, source_window, warp_tile
+from skymosaic.geometry.homography import apply, resize_matrix
 
 SMALLEST_WEIGHT = 1e-3
 """Weight of a pixel on the image's own border: it counts only where no other image shows anything."""
@@ -51,7 +51,7 @@ class SeamMask:
 
     @property
     def _to_mask(self) -> Array:
-        return self.canvas.translation @ magnification(self.scale)
+        return self.canvas.translation @ resize_matrix(self.scale)
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.arrays import Array, Pixels
-from skymosaic.geometry.homography import apply, scaled
+from skymosaic.geometry.homography import apply, resize_matrix, scaled
 
 CANVAS_LIMIT_PX = 250_000_000
 """Default limit of a canvas's area."""
@@ -78,11 +78,6 @@ class Canvas:
             for x in range(0, self.width_px, side_px):
                 width, height = min(side_px, self.width_px - x), min(side_px, self.height_px - y)
                 yield Canvas(self.x_px + x, self.y_px + y, width, height)
-
-
-def magnification(zoom: float) -> Array:
-    """(3, 3): magnifies by ``zoom`` about the corner of pixel (0, 0), so that pixel centres stay at integers."""
-    return np.array([[zoom, 0, (zoom - 1) / 2], [0, zoom, (zoom - 1) / 2], [0, 0, 1]])
 
 
 def canvas_of(
@@ -148,8 +143,7 @@ def shrunk(image: Pixels, transform: Array) -> tuple[Pixels, Array]:
     if factor < 2:
         return image, transform
     small = (width // factor, height // factor)
-    by_x, by_y = width / small[0], height / small[1]
-    enlarge = np.array([[by_x, 0, (by_x - 1) / 2], [0, by_y, (by_y - 1) / 2], [0, 0, 1]])
+    enlarge = resize_matrix(width / small[0], height / small[1])
     return np.asarray(cv2.resize(image, small, interpolation=cv2.INTER_AREA), dtype=np.uint8), transform @ enlarge
 
 

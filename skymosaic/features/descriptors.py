@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from golden_model.arrays import Pixels, Records
 from golden_model.feature import ilbp
 from golden_model.feature.ilbp import PATTERNS, SECTORS
-from golden_model.formats import POSITION, encode_response
+from golden_model.formats import encode_response
 from golden_model.matching.correlation import windows
 from golden_model.pixel.smooth import binomial5
 from golden_model.records import Tag, feature_record
-from skymosaic.features.detectors import POSITIONS_PER_PX, KeyPoints, points_of
+from skymosaic.features.detectors import KeyPoints, points_of
+from skymosaic.features.positions import raw_positions
 
 Bytes = NDArray[np.uint8]
 
@@ -100,7 +101,7 @@ def _records(key_points: KeyPoints, descriptors: Bytes, window: Bytes | None = N
     records = np.zeros(len(key_points), record.dtype)
     records["tag"] = Tag.FEATURE
     records["index"] = np.arange(len(records))
-    records["x"], records["y"] = positions(points_of(key_points)).T
+    records["x"], records["y"] = raw_positions(points_of(key_points)).T
     angle = np.array([point.angle for point in key_points])
     records["sector"] = np.rint(angle * (SECTORS / 360)).astype(int) % SECTORS
     response = np.array([point.response for point in key_points], dtype=np.float64)
@@ -110,9 +111,3 @@ def _records(key_points: KeyPoints, descriptors: Bytes, window: Bytes | None = N
     if window is not None:
         records["window"] = window
     return records
-
-
-def positions(points: NDArray[np.floating]) -> NDArray[np.uint16]:
-    """Points (N, 2) in px as `golden_model.formats.POSITION`, 1/16 px, half up."""
-    raw = np.floor(points * POSITIONS_PER_PX + 0.5)
-    return np.asarray(np.clip(raw, POSITION.min_raw, POSITION.max_raw), dtype=np.uint16)

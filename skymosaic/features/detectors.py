@@ -12,13 +12,12 @@ import numpy as np
 
 from golden_model.arrays import Float32, Pixels, Records
 from golden_model.feature.ilbp import SECTORS
-from golden_model.formats import decode_response
+from golden_model.formats import POSITION, decode_response
 from skymosaic.features import surf
 
 KeyPoints = Sequence[cv2.KeyPoint]
 
 FRONT_END_DETECTORS = ("harris", "fast")
-POSITIONS_PER_PX = 16
 CORNER_SIZE_PX = 7.0
 """Diameter given to Harris and FAST corners, which have no scale: OpenCV's for FAST."""
 
@@ -60,8 +59,8 @@ def from_features(features: Records) -> list[cv2.KeyPoint]:
     return [
         cv2.KeyPoint(x, y, CORNER_SIZE_PX, angle, response)
         for x, y, angle, response in zip(
-            (features["x"] / POSITIONS_PER_PX).tolist(),
-            (features["y"] / POSITIONS_PER_PX).tolist(),
+            (features["x"] / POSITION.one).tolist(),
+            (features["y"] / POSITION.one).tolist(),
             (features["sector"] * (360.0 / SECTORS)).tolist(),
             decode_response(features["response"]).astype(float).tolist(),
             strict=True,

@@ -16,15 +16,15 @@ from golden_model.arrays import Array, Matrix, Pixels, Records
 from golden_model.config import Config, FrontEndConfig
 from golden_model.front_end import extract
 from golden_model.matching.hamming import distances, mutual_matches
+from skymosaic.features.positions import feature_points
 from skymosaic.geometry.homography import DegenerateError, apply
+from skymosaic.geometry.prosac import INLIER_PX
 from skymosaic.geometry.refinement import refine_robustly
 
 GUIDED_RADIUS_PX = 8.0
 WARPED_RADIUS_PX = 4.0
 LARGEST_DISTANCE = 0.34
 """Share of differing bits from which on the rule base calls a distance high."""
-INLIER_PX = 2.0
-POSITIONS_PER_PX = 16
 
 
 def refine_pair(
@@ -69,7 +69,7 @@ def refine_pair(
 
 def _guided_matches(left: Records, right: Records, homography: Matrix, radius_px: float) -> tuple[Array, Array]:
     """Mutual nearest descriptors among the features within ``radius_px`` of where the homography expects them."""
-    left_points, right_points = _points(left), _points(right)
+    left_points, right_points = feature_points(left), feature_points(right)
     bits = 8 * left["descriptor"].shape[1]
     distance = distances(left["descriptor"], right["descriptor"]).astype(np.uint16)
     distance[cdist(apply(homography, left_points), right_points) > radius_px] = bits
@@ -95,10 +95,6 @@ def _well_inside(features: Records, covered: Pixels, border_px: int) -> Records:
     """The features whose whole support the warped image covers."""
     kernel = np.ones((2 * border_px + 1, 2 * border_px + 1), np.uint8)
     interior = cv2.erode(covered, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0)
-    points = np.rint(_points(features)).astype(np.intp)
+    points = np.rint(feature_points(features)).astype(np.intp)
     inside: Records = features[interior[points[:, 1], points[:, 0]] == 255]
     return inside
-
-
-def _points(features: Records) -> Array:
-    return np.stack((features["x"], features["y"]), axis=1) / POSITIONS_PER_PX

@@ -14,8 +14,7 @@ from golden_model.arrays import Array, Float32, Mask, Pixels, Records
 from golden_model.formats import WEIGHT
 from golden_model.matching import correlation, fuzzy
 from golden_model.matching.matcher import paired
-from skymosaic.features.descriptors import positions
-from skymosaic.features.detectors import POSITIONS_PER_PX
+from skymosaic.features.positions import feature_points, raw_positions
 
 RATIO = 0.8
 """A match is distinct if the nearest is closer than this share of the second nearest (equation II-7)."""
@@ -110,7 +109,7 @@ def tracked(left_gray: Pixels, right_gray: Pixels, left: Records, right: Records
     matches : structured ndarray
         ``verdict`` 1 where the feature, tracked back, returns to its place; ``rule`` indexes `TRACKING_RULES`.
     """
-    start = _points(left)
+    start = feature_points(left).astype(np.float32)
     if len(left) == 0:
         return right, paired(left, right, np.zeros(0, np.intp), np.zeros(0, np.intp))
     height, width = right_gray.shape
@@ -120,7 +119,7 @@ def tracked(left_gray: Pixels, right_gray: Pixels, left: Records, right: Records
     inside = found & ((there >= 0) & (there <= (width - 1, height - 1))).all(axis=1)
     index = np.flatnonzero(inside)
     arrived = left[index].copy()
-    arrived["x"], arrived["y"] = positions(there[index]).T
+    arrived["x"], arrived["y"] = raw_positions(there[index]).T
     features = np.concatenate([right, arrived])
     features["index"] = np.arange(len(features))
     matches = paired(left, features, index, len(right) + np.arange(len(index)))
@@ -152,7 +151,3 @@ def _track(before: Pixels, after: Pixels, points: Float32) -> tuple[Float32, Mas
         before, after, points, None, winSize=(TRACKING_WINDOW_PX, TRACKING_WINDOW_PX), maxLevel=TRACKING_LEVELS
     )
     return moved, found[:, 0] == 1
-
-
-def _points(features: Records) -> Float32:
-    return (np.stack((features["x"], features["y"]), axis=1) / POSITIONS_PER_PX).astype(np.float32)

@@ -21,7 +21,6 @@ from skymosaic.compositing.warp import (
     CanvasError,
     canvas_of,
     footprint,
-    magnification,
 )
 from skymosaic.errors import RegistrationError
 from skymosaic.flight.layout import Layout
@@ -29,6 +28,7 @@ from skymosaic.flight.sharpness import BLURRED, sharpness_ratios
 from skymosaic.flight.survey import Flight
 from skymosaic.flight.view import View
 from skymosaic.flight.workers import Workers
+from skymosaic.geometry.homography import resize_matrix
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import DecodedPhotographs, Source
 
@@ -157,7 +157,7 @@ def compose(
         If the canvas would be too large, or a photograph reaches behind the horizon.
     """
     views = [flight.views[member] for member in layout.members]
-    to_reference = magnification(scale) @ flight.views[layout.reference].to_original
+    to_reference = resize_matrix(scale) @ flight.views[layout.reference].to_original
     transforms = [
         to_reference @ layout.transforms[member] @ np.linalg.inv(view.to_original)
         for member, view in zip(layout.members, views, strict=True)
@@ -201,7 +201,7 @@ def _thumbnails(
         layers.append(
             Layer(
                 image=np.asarray(pixels, dtype=np.uint8),
-                transform=magnification(reduction) @ placement.transform @ from_thumbnail,
+                transform=resize_matrix(reduction) @ placement.transform @ from_thumbnail,
                 visible=lens.visible((view.thumbnail.shape[1], view.thumbnail.shape[0])),
                 favour=placement.favour,
             )

@@ -14,11 +14,11 @@ from golden_model.config import Config
 from golden_model.feature.ilbp import SECTORS
 from golden_model.matching.hamming import distances, mutual_matches
 from golden_model.matching.matcher import match
+from skymosaic.features.positions import match_points
 from skymosaic.flight.cache import Arrays
 from skymosaic.flight.view import View
 from skymosaic.geometry.homography import apply
 from skymosaic.geometry.prosac import estimate_homography
-from skymosaic.registration import match_points
 
 TIE_PX = 3.0
 """Matches this close to a pair's homography tie the two views together, in working pixels."""

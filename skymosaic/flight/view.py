@@ -15,6 +15,7 @@ from golden_model.arrays import Array, Pixels, Records
 from golden_model.config import Config
 from golden_model.pixel.gray import to_gray
 from sim.backend import load_backend
+from skymosaic.features.positions import feature_points
 from skymosaic.flight.cache import Arrays, key_of
 from skymosaic.imagery.exif import Position, position
 from skymosaic.imagery.images import reduced
@@ -22,7 +23,6 @@ from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
 from skymosaic.registration import WORKING_WIDTH_PX, extract_within_capacity
 
-POSITIONS_PER_PX = 16
 THUMBNAIL_WIDTH_PX = 320
 MASK_MARGIN_PX = 40
 """Features keep this distance from what is masked, in working pixels: beyond it no descriptor sees the mask."""
@@ -81,7 +81,7 @@ class View:
     @property
     def points(self) -> Array:
         """Positions of the features, (N, 2), working px."""
-        return np.stack((self.features["x"], self.features["y"]), axis=1) / POSITIONS_PER_PX
+        return feature_points(self.features)
 
 
 def unpacked(arrays: Arrays, name: str, key: str) -> View:
@@ -164,6 +164,6 @@ def _on_the_ground(features: Records, visible: Pixels | None) -> Records:
         return features
     kernel = np.ones((2 * MASK_MARGIN_PX + 1, 2 * MASK_MARGIN_PX + 1), np.uint8)
     inside = cv2.erode(visible, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=255)
-    x, y = (np.rint(features[axis] / POSITIONS_PER_PX).astype(np.intp) for axis in ("x", "y"))
+    x, y = np.rint(feature_points(features)).astype(np.intp).T
     kept: Records = features[inside[y, x] == 255]
     return kept

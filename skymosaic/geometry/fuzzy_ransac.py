@@ -15,12 +15,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from golden_model.arrays import Array, Mask
+from golden_model.formats import POSITION
 from golden_model.matching.fuzzy import ONE, Rule, SugenoSystem, Variable
 from skymosaic.geometry.homography import apply
 
 TOLERANCE_PX = 4.0
-STEPS_PER_PX = 16
-"""Errors are compared in 1/16 px, the resolution of feature positions: equal to tau means within half a step."""
 FOURS = 2000
 INLIER_RULES = (0, 1)
 NEAR_RULES = (0, 1, 3, 4)
@@ -47,7 +46,7 @@ class Decision:
 @lru_cache
 def rule_base(tolerance_px: float = TOLERANCE_PX) -> SugenoSystem:
     """The six rules over the bidirectional check (0 or 1) and the error in 1/16 px."""
-    tau = round(tolerance_px * STEPS_PER_PX)
+    tau = round(tolerance_px * POSITION.one)
     steps = np.arange(tau + 2)
     check = {"verified": np.array([0, ONE]), "not verified": np.array([ONE, 0])}
     error = {"less": steps < tau, "equal": steps == tau, "more": steps > tau}
@@ -120,7 +119,10 @@ def decide_by_fours(
 
 
 def _error_steps(H: Array, left: ArrayLike, right: ArrayLike, tolerance_px: float) -> NDArray[np.int64]:
-    """Transfer error in steps, cut at twice tau, where infinite errors end too."""
+    """Transfer error in steps of 1/16 px, limited to twice tau, which infinite errors get too.
+
+    The step is the resolution of feature positions, so "equal to tau" means within half a step of it.
+    """
     error_px = np.linalg.norm(apply(H, left) - np.asarray(right, dtype=np.float64), axis=-1)
     capped = np.minimum(np.nan_to_num(error_px, nan=np.inf), 2 * tolerance_px)
-    return np.asarray(np.rint(capped * STEPS_PER_PX), dtype=np.int64)
+    return np.asarray(np.rint(capped * POSITION.one), dtype=np.int64)

@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from golden_model.arrays import Array
+from golden_model.arrays import Array, Matrix
 
 RANK_TOLERANCE = 1e-10
 """A system whose deciding singular value is smaller, relative to the largest, is degenerate."""
@@ -33,6 +33,16 @@ def scaled(H: Array) -> Array:
     if not np.isfinite(H).all() or abs(H[2, 2]) <= 1e-14 * np.abs(H).max():
         raise DegenerateError("the homography maps the origin to infinity")
     return np.asarray(H / H[2, 2])
+
+
+def resize_matrix(factor_x: float, factor_y: float | None = None) -> Matrix:
+    """The (3, 3) scaling that resizing an image by these factors does to its pixel coordinates.
+
+    ``factor_y`` is ``factor_x`` where it is not given. The outer corner of pixel (0, 0), which lies at (-0.5, -0.5),
+    stays where it is, so that pixel centres are at integers before and after.
+    """
+    factor_y = factor_x if factor_y is None else factor_y
+    return np.array([[factor_x, 0, (factor_x - 1) / 2], [0, factor_y, (factor_y - 1) / 2], [0, 0, 1]])
 
 
 def apply(H: Array, points: ArrayLike) -> Array:

@@ -18,6 +18,7 @@ from PIL import UnidentifiedImageError
 
 from golden_model.arrays import Array, Pixels
 from skymosaic.errors import InputError
+from skymosaic.geometry.homography import resize_matrix
 
 SMALLEST_SIDE_PX = 64
 LARGEST_AREA_PX = 89_000_000
@@ -172,8 +173,7 @@ def reduced(pixels: Pixels, width_px: int) -> tuple[Pixels, Array]:
     if width <= width_px:
         return pixels, np.eye(3)
     size = (width_px, max(round(height * width_px / width), 1))
-    x, y = width / size[0], height / size[1]
-    to_original = np.array([[x, 0, (x - 1) / 2], [0, y, (y - 1) / 2], [0, 0, 1]])
+    to_original = resize_matrix(width / size[0], height / size[1])
     return cv2.resize(pixels, size, interpolation=cv2.INTER_AREA).astype(np.uint8, copy=False), to_original
 
 

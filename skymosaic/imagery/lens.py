@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from golden_model.arrays import Array, Pixels
 from skymosaic.errors import InputError
+from skymosaic.geometry.homography import resize_matrix
 from skymosaic.imagery.images import load
 
 _REQUIRED = ("width_px", "height_px", "focal_x_px", "focal_y_px", "centre_x_px", "centre_y_px")
@@ -69,9 +70,8 @@ class Lens:
     def _maps(self, size: tuple[int, int]) -> tuple[NDArray[np.generic], NDArray[np.generic]]:
         assert self.size is not None
         assert self.matrix is not None
-        # Pixel centres are at integers: the outer corner of the first pixel, which scaling keeps, is at -0.5.
-        x, y = size[0] / self.size[0], size[1] / self.size[1]
-        scaled = np.array([[x, 0, (x - 1) / 2], [0, y, (y - 1) / 2], [0, 0, 1]]) @ self.matrix
+        # The photograph may be smaller than the calibration images: its camera matrix is resized with it.
+        scaled = resize_matrix(size[0] / self.size[0], size[1] / self.size[1]) @ self.matrix
         first, second = cv2.initUndistortRectifyMap(scaled, self.distortion, None, scaled, size, cv2.CV_16SC2)
         return first, second
 

@@ -16,10 +16,10 @@ import numpy as np
 from golden_model.arrays import Array, Pixels, Records
 from golden_model.config import Config
 from sim.backend import load_backend
-from skymosaic.compositing.warp import CANVAS_LIMIT_PX, Canvas, CanvasError, magnification
+from skymosaic.compositing.warp import CANVAS_LIMIT_PX, Canvas, CanvasError
 from skymosaic.errors import InputError
 from skymosaic.flight.links import FEWEST_VOTES, PairEstimator, votes
-from skymosaic.geometry.homography import apply, estimate
+from skymosaic.geometry.homography import apply, estimate, resize_matrix
 from skymosaic.imagery.images import reduced
 from skymosaic.live.submap import Frame, Island, Placement
 from skymosaic.registration import WORKING_WIDTH_PX, extract_within_capacity
@@ -163,7 +163,7 @@ class LiveMosaic:
             results, _ = extract_within_capacity(self._front_end, [working], self._config)
             features = results[0].features
         size = working.shape[1], working.shape[0]
-        return Frame(len(self._reasons), size, features, to_original, magnification(self._scale) @ to_original)
+        return Frame(len(self._reasons), size, features, to_original, resize_matrix(self._scale) @ to_original)
 
     def _found(self, frame: Frame, islands: list[Island]) -> tuple[Island, Placement] | None:
         """An island that shows some of what the frame shows, and where the frame lies in it."""

@@ -9,10 +9,11 @@ import numpy as np
 
 from golden_model.arrays import Array, Records
 from golden_model.feature.ilbp import SECTORS
+from golden_model.formats import POSITION
 from golden_model.matching.fuzzy import ONE
+from skymosaic.features.positions import match_points
 from skymosaic.panel.explain import Input
 from skymosaic.panel.results import PairView
-from skymosaic.registration import POSITIONS_PER_PX, match_points
 
 GAP_PX = 12
 """Between the left and the right picture."""
@@ -25,7 +26,7 @@ _SET_CLASSES = ("first", "second", "third")
 
 def corners(features: Records, offset_px: int) -> str:
     """A dot and a tick along the orientation for each feature; one path a level, so that thousands draw quickly."""
-    x, y = features["x"] / POSITIONS_PER_PX + offset_px, features["y"] / POSITIONS_PER_PX
+    x, y = features["x"] / POSITION.one + offset_px, features["y"] / POSITION.one
     angle = features["sector"] * (2 * math.pi / SECTORS)
     parts = []
     for level in (0, 1):

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from golden_model.feature.ilbp import PATTERNS, SECTORS
+from golden_model.formats import POSITION
 from golden_model.matching import correlation, fuzzy
 from golden_model.matching.fuzzy import ONE, SugenoSystem, Variable
 from golden_model.matching.matcher import circular_distance
 from skymosaic.features.descriptors import WINDOWS_PX
 from skymosaic.geometry.prosac import INLIER_PX
 from skymosaic.panel.results import PairView
-from skymosaic.registration import POSITIONS_PER_PX
 
 HIGHEST_WEIGHT = 256
 _DEGREES_A_SECTOR = 360 / SECTORS
@@ -119,7 +119,7 @@ def _judge(view: PairView, index: int) -> tuple[SugenoSystem, tuple[int, ...]] |
 
 def _facts(view: PairView, index: int) -> tuple[tuple[str, str], ...]:
     match = view.matches[index]
-    places = [f"{match[f'{side}_x'] / POSITIONS_PER_PX:.2f}, {match[f'{side}_y'] / POSITIONS_PER_PX:.2f}"
+    places = [f"{match[f'{side}_x'] / POSITION.one:.2f}, {match[f'{side}_y'] / POSITION.one:.2f}"
               for side in ("left", "right")]  # fmt: skip
     facts = [("left x, y", places[0]), ("right x, y", places[1])]
     pattern = PATTERNS.get(view.method.descriptor)

@@ -16,7 +16,7 @@ import numpy as np
 
 from golden_model.arrays import Array, Pixels
 from golden_model.config import to_toml
-from golden_model.formats import decode_response
+from golden_model.formats import POSITION, decode_response
 from sim.backend import Progress
 from skymosaic.errors import RegistrationError
 from skymosaic.evaluation.hardware import compare
@@ -34,7 +34,7 @@ from skymosaic.mosaicing import FLIGHT_BLENDING, PAIR_BLENDING, check_linked, mo
 from skymosaic.panel.explain import verdicts
 from skymosaic.panel.options import AUTOMATIC, Choices
 from skymosaic.panel.results import HardwareOutcome, LinkView, MosaicOutcome, PairView, ShownMosaic, Size
-from skymosaic.registration import POSITIONS_PER_PX, WORKING_WIDTH_PX, Pair, register
+from skymosaic.registration import WORKING_WIDTH_PX, Pair, register
 from skymosaic.reports import pair as pair_report
 from skymosaic.reports.flight import write_flight_report
 
@@ -204,7 +204,7 @@ def _write(texts: dict[str, str]) -> None:
 def _corners_table(view: PairView) -> str:
     """The corners of both images as CSV, in working pixels."""
     rows = [
-        (name, corner["x"] / POSITIONS_PER_PX, corner["y"] / POSITIONS_PER_PX, corner["level"], corner["sector"],
+        (name, corner["x"] / POSITION.one, corner["y"] / POSITION.one, corner["level"], corner["sector"],
          decode_response(corner["response"]))
         for name, features in zip(view.names, view.features, strict=True)
         for corner in features
@@ -218,7 +218,7 @@ def _matches_table(view: PairView) -> str:
     names = ("left_x", "left_y", "right_x", "right_y", "distance", "margin", "weight", "rule")
     rows = [
         (
-            *(match[name] / POSITIONS_PER_PX for name in names[:4]),
+            *(match[name] / POSITION.one for name in names[:4]),
             *(match[name] for name in names[4:]),
             verdict,
             f"{distance:.3f}",

@@ -15,9 +15,10 @@ from skymosaic.evaluation.hardware import Comparison
 from skymosaic.features.descriptors import WINDOWS_PX
 from skymosaic.features.matchers import GOOD_MATCH_ABOVE
 from skymosaic.features.methods import Method
+from skymosaic.features.positions import match_points
 from skymosaic.geometry.homography import apply
 from skymosaic.panel.options import Choices
-from skymosaic.registration import Pair, match_points
+from skymosaic.registration import Pair
 from skymosaic.tracking.output import TrackedCorners
 
 Size = tuple[int, int]

@@ -9,7 +9,9 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Array, Pixels, Records
-from skymosaic.registration import POSITIONS_PER_PX, Pair, match_points
+from golden_model.formats import POSITION
+from skymosaic.features.positions import match_points
+from skymosaic.registration import Pair
 
 Color = tuple[int, int, int]
 LEVEL_COLORS: tuple[Color, ...] = ((60, 220, 255), (255, 170, 60))
@@ -63,7 +65,7 @@ def _match_panel(pair: Pair, shown: Records, ringed: Records, title: str, rule_n
     panel = np.full((height, left.shape[1] + _PANEL_GAP_PX + right.shape[1], 3), 24, np.uint8)
     panel[: left.shape[0], : left.shape[1]] = left
     panel[: right.shape[0], _right_offset(pair) :] = right
-    shift = _right_offset(pair) * POSITIONS_PER_PX
+    shift = _right_offset(pair) * POSITION.one
     for match in shown:
         start = (int(match["left_x"]), int(match["left_y"]))
         end = (int(match["right_x"]) + shift, int(match["right_y"]))

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from golden_model.feature.ilbp import PATTERNS
+from golden_model.formats import POSITION
 from golden_model.matching import correlation, fuzzy
 from golden_model.matching.fuzzy import SugenoSystem
 from skymosaic.geometry import fuzzy_ransac
@@ -74,7 +75,7 @@ PORTRAITS = {
     "ransac": Portrait(
         "Fuzzy RANSAC (Table III-3)",
         fuzzy_ransac.rule_base,
-        (Axis("bidirectional check (1: verified)"), Axis("error, px", fuzzy_ransac.STEPS_PER_PX)),
+        (Axis("bidirectional check (1: verified)"), Axis("error, px", POSITION.one)),
         surface=(1, 0),
     ),
     "aerial": Portrait(

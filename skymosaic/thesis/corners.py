@@ -9,17 +9,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from golden_model.arrays import Array, Pixels, Records
+from golden_model.arrays import Pixels, Records
 from golden_model.config import LARGEST_THRESHOLD, PRESETS, FrontEndConfig
 from golden_model.formats import decode_response
 from golden_model.front_end import extract, trace
 from skymosaic.evaluation.metrics import correct_matches, repeatability
 from skymosaic.features.descriptors import describe
-from skymosaic.features.detectors import POSITIONS_PER_PX, from_features
+from skymosaic.features.detectors import from_features
 from skymosaic.features.matchers import correlation_matches
+from skymosaic.features.positions import feature_points, match_points
 from skymosaic.geometry.estimators import ransac
 from skymosaic.geometry.fuzzy_ransac import TOLERANCE_PX
-from skymosaic.registration import match_points
 from skymosaic.thesis.dataset import Specimen
 from skymosaic.thesis.measurements import Line
 
@@ -55,11 +55,6 @@ def responses(image: Pixels) -> NDArray[np.int32]:
     return decode_response(candidates[candidates > 0])
 
 
-def points(features: Records) -> Array:
-    """Positions (N, 2) of feature records, px."""
-    return np.stack((features["x"], features["y"]), axis=1) / POSITIONS_PER_PX
-
-
 def by_threshold(specimen: Specimen) -> Iterator[Line]:
     """For Table IV-1: corners of both images above each of `THRESHOLDS`."""
     found = [responses(gray) for gray in specimen.grays]
@@ -72,7 +67,7 @@ def by_quality(specimen: Specimen) -> Iterator[Line]:
     """The adaptive threshold where it begins and where it ends, with what became of number and repeatability."""
     rounds = raised_threshold(specimen.grays)
     for setting, last in (("lowest threshold", rounds[0]), ("threshold reached", rounds[-1])):
-        left, right = map(points, last.features)
+        left, right = map(feature_points, last.features)
         yield (
             "adaptive",
             setting,

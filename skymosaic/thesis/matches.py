@@ -16,8 +16,8 @@ from skymosaic.evaluation.metrics import confusion, correct_matches, grid_error
 from skymosaic.features.descriptors import WINDOWS_PX, describe
 from skymosaic.features.detectors import from_features
 from skymosaic.features.matchers import correlation_matches
+from skymosaic.features.positions import match_points
 from skymosaic.geometry.estimators import ransac
-from skymosaic.registration import match_points
 from skymosaic.thesis import published
 from skymosaic.thesis.corners import strongest
 from skymosaic.thesis.dataset import Specimen

@@ -11,8 +11,9 @@ from golden_model.arrays import Array, Points
 from golden_model.config import PRESETS, MatcherConfig
 from skymosaic.evaluation.metrics import grid_error, rmse
 from skymosaic.features.methods import HostBackend, choose
+from skymosaic.features.positions import match_points
 from skymosaic.geometry import estimators, fuzzy_ransac
-from skymosaic.registration import match_points, register
+from skymosaic.registration import register
 from skymosaic.thesis.dataset import Specimen
 from skymosaic.thesis.matches import filtered, is_registered
 from skymosaic.thesis.measurements import Line

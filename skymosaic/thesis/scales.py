@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from golden_model.arrays import Pixels
 from skymosaic.evaluation.metrics import repeatability
 from skymosaic.features.detectors import detect, once_a_place, points_of
-from skymosaic.thesis.corners import CORNERS, points, strongest
+from skymosaic.features.positions import feature_points
+from skymosaic.geometry.homography import resize_matrix
+from skymosaic.thesis.corners import CORNERS, strongest
 from skymosaic.thesis.dataset import Specimen
 from skymosaic.thesis.measurements import Line
 
@@ -27,7 +29,7 @@ def _sift(gray: Pixels, count: int) -> NDArray[np.floating]:
 
 
 def _harris(gray: Pixels, count: int) -> NDArray[np.floating]:
-    return points(strongest(gray, count))
+    return feature_points(strongest(gray, count))
 
 
 FINDERS: dict[str, Callable[[Pixels, int], NDArray[np.floating]]] = {"SIFT": _sift, "Harris": _harris}
@@ -47,9 +49,7 @@ def by_reduction(specimen: Specimen) -> Iterator[Line]:
             size = round(width / reduction), round(height / reduction)
             reduced = cv2.resize(gray, size, interpolation=cv2.INTER_AREA).astype(np.uint8, copy=False)
             found = find(reduced, round(CORNERS / reduction**2))
-            # Pixel centres are at integers, so the corners of the pictures, not their first pixels, coincide.
-            x, y = width / size[0], height / size[1]
-            enlarge = np.array([[x, 0, (x - 1) / 2], [0, y, (y - 1) / 2], [0, 0, 1]])
+            enlarge = resize_matrix(width / size[0], height / size[1])
             again, chance = (
                 repeatability(found + shift_px, full, enlarge, (width, height), tolerance_px=TOLERANCE_PX * reduction)
                 for shift_px in (0.0, CHANCE_SHIFT_PX)

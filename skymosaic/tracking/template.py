@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from golden_model.arrays import Array, Pixels
 from golden_model.config import Config
 from sim.backend import Backend
-from skymosaic.compositing.warp import Canvas, backward, magnification, shrunk
-from skymosaic.geometry.homography import apply
+from skymosaic.compositing.warp import Canvas, backward, shrunk
+from skymosaic.features.positions import feature_points, match_points
+from skymosaic.geometry.homography import apply, resize_matrix
 from skymosaic.geometry.model_selection import TOLERANCE_PX, fit, similarity
-from skymosaic.registration import POSITIONS_PER_PX, match_points
 
 SMALLEST_SIDE_PX = 128
 LARGEST_SIDE_PX = 256
@@ -97,7 +97,7 @@ class Template:
         A rectangle drawn around an object shows the object in its middle and more and more of the ground outwards.
         """
         features = self.front_end.run([self._reference], self.config)[0].features
-        points = np.stack((features["x"], features["y"]), axis=1) / POSITIONS_PER_PX
+        points = feature_points(features)
         first, last = apply(self._to_view, self.corners)[[0, 2]]
         from_middle = (2 * points - first - last) / (last - first)
         inside = (np.abs(from_middle) <= 1).all(axis=1)
@@ -134,7 +134,7 @@ class Template:
 
         It takes ``fewest`` inliers of a similarity; chance finds up to 3.
         """
-        magnified = magnification(zoom)
+        magnified = resize_matrix(zoom)
         index, left, right = self._matches(warped(frame, magnified, part))
         trusted = weight[index] > 0
         found = similarity(left[trusted], right[trusted], weight[index[trusted]], fewest=fewest)
@@ -146,7 +146,7 @@ class Template:
     @cached_property
     def _to_view(self) -> Array:
         """Template pixels to view pixels, (3, 3)."""
-        return np.array([[1.0, 0, MARGIN_PX], [0, 1, MARGIN_PX], [0, 0, 1]]) @ magnification(self.zoom)
+        return np.array([[1.0, 0, MARGIN_PX], [0, 1, MARGIN_PX], [0, 0, 1]]) @ resize_matrix(self.zoom)
 
     @cached_property
     def _reference(self) -> Pixels:

@@ -16,8 +16,9 @@ from skymosaic.evaluation.metrics import correct_matches
 from skymosaic.features.descriptors import DESCRIPTORS, WINDOWS_PX, describe
 from skymosaic.features.detectors import DETECTORS, FRONT_END_DETECTORS, detect, from_features, once_a_place, points_of
 from skymosaic.features.methods import HostBackend, Method, backend_of, choose
+from skymosaic.features.positions import match_points
 from skymosaic.geometry.homography import apply
-from skymosaic.registration import match_points, register
+from skymosaic.registration import register
 
 FLIGHT = rendered_pair(seed=1)
 SOME_DESCRIPTORS = ("ilbp-128", "thesis-ilbp-4", "window-10", "sift", "orb", "brisk", "freak", "klt")
