@@ -89,7 +89,7 @@ def grow(mosaic: LiveMosaic, frames: Iterable[Photograph], preview: Path) -> Non
 def _what_became(update: LiveUpdate) -> str:
     if update.reason:
         return f"left out: {update.reason}"
-    parts = f"; {update.islands} separate parts" if update.islands > 1 else ""
+    parts = f"; {update.submaps} separate parts" if update.submaps > 1 else ""
     if update.placement is None:
         return f"begins a part{parts}"
     neighbours = ", ".join(map(str, update.placement.neighbours))

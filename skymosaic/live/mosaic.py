@@ -2,7 +2,7 @@
 
 Of past frames only the features are kept. A new frame is registered against several of those it overlaps, not the
 last one only, so that parallel legs of a flight hold each other. Now and then all frames are laid out anew, and what
-was painted moves along. Frames that show nothing known begin an island of their own, which joins the others once a
+was painted moves along. Frames that show nothing known begin a submap of their own, which joins the others once a
 frame shows both.
 """
 
@@ -21,14 +21,14 @@ from skymosaic.errors import InputError
 from skymosaic.flight.links import FEWEST_VOTES, PairEstimator, votes
 from skymosaic.geometry.homography import apply, estimate, resize_matrix
 from skymosaic.imagery.images import reduced
-from skymosaic.live.submap import Frame, Island, Placement
+from skymosaic.live.submap import Frame, Placement, Submap
 from skymosaic.registration import WORKING_WIDTH_PX, extract_within_capacity
 
 LATEST = 3
 MOST_ALIKE = 4
 """Placed frames that a new one is tried with: the latest ones, then those with the most similar features."""
 FEWEST_FEATURES = 50
-"""A frame with fewer does not begin an island."""
+"""A frame with fewer does not begin a submap."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,23 +40,23 @@ class LiveUpdate:
     number : int
         Of the frame, from 0.
     placement : Placement or None
-        Where it was registered and against which frames; None where it begins an island or was left out.
+        Where it was registered and against which frames; None where it begins a submap or was left out.
     reason : str
         Why it was left out; empty where it was painted.
-    islands : int
+    submaps : int
         Separate parts of the mosaic after this frame.
     """
 
     number: int
     placement: Placement | None
     reason: str
-    islands: int
+    submaps: int
 
 
 class LiveMosaic:
     """Places frames as they come and paints them.
 
-    The mosaic is the island with the most frames. Its reference frame is that of its first frame, but for the tilt,
+    The mosaic is the submap with the most frames. Its reference frame is that of its first frame, but for the tilt,
     with pixels multiplied by ``scale``.
 
     Parameters
@@ -98,7 +98,7 @@ class LiveMosaic:
         self._working_width_px = working_width_px
         self._scale = scale
         self._canvas_limit_px = canvas_limit_px
-        self._islands: list[Island] = []
+        self._submaps: list[Submap] = []
         self._reasons: list[str] = []
 
     @property
@@ -131,31 +131,31 @@ class LiveMosaic:
         frame = self._described(pixels, features)
         placement, reason = None, ""
         try:
-            found = self._found(frame, self._islands)
+            found = self._found(frame, self._submaps)
             if found is not None:
-                island, placement = found
-                island.add(frame.moved(placement.transform), pixels)
-                self._join(island, frame.moved(placement.transform)).settle()
+                submap, placement = found
+                submap.add(frame.moved(placement.transform), pixels)
+                self._join(submap, frame.moved(placement.transform)).settle()
             elif len(frame.features) >= FEWEST_FEATURES:
-                island = Island(self._estimator, self._canvas_limit_px)
-                island.add(frame, pixels)
-                self._islands.append(island)
+                submap = Submap(self._estimator, self._canvas_limit_px)
+                submap.add(frame, pixels)
+                self._submaps.append(submap)
             else:
                 reason = f"too few features (flat or blurred?): {len(frame.features)}, {FEWEST_FEATURES} needed"
         except CanvasError as error:
             reason = str(error)
         self._reasons.append(reason)
-        return LiveUpdate(frame.number, placement, reason, len(self._islands))
+        return LiveUpdate(frame.number, placement, reason, len(self._submaps))
 
     def finish(self) -> None:
         """Lay out the mosaic once more, when no frame will follow."""
         self._mosaic.settle(at_last=True)
 
     @property
-    def _mosaic(self) -> Island:
-        """The island with the most frames; an empty one before the first frame."""
-        empty = Island(self._estimator, self._canvas_limit_px)
-        return max(self._islands, key=lambda island: len(island.frames), default=empty)
+    def _mosaic(self) -> Submap:
+        """The submap with the most frames; an empty one before the first frame."""
+        empty = Submap(self._estimator, self._canvas_limit_px)
+        return max(self._submaps, key=lambda submap: len(submap.frames), default=empty)
 
     def _described(self, pixels: Pixels, features: Records | None) -> Frame:
         working, to_original = reduced(pixels, self._working_width_px)
@@ -165,18 +165,18 @@ class LiveMosaic:
         size = working.shape[1], working.shape[0]
         return Frame(len(self._reasons), size, features, to_original, resize_matrix(self._scale) @ to_original)
 
-    def _found(self, frame: Frame, islands: list[Island]) -> tuple[Island, Placement] | None:
-        """An island that shows some of what the frame shows, and where the frame lies in it."""
-        for island, other in self._candidates(frame, islands):
-            tied = island.tied(other, frame)
-            placement = tied and island.place(frame, tied)
+    def _found(self, frame: Frame, submaps: list[Submap]) -> tuple[Submap, Placement] | None:
+        """A submap that shows some of what the frame shows, and where the frame lies in it."""
+        for submap, other in self._candidates(frame, submaps):
+            tied = submap.tied(other, frame)
+            placement = tied and submap.place(frame, tied)
             if placement:
-                return island, placement
+                return submap, placement
         return None
 
-    def _candidates(self, frame: Frame, islands: list[Island]) -> Iterator[tuple[Island, Frame]]:
+    def _candidates(self, frame: Frame, submaps: list[Submap]) -> Iterator[tuple[Submap, Frame]]:
         """Placed frames, the likeliest first: the latest, then those that resemble the new one."""
-        placed = [(island, other) for island in islands for other in island.frames]
+        placed = [(submap, other) for submap in submaps for other in submap.frames]
         placed.sort(key=lambda pair: -pair[1].number)
         yield from placed[:LATEST]
         older = placed[LATEST:]
@@ -185,18 +185,18 @@ class LiveMosaic:
             if resembling[index] >= FEWEST_VOTES:
                 yield older[index]
 
-    def _join(self, island: Island, frame: Frame) -> Island:
-        """Unite an island with another one that its newest frame shows too; raises CanvasError as `Island.add`."""
-        found = self._found(frame, [other for other in self._islands if other is not island])
+    def _join(self, submap: Submap, frame: Frame) -> Submap:
+        """Unite a submap with another one that its newest frame shows too; raises CanvasError as `Submap.add`."""
+        found = self._found(frame, [other for other in self._submaps if other is not submap])
         if found is None:
-            return island
+            return submap
         other, placement = found
         corners = Canvas(0, 0, *frame.size).corners
         here, there = apply(frame.transform, corners), apply(placement.transform, corners)
-        if len(other.frames) >= len(island.frames):
-            other.absorb(island, estimate(here, there, model="similarity"))
-            self._islands.remove(island)
+        if len(other.frames) >= len(submap.frames):
+            other.absorb(submap, estimate(here, there, model="similarity"))
+            self._submaps.remove(submap)
             return other
-        island.absorb(other, estimate(there, here, model="similarity"))
-        self._islands.remove(other)
-        return island
+        submap.absorb(other, estimate(there, here, model="similarity"))
+        self._submaps.remove(other)
+        return submap

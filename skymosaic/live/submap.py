@@ -24,7 +24,7 @@ MOST_NEIGHBOURS = 4
 LEAST_USE = 0.1
 """Placed frames that a new one is registered against, and the least share of it that each adds to the others."""
 GROWTH = 2
-"""An island is laid out anew when it has so many times the frames it had the last time."""
+"""A submap is laid out anew when it has so many times the frames it had the last time."""
 WORTH_MOVING_PX = 1.0
 """What is painted is moved if a frame's corner goes farther, in pixels of the reference frame."""
 LEVELLING = (0.2, 0.1, 0.05)
@@ -47,7 +47,7 @@ class Frame:
     to_original : ndarray of float64, shape (3, 3)
         Working pixels to the frame's own.
     transform : ndarray of float64, shape (3, 3)
-        Working pixels to the island's reference frame.
+        Working pixels to the submap's reference frame.
     """
 
     number: int
@@ -112,7 +112,7 @@ class Placement(NamedTuple):
     error_px: float
 
 
-class Island:
+class Submap:
     """Frames in one reference frame, and what they show.
 
     Each time their number has doubled, all frames are laid out anew, and what is painted moves along.
@@ -163,8 +163,8 @@ class Island:
         self.canvas.paint(pixels, frame.from_original, frame.number)
         self.frames.append(frame)
 
-    def absorb(self, other: Island, to_this: Array) -> None:
-        """Take over all that another island holds, moved by ``to_this``; raises as `add` does."""
+    def absorb(self, other: Submap, to_this: Array) -> None:
+        """Take over all that another submap holds, moved by ``to_this``; raises as `add` does."""
         self.canvas.take_over(other.canvas, {frame.number: to_this for frame in other.frames}, matching=True)
         moved = [frame.moved(scaled(to_this @ frame.transform)) for frame in other.frames]
         self.frames = sorted([*self.frames, *moved], key=lambda frame: frame.number)

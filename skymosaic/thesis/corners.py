@@ -20,7 +20,7 @@ from skymosaic.features.matchers import correlation_matches
 from skymosaic.features.positions import feature_points, match_points
 from skymosaic.geometry.estimators import ransac
 from skymosaic.geometry.fuzzy_ransac import TOLERANCE_PX
-from skymosaic.thesis.dataset import Specimen
+from skymosaic.thesis.dataset import DatasetPair
 from skymosaic.thesis.measurements import Line
 
 CORNERS = 300
@@ -55,17 +55,17 @@ def responses(image: Pixels) -> NDArray[np.int32]:
     return decode_response(candidates[candidates > 0])
 
 
-def by_threshold(specimen: Specimen) -> Iterator[Line]:
+def by_threshold(pair: DatasetPair) -> Iterator[Line]:
     """For Table IV-1: corners of both images above each of `THRESHOLDS`."""
-    found = [responses(gray) for gray in specimen.grays]
+    found = [responses(gray) for gray in pair.grays]
     for threshold in THRESHOLDS:
         left, right = (int(np.count_nonzero(each >= threshold)) for each in found)
         yield "IV-1", str(threshold), {"left": left, "right": right}
 
 
-def by_quality(specimen: Specimen) -> Iterator[Line]:
+def by_quality(pair: DatasetPair) -> Iterator[Line]:
     """The adaptive threshold where it begins and where it ends, with what became of number and repeatability."""
-    rounds = raised_threshold(specimen.grays)
+    rounds = raised_threshold(pair.grays)
     for setting, last in (("lowest threshold", rounds[0]), ("threshold reached", rounds[-1])):
         left, right = map(feature_points, last.features)
         yield (
@@ -76,7 +76,7 @@ def by_quality(specimen: Specimen) -> Iterator[Line]:
                 "left": len(left),
                 "right": len(right),
                 "quality": last.quality,
-                "repeatability": repeatability(left, right, specimen.truth, specimen.sizes[1]),
+                "repeatability": repeatability(left, right, pair.truth, pair.sizes[1]),
             },
         )
 
@@ -121,9 +121,9 @@ def _quality(grays: tuple[Pixels, Pixels], features: tuple[Records, Records]) ->
     left, right = (
         describe(gray, from_features(found), QUALITY_WINDOW) for gray, found in zip(grays, features, strict=True)
     )
-    pairs = match_points(correlation_matches(left, right))
-    H = ransac(*pairs)
-    return 0.0 if H is None else float(np.mean(correct_matches(*pairs, H, tolerance_px=TOLERANCE_PX)))
+    points = match_points(correlation_matches(left, right))
+    H = ransac(*points)
+    return 0.0 if H is None else float(np.mean(correct_matches(*points, H, tolerance_px=TOLERANCE_PX)))
 
 
 def _front_end(threshold: int, descriptor: str = FRONT_END.descriptor) -> FrontEndConfig:

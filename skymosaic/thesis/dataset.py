@@ -25,8 +25,8 @@ RENDERED_SEED = 4
 
 
 @dataclass(frozen=True, eq=False)
-class Specimen:
-    """A pair of images to experiment on.
+class DatasetPair:
+    """A pair of images with the known homography between them.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class Specimen:
         return left, right
 
 
-Source = Callable[[], Specimen]
+Source = Callable[[], DatasetPair]
 """Loads or renders a pair when it is its turn."""
 
 
@@ -83,14 +83,14 @@ def sources(data: Path | None) -> Sequence[Source]:
     return [partial(_rendered, flight, index) for index in range(RENDERED_IMAGES - 1)]
 
 
-def _photographs(pair: KnownPair) -> Specimen:
+def _photographs(pair: KnownPair) -> DatasetPair:
     left, right = (reduced(load(path).pixels, WORKING_WIDTH_PX) for path in (pair.left, pair.right))
     truth = np.linalg.inv(right[1]) @ pair.truth @ left[1]
-    return Specimen(pair.name, pair.group, left[0], right[0], truth / truth[2, 2])
+    return DatasetPair(pair.name, pair.group, left[0], right[0], truth / truth[2, 2])
 
 
-def _rendered(flight: Flight, index: int) -> Specimen:
+def _rendered(flight: Flight, index: int) -> DatasetPair:
     left, right = flight.images[index], flight.images[index + 1]
     turn_deg = abs(flight.poses[index + 1].heading_deg - flight.poses[index].heading_deg)
     group = "along a leg" if turn_deg < 90 else "turned round"
-    return Specimen(f"rendered {index}-{index + 1}", group, left, right, flight.homography_between(index, index + 1))
+    return DatasetPair(f"rendered {index}-{index + 1}", group, left, right, flight.homography_between(index, index + 1))

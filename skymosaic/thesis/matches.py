@@ -20,7 +20,7 @@ from skymosaic.features.positions import match_points
 from skymosaic.geometry.estimators import ransac
 from skymosaic.thesis import published
 from skymosaic.thesis.corners import strongest
-from skymosaic.thesis.dataset import Specimen
+from skymosaic.thesis.dataset import DatasetPair
 from skymosaic.thesis.measurements import Line
 
 FUZZY_ILBP = MatcherConfig(rule_base="ilbp", keep_above=127)
@@ -28,46 +28,46 @@ REGISTERED_PX = 5.0
 """A pair counts as registered if the mean error over the overlap is smaller."""
 
 
-def by_window(specimen: Specimen) -> Iterator[Line]:
+def by_window(pair: DatasetPair) -> Iterator[Line]:
     """Table IV-2: mutual SAD matches of windows of each size, and what fuzzy correlation keeps of them.
 
     The time is that of cutting the windows and of the golden model's best SAD match for each left one.
     """
-    key_points = [from_features(strongest(gray)) for gray in specimen.grays]
+    key_points = [from_features(strongest(gray)) for gray in pair.grays]
     for name, size_px in WINDOWS_PX.items():
         start = time.perf_counter()
-        left, right = (describe(gray, found, name) for gray, found in zip(specimen.grays, key_points, strict=True))
+        left, right = (describe(gray, found, name) for gray, found in zip(pair.grays, key_points, strict=True))
         best_matches(left["descriptor"], right["descriptor"], "sad")
         seconds = time.perf_counter() - start
         matches = correlation_matches(left, right)
-        yield "IV-2", str(size_px), _counted(specimen, matches, seconds)
-        yield filtered(f"fuzzy correlation, {size_px}x{size_px}", specimen, match_points(matches), _kept(matches))
+        yield "IV-2", str(size_px), _counted(pair, matches, seconds)
+        yield filtered(f"fuzzy correlation, {size_px}x{size_px}", pair, match_points(matches), _kept(matches))
 
 
-def by_rings(specimen: Specimen) -> Iterator[Line]:
+def by_rings(pair: DatasetPair) -> Iterator[Line]:
     """Table IV-3: mutual Hamming matches of the ILBP of each length, and what fuzzy ILBP keeps of them."""
     for rings in published.ILBP:
         name = f"thesis-ilbp-{rings}"
-        features = [strongest(gray, descriptor=name) for gray in specimen.grays]
+        features = [strongest(gray, descriptor=name) for gray in pair.grays]
         start = time.perf_counter()
         matches = match(features[0], features[1], PATTERNS[name], FUZZY_ILBP)
         seconds = time.perf_counter() - start
-        yield "IV-3", str(rings), _counted(specimen, matches, seconds)
-        yield filtered(f"fuzzy ILBP, N = {rings}", specimen, match_points(matches), _kept(matches))
+        yield "IV-3", str(rings), _counted(pair, matches, seconds)
+        yield filtered(f"fuzzy ILBP, N = {rings}", pair, match_points(matches), _kept(matches))
 
 
 def _kept(matches: Records) -> Mask:
     return np.asarray(matches["verdict"] == 1)
 
 
-def _counted(specimen: Specimen, matches: Records, seconds: float) -> dict[str, float]:
-    good = correct_matches(*match_points(matches), specimen.truth)
+def _counted(pair: DatasetPair, matches: Records, seconds: float) -> dict[str, float]:
+    good = correct_matches(*match_points(matches), pair.truth)
     return {"matches": len(matches), "good": int(good.sum()), "seconds": seconds}
 
 
-def filtered(stage: str, specimen: Specimen, pairs: tuple[Points, Points], kept: Mask) -> Line:
+def filtered(stage: str, pair: DatasetPair, points: tuple[Points, Points], kept: Mask) -> Line:
     """What a fuzzy stage made of matches, and whether RANSAC registers the pair with all of them and with the kept."""
-    counts = confusion(kept, correct_matches(*pairs, specimen.truth))
+    counts = confusion(kept, correct_matches(*points, pair.truth))
     return (
         "stages",
         stage,
@@ -76,12 +76,12 @@ def filtered(stage: str, specimen: Specimen, pairs: tuple[Points, Points], kept:
             "FP": counts.false_positives,
             "TN": counts.true_negatives,
             "FN": counts.false_negatives,
-            "registered before": is_registered(ransac(*pairs), specimen),
-            "registered after": is_registered(ransac(pairs[0][kept], pairs[1][kept]), specimen),
+            "registered before": is_registered(ransac(*points), pair),
+            "registered after": is_registered(ransac(points[0][kept], points[1][kept]), pair),
         },
     )
 
 
-def is_registered(H: Array | None, specimen: Specimen) -> bool:
+def is_registered(H: Array | None, pair: DatasetPair) -> bool:
     """Whether the mean error over the overlap is small."""
-    return grid_error(H, specimen.truth, *specimen.sizes) < REGISTERED_PX
+    return grid_error(H, pair.truth, *pair.sizes) < REGISTERED_PX

@@ -6,17 +6,17 @@ from collections.abc import Iterator
 
 from skymosaic.errors import RegistrationError
 from skymosaic.mosaicing import mosaic
-from skymosaic.thesis.dataset import Specimen
+from skymosaic.thesis.dataset import DatasetPair
 from skymosaic.thesis.measurements import Line
 
 PRESETS = {"thesis preset": "thesis", "aerial preset": "aerial"}
 
 
-def by_preset(specimen: Specimen) -> Iterator[Line]:
+def by_preset(pair: DatasetPair) -> Iterator[Line]:
     """Seconds of a mosaic by either preset, where there is one, and of its stages."""
     for setting, preset in PRESETS.items():
         try:
-            result = mosaic([specimen.left, specimen.right], preset=preset)
+            result = mosaic([pair.left, pair.right], preset=preset)
         except RegistrationError:
             continue
         seconds = result.pairs[0].seconds

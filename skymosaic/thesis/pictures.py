@@ -12,13 +12,13 @@ from skymosaic.mosaicing import mosaic_of_pair
 from skymosaic.registration import Pair, register
 from skymosaic.reports import figures
 from skymosaic.thesis.corners import threshold_of
-from skymosaic.thesis.dataset import Specimen
+from skymosaic.thesis.dataset import DatasetPair
 
 
-def of_pair(specimen: Specimen) -> Iterator[tuple[str, Pixels]]:
+def of_pair(pair: DatasetPair) -> Iterator[tuple[str, Pixels]]:
     """Captions and pictures."""
-    sides = specimen.left, specimen.right
-    thesis, threshold = PRESETS["thesis"], max(map(threshold_of, specimen.grays))
+    sides = pair.left, pair.right
+    thesis, threshold = PRESETS["thesis"], max(map(threshold_of, pair.grays))
     thesis = dataclasses.replace(thesis, front_end=dataclasses.replace(thesis.front_end, threshold=threshold))
     ilbp = register(*sides, config=thesis)
     yield "Harris corners of the thesis preset, left image", figures.corners(ilbp.working[0], ilbp.features[0])

@@ -14,19 +14,19 @@ from skymosaic.features.methods import HostBackend, choose
 from skymosaic.features.positions import match_points
 from skymosaic.geometry import estimators, fuzzy_ransac
 from skymosaic.registration import register
-from skymosaic.thesis.dataset import Specimen
+from skymosaic.thesis.dataset import DatasetPair
 from skymosaic.thesis.matches import filtered, is_registered
 from skymosaic.thesis.measurements import Line
 
 KEY_POINTS = 300
 """SIFT key points an image; the thesis had 152 to 403."""
 DESCRIPTORS = {"SIFT + ILBP, N = 4": "thesis-ilbp-4", "SIFT + ILBP-128": "ilbp-128", "SIFT + SIFT": "sift"}
-"""The thesis's combination, ours in its place, and SIFT's own."""
+"""The thesis's combination, the same with our descriptor, and with SIFT's own."""
 STAGES = {name: f"fuzzy RANSAC, {name}" for name in DESCRIPTORS}
 OURS = "aerial preset"
 
 
-def by_fuzzy_ransac(specimen: Specimen) -> Iterator[Line]:
+def by_fuzzy_ransac(pair: DatasetPair) -> Iterator[Line]:
     """Tables IV-4 to IV-6: every check of fuzzy RANSAC on every match, behind each descriptor."""
     base = PRESETS["aerial"]
     base = dataclasses.replace(
@@ -36,9 +36,9 @@ def by_fuzzy_ransac(specimen: Specimen) -> Iterator[Line]:
     )
     for setting, descriptor in DESCRIPTORS.items():
         method, config = choose(base, "sift", descriptor)
-        left, right = HostBackend(method).run([specimen.left, specimen.right], config)
-        pairs, verified = match_points(right.matches), right.matches["verdict"] == 1
-        H, decision = estimators.fuzzy(*pairs, verified)
+        left, right = HostBackend(method).run([pair.left, pair.right], config)
+        points, verified = match_points(right.matches), right.matches["verdict"] == 1
+        H, decision = estimators.fuzzy(*points, verified)
         rule = np.full(len(verified), -1) if decision is None else decision.rule
         inliers = np.isin(rule, fuzzy_ransac.INLIER_RULES)
         yield (
@@ -53,20 +53,20 @@ def by_fuzzy_ransac(specimen: Specimen) -> Iterator[Line]:
                 "inliers": int(inliers.sum()),
             },
         )
-        yield filtered(STAGES[setting], specimen, pairs, inliers)
-        yield _error(setting, specimen, H, (pairs[0][inliers], pairs[1][inliers]))
+        yield filtered(STAGES[setting], pair, points, inliers)
+        yield _error(setting, pair, H, (points[0][inliers], points[1][inliers]))
 
 
-def by_aerial_preset(specimen: Specimen) -> Iterator[Line]:
+def by_aerial_preset(pair: DatasetPair) -> Iterator[Line]:
     """The same measures of the project's own preset."""
-    pair = register(specimen.left, specimen.right)
-    yield filtered(f"{OURS}, 8 rules", specimen, match_points(pair.matches), pair.matches["verdict"] == 1)
-    yield _error(OURS, specimen, pair.homography, match_points(pair.inliers))
+    found = register(pair.left, pair.right)
+    yield filtered(f"{OURS}, 8 rules", pair, match_points(found.matches), found.matches["verdict"] == 1)
+    yield _error(OURS, pair, found.homography, match_points(found.inliers))
 
 
-def _error(setting: str, specimen: Specimen, H: Array | None, inliers: tuple[Points, Points]) -> Line:
+def _error(setting: str, pair: DatasetPair, H: Array | None, inliers: tuple[Points, Points]) -> Line:
     """RMSE over the inliers as the thesis takes it, and the distance from the truth, where the pair was registered."""
-    if H is None or not is_registered(H, specimen):
+    if H is None or not is_registered(H, pair):
         return "IV-5", setting, {"registered": 0}
-    error_px = grid_error(H, specimen.truth, *specimen.sizes)
+    error_px = grid_error(H, pair.truth, *pair.sizes)
     return "IV-5", setting, {"registered": 1, "RMSE": rmse(H, *inliers), "error": error_px}

@@ -14,7 +14,7 @@ from skymosaic.features.detectors import detect, once_a_place, points_of
 from skymosaic.features.positions import feature_points
 from skymosaic.geometry.homography import resize_matrix
 from skymosaic.thesis.corners import CORNERS, strongest
-from skymosaic.thesis.dataset import Specimen
+from skymosaic.thesis.dataset import DatasetPair
 from skymosaic.thesis.measurements import Line
 
 REDUCTIONS = (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0)
@@ -35,13 +35,13 @@ def _harris(gray: Pixels, count: int) -> NDArray[np.floating]:
 FINDERS: dict[str, Callable[[Pixels, int], NDArray[np.floating]]] = {"SIFT": _sift, "Harris": _harris}
 
 
-def by_reduction(specimen: Specimen) -> Iterator[Line]:
+def by_reduction(pair: DatasetPair) -> Iterator[Line]:
     """Figure IV-6: repeatability of the left image's key points against the factor of its reduction by area.
 
     The query features of equation IV-2 are the reduced picture's. Both pictures have equally many key points an
     area: 300 in the full one.
     """
-    gray = specimen.grays[0]
+    gray = pair.grays[0]
     height, width = gray.shape
     for name, find in FINDERS.items():
         full = find(gray, CORNERS)

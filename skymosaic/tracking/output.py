@@ -46,10 +46,10 @@ def outlined(frame: TrackedFrame) -> Pixels:
 def row(frame: TrackedFrame, frame_rate: Fraction) -> TrackedCorners:
     """The numbers of a frame, without its pixels."""
     seconds = round(float(frame.number / frame_rate), 6)
-    if frame.corners is None or frame.place is None:
+    if frame.corners is None or frame.pose is None:
         return TrackedCorners(frame.number, seconds, None, "", 0)
     corners = tuple((round(float(x), 3), round(float(y), 3)) for x, y in frame.corners)
-    return TrackedCorners(frame.number, seconds, corners, frame.place.model, frame.place.inliers)
+    return TrackedCorners(frame.number, seconds, corners, frame.pose.model, frame.pose.inliers)
 
 
 def save_corners(path: Path, rows: Sequence[TrackedCorners]) -> None:

@@ -2,7 +2,8 @@
 
 A small object has few corners at its own size, and none within the border that descriptors need. So the front end is
 shown a *view*: the object enlarged, in its surroundings, whose features are masked. A frame is warped into the same
-view by the place where the object is expected; held-reference matching then finds what the expectation lacks.
+view by the pose in which the object is expected; matching against the held reference then measures the remaining
+error of the expectation.
 """
 
 from __future__ import annotations
@@ -39,8 +40,8 @@ class Roi(NamedTuple):
     height_px: int
 
 
-class Place(NamedTuple):
-    """Where the template is.
+class TemplatePose(NamedTuple):
+    """Where the template is in a frame.
 
     ``homography`` (3, 3) maps template pixels to frame pixels; ``model`` says what was estimated, "similarity" or
     "projective"; ``features`` are the indices of the template's features that agree within 3 view pixels, and
@@ -105,7 +106,7 @@ class Template:
 
     def near(
         self, frame: Pixels, expected: Array, weight: Array, *, fewest: int, rng: np.random.Generator
-    ) -> Place | None:
+    ) -> TemplatePose | None:
         """The template within about a quarter of its size from where it is expected.
 
         Parameters
@@ -127,7 +128,7 @@ class Template:
             return None
         agreeing = np.linalg.norm(apply(found.matrix, left) - right, axis=1) <= TOLERANCE_PX
         homography = expected @ np.linalg.inv(self._to_view) @ found.matrix @ self._to_view
-        return Place(homography / homography[2, 2], found.model, found.inliers, index[agreeing])
+        return TemplatePose(homography / homography[2, 2], found.model, found.inliers, index[agreeing])
 
     def within(self, frame: Pixels, part: Canvas, zoom: float, weight: Array, *, fewest: int) -> Array | None:
         """A guess, template to frame pixels, from a part of the frame after magnification by ``zoom``.
@@ -152,10 +153,10 @@ class Template:
     def _reference(self) -> Pixels:
         return self._view(self.picture, self.in_picture)
 
-    def _view(self, frame: Pixels, place: Array) -> Pixels:
-        """The view of a frame, if the template were at ``place``."""
+    def _view(self, frame: Pixels, pose: Array) -> Pixels:
+        """The view of a frame, for a template in ``pose`` (template to frame pixels, (3, 3))."""
         width, height = (round(self.zoom * side) + 2 * MARGIN_PX for side in self.roi[2:])
-        return warped(frame, self._to_view @ np.linalg.inv(place), Canvas(0, 0, width, height))
+        return warped(frame, self._to_view @ np.linalg.inv(pose), Canvas(0, 0, width, height))
 
     def _matches(self, shown: Pixels) -> tuple[NDArray[np.intp], Array, Array]:
         """Index of the template's feature, and positions in view and picture, of all mutual matches but the masked.

@@ -24,7 +24,7 @@ from skymosaic.errors import InputError, RegistrationError
 from skymosaic.geometry.homography import DegenerateError, apply, dlt
 from skymosaic.imagery.images import SMALLEST_SIDE_PX, load
 from skymosaic.registration import extract_within_capacity
-from skymosaic.tracking.template import Place, Roi, Template
+from skymosaic.tracking.template import Roi, Template, TemplatePose
 
 SMALLEST_ROI_PX = 16
 FEWEST_FEATURES = 12
@@ -48,7 +48,7 @@ PART_OVERLAP_PX = 192
 SEARCH_SCALES: tuple[float, ...] = (1.0, 0.7, 1.4, 0.5, 2.0)
 """Sizes of the object against the template that are tried in turn, until its size is known."""
 LARGEST_CHANGE = 2.0
-"""A place whose area differs from the expected one by more is no place."""
+"""Reject poses whose area differs from the expected one by more than this factor."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,14 +63,14 @@ class TrackedFrame:
         The frame.
     corners : ndarray of float64, shape (4, 2), or None
         The template's corners in frame pixels, smoothed; from its top left clockwise. None where it is lost.
-    place : Place or None
+    pose : TemplatePose or None
         The homography as measured in this frame, its model and inliers.
     """
 
     number: int
     pixels: Pixels
     corners: Array | None
-    place: Place | None
+    pose: TemplatePose | None
 
 
 def track(
@@ -115,8 +115,8 @@ def track(
     if isinstance(template, Roi):
         tracker.begin(tracker.template.in_picture)
     for number, pixels in enumerate(itertools.chain([first], remaining)):
-        place = tracker.follow(pixels)
-        yield TrackedFrame(number, pixels, tracker.corners if place else None, place)
+        pose = tracker.follow(pixels)
+        yield TrackedFrame(number, pixels, tracker.corners if pose else None, pose)
 
 
 def _check_roi(roi: Roi, frame: Pixels) -> None:
@@ -148,19 +148,19 @@ class _Tracker:
             )
 
     def begin(self, homography: Array) -> None:
-        """Take up the track at a place that is known."""
+        """Start the track at a known pose: ``homography`` (3, 3) maps template pixels to frame pixels."""
         self.corners = apply(homography, self.template.corners)
         self._velocity = np.zeros((4, 2))
         self._is_steady = False
 
-    def follow(self, frame: Pixels) -> Place | None:
-        """The place in the next frame; None where it is not found."""
-        place = self._expected(frame) or self._searched(frame)
-        if place is None:
+    def follow(self, frame: Pixels) -> TemplatePose | None:
+        """The pose in the next frame; None where it is not found."""
+        pose = self._expected(frame) or self._searched(frame)
+        if pose is None:
             # What is not seen keeps its shape and only moves on.
             self._velocity[:] = self._velocity.mean(axis=0)
-        self._lost_frames = 0 if place else self._lost_frames + 1
-        return place
+        self._lost_frames = 0 if pose else self._lost_frames + 1
+        return pose
 
     @property
     def _weight(self) -> Array:
@@ -170,45 +170,45 @@ class _Tracker:
         share = self._followed / self._followed_frames
         return np.where(share >= TRUSTED_SHARE, share * self.template.weight, 0)
 
-    def _expected(self, frame: Pixels) -> Place | None:
+    def _expected(self, frame: Pixels) -> TemplatePose | None:
         """Look where the template is expected, and move what is expected by one step of the alpha-beta filter."""
         if self.corners is None or self._lost_frames > COASTED_FRAMES:
             return None
         self.corners = self.corners + self._velocity
-        place = self._verified(frame, dlt(self.template.corners, self.corners), FEWEST_TO_STAY)
-        if place is not None:
-            beyond = apply(place.homography, self.template.corners) - self.corners
+        pose = self._verified(frame, dlt(self.template.corners, self.corners), FEWEST_TO_STAY)
+        if pose is not None:
+            beyond = apply(pose.homography, self.template.corners) - self.corners
             # A new track takes its first step as its velocity.
             position_gain, velocity_gain = (POSITION_GAIN, VELOCITY_GAIN) if self._is_steady else (1.0, 1.0)
             self.corners = self.corners + position_gain * beyond
             self._velocity = self._velocity + velocity_gain * beyond
             self._is_steady = True
-            self._followed[place.features] += 1
+            self._followed[pose.features] += 1
             self._followed_frames += 1
-        return place
+        return pose
 
-    def _verified(self, frame: Pixels, expected: Array, fewest: int) -> Place | None:
-        """The place near an expected one, if it is plausible: its corners convex, its area like the expected one."""
+    def _verified(self, frame: Pixels, expected: Array, fewest: int) -> TemplatePose | None:
+        """The pose near an expected one, if it is plausible: convex corners, and an area like the expected one."""
         try:
-            place = self.template.near(frame, expected, self._weight, fewest=fewest, rng=self._rng)
+            pose = self.template.near(frame, expected, self._weight, fewest=fewest, rng=self._rng)
         except DegenerateError:
             return None
-        if place is None:
+        if pose is None:
             return None
-        corners, before = (apply(homography, self.template.corners) for homography in (place.homography, expected))
+        corners, before = (apply(homography, self.template.corners) for homography in (pose.homography, expected))
         change = _area(corners) / _area(before)
         plausible = cv2.isContourConvex(corners.astype(np.float32)) and 1 / LARGEST_CHANGE < change < LARGEST_CHANGE
-        return place if plausible else None
+        return pose if plausible else None
 
-    def _searched(self, frame: Pixels) -> Place | None:
+    def _searched(self, frame: Pixels) -> TemplatePose | None:
         """Look into one part of the frame for the object at one size; parts and sizes take turns."""
         looks = self._looks((frame.shape[1], frame.shape[0]))
         zoom, part = looks[self._lost_frames % len(looks)]
         guess = self.template.within(frame, part, zoom, self._weight, fewest=FEWEST_TO_GUESS)
-        place = None if guess is None else self._verified(frame, guess, FEWEST_TO_BEGIN)
-        if place is not None:
-            self.begin(place.homography)
-        return place
+        pose = None if guess is None else self._verified(frame, guess, FEWEST_TO_BEGIN)
+        if pose is not None:
+            self.begin(pose.homography)
+        return pose
 
     def _looks(self, size: tuple[int, int]) -> list[tuple[float, Canvas]]:
         """Magnifications of the frame, each with a part of the magnified frame; the likeliest first."""

@@ -126,10 +126,10 @@ def test_the_hardware_in_sequence_mode_is_a_source(frames) -> None:
 def test_parts_join_once_a_frame_shows_both(flight, frames) -> None:
     live = LiveMosaic(CONFIG)
     order = [0, 2, 1]  # 0 and 2 share next to nothing; 1 shows both
-    islands = [live.add(frames[index]).islands for index in order]
+    submaps = [live.add(frames[index]).submaps for index in order]
     assert flight.overlap_between(0, 2) < 0.3
-    assert islands[0] == 1
-    assert islands[-1] == 1
+    assert submaps[0] == 1
+    assert submaps[-1] == 1
     assert len(live.transforms) == 3
     placed = {order[number]: transform for number, transform in live.transforms.items()}
     assert pair_errors_px(placed, flight).max() < 1.0

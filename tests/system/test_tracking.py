@@ -122,7 +122,7 @@ def test_a_picture_taken_closer_is_found(film, frames, roi, tmp_path: Path) -> N
     cv2.imwrite(str(tmp_path / "car.png"), cv2.resize(cut, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC))
     truth = true_corners(film, roi)[3:]
     tracked = list(track(tmp_path / "car.png", frames[3:15]))
-    errors = [np.linalg.norm(each.corners - truth[each.number], axis=1).mean() for each in tracked if each.place]
+    errors = [np.linalg.norm(each.corners - truth[each.number], axis=1).mean() for each in tracked if each.pose]
     assert len(errors) >= 6
     assert np.mean(errors) < 2.0
 

@@ -14,7 +14,7 @@ from skymosaic.errors import InputError
 from skymosaic.evaluation.known_pairs import COLUMNS
 from skymosaic.thesis import dataset, page, pictures, published, tables
 from skymosaic.thesis.corners import CORNERS, raised_threshold, responses, strongest, threshold_of
-from skymosaic.thesis.dataset import Specimen
+from skymosaic.thesis.dataset import DatasetPair
 from skymosaic.thesis.experiments import measure, most_inliers
 from skymosaic.thesis.matches import by_rings, by_window
 from skymosaic.thesis.measurements import Measurement, Measurements
@@ -23,7 +23,7 @@ FIRST_PAIRS = 1
 
 
 @pytest.fixture(scope="module")
-def specimen() -> Specimen:
+def pair() -> DatasetPair:
     return dataset.sources(None)[0]()
 
 
@@ -52,8 +52,8 @@ def test_published_recall_is_inliers_over_matched() -> None:
     np.testing.assert_allclose(ratios, [*published.RECALL["scenes"], *published.RECALL["tests"]], atol=0.011)
 
 
-def test_good_and_false_matches_are_the_stages_input(specimen: Specimen) -> None:
-    lines = [*by_window(specimen), *by_rings(specimen)]
+def test_good_and_false_matches_are_the_stages_input(pair: DatasetPair) -> None:
+    lines = [*by_window(pair), *by_rings(pair)]
     counts = [values for table, _, values in lines if table != "stages"]
     stages = [values for table, _, values in lines if table == "stages"]
     for before, after in zip(counts, stages, strict=True):
@@ -61,15 +61,15 @@ def test_good_and_false_matches_are_the_stages_input(specimen: Specimen) -> None
         assert after["TP"] + after["FP"] + after["TN"] + after["FN"] == before["matches"]
 
 
-def test_the_strongest_corners_are_those_above_their_threshold(specimen: Specimen) -> None:
-    gray = specimen.grays[0]
+def test_the_strongest_corners_are_those_above_their_threshold(pair: DatasetPair) -> None:
+    gray = pair.grays[0]
     threshold, features = threshold_of(gray), strongest(gray)
     assert len(features) == np.count_nonzero(responses(gray) >= threshold)
     assert CORNERS <= len(features) < CORNERS + 5
 
 
-def test_the_threshold_doubles_until_the_matches_are_good(specimen: Specimen) -> None:
-    easy, hard = (raised_threshold(specimen.grays, target) for target in (0.0, 1.0))
+def test_the_threshold_doubles_until_the_matches_are_good(pair: DatasetPair) -> None:
+    easy, hard = (raised_threshold(pair.grays, target) for target in (0.0, 1.0))
     assert len(easy) == 1
     assert all(later.threshold == 2 * earlier.threshold for earlier, later in itertools.pairwise(hard))
     assert all(one.quality < 1 for one in hard[:-1])
@@ -110,9 +110,9 @@ def test_the_csv_holds_every_value(measured: Measurements) -> None:
     assert set(rows[0]) == {"table", "setting", "pair", "group", "quantity", "value"}
 
 
-def test_the_page_has_every_table_and_stands_alone(measured: Measurements, specimen: Specimen) -> None:
-    shown = list(pictures.of_pair(specimen))
-    text = page.compose(measured, "a <rendered> flight", shown, specimen.name)
+def test_the_page_has_every_table_and_stands_alone(measured: Measurements, pair: DatasetPair) -> None:
+    shown = list(pictures.of_pair(pair))
+    text = page.compose(measured, "a <rendered> flight", shown, pair.name)
     for number in range(1, 8):
         assert f"Table IV-{number}" in text
     assert "Figure IV-6" in text
@@ -123,24 +123,24 @@ def test_the_page_has_every_table_and_stands_alone(measured: Measurements, speci
     assert 0 <= most_inliers(measured) < FIRST_PAIRS
 
 
-def test_photographs_are_reduced_and_their_truth_with_them(tmp_path: Path, specimen: Specimen) -> None:
+def test_photographs_are_reduced_and_their_truth_with_them(tmp_path: Path, pair: DatasetPair) -> None:
     grow = np.array([[2, 0, 0.5], [0, 2, 0.5], [0, 0, 1]])
-    for side, image in (("left", specimen.left), ("right", specimen.right)):
+    for side, image in (("left", pair.left), ("right", pair.right)):
         cv2.imwrite(str(tmp_path / f"{side}.png"), np.repeat(np.repeat(image, 2, axis=0), 2, axis=1))
-    truth = grow @ specimen.truth @ np.linalg.inv(grow)
+    truth = grow @ pair.truth @ np.linalg.inv(grow)
     values = ",".join(map(repr, (truth / truth[2, 2]).ravel().tolist()))
     (tmp_path / "pairs.csv").write_text(f"{','.join(COLUMNS)}\nbig,real,left.png,right.png,{values}\n")
     (source,) = dataset.sources(tmp_path)
     read = source()
-    assert read.sizes == specimen.sizes
-    np.testing.assert_array_equal(read.left, specimen.left)
-    np.testing.assert_allclose(read.truth, specimen.truth, atol=1e-9)
+    assert read.sizes == pair.sizes
+    np.testing.assert_array_equal(read.left, pair.left)
+    np.testing.assert_allclose(read.truth, pair.truth, atol=1e-9)
 
 
-def test_the_command_writes_page_and_measurements(tmp_path: Path, specimen: Specimen) -> None:
-    for side, image in (("left", specimen.left), ("right", specimen.right)):
+def test_the_command_writes_page_and_measurements(tmp_path: Path, pair: DatasetPair) -> None:
+    for side, image in (("left", pair.left), ("right", pair.right)):
         cv2.imwrite(str(tmp_path / f"{side}.png"), image)
-    values = ",".join(map(repr, specimen.truth.ravel().tolist()))
+    values = ",".join(map(repr, pair.truth.ravel().tolist()))
     (tmp_path / "pairs.csv").write_text(f"{','.join(COLUMNS)}\nonly,real,left.png,right.png,{values}\n")
     result = CliRunner().invoke(app, ["thesis", "--data", str(tmp_path), "-o", str(tmp_path / "out")])
     assert result.exit_code == 0, result.output
@@ -153,7 +153,7 @@ def test_the_command_names_a_missing_list(tmp_path: Path) -> None:
     assert "pairs.csv" in str(result.exception)
 
 
-def test_a_homography_without_overlap_is_named(specimen: Specimen) -> None:
+def test_a_homography_without_overlap_is_named(pair: DatasetPair) -> None:
     away = np.array([[1.0, 0, 5000], [0, 1, 0], [0, 0, 1]])
     with pytest.raises(InputError, match="do not overlap"):
-        dataclasses.replace(specimen, truth=away)
+        dataclasses.replace(pair, truth=away)
