@@ -15,21 +15,21 @@ from nicegui import background_tasks, ui
 from golden_model.arrays import Pixels, Records
 from skymosaic.features.methods import backend_of
 from skymosaic.panel import drawings
-from skymosaic.panel.options import Choices, fault_of
+from skymosaic.panel.options import Options, fault_of
 from skymosaic.panel.results import Upload
-from skymosaic.panel.sessions import Visitor
+from skymosaic.panel.sessions import Session
 from skymosaic.panel.viewer import Viewer, side_by_side
 from skymosaic.registration import extract_within_capacity
 
-_Wanted = tuple[tuple[Upload, ...], Choices]
+_Wanted = tuple[tuple[Upload, ...], Options]
 _MOVED_BY = ("preset", "detector", "descriptor", "position")
 
 
 class CornersTab:
     """Two pictures with their corners, and how many there are."""
 
-    def __init__(self, visitor: Visitor) -> None:
-        self._visitor = visitor
+    def __init__(self, session: Session) -> None:
+        self._session = session
         self._photographs: tuple[Upload, ...] = ()
         self._drawn: tuple[object, ...] = ()
         self._following = False
@@ -43,8 +43,8 @@ class CornersTab:
         self._place = ui.element("div")
 
     def update(self) -> None:
-        """Show the first two photographs there are now, with the corners of the choices made now."""
-        photographs = tuple(self._visitor.photographs[:2])
+        """Show the first two photographs there are now, with the corners of the options made now."""
+        photographs = tuple(self._session.photographs[:2])
         if photographs != self._photographs:
             self._photographs = photographs
             self._place.clear()
@@ -60,10 +60,10 @@ class CornersTab:
         """Detect and draw until what is drawn is what is wanted; what was skipped meanwhile is never computed."""
         self._following = True
         try:
-            while (wanted := self._wanted()) != self._drawn and not fault_of(self._visitor.choices):
+            while (wanted := self._wanted()) != self._drawn and not fault_of(self._session.options):
                 started = time.perf_counter()
                 pictures = [upload.working for upload in self._photographs]
-                found = await asyncio.to_thread(detect, pictures, self._visitor.choices)
+                found = await asyncio.to_thread(detect, pictures, self._session.options)
                 if wanted[: len(found)] == self._photographs:  # else others have been chosen meanwhile
                     self._draw(found, time.perf_counter() - started)
                     self._drawn = wanted
@@ -71,7 +71,7 @@ class CornersTab:
             self._following = False
 
     def _wanted(self) -> tuple[object, ...]:
-        return (*self._photographs, *(getattr(self._visitor.choices, name) for name in _MOVED_BY))
+        return (*self._photographs, *(getattr(self._session.options, name) for name in _MOVED_BY))
 
     def _draw(self, found: list[Records], seconds: float) -> None:
         offset, drawing = 0, ""
@@ -84,9 +84,9 @@ class CornersTab:
         self._counts.set_text(f"{counts} corners, found in {1000 * seconds:.0f} ms")
 
 
-def detect(pictures: Sequence[Path], choices: Choices) -> list[Records]:
-    """The corners of working pictures, as a run with these choices would find them."""
-    method, config = choices.settled()
+def detect(pictures: Sequence[Path], options: Options) -> list[Records]:
+    """The corners of working pictures, as a run with these options would find them."""
+    method, config = options.resolve()
     front_end = backend_of(method, "golden")
     while True:
         results = [extract_within_capacity(front_end, [_pixels(picture)], config) for picture in pictures]

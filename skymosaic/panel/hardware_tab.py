@@ -8,8 +8,8 @@ from nicegui import ui
 
 from skymosaic.panel.options import HARDWARE
 from skymosaic.panel.page_layout import command_line
-from skymosaic.panel.results import HardwareOutcome, MosaicOutcome
-from skymosaic.panel.sessions import Visitor
+from skymosaic.panel.results import HardwareResult, MosaicResult
+from skymosaic.panel.sessions import Session
 from skymosaic.panel.sidebar import enabled_while_idle
 
 CLOCK_HZ = 150e6
@@ -19,28 +19,28 @@ CLOCK_HZ = 150e6
 class HardwareTab:
     """The button that compares, and what the comparison found."""
 
-    def __init__(self, visitor: Visitor, outcome: MosaicOutcome) -> None:
-        self._visitor = visitor
-        self._shown: HardwareOutcome | None = None
-        if not outcome.on_accelerator:
+    def __init__(self, session: Session, result: MosaicResult) -> None:
+        self._session = session
+        self._shown: HardwareResult | None = None
+        if not result.on_accelerator:
             ui.label(
                 "This method runs on the host. The accelerator computes Harris or FAST corners with ILBP descriptors: "
                 "choose these and make the mosaic again."
             ).classes("hint empty")
             return
         with ui.element("div").classes("bar"):
-            names = [*HARDWARE, *visitor.boards]
+            names = [*HARDWARE, *session.boards]
             self._backend = ui.select(names, label="Hardware", value=names[0])
             self._backend.props("outlined dense options-dense").classes("backend")
             button = ui.button("Compare with the golden model", icon="memory", on_click=self._compare)
-            enabled_while_idle(button.props("outline no-caps"), visitor)
+            enabled_while_idle(button.props("outline no-caps"), session)
             ui.label("The first run builds a simulation, which takes minutes; later ones take seconds.").classes("hint")
         self._place = ui.element("div")
         self.update()
 
     def update(self) -> None:
         """Show the comparison there is now."""
-        found = self._visitor.hardware
+        found = self._session.hardware_result
         if found is not None and found is not self._shown:
             self._shown = found
             self._place.clear()
@@ -49,19 +49,19 @@ class HardwareTab:
                 command_line(found.command)
 
     def _compare(self) -> None:
-        self._visitor.compare_hardware(str(self._backend.value))
+        self._session.compare_hardware(str(self._backend.value))
 
 
-def _markup(outcome: HardwareOutcome) -> str:
-    found = outcome.comparison
+def _markup(result: HardwareResult) -> str:
+    found = result.comparison
     if found.mismatch is None:
         verdict = f'<p class="badge equal">Equal, bit for bit</p><p>Compared: {escape(str(found.coverage))}.</p>'
     else:
         verdict = f'<p class="badge different">Not equal</p><p class="fault">{escape(str(found.mismatch))}</p>'
     notes = "".join(f'<p class="hint">This proves little: {escape(note)}.</p>' for note in found.notes)
-    width, height = outcome.size
+    width, height = result.size
     pixels, latency = width * height, max(found.cycles_per_frame)
-    software_s = outcome.software_seconds / len(outcome.names)
+    software_s = result.software_seconds / len(result.names)
     rows = (
         ("a frame", f"{1000 * software_s:.0f} ms", f"{1000 * pixels / CLOCK_HZ:.2f} ms, one pixel a clock"),
         ("frames a second", f"{1 / software_s:.0f}", f"{CLOCK_HZ / pixels:.0f}, each matched while the next comes in"),
@@ -74,5 +74,5 @@ def _markup(outcome: HardwareOutcome) -> str:
     )
     return (
         f"{verdict}{notes}<table class='bars sides'><thead><tr><th></th><th>golden model, this machine</th>"
-        f"<th>hardware at 150 MHz ({escape(outcome.backend)})</th></tr></thead><tbody>{body}</tbody></table>"
+        f"<th>hardware at 150 MHz ({escape(result.backend)})</th></tr></thead><tbody>{body}</tbody></table>"
     )

@@ -1,7 +1,7 @@
-"""Long work in a process of its own: progress while it runs, and an end at any moment.
+"""Long tasks, each in a process of its own: they report progress while they run and can be cancelled at any moment.
 
-A thread inside OpenCV or a compiled simulator cannot be stopped, a process can: cancelling kills the worker with all
-that it started, compilers included.
+A thread inside OpenCV or a compiled simulator cannot be stopped, but a process can: cancelling a job kills its worker
+and everything the worker started, compilers included.
 """
 
 from __future__ import annotations
@@ -23,23 +23,26 @@ from typing import Any
 from sim.backend import BackendError
 from skymosaic.errors import InputError, RegistrationError
 
-# Workers are forked from a helper that has imported the libraries once and shares nothing else with the server.
+# Workers are forked from a helper process that has imported the libraries once and shares nothing else with the server.
 _processes = multiprocessing.get_context("forkserver")
 
-Work = Callable[..., Any]
-"""A module's function, called in the worker with its arguments and ``progress``; arguments and result are pickled."""
+Task = Callable[..., Any]
+"""A function of a module, called in the worker as ``task(folder, *arguments, progress=progress)``.
+
+Arguments and result are pickled, so they must be importable and picklable.
+"""
 
 
 class JobFailedError(Exception):
-    """The work ended without a result; the line says why."""
+    """The task ended without a result; the message is one line that says why."""
 
 
 class JobCancelledError(Exception):
-    """The work was ended from outside."""
+    """The job was cancelled."""
 
 
 def prepare_workers() -> None:
-    """Start the helper that workers are forked from, so that the first job need not wait for its imports."""
+    """Start the helper process that workers are forked from, so that the first job does not wait for its imports."""
     _processes.set_forkserver_preload(
         ["skymosaic.panel.mosaic_tasks", "skymosaic.panel.tracking_tasks", "skymosaic.panel.upload_tasks"]
     )
@@ -47,17 +50,17 @@ def prepare_workers() -> None:
 
 
 class Job:
-    """One piece of work that runs once.
+    """A task that runs once, in a worker process.
 
     Parameters
     ----------
     title : str
-        What is running, for people.
+        What is running, as the page shows it.
+    task : callable
     folder : Path
-        The worker's current folder.
-    work : callable
+        Where the task reads and writes; its first argument. Failure messages name files relative to it.
     *arguments
-        Of ``work``.
+        Further arguments of ``task``.
 
     Attributes
     ----------
@@ -65,50 +68,52 @@ class Job:
         The latest line of progress.
     """
 
-    def __init__(self, title: str, folder: Path, work: Work, *arguments: object) -> None:
+    def __init__(self, title: str, task: Task, folder: Path, *arguments: object) -> None:
         self.title = title
         self.line = "waiting for a free worker"
-        self._task = (folder, work, arguments)
+        self._call = (task, folder, arguments)
         self._process: BaseProcess | None = None
         self._created = time.monotonic()
         self._cancelled = asyncio.Event()
 
     @property
     def seconds(self) -> float:
-        """Time since it was created."""
+        """Seconds since the job was created."""
         return time.monotonic() - self._created
 
-    async def run(self, turns: asyncio.Semaphore) -> Any:
-        """Do the work in its turn and return its result.
+    async def run(self, queue: asyncio.Semaphore) -> Any:
+        """Wait in the queue for a free worker, run the task and return its result.
 
         Raises
         ------
         JobFailedError
-            With the work's own line for an expected fault, or with how the worker died.
+            With the task's own message for an expected error, otherwise with how the worker ended.
         JobCancelledError
-            If `cancel` was called, before or meanwhile.
+            If `cancel` was called, before the task started or while it ran.
         """
-        async with turns:
+        async with queue:
             if self._cancelled.is_set():
                 raise JobCancelledError
             self.line = "starting"
             receiver, sender = _processes.Pipe(duplex=False)
             with receiver:
-                process = _processes.Process(target=_worker, args=(sender, *self._task))
+                process = _processes.Process(target=_run_in_worker, args=(sender, *self._call))
+                # The server's copy of the sending end must be closed, otherwise a dead worker is never noticed.
                 with sender:
                     await self._start(process)
+                # `cancel` may have been called while the process started and found none to kill.
                 if self._cancelled.is_set():
                     self.cancel()
                 try:
-                    return await self._outcome(receiver)
+                    return await self._receive_result(receiver)
                 finally:
                     await asyncio.to_thread(process.join)
 
     def cancel(self) -> None:
-        """End the work now, with every process it started."""
+        """End the task now, together with every process it started."""
         self._cancelled.set()
         if self._process is not None and self._process.pid is not None:
-            # The worker leads a group of its own from its first instruction on; before that it has no children.
+            # The worker's first instruction makes it the leader of a process group; before that it has no children.
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(self._process.pid, signal.SIGKILL)
             self._process.kill()
@@ -117,11 +122,11 @@ class Job:
         try:
             await asyncio.to_thread(process.start)
         except (EOFError, OSError):
-            # The helper has been killed; the next worker starts another.
+            # The helper process was killed; the next job starts a new one.
             raise JobFailedError("no worker could be started (out of memory?); try again") from None
         self._process = process
 
-    async def _outcome(self, receiver: Connection) -> Any:
+    async def _receive_result(self, receiver: Connection) -> Any:
         while True:
             try:
                 kind, value = await asyncio.to_thread(receiver.recv)
@@ -136,18 +141,18 @@ class Job:
             self.line = value
 
 
-def _worker(sender: Connection, folder: Path, work: Work, arguments: tuple[object, ...]) -> None:
+def _run_in_worker(sender: Connection, task: Task, folder: Path, arguments: tuple[object, ...]) -> None:
     os.setsid()
-    os.chdir(folder)
 
     def progress(line: str) -> None:
         sender.send(("progress", line))
 
     try:
-        outcome = "done", work(*arguments, progress=progress)
+        message = "done", task(folder, *arguments, progress=progress)
     except (InputError, RegistrationError, BackendError) as error:
-        outcome = "failed", str(error)
+        # The page shows the message: it must not reveal where on this machine the file lies.
+        message = "failed", str(error).replace(f"{folder}{os.sep}", "")
     except Exception as error:
         traceback.print_exc()
-        outcome = "failed", f"unexpected {type(error).__name__}: {error}; the panel's terminal shows where"
-    sender.send(outcome)
+        message = "failed", f"unexpected {type(error).__name__}: {error}; the traceback is in the panel's terminal"
+    sender.send(message)

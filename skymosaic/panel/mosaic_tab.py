@@ -5,19 +5,19 @@ from __future__ import annotations
 from nicegui import ui
 
 from skymosaic.panel import drawings
-from skymosaic.panel.results import MosaicOutcome
+from skymosaic.panel.results import MosaicResult
 from skymosaic.panel.viewer import Picture, Viewer
 
 
-def build_mosaic_tab(outcome: MosaicOutcome) -> None:
+def build_mosaic_tab(result: MosaicResult) -> None:
     """Show a run's mosaic, or why there is none."""
-    if outcome.mosaic is None:
+    if result.mosaic is None:
         with ui.element("div").classes("empty"):
             ui.html("No mosaic could be made", tag="h2", sanitize=False)
-            ui.label(outcome.reason).classes("fault")
+            ui.label(result.reason).classes("fault")
             ui.label("The matches show what was found: rejected ones tell why.").classes("hint")
         return
-    mosaic = outcome.mosaic
+    mosaic = result.mosaic
     with ui.element("div").classes("bar"):
         ui.label(f"{mosaic.size[0]} x {mosaic.size[1]} px, {len(mosaic.outlines)} photographs").classes("name")
         ui.label("Wheel or + and - zoom, drag moves.").classes("hint")
@@ -26,5 +26,5 @@ def build_mosaic_tab(outcome: MosaicOutcome) -> None:
     viewer = Viewer("Mosaic", [Picture(f"/picture/{mosaic.picture.name}", *mosaic.shown_size)])
     markup = drawings.outlines(mosaic.outlines.values())
     switch.on_value_change(lambda event: viewer.draw(markup if event.value else ""))
-    for reason in outcome.left_out:
+    for reason in result.left_out:
         ui.label(f"left out: {reason}").classes("fault")

@@ -1,4 +1,8 @@
-"""What workers do for a mosaic: functions of plain arguments that write into the current folder."""
+"""The tasks behind the mosaic page, run in a worker.
+
+Every task reads the photographs in ``folder`` by the names it is given and writes its results there; results name files
+relative to it, so that the archive works wherever it is unpacked.
+"""
 
 from __future__ import annotations
 
@@ -29,57 +33,74 @@ from skymosaic.flight.view import Settings
 from skymosaic.flight.workers import Workers
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.images import save, save_bytes
-from skymosaic.imagery.photographs import sources
+from skymosaic.imagery.photographs import Source
 from skymosaic.mosaicing import FLIGHT_BLENDING, PAIR_BLENDING, check_linked, mosaic_of_pair
 from skymosaic.panel.explain import verdicts
-from skymosaic.panel.options import AUTOMATIC, Choices
-from skymosaic.panel.results import HardwareOutcome, LinkView, MosaicOutcome, PairView, ShownMosaic, Size
+from skymosaic.panel.options import AUTOMATIC, Options
+from skymosaic.panel.results import HardwareResult, LinkView, MosaicResult, PairView, ShownMosaic, Size
 from skymosaic.registration import WORKING_WIDTH_PX, Pair, register
 from skymosaic.reports import pair as pair_report
 from skymosaic.reports.flight import write_flight_report
 
 SEED = 0
-"""The command line's own, so that it repeats what the panel did."""
+"""The command line's default, so that the command beside a result repeats it exactly."""
 SHOWN_SIDE_PX = 3000
-"""Longer mosaics are reduced for the page; the archive has them whole."""
+"""Longer mosaics are reduced for the page; the archive has them in full size."""
+MOSAIC, REPORT, CONFIG = "mosaic.png", "report", "config.toml"
+"""Files and folders of a run."""
 
 
-def make_mosaic(names: list[str], choices: Choices, views: Path, *, progress: Progress) -> MosaicOutcome:
-    """Register and blend two photographs, or a whole flight."""
-    outcome = _of_pair if len(names) == 2 else _of_flight
-    return outcome(names, choices, views, progress)
+def make_mosaic(folder: Path, names: list[str], options: Options, views: Path, *, progress: Progress) -> MosaicResult:
+    """Make a mosaic of two photographs, or of a whole flight.
+
+    Parameters
+    ----------
+    folder : Path
+    names : list of str
+        Of the photographs, at least two.
+    options : Options
+    views : Path
+        Where the pictures for the page go.
+    progress : callable
+
+    Raises
+    ------
+    RegistrationError
+        If no two photographs of a flight can be linked. A pair that cannot be registered has a result that says why.
+    """
+    make = _of_pair if len(names) == 2 else _of_flight
+    return make(folder, names, options, views, progress)
 
 
-def look_at_pair(outcome: MosaicOutcome, names: tuple[str, str], *, progress: Progress) -> MosaicOutcome:
-    """The outcome of a flight with another of its pairs to look at."""
-    view = PairView.of(*_registered(names, outcome.choices, progress))
-    return dataclasses.replace(outcome, pair=view)
+def look_at_pair(folder: Path, result: MosaicResult, names: tuple[str, str], *, progress: Progress) -> MosaicResult:
+    """The result of a flight, with the matches of another of its pairs."""
+    return dataclasses.replace(result, pair=PairView.of(*_registered(folder, names, result.options, progress)))
 
 
-def _of_pair(names: list[str], choices: Choices, views: Path, progress: Progress) -> MosaicOutcome:
-    """The outcome of a pair; one that cannot be registered has an outcome too, which shows why."""
-    pair, numbers = _registered((names[0], names[1]), choices, progress)
+def _of_pair(folder: Path, names: list[str], options: Options, views: Path, progress: Progress) -> MosaicResult:
+    """The result of a pair; where registration fails, its matches and the reason instead of a mosaic."""
+    pair, numbers = _registered(folder, (names[0], names[1]), options, progress)
     shown, reason, image = None, "", None
     try:
         progress("warping and blending")
-        mosaic = mosaic_of_pair(pair, blending=choices.blending_or(PAIR_BLENDING))
+        mosaic = mosaic_of_pair(pair, blending=options.blending_or(PAIR_BLENDING))
         image = mosaic.image
-        save(Path("mosaic.png"), image)
+        save(folder / MOSAIC, image)
         photographs = (pair.left, pair.right)
         outlines = {names[i]: _outline(photographs[i].size, mosaic.transforms[i]) for i in mosaic.placed}
-        shown = _shown(image, (image.shape[1], image.shape[0]), outlines, views)
+        shown = _shown(image, (image.shape[1], image.shape[0]), outlines, views / _picture_name(folder))
     except RegistrationError as error:
         reason = str(error)
     progress("writing")
-    pair_report.write_pair_report(Path("report"), pair, image)
+    pair_report.write_pair_report(folder / REPORT, pair, image)
     view = PairView.of(pair, numbers)
-    words = command(names, choices)
-    _write({"corners.csv": _corners_table(view), "matches.csv": _matches_table(view)})
-    _write({"config.toml": to_toml(pair.config), "command.txt": words + "\n"})
-    return MosaicOutcome(
-        folder=Path.cwd(),
-        choices=choices,
-        workings=tuple(views / f"{name}.png" for name in names),
+    words = command(names, options)
+    _write(folder, {"corners.csv": _corners_table(view), "matches.csv": _matches_table(view)})
+    _write(folder, {CONFIG: to_toml(pair.config), "command.txt": words + "\n"})
+    return MosaicResult(
+        folder=folder,
+        options=options,
+        working_pictures=tuple(views / f"{name}.png" for name in names),
         pair=view,
         mosaic=shown,
         left_out=(),
@@ -89,33 +110,35 @@ def _of_pair(names: list[str], choices: Choices, views: Path, progress: Progress
     )
 
 
-def _of_flight(names: list[str], choices: Choices, views: Path, progress: Progress) -> MosaicOutcome:
-    _, config = choices.settled(len(names))
+def _of_flight(folder: Path, names: list[str], options: Options, views: Path, progress: Progress) -> MosaicResult:
+    _, config = options.resolve(len(names))
 
-    def tell(stage: str, done: int, total: int) -> None:
+    def report_stage(stage: str, done: int, total: int) -> None:
         progress(f"{stage}: {done} of {total}")
 
     progress("features")
-    settings = Settings(config, choices.backend)
-    with Workers(progress=tell) as workers:
-        flight = survey(sources([Path(name) for name in names]), settings, SEED, workers, ResultCache(None))
+    sources = [Source(index, name, folder / name) for index, name in enumerate(names)]
+    with Workers(progress=report_stage) as workers:
+        flight = survey(sources, Settings(config, options.backend), SEED, workers, ResultCache(None))
         check_linked(flight)
         layout = flight.layouts[0]
-        composition = compose(flight, layout, blending=choices.blending_or(FLIGHT_BLENDING))
-        delivery = deliver(Path("mosaic.png"), flight, layout, composition, workers=workers, memory_bytes=MEMORY_BYTES)
+        composition = compose(flight, layout, blending=options.blending_or(FLIGHT_BLENDING))
+        delivery = deliver(folder / MOSAIC, flight, layout, composition, workers=workers, memory_bytes=MEMORY_BYTES)
     progress("writing")
-    write_flight_report(Path("report"), [delivery], check_flight(flight))
-    words = command(names, choices)
-    _write({"config.toml": to_toml(config), "command.txt": words + "\n"})
+    # The report is read from the unpacked archive, where the mosaic lies beside it.
+    in_archive = dataclasses.replace(delivery, path=Path(MOSAIC))
+    write_flight_report(folder / REPORT, [in_archive], check_flight(flight))
+    words = command(names, options)
+    _write(folder, {CONFIG: to_toml(config), "command.txt": words + "\n"})
     links = _links(flight)
-    view = PairView.of(*_registered(links[0].names, choices, progress))
+    view = PairView.of(*_registered(folder, links[0].names, options, progress))
     outlines = {p.source.name: _outline(p.size, p.transform) for p in composition.placements}
-    return MosaicOutcome(
-        folder=Path.cwd(),
-        choices=choices,
-        workings=tuple(views / f"{name}.png" for name in names),
+    return MosaicResult(
+        folder=folder,
+        options=options,
+        working_pictures=tuple(views / f"{name}.png" for name in names),
         pair=view,
-        mosaic=_shown(delivery.preview, composition.size, outlines, views),
+        mosaic=_shown(delivery.preview, composition.size, outlines, views / _picture_name(folder)),
         left_out=tuple(flight.absent_from(layout).values()),
         reason="",
         command=words,
@@ -130,54 +153,65 @@ def _of_flight(names: list[str], choices: Choices, views: Path, progress: Progre
     )
 
 
-def _registered(names: tuple[str, str], choices: Choices, progress: Progress) -> tuple[Pair, dict[str, Any]]:
-    """A pair of files, and its numbers for the report."""
+def _registered(
+    folder: Path, names: tuple[str, str], options: Options, progress: Progress
+) -> tuple[Pair, dict[str, Any]]:
+    """A registered pair of files, and its numbers for the report."""
     progress("finding and matching features")
-    _, config = choices.settled()
+    _, config = options.resolve()
     pair = register(
-        *names,
+        *(folder / name for name in names),
         config=config,
-        detector=choices.detector,
-        descriptor=choices.descriptor,
-        estimator=choices.estimator,
-        backend=choices.backend,
+        detector=options.detector,
+        descriptor=options.descriptor,
+        estimator=options.estimator,
+        backend=options.backend,
         seed=SEED,
-        refine=choices.refine,
+        refine=options.refine,
         progress=progress,
     )
+    left, right = (
+        dataclasses.replace(photograph, name=name)
+        for photograph, name in zip((pair.left, pair.right), names, strict=True)
+    )
+    pair = dataclasses.replace(pair, left=left, right=right)
     return pair, pair_report.pair_numbers(pair)
 
 
 def _links(flight: Flight) -> tuple[LinkView, ...]:
+    """The linked pairs, the one with the most inliers first."""
     held = sorted((link for link in flight.links if link.holds), key=lambda link: -link.inliers)
     return tuple(LinkView((flight.views[link.left].name, flight.views[link.right].name), link.inliers) for link in held)
 
 
-def compare_hardware(names: tuple[str, str], choices: Choices, backend: str, *, progress: Progress) -> HardwareOutcome:
-    """Run a pair through the golden model and through hardware."""
-    _, config = choices.settled()
-    progress("computing by the golden model")
-    software = register(*names, config=config)
-    progress(f"computing by {backend}")
+def compare_hardware(
+    folder: Path, names: tuple[str, str], options: Options, backend: str, *, progress: Progress
+) -> HardwareResult:
+    """Run a pair through the golden model and through hardware, and write ``hardware.json``."""
+    _, config = options.resolve()
+    paths = tuple(folder / name for name in names)
+    progress("computing with the golden model")
+    software = register(*paths, config=config)
+    progress(f"computing with {backend}")
     comparison = compare(
-        *names, config=software.config, backend=backend, working_width_px=WORKING_WIDTH_PX, progress=progress
+        *paths, config=software.config, backend=backend, working_width_px=WORKING_WIDTH_PX, progress=progress
     )
-    save_bytes(Path("hardware.json"), (json.dumps(comparison.summary(), indent=2) + "\n").encode())
+    _write(folder, {"hardware.json": json.dumps(comparison.summary(), indent=2) + "\n"})
     sizes = [(image.shape[1], image.shape[0]) for image in software.working]
     size = max(sizes, key=lambda size: size[0] * size[1])
-    words = ["skymosaic", "compare", *names, "--config", "config.toml", "--backend", backend]
+    words = ["skymosaic", "compare", *names, "--config", CONFIG, "--backend", backend]
     seconds = software.seconds["features and matches"]
-    return HardwareOutcome(names, size, backend, comparison, seconds, shlex.join(words))
+    return HardwareResult(names, size, backend, comparison, seconds, shlex.join(words))
 
 
-def command(names: list[str], choices: Choices) -> str:
+def command(names: list[str], options: Options) -> str:
     """The command line that repeats a run in its folder."""
-    words = ["skymosaic", "mosaic", *names, "--config", "config.toml"]
+    words = ["skymosaic", "mosaic", *names, "--config", CONFIG]
     if len(names) == 2:
-        words += ["--detector", choices.detector, "--descriptor", choices.descriptor]
-        words += ["--estimator", choices.estimator, *(["--refine"] if choices.refine else [])]
-    words += [] if choices.blending == AUTOMATIC else ["--blend", choices.blending]
-    return shlex.join([*words, "--backend", choices.backend, "--report", "report", "-o", "mosaic.png"])
+        words += ["--detector", options.detector, "--descriptor", options.descriptor]
+        words += ["--estimator", options.estimator, *(["--refine"] if options.refine else [])]
+    words += [] if options.blending == AUTOMATIC else ["--blend", options.blending]
+    return shlex.join([*words, "--backend", options.backend, "--report", REPORT, "-o", MOSAIC])
 
 
 def _outline(size: Size, transform: Array) -> Array:
@@ -187,18 +221,22 @@ def _outline(size: Size, transform: Array) -> Array:
     return apply(transform, frame)
 
 
-def _shown(image: Pixels, size: Size, outlines: dict[str, Array], views: Path) -> ShownMosaic:
-    """Store a picture of the mosaic for the page; ``image`` is the mosaic of ``size``, or a preview of it."""
+def _picture_name(folder: Path) -> str:
+    """The page's picture of a run; each run needs a name of its own, as browsers cache what they have shown."""
+    return f"mosaic-{folder.name}.jpg"
+
+
+def _shown(image: Pixels, size: Size, outlines: dict[str, Array], picture: Path) -> ShownMosaic:
+    """Save a picture of the mosaic for the page; ``image`` is the mosaic of ``size``, or a preview of it."""
     scale = min(1.0, SHOWN_SIDE_PX / max(image.shape))
     shown = max(round(image.shape[1] * scale), 1), max(round(image.shape[0] * scale), 1)
-    picture = views / f"mosaic-{Path.cwd().name}.jpg"
     save(picture, np.asarray(cv2.resize(image, shown, interpolation=cv2.INTER_AREA), dtype=np.uint8))
     return ShownMosaic(picture, size, shown, {name: corners * shown[0] / size[0] for name, corners in outlines.items()})
 
 
-def _write(texts: dict[str, str]) -> None:
+def _write(folder: Path, texts: dict[str, str]) -> None:
     for name, text in texts.items():
-        save_bytes(Path(name), text.encode())
+        save_bytes(folder / name, text.encode())
 
 
 def _corners_table(view: PairView) -> str:

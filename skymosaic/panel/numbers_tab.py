@@ -11,25 +11,25 @@ from nicegui import ui
 
 from skymosaic.evaluation.metrics import confusion
 from skymosaic.panel.page_layout import command_line
-from skymosaic.panel.results import MosaicOutcome, PairView
+from skymosaic.panel.results import MosaicResult, PairView
 
 CORRECT_PX = 3.0
 """A match this close to the homography counts as correct for recall and precision."""
 
 
-def build_numbers_tab(outcome: MosaicOutcome, view: PairView) -> None:
+def build_numbers_tab(result: MosaicResult, view: PairView) -> None:
     """Show a run and one of its pairs."""
     with ui.element("div").classes("numbers"):
         for title, body in (
             ("From corners to inliers", _funnel(view)),
             ("Homography, left to right, in pixels of the originals", _homography(view)),
             ("Quality", _quality(view)),
-            ("Time", _bars(outcome.seconds, "{:.3f} s")),
-            *((("The flight", _table(outcome.facts)),) if outcome.facts else ()),
+            ("Time", _bars(result.seconds, "{:.3f} s")),
+            *((("The flight", _table(result.facts)),) if result.facts else ()),
         ):
             ui.html(f"<h3>{title}</h3>{body}", tag="section", sanitize=False).classes("card")
     with ui.element("section").classes("card"):
-        command_line(outcome.command)
+        command_line(result.command)
 
 
 def _funnel(view: PairView) -> str:

@@ -1,4 +1,4 @@
-"""What a visitor may choose; every list is the library's own, so a choice exists here exactly when it exists there."""
+"""What a session may choose; every list is the library's own, so a choice exists here exactly when it exists there."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SOFTWARE = "golden"
 AUTOMATIC = "automatic"
 """Blending as the library has it: by distance for two photographs, multi-band along seams for more."""
 HARDWARE = tuple(name for name in BACKENDS if name not in (SOFTWARE, "verilator"))  # the latter is "rtl"
-OPTIONS = {
+OPTION_VALUES = {
     "preset": tuple(PRESETS),
     "detector": DETECTORS,
     "descriptor": DESCRIPTORS,
@@ -61,8 +61,8 @@ STRONGEST = Scale("Strongest key points", 14, 22, steps_per_octave=2)
 
 
 @dataclass(frozen=True)
-class Choices:
-    """One set of choices; ``position`` is the slider's."""
+class Options:
+    """One set of options; ``position`` is the slider's."""
 
     preset: str
     detector: str
@@ -75,7 +75,7 @@ class Choices:
     refine: bool = False
 
     @classmethod
-    def of_preset(cls, preset: str) -> Choices:
+    def of_preset(cls, preset: str) -> Options:
         """What a preset chooses."""
         config = preset_config(preset)
         detector = config.front_end.detector
@@ -87,10 +87,10 @@ class Choices:
             rule_base=config.matcher.rule_base,
         )
 
-    def changed(self, name: str, value: Any) -> Choices:
-        """These choices with one of them changed, and what follows: a preset sets all, a detector its slider."""
+    def changed(self, name: str, value: Any) -> Options:
+        """These options with one of them changed, and what follows: a preset sets all, a detector its slider."""
         if name == "preset":
-            return Choices.of_preset(value)
+            return Options.of_preset(value)
         changed = dataclasses.replace(self, **{name: value})
         if name == "detector":
             position = _usual_position(preset_config(self.preset), changed.detector)
@@ -106,13 +106,13 @@ class Choices:
         """The blending; the usual one where it is automatic."""
         return usual if self.blending == AUTOMATIC else self.blending
 
-    def settled(self, photographs: int = 2) -> tuple[Method, Config]:
-        """The method and configuration that these choices stand for.
+    def resolve(self, photographs: int = 2) -> tuple[Method, Config]:
+        """The method and configuration that these options stand for.
 
         Raises
         ------
         InputError
-            For choices that do not go together, or not with so many photographs.
+            For options that do not go together, or not with so many photographs.
         """
         base = preset_config(self.preset)
         base = dataclasses.replace(base, matcher=dataclasses.replace(base.matcher, rule_base=self.rule_base))
@@ -129,10 +129,10 @@ class Choices:
         return method, dataclasses.replace(config, front_end=dataclasses.replace(own, max_features=value))
 
 
-def fault_of(choices: Choices, photographs: int = 2) -> str:
-    """Why choices do not go together, or not with so many photographs; empty where they do."""
+def fault_of(options: Options, photographs: int = 2) -> str:
+    """Why options do not go together, or not with so many photographs; empty where they do."""
     try:
-        choices.settled(photographs)
+        options.resolve(photographs)
     except (InputError, ValueError) as error:
         return str(error)
     return ""

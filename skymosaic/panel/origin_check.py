@@ -1,6 +1,6 @@
 """Who may talk to the panel: Host and Origin of every request, checked before anything else sees it.
 
-A web page of any other origin can reach a server on loopback through its visitor's browser: by a name that it lets
+A web page of any other origin can reach a server on loopback through its session's browser: by a name that it lets
 resolve to 127.0.0.1 (the Host gives it away), by forms and scripts, or by a websocket, which no browser confines to
 its own origin (the Origin gives these away).
 """
@@ -28,7 +28,7 @@ HEADERS = {
 }
 
 
-class Guard:
+class OriginCheck:
     """Refuses what does not come from the panel's own page; adds the headers that confine that page.
 
     Parameters

@@ -10,10 +10,10 @@ from skymosaic.panel.matches_tab import MatchesTab
 from skymosaic.panel.mosaic_tab import build_mosaic_tab
 from skymosaic.panel.numbers_tab import build_numbers_tab
 from skymosaic.panel.options import fault_of
-from skymosaic.panel.page_layout import page_frame
-from skymosaic.panel.results import MosaicOutcome
-from skymosaic.panel.sessions import Visitor
-from skymosaic.panel.sidebar import ChoicesCard, PhotographsCard, RunCard, enabled_while_idle
+from skymosaic.panel.page_layout import page_layout
+from skymosaic.panel.results import MosaicResult
+from skymosaic.panel.sessions import Session
+from skymosaic.panel.sidebar import OptionsCard, PhotographsCard, RunCard, enabled_while_idle
 
 STEPS = (
     ("grain", "Corners", "appear as soon as photographs are loaded, and follow the threshold as you move it."),
@@ -22,38 +22,38 @@ STEPS = (
 )
 
 
-def build_mosaic_page(visitor: Visitor) -> None:
-    """Build the page of a visitor, with all that is there already."""
+def build_mosaic_page(session: Session) -> None:
+    """Build the page of a session, with all that is there already."""
 
     def is_ready() -> bool:
-        count = len(visitor.photographs)
-        return count > 1 and not fault_of(visitor.choices, count)
+        count = len(session.photographs)
+        return count > 1 and not fault_of(session.options, count)
 
-    with page_frame(visitor, "/"):
+    with page_layout(session, "/"):
         with ui.element("aside").classes("stack").props('aria-label="Photographs and choices"'):
             cards = (
-                PhotographsCard(visitor),
-                ChoicesCard(visitor),
-                RunCard(visitor, "Make the mosaic", visitor.make_mosaic, is_ready),
+                PhotographsCard(session),
+                OptionsCard(session),
+                RunCard(session, "Make the mosaic", session.make_mosaic, is_ready),
             )
         with ui.element("main").classes("stack"):
-            results = Results(visitor)
+            tabs = ResultTabs(session)
 
     def update() -> None:
         for card in cards:
             card.update()
-        results.update()
+        tabs.update()
 
-    visitor.changed.subscribe(update)
+    session.changed.subscribe(update)
     update()
 
 
-class Results:
+class ResultTabs:
     """The tabs of the right side."""
 
-    def __init__(self, visitor: Visitor) -> None:
-        self._visitor = visitor
-        self._outcome: MosaicOutcome | None = None
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._result: MosaicResult | None = None
         self._hardware: HardwareTab | None = None
         self._welcome = ui.element("div").classes("card welcome")
         with self._welcome:
@@ -68,21 +68,23 @@ class Results:
             with ui.tab_panels(self._tabs, value="Corners", animated=False, keep_alive=True) as self._panels:
                 places = {name: ui.tab_panel(tab).props(f'aria-label="{name}"') for name, tab in tabs.items()}
                 with places.pop("Corners"):
-                    self._corners = CornersTab(visitor)
+                    self._corners = CornersTab(session)
                 self._places = places
         self._fill()
 
     def update(self) -> None:
-        """Show the visitor's photographs, choices and outcome as they are now."""
-        visitor = self._visitor
-        self._welcome.set_visibility(not visitor.photographs and visitor.outcome is None)
+        """Show the session's photographs, options and result as they are now."""
+        session = self._session
+        self._welcome.set_visibility(not session.photographs and session.mosaic_result is None)
         self._tabs_card.set_visibility(not self._welcome.visible)
         self._corners.update()
-        if visitor.outcome is not self._outcome:
+        if session.mosaic_result is not self._result:
             is_new_run = (
-                self._outcome is None or visitor.outcome is None or visitor.outcome.folder != self._outcome.folder
+                self._result is None
+                or session.mosaic_result is None
+                or session.mosaic_result.folder != self._result.folder
             )
-            self._outcome = visitor.outcome
+            self._result = session.mosaic_result
             self._fill()
             if is_new_run:
                 self._panels.set_value("Mosaic")
@@ -92,41 +94,41 @@ class Results:
 
     def _is_outdated(self) -> bool:
         """Whether a run would not repeat what is shown."""
-        visitor, outcome = self._visitor, self._visitor.outcome
-        if outcome is None:
+        session, result = self._session, self._session.mosaic_result
+        if result is None:
             return False
-        photographs = tuple(upload.working for upload in visitor.photographs)
-        return (visitor.choices, photographs) != (outcome.choices, outcome.workings)
+        photographs = tuple(upload.working for upload in session.photographs)
+        return (session.options, photographs) != (result.options, result.working_pictures)
 
     def _fill(self) -> None:
-        outcome = self._outcome
+        result = self._result
         for place in self._places.values():
             place.clear()
-        if outcome is None:
+        if result is None:
             for place in self._places.values():
                 with place:
                     ui.label("Make the mosaic first.").classes("hint empty")
             return
-        left, right = (f"/picture/{name}.png" for name in outcome.pair.names)
+        left, right = (f"/picture/{name}.png" for name in result.pair.names)
         with self._places["Matches"]:
-            self._build_pair_choice(outcome)
-            MatchesTab(outcome.pair, (left, right))
+            self._build_pair_choice(result)
+            MatchesTab(result.pair, (left, right))
         with self._places["Mosaic"]:
-            build_mosaic_tab(outcome)
+            build_mosaic_tab(result)
         with self._places["Numbers"]:
-            build_numbers_tab(outcome, outcome.pair)
+            build_numbers_tab(result, result.pair)
         with self._places["Hardware"]:
-            self._hardware = HardwareTab(self._visitor, outcome)
+            self._hardware = HardwareTab(self._session, result)
 
-    def _build_pair_choice(self, outcome: MosaicOutcome) -> None:
+    def _build_pair_choice(self, result: MosaicResult) -> None:
         """Of a flight, the linked pairs to look at; those of two photographs need no choice."""
-        if outcome.links:
-            titles = {link.names: f"{' and '.join(link.names)}, {link.inliers} inliers" for link in outcome.links}
+        if result.links:
+            titles = {link.names: f"{' and '.join(link.names)}, {link.inliers} inliers" for link in result.links}
             with ui.element("div").classes("bar"):
-                choice = ui.select(titles, label="Pair of the flight", value=outcome.pair.names)
-                choice.props("outlined dense options-dense").classes("pair-choice")
-                look = ui.button("Look at it", on_click=lambda: self._visitor.look_at_pair(choice.value))
-                enabled_while_idle(look.props("outline no-caps"), self._visitor)
+                choice = ui.select(titles, label="Pair of the flight", value=result.pair.names)
+                choice.props("outlined dense options-dense").classes("pair-select")
+                look = ui.button("Look at it", on_click=lambda: self._session.look_at_pair(choice.value))
+                enabled_while_idle(look.props("outline no-caps"), self._session)
 
     def _build_welcome(self) -> None:
         ui.html("Two overlapping photographs in, one mosaic out", tag="h2", sanitize=False)
@@ -134,8 +136,8 @@ class Results:
             "Load two or more photographs on the left, or begin with what is rendered here. Nothing leaves "
             "this machine."
         ).classes("lead")
-        button = ui.button("Try the built-in pair", icon="flight", on_click=lambda: self._visitor.load_built_in(2))
-        enabled_while_idle(button.props("unelevated no-caps size=lg"), self._visitor)
+        button = ui.button("Try the built-in pair", icon="flight", on_click=lambda: self._session.load_built_in(2))
+        enabled_while_idle(button.props("unelevated no-caps size=lg"), self._session)
         with ui.element("div").classes("what"):
             for icon, title, words in STEPS:
                 with ui.element("div"):

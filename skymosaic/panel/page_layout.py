@@ -9,7 +9,7 @@ from pathlib import Path
 
 from nicegui import ui
 
-from skymosaic.panel.sessions import Visitor
+from skymosaic.panel.sessions import Session
 
 PAGES = {"/": "Mosaic", "/tracking": "Tracking"}
 LOGO = (
@@ -32,7 +32,7 @@ def command_line(words: str) -> None:
 
 
 @contextmanager
-def page_frame(visitor: Visitor, here: str) -> Iterator[None]:
+def page_layout(session: Session, here: str) -> Iterator[None]:
     """The header of the page at path ``here``; what is built inside comes below it, in two columns."""
     ui.add_css(_style())
     ui.colors(primary="#0f6e78")
@@ -51,7 +51,7 @@ def page_frame(visitor: Visitor, here: str) -> Iterator[None]:
         yield
 
     def update() -> None:
-        download.set_visibility(bool(visitor.result_folders()))
+        download.set_visibility(bool(session.result_folders()))
 
-    visitor.changed.subscribe(update)
+    session.changed.subscribe(update)
     update()

@@ -17,7 +17,7 @@ from skymosaic.features.matchers import GOOD_MATCH_ABOVE
 from skymosaic.features.methods import Method
 from skymosaic.features.positions import match_points
 from skymosaic.geometry.homography import apply
-from skymosaic.panel.options import Choices
+from skymosaic.panel.options import Options
 from skymosaic.registration import Pair
 from skymosaic.tracking.output import TrackedCorners
 
@@ -31,7 +31,7 @@ class Upload:
     Attributes
     ----------
     name : str
-        Of the file in the visitor's folder, made by the panel.
+        Of the file in the session's folder, made by the panel.
     size : (int, int)
         Width and height of the original, px.
     notes : tuple of str
@@ -153,16 +153,16 @@ class LinkView:
 
 
 @dataclass(frozen=True)
-class MosaicOutcome:
+class MosaicResult:
     """A finished run.
 
     Attributes
     ----------
     folder : Path
         All that the run used and wrote; the archive holds it.
-    choices : Choices
+    options : Options
         What it was made with.
-    workings : tuple of Path
+    working_pictures : tuple of Path
         Working pictures of the photographs, in their order.
     pair : PairView
         Of a flight, the one that is looked at.
@@ -181,8 +181,8 @@ class MosaicOutcome:
     """
 
     folder: Path
-    choices: Choices
-    workings: tuple[Path, ...]
+    options: Options
+    working_pictures: tuple[Path, ...]
     pair: PairView
     mosaic: ShownMosaic | None
     left_out: tuple[str, ...]
@@ -195,16 +195,16 @@ class MosaicOutcome:
     @property
     def on_accelerator(self) -> bool:
         """Whether hardware can compute the features too."""
-        return self.choices.settled()[0].on_accelerator
+        return self.options.resolve()[0].on_accelerator
 
     @property
     def pictures(self) -> list[Path]:
         """The pictures that show it."""
-        return [*self.workings, *([self.mosaic.picture] if self.mosaic else [])]
+        return [*self.working_pictures, *([self.mosaic.picture] if self.mosaic else [])]
 
 
 @dataclass(frozen=True)
-class HardwareOutcome:
+class HardwareResult:
     """A pair through software and hardware.
 
     Attributes
@@ -231,7 +231,7 @@ class HardwareOutcome:
 
 
 @dataclass(frozen=True)
-class TrackingOutcome:
+class TrackingResult:
     """An object followed through a video.
 
     Attributes

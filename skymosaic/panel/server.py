@@ -17,9 +17,9 @@ from starlette.responses import FileResponse, PlainTextResponse, Response, Strea
 from skymosaic.errors import InputError
 from skymosaic.panel.archive import zipped
 from skymosaic.panel.jobs import prepare_workers
-from skymosaic.panel.origin_check import Guard
+from skymosaic.panel.origin_check import OriginCheck
 from skymosaic.panel.page import build_mosaic_page
-from skymosaic.panel.sessions import Visitor, Visitors
+from skymosaic.panel.sessions import Session, Sessions
 from skymosaic.panel.tracking_page import build_tracking_page
 from skymosaic.panel.uploads import UploadRefusedError
 
@@ -47,13 +47,13 @@ def serve(port: int, boards: tuple[str, ...], announce: Callable[[str], None]) -
     listener = _listen(port)
     port = listener.getsockname()[1]
     prepare_workers()
-    visitors = Visitors(boards)
+    sessions = Sessions(boards)
     # Before the server ends: it raises the signal that stopped it again, and nothing runs after that.
-    page_app.on_shutdown(visitors.close)
-    app = _application(visitors, port)
+    page_app.on_shutdown(sessions.close)
+    app = _application(sessions, port)
     announce(f"http://{HOST}:{port}/")
     config = uvicorn.Config(
-        Guard(app, port),
+        OriginCheck(app, port),
         log_level="warning",
         ws="wsproto",
         server_header=False,
@@ -74,7 +74,7 @@ def _listen(port: int) -> socket.socket:
     return listener
 
 
-def _application(visitors: Visitors, port: int) -> FastAPI:
+def _application(sessions: Sessions, port: int) -> FastAPI:
     """The routes; the page itself is NiceGUI's."""
     app = FastAPI(openapi_url=None)
     # Cookies know no ports: the name tells two panels apart. The key dies with the server, as the files do.
@@ -82,17 +82,17 @@ def _application(visitors: Visitors, port: int) -> FastAPI:
         SessionMiddleware, secret_key=secrets.token_urlsafe(), session_cookie=f"skymosaic_{port}", same_site="lax"
     )
 
-    def visitor_of(request: Request) -> Visitor | None:
-        number = request.session.get("id")
-        return visitors.of(number) if number else None
+    def session_of(request: Request) -> Session | None:
+        identifier = request.session.get("id")
+        return sessions.get(identifier) if identifier else None
 
     @app.post("/upload/{slot}")
     async def upload(request: Request, slot: Literal["photograph", "template", "video"], name: str) -> Response:
-        visitor = visitor_of(request)
-        if visitor is None:
+        session = session_of(request)
+        if session is None:
             return PlainTextResponse("open the panel's page first", status_code=403)
         try:
-            await visitor.upload(slot, request.stream(), name)
+            await session.upload(slot, request.stream(), name)
         except UploadRefusedError as error:
             # The rest of a body that is too large is not waited for.
             return PlainTextResponse(str(error), status_code=error.status, headers={"connection": "close"})
@@ -100,16 +100,16 @@ def _application(visitors: Visitors, port: int) -> FastAPI:
 
     @app.get("/picture/{key}")
     async def picture(request: Request, key: str) -> Response:
-        visitor = visitor_of(request)
-        path = visitor.picture(key) if visitor else None
+        session = session_of(request)
+        path = session.picture(key) if session else None
         if path is None:
             return PlainTextResponse("no such picture", status_code=404)
         return FileResponse(path, headers={"cache-control": "private, max-age=3600"})
 
     @app.get("/archive")
     async def archive(request: Request) -> Response:
-        visitor = visitor_of(request)
-        folders = visitor.result_folders() if visitor else {}
+        session = session_of(request)
+        folders = session.result_folders() if session else {}
         if not folders:
             return PlainTextResponse("nothing has been made yet", status_code=404)
         disposition = {"content-disposition": 'attachment; filename="skymosaic.zip"'}
@@ -117,11 +117,11 @@ def _application(visitors: Visitors, port: int) -> FastAPI:
 
     @ui.page("/")
     def mosaic_page() -> None:
-        build_mosaic_page(visitors.of(page_app.storage.browser["id"]))
+        build_mosaic_page(sessions.get(page_app.storage.browser["id"]))
 
     @ui.page("/tracking")
     def tracking_page() -> None:
-        build_tracking_page(visitors.of(page_app.storage.browser["id"]))
+        build_tracking_page(sessions.get(page_app.storage.browser["id"]))
 
     ui.run_with(app, title="skymosaic", show_welcome_message=False, gzip_middleware_factory=None)
     return app

@@ -1,4 +1,4 @@
-"""The visitors, and what each of them has: photographs, choices, outcomes. Nobody's are within reach of another."""
+"""The sessions: the photographs, options and results of each browser, kept apart from every other browser's."""
 
 from __future__ import annotations
 
@@ -16,124 +16,132 @@ from nicegui import Event, background_tasks
 from nicegui.binding import BindableProperty
 
 from skymosaic.panel import mosaic_tasks, tracking_tasks, upload_tasks
-from skymosaic.panel.jobs import Job, JobCancelledError, JobFailedError, Work
-from skymosaic.panel.options import Choices
-from skymosaic.panel.results import HardwareOutcome, MosaicOutcome, TrackingOutcome, Upload
+from skymosaic.panel.jobs import Job, JobCancelledError, JobFailedError, Task
+from skymosaic.panel.options import Options
+from skymosaic.panel.results import HardwareResult, MosaicResult, TrackingResult, Upload
 from skymosaic.panel.uploads import PHOTOGRAPH, VIDEO, UploadRefusedError, receive
 
 MOST_KEPT = 16
-"""Visitors whose files are kept; the one who came first goes first, unless its work is running."""
+"""Sessions whose files are kept; beyond it, the oldest session without a running job loses its files."""
 MOST_PHOTOGRAPHS = 60
 MOST_BYTES = 4 << 30
-"""Of all files of one visitor, results included."""
+"""Limit of all files of one session, results included."""
 
 SLOTS = {
     "photograph": (PHOTOGRAPH, upload_tasks.inspect),
     "template": (PHOTOGRAPH, upload_tasks.inspect),
     "video": (VIDEO, upload_tasks.inspect_video),
 }
-"""Where files may be uploaded to: the kind each takes, and what a worker does with it."""
-
+"""What a file may be uploaded as: the kind of file, and the task that reads it."""
 
 _Arguments = ParamSpec("_Arguments")
 
 
 @dataclass(frozen=True)
-class Turns:
-    """How many workers run at once; uploads do not wait behind long work."""
+class JobQueues:
+    """Limits on how many workers run at once; uploads have a queue of their own and never wait for long jobs."""
 
     long: asyncio.Semaphore = field(default_factory=lambda: asyncio.Semaphore(2))
     uploads: asyncio.Semaphore = field(default_factory=lambda: asyncio.Semaphore(2))
 
 
-def _alone(
-    start: Callable[Concatenate[Visitor, _Arguments], None],
-) -> Callable[Concatenate[Visitor, _Arguments], None]:
-    """Let a method that starts a job do nothing while another runs."""
+def _only_while_idle(
+    start: Callable[Concatenate[Session, _Arguments], None],
+) -> Callable[Concatenate[Session, _Arguments], None]:
+    """Make a method that starts a job do nothing while another job runs."""
 
     @wraps(start)
-    def start_alone(visitor: Visitor, /, *args: _Arguments.args, **kwargs: _Arguments.kwargs) -> None:
-        if visitor.job is None:
-            start(visitor, *args, **kwargs)
+    def start_if_idle(session: Session, /, *args: _Arguments.args, **kwargs: _Arguments.kwargs) -> None:
+        if session.job is None:
+            start(session, *args, **kwargs)
 
-    return start_alone
+    return start_if_idle
 
 
-class Visitor:
-    """One browser's photographs, choices and outcomes; all its tabs share them, and a reload finds them again.
+class Session:
+    """One browser's photographs, options and results, shared by all its tabs and kept when a page is reloaded.
 
     Attributes
     ----------
     boards : tuple of str
         Backends that are boards.
+    photographs : list of Upload
+    options : Options
+    mosaic_result, hardware_result, tracking_result
+        The latest of each kind; None before the first.
+    template, video : Upload or None
+        The object and the video to track it in.
     job : Job or None
-        What is running; controls can be bound to it.
+        The running job; controls can be bound to it.
     changed : Event
-        Emitted whenever something that pages show has changed.
+        Emitted whenever something that a page shows has changed.
     fault : str
-        Why the last work ended without a result; empty where it did not.
+        Why the last job ended without a result; empty if it had one.
     """
 
     job = BindableProperty()
 
-    def __init__(self, make_folder: Callable[[Visitor], Path], turns: Turns, boards: tuple[str, ...]) -> None:
+    def __init__(self, make_folder: Callable[[Session], Path], queues: JobQueues, boards: tuple[str, ...]) -> None:
         self.boards = boards
         self._make_folder = make_folder
-        self._turns = turns
+        self._queues = queues
         self._root: Path | None = None
-        self._numbers = 0
+        self._names_given = 0
         self.photographs: list[Upload] = []
-        self.choices = Choices.of_preset("aerial")
-        self.outcome: MosaicOutcome | None = None
-        self.hardware: HardwareOutcome | None = None
+        self.options = Options.of_preset("aerial")
+        self.mosaic_result: MosaicResult | None = None
+        self.hardware_result: HardwareResult | None = None
         self.template: Upload | None = None
         self.video: Upload | None = None
-        self.tracking: TrackingOutcome | None = None
+        self.tracking_result: TrackingResult | None = None
         self.job = None
         self.fault = ""
         self.changed: Event[[]] = Event()
 
     def picture(self, name: str) -> Path | None:
-        """A picture's file: only what is listed here can be read, whatever ``name`` holds."""
+        """The file of a picture that is shown; None for any other name, so no request can read another file."""
         return next((path for path in self._pictures() if path.name == name), None)
 
     def result_folders(self) -> dict[str, Path]:
-        """The folders of the archive, by the names they have in it."""
-        return {name: outcome.folder for name, outcome in self._outcomes().items()}
+        """The folders of the archive, by their names in it."""
+        return {name: result.folder for name, result in self._results().items()}
 
     async def upload(self, slot: str, body: AsyncIterator[bytes], name: str) -> None:
-        """Take a file in once it is received, known to be of its kind, and decoded.
+        """Receive a file, check its kind and decode it.
 
         Parameters
         ----------
         slot : str
             A key of `SLOTS`.
+        body : async iterator of bytes
+        name : str
+            The file's name in the browser.
 
         Raises
         ------
         UploadRefusedError
-            If it is not taken; nothing of it stays.
+            If the file is refused; it is removed completely.
         """
         kind, task = SLOTS[slot]
         if slot == "photograph" and len(self.photographs) >= MOST_PHOTOGRAPHS:
-            raise UploadRefusedError(f"{MOST_PHOTOGRAPHS} photographs are loaded, and no more may be; remove some", 413)
-        path = await receive(body, name, kind, self._folder("uploads") / self._number(), self._room_bytes())
-        job = Job(f"Reading {path.name}", path.parent, task, path.name, self._folder("views"))
+            raise UploadRefusedError(f"no more than {MOST_PHOTOGRAPHS} photographs can be loaded; remove some", 413)
+        path = await receive(body, name, kind, self._folder("uploads") / self._new_number(), self._bytes_left())
+        job = Job(f"Reading {path.name}", task, path.parent, path.name, self._folder("views"))
         try:
-            uploaded = await job.run(self._turns.uploads)
+            uploaded = await job.run(self._queues.uploads)
         except JobFailedError as error:
             path.unlink()
             raise UploadRefusedError(str(error)) from None
         if slot == "photograph":
             self.photographs.append(uploaded)
         elif slot == "template":
-            self._take_film(uploaded, self.video)
+            self._replace_film(uploaded, self.video)
         else:
-            self._take_film(self.template, uploaded)
+            self._replace_film(self.template, uploaded)
         self.changed.emit()
 
     def keep_photographs(self, kept: Iterable[Upload]) -> None:
-        """Forget all other photographs; outcomes made of them stay."""
+        """Remove all other photographs; results made from them stay."""
         before, self.photographs = self.photographs, list(kept)
         self._remove(*(upload for upload in before if upload not in self.photographs))
         self.changed.emit()
@@ -143,94 +151,94 @@ class Visitor:
         self.photographs[:2] = self.photographs[1::-1]
         self.changed.emit()
 
-    def choose(self, name: str, value: Any) -> None:
-        """Change one of the choices."""
-        if getattr(self.choices, name) != value:
-            self.choices = self.choices.changed(name, value)
+    def set_option(self, name: str, value: Any) -> None:
+        """Change one of the options."""
+        if getattr(self.options, name) != value:
+            self.options = self.options.changed(name, value)
             self.changed.emit()
 
-    @_alone
+    @_only_while_idle
     def load_built_in(self, count: int) -> None:
-        """Replace the photographs by a built-in pair, or a built-in flight of more."""
-        names = [f"{self._number()}_built-in.png" for _ in range(count)]
+        """Replace the photographs by the built-in pair, or by a built-in flight of more than two."""
+        names = [f"{self._new_number()}_built-in.png" for _ in range(count)]
         task, title = (upload_tasks.render_pair, "pair") if count == 2 else (upload_tasks.render_flight, "flight")
         uploads, views = self._folder("uploads"), self._folder("views")
-        self._start(f"Rendering the built-in {title}", uploads, self.keep_photographs, task, names, views)
+        self._start(f"Rendering the built-in {title}", self.keep_photographs, task, uploads, names, views)
 
-    @_alone
+    @_only_while_idle
     def load_built_in_film(self) -> None:
         """Replace template and video by the built-in film of a car."""
-        names = f"{self._number()}_car.png", f"{self._number()}_film.mp4"
-        folder, views = self._folder("uploads"), self._folder("views")
+        names = f"{self._new_number()}_car.png", f"{self._new_number()}_film.mp4"
+        uploads, views = self._folder("uploads"), self._folder("views")
 
-        def take(film: tuple[Upload, Upload]) -> None:
-            self._take_film(*film)
+        def replace_film(film: tuple[Upload, Upload]) -> None:
+            self._replace_film(*film)
 
-        self._start("Rendering the built-in film", folder, take, upload_tasks.render_pursuit, *names, views)
+        self._start("Rendering the built-in film", replace_film, upload_tasks.render_pursuit, uploads, *names, views)
 
-    @_alone
+    @_only_while_idle
     def make_mosaic(self) -> None:
-        """Run the chosen chain over the photographs."""
+        """Make a mosaic of the photographs with the options as they are."""
         names = [upload.name for upload in self.photographs]
-        run, views = self._new_run(names), self._folder("views")
-        self._start("Making the mosaic", run, self._take_mosaic, mosaic_tasks.make_mosaic, names, self.choices, views)
+        run, views, task = self._new_run(names), self._folder("views"), mosaic_tasks.make_mosaic
+        self._start("Making the mosaic", self._replace_mosaic, task, run, names, self.options, views)
 
-    @_alone
+    @_only_while_idle
     def look_at_pair(self, names: tuple[str, str]) -> None:
-        """Register one pair of a flight again, to look at its matches."""
-        assert self.outcome is not None
-        folder, task = self.outcome.folder, mosaic_tasks.look_at_pair
-        self._start("Matching the pair", folder, self._take_mosaic, task, self.outcome, names)
+        """Register one pair of a flight again, to show its matches."""
+        assert self.mosaic_result is not None
+        folder, task = self.mosaic_result.folder, mosaic_tasks.look_at_pair
+        self._start("Matching the pair", self._replace_mosaic, task, folder, self.mosaic_result, names)
 
-    @_alone
+    @_only_while_idle
     def compare_hardware(self, backend: str) -> None:
-        """Run the pair at hand through hardware."""
-        assert self.outcome is not None
-        names, choices = self.outcome.pair.names, self.outcome.choices
+        """Run the pair that is shown through hardware."""
+        assert self.mosaic_result is not None
+        names, options = self.mosaic_result.pair.names, self.mosaic_result.options
 
-        def take(outcome: HardwareOutcome) -> None:
-            self.hardware = outcome
+        def replace_comparison(result: HardwareResult) -> None:
+            self.hardware_result = result
 
-        task, folder = mosaic_tasks.compare_hardware, self.outcome.folder
-        self._start("Comparing with the golden model", folder, take, task, names, choices, backend)
+        task, folder = mosaic_tasks.compare_hardware, self.mosaic_result.folder
+        self._start("Comparing with the golden model", replace_comparison, task, folder, names, options, backend)
 
-    @_alone
+    @_only_while_idle
     def track(self) -> None:
         """Follow the template through the video."""
         assert self.template is not None
         assert self.video is not None
         names = [self.template.name, self.video.name]
 
-        def take(outcome: TrackingOutcome) -> None:
-            before, self.tracking = self.tracking, outcome
+        def replace_tracking(result: TrackingResult) -> None:
+            before, self.tracking_result = self.tracking_result, result
             if before:
                 self._remove(before)
 
-        run, views, choices = self._new_run(names), self._folder("views"), self.choices
-        self._start("Tracking", run, take, tracking_tasks.follow, *names, choices.preset, choices.backend, views)
+        run, views, task = self._new_run(names), self._folder("views"), tracking_tasks.follow
+        self._start("Tracking", replace_tracking, task, run, *names, self.options, views)
 
     def cancel(self) -> None:
-        """End the running job; what it would have brought is lost, what was there before stays."""
+        """Cancel the running job; earlier results stay."""
         if self.job is not None:
             self.job.cancel()
 
     def close(self) -> None:
-        """End the job and remove every file."""
+        """Cancel the job and remove every file."""
         self.cancel()
         if self._root is not None:
             shutil.rmtree(self._root, ignore_errors=True)
             self._root, self.photographs, self.template, self.video = None, [], None, None
-            self.outcome = self.hardware = self.tracking = None
+            self.mosaic_result = self.hardware_result = self.tracking_result = None
 
-    def _start(self, title: str, folder: Path, take: Callable[[Any], None], task: Work, *arguments: object) -> None:
-        """Run ``task`` in a worker and hand its result to ``take``."""
-        self.job, self.fault = Job(title, folder, task, *arguments), ""
-        background_tasks.create(self._finish(self.job, take), name=title)
+    def _start(self, title: str, accept: Callable[[Any], None], task: Task, folder: Path, *arguments: object) -> None:
+        """Run ``task`` in a worker and hand its result to ``accept``."""
+        self.job, self.fault = Job(title, task, folder, *arguments), ""
+        background_tasks.create(self._finish(self.job, accept), name=title)
         self.changed.emit()
 
-    async def _finish(self, job: Job, take: Callable[[Any], None]) -> None:
+    async def _finish(self, job: Job, accept: Callable[[Any], None]) -> None:
         try:
-            take(await job.run(self._turns.long))
+            accept(await job.run(self._queues.long))
         except JobCancelledError:
             self.fault = f"{job.title}: cancelled"
         except JobFailedError as error:
@@ -239,28 +247,29 @@ class Visitor:
             self.job = None
             self.changed.emit()
 
-    def _take_mosaic(self, outcome: MosaicOutcome) -> None:
-        before, self.outcome, self.hardware = self.outcome, outcome, None
+    def _replace_mosaic(self, result: MosaicResult) -> None:
+        before, self.mosaic_result, self.hardware_result = self.mosaic_result, result, None
         if before:
             self._remove(before)
 
-    def _take_film(self, template: Upload | None, video: Upload | None) -> None:
+    def _replace_film(self, template: Upload | None, video: Upload | None) -> None:
         before, self.template, self.video = (self.template, self.video), template, video
         self._remove(*(upload for upload in before if upload and upload not in (template, video)))
 
-    def _outcomes(self) -> dict[str, MosaicOutcome | TrackingOutcome]:
-        outcomes = {"mosaic": self.outcome, "tracking": self.tracking}
-        return {name: outcome for name, outcome in outcomes.items() if outcome}
+    def _results(self) -> dict[str, MosaicResult | TrackingResult]:
+        """The results with a folder of their own, by its name in the archive."""
+        results = {"mosaic": self.mosaic_result, "tracking": self.tracking_result}
+        return {name: result for name, result in results.items() if result}
 
     def _pictures(self) -> list[Path]:
-        """The files that may be read."""
+        """The files that a page may request."""
         uploads = (*self.photographs, self.template, self.video)
         shown = [upload.working for upload in uploads if upload]
-        return shown + [path for outcome in self._outcomes().values() for path in outcome.pictures]
+        return shown + [path for result in self._results().values() for path in result.pictures]
 
-    def _remove(self, *gone: Upload | MosaicOutcome | TrackingOutcome) -> None:
-        """Remove the files of what has been replaced, but pictures that something else shows."""
-        for each in gone:
+    def _remove(self, *replaced: Upload | MosaicResult | TrackingResult) -> None:
+        """Remove the files of what has been replaced, except pictures that are still shown elsewhere."""
+        for each in replaced:
             if isinstance(each, Upload):
                 (self._folder("uploads") / each.name).unlink(missing_ok=True)
             for path in set(each.pictures).difference(self._pictures()):
@@ -274,62 +283,64 @@ class Visitor:
         return folder
 
     def _new_run(self, names: Sequence[str]) -> Path:
-        """A folder with the files a run needs; those of runs that left no outcome are removed."""
+        """A folder with the files that a run needs; removes the folders of runs that ended without a result."""
         finished = self.result_folders().values()
         for path in self._folder("runs").iterdir():
             if path not in finished:
                 shutil.rmtree(path)
-        run = self._folder(f"runs/{self._number()}")
+        run = self._folder(f"runs/{self._new_number()}")
         for name in names:
+            # Hard links: the run keeps its photographs when they are removed from the page, and costs no space.
             (run / name).hardlink_to(self._folder("uploads") / name)
         return run
 
-    def _number(self) -> str:
-        """Two digits or more for a name, never given twice."""
-        self._numbers += 1
-        return f"{self._numbers:02}"
+    def _new_number(self) -> str:
+        """Two digits or more for a file name, different on every call."""
+        self._names_given += 1
+        return f"{self._names_given:02}"
 
-    def _room_bytes(self) -> int:
+    def _bytes_left(self) -> int:
         files = self._root.rglob("*") if self._root else ()
         return MOST_BYTES - sum(path.stat().st_size for path in files if path.is_file())
 
 
-class Visitors:
-    """All visitors, by the number in their signed cookie.
+class Sessions:
+    """All sessions, by the identifier in their signed cookie.
 
-    One who only looks is forgotten with the page; one with files is kept until others need the room.
+    A session without files is forgotten when its page is closed; one with files is kept until the room is needed.
 
     Parameters
     ----------
     boards : tuple of str
-        Backends that are boards, ``board:HOST``, which everyone may choose.
+        Backends that are boards, ``board:HOST``, offered in every session.
     """
 
     def __init__(self, boards: tuple[str, ...] = ()) -> None:
         self._boards = boards
         self._folder = tempfile.TemporaryDirectory(prefix="skymosaic-panel-")
-        self._present: WeakValueDictionary[str, Visitor] = WeakValueDictionary()
-        self._kept: list[Visitor] = []
-        self._turns = Turns()
+        self._open: WeakValueDictionary[str, Session] = WeakValueDictionary()
+        self._with_files: list[Session] = []
+        self._queues = JobQueues()
 
-    def of(self, number: str) -> Visitor:
-        """The visitor with that number, new or known."""
-        visitor = self._present.get(number)
-        if visitor is None:
-            visitor = self._present[number] = Visitor(self._keep, self._turns, self._boards)
-        return visitor
+    def get(self, identifier: str) -> Session:
+        """The session with this identifier; a new one if there is none."""
+        session = self._open.get(identifier)
+        if session is None:
+            session = self._open[identifier] = Session(self._make_folder, self._queues, self._boards)
+        return session
 
     def close(self) -> None:
-        """End every job and remove every file."""
-        for visitor in list(self._present.values()):
-            visitor.close()
+        """Cancel every job and remove every file."""
+        for session in list(self._open.values()):
+            session.close()
         self._folder.cleanup()
 
-    def _keep(self, visitor: Visitor) -> Path:
-        idle = [kept for kept in self._kept if kept.job is None]
-        if len(self._kept) >= MOST_KEPT and idle:
-            self._kept.remove(idle[0])
+    def _make_folder(self, session: Session) -> Path:
+        """A folder for a session's files; removes the oldest idle session's files if too many sessions have some."""
+        idle = [kept for kept in self._with_files if kept.job is None]
+        if len(self._with_files) >= MOST_KEPT and idle:
+            self._with_files.remove(idle[0])
             idle[0].close()
             idle[0].changed.emit()
-        self._kept.append(visitor)
+        self._with_files.append(session)
         return Path(tempfile.mkdtemp(dir=self._folder.name))

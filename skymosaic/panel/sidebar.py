@@ -1,4 +1,4 @@
-"""The left column: photographs, choices, and the button that runs them."""
+"""The left column: photographs, options, and the button that runs them."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from nicegui import ui
 from nicegui.elements.mixins.disableable_element import DisableableElement
 
 from skymosaic.panel.drop_zone import DropZone
-from skymosaic.panel.options import OPTIONS, fault_of
+from skymosaic.panel.options import OPTION_VALUES, fault_of
 from skymosaic.panel.results import Upload
-from skymosaic.panel.sessions import Visitor
+from skymosaic.panel.sessions import Session
 from skymosaic.panel.slider import Slider
 from skymosaic.panel.uploads import MEBIBYTE, PHOTOGRAPH
 
@@ -33,25 +33,25 @@ def heading(number: str, text: str) -> None:
     ui.html(f'<span class="step">{number}</span>{text}', tag="h2", sanitize=False)
 
 
-def enabled_while_idle(control: DisableableElement, visitor: Visitor) -> None:
+def enabled_while_idle(control: DisableableElement, session: Session) -> None:
     """Disable a control that starts work while other work runs."""
-    control.bind_enabled_from(visitor, "job", lambda job: job is None)
+    control.bind_enabled_from(session, "job", lambda job: job is None)
 
 
 class PhotographsCard:
     """Uploads and what is loaded."""
 
-    def __init__(self, visitor: Visitor) -> None:
-        self._visitor = visitor
+    def __init__(self, session: Session) -> None:
+        self._session = session
         self._shown: list[Upload] | None = None
         with ui.element("section").classes("card"):
             with ui.element("div").classes("card-head"):
                 heading("1", "Photographs")
                 with ui.element("div").classes("built-in"):
                     for title, count in BUILT_IN.items():
-                        button = ui.button(title, icon="flight", on_click=partial(visitor.load_built_in, count))
+                        button = ui.button(title, icon="flight", on_click=partial(session.load_built_in, count))
                         button.props(f'flat dense no-caps size=sm aria-label="Load the built-in {title.lower()}"')
-                        enabled_while_idle(button, visitor)
+                        enabled_while_idle(button, session)
             DropZone(
                 url="/upload/photograph",
                 accept="image/*,.tif,.tiff",
@@ -63,16 +63,16 @@ class PhotographsCard:
             self._list = ui.element("ul").classes("photographs").props('aria-label="Photographs loaded"')
             with ui.element("div").classes("card-head") as self._all:
                 self._count = ui.label().classes("hint")
-                ui.button("Remove all", on_click=lambda: visitor.keep_photographs(())).props(
+                ui.button("Remove all", on_click=lambda: session.keep_photographs(())).props(
                     "flat dense no-caps size=sm"
                 )
         self.update()
 
     def update(self) -> None:
         """Show the photographs there are now."""
-        if self._shown == self._visitor.photographs:
+        if self._shown == self._session.photographs:
             return
-        self._shown = list(self._visitor.photographs)
+        self._shown = list(self._session.photographs)
         self._all.set_visibility(len(self._shown) > 2)
         self._count.set_text(f"{len(self._shown)} photographs")
         self._list.clear()
@@ -81,14 +81,14 @@ class PhotographsCard:
                 self._row(position, upload)
 
     def _row(self, position: int, upload: Upload) -> None:
-        visitor = self._visitor
+        session = self._session
         with ui.element("li"):
             ui.element("img").props(f'src="/picture/{upload.working.name}" alt=""')
             with ui.element("div").classes("what"):
                 ui.label(upload.name).classes("name")
                 ui.label(" · ".join(("x".join(map(str, upload.size)), *upload.notes))).classes("hint")
-            if position == 0 and len(visitor.photographs) > 1:
-                ui.button(icon="swap_vert", on_click=visitor.swap_first).props(
+            if position == 0 and len(session.photographs) > 1:
+                ui.button(icon="swap_vert", on_click=session.swap_first).props(
                     'flat round dense size=sm aria-label="Exchange the first two photographs"'
                 )
             ui.button(icon="close", on_click=lambda: self._keep_all_but(upload)).props(
@@ -96,61 +96,63 @@ class PhotographsCard:
             )
 
     def _keep_all_but(self, upload: Upload) -> None:
-        self._visitor.keep_photographs(kept for kept in self._visitor.photographs if kept is not upload)
+        self._session.keep_photographs(kept for kept in self._session.photographs if kept is not upload)
 
 
-class ChoicesCard:
+class OptionsCard:
     """Every choice, and the slider that moves the corners at once."""
 
-    def __init__(self, visitor: Visitor) -> None:
-        self._visitor = visitor
+    def __init__(self, session: Session) -> None:
+        self._session = session
         self._selects: dict[str, ui.select] = {}
         with ui.element("section").classes("card"):
             heading("2", "Choices")
-            with ui.element("div").classes("choices"):
+            with ui.element("div").classes("options"):
                 for name in LABELS:
-                    self._selects[name] = select_choice(visitor, name)
-                self._refine = ui.switch("Second pass", on_change=lambda event: visitor.choose("refine", event.value))
+                    self._selects[name] = option_select(session, name)
+                self._refine = ui.switch(
+                    "Second pass", on_change=lambda event: session.set_option("refine", event.value)
+                )
                 self._refine.props("dense")
                 self._build_slider()
             self._fault = ui.label().classes("fault").props('role="status"')
         self.update()
 
     def update(self) -> None:
-        """Show the visitor's choices, which another tab or a preset may have changed."""
-        choices = self._visitor.choices
+        """Show the session's options, which another tab or a preset may have changed."""
+        options = self._session.options
         for name, select in self._selects.items():
-            select.set_value(getattr(choices, name))
-        self._refine.set_value(choices.refine)
-        scale = choices.scale
+            select.set_value(getattr(options, name))
+        self._refine.set_value(options.refine)
+        scale = options.scale
         self._slider_title.set_text(scale.title)
-        words = f"{scale.value(choices.position):,}".replace(",", "\u2009")
+        words = f"{scale.value(options.position):,}".replace(",", "\u2009")
         self._slider_value.set_text(words)
         self._slider.show(
-            lowest=scale.lowest, highest=scale.highest, position=choices.position, label=scale.title, words=words
+            lowest=scale.lowest, highest=scale.highest, position=options.position, label=scale.title, words=words
         )
-        self._fault.set_text(fault_of(choices, len(self._visitor.photographs)))
+        self._fault.set_text(fault_of(options, len(self._session.photographs)))
 
     def _build_slider(self) -> None:
         with ui.element("div").classes("threshold"):
             with ui.element("div").classes("threshold-head"):
                 self._slider_title = ui.label()
                 self._slider_value = ui.label().classes("value").props('aria-live="polite"')
-            self._slider = Slider(lambda position: self._visitor.choose("position", position))
+            self._slider = Slider(lambda position: self._session.set_option("position", position))
 
 
-def select_choice(visitor: Visitor, name: str) -> ui.select:
-    """A list of the values that one of the choices may have."""
-    values = [*OPTIONS[name], *(visitor.boards if name == "backend" else ())]
-    select = ui.select(values, label=LABELS[name], on_change=lambda event: visitor.choose(name, event.value))
-    return select.props("outlined dense options-dense").classes("choice")
+def option_select(session: Session, name: str) -> ui.select:
+    """A list of the values that one of the options may have."""
+    values = [*OPTION_VALUES[name], *(session.boards if name == "backend" else ())]
+    select = ui.select(values, label=LABELS[name], on_change=lambda event: session.set_option(name, event.value))
+    return select.props("outlined dense options-dense").classes("option")
 
 
 class RunCard:
     """The button, and while work runs its progress and its end."""
 
-    def __init__(self, visitor: Visitor, title: str, run: Callable[[], None], is_ready: Callable[[], bool]) -> None:
-        self._visitor = visitor
+    def __init__(self, session: Session, title: str, run: Callable[[], None], is_ready: Callable[[], bool]) -> None:
+        self._session = session
         self._is_ready = is_ready
         with ui.element("section").classes("card run"):
             self._run = ui.button(title, icon="play_arrow", on_click=run)
@@ -158,7 +160,7 @@ class RunCard:
             with ui.element("div").classes("running") as self._running:
                 with ui.element("div").classes("running-head"):
                     self._title = ui.label().classes("name")
-                    ui.button("Cancel", icon="stop", on_click=visitor.cancel).props("outline dense no-caps size=sm")
+                    ui.button("Cancel", icon="stop", on_click=session.cancel).props("outline dense no-caps size=sm")
                 ui.linear_progress(show_value=False).props('indeterminate rounded aria-label="Working"')
                 self._line = ui.label().classes("hint").props('role="status"')
             self._fault = ui.label().classes("fault").props('role="alert"')
@@ -167,15 +169,15 @@ class RunCard:
 
     def update(self) -> None:
         """Show whether work runs, and how the last one ended."""
-        visitor = self._visitor
-        self._run.set_visibility(visitor.job is None)
+        session = self._session
+        self._run.set_visibility(session.job is None)
         self._run.set_enabled(self._is_ready())
-        self._running.set_visibility(visitor.job is not None)
-        self._fault.set_text(visitor.fault)
+        self._running.set_visibility(session.job is not None)
+        self._fault.set_text(session.fault)
         self._tick()
 
     def _tick(self) -> None:
-        job = self._visitor.job
+        job = self._session.job
         if job is not None:
             self._title.set_text(job.title)
             self._line.set_text(f"{job.line} · {job.seconds:.0f} s")

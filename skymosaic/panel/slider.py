@@ -15,7 +15,7 @@ class Slider(ui.element, component="slider.js"):
     Parameters
     ----------
     on_move : callable
-        Receives the position where the visitor moved the thumb.
+        Receives the position where the session moved the thumb.
     """
 
     def __init__(self, on_move: Callable[[int], None]) -> None:

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from nicegui import ui
 
 from skymosaic.panel.drop_zone import DropZone
-from skymosaic.panel.page_layout import command_line, page_frame
-from skymosaic.panel.results import TrackingOutcome, Upload
-from skymosaic.panel.sessions import Visitor
-from skymosaic.panel.sidebar import RunCard, enabled_while_idle, heading, select_choice
+from skymosaic.panel.page_layout import command_line, page_layout
+from skymosaic.panel.results import TrackingResult, Upload
+from skymosaic.panel.sessions import Session
+from skymosaic.panel.sidebar import RunCard, enabled_while_idle, heading, option_select
 from skymosaic.panel.uploads import MEBIBYTE, PHOTOGRAPH, VIDEO, Kind
 
 CORNERS = ("top left", "top right", "bottom right", "bottom left")
@@ -34,44 +34,44 @@ _SLOTS = (
 )
 
 
-def build_tracking_page(visitor: Visitor) -> None:
-    """Build the page of a visitor, with all that is there already."""
-    with page_frame(visitor, "/tracking"):
+def build_tracking_page(session: Session) -> None:
+    """Build the page of a session, with all that is there already."""
+    with page_layout(session, "/tracking"):
         with ui.element("aside").classes("stack").props('aria-label="Object, video and choices"'):
-            cards = [_UploadCard(visitor, slot) for slot in _SLOTS]
+            cards = [_UploadCard(session, slot) for slot in _SLOTS]
             with ui.element("section").classes("card"):
                 heading("3", "Choices")
-                with ui.element("div").classes("choices"):
-                    selects = {name: select_choice(visitor, name) for name in ("preset", "backend")}
-            run = RunCard(visitor, "Follow the object", visitor.track, lambda: bool(visitor.template and visitor.video))
+                with ui.element("div").classes("options"):
+                    selects = {name: option_select(session, name) for name in ("preset", "backend")}
+            run = RunCard(session, "Follow the object", session.track, lambda: bool(session.template and session.video))
         with ui.element("main").classes("stack"):
-            result = _Result(visitor)
+            result_card = _ResultCard(session)
 
     def update() -> None:
         for card in cards:
             card.update()
         for name, select in selects.items():
-            select.set_value(getattr(visitor.choices, name))
+            select.set_value(getattr(session.options, name))
         run.update()
-        result.update()
+        result_card.update()
 
-    visitor.changed.subscribe(update)
+    session.changed.subscribe(update)
     update()
 
 
 class _UploadCard:
     """One file: a drop zone, and what is loaded."""
 
-    def __init__(self, visitor: Visitor, slot: _Slot) -> None:
-        self._visitor, self._slot = visitor, slot.name
+    def __init__(self, session: Session, slot: _Slot) -> None:
+        self._session, self._slot = session, slot.name
         self._shown: Upload | None = None
         with ui.element("section").classes("card"):
             with ui.element("div").classes("card-head"):
                 heading(slot.number, slot.title)
                 if slot.name == "template":
-                    button = ui.button("Built-in film", icon="flight", on_click=visitor.load_built_in_film)
+                    button = ui.button("Built-in film", icon="flight", on_click=session.load_built_in_film)
                     button.props('flat dense no-caps size=sm aria-label="Load the built-in film"')
-                    enabled_while_idle(button, visitor)
+                    enabled_while_idle(button, session)
             DropZone(
                 url=f"/upload/{slot.name}",
                 accept=slot.accept,
@@ -83,7 +83,7 @@ class _UploadCard:
             self._place = ui.element("ul").classes("photographs").props(f'aria-label="{slot.title} loaded"')
 
     def update(self) -> None:
-        upload: Upload | None = getattr(self._visitor, self._slot)
+        upload: Upload | None = getattr(self._session, self._slot)
         if upload is not None and upload is not self._shown:
             self._shown = upload
             self._place.clear()
@@ -94,12 +94,12 @@ class _UploadCard:
                     ui.label(" · ".join(("x".join(map(str, upload.size)), *upload.notes))).classes("hint")
 
 
-class _Result:
+class _ResultCard:
     """The tracked video and the corners of every frame."""
 
-    def __init__(self, visitor: Visitor) -> None:
-        self._visitor = visitor
-        self._shown: TrackingOutcome | None = None
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._shown: TrackingResult | None = None
         self._place = ui.element("div").classes("card welcome")
         with self._place:
             ui.html("An object and a video in, its outline in every frame out", tag="h2", sanitize=False)
@@ -107,35 +107,35 @@ class _Result:
                 "Give a picture of the object and a video that shows it, or begin with the built-in film of a car. "
                 "The object's four corners are mapped into every frame and drawn as a green quadrilateral."
             ).classes("lead")
-            button = ui.button("Try the built-in film", icon="flight", on_click=visitor.load_built_in_film)
-            enabled_while_idle(button.props("unelevated no-caps size=lg"), visitor)
+            button = ui.button("Try the built-in film", icon="flight", on_click=session.load_built_in_film)
+            enabled_while_idle(button.props("unelevated no-caps size=lg"), session)
 
     def update(self) -> None:
-        outcome = self._visitor.tracking
-        if outcome is None or outcome is self._shown:
+        result = self._session.tracking_result
+        if result is None or result is self._shown:
             return
-        self._shown = outcome
+        self._shown = result
         self._place.clear()
         self._place.classes(remove="welcome")
         with self._place:
-            found = sum(row.corners is not None for row in outcome.rows)
+            found = sum(row.corners is not None for row in result.rows)
             ui.label(
-                f"Found in {found} of {len(outcome.rows)} frames, {1000 * outcome.seconds_a_frame:.0f} ms a frame"
+                f"Found in {found} of {len(result.rows)} frames, {1000 * result.seconds_a_frame:.0f} ms a frame"
             ).classes("name").props('role="status"')
-            for note in outcome.notes:
+            for note in result.notes:
                 ui.label(note).classes("hint")
             video = ui.element("video").classes("tracked")
-            video.props(f'controls loop muted autoplay src="/picture/{outcome.video.name}" aria-label="Tracked video"')
-            _corner_table(outcome)
-            command_line(outcome.command)
+            video.props(f'controls loop muted autoplay src="/picture/{result.video.name}" aria-label="Tracked video"')
+            _corner_table(result)
+            command_line(result.command)
 
 
-def _corner_table(outcome: TrackingOutcome) -> None:
+def _corner_table(result: TrackingResult) -> None:
     columns = [{"name": "frame", "label": "frame", "field": "frame", "align": "right"}]
     columns += [{"name": name, "label": f"{name} x, y", "field": name, "align": "right"} for name in CORNERS]
     columns.append({"name": "matches", "label": "matches", "field": "matches", "align": "right"})
     rows = []
-    for each in outcome.rows:
+    for each in result.rows:
         corners = each.corners or ()
         places = [f"{x:.1f}, {y:.1f}" for x, y in corners] or ["lost"] * len(CORNERS)
         rows.append({"frame": each.frame, "matches": each.inliers, **dict(zip(CORNERS, places, strict=True))})

@@ -1,4 +1,4 @@
-"""What a worker does to follow an object through a video, in the current folder."""
+"""The task that follows an object through a video, run in a worker."""
 
 from __future__ import annotations
 
@@ -9,32 +9,44 @@ from pathlib import Path
 from golden_model.config import preset_config
 from sim.backend import Progress
 from skymosaic.errors import RegistrationError
+from skymosaic.imagery.images import save_bytes
 from skymosaic.imagery.video import VideoReader, writing
-from skymosaic.panel.results import TrackingOutcome
+from skymosaic.panel.options import Options
+from skymosaic.panel.results import TrackingResult
 from skymosaic.tracking.output import TrackedCorners, outlined, row, save_corners
 from skymosaic.tracking.tracker import track
 
-VIDEO, CORNERS = Path("tracked.mp4"), Path("corners.csv")
+VIDEO, CORNERS = "tracked.mp4", "corners.csv"
 
 
-def follow(template: str, video: str, preset: str, backend: str, views: Path, *, progress: Progress) -> TrackingOutcome:
-    """Follow the template through the video; outline and corners of every frame are written."""
-    reader = VideoReader(video)
+def follow(
+    folder: Path, template: str, video: str, options: Options, views: Path, *, progress: Progress
+) -> TrackingResult:
+    """Follow the template through the video; write the outlined video and the corners of every frame to ``folder``.
+
+    Of the options, preset and backend apply.
+
+    Raises
+    ------
+    RegistrationError
+        If the object was found in no frame.
+    """
+    reader = VideoReader(folder / video)
     rows: list[TrackedCorners] = []
     started = time.perf_counter()
-    with writing(VIDEO, reader.frame_rate) as write:
-        for frame in track(template, reader, config=preset_config(preset), backend=backend):
+    with writing(folder / VIDEO, reader.frame_rate) as write:
+        for frame in track(folder / template, reader, config=preset_config(options.preset), backend=options.backend):
             write(outlined(frame))
             rows.append(row(frame, reader.frame_rate))
             progress(f"frame {frame.number + 1}")
         if not any(each.corners for each in rows):
             raise RegistrationError(f"{video}: the object was found in none of {len(rows)} frames")
     seconds = time.perf_counter() - started
-    save_corners(CORNERS, rows)
-    words = ["skymosaic", "track", template, video, "-o", str(VIDEO), "--corners", str(CORNERS)]
-    command = shlex.join([*words, "--preset", preset, "--backend", backend])
-    Path("command.txt").write_text(command + "\n", encoding="utf-8")
-    # The page shows the video under a name of this run: browsers keep what they have seen.
-    shown = views / f"tracked-{Path.cwd().name}.mp4"
-    shown.hardlink_to(VIDEO)
-    return TrackingOutcome(Path.cwd(), shown, tuple(rows), seconds / len(rows), tuple(reader.notes), command)
+    save_corners(folder / CORNERS, rows)
+    words = ["skymosaic", "track", template, video, "-o", VIDEO, "--corners", CORNERS]
+    command = shlex.join([*words, "--preset", options.preset, "--backend", options.backend])
+    save_bytes(folder / "command.txt", f"{command}\n".encode())
+    # Browsers cache what they have shown, so each run's video needs a name of its own.
+    shown = views / f"tracked-{folder.name}.mp4"
+    shown.hardlink_to(folder / VIDEO)
+    return TrackingResult(folder, shown, tuple(rows), seconds / len(rows), tuple(reader.notes), command)

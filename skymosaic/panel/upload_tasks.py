@@ -1,4 +1,7 @@
-"""What workers do with uploads: read them with every check, or render what is built in."""
+"""Tasks for uploads, run in a worker: decode a file with every check, or render the built-in examples.
+
+Every task reads and writes files in ``folder`` by the names it is given, and keeps what the page shows in ``views``.
+"""
 
 from __future__ import annotations
 
@@ -19,58 +22,75 @@ BUILT_IN_SEED = 9
 FLIGHT_SIZE = (800, 600)
 PURSUIT_FRAMES = 60
 CAR_MAGNIFICATION = 3.0
-"""The car is about 90 px long: enough for a template."""
+"""Makes the car about 90 px long, which is enough for a template."""
 TEMPLATE_MARGIN_PX = 6
 
 
-def inspect(name: str, views: Path, *, progress: Progress) -> Upload:
-    """Decode a photograph and keep its working picture in ``views``."""
+def inspect(folder: Path, name: str, views: Path, *, progress: Progress) -> Upload:
+    """Decode a photograph and save its working picture in ``views``.
+
+    Raises
+    ------
+    InputError
+        As `skymosaic.imagery.images.load`.
+    """
     progress(f"reading {name}")
-    photograph = load(name)
-    return _shown(name, photograph.pixels, photograph.notes, views)
+    photograph = load(folder / name)
+    return _upload(name, photograph.pixels, photograph.notes, views)
 
 
-def inspect_video(name: str, views: Path, *, progress: Progress) -> Upload:
-    """Decode a video's first frame and keep it in ``views``."""
+def inspect_video(folder: Path, name: str, views: Path, *, progress: Progress) -> Upload:
+    """Decode a video's first frame and save it in ``views``.
+
+    Raises
+    ------
+    InputError
+        If it cannot be decoded, or its frames are larger than a quarter of the largest photograph.
+    """
     progress(f"reading {name}")
-    reader = VideoReader(name)
+    reader = VideoReader(folder / name)
     first = next(iter(reader))
     if first.shape[0] * first.shape[1] > LARGEST_AREA_PX // 4:
         raise InputError(f"{name}: frames of {first.shape[1]}x{first.shape[0]} pixels are too large; reduce it first")
-    return _shown(name, first, (f"{float(reader.frame_rate):.3g} frames/s",), views)
+    return _upload(name, first, (f"{float(reader.frame_rate):.3g} frames/s",), views)
 
 
-def render_pair(names: Sequence[str], views: Path, *, progress: Progress) -> list[Upload]:
+def render_pair(folder: Path, names: Sequence[str], views: Path, *, progress: Progress) -> list[Upload]:
     """Render the built-in pair."""
-    return _rendered(names, rendered_pair(seed=BUILT_IN_SEED).images, views, progress)
+    return _save_all(folder, names, rendered_pair(seed=BUILT_IN_SEED).images, views, progress)
 
 
-def render_flight(names: Sequence[str], views: Path, *, progress: Progress) -> list[Upload]:
-    """Render the built-in flight of as many photographs as there are names."""
-    return _rendered(names, lawnmower(BUILT_IN_SEED, len(names), FLIGHT_SIZE).images, views, progress)
+def render_flight(folder: Path, names: Sequence[str], views: Path, *, progress: Progress) -> list[Upload]:
+    """Render the built-in flight, one photograph for each name."""
+    return _save_all(folder, names, lawnmower(BUILT_IN_SEED, len(names), FLIGHT_SIZE).images, views, progress)
 
 
-def render_pursuit(template: str, video: str, views: Path, *, progress: Progress) -> tuple[Upload, Upload]:
-    """Render the built-in film of a car, and cut the car out of its first frame."""
+def render_pursuit(
+    folder: Path, template: str, video: str, views: Path, *, progress: Progress
+) -> tuple[Upload, Upload]:
+    """Render the built-in film of a car, and cut the template out of its first frame."""
     film = pursuit(BUILT_IN_SEED, PURSUIT_FRAMES, magnification=CAR_MAGNIFICATION)
-    with writing(Path(video), DEFAULT_RATE) as write:
+    with writing(folder / video, DEFAULT_RATE) as write:
         for number, frame in enumerate(film.images):
             progress(f"rendering the built-in film: {number + 1} of {PURSUIT_FRAMES} frames")
             write(frame)
     low, high = film.corners[0].min(axis=0), film.corners[0].max(axis=0)
     (left, top), (right, bottom) = low.astype(int) - TEMPLATE_MARGIN_PX, high.astype(int) + TEMPLATE_MARGIN_PX
-    save(Path(template), film.images[0][top:bottom, left:right])
-    return inspect(template, views, progress=progress), inspect_video(video, views, progress=progress)
+    save(folder / template, film.images[0][top:bottom, left:right])
+    return inspect(folder, template, views, progress=progress), inspect_video(folder, video, views, progress=progress)
 
 
-def _rendered(names: Sequence[str], images: Sequence[Pixels], views: Path, progress: Progress) -> list[Upload]:
+def _save_all(
+    folder: Path, names: Sequence[str], images: Sequence[Pixels], views: Path, progress: Progress
+) -> list[Upload]:
     for number, (name, image) in enumerate(zip(names, images, strict=True), 1):
         progress(f"rendering photograph {number} of {len(names)}")
-        save(Path(name), image)
-    return [inspect(name, views, progress=progress) for name in names]
+        save(folder / name, image)
+    return [inspect(folder, name, views, progress=progress) for name in names]
 
 
-def _shown(name: str, pixels: Pixels, notes: tuple[str, ...], views: Path) -> Upload:
+def _upload(name: str, pixels: Pixels, notes: tuple[str, ...], views: Path) -> Upload:
+    """Save a reduced picture for the page, and describe the file."""
     working, _ = reduced(pixels, WORKING_WIDTH_PX)
     path = views / f"{name}.png"
     save(path, working)

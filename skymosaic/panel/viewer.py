@@ -48,7 +48,7 @@ class Viewer(ui.element, component="viewer.js"):
         Accessible name.
     pictures : sequence of Picture
     drawing : str
-        SVG markup in the viewer's pixels: the panel's own numbers and words only, never a visitor's text.
+        SVG markup in the viewer's pixels: the panel's own numbers and words only, never a session's text.
     """
 
     def __init__(self, label: str, pictures: Sequence[Picture], drawing: str = "") -> None:

@@ -41,7 +41,7 @@ def is_complaint(message: ConsoleMessage) -> bool:
 
 @pytest.fixture
 def page(browser: Browser, panel: str) -> Iterator[Page]:
-    """The panel as a new visitor sees it; what the browser complains about fails the test."""
+    """The panel as a new session sees it; what the browser complains about fails the test."""
     context = browser.new_context(viewport=WINDOW)
     opened = context.new_page()
     complaints: list[str] = []

@@ -1,4 +1,4 @@
-"""Pictures for docs/panel.md, and how long a visitor waits.
+"""Pictures for docs/panel.md, and how long a session waits.
 
     python -m tests.panel.screenshots [FOLDER]
 

@@ -1,4 +1,4 @@
-"""The panel as a visitor uses it, in headless Chromium."""
+"""The panel as a session uses it, in headless Chromium."""
 
 import re
 import statistics
@@ -35,7 +35,7 @@ LATENCY_ROUNDS = 20
 
 @pytest.fixture(scope="module")
 def made(browser: Browser, panel: str) -> Iterator[Page]:
-    """A page whose visitor has made the mosaic of the built-in pair."""
+    """A page whose session has made the mosaic of the built-in pair."""
     page = browser.new_page(viewport=WINDOW)
     page.goto(panel)
     load_built_in_pair(page)

@@ -1,7 +1,6 @@
 """The command line that the panel shows beside a result makes that result again."""
 
 import shlex
-from contextlib import chdir
 from pathlib import Path
 
 import cv2
@@ -13,9 +12,9 @@ from sim.backend import silent
 from sim.scene import pair as rendered_pair
 from skymosaic.cli import app
 from skymosaic.panel.mosaic_tasks import make_mosaic
-from skymosaic.panel.options import Choices
+from skymosaic.panel.options import Options
 
-CHOICES = {
+OPTIONS = {
     "preset": {},
     "threshold": {"position": 12, "rule_base": "none", "blending": "average"},
     "fast": {"detector": "fast", "position": 25, "descriptor": "ilbp-256"},
@@ -28,23 +27,22 @@ CHOICES = {
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """The folder of a run for each of `CHOICES`."""
+    """The folder of a run for each of `OPTIONS`."""
     images = rendered_pair(seed=9, size=(400, 300)).images
-    folders = {name: tmp_path_factory.mktemp("run") for name in CHOICES}
+    folders = {name: tmp_path_factory.mktemp("run") for name in OPTIONS}
     for name, folder in folders.items():
-        choices = Choices.of_preset("aerial")
-        for choice, value in CHOICES[name].items():
-            choices = choices.changed(choice, value)
+        options = Options.of_preset("aerial")
+        for option, value in OPTIONS[name].items():
+            options = options.changed(option, value)
         (folder / "views").mkdir()
-        with chdir(folder):
-            for number, image in enumerate(images):
-                cv2.imwrite(f"{number}.png", image)
-            outcome = make_mosaic(["0.png", "1.png"], choices, folder / "views", progress=silent)
-        assert outcome.mosaic is not None, outcome.reason
+        for number, image in enumerate(images):
+            cv2.imwrite(str(folder / f"{number}.png"), image)
+        result = make_mosaic(folder, ["0.png", "1.png"], options, folder / "views", progress=silent)
+        assert result.mosaic is not None, result.reason
     return folders
 
 
-@pytest.mark.parametrize("name", CHOICES)
+@pytest.mark.parametrize("name", OPTIONS)
 def test_a_pairs_command_repeats_it(runs: dict[str, Path], name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(runs[name])
     before = Path("mosaic.png").rename("before.png")
@@ -55,6 +53,14 @@ def test_a_pairs_command_repeats_it(runs: dict[str, Path], name: str, monkeypatc
     assert np.array_equal(*(cv2.imread(name) for name in ("mosaic.png", str(before))))
 
 
-def test_every_choice_changes_what_is_made(runs: dict[str, Path]) -> None:
-    """Else the comparison above would prove nothing."""
+def test_every_option_changes_the_mosaic(runs: dict[str, Path]) -> None:
+    """Otherwise a command that ignored the options would pass the test above."""
     assert len({(folder / "mosaic.png").read_bytes() for folder in runs.values()}) == len(runs)
+
+
+def test_the_files_of_a_run_do_not_name_its_folder(runs: dict[str, Path]) -> None:
+    """The archive is opened elsewhere, and need not tell where the panel keeps its files."""
+    for folder in runs.values():
+        texts = [path for path in folder.rglob("*") if path.suffix in (".csv", ".html", ".json", ".toml", ".txt")]
+        assert len(texts) == 6
+        assert not any(str(folder) in path.read_text() for path in texts)

@@ -9,7 +9,7 @@ import pytest
 from sim.backend import load_backend
 from sim.scene import pair as rendered_pair
 from skymosaic.panel.corners_tab import detect
-from skymosaic.panel.options import Choices
+from skymosaic.panel.options import Options
 
 
 @pytest.fixture(scope="module")
@@ -23,15 +23,15 @@ def picture(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_slider_shows_what_a_run_finds(picture: Path, detector: str) -> None:
     pixels, counts = cv2.imread(str(picture)), set()
     for position in (2, 20, 34):
-        choices = Choices.of_preset("aerial").changed("detector", detector).changed("position", position)
-        (shown,) = detect([picture], choices)
-        (found,) = load_backend("golden").run([pixels], choices.settled()[1])
+        options = Options.of_preset("aerial").changed("detector", detector).changed("position", position)
+        (shown,) = detect([picture], options)
+        (found,) = load_backend("golden").run([pixels], options.resolve()[1])
         assert np.array_equal(shown, found.features)
         counts.add(len(shown))
     assert len(counts) == 3
 
 
 def test_without_cells_the_threshold_rises_until_all_fit(picture: Path) -> None:
-    lowest = Choices.of_preset("thesis").changed("position", 0)
+    lowest = Options.of_preset("thesis").changed("position", 0)
     (shown,) = detect([picture], lowest)
-    assert 0 < len(shown) <= lowest.settled()[1].front_end.max_features
+    assert 0 < len(shown) <= lowest.resolve()[1].front_end.max_features

@@ -1,4 +1,4 @@
-"""More than two photographs, and an object in a video, as a visitor uses them."""
+"""More than two photographs, and an object in a video, as a session uses them."""
 
 import csv
 import re
@@ -53,7 +53,7 @@ def unpacked(page: Page, folder: Path, name: str) -> Path:
 
 @pytest.fixture(scope="module")
 def flight(browser: Browser, panel: str) -> Iterator[Page]:
-    """A page whose visitor has made the mosaic of the built-in flight."""
+    """A page whose session has made the mosaic of the built-in flight."""
     page = browser.new_page(viewport=WINDOW)
     page.goto(panel)
     page.get_by_role("button", name="Load the built-in flight").click()
@@ -119,7 +119,7 @@ def test_photographs_that_are_removed_leave_the_mosaic(flight: Page) -> None:
 
 @pytest.fixture(scope="module")
 def tracked(browser: Browser, panel: str) -> Iterator[Page]:
-    """A page whose visitor has followed the car through the built-in film."""
+    """A page whose session has followed the car through the built-in film."""
     page = browser.new_page(viewport=WINDOW)
     page.goto(panel)
     page.get_by_role("link", name="Tracking").click()

@@ -1,4 +1,4 @@
-"""Work in processes of its own: results, progress, faults, and an end that leaves nothing running."""
+"""Jobs in worker processes: results, progress, failures, and cancelling without leaving a process behind."""
 
 import asyncio
 import importlib
@@ -19,39 +19,38 @@ from skymosaic.panel.jobs import Job, JobCancelledError, JobFailedError
 
 pytestmark = pytest.mark.usefixtures("workers")
 
-WORK = """
+TASKS = """
 import os, subprocess, sys, time
-from pathlib import Path
 from skymosaic.errors import InputError
 
-def add(one, other, *, progress):
+def add(folder, one, other, *, progress):
     progress("adding")
-    return one + other, str(Path.cwd())
+    return one + other, folder
 
-def refuse(*, progress):
-    raise InputError("left.png: too small")
+def refuse(folder, *, progress):
+    raise InputError(f"{folder / 'left.png'}: too small")
 
-def stumble(*, progress):
+def raise_key_error(folder, *, progress):
     raise KeyError("x")
 
-def die(*, progress):
+def die(folder, *, progress):
     os.abort()
 
-def last_long(*, progress):
+def last_long(folder, *, progress):
     child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
-    Path("processes").write_text(f"{os.getpid()} {child.pid}")
+    (folder / "processes").write_text(f"{os.getpid()} {child.pid}")
     progress("under way")
     time.sleep(600)
 """
 
 
 @pytest.fixture(scope="module")
-def work(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ModuleType]:
+def tasks(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ModuleType]:
     """A module that workers can import as this process does."""
-    folder = tmp_path_factory.mktemp("work")
-    (folder / "work_for_the_jobs_test.py").write_text(WORK)
+    folder = tmp_path_factory.mktemp("tasks")
+    (folder / "tasks_for_the_jobs_test.py").write_text(TASKS)
     sys.path.insert(0, str(folder))
-    yield importlib.import_module("work_for_the_jobs_test")
+    yield importlib.import_module("tasks_for_the_jobs_test")
     sys.path.remove(str(folder))
 
 
@@ -73,23 +72,25 @@ def eventually(condition: Callable[[], bool]) -> bool:
     return condition()
 
 
-def test_a_result_comes_back_from_the_jobs_folder(work: ModuleType, tmp_path: Path) -> None:
-    job = Job("adding", tmp_path, work.add, 2, 3)
-    assert run(job) == (5, str(tmp_path))
+def test_a_task_gets_folder_and_arguments_and_returns_its_result(tasks: ModuleType, tmp_path: Path) -> None:
+    job = Job("adding", tasks.add, tmp_path, 2, 3)
+    assert run(job) == (5, tmp_path)
     assert job.line == "adding"
 
 
 @pytest.mark.parametrize(
     ("name", "says"),
-    [("refuse", "left.png: too small"), ("stumble", "unexpected KeyError"), ("die", "the worker died")],
+    [("refuse", "^left.png: too small"), ("raise_key_error", "unexpected KeyError"), ("die", "the worker died")],
 )
-def test_faults_are_one_line(work: ModuleType, tmp_path: Path, name: str, says: str) -> None:
+def test_a_failure_is_one_line_that_names_files_relative_to_the_folder(
+    tasks: ModuleType, tmp_path: Path, name: str, says: str
+) -> None:
     with pytest.raises(JobFailedError, match=says):
-        run(Job(name, tmp_path, getattr(work, name)))
+        run(Job(name, getattr(tasks, name), tmp_path))
 
 
-def test_cancelling_ends_the_work_and_all_it_started(work: ModuleType, tmp_path: Path) -> None:
-    job = Job("long", tmp_path, work.last_long)
+def test_cancelling_ends_the_task_and_every_process_it_started(tasks: ModuleType, tmp_path: Path) -> None:
+    job = Job("long", tasks.last_long, tmp_path)
 
     async def cancel_under_way() -> float:
         running = asyncio.create_task(job.run(asyncio.Semaphore(1)))
@@ -107,34 +108,34 @@ def test_cancelling_ends_the_work_and_all_it_started(work: ModuleType, tmp_path:
     assert eventually(lambda: not any(map(alive, processes)))
 
 
-def test_cancelling_before_its_turn_never_starts_it(work: ModuleType, tmp_path: Path) -> None:
-    job = Job("adding", tmp_path, work.add, 2, 3)
+def test_a_job_cancelled_while_it_waits_never_starts(tasks: ModuleType, tmp_path: Path) -> None:
+    job = Job("adding", tasks.add, tmp_path, 2, 3)
     job.cancel()
     with pytest.raises(JobCancelledError):
         run(job)
 
 
-def test_workers_start_again_after_their_helper_was_killed(work: ModuleType, tmp_path: Path) -> None:
+def test_jobs_run_again_after_the_helper_process_was_killed(tasks: ModuleType, tmp_path: Path) -> None:
     os.kill(forkserver._forkserver._forkserver_pid, signal.SIGKILL)
 
     def works() -> bool:
         try:
-            return run(Job("adding", tmp_path, work.add, 2, 3)) == (5, str(tmp_path))
+            return run(Job("adding", tasks.add, tmp_path, 2, 3)) == (5, tmp_path)
         except JobFailedError:
             return False
 
     assert eventually(works)
 
 
-def test_jobs_wait_for_their_turn(work: ModuleType, tmp_path: Path) -> None:
-    async def three_in_one_turn() -> list[object]:
-        turns = asyncio.Semaphore(1)
-        return await asyncio.gather(*(Job("adding", tmp_path, work.add, n, n).run(turns) for n in range(3)))
+def test_a_queue_runs_all_its_jobs(tasks: ModuleType, tmp_path: Path) -> None:
+    async def three_in_one_queue() -> list[object]:
+        queue = asyncio.Semaphore(1)
+        return await asyncio.gather(*(Job("adding", tasks.add, tmp_path, n, n).run(queue) for n in range(3)))
 
-    assert [total for total, _ in asyncio.run(three_in_one_turn())] == [0, 2, 4]
+    assert [total for total, _ in asyncio.run(three_in_one_queue())] == [0, 2, 4]
 
 
-def test_the_archive_holds_every_file_of_its_folders(tmp_path: Path) -> None:
+def test_the_archive_contains_every_file_of_its_folders(tmp_path: Path) -> None:
     (tmp_path / "run" / "report").mkdir(parents=True)
     contents = {"run/a.txt": b"words " * 1000, "run/report/b.png": os.urandom(3 << 20), "run/c.csv": b""}
     for name, data in contents.items():

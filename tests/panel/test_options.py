@@ -1,4 +1,4 @@
-"""What may be chosen, and what choices stand for."""
+"""What may be chosen, and what options stand for."""
 
 import itertools
 from pathlib import Path
@@ -7,7 +7,7 @@ import httpx
 import pytest
 
 from skymosaic.errors import InputError
-from skymosaic.panel.options import OPTIONS, SCALES, STRONGEST, Choices, fault_of
+from skymosaic.panel.options import OPTION_VALUES, SCALES, STRONGEST, Options, fault_of
 from tests.panel.visit import running_panel
 
 
@@ -19,45 +19,45 @@ def test_a_slider_rises_and_finds_its_way_back(slider) -> None:
     assert all(slider.value(slider.position(value)) == value for value in values)
 
 
-@pytest.mark.parametrize("preset", OPTIONS["preset"])
+@pytest.mark.parametrize("preset", OPTION_VALUES["preset"])
 def test_a_preset_chooses_its_own_configuration(preset: str) -> None:
-    choices = Choices.of_preset(preset)
-    _, config = choices.settled()
+    options = Options.of_preset(preset)
+    _, config = options.resolve()
     assert config.preset == preset
-    assert choices.scale.value(choices.position) >= config.front_end.threshold
+    assert options.scale.value(options.position) >= config.front_end.threshold
 
 
-def test_every_combination_settles_or_says_why_not() -> None:
-    lists = (OPTIONS[name] for name in ("preset", "detector", "descriptor", "rule_base"))
-    outcomes = [_settles(*combination) for combination in itertools.product(*lists)]
-    assert outcomes.count("") > 200
-    assert "another method" not in outcomes
-    assert not any("\n" in why_not for why_not in outcomes)
+def test_every_combination_of_options_resolves_or_is_refused_with_a_reason() -> None:
+    lists = (OPTION_VALUES[name] for name in ("preset", "detector", "descriptor", "rule_base"))
+    results = [_settles(*combination) for combination in itertools.product(*lists)]
+    assert results.count("") > 200
+    assert "another method" not in results
+    assert not any("\n" in why_not for why_not in results)
 
 
 def _settles(preset: str, detector: str, descriptor: str, rule_base: str) -> str:
-    choices = Choices.of_preset(preset).changed("detector", detector).changed("descriptor", descriptor)
+    options = Options.of_preset(preset).changed("detector", detector).changed("descriptor", descriptor)
     try:
-        method, _ = choices.changed("rule_base", rule_base).settled()
+        method, _ = options.changed("rule_base", rule_base).resolve()
     except InputError as error:
         return str(error)
     return "" if (method.detector, method.descriptor) == (detector, descriptor) else "another method"
 
 
 def test_the_slider_reaches_the_front_end() -> None:
-    harris = Choices.of_preset("aerial").changed("position", 20)
-    assert harris.settled()[1].front_end.threshold == 1024
+    harris = Options.of_preset("aerial").changed("position", 20)
+    assert harris.resolve()[1].front_end.threshold == 1024
     strongest = harris.changed("detector", "sift").changed("position", 16)
-    assert strongest.settled()[1].front_end.max_features == 256
+    assert strongest.resolve()[1].front_end.max_features == 256
 
 
 def test_a_preset_resets_what_was_chosen() -> None:
-    changed = Choices.of_preset("aerial").changed("detector", "fast").changed("descriptor", "ilbp-256")
-    assert changed.changed("preset", "thesis") == Choices.of_preset("thesis")
+    changed = Options.of_preset("aerial").changed("detector", "fast").changed("descriptor", "ilbp-256")
+    assert changed.changed("preset", "thesis") == Options.of_preset("thesis")
 
 
 def test_a_flight_takes_less_than_a_pair() -> None:
-    aerial = Choices.of_preset("aerial")
+    aerial = Options.of_preset("aerial")
     assert fault_of(aerial, 3) == fault_of(aerial.changed("detector", "fast"), 3) == ""
     for name, value in (("detector", "sift"), ("estimator", "magsac"), ("refine", True)):
         changed = aerial.changed(name, value)

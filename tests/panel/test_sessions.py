@@ -1,4 +1,4 @@
-"""What a visitor has: one job at a time, limits, and no file that nothing shows."""
+"""What a session has: one job at a time, limits, and no file that nothing shows."""
 
 import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
@@ -9,8 +9,8 @@ import nicegui.core
 import numpy as np
 import pytest
 
-from skymosaic.panel import sessions
-from skymosaic.panel.sessions import Visitor, Visitors
+from skymosaic.panel import sessions as sessions_module
+from skymosaic.panel.sessions import Session, Sessions
 from skymosaic.panel.uploads import UploadRefusedError
 
 Story = Callable[[], Awaitable[None]]
@@ -19,10 +19,10 @@ pytestmark = pytest.mark.usefixtures("workers")
 
 
 @pytest.fixture
-def everyone() -> Iterator[Visitors]:
-    those = Visitors()
-    yield those
-    those.close()
+def sessions() -> Iterator[Sessions]:
+    created = Sessions()
+    yield created
+    created.close()
 
 
 @pytest.fixture
@@ -48,132 +48,132 @@ def picture(seed: int) -> bytes:
     return cv2.imencode(".png", noise)[1].tobytes()
 
 
-async def idle(visitor: Visitor) -> None:
-    while visitor.job is not None:
+async def idle(session: Session) -> None:
+    while session.job is not None:
         await asyncio.sleep(0.02)
 
 
-def files(visitor: Visitor, folder: str) -> set[str]:
-    return {path.name for path in visitor._folder(folder).rglob("*") if path.is_file()}
+def files(session: Session, folder: str) -> set[str]:
+    return {path.name for path in session._folder(folder).rglob("*") if path.is_file()}
 
 
-def test_what_was_replaced_leaves_no_file(everyone: Visitors, live: Callable[[Story], None]) -> None:
-    visitor = everyone.of("one")
+def test_what_was_replaced_leaves_no_file(sessions: Sessions, live: Callable[[Story], None]) -> None:
+    session = sessions.get("one")
 
     async def story() -> None:
         for seed in (1, 2):
-            await visitor.upload("template", body(picture(seed)), "car.png")
-        await visitor.upload("photograph", body(picture(3)), "field.png")
-        assert files(visitor, "uploads") == {"02_car.png", "03_field.png"}
-        assert files(visitor, "views") == {"02_car.png.png", "03_field.png.png"}
-        visitor.load_built_in(2)
-        await idle(visitor)
-        first = {"02_car.png", *(upload.name for upload in visitor.photographs)}
+            await session.upload("template", body(picture(seed)), "car.png")
+        await session.upload("photograph", body(picture(3)), "field.png")
+        assert files(session, "uploads") == {"02_car.png", "03_field.png"}
+        assert files(session, "views") == {"02_car.png.png", "03_field.png.png"}
+        session.load_built_in(2)
+        await idle(session)
+        first = {"02_car.png", *(upload.name for upload in session.photographs)}
         assert len(first) == 3
-        assert files(visitor, "uploads") == first
-        visitor.make_mosaic()
-        await idle(visitor)
-        views = files(visitor, "views")
-        visitor.keep_photographs(())
-        assert files(visitor, "uploads") == {"02_car.png"}
-        assert files(visitor, "views") == views, "the mosaic still shows them"
+        assert files(session, "uploads") == first
+        session.make_mosaic()
+        await idle(session)
+        views = files(session, "views")
+        session.keep_photographs(())
+        assert files(session, "uploads") == {"02_car.png"}
+        assert files(session, "views") == views, "the mosaic still shows them"
 
     live(story)
 
 
-def test_nothing_starts_while_a_job_runs(everyone: Visitors, live: Callable[[Story], None]) -> None:
-    visitor = everyone.of("one")
+def test_nothing_starts_while_a_job_runs(sessions: Sessions, live: Callable[[Story], None]) -> None:
+    session = sessions.get("one")
 
     async def story() -> None:
-        visitor.load_built_in(2)
-        await idle(visitor)
-        visitor.make_mosaic()
-        running, (run,) = visitor.job, visitor._folder("runs").iterdir()
-        visitor.make_mosaic()
-        visitor.load_built_in(9)
-        visitor.load_built_in_film()
-        assert visitor.job is running
-        assert list(visitor._folder("runs").iterdir()) == [run]
-        await idle(visitor)
-        assert visitor.fault == ""
-        assert visitor.outcome.folder == run
+        session.load_built_in(2)
+        await idle(session)
+        session.make_mosaic()
+        running, (run,) = session.job, session._folder("runs").iterdir()
+        session.make_mosaic()
+        session.load_built_in(9)
+        session.load_built_in_film()
+        assert session.job is running
+        assert list(session._folder("runs").iterdir()) == [run]
+        await idle(session)
+        assert session.fault == ""
+        assert session.mosaic_result.folder == run
 
     live(story)
 
 
-def test_runs_without_an_outcome_are_removed_with_the_next(everyone: Visitors, live: Callable[[Story], None]) -> None:
-    visitor = everyone.of("one")
+def test_runs_without_an_outcome_are_removed_with_the_next(sessions: Sessions, live: Callable[[Story], None]) -> None:
+    session = sessions.get("one")
 
     async def story() -> None:
-        visitor.load_built_in(2)
-        await idle(visitor)
+        session.load_built_in(2)
+        await idle(session)
         for _ in range(3):
-            visitor.make_mosaic()
-            visitor.cancel()
-            await idle(visitor)
-            assert visitor.fault == "Making the mosaic: cancelled"
-        assert len(list(visitor._folder("runs").iterdir())) == 1
+            session.make_mosaic()
+            session.cancel()
+            await idle(session)
+            assert session.fault == "Making the mosaic: cancelled"
+        assert len(list(session._folder("runs").iterdir())) == 1
 
     live(story)
 
 
 @pytest.mark.parametrize(("limit", "says"), [("MOST_BYTES", "larger than the 0 MB"), ("MOST_PHOTOGRAPHS", "no more")])
 def test_room_ends(
-    everyone: Visitors, live: Callable[[Story], None], monkeypatch: pytest.MonkeyPatch, limit: str, says: str
+    sessions: Sessions, live: Callable[[Story], None], monkeypatch: pytest.MonkeyPatch, limit: str, says: str
 ) -> None:
-    visitor = everyone.of("one")
-    monkeypatch.setattr(sessions, limit, 1)
+    session = sessions.get("one")
+    monkeypatch.setattr(sessions_module, limit, 1)
 
     async def story() -> None:
         refusals = []
         for seed in (1, 2):
             try:
-                await visitor.upload("photograph", body(picture(seed)), "field.png")
+                await session.upload("photograph", body(picture(seed)), "field.png")
             except UploadRefusedError as error:
                 refusals.append(error)
         assert refusals
         assert all(error.status == 413 and says in str(error) for error in refusals)
 
     live(story)
-    assert len(files(visitor, "uploads")) == len(visitor.photographs) <= 1
+    assert len(files(session, "uploads")) == len(session.photographs) <= 1
 
 
 def test_those_who_came_first_make_room(
-    everyone: Visitors, live: Callable[[Story], None], monkeypatch: pytest.MonkeyPatch
+    sessions: Sessions, live: Callable[[Story], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sessions, "MOST_KEPT", 2)
-    those = [everyone.of(number) for number in ("one", "two", "three")]
+    monkeypatch.setattr(sessions_module, "MOST_KEPT", 2)
+    three = [sessions.get(number) for number in ("one", "two", "three")]
 
     async def story() -> None:
-        for seed, visitor in enumerate(those[:2]):
-            await visitor.upload("photograph", body(picture(seed)), "field.png")
-        those[0].load_built_in(2)
+        for seed, session in enumerate(three[:2]):
+            await session.upload("photograph", body(picture(seed)), "field.png")
+        three[0].load_built_in(2)
         seen = []
-        those[1].changed.subscribe(lambda: seen.append(list(those[1].photographs)))
-        await those[2].upload("photograph", body(picture(3)), "field.png")
-        assert [len(visitor.photographs) for visitor in those] == [1, 0, 1], "the first one's work was running"
+        three[1].changed.subscribe(lambda: seen.append(list(three[1].photographs)))
+        await three[2].upload("photograph", body(picture(3)), "field.png")
+        assert [len(session.photographs) for session in three] == [1, 0, 1], "the first one's work was running"
         assert seen == [[]]
-        await idle(those[0])
-        assert len(those[0].photographs) == 2
+        await idle(three[0])
+        assert len(three[0].photographs) == 2
 
     live(story)
 
 
-def test_a_number_is_one_visitor(everyone: Visitors) -> None:
-    one = everyone.of("one")
-    assert everyone.of("one") is one
-    assert everyone.of("two") is not one
+def test_a_number_is_one_visitor(sessions: Sessions) -> None:
+    one = sessions.get("one")
+    assert sessions.get("one") is one
+    assert sessions.get("two") is not one
 
 
 def test_nothing_stays_behind(live: Callable[[Story], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    those = Visitors()
-    visitor = those.of("one")
+    sessions = Sessions()
+    session = sessions.get("one")
 
     async def story() -> None:
-        await visitor.upload("photograph", body(picture(1)), "field.png")
+        await session.upload("photograph", body(picture(1)), "field.png")
         assert any(tmp_path.rglob("*.png"))
-        those.close()
+        sessions.close()
 
     live(story)
     assert not any(tmp_path.rglob("*.png"))

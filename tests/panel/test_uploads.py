@@ -15,7 +15,7 @@ import pytest
 from skymosaic.panel.uploads import PHOTOGRAPH, VIDEO, safe_stem
 
 
-class Visitor:
+class Client:
     """A browser without a screen: cookies and the page's own Origin."""
 
     def __init__(self, panel: str) -> None:
@@ -36,8 +36,8 @@ class Visitor:
 
 
 @pytest.fixture
-def visitor(panel: str) -> Iterator[Visitor]:
-    someone = Visitor(panel)
+def client(panel: str) -> Iterator[Client]:
+    someone = Client(panel)
     yield someone
     assert someone.get("/").status_code == 200
     someone.close()
@@ -58,10 +58,10 @@ def picture(side_px: int = 96) -> bytes:
     return cv2.imencode(".png", noise)[1].tobytes()
 
 
-def test_a_photograph_is_taken_and_shown(visitor: Visitor) -> None:
-    assert visitor.upload("field.png", picture()).status_code == 204
-    (shown,) = visitor.pictures()
-    assert visitor.get(shown).content.startswith(b"\x89PNG")
+def test_a_photograph_is_taken_and_shown(client: Client) -> None:
+    assert client.upload("field.png", picture()).status_code == 204
+    (shown,) = client.pictures()
+    assert client.get(shown).content.startswith(b"\x89PNG")
 
 
 @pytest.mark.parametrize(
@@ -77,9 +77,9 @@ def test_a_photograph_is_taken_and_shown(visitor: Visitor) -> None:
         "",
     ],
 )
-def test_a_name_decides_nothing(visitor: Visitor, name: str) -> None:
-    assert visitor.upload(name, picture()).status_code == 204
-    (shown,) = visitor.pictures()
+def test_a_name_decides_nothing(client: Client, name: str) -> None:
+    assert client.upload(name, picture()).status_code == 204
+    (shown,) = client.pictures()
     assert re.fullmatch(r"/picture/01_[A-Za-z0-9_-]+\.png\.png", shown)
 
 
@@ -102,14 +102,14 @@ def test_a_name_decides_nothing(visitor: Visitor, name: str) -> None:
     ids=lambda value: value if isinstance(value, str) and len(value) < 25 else "",
 )  # fmt: skip
 def test_what_is_no_photograph_is_refused_with_a_reason(
-    visitor: Visitor, what: str, body: bytes, status: int, says: str
+    client: Client, what: str, body: bytes, status: int, says: str
 ) -> None:
-    refused = visitor.upload(f"{what}.png", body)
+    refused = client.upload(f"{what}.png", body)
     assert refused.status_code == status, refused.text
     assert says in refused.text
     assert "\n" not in refused.text
     assert "/tmp" not in refused.text
-    assert visitor.pictures() == []
+    assert client.pictures() == []
 
 
 def film(width: int, height: int) -> bytes:
@@ -124,12 +124,12 @@ def film(width: int, height: int) -> bytes:
     return file.getvalue()
 
 
-def test_a_video_is_taken_and_its_first_frame_shown(visitor: Visitor) -> None:
-    assert visitor.upload("flight.mkv", film(320, 240), "video").status_code == 204
-    assert visitor.upload("car.png", picture(), "template").status_code == 204
-    assert visitor.get("/picture/01_flight.mkv.png").content.startswith(b"\x89PNG")
-    assert visitor.get("/picture/02_car.png.png").status_code == 200
-    assert visitor.get("/picture/01_flight.mkv").status_code == 404
+def test_a_video_is_taken_and_its_first_frame_shown(client: Client) -> None:
+    assert client.upload("flight.mkv", film(320, 240), "video").status_code == 204
+    assert client.upload("car.png", picture(), "template").status_code == 204
+    assert client.get("/picture/01_flight.mkv.png").content.startswith(b"\x89PNG")
+    assert client.get("/picture/02_car.png.png").status_code == 200
+    assert client.get("/picture/01_flight.mkv").status_code == 404
 
 
 @pytest.mark.parametrize(
@@ -145,10 +145,8 @@ def test_a_video_is_taken_and_its_first_frame_shown(visitor: Visitor) -> None:
     ],
     ids=["picture", "play list", "truncated", "bomb", "film", "other slot", "way out"],
 )  # fmt: skip
-def test_what_does_not_belong_there_is_refused(
-    visitor: Visitor, slot: str, body: bytes, status: int, says: str
-) -> None:
-    refused = visitor.upload("x", body, slot)
+def test_what_does_not_belong_there_is_refused(client: Client, slot: str, body: bytes, status: int, says: str) -> None:
+    refused = client.upload("x", body, slot)
     assert refused.status_code == status, refused.text
     assert says in refused.text
     assert "/tmp" not in refused.text
@@ -159,14 +157,14 @@ def test_what_does_not_belong_there_is_refused(
     [("photograph", b"\x89PNG\r\n\x1a\n"), ("video", b"\0\0\0\x20ftypisom")],
     ids=["photograph", "video"],
 )
-def test_an_oversized_upload_is_cut_off(visitor: Visitor, slot: str, head: bytes) -> None:
+def test_an_oversized_upload_is_cut_off(client: Client, slot: str, head: bytes) -> None:
     def endless() -> Iterator[bytes]:
         yield head
         while True:
             yield bytes(1 << 20)
 
     try:
-        refused = visitor.upload("large", endless(), slot)
+        refused = client.upload("large", endless(), slot)
     except httpx.WriteError:
         return  # the server closed the connection before the client listened
     assert refused.status_code == 413
@@ -177,20 +175,20 @@ def test_an_upload_without_a_page_is_refused(panel: str) -> None:
     assert answer.status_code == 403
 
 
-def test_another_visitors_files_cannot_be_read(visitor: Visitor, panel: str) -> None:
-    assert visitor.upload("mine.png", picture()).status_code == 204
-    (shown,) = visitor.pictures()
-    other = Visitor(panel)
+def test_another_sessions_files_cannot_be_read(client: Client, panel: str) -> None:
+    assert client.upload("mine.png", picture()).status_code == 204
+    (shown,) = client.pictures()
+    other = Client(panel)
     assert other.get(shown).status_code == 404
     assert other.pictures() == []
     assert other.get("/archive").status_code == 404
     other.close()
 
 
-def test_a_forged_cookie_opens_nothing(visitor: Visitor, panel: str) -> None:
-    assert visitor.upload("mine.png", picture()).status_code == 204
-    (shown,) = visitor.pictures()
-    (cookie,) = visitor._client.cookies.jar
+def test_a_forged_cookie_opens_nothing(client: Client, panel: str) -> None:
+    assert client.upload("mine.png", picture()).status_code == 204
+    (shown,) = client.pictures()
+    (cookie,) = client._client.cookies.jar
     forged = httpx.get(f"{panel}{shown}", cookies={cookie.name: cookie.value[:-2] + "AA"})
     assert forged.status_code == 404
 
@@ -200,18 +198,18 @@ def test_a_forged_cookie_opens_nothing(visitor: Visitor, panel: str) -> None:
     ["/picture/..%2f..%2fetc%2fpasswd", "/picture/%2fetc%2fpasswd", "/picture/../archive", "/picture/01_mine.png",
      "/picture/.", "/_nicegui/../../etc/passwd", "/uploads/01_mine.png", "/upload/photograph"],
 )  # fmt: skip
-def test_no_path_leads_to_a_file(visitor: Visitor, path: str) -> None:
-    assert visitor.upload("mine.png", picture()).status_code == 204
-    assert visitor.get(path).status_code in (404, 405)
+def test_no_path_leads_to_a_file(client: Client, path: str) -> None:
+    assert client.upload("mine.png", picture()).status_code == 204
+    assert client.get(path).status_code in (404, 405)
 
 
-def test_a_get_changes_nothing(visitor: Visitor) -> None:
+def test_a_get_changes_nothing(client: Client) -> None:
     """What looks like an order in an address is none."""
-    assert visitor.upload("mine.png", picture()).status_code == 204
-    before = visitor.pictures()
+    assert client.upload("mine.png", picture()).status_code == 204
+    before = client.pictures()
     for path in ("/", "/archive", "/upload/photograph?name=x.png", "/?preset=thesis", "/cancel", before[0]):
-        visitor.get(path)
-    assert visitor.pictures() == before
+        client.get(path)
+    assert client.pictures() == before
 
 
 def test_video_kinds_are_told_by_their_first_bytes() -> None:

@@ -1,4 +1,4 @@
-"""A panel in a process of its own, the machine's Chromium, and what a visitor does with both."""
+"""A panel in a process of its own, the machine's Chromium, and what a session does with both."""
 
 from __future__ import annotations
 
