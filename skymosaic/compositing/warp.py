@@ -1,4 +1,4 @@
-"""Warping images into a common frame: the canvas, backward and forward warping, the cylinder.
+"""Warping images into a common frame: the canvas and backward warping.
 
 Every image comes with a homography from its pixels to the pixels of one reference frame. A `Canvas` is a
 rectangle of that frame: the whole mosaic, a tile of it, or the part that one image covers. The planar manifold
@@ -196,47 +196,3 @@ def warp_tile(part: NDArray[np.generic], transform: Array, source: Canvas, tile:
     matrix = tile.translation @ transform @ np.linalg.inv(source.translation)
     size = (tile.width_px, tile.height_px)
     return np.asarray(cv2.warpPerspective(part, matrix, size, flags=cv2.INTER_LINEAR, borderMode=border))
-
-
-def forward(image: Pixels, transform: Array, canvas: Canvas) -> Pixels:
-    """Forward warping x' = Hx to the nearest pixel (thesis, equation II-16).
-
-    Arguments and result as in `backward`. Pixels that nothing maps to stay 0: where the transformation
-    enlarges, holes are left.
-    """
-    warped = np.zeros((canvas.height_px, canvas.width_px, *image.shape[2:]), dtype=np.uint8)
-    whole = Canvas(0, 0, *image.shape[1::-1])
-    for part in whole.tiles():
-        rows, columns = part.within(whole)
-        y, x = np.mgrid[rows, columns]
-        target = apply(canvas.translation @ transform, np.stack([x, y], axis=-1))
-        inside = ((target > -0.5) & (target < np.array([canvas.width_px, canvas.height_px]) - 0.5)).all(axis=-1)
-        column, row = np.rint(target[inside]).astype(np.int64).T
-        warped[row, column] = image[rows, columns][inside]
-    return warped
-
-
-def cylindrical(image: Pixels, focal_px: float) -> Pixels:
-    """Project an image onto a cylinder about the vertical axis through the camera (thesis, section II.2.4).
-
-    On the cylinder, a turn of the camera about that axis is a shift along x.
-
-    Parameters
-    ----------
-    image : (H, W) or (H, W, 3) uint8 ndarray
-        Taken with its optical axis through the centre.
-    focal_px : float
-        Focal length in pixels, the cylinder's radius; the scale at the centre is kept.
-
-    Returns
-    -------
-    uint8 ndarray
-        As high as the image and as wide as its arc; 0 where the image shows nothing.
-    """
-    height, width = image.shape[:2]
-    arc = 2 * math.floor(focal_px * math.atan((width - 1) / 2 / focal_px)) + 1
-    angle = (np.arange(arc) - (arc - 1) / 2) / focal_px
-    rise = np.arange(height) - (height - 1) / 2
-    x = np.broadcast_to(focal_px * np.tan(angle) + (width - 1) / 2, (height, arc))
-    y = rise[:, None] / np.cos(angle) + (height - 1) / 2
-    return np.asarray(cv2.remap(image, x.astype(np.float32), y.astype(np.float32), cv2.INTER_LINEAR), dtype=np.uint8)

@@ -1,8 +1,8 @@
 """The thesis's fuzzy RANSAC: six rules decide which matches are inliers of a homography (Table III-3).
 
-A match that passed the bidirectional check and whose error is less than or equal to tau is an inlier; every other
-is not. The table's counts need both checks to be made on every match by itself (`decide`); the text decides a
-random four together (`decide_by_fours`). Both are here.
+A match is an inlier if it passed the bidirectional check and its error is less than or equal to tau. The counts of
+Table IV-4 result only if both checks are made on every match by itself, as `decide` does. The thesis's text instead
+decides four random matches together, see `skymosaic.thesis.reference.fuzzy_ransac`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ from golden_model.matching.fuzzy import ONE, Rule, SugenoSystem, Variable
 from skymosaic.geometry.homography import apply
 
 TOLERANCE_PX = 4.0
-FOURS = 2000
 INLIER_RULES = (0, 1)
 NEAR_RULES = (0, 1, 3, 4)
 """Rules of matches that RANSAC alone would accept: the error is less than or equal to tau."""
@@ -84,41 +83,12 @@ def decide(
         tau, at least 1/16.
     """
     weight, rule = rule_base(tolerance_px).evaluate(
-        np.asarray(verified, dtype=np.int64), _error_steps(H, left, right, tolerance_px)
+        np.asarray(verified, dtype=np.int64), error_steps(H, left, right, tolerance_px)
     )
     return Decision(rule, weight > 0)
 
 
-def decide_by_fours(
-    H: Array,
-    left: ArrayLike,
-    right: ArrayLike,
-    verified: ArrayLike,
-    *,
-    rng: np.random.Generator,
-    fours: int = FOURS,
-    tolerance_px: float = TOLERANCE_PX,
-) -> Mask:
-    """Decide random fours together: all must be verified and all errors at most tau, then all four are inliers.
-
-    Parameters as in `decide`; ``fours`` is how many are drawn. A match is an inlier once one of its fours is, so
-    with many draws this tends to `decide`, provided there are four inliers at all.
-
-    Returns
-    -------
-    (N,) bool ndarray
-    """
-    checks, errors = np.asarray(verified, dtype=np.int64), _error_steps(H, left, right, tolerance_px)
-    inliers = np.zeros(len(checks), dtype=bool)
-    if len(checks) < 4:
-        return inliers
-    drawn = np.stack([rng.choice(len(checks), size=4, replace=False) for _ in range(fours)])
-    weight, _ = rule_base(tolerance_px).evaluate(checks[drawn].min(axis=1), errors[drawn].max(axis=1))
-    inliers[drawn[weight > 0]] = True
-    return inliers
-
-
-def _error_steps(H: Array, left: ArrayLike, right: ArrayLike, tolerance_px: float) -> NDArray[np.int64]:
+def error_steps(H: Array, left: ArrayLike, right: ArrayLike, tolerance_px: float) -> NDArray[np.int64]:
     """Transfer error in steps of 1/16 px, limited to twice tau, which infinite errors get too.
 
     The step is the resolution of feature positions, so "equal to tau" means within half a step of it.

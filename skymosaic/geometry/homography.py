@@ -90,25 +90,12 @@ def dlt(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None = None) -> A
     """
     x, y, root = checked_pairs(left, right, weight, minimum=4)
     to_x, to_y = normalisation(x, root), normalisation(y, root)
-    rows = _design_matrix(apply(to_x, x), apply(to_y, y), root)
+    rows = design_matrix(apply(to_x, x), apply(to_y, y), root)
     # The triangle of a QR decomposition has the singular values and right vectors of the tall matrix.
     _, singular, vectors = np.linalg.svd(np.linalg.qr(rows, mode="r"))
     if singular[7] <= RANK_TOLERANCE * singular[0]:
         raise DegenerateError("the points do not determine a homography: three of four are collinear")
     return scaled(np.linalg.inv(to_y) @ vectors[-1].reshape(3, 3) @ to_x)
-
-
-def inhomogeneous(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None = None) -> Array:
-    """The eight-parameter least squares h = (A'A)^-1 A'b with h33 = 1 (thesis, equation III-9).
-
-    Parameters, result and errors as in `estimate`. h33 is fixed in normalised coordinates, where it is the
-    third coordinate of the centroid, so that it cannot vanish.
-    """
-    x, y, root = checked_pairs(left, right, weight, minimum=4)
-    to_x, to_y = normalisation(x, root), normalisation(y, root)
-    rows = _design_matrix(apply(to_x, x), apply(to_y, y), root)
-    h = _solve(rows[:, :8], -rows[:, 8])
-    return scaled(np.linalg.inv(to_y) @ np.append(h, 1.0).reshape(3, 3) @ to_x)
 
 
 def checked_pairs(
@@ -134,6 +121,11 @@ def checked_pairs(
     return x, y, np.sqrt(w)
 
 
+def homogeneous(points: Array) -> Array:
+    """Points (..., 2) with a third coordinate of 1, (..., 3)."""
+    return np.concatenate([points, np.ones((*points.shape[:-1], 1))], axis=-1)
+
+
 def normalisation(points: Array, root_weight: Array) -> Array:
     """The similarity (3, 3) that moves the weighted centroid to 0 and the mean distance from it to sqrt(2)."""
     weight = root_weight**2
@@ -145,12 +137,12 @@ def normalisation(points: Array, root_weight: Array) -> Array:
     return np.array([[scale, 0, -scale * centre[0]], [0, scale, -scale * centre[1]], [0, 0, 1]])
 
 
-def _design_matrix(x: Array, y: Array, root_weight: Array) -> Array:
+def design_matrix(x: Array, y: Array, root_weight: Array) -> Array:
     """The two DLT rows of every pair, (2N, 9): [-x, 0, x'x] h = 0 and [0, -x, y'x] h = 0."""
-    homogeneous = np.column_stack([x, np.ones(len(x))]) * root_weight[:, None]
+    weighted = homogeneous(x) * root_weight[:, None]
     rows = np.zeros((len(x), 2, 9))
-    rows[:, 0, :3] = rows[:, 1, 3:6] = -homogeneous
-    rows[:, :, 6:] = y[:, :, None] * homogeneous[:, None, :]
+    rows[:, 0, :3] = rows[:, 1, 3:6] = -weighted
+    rows[:, :, 6:] = y[:, :, None] * weighted[:, None, :]
     return rows.reshape(-1, 9)
 
 
@@ -179,12 +171,18 @@ def _rotation_scale(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None,
 def _affine(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None) -> Array:
     x, y, root = checked_pairs(left, right, weight, minimum=3)
     to_x = normalisation(x, root)
-    rows = np.column_stack([apply(to_x, x), np.ones(len(x))]) * root[:, None]
-    return np.vstack([_solve(rows, y * root[:, None]).T, [0.0, 0.0, 1.0]]) @ to_x
+    rows = homogeneous(apply(to_x, x)) * root[:, None]
+    return np.vstack([solve_least_squares(rows, y * root[:, None]).T, [0.0, 0.0, 1.0]]) @ to_x
 
 
-def _solve(rows: Array, target: Array) -> Array:
-    """Least squares that refuses a rank-deficient system."""
+def solve_least_squares(rows: Array, target: Array) -> Array:
+    """The least-squares solution of ``rows @ h = target``.
+
+    Raises
+    ------
+    DegenerateError
+        If the system is rank-deficient.
+    """
     solution, _, rank, _ = np.linalg.lstsq(rows, target, rcond=RANK_TOLERANCE)
     if rank < rows.shape[1]:
         raise DegenerateError("the points do not determine the transformation: too many are collinear")

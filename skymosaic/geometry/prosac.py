@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from golden_model.arrays import Array, Mask
-from skymosaic.geometry.homography import DegenerateError, apply, checked_pairs, dlt
+from skymosaic.geometry.homography import DegenerateError, apply, checked_pairs, dlt, homogeneous
 from skymosaic.geometry.refinement import refine_robustly
 
 MAX_SAMPLES = 3000
@@ -161,7 +161,7 @@ def _minimal_homographies(matches: _Matches, samples: NDArray[np.int64]) -> Arra
     areas. With b_i the same of the right points, H = sum_i (b_i / a_i) q_i (p_j x p_k)'. The signs of the areas
     are the orientation test: a view from the same side turns no triangle over.
     """
-    left, right = (_homogeneous(points[samples]) for points in (matches.left, matches.right))
+    left, right = (homogeneous(points[samples]) for points in (matches.left, matches.right))
     left_areas, right_areas = _areas(left), _areas(right)
     # Twice the area of a triangle whose corner lies tau from a side of tau length; below, noise decides.
     large = np.minimum(np.abs(left_areas), np.abs(right_areas)).min(axis=1) > TOLERANCE_PX**2
@@ -179,14 +179,10 @@ def _areas(points: Array) -> Array:
     return np.asarray(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
 
 
-def _homogeneous(points: Array) -> Array:
-    return np.concatenate([points, np.ones((*points.shape[:-1], 1))], axis=-1)
-
-
 def _best_of(homographies: Array, matches: _Matches) -> tuple[Array | None, float]:
     if len(homographies) == 0:
         return None, 0.0
-    mapped = homographies.reshape(-1, 3) @ _homogeneous(matches.left).T
+    mapped = homographies.reshape(-1, 3) @ homogeneous(matches.left).T
     x, y, w = mapped.reshape(len(homographies), 3, -1).transpose(1, 0, 2)
     with np.errstate(divide="ignore", invalid="ignore"):
         squared_error = (x / w - matches.right[:, 0]) ** 2 + (y / w - matches.right[:, 1]) ** 2

@@ -1,62 +1,36 @@
-"""Geometric errors of a homography and its refinement (thesis, equations II-18 and A-1 to A-4).
+"""Robust refinement of a homography over all matches, by the transfer error d(x', Hx) in the right image.
 
-The errors, per point pair x -> x', in squared pixels (Hartley and Zisserman, Multiple View Geometry, chapter 4):
-
-``transfer``      d(x', Hx)^2, in the right image alone
-``symmetric``     d(x', Hx)^2 + d(x, H^-1 x')^2
-``reprojection``  the smallest d(x, z)^2 + d(x', Hz)^2 over all z: the maximum-likelihood estimate's error
-``sampson``       its first-order approximation
-
-Each error is a function ``(h, x, y) -> (residuals (N, k), jacobian (N, k, 8))`` of the eight free elements of H;
-the squared residuals of a pair sum to its error.
+The thesis's other errors (symmetric, reprojection, Sampson) are in `skymosaic.thesis.reference.refinement`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import least_squares
 
-from golden_model.arrays import Array
-from skymosaic.geometry.homography import apply, checked_pairs, normalisation, scaled
+from golden_model.arrays import Array, Matrix
+from skymosaic.geometry.homography import apply, checked_pairs, homogeneous, normalisation, scaled
 
-Residuals = Callable[[Array, Array, Array], tuple[Array, Array]]
-
-CORRECTION_STEPS = 4
-"""Gauss-Newton steps to the nearest exact pair; each squares what is left, and the first is Sampson's."""
 ROBUST_SCALES_PX = (3.0, 2.1, 1.5, 1.5)
+"""Scales of the robust loss, one for each step; they end below the inlier threshold."""
 
 
-def squared_errors(H: Array, left: ArrayLike, right: ArrayLike, *, error: str = "symmetric") -> Array:
-    """The error (N,) of every point pair in px², see the module's table.
+def refine_robustly(
+    H: Array, left: ArrayLike, right: ArrayLike, *, scales_px: tuple[float, ...] = ROBUST_SCALES_PX
+) -> Matrix:
+    """Reweighted Gauss-Newton on the transfer error: one step per scale s, with weights 1 / (1 + e²/s²)².
 
-    Raises
-    ------
-    ValueError
-        For arrays of wrong shape or an unknown error.
-    """
-    x, y, _ = checked_pairs(left, right, None, minimum=0)
-    residuals, _ = _function(error)(scaled(H).ravel()[:8], x, y)
-    return np.asarray((residuals**2).sum(axis=1))
-
-
-def refine(
-    H: Array, left: ArrayLike, right: ArrayLike, *, error: str = "symmetric", weight: ArrayLike | None = None
-) -> Array:
-    """Minimise the weighted sum of one error by Levenberg-Marquardt with analytic Jacobians.
+    The weights are those of the Geman-McClure loss, which limits the influence of large errors; shrinking scales
+    down-weight outliers (graduated Geman-McClure).
 
     Parameters
     ----------
     H : (3, 3) array_like
         Start, for instance from `skymosaic.geometry.homography.dlt`.
     left, right : (N, 2) array_like
-        Corresponding points without outliers, N >= 4, px.
-    error : {"transfer", "symmetric", "reprojection", "sampson"}
-        See the module's table.
-    weight : (N,) array_like, optional
-        Weights of the squared errors; default 1.
+        Corresponding points, N >= 4, px; outliers may be among them.
+    scales_px : tuple of float
+        The scales s in right-image pixels, one for each step.
 
     Returns
     -------
@@ -66,32 +40,13 @@ def refine(
     Raises
     ------
     ValueError
-        As `squared_errors`; `skymosaic.geometry.homography.DegenerateError` for fewer than 4 pairs or coincident
-        points.
-    """
-    function = _function(error)
-    x, y, root = checked_pairs(left, right, weight, minimum=4)
-    to_x, to_y, _ = _common_scale(x, y, root)
-    x, y = apply(to_x, x), apply(to_y, y)
-    solution = least_squares(
-        lambda h: (function(h, x, y)[0] * root[:, None]).ravel(),
-        scaled(to_y @ H @ np.linalg.inv(to_x)).ravel()[:8],
-        jac=lambda h: (function(h, x, y)[1] * root[:, None, None]).reshape(-1, 8),
-        method="lm",
-    )
-    return scaled(np.linalg.inv(to_y) @ _matrix(solution.x) @ to_x)
-
-
-def refine_robustly(
-    H: Array, left: ArrayLike, right: ArrayLike, *, scales_px: tuple[float, ...] = ROBUST_SCALES_PX
-) -> Array:
-    """Reweighted Gauss-Newton on the transfer error: one step a scale s, weights 1 / (1 + e²/s²)².
-
-    Arguments and result as in `refine`; outliers may be among the pairs. The weights belong to the
-    Geman-McClure loss, whose pull falls off with the error, and the falling scales let go of what fits worst.
+        For arrays of wrong shape or values that are not finite.
+    skymosaic.geometry.homography.DegenerateError
+        For fewer than 4 pairs or coincident points.
     """
     x, y, root = checked_pairs(left, right, None, minimum=4)
-    to_x, to_y, scale = _common_scale(x, y, root)
+    # In coordinates around 1, so that the eight elements of h have similar magnitudes.
+    to_x, to_y, scale = joint_normalisation(x, y, root)
     x, y = apply(to_x, x), apply(to_y, y)
     h = scaled(to_y @ H @ np.linalg.inv(to_x)).ravel()[:8]
     for scale_px in scales_px:
@@ -100,120 +55,46 @@ def refine_robustly(
         root = 1 / (1 + (residuals**2).sum(axis=1) / (scale * scale_px) ** 2)
         rows, target = (jacobian * root[:, None, None]).reshape(-1, 8), (residuals * root[:, None]).ravel()
         h = h - np.linalg.lstsq(rows, target, rcond=None)[0]
-    return scaled(np.linalg.inv(to_y) @ _matrix(h) @ to_x)
+    return scaled(np.linalg.inv(to_y) @ matrix_of(h) @ to_x)
 
 
 def transfer(h: Array, x: Array, y: Array) -> tuple[Array, Array]:
-    """Residuals Hx - x' and their Jacobian."""
-    H = _matrix(h)
-    homogeneous = _homogeneous(x)
-    mapped = homogeneous @ H.T
+    """Residuals Hx - x' of point pairs and their Jacobian (thesis, equation II-18).
+
+    Parameters
+    ----------
+    h : (8,) float64 ndarray
+        The free elements of H, row by row.
+    x, y : (N, 2) float64 ndarray
+        Left and right points.
+
+    Returns
+    -------
+    residuals : (N, 2) float64 ndarray
+    jacobian : (N, 2, 8) float64 ndarray
+    """
+    H = matrix_of(h)
+    lifted = homogeneous(x)
+    mapped = lifted @ H.T
     projected = mapped[:, :2] / mapped[:, 2:]
-    direction = homogeneous / mapped[:, 2:]
+    direction = lifted / mapped[:, 2:]
     jacobian = np.zeros((len(x), 2, 9))
     jacobian[:, 0, :3] = jacobian[:, 1, 3:6] = direction
     jacobian[:, :, 6:] = -projected[:, :, None] * direction[:, None, :]
     return projected - y, jacobian[:, :, :8]
 
 
-def symmetric(h: Array, x: Array, y: Array) -> tuple[Array, Array]:
-    """Residuals of both directions, (N, 4), and their Jacobian; d(H^-1) = -H^-1 dH H^-1."""
-    forward, forward_jacobian = transfer(h, x, y)
-    inverse = np.linalg.inv(_matrix(h))
-    mapped = _homogeneous(y) @ inverse.T
-    projected = mapped[:, :2] / mapped[:, 2:]
-    # Derivative of the perspective division, times the inverse: how the point moves with a change of H mapped.
-    division = (inverse[None, :2, :] - projected[:, :, None] * inverse[None, 2:, :]) / mapped[:, 2:, None]
-    backward_jacobian = -(division[:, :, :, None] * mapped[:, None, None, :]).reshape(len(x), 2, 9)[:, :, :8]
-    return np.hstack([forward, projected - x]), np.concatenate([forward_jacobian, backward_jacobian], axis=1)
+def joint_normalisation(x: Array, y: Array, root_weight: Array) -> tuple[Array, Array, float]:
+    """Normalisations (3, 3) of both point sets with one common scale, and that scale.
 
-
-def reprojection(h: Array, x: Array, y: Array) -> tuple[Array, Array]:
-    """Displacement (N, 4) of each pair to the nearest pair that fits H exactly, and its Jacobian.
-
-    The nearest pair is found by Gauss-Newton under the constraint (Sampson's correction, repeated). The Jacobian
-    leaves out the sliding along the constraint, which is of second order and orthogonal to the displacement, so
-    the gradient of the summed squares is exact.
+    With a common scale, errors in both images keep their proportion.
     """
-    moved_x, moved_y = x, y
-    for _ in range(CORRECTION_STEPS):
-        constraint, by_point, _ = _constraint(h, moved_x, moved_y)
-        offset = np.hstack([x - moved_x, y - moved_y])
-        multiplier = _whiten(by_point, constraint[..., None] + by_point @ offset[..., None])
-        displacement = -(by_point.transpose(0, 2, 1) @ multiplier)[..., 0]
-        moved_x, moved_y = x + displacement[:, :2], y + displacement[:, 2:]
-    _, by_point, by_h = _constraint(h, moved_x, moved_y)
-    return displacement, -by_point.transpose(0, 2, 1) @ _whiten(by_point, by_h)
-
-
-def sampson(h: Array, x: Array, y: Array) -> tuple[Array, Array]:
-    """First-order displacement -J'(JJ')^-1 c of each pair, (N, 4), and its Jacobian.
-
-    c is the constraint that the pair fits H, J its derivative by the pair.
-    """
-    constraint, by_point, by_h = _constraint(h, x, y)
-    multiplier = _whiten(by_point, constraint[..., None])
-    mixed = _mixed_derivative(x, y)
-    # d[J'm] = dJ' m + J' dm, with JJ' dm = dc - (dJ J' + J dJ') m.
-    turned = np.einsum("nipk,ni->npk", mixed, multiplier[..., 0])
-    change = by_h - np.einsum("nipk,njp,nj->nik", mixed, by_point, multiplier[..., 0]) - by_point @ turned
-    transposed = by_point.transpose(0, 2, 1)
-    return -(transposed @ multiplier)[..., 0], -turned - transposed @ _whiten(by_point, change)
-
-
-def _constraint(h: Array, x: Array, y: Array) -> tuple[Array, Array, Array]:
-    """The DLT constraint c = x' (h3 x) - (h1, h2) x, (N, 2), by the point pair (N, 2, 4) and by h (N, 2, 8)."""
-    H = _matrix(h)
-    homogeneous = _homogeneous(x)
-    mapped = homogeneous @ H.T
-    by_point = np.zeros((len(x), 2, 4))
-    by_point[:, :, :2] = y[:, :, None] * H[2, :2] - H[:2, :2]
-    by_point[:, 0, 2] = by_point[:, 1, 3] = mapped[:, 2]
-    by_h = np.zeros((len(x), 2, 9))
-    by_h[:, 0, :3] = by_h[:, 1, 3:6] = -homogeneous
-    by_h[:, :, 6:] = y[:, :, None] * homogeneous[:, None, :]
-    return y * mapped[:, 2:] - mapped[:, :2], by_point, by_h[:, :, :8]
-
-
-def _mixed_derivative(x: Array, y: Array) -> Array:
-    """d²c / d(point pair) dh, (N, 2, 4, 8)."""
-    mixed = np.zeros((len(x), 2, 4, 9))
-    for row in range(2):
-        for axis in range(2):
-            mixed[:, row, axis, 3 * row + axis] = -1
-            mixed[:, row, axis, 6 + axis] = y[:, row]
-        mixed[:, row, 2 + row, 6:] = _homogeneous(x)
-    return mixed[..., :8]
-
-
-def _whiten(by_point: Array, columns: Array) -> Array:
-    """(JJ')^-1 times ``columns`` for every pair."""
-    return np.asarray(np.linalg.solve(by_point @ by_point.transpose(0, 2, 1), columns))
-
-
-def _common_scale(x: Array, y: Array, root_weight: Array) -> tuple[Array, Array, float]:
-    """Normalisations of both point sets with one scale, so that errors in both images keep their proportion."""
     to_x, to_y = normalisation(x, root_weight), normalisation(y, root_weight)
     scale = float(to_x[0, 0])
     to_y[:2] *= scale / to_y[0, 0]
     return to_x, to_y, scale
 
 
-def _matrix(h: Array) -> Array:
+def matrix_of(h: Array) -> Matrix:
+    """The homography (3, 3) with the free elements ``h`` (8,) and H[2, 2] = 1."""
     return np.append(h, 1.0).reshape(3, 3)
-
-
-def _homogeneous(points: Array) -> Array:
-    return np.column_stack([points, np.ones(len(points))])
-
-
-def _function(error: str) -> Residuals:
-    functions: dict[str, Residuals] = {
-        "transfer": transfer,
-        "symmetric": symmetric,
-        "reprojection": reprojection,
-        "sampson": sampson,
-    }
-    if error not in functions:
-        raise ValueError(f"error is {error!r}; valid: {', '.join(functions)}")
-    return functions[error]

@@ -1,7 +1,6 @@
 import numpy as np
-import pytest
 
-from skymosaic.geometry.fuzzy_ransac import INLIER_RULES, decide, decide_by_fours, rule_base
+from skymosaic.geometry.fuzzy_ransac import INLIER_RULES, decide, rule_base
 
 SHIFT = np.array([[1.0, 0, 10], [0, 1, 0], [0, 0, 1]])
 
@@ -58,32 +57,3 @@ def test_each_combination_fires_one_rule_fully():
     checks, errors = (grid.ravel() for grid in np.meshgrid([0, 1], np.arange(200)))
     strengths = system.strengths(checks, errors)
     np.testing.assert_array_equal(np.sort(strengths, axis=1)[:, -2:], [[0, system.strength_one]] * len(checks))
-
-
-def test_one_bad_match_spoils_its_four():
-    left, right = off_by([0, 0, 0, 0])
-    rng = np.random.default_rng(2)
-    assert decide_by_fours(SHIFT, left, right, [1, 1, 1, 1], rng=rng, fours=1).all()
-    assert not decide_by_fours(SHIFT, left, right, [1, 1, 1, 0], rng=rng, fours=50).any()
-    left, right = off_by([0, 0, 0, 5])
-    assert not decide_by_fours(SHIFT, left, right, [1, 1, 1, 1], rng=rng, fours=50).any()
-
-
-def test_many_fours_find_what_each_match_would_get():
-    rng = np.random.default_rng(3)
-    verified, errors_px = rng.random(40) < 0.8, rng.choice([1.0, 9.0], 40, p=(0.8, 0.2))
-    left, right = off_by(errors_px)
-    alone = decide(SHIFT, left, right, verified).inliers
-    few, many = (decide_by_fours(SHIFT, left, right, verified, rng=rng, fours=n) for n in (10, 2000))
-    np.testing.assert_array_equal(many, alone)
-    assert not (few & ~alone).any()
-    assert few.sum() < alone.sum()
-
-
-@pytest.mark.parametrize("count", [0, 3])
-def test_fewer_than_four_matches_give_no_four(count):
-    left, right = off_by([0] * count)
-    assert decide(SHIFT, left, right, np.ones(count, dtype=bool)).inliers.sum() == count
-    together = decide_by_fours(SHIFT, left, right, np.ones(count), rng=np.random.default_rng(4))
-    assert together.shape == (count,)
-    assert not together.any()

@@ -1,0 +1,1 @@
+"""Methods of the thesis that the pipeline does not use: the tests compare what it uses with them."""

@@ -1,0 +1,146 @@
+import numpy as np
+import pytest
+from scipy.optimize import least_squares, minimize
+
+from skymosaic.geometry.homography import DegenerateError, apply, dlt
+from skymosaic.thesis.reference import refinement
+from skymosaic.thesis.reference.refinement import refine, squared_errors
+
+ERRORS = ["transfer", "symmetric", "reprojection", "sampson"]
+TRUTH = np.array([[0.9, 0.2, 30.0], [-0.15, 1.1, -20.0], [1e-4, -5e-5, 1.0]])
+
+
+def noisy_pairs(count, sigma_px, seed, truth=TRUTH):
+    """Noise in both images."""
+    rng = np.random.default_rng(seed)
+    left = rng.uniform(0, 640, (count, 2))
+    right = apply(truth, left) + rng.normal(0, sigma_px, left.shape)
+    return left + rng.normal(0, sigma_px, left.shape), right
+
+
+def unit_pairs():
+    """A strongly projective case in coordinates around 1, far from a minimum."""
+    rng = np.random.default_rng(1)
+    x = rng.uniform(-1, 1, (30, 2))
+    h = np.array([0.9, 0.2, 0.1, -0.15, 1.1, -0.2, 0.2, -0.1])
+    return h, x, apply(np.append(h, 1).reshape(3, 3), x) + rng.normal(0, 0.05, x.shape)
+
+
+def central_differences(function, h, step=1e-6):
+    return np.stack([(function(h + d) - function(h - d)) / (2 * step) for d in step * np.eye(8)], axis=-1)
+
+
+@pytest.mark.parametrize("error", ["transfer", "symmetric", "sampson"])
+def test_jacobian_against_finite_differences(error):
+    h, x, y = unit_pairs()
+    function = getattr(refinement, error)
+    numeric = central_differences(lambda h: function(h, x, y)[0], h)
+    np.testing.assert_allclose(function(h, x, y)[1], numeric, atol=1e-8)
+
+
+@pytest.mark.parametrize("error", ERRORS)
+def test_gradient_against_finite_differences(error):
+    h, x, y = unit_pairs()
+    function = getattr(refinement, error)
+    residuals, jacobian = function(h, x, y)
+    numeric = central_differences(lambda h: (function(h, x, y)[0] ** 2).sum() / 2, h)
+    np.testing.assert_allclose(np.einsum("nk,nki->i", residuals, jacobian), numeric, atol=1e-9)
+
+
+def test_errors_of_a_shift_by_hand():
+    # (3, 4) off under a pure shift: 25 in one image, 25 in each of both; half the way in each is the nearest.
+    shift = np.array([[1.0, 0, 10], [0, 1, 0], [0, 0, 1]])
+    found = {error: squared_errors(shift, [(5, 5)], [(18, 9)], error=error)[0] for error in ERRORS}
+    assert found == pytest.approx({"transfer": 25, "symmetric": 50, "reprojection": 12.5, "sampson": 12.5})
+
+
+def test_errors_of_a_zoom_by_hand():
+    # Under a zoom of 2 an offset of 5 right pixels is 2.5 left ones; the nearest pair is 25 / (1 + 2²) away.
+    zoom = np.diag([2.0, 2, 1])
+    found = {error: squared_errors(zoom, [(1, 1)], [(5, 6)], error=error)[0] for error in ERRORS}
+    assert found == pytest.approx({"transfer": 25, "symmetric": 31.25, "reprojection": 5, "sampson": 5})
+
+
+def test_reprojection_error_against_direct_minimisation():
+    left, right = noisy_pairs(5, 8.0, seed=2)
+    for x, y, error in zip(left, right, squared_errors(TRUTH, left, right, error="reprojection"), strict=True):
+        nearest = minimize(
+            lambda z, x=x, y=y: np.sum((z - x) ** 2) + np.sum((apply(TRUTH, z) - y) ** 2), x, method="BFGS", tol=1e-9
+        )
+        assert error == pytest.approx(nearest.fun, rel=1e-6)
+
+
+@pytest.mark.parametrize("error", ERRORS)
+def test_refine_reaches_a_minimum_of_its_own_error(error):
+    left, right = noisy_pairs(40, 1.0, seed=3)
+    start = dlt(left, right)
+    refined = refine(start, left, right, error=error)
+
+    def cost(h):
+        return squared_errors(np.append(h, 1).reshape(3, 3), left, right, error=error).sum()
+
+    h = refined.ravel()[:8]
+    assert cost(h) < cost(start.ravel()[:8])
+    for direction in np.eye(8):
+        step = direction * np.abs(h) * 1e-3
+        assert cost(h) < min(cost(h + step), cost(h - step))
+
+
+def test_reprojection_refinement_against_the_full_bundle():
+    # Independent: all 8 + 2N unknowns at once with numeric derivatives, in coordinates around 1.
+    left, right = (points / 320 - 1 for points in noisy_pairs(12, 2.0, seed=4))
+
+    def residuals(unknowns):
+        exact = unknowns[8:].reshape(-1, 2)
+        return np.concatenate([exact - left, apply(np.append(unknowns[:8], 1).reshape(3, 3), exact) - right]).ravel()
+
+    start = dlt(left, right)
+    bundle = least_squares(residuals, np.append(start.ravel()[:8], left), xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    refined = refine(start, left, right, error="reprojection")
+    np.testing.assert_allclose(refined.ravel()[:8], bundle.x[:8], atol=1e-6)
+    assert squared_errors(refined, left, right, error="reprojection").sum() == pytest.approx(2 * bundle.cost, rel=1e-9)
+
+
+def mean_distance_to_truth(truth, count, estimators):
+    """Mean over seeds 0 to 99 of the mean distance over a grid, for noise of 1 px in both images."""
+    grid = np.stack(np.meshgrid(np.linspace(0, 640, 9), np.linspace(0, 640, 9)), axis=-1).reshape(-1, 2)
+    distance = dict.fromkeys(estimators, 0.0)
+    for seed in range(100):
+        left, right = noisy_pairs(count, 1.0, seed, truth)
+        start = dlt(left, right)
+        for name in estimators:
+            H = start if name == "dlt" else refine(start, left, right, error=name)
+            distance[name] += np.linalg.norm(apply(H, grid) - apply(truth, grid), axis=1).mean() / 100
+    return distance
+
+
+def test_better_models_of_the_noise_are_closer_to_the_truth():
+    truth = np.array([[0.5, 0.1, 20], [-0.1, 0.5, 10], [-6e-4, -4e-4, 1]])
+    distance = mean_distance_to_truth(truth, 12, ("reprojection", "symmetric", "dlt"))
+    assert distance["reprojection"] < distance["symmetric"] < distance["dlt"]
+
+
+def test_only_reprojection_and_sampson_stand_strong_perspective():
+    # Points near the horizon have large errors in one image, which the symmetric error trusts all the same.
+    truth = np.array([[1, 0.1, 20], [-0.1, 1, 10], [3e-3, 1e-3, 1]])
+    distance = mean_distance_to_truth(truth, 16, ("reprojection", "sampson", "symmetric", "dlt"))
+    assert distance["reprojection"] < 0.97 * min(distance["symmetric"], distance["dlt"])
+    assert distance["sampson"] == pytest.approx(distance["reprojection"], rel=0.01)
+
+
+def test_weights_count_like_repetition():
+    left, right = noisy_pairs(15, 1.0, seed=5)
+    weight = np.random.default_rng(5).integers(0, 4, 15)
+    start = dlt(left, right)
+    repeated = refine(start, np.repeat(left, weight, axis=0), np.repeat(right, weight, axis=0))
+    np.testing.assert_allclose(refine(start, left, right, weight=weight), repeated, rtol=1e-5, atol=1e-7)
+
+
+def test_bad_input_is_refused():
+    left, right = noisy_pairs(10, 1.0, seed=9)
+    with pytest.raises(ValueError, match=r"'huber'.*sampson"):
+        refine(TRUTH, left, right, error="huber")
+    with pytest.raises(DegenerateError, match="at least 4"):
+        refine(TRUTH, left[:3], right[:3])
+    with pytest.raises(DegenerateError, match="coincide"):
+        refine(TRUTH, np.ones((6, 2)), np.ones((6, 2)))
