@@ -62,7 +62,7 @@ def _as_built(config: FrontEndConfig) -> FrontEndConfig:
 @functools.cache
 def source_key() -> str:
     """A key for all that the designs are made from."""
-    folders = [Path(package.__file__).parent for package in (golden_model, hdl)]
+    folders = [Path(package.__path__[0]) for package in (golden_model, hdl)]
     return digest_files([*(path for folder in folders for path in folder.rglob("*.py")), Path(front_end_top.__file__)])
 
 

@@ -239,7 +239,7 @@ class Bench:
 def _load(library: Path) -> ctypes.CDLL:
     loaded = ctypes.CDLL(str(library))
     pointer, values = ctypes.c_void_p, ctypes.POINTER(ctypes.POINTER(ctypes.c_uint64))
-    signatures = {
+    signatures: dict[str, tuple[Any, tuple[Any, ...]]] = {
         "bench_open": (pointer, (ctypes.c_char_p,)),
         "bench_close": (None, (pointer,)),
         "bench_reset": (None, (pointer,)),

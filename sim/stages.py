@@ -60,7 +60,7 @@ def locate_mismatch(
 
 def _plane(words: NDArray[np.void], shape: tuple[int, int]) -> np.ma.MaskedArray:
     """The values at the pixels that they describe; the others are masked: hardware has not come that far."""
-    plane = np.ma.masked_all(shape, np.int64)
+    plane: np.ma.MaskedArray = np.ma.MaskedArray(np.zeros(shape, np.int64), mask=True)
     x, y = words["x"], words["y"]
     inside = (x >= 0) & (y >= 0) & (x < shape[1]) & (y < shape[0])
     plane[y[inside], x[inside]] = words["value"][inside]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -88,7 +89,8 @@ class CameraPose:
         heading, pitch, roll = np.radians([self.heading_deg, self.pitch_deg, self.roll_deg])
         turns = ([0, 0, heading], [0, roll, 0], [pitch, 0, 0])
         about_z, about_y, about_x = (cv2.Rodrigues(np.array(turn, np.float64))[0] for turn in turns)
-        return about_z @ about_y @ about_x
+        rotation: NDArray[np.float64] = about_z @ about_y @ about_x
+        return rotation
 
     def homography(self, camera: Camera) -> NDArray[np.float64]:
         """Ground pixels to image pixels, shape (3, 3), scaled to a last element of 1.
@@ -99,13 +101,14 @@ class CameraPose:
             If part of the image looks at or above the horizon.
         """
         to_ground_plane = np.array([[1, 0, -self.x_px], [0, 1, -self.y_px], [0, 0, self.altitude_px]])
-        ground_to_image = camera.matrix @ self.rotation.T @ to_ground_plane
+        ground_to_image: NDArray[np.float64] = camera.matrix @ self.rotation.T @ to_ground_plane
         rays = np.column_stack([camera.corners, np.ones(4)]) @ np.linalg.inv(camera.matrix).T @ self.rotation.T
         if rays[:, 2].min() <= 0.05:
             raise ValueError(
                 f"pitch {self.pitch_deg} and roll {self.roll_deg} degrees show the horizon; tilt the camera less"
             )
-        return ground_to_image / ground_to_image[2, 2]
+        ground_to_image /= ground_to_image[2, 2]
+        return ground_to_image
 
     def footprint(self, camera: Camera) -> NDArray[np.float64]:
         """Ground positions of the corners of the image, shape (4, 2), clockwise from the image's top left."""
@@ -126,7 +129,7 @@ class Photometry:
     noise_sigma: float = 0.0
     vignetting: float = 0.0
 
-    def apply(self, image: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.uint8]:
+    def apply(self, image: NDArray[np.uint8] | NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.uint8]:
         """The picture as taken; ``image`` has shape (H, W, 3) and is left as it is."""
         if self.blur_sigma_px > 0:
             image = cv2.GaussianBlur(image, (0, 0), self.blur_sigma_px)
@@ -140,9 +143,10 @@ class Photometry:
         return np.clip(np.rint(value), 0, 255).astype(np.uint8)
 
 
-def project(homography: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+def project(homography: NDArray[np.floating[Any]], points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Points, shape (n, 2), carried by a homography."""
-    return cv2.perspectiveTransform(np.asarray(points, np.float64)[np.newaxis], homography)[0]
+    projected: NDArray[np.float64] = cv2.perspectiveTransform(np.asarray(points, np.float64)[np.newaxis], homography)[0]
+    return projected
 
 
 def visible_box(pose: CameraPose, camera: Camera) -> tuple[int, int, int, int]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import overload
 
 import cv2
 import numpy as np
@@ -41,7 +42,7 @@ class Flight:
     @property
     def images(self) -> Sequence[NDArray[np.uint8]]:
         """The pictures, (H, W, 3) uint8 BGR: each is rendered when it is asked for, and not kept."""
-        return _Images(self)
+        return RenderedImages(len(self.poses), self._render)
 
     @property
     def homographies(self) -> tuple[NDArray[np.float64], ...]:
@@ -51,8 +52,9 @@ class Flight:
     def homography_between(self, left: int, right: int) -> NDArray[np.float64]:
         """Pixels of picture ``left`` to pixels of picture ``right``, shape (3, 3), last element 1."""
         to_left, to_right = (self.poses[index].homography(self.camera) for index in (left, right))
-        between = to_right @ np.linalg.inv(to_left)
-        return between / between[2, 2]
+        between: NDArray[np.float64] = to_right @ np.linalg.inv(to_left)
+        between /= between[2, 2]
+        return between
 
     def overlap_between(self, left: int, right: int) -> float:
         """Share of the area of picture ``left`` that picture ``right`` shows too."""
@@ -61,23 +63,42 @@ class Flight:
         area, _ = cv2.intersectConvexConvex(corners.astype(np.float32), seen.astype(np.float32))
         return float(area) / (self.camera.width_px * self.camera.height_px)
 
+    def _render(self, number: int) -> NDArray[np.uint8]:
+        pose, photometry = self.poses[number], self.photometries[number]
+        left, top, width_px, height_px = visible_box(pose, self.camera)
+        ground = render_ground(self.seed, width_px, height_px, (left, top))
+        rng = random_stream(self.seed, Stream.SENSOR, number)
+        return render_view(ground, pose, self.camera, photometry, rng, origin=(left, top))
 
-class _Images(Sequence[NDArray[np.uint8]]):
-    """The pictures of a flight, rendered one at a time."""
 
-    def __init__(self, flight: Flight) -> None:
-        self._flight = flight
+class RenderedImages(Sequence[NDArray[np.uint8]]):
+    """Pictures that are rendered whenever they are asked for, and not kept; a slice renders none.
+
+    Parameters
+    ----------
+    count : int
+        Number of pictures.
+    render : callable
+        Renders the picture with a number, (H, W, 3) uint8 BGR.
+    """
+
+    def __init__(self, count: int, render: Callable[[int], NDArray[np.uint8]]) -> None:
+        self._count = count
+        self._render = render
 
     def __len__(self) -> int:
-        return len(self._flight.poses)
+        return self._count
 
-    def __getitem__(self, index: int) -> NDArray[np.uint8]:
-        flight, number = self._flight, range(len(self))[index]
-        pose, photometry = flight.poses[number], flight.photometries[number]
-        left, top, width_px, height_px = visible_box(pose, flight.camera)
-        ground = render_ground(flight.seed, width_px, height_px, (left, top))
-        rng = random_stream(flight.seed, Stream.SENSOR, number)
-        return render_view(ground, pose, flight.camera, photometry, rng, origin=(left, top))
+    @overload
+    def __getitem__(self, index: int) -> NDArray[np.uint8]: ...
+    @overload
+    def __getitem__(self, index: slice) -> RenderedImages: ...
+    def __getitem__(self, index: int | slice) -> NDArray[np.uint8] | RenderedImages:
+        numbers = range(self._count)
+        if isinstance(index, slice):
+            chosen = numbers[index]
+            return RenderedImages(len(chosen), lambda number: self._render(chosen[number]))
+        return self._render(numbers[index])
 
 
 def pair(seed: int, size: tuple[int, int] = (640, 480), overlap: float = 0.6) -> Flight:

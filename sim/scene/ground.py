@@ -79,7 +79,7 @@ def _tile(seed: int, column: int, row: int) -> NDArray[np.uint8]:
 def _light(canvas: Canvas, rng: np.random.Generator) -> NDArray[np.uint8]:
     """Display values of the canvas under a sun and a blue sky: Lambert shading, cast shadows, darker hollows."""
     azimuth, elevation = rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(40, 54))
-    toward_sun = np.float32([np.cos(azimuth), np.sin(azimuth)])
+    toward_sun = np.array([np.cos(azimuth), np.sin(azimuth)], np.float32)
     relief = cv2.GaussianBlur(canvas.relief, (0, 0), 0.6)
     across, down = (np.clip(cv2.Sobel(relief, -1, *axes, scale=1 / 8), -1.2, 1.2) for axes in ((1, 0), (0, 1)))
     facing = np.float32(np.tan(elevation)) - toward_sun[0] * across - toward_sun[1] * down
@@ -90,10 +90,11 @@ def _light(canvas: Canvas, rng: np.random.Generator) -> NDArray[np.uint8]:
     for reflectance, sun, sky, haze in zip(canvas.reflectance, _SUN, _SKY, _HAZE, strict=True):
         lit = reflectance * np.sqrt(sunlit * sun + open_sky * sky) + haze
         channels.append(cv2.convertScaleAbs(cv2.GaussianBlur(lit, (0, 0), 0.5), alpha=255))
-    return cv2.merge(channels)
+    lit_ground: NDArray[np.uint8] = cv2.merge(channels)
+    return lit_ground
 
 
-def _shadow(relief: Plane, toward_sun: NDArray[np.float64], rise: float) -> Plane:
+def _shadow(relief: Plane, toward_sun: NDArray[np.float32], rise: float) -> Plane:
     """Share of the sun that is hidden, 0..1.
 
     The height of the shadow over each pixel is the largest relief towards the sun, lowered by ``rise`` a pixel of
@@ -102,7 +103,8 @@ def _shadow(relief: Plane, toward_sun: NDArray[np.float64], rise: float) -> Plan
     shade = relief
     for way_px in (1, 2, 4, 8, 16, 32, 64):
         dx, dy = np.rint(toward_sun * way_px).astype(int)
-        shift = np.float32([[1, 0, -dx], [0, 1, -dy]])
+        shift = np.array([[1, 0, -dx], [0, 1, -dy]], np.float32)
         moved = cv2.warpAffine(shade, shift, relief.shape[::-1], flags=cv2.INTER_NEAREST, borderMode=_EDGE)
         shade = np.maximum(shade, moved - np.float32(rise * np.hypot(dx, dy)))
-    return cv2.GaussianBlur(np.clip((shade - relief - 0.3) / 1.5, 0, 1), (0, 0), 0.9)
+    shadow: Plane = cv2.GaussianBlur(np.clip((shade - relief - 0.3) / 1.5, 0, 1), (0, 0), 0.9)
+    return shadow

@@ -34,10 +34,10 @@ def paint_boxes(canvas: Canvas, boxes: Sequence[Box]) -> None:
         u, v = across * cos + down * sin, down * cos - across * sin
         inside = np.minimum(box.length_px / 2 - np.abs(u), box.width_px / 2 - np.abs(v))
         paint = _paint_car if box.kind == "car" else _paint_building
-        height, colour = paint(box, u, v, canvas.noise[(slice(None), *window)])
+        height, colour = paint(box, u, v, canvas.noise[:, *window])
         relief = canvas.relief[window]
-        share = np.clip(inside + 0.5, 0, 1) * (height >= relief)
-        lay_over(canvas.reflectance[(slice(None), *window)], colour, share)
+        share: Plane = np.multiply(np.clip(inside + 0.5, 0, 1), height >= relief)
+        lay_over(canvas.reflectance[:, *window], colour, share)
         np.copyto(relief, height, where=share > 0.5)
 
 
@@ -57,7 +57,7 @@ def _paint_building(box: Box, u: Plane, v: Plane, noise: Plane) -> tuple[Plane, 
     height = box.height_px + pitch * from_eaves + 0.25 * courses
     painted = colour * tone
     if tiled:
-        size = box.length_px, box.width_px
+        size = np.array([box.length_px, box.width_px])
         for at_u, at_v in size * rng.uniform(-0.4, 0.4, (rng.integers(0, 5), 2)):
             lay_over(painted, _GLASS, (np.abs(u - at_u) < 3.5) & (np.abs(v - at_v) < 4.5))
         at_u, at_v = size * rng.uniform((-0.35, -0.15), (0.35, 0.15))
@@ -86,7 +86,7 @@ def paint_plants(canvas: Canvas, plants: NDArray[np.float64]) -> None:
         if window is None:
             continue
         across, down = canvas.offsets(window, x, y)
-        noise = canvas.noise[(slice(None), *window)]
+        noise = canvas.noise[:, *window]
         dome = 1 - (across**2 + down**2) / np.float32(radius * radius) + 0.16 * noise[2] + 0.18 * noise[3]
         if radius > 9:
             dome += 0.16 * noise[4]
@@ -96,5 +96,5 @@ def paint_plants(canvas: Canvas, plants: NDArray[np.float64]) -> None:
         standing = (dome > 0.04) & (crown > relief)
         leaves = _DARK_LEAVES + (_BRIGHT_LEAVES - _DARK_LEAVES) * np.float32(tone)
         leaves = leaves * (1 + 0.16 * noise[0] + 0.14 * noise[1] + 0.12 * noise[2] + 0.25 * (dome - 0.6))
-        np.copyto(canvas.reflectance[(slice(None), *window)], leaves, where=standing)
+        np.copyto(canvas.reflectance[:, *window], leaves, where=standing)
         np.copyto(relief, crown, where=standing)

@@ -135,7 +135,7 @@ def _grow_over_edges(canvas: Canvas, labels: NDArray[np.int32]) -> None:
     inside[:, :-1] &= labels[:, :-1] == labels[:, 1:]
     distance = cv2.distanceTransform(inside, cv2.DIST_L2, 3)
     near = np.nonzero(distance < 16)
-    noise = canvas.noise[(slice(None), *near)]
+    noise = canvas.noise[:, near[0], near[1]]
     strip = np.clip((6 + 2.5 * noise[5] + 2 * noise[3] - distance[near]) / 2, 0, 1) * 0.85
     grass = _GRASS[..., 0] * (1 + 0.14 * noise[0] + 0.12 * noise[2] + 0.12 * noise[4] + 0.15 * noise[6])
     _lay_over_at(canvas, near, grass, strip)
@@ -157,12 +157,12 @@ def paint_ponds(canvas: Canvas, ponds: NDArray[np.float64]) -> None:
         if window is None:
             continue
         across, down = canvas.offsets(window, x, y)
-        noise = canvas.noise[(slice(None), *window)]
+        noise = canvas.noise[:, *window]
         depth = 1 - np.sqrt(across**2 + down**2) / radius
         depth += 0.2 * noise[6] + 0.2 * noise[5] + 0.1 * noise[4] + 0.04 * noise[2]
         wet = np.clip(depth * radius / 2, 0, 1)
         water = _SHALLOW + (_DEEP - _SHALLOW) * np.clip(depth * 2.5, 0, 1) + 0.006 * noise[0] + 0.01 * noise[5]
-        under = canvas.reflectance[(slice(None), *window)]
+        under = canvas.reflectance[:, *window]
         lay_over(under, _SHORE * (1 + 0.1 * noise[0] + 0.1 * noise[3]), np.clip(depth * 6 + 0.8, 0, 0.9))
         lay_over(under, water, wet)
         canvas.relief[window] *= 1 - wet
@@ -184,7 +184,7 @@ def paint_roads(canvas: Canvas, roads: Sequence[Road]) -> None:
 
 def _pave(canvas: Canvas, paving: Paving, aside: Plane) -> None:
     near = np.nonzero(aside < 2)
-    noise, aside = canvas.noise[(slice(None), *near)], aside[near]
+    noise, aside = canvas.noise[:, near[0], near[1]], aside[near]
     verge = np.clip((1.4 + 0.2 * noise[4] + 0.2 * noise[5] - aside) * 5, 0, 0.6)
     roadway = np.clip((1 + 0.02 * noise[3] + 0.03 * noise[5] - aside) * 12, 0, 1)
     wheels = np.exp(-(((aside - 0.5) / 0.16) ** 2))
@@ -210,7 +210,7 @@ def _paint_markings(canvas: Canvas, centre_lines: Sequence[NDArray[np.float64]])
         lines += [_fixed_point(canvas, dash) for dash in ends]
         cv2.polylines(paint, lines, False, 255, 1, cv2.LINE_AA, _FIXED_POINT_BITS)
     painted = np.nonzero(paint)
-    noise = canvas.noise[(slice(None), *painted)]
+    noise = canvas.noise[:, painted[0], painted[1]]
     worn = paint[painted] / np.float32(255) * np.clip(0.6 + 0.25 * noise[3] + 0.2 * noise[6], 0, 0.9)
     _lay_over_at(canvas, painted, np.broadcast_to(_MARKING[..., 0], (3, worn.size)), worn)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from golden_model.arrays import Array, Pixels
 from sim.scene.camera import Camera, CameraPose, Photometry, project
-from sim.scene.flight import FOCAL_WIDTHS, Flight
+from sim.scene.flight import FOCAL_WIDTHS, Flight, RenderedImages
 from sim.scene.noise import Stream, noise_bands, random_stream
 
 SPEED_PX = 3.0
@@ -66,7 +66,15 @@ class Pursuit:
     @property
     def images(self) -> Sequence[Pixels]:
         """The pictures, (H, W, 3) uint8 BGR: each is rendered when it is asked for, and not kept."""
-        return _Images(self)
+        car, deck = _paint_car(random_stream(self.flight.seed, Stream.PURSUIT, 1)), _paint_deck(self.flight.seed)
+        return RenderedImages(len(self.car_to_ground), lambda number: self._render(number, car, deck))
+
+    def _render(self, number: int, car: Layer, deck: Layer) -> Pixels:
+        image = self.flight.images[number].astype(np.float32)
+        _lay_over(image, car, self.car_to_images[number])
+        if self.bridge_to_ground is not None:
+            _lay_over(image, deck, self.flight.homographies[number] @ self.bridge_to_ground)
+        return _LENS.apply(image, random_stream(self.flight.seed, Stream.SENSOR, number))
 
     @property
     def corners(self) -> Array:
@@ -87,26 +95,6 @@ class Pursuit:
         deck = project(self.bridge_to_ground, _outline(_DECK_PX)).astype(np.float32)
         cars = [project(to_ground, _outline(_CAR_PX)).astype(np.float32) for to_ground in self.car_to_ground]
         return np.array([1 - cv2.intersectConvexConvex(car, deck)[0] / np.prod(_CAR_PX) for car in cars])
-
-
-class _Images(Sequence[Pixels]):
-    """The pictures of a pursuit, rendered one at a time."""
-
-    def __init__(self, film: Pursuit) -> None:
-        self._film = film
-        self._car = _paint_car(random_stream(film.flight.seed, Stream.PURSUIT, 1))
-        self._deck = _paint_deck(film.flight.seed)
-
-    def __len__(self) -> int:
-        return len(self._film.car_to_ground)
-
-    def __getitem__(self, index: int) -> Pixels:
-        film, number = self._film, range(len(self))[index]
-        image = film.flight.images[number].astype(np.float32)
-        _lay_over(image, self._car, film.car_to_images[number])
-        if film.bridge_to_ground is not None:
-            _lay_over(image, self._deck, film.flight.homographies[number] @ film.bridge_to_ground)
-        return _LENS.apply(image, random_stream(film.flight.seed, Stream.SENSOR, number))
 
 
 def pursuit(
@@ -187,8 +175,8 @@ def _paint_car(rng: np.random.Generator) -> Layer:
     stripe = tuple(int(255 - level) for level in body)
     for y in (0.4, 0.6):
         for start, end in ((0.03, 0.13), (0.76, 0.97)):
-            ends = ((round(x * length), round(y * width)) for x in (start, end))
-            cv2.line(picture, *ends, stripe, 5, cv2.LINE_AA)
+            left, right = ((round(x * length), round(y * width)) for x in (start, end))
+            cv2.line(picture, left, right, stripe, 5, cv2.LINE_AA)
     number = str(rng.integers(100, 1000))
     cv2.putText(picture, number, (round(0.27 * length), round(0.66 * width)), _FONT, 1.4, stripe, 4, cv2.LINE_AA)
     opacity = np.zeros((width, length), np.uint8)
