@@ -29,7 +29,7 @@ from rich.table import Table
 from golden_model.config import PRESETS
 from sim import accelerator_designs, cxxrtl, pysim, verilator
 from sim.design import Design
-from sim.hardware import BUILT_SIZES_PX, frame_segments
+from sim.hardware import frame_segments
 from sim.recording import Recording, Segment, flat_frame
 from sim.scene import pair as rendered_pair
 
@@ -57,10 +57,16 @@ def workloads(simulator: str) -> dict[str, tuple[Design, list[Segment]]]:
     frames = gray_pair()
     if simulator == "pysim":
         frames = [frame[:TINY_PX, :TINY_PX] for frame in frames]
-    front_end = accelerator_designs.front_end(AERIAL.front_end, BUILT_SIZES_PX[0]), [front_end_segment(frames)]
+    front_end = (
+        accelerator_designs.front_end(AERIAL.front_end, accelerator_designs.BUILT_SIZES_PX[0]),
+        [front_end_segment(frames)],
+    )
     if simulator == "pysim":
         return {"front end": front_end}
-    accelerator = accelerator_designs.accelerator(AERIAL, BUILT_SIZES_PX[0]), frame_segments(frames, AERIAL, "held")
+    accelerator = (
+        accelerator_designs.accelerator(AERIAL, accelerator_designs.BUILT_SIZES_PX[0]),
+        frame_segments(frames, AERIAL, "held"),
+    )
     return {"front end": front_end, "accelerator": accelerator}
 
 

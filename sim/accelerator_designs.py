@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 import golden_model
 import hdl
@@ -23,6 +24,14 @@ from sim.front_end_top import SETTINGS, FrontEndTop, Tap
 
 FEATURES, MATCHES, CONTROL = "m_axis_features", "m_axis_matches", "s_axi_ctrl"
 LANES = 16
+BUILT_SIZES_PX = ((1920, 1080), (4096, 4096))
+"""Largest width and height of the builds; a run uses the first one that its frames fit."""
+
+
+def built_size_px(frames: Sequence[NDArray[np.uint8]]) -> tuple[int, int]:
+    """The build for ``frames``: largest width and height it takes."""
+    height_px, width_px = (max(sides, default=0) for sides in zip(*(image.shape[:2] for image in frames), strict=True))
+    return next(size for size in BUILT_SIZES_PX if width_px <= size[0] and height_px <= size[1])
 
 
 def accelerator(config: Config, max_size_px: tuple[int, int], *, lanes: int = LANES) -> Design:

@@ -6,7 +6,7 @@ import importlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,6 +63,34 @@ class FrameResult:
     cycles: int | None
 
 
+@dataclass(frozen=True)
+class Mismatch:
+    """Where two results first differ.
+
+    Parameters
+    ----------
+    frame : int
+    stage : str
+        A stage of the front end with its level, or a field of a record.
+    x, y : float or None
+        Position in pixels: of the stage's level for a stage, of the full frame for a record (the first one that is
+        missing or too many, for a count); None for a status.
+    expected, actual : object
+        Both values.
+    """
+
+    frame: int
+    stage: str
+    x: float | None
+    y: float | None
+    expected: Any
+    actual: Any
+
+    def __str__(self) -> str:
+        place = "" if self.x is None else f", x {self.x:g}, y {self.y:g}"
+        return f"frame {self.frame}, {self.stage}{place}: expected {self.expected}, got {self.actual}"
+
+
 class Backend(Protocol):
     """Computes features and matches: the golden model, a simulation of the hardware, or a board."""
 
@@ -88,6 +116,25 @@ class Backend(Protocol):
             If the backend cannot run.
         """
         ...
+
+    def locate(self, image: NDArray[np.uint8], config: Config, *, frame: int) -> Mismatch | None:
+        """Find the first stage of the front end that differs from the golden model.
+
+        Parameters
+        ----------
+        image : uint8 ndarray, shape (H, W) or (H, W, 3) BGR
+            The frame whose result differs.
+        config : Config
+            What was computed.
+        frame : int
+            Number of the frame, for the message.
+
+        Returns
+        -------
+        Mismatch or None
+            None if every stage agrees, or if the backend does not show its stages, which is the default.
+        """
+        return None
 
 
 def load_backend(name: str, *, progress: Progress = silent, waves: Path | None = None) -> Backend:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from golden_model.config import Config
 from golden_model.records import FRAME_STATUS, MATCH, feature_record
 from sim.accelerator_designs import frame_settings
-from sim.backend import BackendError, FrameResult, Reference
+from sim.backend import Backend, BackendError, FrameResult, Reference
 
 PORT = 7020
 TIMEOUT_SECONDS = 30.0
@@ -23,7 +23,7 @@ LARGEST_HEADER_BYTES = 1 << 16
 LARGEST_PACKET_BYTES = 1 << 22
 
 
-class BoardBackend:
+class BoardBackend(Backend):
     """Features and matches by a board.
 
     Parameters

@@ -1,27 +1,22 @@
-"""Sources and sinks for block tests in Amaranth's simulator, with seeded gaps and stalls."""
+"""Whole block tests in one call: streams, frames of beats, or inputs clock by clock, on `sim.block_bench`."""
 
 from __future__ import annotations
 
-import random
-from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from amaranth.hdl import Shape, ShapeLike, Value
-from amaranth.lib import data, stream, wiring
-from amaranth.sim import Simulator
+from amaranth.hdl import Shape, ShapeLike, Value, ValueLike
+from amaranth.lib import data, wiring
 from numpy.typing import NDArray
 
+from sim.block_bench import BlockBench, CycleLimitError, Garbage, Testbench
 from sim.recording import NO_PAUSES, Pauses
-
-CLOCK_S = 1e-8
-
-Testbench = Callable[[Any], Coroutine[Any, Any, None]]
 
 
 def run_streams(
-    dut: wiring.Component,
+    dut: wiring.Component[Any],
     inputs: Mapping[str, Sequence[Any]],
     counts: Mapping[str, int],
     *,
@@ -56,17 +51,67 @@ def run_streams(
         If an output breaks the stream rules (a payload changes or vanishes before it is taken), or the counts are
         not reached within the limit.
     """
+    bench = BlockBench(dut, settings=settings, pauses=pauses, cycle_limit=cycle_limit)
     received: dict[str, list[Any]] = {name: [] for name in counts}
-    simulator = Simulator(dut)
-    simulator.add_clock(CLOCK_S)
-    simulator.add_testbench(_setting(dut, settings or {}))
-    for number, (name, payloads) in enumerate(inputs.items()):
-        simulator.add_testbench(_source(getattr(dut, name), payloads, pauses, number))
-    for number, (name, count) in enumerate(counts.items(), start=len(inputs)):
-        simulator.add_testbench(_sink(getattr(dut, name), count, received[name], pauses, number))
-    simulator.add_testbench(_limit(cycle_limit, received), background=True)
-    simulator.run()
+    sources = [_source(bench, name, payloads) for name, payloads in inputs.items()]
+    sinks = [_sink(bench, name, count, received[name]) for name, count in counts.items()]
+    try:
+        bench.run(*sources, *sinks)
+    except CycleLimitError as error:
+        taken = {name: len(payloads) for name, payloads in received.items()}
+        raise AssertionError(f"{error}; received: {taken}") from None
     return received
+
+
+def _source(bench: BlockBench, name: str, payloads: Sequence[Any]) -> Testbench:
+    async def testbench(ctx: Any) -> None:
+        for payload in payloads:
+            await bench.stream_put(ctx, getattr(bench.dut, name), payload)
+
+    return testbench
+
+
+def _sink(bench: BlockBench, name: str, count: int, received: list[Any]) -> Testbench:
+    async def testbench(ctx: Any) -> None:
+        while len(received) < count:
+            received.append(await bench.stream_get(ctx, getattr(bench.dut, name)))
+
+    return testbench
+
+
+def run_clocks(
+    dut: wiring.Component[Any],
+    inputs: Iterable[Sequence[tuple[ValueLike, Any]]],
+    outputs: Sequence[ValueLike],
+) -> list[tuple[Any, ...]]:
+    """Set inputs clock by clock, and return what the outputs were in each clock.
+
+    Parameters
+    ----------
+    dut : Component
+        In the domain ``sync``.
+    inputs : iterable of sequences of (port, value)
+        For each clock, the ports to set; the others keep their values.
+    outputs : sequence of ports
+
+    Returns
+    -------
+    list of tuple
+        For each clock, the values of ``outputs`` before its end: those of a block that needs L clocks come L entries
+        after their inputs.
+    """
+    rows = list(inputs)
+    sampled: list[tuple[Any, ...]] = []
+
+    async def testbench(ctx: Any) -> None:
+        for row in rows:
+            for port, value in row:
+                ctx.set(port, value)
+            _, _, *values = await ctx.tick().sample(*outputs)
+            sampled.append(tuple(values))
+
+    BlockBench(dut, cycle_limit=len(rows) + 1).run(testbench)
+    return sampled
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +149,7 @@ class Beats:
 
 
 def run_beats(
-    dut: wiring.Component,
+    dut: wiring.Component[Any],
     frames: Sequence[Mapping[str, NDArray[np.integer]]],
     *,
     settings: Mapping[str, Any] | None = None,
@@ -132,7 +177,8 @@ def run_beats(
     sent, received : Beats
         ``received.cycles - sent.cycles`` is the latency of a block that answers each beat.
     """
-    layout = dut.i.shape()
+    i, o = (getattr(dut, name) for name in ("i", "o"))
+    layout = i.shape()
     beats = [layout.const(beat).as_bits() for frame in frames for beat in _raster(frame)]
     sent: list[tuple[int, int]] = []
     received: list[tuple[int, int]] = []
@@ -141,25 +187,22 @@ def run_beats(
         garbage = Garbage(pauses.seed)
         waiting = iter(beats)
         left, cycle = len(beats), 0
-        for name, value in (settings or {}).items():
-            ctx.set(getattr(dut, name), value)
         while left or cycle <= sent[-1][0] + drain_cycles:
-            garbage.put(ctx, dut.i)
-            ctx.set(dut.i.valid, 0)
+            garbage.put(ctx, i)
+            ctx.set(i.valid, 0)
             if left and not pauses.gap(cycle):
                 sent.append((cycle, next(waiting)))
-                ctx.set(Value.cast(dut.i), sent[-1][1])
+                ctx.set(Value.cast(i), sent[-1][1])
                 left -= 1
-            *_, valid, bits = await ctx.tick().sample(dut.o.valid, Value.cast(dut.o))
+            *_, valid, bits = await ctx.tick().sample(o.valid, Value.cast(o))
             if valid:
                 received.append((cycle, bits))
             cycle += 1
 
-    simulator = Simulator(dut)
-    simulator.add_clock(CLOCK_S)
-    simulator.add_testbench(testbench)
-    simulator.run()
-    return _decoded(sent, layout), _decoded(received, dut.o.shape())
+    # Generous: even gaps of 255 leave one clock in 256 on average.
+    bench = BlockBench(dut, settings=settings, cycle_limit=256 * (len(beats) + 1) + drain_cycles)
+    bench.run(testbench)
+    return _decoded(sent, layout), _decoded(received, o.shape())
 
 
 def _raster(frame: Mapping[str, NDArray[np.integer]]) -> Iterator[dict[str, Any]]:
@@ -170,7 +213,7 @@ def _raster(frame: Mapping[str, NDArray[np.integer]]) -> Iterator[dict[str, Any]
 
 def _decoded(beats: Sequence[tuple[int, int]], layout: data.Layout) -> Beats:
     fields = {
-        name: np.array([_plain(bits >> field.offset, field.shape) for _, bits in beats])
+        str(name): np.array([_plain(bits >> field.offset, field.shape) for _, bits in beats])
         for name, field in layout
         if name != "valid"
     }
@@ -184,72 +227,3 @@ def _plain(bits: int, shape: ShapeLike) -> Any:
     plain = Shape.cast(shape)
     value = bits & ((1 << plain.width) - 1)
     return value - (1 << plain.width) if plain.signed and value >> (plain.width - 1) else value
-
-
-def _setting(dut: wiring.Component, settings: Mapping[str, Any]) -> Testbench:
-    async def testbench(ctx: Any) -> None:
-        for name, value in settings.items():
-            ctx.set(getattr(dut, name), value)
-
-    return testbench
-
-
-def _source(port: stream.Interface, payloads: Sequence[Any], pauses: Pauses, number: int) -> Testbench:
-    async def testbench(ctx: Any) -> None:
-        garbage = Garbage(pauses.seed)
-        cycle = 0
-        for payload in payloads:
-            while pauses.gap(cycle, number):
-                garbage.put(ctx, port.payload)
-                await ctx.tick()
-                cycle += 1
-            ctx.set(port.payload, payload)
-            ctx.set(port.valid, 1)
-            taken = False
-            while not taken:
-                *_, taken = await ctx.tick().sample(port.ready)
-                cycle += 1
-            ctx.set(port.valid, 0)
-        garbage.put(ctx, port.payload)
-
-    return testbench
-
-
-def _sink(port: stream.Interface, count: int, received: list[Any], pauses: Pauses, number: int) -> Testbench:
-    async def testbench(ctx: Any) -> None:
-        cycle, waiting = 0, None
-        while len(received) < count:
-            ready = not pauses.stall(cycle, number)
-            ctx.set(port.ready, ready)
-            *_, valid, payload, raw = await ctx.tick().sample(port.valid, port.payload, Value.cast(port.payload))
-            cycle += 1
-            if waiting is not None and not (valid and raw == waiting):
-                raise AssertionError(f"a payload was withdrawn before it was taken, cycle {cycle}")
-            waiting = raw if valid and not ready else None
-            if valid and ready:
-                received.append(payload)
-        ctx.set(port.ready, 0)
-
-    return testbench
-
-
-def _limit(cycle_limit: int, received: Mapping[str, Sequence[Any]]) -> Testbench:
-    async def testbench(ctx: Any) -> None:
-        for _ in range(cycle_limit):
-            await ctx.tick()
-        counts = {name: len(payloads) for name, payloads in received.items()}
-        raise AssertionError(f"not done within {cycle_limit} cycles; received: {counts}")
-
-    return testbench
-
-
-class Garbage:
-    """Seeded random bits for whatever a port says while it is not valid."""
-
-    def __init__(self, seed: int):
-        self._random = random.Random(seed)
-
-    def put(self, ctx: Any, payload: Any) -> None:
-        """Set ``payload`` to random bits."""
-        bits = Value.cast(payload)
-        ctx.set(bits, self._random.getrandbits(len(bits)))

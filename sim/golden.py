@@ -12,10 +12,10 @@ from golden_model.config import Config
 from golden_model.front_end import extract
 from golden_model.matching.matcher import match
 from golden_model.records import MATCH
-from sim.backend import BackendError, FrameResult, Progress, Reference
+from sim.backend import Backend, BackendError, FrameResult, Progress, Reference
 
 
-class GoldenBackend:
+class GoldenBackend(Backend):
     """`golden_model.front_end.extract` and `golden_model.matching.matcher.match`, frame by frame."""
 
     def run(

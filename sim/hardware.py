@@ -11,15 +11,13 @@ from numpy.typing import NDArray
 
 from golden_model.config import Config
 from golden_model.records import FRAME_STATUS, MATCH, WORD_BYTES, Record, feature_record
-from sim.accelerator_designs import FEATURES, MATCHES, accelerator, frame_settings, register_writes
-from sim.backend import FrameResult, Progress, Reference
+from sim.accelerator_designs import FEATURES, MATCHES, accelerator, built_size_px, frame_settings, register_writes
+from sim.backend import Backend, FrameResult, Mismatch, Progress, Reference
 from sim.recording import Recording, Segment, flat_frame
-
-BUILT_SIZES_PX = ((1920, 1080), (4096, 4096))
-"""Largest width and height of the builds; a run uses the first one that its frames fit."""
+from sim.stages import locate_mismatch
 
 
-class HardwareBackend:
+class HardwareBackend(Backend):
     """Features and matches by the simulated accelerator.
 
     Parameters
@@ -34,21 +32,22 @@ class HardwareBackend:
 
     def __init__(self, simulate: Callable[..., list[Recording]], *, progress: Progress, waves: Path | None):
         self.simulate = simulate
-        self._options = {"progress": progress, "waves": waves}
+        self._progress = progress
+        self._waves = waves
 
     def run(
         self, frames: Sequence[NDArray[np.uint8]], config: Config, *, reference: Reference = "held"
     ) -> list[FrameResult]:
         """See `sim.backend.Backend.run`."""
         segments = frame_segments(frames, config, reference)
-        recordings = self.simulate(accelerator(config, built_size_px(frames)), segments, **self._options)
+        design = accelerator(config, built_size_px(frames))
+        recordings = self.simulate(design, segments, progress=self._progress, waves=self._waves)
         return [result for recording in recordings for result in _results(recording, config)]
 
-
-def built_size_px(frames: Sequence[NDArray[np.uint8]]) -> tuple[int, int]:
-    """The build for ``frames``: largest width and height it takes."""
-    height_px, width_px = (max(sides, default=0) for sides in zip(*(image.shape[:2] for image in frames), strict=True))
-    return next(size for size in BUILT_SIZES_PX if width_px <= size[0] and height_px <= size[1])
+    def locate(self, image: NDArray[np.uint8], config: Config, *, frame: int) -> Mismatch | None:
+        """See `sim.backend.Backend.locate`; builds a front end that shows its stages, the first time."""
+        self._progress("looking for the stage")
+        return locate_mismatch(image, config.front_end, self.simulate, frame=frame, progress=self._progress)
 
 
 def frame_segments(frames: Sequence[NDArray[np.uint8]], config: Config, reference: Reference) -> list[Segment]:

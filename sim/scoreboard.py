@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,40 +11,12 @@ from numpy.typing import NDArray
 from golden_model.config import FrontEndConfig
 from golden_model.feature.ilbp import SECTORS
 from golden_model.front_end import FrontEndTrace, Plane
-from sim.backend import FrameResult
+from sim.backend import FrameResult, Mismatch
 
 LEAST_LEVEL_0_FEATURES = 1000
 LEAST_LEVEL_1_FEATURES = 100
 LEAST_MATCHES = 100
 POSITION_UNITS_PER_PX = 16
-
-
-@dataclass(frozen=True)
-class Mismatch:
-    """Where two results first differ.
-
-    Parameters
-    ----------
-    frame : int
-    stage : str
-        A stage of the front end with its level, or a field of a record.
-    x, y : float or None
-        Position in pixels: of the stage's level for a stage, of the full frame for a record (the first one that is
-        missing or too many, for a count); None for a status.
-    expected, actual : object
-        Both values.
-    """
-
-    frame: int
-    stage: str
-    x: float | None
-    y: float | None
-    expected: Any
-    actual: Any
-
-    def __str__(self) -> str:
-        place = "" if self.x is None else f", x {self.x:g}, y {self.y:g}"
-        return f"frame {self.frame}, {self.stage}{place}: expected {self.expected}, got {self.actual}"
 
 
 def first_mismatch(expected: Sequence[FrameResult], actual: Sequence[FrameResult]) -> Mismatch | None:

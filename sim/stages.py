@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 
 from golden_model.config import FrontEndConfig
 from golden_model.front_end import trace
-from sim.accelerator_designs import frame_settings, front_end
-from sim.backend import Progress, silent
+from sim.accelerator_designs import built_size_px, frame_settings, front_end
+from sim.backend import Mismatch, Progress, silent
 from sim.front_end_top import TAP_WORD, Tap
-from sim.hardware import built_size_px
 from sim.recording import Recording, Segment, flat_frame
-from sim.scoreboard import Mismatch, first_stage_mismatch
+from sim.scoreboard import first_stage_mismatch
 
 
 def locate_mismatch(

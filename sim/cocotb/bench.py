@@ -110,7 +110,8 @@ class Bench:
         offset, field = PLACES[name]
         response, word = await self.read_word(offset)
         assert response == AxiResp.OKAY
-        return (word & field.mask) >> field.low
+        value: int = (word & field.mask) >> field.low
+        return value
 
     async def configure(self, image: Pixels, *, reference: Reference = "held", **values: int) -> None:
         """Settings for frames like ``image``; both outputs are on."""
@@ -146,7 +147,7 @@ def _pauses(seed: int) -> Iterator[bool]:
 def lines(image: Pixels) -> list[AxiStreamFrame]:
     """A frame as AXI4-Stream video: a packet a line, TUSER with the first pixel."""
     data, _ = flat_frame(image)
-    rows = data.reshape(image.shape[:2]).tolist()
+    rows = [row.tolist() for row in data.reshape(image.shape[:2])]
     return [AxiStreamFrame(row, tuser=[int(y == 0 and x == 0) for x in range(len(row))]) for y, row in enumerate(rows)]
 
 

@@ -81,7 +81,7 @@ async def malformed_video(dut: Any) -> None:
     await bench.start()
     left, right = scene(SIZE_PX, gray=True)
     await bench.configure(left)
-    good, bad = {0: left}, {}
+    good, bad = {0: left}, dict[int, Cause]()
     packets = lines(left)
     for cause, spoilt in FAULTS.items():
         number = len(good) + len(bad)
@@ -118,7 +118,7 @@ async def more_features_than_fit(dut: Any) -> None:
     noise = np.random.default_rng(0).integers(0, 256, left.shape, np.uint8)
     results = []
     for image, settings in ((left, {}), (noise, {"per_cell": 8}), (right, {})):
-        await bench.configure(image, memory_mode=1, **settings)
+        await bench.configure(image, reference="held", memory_mode=1, **settings)
         await bench.video.send(transfer([image]))
         results += await bench.results(1)
     await _assert_only_second_bad(bench, results, (left, right), Cause.TOO_MANY_FEATURES)

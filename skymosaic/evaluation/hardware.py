@@ -10,10 +10,8 @@ from typing import Any
 
 from golden_model.arrays import Pixels
 from golden_model.config import Config
-from sim.backend import FrameResult, load_backend, silent
-from sim.hardware import HardwareBackend
-from sim.scoreboard import Coverage, Mismatch, first_mismatch
-from sim.stages import locate_mismatch
+from sim.backend import FrameResult, Mismatch, load_backend, silent
+from sim.scoreboard import Coverage, first_mismatch
 from skymosaic.imagery.images import load, reduced
 from skymosaic.registration import extract_within_capacity
 
@@ -101,8 +99,9 @@ def compare(
     found = hardware.run(frames, config)
     seconds = time.perf_counter() - start
     mismatch = first_mismatch(golden, found)
-    if mismatch and isinstance(hardware, HardwareBackend):
-        mismatch = _located(mismatch, frames, config, hardware, progress)
+    if mismatch:
+        # A wrong record says little about the cause; the first stage that went wrong says more.
+        mismatch = hardware.locate(frames[mismatch.frame], config, frame=mismatch.frame) or mismatch
     return Comparison(
         mismatch=mismatch,
         coverage=Coverage.of(golden),
@@ -110,20 +109,6 @@ def compare(
         seconds=seconds,
         notes=tuple(Coverage.of(golden).missing(config.front_end)),
     )
-
-
-def _located(
-    mismatch: Mismatch,
-    frames: list[Pixels],
-    config: Config,
-    hardware: HardwareBackend,
-    progress: Callable[[str], None],
-) -> Mismatch:
-    """The stage at which a frame's records went wrong, where one of those that can be watched did."""
-    progress("looking for the stage")
-    frame = mismatch.frame
-    stage = locate_mismatch(frames[frame], config.front_end, hardware.simulate, frame=frame, progress=progress)
-    return stage or mismatch
 
 
 def _cycles(result: FrameResult) -> int:

@@ -120,7 +120,7 @@ class _Frame:
 
 
 @dataclass(frozen=True)
-class HostBackend:
+class HostBackend(Backend):
     """Any method, computed on the host: the golden model's corners and rules, OpenCV's detectors and descriptors.
 
     Of OpenCV's and SURF's key points the ``max_features`` strongest count.

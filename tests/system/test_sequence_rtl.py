@@ -6,9 +6,9 @@ import pytest
 
 from golden_model.config import PRESETS
 from sim import verilator
-from sim.accelerator_designs import FEATURES, MATCHES, accelerator
+from sim.accelerator_designs import BUILT_SIZES_PX, FEATURES, MATCHES, accelerator
 from sim.backend import Reference, load_backend
-from sim.hardware import BUILT_SIZES_PX, frame_result, frame_segments
+from sim.hardware import frame_result, frame_segments
 from sim.scene import lawnmower
 from sim.scoreboard import Coverage, first_mismatch
 
