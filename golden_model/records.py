@@ -134,7 +134,7 @@ MATCH = Record(
         Field("reserved", 16),
     ),
 )
-"""One mutual match: ``verdict`` 1 kept, 0 rejected; ``rule`` is the loudest rule's index; ``weight`` UQ0.8;
+"""One mutual match: ``verdict`` 1 kept, 0 rejected; ``rule`` is the dominant rule's index; ``weight`` UQ0.8;
 ``turn`` the right sector minus the left one and ``peak_turn`` the histogram's peak, in sixteenths of a turn."""
 
 FRAME_STATUS = Record(

@@ -13,13 +13,13 @@ from hdl.feature.ring_window import RingWindow
 from hdl.lib.delay import delayed
 from hdl.pixel.corners import Corners, Stage
 from hdl.pixel.smooth import Binomial
-from hdl.pixel.window import Displaced, LineBuffer
+from hdl.pixel.window import LineBuffer, OffsetColumns
 from hdl.selection.level_scan import LevelScan
 from hdl.selection.record_serializer import FeatureWords
 from hdl.selection.selection import CellSelection, RasterSelection
 from hdl.streams import CANDIDATE, FrontEndSettings, RowPayload, beat, carry_scan
 
-DOOR_CYCLES = 16
+INGRESS_CYCLES = 16
 """From the admission of a pixel to its beat here and from ``o_hold`` to the last admission, together at most."""
 RASTER_DEPTH = 512
 """Features that may wait where there is no selection."""
@@ -77,20 +77,20 @@ class Level(wiring.Component):
         self._scan = LevelScan(lag_px=self.lag_px, border_px=config.border_px, cells=config.selection)
         # FAST's corners may be 2 px apart in a line, and a half-size pixel takes two clocks.
         self._features = CandidateFeatures(pattern=pattern, spacing_cycles=2 << level, level=level, lag_px=self.lag_px)
-        self._gray_for_corners = Displaced(shape=8, rows=3, distance_px=self.lag_px - self._corners.lag_px)
-        self._gray_for_rings = Displaced(
+        self._gray_for_corners = OffsetColumns(shape=8, rows=3, distance_px=self.lag_px - self._corners.lag_px)
+        self._gray_for_rings = OffsetColumns(
             shape=8, rows=self._smooth.window_px, distance_px=self.lag_px - pattern.support_px
         )
-        columns = [displaced.i.column for displaced in (self._gray_for_corners, self._gray_for_rings)]
+        columns = [offset.i.column for offset in (self._gray_for_corners, self._gray_for_rings)]
         self._lines = LineBuffer(shape=8, lines=max(map(len, columns)) - 1, width_px=width_px)
-        gray_cycles = self._lines.latency_cycles + Displaced.latency_cycles
+        gray_cycles = self._lines.latency_cycles + OffsetColumns.latency_cycles
         self._candidate_cycles = gray_cycles + self._corners.latency_cycles + 1
         self._ring_cycles = gray_cycles + self._smooth.latency_cycles + self._rings.latency_cycles
         self.latency_cycles = self._candidate_cycles + self._features.latency_cycles
         if config.selection:
             self._selection = CellSelection(pattern=pattern, width_px=width_px)
         else:
-            in_flight = (DOOR_CYCLES + self.latency_cycles) // 2 + 1
+            in_flight = (INGRESS_CYCLES + self.latency_cycles) // 2 + 1
             self._selection = RasterSelection(pattern=pattern, depth=RASTER_DEPTH, in_flight=in_flight)
         super().__init__(
             {
@@ -125,21 +125,21 @@ class Level(wiring.Component):
         m.submodules.smooth = smooth = self._smooth
         m.d.comb += [
             lines.i.eq(self.i),
-            corners.i.eq(self._displaced(m, "gray_for_corners", self._gray_for_corners)),
+            corners.i.eq(self._offset_columns(m, "gray_for_corners", self._gray_for_corners)),
             corners.i_fast.eq(self.i_settings.detector == DETECTORS.index("fast")),
             corners.i_threshold_code.eq(self.i_threshold_code),
-            smooth.i.eq(self._displaced(m, "gray_for_rings", self._gray_for_rings)),
+            smooth.i.eq(self._offset_columns(m, "gray_for_rings", self._gray_for_rings)),
         ]
         self._connect_candidate(m)
         self._connect_features(m)
         self._connect_selection(m)
         return m
 
-    def _displaced(self, m: Module, name: str, displaced: Displaced) -> data.View:
-        m.submodules[name] = displaced
-        carry_scan(m, self._lines.o, displaced.i, 0)
-        m.d.comb += [pixel.eq(self._lines.o.column[n]) for n, pixel in enumerate(displaced.i.column)]
-        return displaced.o
+    def _offset_columns(self, m: Module, name: str, offset: OffsetColumns) -> data.View:
+        m.submodules[name] = offset
+        carry_scan(m, self._lines.o, offset.i, 0)
+        m.d.comb += [pixel.eq(self._lines.o.column[n]) for n, pixel in enumerate(offset.i.column)]
+        return offset.o
 
     def _connect_candidate(self, m: Module) -> None:
         """Corners inside the border, with the marks of their scan position."""

@@ -184,7 +184,7 @@ class SugenoSystem:
         return np.stack(columns, axis=1)
 
     def evaluate(self, *values: NDArray[np.integer]) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-        """Weight and loudest rule of N inputs.
+        """Weight and dominant rule of N inputs.
 
         Parameters
         ----------
@@ -195,7 +195,7 @@ class SugenoSystem:
         -------
         weight : (N,) uint8
             UQ0.8, rounded half up, 1 saturated to 255; 0 where no rule fires.
-        loudest : (N,) uint8
+        dominant : (N,) uint8
             Index of the strongest rule, ties to the lowest.
         """
         strengths = self.strengths(*values)
@@ -205,8 +205,8 @@ class SugenoSystem:
         else:
             fired = np.maximum(strengths.sum(axis=1), 1)
             weight = (2 * total + fired) // (2 * fired)
-        loudest = strengths.argmax(axis=1)
-        return np.minimum(weight, WEIGHT.max_raw).astype(np.uint8), loudest.astype(np.uint8)
+        dominant = strengths.argmax(axis=1)
+        return np.minimum(weight, WEIGHT.max_raw).astype(np.uint8), dominant.astype(np.uint8)
 
 
 def _degrees(variable: Variable, value: NDArray[np.integer]) -> dict[str, Table]:
@@ -262,22 +262,22 @@ def aerial(bits: int) -> SugenoSystem:
         inputs=(
             _falling_distance(bits, 0.10, 0.34),
             _rising_margin(bits, 0.0, 0.10),
-            _complementary("turn", belonging, ("common", "other")),
+            _complementary("orientation", belonging, ("common", "other")),
         ),
         rules=tuple(
-            Rule((*sets, turn), output)
+            Rule((*sets, orientation), output)
             for sets, pair in outputs.items()
-            for turn, output in zip(("common", "other"), pair, strict=True)
+            for orientation, output in zip(("common", "other"), pair, strict=True)
         ),
         conjunction="product",
     )
 
 
 @lru_cache
-def aerial_turn(bits: int) -> SugenoSystem:
+def aerial_orientation(bits: int) -> SugenoSystem:
     """The 4-rule system of distance and margin whose squared weight a match brings to the histogram of turns."""
     return SugenoSystem(
-        "aerial_turn",
+        "aerial_orientation",
         inputs=(_falling_distance(bits, 0.10, 0.34), _rising_margin(bits, 0.01, 0.14)),
         rules=(
             Rule(("low", "big"), 1.0),

@@ -52,7 +52,7 @@ def match(
     matches["distance"], matches["margin"] = best, margin
     if pattern.oriented:
         matches["turn"] = (right["sector"] - left["sector"]) % SECTORS
-        matches["peak_turn"] = common_turn(matches["turn"], best, margin, pattern.bits)
+        matches["peak_turn"] = common_orientation(matches["turn"], best, margin, pattern.bits)
 
     if config.rule_base == "none":
         matches["weight"], matches["verdict"] = WEIGHT.max_raw, 1
@@ -99,14 +99,16 @@ def in_words(system: fuzzy.SugenoSystem) -> list[str]:
     ]
 
 
-def common_turn(turn: NDArray[np.uint8], distance: NDArray[np.uint16], margin: NDArray[np.uint16], bits: int) -> int:
+def common_orientation(
+    turn: NDArray[np.uint8], distance: NDArray[np.uint16], margin: NDArray[np.uint16], bits: int
+) -> int:
     """The sector difference most matches agree on: peak of their weighted, smoothed histogram.
 
-    Each match counts with the square of its weight in `golden_model.matching.fuzzy.aerial_turn` (16 bit); the
+    Each match counts with the square of its weight in `golden_model.matching.fuzzy.aerial_orientation` (16 bit); the
     histogram is smoothed around the circle by 4 h + 3 h₋ + 3 h₊ and the first maximum taken. Up to 4096
     matches fit 32 bits.
     """
-    weight, _ = fuzzy.aerial_turn(bits).evaluate(distance, margin)
+    weight, _ = fuzzy.aerial_orientation(bits).evaluate(distance, margin)
     histogram = np.zeros(SECTORS, dtype=np.int64)
     np.add.at(histogram, turn, weight.astype(np.int64) ** 2)
     return int(np.argmax(4 * histogram + 3 * np.roll(histogram, 1) + 3 * np.roll(histogram, -1)))

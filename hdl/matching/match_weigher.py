@@ -113,7 +113,7 @@ class MatchWeigher(wiring.Component):
         """Add the pair to the histogram, with the weight of the turns' own fuzzy system."""
         pair = self.i.payload
         m.submodules.count_weight = weight = Sugeno(
-            system=fuzzy.aerial_turn(self.pattern.bits), value_bits=len(pair.distance)
+            system=fuzzy.aerial_orientation(self.pattern.bits), value_bits=len(pair.distance)
         )
         m.submodules.histogram = histogram = OrientationHistogram(max_matches=self.max_features)
         m.d.comb += [

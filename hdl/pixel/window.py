@@ -126,7 +126,7 @@ class Window(wiring.Component):
         return m
 
 
-class Displaced(wiring.Component):
+class OffsetColumns(wiring.Component):
     """Columns from further up and left, so that what follows lags more.
 
     Parameters

@@ -81,13 +81,17 @@ PORTRAITS = {
     "aerial": Portrait(
         "The aerial preset's rules",
         lambda: fuzzy.aerial(_BITS),
-        (_DISTANCE, Axis("margin to the second best, share of bits", _BITS), Axis("turn off the common one, sectors")),
+        (
+            _DISTANCE,
+            Axis("margin to the second best, share of bits", _BITS),
+            Axis("off the common orientation, sectors"),
+        ),
         surface=(0, 1),
-        held=(("turn common", 0), ("two sectors off", 2), ("four sectors off", 4)),
+        held=(("orientation common", 0), ("two sectors off", 2), ("four sectors off", 4)),
     ),
     "aerial-turn": Portrait(
-        "The aerial preset's votes for a common turn",
-        lambda: fuzzy.aerial_turn(_BITS),
+        "The aerial preset's votes for the common relative orientation",
+        lambda: fuzzy.aerial_orientation(_BITS),
         (_DISTANCE, Axis("margin to the second best, share of bits", _BITS)),
         surface=(0, 1),
     ),

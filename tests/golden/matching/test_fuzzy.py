@@ -105,7 +105,7 @@ def test_aerial_equals_simpful(bits):
     assert_close(fuzzy.aerial(bits), grid, weight, strengths, [v for *_, v in rules])
 
 
-def test_aerial_turn_equals_simpful():
+def test_aerial_orientation_equals_simpful():
     bits = 128
     variables = {
         "d": {"low": falling(0.10 * bits, 0.34 * bits, bits), "high": rising(0.10 * bits, 0.34 * bits, bits)},
@@ -116,7 +116,7 @@ def test_aerial_turn_equals_simpful():
     system = reference(variables, outputs, rules, ["AND_PRODUCT"])
     grid = grid_of(range(0, 60), range(0, 24))
     weight, strengths = infer(system, variables, grid)
-    assert_close(fuzzy.aerial_turn(bits), grid, weight, strengths, list(outputs.values()))
+    assert_close(fuzzy.aerial_orientation(bits), grid, weight, strengths, list(outputs.values()))
 
 
 @pytest.mark.parametrize("bits", [8, 32])
@@ -192,7 +192,7 @@ def test_aerial_constants_are_the_nearest_integers():
     system = fuzzy.aerial(128)
     assert [rule.singleton for rule in system.rules] == [256, 38, 154, 13, 154, 5, 51, 0]
     assert system.inputs[2].sets["common"].tolist() == [256, 256, 154, 51, 0]
-    assert [rule.singleton for rule in fuzzy.aerial_turn(128).rules] == [256, 90, 128, 0]
+    assert [rule.singleton for rule in fuzzy.aerial_orientation(128).rules] == [256, 90, 128, 0]
 
 
 def test_third_input_folds_into_constants():

@@ -170,7 +170,7 @@ def test_no_features_no_matches(counts, rule_base, name):
 
 def test_rules_are_named_by_the_index_a_match_carries():
     names = matcher.rule_names(ILBP_128, MatcherConfig())
-    assert names[1] == "distance low, margin big, turn other"
+    assert names[1] == "distance low, margin big, orientation other"
     assert [
         len(matcher.rule_names(p, MatcherConfig(rule_base=base)))
         for p, base in ((ILBP_128, "aerial"), (PATTERNS["thesis-ilbp-2"], "ilbp"), (ILBP_128, "none"))
@@ -180,20 +180,24 @@ def test_rules_are_named_by_the_index_a_match_carries():
 def test_first_maximum_of_the_histogram_wins():
     """Two turns with equal support: the smaller."""
     turn = np.array([12, 4, 12, 4], dtype=np.uint8)
-    assert matcher.common_turn(turn, np.zeros(4, dtype=np.uint16), np.full(4, 30, dtype=np.uint16), bits=128) == 4
+    assert (
+        matcher.common_orientation(turn, np.zeros(4, dtype=np.uint16), np.full(4, 30, dtype=np.uint16), bits=128) == 4
+    )
 
 
 def test_histogram_counts_squared_weights():
     """Three matches of weight .5 against one of weight 1: 3 * .25 < 1."""
     turn = np.array([3, 3, 3, 9], dtype=np.uint8)
     distance = np.array([60, 60, 60, 0], dtype=np.uint16)
-    assert matcher.common_turn(turn, distance, np.full(4, 30, dtype=np.uint16), bits=128) == 9
+    assert matcher.common_orientation(turn, distance, np.full(4, 30, dtype=np.uint16), bits=128) == 9
 
 
 def test_histogram_wraps_around_the_circle():
     """15 and 1 support 0 between them: 3 + 3 beats 4 of either alone."""
     turn = np.array([15, 1], dtype=np.uint8)
-    assert matcher.common_turn(turn, np.zeros(2, dtype=np.uint16), np.full(2, 30, dtype=np.uint16), bits=128) == 0
+    assert (
+        matcher.common_orientation(turn, np.zeros(2, dtype=np.uint16), np.full(2, 30, dtype=np.uint16), bits=128) == 0
+    )
 
 
 def test_circular_distance():

@@ -9,7 +9,7 @@ from amaranth.sim import Simulator
 
 from golden_model.feature.ilbp import SECTORS
 from golden_model.matching import correlation, fuzzy
-from golden_model.matching.matcher import common_turn
+from golden_model.matching.matcher import common_orientation
 from hdl.matching.correlation import SumOfAbsoluteDifferences
 from hdl.matching.fuzzy import Sugeno
 from hdl.matching.orientation_histogram import OrientationHistogram
@@ -62,10 +62,10 @@ def evaluated(system, value_bits, inputs):
     [
         (fuzzy.aerial(128), 8),
         (fuzzy.aerial(24), 5),
-        (fuzzy.aerial_turn(128), 8),
-        (fuzzy.aerial_turn(256), 9),
+        (fuzzy.aerial_orientation(128), 8),
+        (fuzzy.aerial_orientation(256), 9),
     ],
-    ids=["aerial-128", "aerial-24", "aerial_turn-128", "aerial_turn-256"],
+    ids=["aerial-128", "aerial-24", "aerial_orientation-128", "aerial_orientation-256"],
 )
 def test_product_systems_over_their_whole_domain(system, value_bits):
     inputs = list(itertools.product(*(distinct(variable) for variable in system.inputs)))
@@ -121,7 +121,7 @@ def test_product_of_too_many_inputs_is_refused():
 
 def test_histogram_of_turns():
     bits, rng = 128, np.random.default_rng(4)
-    system = fuzzy.aerial_turn(bits)
+    system = fuzzy.aerial_orientation(bits)
     frames = []
     for count in (60, 0, 25, 1, 40, 3):
         distance, margin = rng.integers(0, 30, count), rng.integers(0, 20, count)
@@ -155,7 +155,7 @@ def test_histogram_of_turns():
 
     simulator.add_testbench(run)
     simulator.run()
-    assert peaks == [common_turn(turn, distance, margin, bits) for turn, distance, margin in frames]
+    assert peaks == [common_orientation(turn, distance, margin, bits) for turn, distance, margin in frames]
     assert len(set(peaks)) > 3
 
 

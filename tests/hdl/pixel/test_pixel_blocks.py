@@ -15,7 +15,7 @@ from hdl.pixel.harris import TENSOR_LINES, RawResponse, ResponseCode, StructureT
 from hdl.pixel.nms import Suppression
 from hdl.pixel.smooth import Binomial
 from hdl.pixel.sobel import Sobel
-from hdl.pixel.window import Displaced, LineBuffer, Window
+from hdl.pixel.window import LineBuffer, OffsetColumns, Window
 from sim.drivers import run_beats
 
 WIDTH_PX = 24
@@ -46,8 +46,8 @@ def test_window_gives_the_columns_to_the_left(gray_frames, run_block):
 
 
 @pytest.mark.parametrize("distance_px", [0, 3])
-def test_displaced_gives_columns_from_further_up_and_left(gray_frames, run_block, distance_px):
-    dut = Displaced(shape=8, rows=2, distance_px=distance_px)
+def test_offset_columns_gives_columns_from_further_up_and_left(gray_frames, run_block, distance_px):
+    dut = OffsetColumns(shape=8, rows=2, distance_px=distance_px)
     parts = run_block(dut, [{"column": columns(frame, distance_px + 2)} for frame in gray_frames])
     for part, frame in zip(parts, gray_frames, strict=True):
         moved = part.plane("column", frame.shape, lag_px=distance_px)
