@@ -18,10 +18,10 @@ FIND_CYCLES = 5
 
 
 class OrientationHistogram(wiring.Component):
-    """Adds squared weights up by turn, then finds the most common turn (`golden_model.matching.matcher.common_orientation`).
     """Adds squared weights up by relative orientation, then finds the most common one.
 
     Equals `golden_model.matching.matcher.common_orientation`.
+
     The bins are smoothed around the circle by 4 h + 3 h₋ + 3 h₊; the first maximum wins. After a search, and after
     reset, the bins are cleared.
 
