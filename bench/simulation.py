@@ -27,6 +27,7 @@ from rich.console import Console
 from rich.table import Table
 
 from golden_model.config import PRESETS
+from hdl.settings import frame_settings
 from sim import accelerator_designs, cxxrtl, pysim, verilator
 from sim.design import Design
 from sim.hardware import frame_segments
@@ -48,7 +49,7 @@ def front_end_segment(frames: list[NDArray[np.uint8]]) -> Segment:
     """Frames for the front end alone."""
     height_px, width_px = frames[0].shape
     data, flags = (np.concatenate(parts) for parts in zip(*map(flat_frame, frames), strict=True))
-    values = accelerator_designs.frame_settings(AERIAL.front_end, width_px, height_px, gray_input=True)
+    values = frame_settings(AERIAL.front_end, width_px, height_px, gray_input=True)
     return Segment(data, flags, packets=len(frames), cycle_limit=4 * data.size, settings=values)
 
 

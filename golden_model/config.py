@@ -15,6 +15,7 @@ RULE_BASES = ("aerial", "ilbp", "none")
 MIN_FRAME_PX = 64
 MAX_FRAME_PX = 4096
 CELL_SIZES_PX = (32, 64, 128, 256)
+MAX_PER_CELL = 8
 SUPPRESSION_MARGIN_PX = 3
 LARGEST_THRESHOLD = {"harris": (1 << 30) - 1, "fast": 254}
 
@@ -111,7 +112,7 @@ class FrontEndConfig:
         if self.cell_px is not None:
             _one_of("cell_px", self.cell_px, CELL_SIZES_PX)
         if self.per_cell is not None:
-            _in_range("per_cell", self.per_cell, 1, 8)
+            _in_range("per_cell", self.per_cell, 1, MAX_PER_CELL)
 
     @property
     def pattern(self) -> DescriptorPattern:

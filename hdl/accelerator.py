@@ -16,7 +16,8 @@ from hdl.axi.video_input import VideoInput, VideoPayload
 from hdl.front_end import FrontEnd
 from hdl.lib.skid_buffer import SkidBuffer
 from hdl.matching.matcher import Matcher
-from hdl.streams import FrontEndSettings, WordPayload
+from hdl.settings import FRONT_END
+from hdl.streams import WordPayload
 
 
 class Accelerator(wiring.Component):
@@ -137,7 +138,7 @@ class Accelerator(wiring.Component):
             video.i_gray_input.eq(registers.o_gray_input),
             video.i_width_px.eq(registers.o_width_px),
             video.i_height_px.eq(registers.o_height_px),
-            *(self._front_end.settings[name].eq(getattr(registers, f"o_{name}")) for name in _setting_names()),
+            *(self._front_end.settings[each.name].eq(getattr(registers, f"o_{each.name}")) for each in FRONT_END),
             matcher.i_keep_above.eq(registers.o_keep_above),
             matcher.i_hold_reference.eq(registers.o_hold_reference),
             matcher.i_take_reference.eq(registers.o_take_reference),
@@ -177,10 +178,6 @@ class Accelerator(wiring.Component):
             ]
         with m.If(registers.o_clear):
             m.d.sync += [registers.i_frames.eq(0), registers.i_bad_frames.eq(0)]
-
-
-def _setting_names() -> list[str]:
-    return [name for name, _ in FrontEndSettings.as_shape()]
 
 
 class AcceleratorTop(wiring.Component):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +13,9 @@ from golden_model.config import Config
 from golden_model.records import FRAME_STATUS, MATCH, Tag, feature_record
 from hdl.accelerator import Accelerator, AcceleratorTop
 from hdl.axi import register_docs
-from hdl.axi.register_map import REGISTERS, Access, built_constants
+from hdl.axi.register_map import REGISTERS, Access, Field, built_constants, fields
 from hdl.netlist import to_verilog
+from hdl.settings import FLAG, REQUESTED, SETTINGS
 
 SOURCES = Path(__file__).parents[1] / "constraints"
 BOARDS = tuple(sorted(path.stem for path in (SOURCES / "boards").glob("*.tcl")))
@@ -90,8 +92,8 @@ def driver_map(config: Config, *, lanes: int, max_width_px: int, max_height_px: 
         max_height_px=max_height_px,
     )
     pattern = config.front_end.pattern
-    fields = {f.name: (r.offset, f.low, f.bits) for r in REGISTERS for f in r.fields}
-    writable = sorted(f.name for r in REGISTERS for f in r.fields if f.access in _WRITABLE)
+    places = {f.name: (r.offset, f.low, f.bits) for r in REGISTERS for f in r.fields}
+    writable = {f.name: _valid(f) for f in sorted(fields(*_WRITABLE), key=lambda field: field.name)}
     records = {
         "FEATURE": feature_record(pattern.descriptor_bytes, pattern.window_bytes).dtype,
         "MATCH": MATCH.dtype,
@@ -102,19 +104,26 @@ def driver_map(config: Config, *, lanes: int, max_width_px: int, max_height_px: 
         "",
         "import numpy as np",
         "",
-        "# Field: (byte offset of its register, lowest bit, bits)",
-        "FIELDS = {",
-        *(f"    {name!r}: {place!r}," for name, place in fields.items()),
-        "}",
-        f"WRITABLE = {writable!r}",
-        "# What the constant fields read.",
-        "BUILT = {",
-        *(f"    {name!r}: {value!r}," for name, value in constants.items()),
-        "}",
+        *_dictionary("FIELDS", places, "Field: (byte offset of its register, lowest bit, bits)"),
+        *_dictionary("WRITABLE", writable, "Field that can be written: (smallest, largest valid value)"),
+        "# What a request to the server sets.",
+        f"REQUESTED = {REQUESTED!r}",
+        *_dictionary("BUILT", constants, "What the constant fields read."),
         f"STATUS_TAG = {int(Tag.FRAME_STATUS)}",
         *(f"{name} = np.dtype({_dtype_text(dtype)})" for name, dtype in records.items()),
     ]
     return "\n".join(lines) + "\n"
+
+
+def _dictionary(name: str, entries: Mapping[str, object], comment: str) -> list[str]:
+    """Source lines of a dictionary, an entry a line."""
+    return [f"# {comment}", f"{name} = {{", *(f"    {key!r}: {value!r}," for key, value in entries.items()), "}"]
+
+
+def _valid(field: Field) -> tuple[int, int]:
+    """Smallest and largest value that may be written into a field."""
+    values = SETTINGS[field.name].values if field.access is Access.SETTING else FLAG
+    return values[0], values[-1]
 
 
 def _dtype_text(dtype: np.dtype[np.void]) -> str:

@@ -15,7 +15,7 @@ from hdl.lib.skid_buffer import SkidBuffer
 from hdl.pixel.gray import Gray
 from hdl.pixel.half import Half
 from hdl.pixel.threshold import AdaptiveThreshold
-from hdl.streams import FrontEndSettings, PixelPayload, WordPayload
+from hdl.streams import FRONT_END_SETTINGS, PixelPayload, WordPayload
 
 
 class FrontEnd(wiring.Component):
@@ -35,7 +35,7 @@ class FrontEnd(wiring.Component):
     Members
     -------
     i_pixels : In(stream(PixelPayload))
-    settings : In(FrontEndSettings)
+    settings : In(FRONT_END_SETTINGS)
         Looked at where a frame may start; a change waits until the frame before has left.
     o_features : Out(stream(WordPayload))
         Feature records in the golden order of emission, then the frame's FrameStatus.
@@ -67,7 +67,7 @@ class FrontEnd(wiring.Component):
         super().__init__(
             {
                 "i_pixels": In(stream.Signature(PixelPayload)),
-                "settings": In(FrontEndSettings),
+                "settings": In(FRONT_END_SETTINGS),
                 "o_features": Out(stream.Signature(WordPayload)),
             }
         )
@@ -127,7 +127,7 @@ class FrontEnd(wiring.Component):
 
         No frame may where they differ, or differed a clock before, from what is asked for.
         """
-        active, changing, load, settled = Signal(FrontEndSettings), Signal(), Signal(), Signal()
+        active, changing, load, settled = Signal(FRONT_END_SETTINGS), Signal(), Signal(), Signal()
         m.d.sync += [
             changing.eq(active.as_value() != self.settings.as_value()),
             settled.eq(~changing),

@@ -17,7 +17,7 @@ from hdl.pixel.window import LineBuffer, OffsetColumns
 from hdl.selection.level_scan import LevelScan
 from hdl.selection.record_serializer import FeatureWords
 from hdl.selection.selection import CellSelection, RasterSelection
-from hdl.streams import CANDIDATE, FrontEndSettings, RowPayload, beat, carry_scan
+from hdl.streams import CANDIDATE, FRONT_END_SETTINGS, RowPayload, beat, carry_scan
 
 INGRESS_CYCLES = 16
 """From the admission of a pixel to its beat here and from ``o_hold`` to the last admission, together at most."""
@@ -42,7 +42,7 @@ class Level(wiring.Component):
     -------
     i : In(beat(pixel))
         Gray pixels of this level.
-    i_settings : In(FrontEndSettings)
+    i_settings : In(FRONT_END_SETTINGS)
         Static from 2 clocks before a frame's first beat. Width and height are those of the full size.
     i_threshold_code : In(15)
     o_hold : Out(1)
@@ -95,7 +95,7 @@ class Level(wiring.Component):
         super().__init__(
             {
                 "i": In(beat(pixel=8)),
-                "i_settings": In(FrontEndSettings),
+                "i_settings": In(FRONT_END_SETTINGS),
                 "i_threshold_code": In(RESPONSE_CODE.bits),
                 "o_hold": Out(1),
                 "o_added": Out(1),

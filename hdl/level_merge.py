@@ -12,7 +12,7 @@ from golden_model.formats import RESPONSE_CODE
 from golden_model.records import FRAME_STATUS, WORD_BYTES, Cause, Record, Tag
 from hdl.frame_admission import CAUSES
 from hdl.lib.skid_buffer import SkidBuffer
-from hdl.streams import WORD, FrontEndSettings, RowPayload, WordPayload, record_layout, words
+from hdl.streams import FRONT_END_SETTINGS, WORD, RowPayload, WordPayload, record_layout, words
 
 TURNS = (0, 0, 1)
 """Level of each cell row in turn: two of the full size, one of the half size."""
@@ -34,7 +34,7 @@ class LevelMerge(wiring.Component):
     Members
     -------
     i_levels : In(stream(RowPayload)).array(levels)
-    i_settings : In(FrontEndSettings)
+    i_settings : In(FRONT_END_SETTINGS)
         Of the frame whose features come.
     i_starts : In(1)
         The first pixel of a frame has been admitted.
@@ -70,7 +70,7 @@ class LevelMerge(wiring.Component):
         super().__init__(
             {
                 "i_levels": In(stream.Signature(RowPayload)).array(levels),
-                "i_settings": In(FrontEndSettings),
+                "i_settings": In(FRONT_END_SETTINGS),
                 "i_starts": In(1),
                 "i_ends": In(1),
                 "i_causes": In(CAUSES),

@@ -17,10 +17,11 @@ the support of its window from the frame's border is unspecified; `FrontEndConfi
 from amaranth import Cat, Module, Shape, ShapeLike, Value, ValueLike, unsigned
 from amaranth.lib import data
 
-from golden_model.config import DETECTORS, MAX_FRAME_PX
+from golden_model.config import MAX_FRAME_PX
 from golden_model.formats import RESPONSE_CODE
 from golden_model.records import WORD_BYTES, Record
 from hdl.lib.delay import delayed
+from hdl.settings import FRONT_END
 
 COORDINATE = Shape.cast(range(MAX_FRAME_PX))
 """x or y of a beat."""
@@ -95,30 +96,8 @@ CANDIDATE = beat(
 """
 
 
-class FrontEndSettings(data.Struct):
-    """Run-time settings of the front end, from `FrontEndConfig.for_size`. They take effect at a start of frame.
-
-    Members
-    -------
-    width_px, height_px : size of the frames, 64 to the built maximum.
-    cell_log2 : log2 of the cell's side.
-    per_cell : features kept in a cell.
-    detector : index into `golden_model.config.DETECTORS`.
-    threshold_code : the threshold as a response code; where it starts, if it is adaptive.
-    gray_input : pixels are gray already.
-    adaptive : the threshold moves between frames, towards ``target_features``.
-    target_features : below ``max_features``.
-    """
-
-    width_px: range(MAX_FRAME_PX + 1)
-    height_px: range(MAX_FRAME_PX + 1)
-    cell_log2: unsigned(4)
-    per_cell: unsigned(4)
-    detector: range(len(DETECTORS))
-    threshold_code: unsigned(RESPONSE_CODE.bits)
-    gray_input: unsigned(1)
-    adaptive: unsigned(1)
-    target_features: unsigned(13)
+FRONT_END_SETTINGS = data.StructLayout({setting.name: setting.bits for setting in FRONT_END})
+"""Run-time settings of the front end (`hdl.settings.FRONT_END`). They take effect at a start of frame."""
 
 
 def record_layout(record: Record, length_bytes: int | None = None) -> data.FlexibleLayout:

@@ -1,4 +1,4 @@
-"""The project's designs, ready to be simulated, and how their settings follow from a configuration."""
+"""The project's designs, ready to be simulated, and the register writes that set them."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 import golden_model
 import hdl
-from golden_model.config import DETECTORS, Config, FrontEndConfig
-from golden_model.formats import encode_response
+from golden_model.config import Config, FrontEndConfig
 from hdl.accelerator import Accelerator, AcceleratorTop
 from hdl.axi.register_map import REGISTERS
 from hdl.front_end import FrontEnd
@@ -73,28 +72,6 @@ def source_key() -> str:
     """A key for all that the designs are made from."""
     folders = [Path(package.__path__[0]) for package in (golden_model, hdl)]
     return digest_files([*(path for folder in folders for path in folder.rglob("*.py")), Path(front_end_top.__file__)])
-
-
-def frame_settings(config: FrontEndConfig, width_px: int, height_px: int, *, gray_input: bool) -> dict[str, int]:
-    """Run-time settings for frames of one size, by the names of `hdl.streams.FrontEndSettings`.
-
-    Raises
-    ------
-    ValueError
-        If the configuration cannot take the size.
-    """
-    config = config.for_size(width_px, height_px)
-    return {
-        "width_px": width_px,
-        "height_px": height_px,
-        "cell_log2": ((config.cell_px or 32) - 1).bit_length(),
-        "per_cell": config.per_cell or 1,
-        "detector": DETECTORS.index(config.detector),
-        "threshold_code": int(encode_response(np.array(config.threshold))),
-        "gray_input": int(gray_input),
-        "adaptive": 0,
-        "target_features": config.max_features - 1,
-    }
 
 
 def register_writes(values: Mapping[str, int]) -> list[tuple[int, int]]:

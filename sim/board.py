@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from golden_model.config import Config
 from golden_model.records import FRAME_STATUS, MATCH, feature_record
-from sim.accelerator_designs import frame_settings
+from hdl.settings import matched_frame_settings
 from sim.backend import Backend, BackendError, FrameResult, Reference
 
 PORT = 7020
@@ -54,11 +54,10 @@ class BoardBackend(Backend):
         if len(shapes) != 1:
             raise BackendError("a board takes frames of one size and kind at a time; crop or convert the photographs")
         (shape,) = shapes
-        settings = frame_settings(config.front_end, shape[1], shape[0], gray_input=len(shape) == 2)
         request = {
             "shape": list(shape),
             "frames": len(frames),
-            "settings": {**settings, "keep_above": config.matcher.keep_above},
+            "settings": matched_frame_settings(config, shape[1], shape[0], gray_input=len(shape) == 2),
             "hold_reference": reference == "held",
         }
         parts = self._exchange(json.dumps(request).encode() + b"\n", frames)

@@ -11,9 +11,10 @@ from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
 from hdl.front_end import FrontEnd
-from hdl.streams import WORD, FrontEndSettings
+from hdl.settings import FRONT_END
+from hdl.streams import WORD
 
-SETTINGS = {name: field.width for name, field in FrontEndSettings.as_shape()}
+SETTINGS = {setting.name: setting.bits for setting in FRONT_END}
 """The run-time settings and their widths, as the names of input ports."""
 
 

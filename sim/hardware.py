@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from golden_model.config import Config
 from golden_model.records import FRAME_STATUS, MATCH, WORD_BYTES, Record, feature_record
-from sim.accelerator_designs import FEATURES, MATCHES, accelerator, built_size_px, frame_settings, register_writes
+from hdl.settings import RUNNING, matched_frame_settings
+from sim.accelerator_designs import FEATURES, MATCHES, accelerator, built_size_px, register_writes
 from sim.backend import Backend, FrameResult, Mismatch, Progress, Reference
 from sim.recording import Recording, Segment, flat_frame
 from sim.stages import locate_mismatch
@@ -67,12 +68,9 @@ def _segment(frames: list[NDArray[np.uint8]], config: Config, reference: Referen
     data, flags = (np.concatenate(parts) for parts in zip(*map(flat_frame, frames), strict=True))
     held = int(reference == "held")
     values = {
-        **frame_settings(config.front_end, width_px, height_px, gray_input=frames[0].ndim == 2),
-        "keep_above": config.matcher.keep_above,
+        **matched_frame_settings(config, width_px, height_px, gray_input=frames[0].ndim == 2),
+        **RUNNING,
         "hold_reference": held,
-        "enable": 1,
-        "features_enable": 1,
-        "matches_enable": 1,
         **({"take_reference": held} if first else {}),
     }
     # A frame takes a clock for each pixel, and its matching as long again at most; twice that is hanging.

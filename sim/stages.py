@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from golden_model.config import FrontEndConfig
 from golden_model.front_end import trace
-from sim.accelerator_designs import built_size_px, frame_settings, front_end
+from hdl.settings import frame_settings
+from sim.accelerator_designs import built_size_px, front_end
 from sim.backend import Mismatch, Progress, silent
 from sim.front_end_top import TAP_WORD, Tap
 from sim.recording import Recording, Segment, flat_frame

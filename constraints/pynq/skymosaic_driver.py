@@ -95,9 +95,10 @@ class Accelerator:
         for name, value in fields.items():
             if name not in the_map.WRITABLE:
                 raise AcceleratorError(f"{name} is no setting; valid: {', '.join(sorted(the_map.WRITABLE))}")
+            smallest, largest = the_map.WRITABLE[name]
+            if not smallest <= value <= largest:
+                raise AcceleratorError(f"{name} is {value}; it must be {smallest} to {largest}")
             offset, low, bits = the_map.FIELDS[name]
-            if not 0 <= value < 1 << bits:
-                raise AcceleratorError(f"{name} is {value}; it must be 0 to {(1 << bits) - 1}")
             word = words.get(offset, self.bus.read(offset))
             words[offset] = word & ~((1 << bits) - 1 << low) | value << low
         for offset, word in words.items():

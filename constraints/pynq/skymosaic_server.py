@@ -8,13 +8,12 @@ import json
 import socketserver
 
 import numpy as np
+import skymosaic_map as the_map
 from skymosaic_driver import AcceleratorError
 
 MAX_HEADER_BYTES = 65536
 MAX_FRAMES = 64
 CLIENT_TIMEOUT_SECONDS = 30
-SMALLEST_PX = 64
-SETTINGS = ("width_px", "height_px", "cell_log2", "per_cell", "detector", "threshold_code", "keep_above")
 
 
 class Handler(socketserver.StreamRequestHandler):
@@ -42,7 +41,7 @@ class Handler(socketserver.StreamRequestHandler):
         try:
             request = json.loads(header)
             shape, count = tuple(map(int, request["shape"])), int(request["frames"])
-            settings = {name: int(request["settings"][name]) for name in SETTINGS}
+            settings = {name: int(request["settings"][name]) for name in the_map.REQUESTED}
             hold_reference = bool(request["hold_reference"])
         except (KeyError, TypeError, ValueError) as error:
             raise ValueError(f"the request is malformed: {error}") from None
@@ -57,10 +56,14 @@ class Handler(socketserver.StreamRequestHandler):
             raise ValueError(f"{count} frames asked for; 1 to {MAX_FRAMES} are served at a time")
         if len(shape) not in (2, 3) or shape[2:] not in ((), (3,)):
             raise ValueError(f"frames of shape {shape}; (height, width) or (height, width, 3) expected")
-        if not SMALLEST_PX <= shape[1] <= accelerator.max_width_px:
-            raise ValueError(f"frames are {shape[1]} px wide; {SMALLEST_PX} to {accelerator.max_width_px} were built")
-        if not SMALLEST_PX <= shape[0] <= accelerator.max_height_px:
-            raise ValueError(f"frames are {shape[0]} px high; {SMALLEST_PX} to {accelerator.max_height_px} were built")
+        for name, size_px, built_px in (
+            ("width_px", shape[1], accelerator.max_width_px),
+            ("height_px", shape[0], accelerator.max_height_px),
+        ):
+            smallest_px, _ = the_map.WRITABLE[name]
+            if not smallest_px <= size_px <= built_px:
+                extent = "wide" if name == "width_px" else "high"
+                raise ValueError(f"frames are {size_px} px {extent}; {smallest_px} to {built_px} were built")
         if (settings["width_px"], settings["height_px"]) != (shape[1], shape[0]):
             raise ValueError("width_px and height_px differ from the frames' shape")
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from golden_model.config import DETECTORS, RULE_BASES, FrontEndConfig, MatcherConfig
 from golden_model.records import MATCH, Cause, feature_record
+from hdl.settings import SETTINGS
 
 REGISTER_BITS = 32
 ADDRESS_BITS = 12
@@ -70,7 +71,14 @@ class Register:
 
 
 _BAD = ", ".join(f"{cause.value} {cause.name.lower().replace('_', ' ')}" for cause in Cause)
-_CONSTANT, _STATUS, _SETTING = Access.CONSTANT, Access.STATUS, Access.SETTING
+_CONSTANT, _STATUS = Access.CONSTANT, Access.STATUS
+
+
+def _setting(name: str, low: int) -> Field:
+    """The field of a setting that `hdl.settings.SETTINGS` declares, from bit ``low`` on."""
+    setting = SETTINGS[name]
+    return Field(name, low, setting.bits, Access.SETTING, setting.description, init=setting.reset)
+
 
 REGISTERS = (
     Register("ID", 0x00, "What this is.", (Field("identity", 0, 32, _CONSTANT, '"SKYM" in ASCII.'),)),
@@ -123,13 +131,13 @@ REGISTERS = (
         0x20,
         "What runs. SIZE and the settings below it take effect at the next start of a frame.",
         (
-            Field("enable", 0, 1, _SETTING, "Pixels are taken in; 0 lets them wait at the door."),
-            Field("memory_mode", 1, 1, _SETTING, "Frames by SIZE from a plain stream; 0: by TUSER and TLAST (UG934)."),
-            Field("gray_input", 2, 1, _SETTING, "A beat carries 8-bit gray in its low byte; 0: colour."),
-            Field("features_enable", 3, 1, _SETTING, "Features leave; 0: they are discarded at the output."),
-            Field("matches_enable", 4, 1, _SETTING, "Matches leave; 0: they are discarded at the output."),
-            Field("hold_reference", 5, 1, _SETTING, "Frames are matched with a held one; 0: each with the last."),
-            Field("adaptive", 6, 1, _SETTING, "The threshold moves towards TARGET between frames."),
+            _setting("enable", 0),
+            _setting("memory_mode", 1),
+            _setting("gray_input", 2),
+            _setting("features_enable", 3),
+            _setting("matches_enable", 4),
+            _setting("hold_reference", 5),
+            _setting("adaptive", 6),
             Field(
                 "clear",
                 8,
@@ -145,52 +153,13 @@ REGISTERS = (
         "The held reference.",
         (Field("take_reference", 0, 1, Access.REQUEST, "The next good frame becomes the reference, unmatched."),),
     ),
+    Register("SIZE", 0x28, "Size of the frames.", (_setting("width_px", 0), _setting("height_px", 16))),
+    Register("SELECTION", 0x2C, "Selection by cells.", (_setting("cell_log2", 0), _setting("per_cell", 8))),
     Register(
-        "SIZE",
-        0x28,
-        "Size of the frames.",
-        (
-            Field("width_px", 0, 13, _SETTING, "Width, 64 to the largest built.", init=640),
-            Field("height_px", 16, 13, _SETTING, "Height, 64 to the largest built.", init=480),
-        ),
+        "THRESHOLD", 0x30, "Detector and its threshold.", (_setting("threshold_code", 0), _setting("detector", 16))
     ),
-    Register(
-        "SELECTION",
-        0x2C,
-        "Selection by cells.",
-        (
-            Field("cell_log2", 0, 4, _SETTING, "log2 of the cell's side, 5 to 8.", init=5),
-            Field("per_cell", 8, 4, _SETTING, "Features kept in a cell, 1 to 8.", init=5),
-        ),
-    ),
-    Register(
-        "THRESHOLD",
-        0x30,
-        "Detector and its threshold.",
-        (
-            Field(
-                "threshold_code",
-                0,
-                15,
-                _SETTING,
-                "As a response code (FAST: in gray levels); where it starts, if adaptive.",
-                init=2,
-            ),
-            Field("detector", 16, 1, _SETTING, f"Index into {', '.join(DETECTORS)}."),
-        ),
-    ),
-    Register(
-        "TARGET",
-        0x34,
-        "Target of the adaptive threshold.",
-        (Field("target_features", 0, 13, _SETTING, "Features a frame.", init=1024),),
-    ),
-    Register(
-        "KEEP",
-        0x38,
-        "Limit of the fuzzy weight.",
-        (Field("keep_above", 0, 8, _SETTING, "A match is kept if its weight (UQ0.8) is larger.", init=64),),
-    ),
+    Register("TARGET", 0x34, "Target of the adaptive threshold.", (_setting("target_features", 0),)),
+    Register("KEEP", 0x38, "Limit of the fuzzy weight.", (_setting("keep_above", 0),)),
     Register(
         "STATUS",
         0x40,
@@ -243,9 +212,9 @@ REGISTERS = (
         0x64,
         "Which events interrupt.",
         (
-            Field("frame_done_mask", 0, 1, _SETTING, "For frame_done."),
-            Field("matches_done_mask", 1, 1, _SETTING, "For matches_done."),
-            Field("frame_bad_mask", 2, 1, _SETTING, "For frame_bad."),
+            _setting("frame_done_mask", 0),
+            _setting("matches_done_mask", 1),
+            _setting("frame_bad_mask", 2),
         ),
     ),
 )

@@ -10,10 +10,10 @@ from golden_model.feature.ilbp import DescriptorPattern
 from golden_model.formats import RESPONSE_CODE
 from hdl.feature.extractor import feature_beat, feature_layout
 from hdl.lib.delay import delayed
+from hdl.settings import SETTINGS
 
-MAX_PER_CELL = 8
-SMALLEST_CELL_LOG2 = 5
-LARGEST_CELL_LOG2 = 8
+MAX_PER_CELL = SETTINGS["per_cell"].values[-1]
+SMALLEST_CELL_LOG2, *_, LARGEST_CELL_LOG2 = SETTINGS["cell_log2"].values
 
 
 RANK = data.StructLayout({"response": RESPONSE_CODE.bits, "slot": range(MAX_PER_CELL)})

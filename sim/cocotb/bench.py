@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 from golden_model.arrays import Pixels
 from golden_model.front_end import extract
 from hdl.axi.register_map import REGISTERS
-from sim.accelerator_designs import CONTROL, FEATURES, MATCHES, frame_settings, register_writes
+from hdl.settings import RUNNING, matched_frame_settings
+from sim.accelerator_designs import CONTROL, FEATURES, MATCHES, register_writes
 from sim.backend import FrameResult, Reference
 from sim.cocotb.runner import CONFIG
 from sim.golden import matched
@@ -117,11 +118,9 @@ class Bench:
         """Settings for frames like ``image``; both outputs are on."""
         height_px, width_px = image.shape[:2]
         settings = {
-            **frame_settings(CONFIG.front_end, width_px, height_px, gray_input=image.ndim == 2),
+            **matched_frame_settings(CONFIG, width_px, height_px, gray_input=image.ndim == 2),
+            **RUNNING,
             "hold_reference": int(reference == "held"),
-            "enable": 1,
-            "features_enable": 1,
-            "matches_enable": 1,
         }
         await self.write(**settings | values)
 

@@ -14,8 +14,9 @@ from golden_model.front_end import extract
 from golden_model.pixel.threshold import next_code
 from golden_model.records import FRAME_STATUS, WORD_BYTES, Cause, feature_record
 from hdl.front_end import FrontEnd
+from hdl.settings import frame_settings
 from sim import cxxrtl, verilator
-from sim.accelerator_designs import FEATURES, frame_settings, front_end
+from sim.accelerator_designs import FEATURES, front_end
 from sim.compiled import Bench
 from sim.recording import NO_PAUSES, Pauses, Segment, flat_frame
 from sim.scene import pair
