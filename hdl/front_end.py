@@ -12,6 +12,7 @@ from hdl.frame_admission import FrameAdmission
 from hdl.level import Level
 from hdl.level_merge import LevelMerge
 from hdl.lib.skid_buffer import SkidBuffer
+from hdl.lib.views import view_signal
 from hdl.pixel.gray import Gray
 from hdl.pixel.half import Half
 from hdl.pixel.threshold import AdaptiveThreshold
@@ -127,7 +128,7 @@ class FrontEnd(wiring.Component):
 
         No frame may where they differ, or differed a clock before, from what is asked for.
         """
-        active, changing, load, settled = Signal(FRONT_END_SETTINGS), Signal(), Signal(), Signal()
+        active, changing, load, settled = view_signal(FRONT_END_SETTINGS), Signal(), Signal(), Signal()
         m.d.sync += [
             changing.eq(active.as_value() != self.settings.as_value()),
             settled.eq(~changing),

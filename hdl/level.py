@@ -11,6 +11,7 @@ from golden_model.formats import RESPONSE_CODE
 from hdl.feature.extractor import CandidateFeatures
 from hdl.feature.ring_window import RingWindow
 from hdl.lib.delay import delayed
+from hdl.lib.views import view_signal
 from hdl.pixel.corners import Corners, Stage
 from hdl.pixel.smooth import Binomial
 from hdl.pixel.window import LineBuffer, OffsetColumns
@@ -87,6 +88,7 @@ class Level(wiring.Component):
         self._candidate_cycles = gray_cycles + self._corners.latency_cycles + 1
         self._ring_cycles = gray_cycles + self._smooth.latency_cycles + self._rings.latency_cycles
         self.latency_cycles = self._candidate_cycles + self._features.latency_cycles
+        self._selection: CellSelection | RasterSelection
         if config.selection:
             self._selection = CellSelection(pattern=pattern, width_px=width_px)
         else:
@@ -102,7 +104,7 @@ class Level(wiring.Component):
                 "o": Out(stream.Signature(RowPayload)),
             }
         )
-        self._candidate = Signal(CANDIDATE)
+        self._candidate = view_signal(CANDIDATE)
 
     @property
     def stages(self) -> dict[str, Stage]:
@@ -182,12 +184,4 @@ class Level(wiring.Component):
         wiring.connect(m, selection.o, feature_words.i)
         wiring.connect(m, feature_words.o, wiring.flipped(self.o))
         m.d.comb += [selection.i.eq(self._features.o), self.o_added.eq(selection.o_added)]
-        if isinstance(selection, RasterSelection):
-            m.d.comb += self.o_hold.eq(selection.o_busy)
-        else:
-            m.d.comb += [
-                selection.i_cell_log2.eq(self.i_settings.cell_log2),
-                selection.i_per_cell.eq(self.i_settings.per_cell),
-                selection.i_reserve.eq(self._scan.o.valid & self._scan.o.ends_row),
-            ]
-            m.d.sync += self.o_hold.eq(selection.o_busy & self._scan.o_row_closes)
+        m.d.comb += self.o_hold.eq(selection.connect_hold(m, self.i_settings, self._scan))

@@ -12,6 +12,7 @@ from golden_model.formats import RESPONSE_CODE
 from golden_model.records import FRAME_STATUS, WORD_BYTES, Cause, Record, Tag
 from hdl.frame_admission import CAUSES
 from hdl.lib.skid_buffer import SkidBuffer
+from hdl.lib.views import view_signal
 from hdl.streams import FRONT_END_SETTINGS, WORD, RowPayload, WordPayload, record_layout, words
 
 TURNS = (0, 0, 1)
@@ -92,7 +93,7 @@ class LevelMerge(wiring.Component):
         exhausted = self._turns(m, features.i, restart=sent) & ~features.o.valid
         passing = Signal()
         status, without_pixels = self._status(m, index, overflow, passing, sent)
-        numbers = Signal(record_layout(self.record))
+        numbers = view_signal(record_layout(self.record))
         status_word, is_chosen = Signal(WORD, reset_less=True), Signal()
         m.d.sync += status_word.eq(Array(words(status))[word])
         m.d.comb += [
@@ -135,8 +136,8 @@ class LevelMerge(wiring.Component):
         turns = TURNS if self.levels == 2 else TURNS[:1]
         turn, level, ended = Signal(range(len(turns))), Signal(range(self.levels)), Signal(self.levels)
         following = Mux(turn == len(turns) - 1, 0, turn + 1)
-        item = Array(source.payload.as_value() for source in self.i_levels)[level]
-        item, valid = RowPayload(item), Signal()
+        item = data.View(RowPayload, Array(source.payload.as_value() for source in self.i_levels)[level])
+        valid = Signal()
         for n, source in enumerate(self.i_levels):
             with m.If((level == n) & ~ended[n]):
                 m.d.comb += [valid.eq(source.valid), source.ready.eq(source.payload.ends_row | features.ready)]
@@ -153,7 +154,7 @@ class LevelMerge(wiring.Component):
     def _status(self, m: Module, index: Value, overflow: Value, passing: Value, sent: Value) -> tuple[data.View, Value]:
         """The status of the frame that has ended, and whether it had no pixels."""
         clock, start, frame = Signal(32), Signal(32), Signal(32)
-        end = Signal(data.StructLayout({"causes": CAUSES, "threshold_code": RESPONSE_CODE.bits, "start": 32}))
+        end = view_signal(data.StructLayout({"causes": CAUSES, "threshold_code": RESPONSE_CODE.bits, "start": 32}))
         cycles = Signal(32)
         without_pixels = end.causes == Cause.MISSING_START
         m.d.sync += clock.eq(clock + 1)
@@ -171,7 +172,7 @@ class LevelMerge(wiring.Component):
         with m.If(sent):
             m.d.sync += [self.o_pending.eq(0), frame.eq(frame + 1)]
 
-        status = Signal(record_layout(FRAME_STATUS, self.record.record_bytes))
+        status = view_signal(record_layout(FRAME_STATUS, self.record.record_bytes))
         m.d.comb += [
             status.tag.eq(Tag.FRAME_STATUS),
             status.causes.eq(end.causes | Mux(overflow, Cause.TOO_MANY_FEATURES, 0)),

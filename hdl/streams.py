@@ -102,9 +102,10 @@ FRONT_END_SETTINGS = data.StructLayout({setting.name: setting.bits for setting i
 
 def record_layout(record: Record, length_bytes: int | None = None) -> data.FlexibleLayout:
     """Hardware layout of a record, its tag included, padded with zeros to ``length_bytes`` (by itself if None)."""
-    fields = {field.name: data.Field(unsigned(field.bits), 8 * offset) for field, offset in record.offsets()}
+    fields: dict[int | str, data.Field] = {"tag": data.Field(unsigned(8), 0)}
+    fields |= {field.name: data.Field(unsigned(field.bits), 8 * offset) for field, offset in record.offsets()}
     length_bytes = record.record_bytes if length_bytes is None else length_bytes
-    return data.FlexibleLayout(8 * length_bytes, {"tag": data.Field(unsigned(8), 0), **fields})
+    return data.FlexibleLayout(8 * length_bytes, fields)
 
 
 def words(record: ValueLike) -> list[Value]:

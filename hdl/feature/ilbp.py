@@ -6,13 +6,16 @@ from collections.abc import Sequence
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib import wiring
-from amaranth.lib.data import ArrayLayout
+from amaranth.lib.data import ArrayLayout, View
 from amaranth.lib.wiring import In, Out
 
 from golden_model.feature.ilbp import DescriptorPattern
 from hdl.feature.orientation import RingMoments, Sector
 from hdl.lib.delay import delayed
+from hdl.lib.views import view_signal
 
+Ring = Sequence[Value] | View
+"""The pixels of a ring by angle."""
 SPACING_CYCLES = (2, 4)
 """Least distance of two candidates: the clocks that one may take."""
 
@@ -93,7 +96,7 @@ class RingDescriptor(wiring.Component):
         rings = self._turning_rings(m, age[0], turning)
         arrived = delayed(m, turning, 1, reset_less=False)
         columns = self._comparisons(m, rings, arrived)
-        sector = Const(0, 4)
+        sector: Value = Const(0, 4)
         if self.pattern.oriented:
             self._connect_orientation(m, rings, arrived, age[1:])
             sector = self._sector.o_sector
@@ -104,9 +107,9 @@ class RingDescriptor(wiring.Component):
         m.d.comb += self.o_valid.eq(age[-1])
         return m
 
-    def _turning_rings(self, m: Module, load: Value, turn: Value) -> list[list[Signal]]:
+    def _turning_rings(self, m: Module, load: Value, turn: Value) -> list[Ring]:
         """Copies of the candidate's rings; each clock the group before comes to the first positions."""
-        rings = []
+        rings: list[Ring] = []
         for pixels, radius_px in zip(self.i_pixels, self.pattern.radii_px, strict=True):
             if radius_px == 0:
                 centre = Signal(8, name="centre", reset_less=True)
@@ -114,7 +117,7 @@ class RingDescriptor(wiring.Component):
                     m.d.sync += centre.eq(pixels[0])
                 rings.append([centre] * self.pattern.angles)
                 continue
-            ring = Signal(ArrayLayout(8, self.pattern.angles), name=f"ring{radius_px}", reset_less=True)
+            ring = view_signal(ArrayLayout(8, self.pattern.angles), name=f"ring{radius_px}", reset_less=True)
             loaded = [pixels[n - self.group_angles] for n in range(self.pattern.angles)]
             turned = ring.as_value().rotate_left(8 * self.group_angles)
             with m.If(turn):
@@ -122,17 +125,17 @@ class RingDescriptor(wiring.Component):
             rings.append(ring)
         return rings
 
-    def _comparisons(self, m: Module, rings: list[list[Signal]], arrived: Value) -> Signal:
+    def _comparisons(self, m: Module, rings: list[Ring], arrived: Value) -> View:
         """One bit a descriptor byte for each angle of the group, angle by angle."""
         angles = self.pattern.angles
-        columns = Signal(ArrayLayout(len(self.pattern.comparisons), self.group_angles), reset_less=True)
+        columns = view_signal(ArrayLayout(len(self.pattern.comparisons), self.group_angles), reset_less=True)
         with m.If(arrived):
-            for n, column in enumerate(columns):
+            for n in range(self.group_angles):
                 bits = [rings[a][n] >= rings[b][(n + k) % angles] for a, b, k in self.pattern.comparisons]
-                m.d.sync += column.eq(Cat(bits))
+                m.d.sync += columns[n].eq(Cat(bits))
         return columns
 
-    def _connect_orientation(self, m: Module, rings: list[list[Signal]], arrived: Value, age: Value) -> None:
+    def _connect_orientation(self, m: Module, rings: list[Ring], arrived: Value, age: Value) -> None:
         m.submodules.moments = moments = self._moments
         m.submodules.sector = sector = self._sector
         m.d.comb += [
@@ -145,7 +148,7 @@ class RingDescriptor(wiring.Component):
         for i_ring, ring in zip(moments.i_pixels, rings, strict=True):
             m.d.comb += [i_pixel.eq(ring[n]) for n, i_pixel in enumerate(i_ring)]
 
-    def _collect(self, m: Module, columns: Value, sector: Value, collection: Value) -> None:
+    def _collect(self, m: Module, columns: View, sector: Value, collection: Value) -> None:
         """Bit i of every byte is at angle ``step * i + sector``: take it when that angle's group comes by."""
         step = self.pattern.angles // 8
         position_bits = (self.group_angles - 1).bit_length()

@@ -86,7 +86,7 @@ class Vertex(wiring.Component):
     @staticmethod
     def _quotient(m: Module, remainder: Value, total: Value) -> Value:
         """``remainder // (2 * total)``, below 16, by one trial subtraction a clock."""
-        quotient = Cat()
+        quotient: Value = Cat()
         for bit in reversed(range(_QUOTIENT_BITS)):
             trial = remainder - (total << bit + 1)
             fits = trial >= 0

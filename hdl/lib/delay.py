@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 from amaranth import Module, Signal, Value
+from amaranth.lib import data
+
+Delayed = TypeVar("Delayed", Value, data.View)
 
 
-def delayed(m: Module, value: Value, cycles: int, *, reset_less: bool = True) -> Value:
+def delayed(m: Module, value: Delayed, cycles: int, *, reset_less: bool = True) -> Delayed:
     """``value`` a fixed number of clocks later.
 
     Without reset the registers pack into SRLs; a valid bit needs ``reset_less=False``, lest it survive a reset.

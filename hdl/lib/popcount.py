@@ -89,7 +89,9 @@ class Popcount(wiring.Component):
 
     @staticmethod
     def _registered(m: Module, valid: Value, columns: Columns[Value]) -> tuple[Value, Columns[Value]]:
-        registers = [[Signal.like(plane, name="plane", reset_less=True) for plane in column] for column in columns]
+        registers: Columns[Value] = [
+            [Signal.like(plane, name="plane", reset_less=True) for plane in column] for column in columns
+        ]
         with m.If(valid):
             for column, register in zip(columns, registers, strict=True):
                 m.d.sync += [q.eq(plane) for plane, q in zip(column, register, strict=True)]

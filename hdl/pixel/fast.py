@@ -97,7 +97,8 @@ class Fast(wiring.Component):
             pipe.registered(pipe.registered(plane, 1) ^ darker.replicate(len(circle)), 2) for plane in planes
         )
         darker = pipe.registered(darker, 2)
-        settled, decisive = Const(0, len(circle)), Cat()
+        settled: Value = Const(0, len(circle))
+        decisive: Value = Cat()
         cycles = 3
         for plane in (*planes, Const(0, len(circle))):
             arcs = pipe.registered(_arcs(ones), cycles)

@@ -45,6 +45,7 @@ class Half(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Pair sums of even lines wait in a memory for those of odd lines."""
         m = Module()
+        pairs_above: memory.Memory
         m.submodules.memory = pairs_above = memory.Memory(shape=9, depth=self.width_px // 2, init=[])
         read, write = pairs_above.read_port(), pairs_above.write_port()
         left, pair, above = Signal(8, reset_less=True), Signal(9, reset_less=True), Signal(9, reset_less=True)

@@ -183,7 +183,8 @@ class ResponseCode(wiring.Component):
         """Shift right until 11 bits are left, join with the shifts' count, compare."""
         m = Module()
         carry_scan(m, self.i, self.o, self.latency_cycles)
-        value, exponent = self.i.raw[: RAW_RESPONSE.bits - 1], Cat()
+        value: Value = self.i.raw[: RAW_RESPONSE.bits - 1]
+        exponent: Value = Cat()
         for steps in ((16,), (8,), (4,), (2, 1)):
             value, exponent = self._normalised(m, value, exponent, steps)
         # A hidden one that is left at the fraction's upper end carries into the exponent field, as it should.

@@ -60,6 +60,7 @@ class LineBuffer(wiring.Component):
         The first register can be the block RAM's own, or stand beside it: its output is slow.
         """
         m = Module()
+        lines: memory.Memory
         m.submodules.memory = lines = memory.Memory(
             shape=data.ArrayLayout(self.shape, self.lines), depth=self.width_px, init=[]
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from amaranth import Array, Cat, Module, Mux, Signal
+from amaranth import Array, Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib import data, memory, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -10,6 +10,7 @@ from golden_model.feature.ilbp import DescriptorPattern
 from golden_model.formats import RESPONSE_CODE
 from hdl.feature.extractor import feature_beat, feature_layout
 from hdl.lib.delay import delayed
+from hdl.lib.views import view_signal
 from hdl.settings import SETTINGS
 
 MAX_PER_CELL = SETTINGS["per_cell"].values[-1]
@@ -86,15 +87,16 @@ class Insertion(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Move the beaten places down by one; they are the last ones, since the ranking falls."""
         m = Module()
-        newcomer, ranking = Signal(RANK), Signal(RANKING)
+        newcomer, ranking = view_signal(RANK), view_signal(RANKING)
+        ranks = [self.i_ranking[place] for place in range(MAX_PER_CELL)]
         taken, beaten = Signal(MAX_PER_CELL, reset_less=True), Signal(MAX_PER_CELL, reset_less=True)
-        last_slot = Array(rank.slot for rank in self.i_ranking)[self.i_last_place]
-        wins = Cat(rank.response < self.i_response for rank in self.i_ranking) | self.i_empty.replicate(MAX_PER_CELL)
+        last_slot = Array(rank.slot for rank in ranks)[self.i_last_place]
+        wins = Cat(rank.response < self.i_response for rank in ranks) | self.i_empty.replicate(MAX_PER_CELL)
         in_use = Cat(self.i_last_place >= place for place in range(MAX_PER_CELL))
         m.d.sync += [
             self.o_slot.eq(Mux(self.i_empty, self.i_last_place, last_slot)),
             self.o_kept.eq((wins & in_use).any()),
-            taken.eq(Cat(rank.response.any() for rank in self.i_ranking) & ~self.i_empty.replicate(MAX_PER_CELL)),
+            taken.eq(Cat(rank.response.any() for rank in ranks) & ~self.i_empty.replicate(MAX_PER_CELL)),
             beaten.eq(wins & in_use),
         ]
         m.d.comb += [
@@ -103,8 +105,11 @@ class Insertion(wiring.Component):
             newcomer.slot.eq(self.o_slot),
             self.o_added.eq(~taken.bit_select(self.i_last_place, 1)),
         ]
-        above, above_taken, above_beaten = newcomer, 1, 0
-        for place, rank in enumerate(ranking):
+        above = newcomer
+        above_taken: Value = Const(1)
+        above_beaten: Value = Const(0)
+        for place in range(MAX_PER_CELL):
+            rank = ranking[place]
             m.d.comb += [
                 self.o_ranking[place].eq(
                     Mux(beaten[place], Mux(above_beaten, above.as_value(), newcomer.as_value()), rank.as_value())
@@ -190,12 +195,14 @@ class CellRanking(wiring.Component):
         """
         m = Module()
         # Many bits and few words: LUT memory. `o_touched` tells old rankings from this row's, so nothing is cleared.
-        rankings = memory.Memory(shape=RANKING, depth=self.cells, init=[], attrs={"ram_style": "distributed"})
+        rankings: memory.Memory = memory.Memory(
+            shape=RANKING, depth=self.cells, init=[], attrs={"ram_style": "distributed"}
+        )
         m.submodules.rankings = rankings
         m.submodules.insertion = insertion = Insertion()
         read, write = rankings.read_port(domain="comb"), rankings.write_port()
         cell, feature = Signal.like(self.o_cell, reset_less=True), Signal.like(self.i.feature, reset_less=True)
-        ranking, touched = Signal(RANKING, reset_less=True), Signal(reset_less=True)
+        ranking, touched = view_signal(RANKING, reset_less=True), Signal(reset_less=True)
         located = delayed(m, self.i.present, 1, reset_less=False)
         compared = delayed(m, located, 1, reset_less=False)
         arrived = delayed(m, compared, insertion.latency_cycles, reset_less=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from amaranth import Cat, Const, Module, Mux, Signal
+from amaranth import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -104,7 +104,7 @@ class LevelScan(wiring.Component):
         inside = delayed(m, delayed(m, Cat(limits), 1).all(), 1)
         line_ends, line_ends_soon = delayed(m, x == last_x, 2), delayed(m, x >= warning_x, 2)
         is_lowest, is_above = delayed(m, y == lowest_y, 2), delayed(m, y < lowest_y, 2)
-        cell_ends = Const(0)
+        cell_ends: Value = Const(0)
         if self.cells:
             # The line below the pixel's is a cell's first.
             line_below, exists = delayed(m, y - (self.lag_px - 1), 1), delayed(m, y >= self.lag_px, 1)

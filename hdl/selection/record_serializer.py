@@ -9,6 +9,7 @@ from amaranth.lib.wiring import In, Out
 from golden_model.feature.ilbp import DescriptorPattern
 from golden_model.records import Tag, feature_record
 from hdl.feature.extractor import feature_or_end
+from hdl.lib.views import view_signal
 from hdl.streams import RowPayload, record_layout, words
 
 
@@ -39,7 +40,7 @@ class FeatureWords(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Lay the record out and count its words."""
         m = Module()
-        record, feature = Signal(self._record), self.i.p.feature
+        record, feature = view_signal(self._record), self.i.p.feature
         m.d.comb += [record.tag.eq(Tag.FEATURE), record.level.eq(self.level)]
         m.d.comb += [record[name].eq(feature[name]) for name, _ in feature.shape()]
         word = Signal(range(len(words(record))))

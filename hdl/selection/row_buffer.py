@@ -80,6 +80,8 @@ class CellRows(wiring.Component):
         depth = 2 << len(self.i_cell)
         # A wide word and few of them: LUT memory.
         attributes = {"ram_style": "distributed"}
+        orders: memory.Memory
+        features: memory.Memory
         m.submodules.orders = orders = memory.Memory(shape=ORDER, depth=depth, init=[], attrs=attributes)
         m.submodules.features = features = memory.Memory(shape=self._feature, depth=depth * MAX_PER_CELL, init=[])
         filling = Signal()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from amaranth import Cat, Module, Signal
+from amaranth import Cat, Module, Signal, Value
 from amaranth.lib import data, fifo, stream, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -10,6 +10,7 @@ from golden_model.feature.ilbp import DescriptorPattern
 from hdl.feature.extractor import feature_beat, feature_or_end
 from hdl.lib.delay import delayed
 from hdl.selection.cell_ranking import LARGEST_CELL_LOG2, MAX_PER_CELL, SMALLEST_CELL_LOG2, CellRanking
+from hdl.selection.level_scan import LevelScan
 from hdl.selection.row_buffer import CellRows
 
 
@@ -79,6 +80,21 @@ class CellSelection(wiring.Component):
                 "o": Out(stream.Signature(feature_or_end(pattern))),
             }
         )
+
+    def connect_hold(self, m: Module, settings: data.View, scan: LevelScan) -> Value:
+        """Connect the settings and the scan, in the level's module; return whether pixels must wait.
+
+        They wait near the end of a cell row while the row before it has not left: the warning of the scan comes early
+        enough for the pixels that have been admitted already.
+        """
+        hold = Signal()
+        m.d.comb += [
+            self.i_cell_log2.eq(settings.cell_log2),
+            self.i_per_cell.eq(settings.per_cell),
+            self.i_reserve.eq(scan.o.valid & scan.o.ends_row),
+        ]
+        m.d.sync += hold.eq(self.o_busy & scan.o_row_closes)
+        return hold
 
     def elaborate(self, platform: object) -> Module:
         """Ranking, then storage; the end of a row comes after its last feature's ranking."""
@@ -160,6 +176,10 @@ class RasterSelection(wiring.Component):
             }
         )
 
+    def connect_hold(self, m: Module, settings: data.View, scan: LevelScan) -> Value:
+        """Return whether pixels must wait: while the queue is nearly full. Settings and scan are not needed."""
+        return self.o_busy
+
     def elaborate(self, platform: object) -> Module:
         """A queue; the end follows the level's last beat a clock later, where no feature can be."""
         m = Module()
@@ -177,5 +197,5 @@ class RasterSelection(wiring.Component):
             self.o.p.eq(queue.r_data),
             queue.r_en.eq(self.o.ready),
         ]
-        m.d.sync += self.o_busy.eq(queue.level >= self.depth - self.in_flight)
+        m.d.sync += self.o_busy.eq(queue.r_level >= self.depth - self.in_flight)
         return m
