@@ -1,1 +1,1 @@
-"""The front panel: the whole chain as a web page that explains itself."""
+"""The front panel: a web page that makes mosaics, tracks objects and explains the results."""

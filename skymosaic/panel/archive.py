@@ -1,4 +1,4 @@
-"""Folders as one zip file, made while it is sent: nothing is written and nothing large is held."""
+"""Packs folders into a zip file while it is sent, without a temporary file and with about a mebibyte of memory."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import Any
 
 _CHUNK_BYTES = 1 << 20
+# Compressing these again would cost time and save nothing.
 _COMPRESSED = (".jpg", ".png", ".webp", ".mp4", ".mkv", ".avi")
 
 
-class _Outlet(io.RawIOBase):
-    """What a zip file is written to, as to a pipe; `take` empties it."""
+class _Buffer(io.RawIOBase):
+    """Collects what is written to the zip file; not seekable, so that `zipfile` never goes back. `take` empties it."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -29,9 +30,15 @@ class _Outlet(io.RawIOBase):
 
 
 def zipped(folders: Mapping[str, Path]) -> Iterator[bytes]:
-    """The bytes of a zip file with every file of ``folders``, each below its folder's name, a mebibyte at a time."""
-    outlet = _Outlet()
-    with zipfile.ZipFile(outlet, "w") as archive:
+    """A zip file of every file in ``folders``, in pieces of about a mebibyte.
+
+    Parameters
+    ----------
+    folders : mapping of str to Path
+        Each folder, by the name it gets in the archive.
+    """
+    buffer = _Buffer()
+    with zipfile.ZipFile(buffer, "w") as archive:
         for name, folder in folders.items():
             for path in sorted(path for path in folder.rglob("*") if path.is_file()):
                 entry = zipfile.ZipInfo.from_file(path, f"{name}/{path.relative_to(folder)}")
@@ -39,5 +46,5 @@ def zipped(folders: Mapping[str, Path]) -> Iterator[bytes]:
                 with path.open("rb") as source, archive.open(entry, "w") as target:
                     while chunk := source.read(_CHUNK_BYTES):
                         target.write(chunk)
-                        yield outlet.take()
-    yield outlet.take()
+                        yield buffer.take()
+    yield buffer.take()

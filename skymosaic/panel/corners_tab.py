@@ -1,4 +1,4 @@
-"""The corners of the two photographs at hand, found again whenever a choice that moves them changes."""
+"""The corners of the first two photographs, detected again whenever an option that affects them changes."""
 
 from __future__ import annotations
 
@@ -21,18 +21,17 @@ from skymosaic.panel.sessions import Session
 from skymosaic.panel.viewer import Viewer, side_by_side
 from skymosaic.registration import extract_within_capacity
 
-_Wanted = tuple[tuple[Upload, ...], Options]
-_MOVED_BY = ("preset", "detector", "descriptor", "position")
+_AFFECTED_BY = ("preset", "detector", "descriptor", "position")
 
 
 class CornersTab:
-    """Two pictures with their corners, and how many there are."""
+    """The first two photographs with their corners, and the number of corners."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
         self._photographs: tuple[Upload, ...] = ()
         self._drawn: tuple[object, ...] = ()
-        self._following = False
+        self._detecting = False
         self._viewer: Viewer | None = None
         with ui.element("div").classes("bar"):
             self._counts = ui.label().classes("name").props('role="status" aria-label="Corners found"')
@@ -40,38 +39,43 @@ class CornersTab:
                 '<i class="key level-0"></i>full size <i class="key level-1"></i>half size', sanitize=False
             ).classes("hint")
             ui.label("The tick is the orientation. Move the threshold: the corners follow.").classes("hint")
-        self._place = ui.element("div")
+        self._container = ui.element("div")
 
     def update(self) -> None:
-        """Show the first two photographs there are now, with the corners of the options made now."""
+        """Show the first two photographs as they are now, and their corners for the present options."""
         photographs = tuple(self._session.photographs[:2])
         if photographs != self._photographs:
             self._photographs = photographs
-            self._place.clear()
+            self._container.clear()
             self._viewer = None
             if photographs:
                 pictures = [(f"/picture/{upload.working.name}", upload.working_size) for upload in photographs]
-                with self._place:
+                with self._container:
                     self._viewer = Viewer("Corners of the photographs", side_by_side(pictures, drawings.GAP_PX))
-        if self._viewer is not None and not self._following:
-            background_tasks.create(self._follow(), name="corners")
+        if self._viewer is not None and not self._detecting:
+            background_tasks.create(self._detect_and_draw(), name="corners")
 
-    async def _follow(self) -> None:
-        """Detect and draw until what is drawn is what is wanted; what was skipped meanwhile is never computed."""
-        self._following = True
+    async def _detect_and_draw(self) -> None:
+        """Detect and draw until the drawing matches the options.
+
+        Positions that the slider passes while a detection runs are never computed.
+        """
+        self._detecting = True
         try:
             while (wanted := self._wanted()) != self._drawn and not fault_of(self._session.options):
                 started = time.perf_counter()
                 pictures = [upload.working for upload in self._photographs]
                 found = await asyncio.to_thread(detect, pictures, self._session.options)
-                if wanted[: len(found)] == self._photographs:  # else others have been chosen meanwhile
+                # The photographs may have been replaced meanwhile.
+                if wanted[: len(found)] == self._photographs:
                     self._draw(found, time.perf_counter() - started)
                     self._drawn = wanted
         finally:
-            self._following = False
+            self._detecting = False
 
     def _wanted(self) -> tuple[object, ...]:
-        return (*self._photographs, *(getattr(self._session.options, name) for name in _MOVED_BY))
+        """Everything the drawing depends on."""
+        return (*self._photographs, *(getattr(self._session.options, name) for name in _AFFECTED_BY))
 
     def _draw(self, found: list[Records], seconds: float) -> None:
         offset, drawing = 0, ""
@@ -85,15 +89,16 @@ class CornersTab:
 
 
 def detect(pictures: Sequence[Path], options: Options) -> list[Records]:
-    """The corners of working pictures, as a run with these options would find them."""
+    """The feature records of working pictures, one array each, equal to those of a run with these options."""
     method, config = options.resolve()
     front_end = backend_of(method, "golden")
     while True:
         results = [extract_within_capacity(front_end, [_pixels(picture)], config) for picture in pictures]
-        raised = next((settled for _, settled in results if settled != config), None)
+        raised = next((used for _, used in results if used != config), None)
         if raised is None:
             return [result.features for (result,), _ in results]
-        config = raised  # a threshold that had to be raised for one picture holds for all
+        # As in a run, a threshold that was raised for one picture applies to all.
+        config = raised
 
 
 @lru_cache(maxsize=8)

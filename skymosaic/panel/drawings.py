@@ -1,4 +1,7 @@
-"""SVG of corners, matches, outlines and membership curves. Numbers and the panel's own words only, never file names."""
+"""SVG of corners, matches, outlines and membership curves.
+
+The markup contains numbers and the panel's own words only, never file names: the page inserts it without escaping.
+"""
 
 from __future__ import annotations
 
@@ -25,39 +28,39 @@ _SET_CLASSES = ("first", "second", "third")
 
 
 def corners(features: Records, offset_px: int) -> str:
-    """A dot and a tick along the orientation for each feature; one path a level, so that thousands draw quickly."""
+    """A dot and a tick along the orientation for each feature; one path per level, so that thousands draw quickly."""
     x, y = features["x"] / POSITION.one + offset_px, features["y"] / POSITION.one
     angle = features["sector"] * (2 * math.pi / SECTORS)
     parts = []
     for level in (0, 1):
         chosen = features["level"] == level
         reach = _TICK_PX * (level + 1)
-        places = np.stack((x[chosen], y[chosen]), axis=1)
+        points = np.stack((x[chosen], y[chosen]), axis=1)
         reaches = reach * np.stack((np.cos(angle[chosen]), np.sin(angle[chosen])), axis=1)
-        ticks = _path("M%.1f %.1fl%.1f %.1f", np.hstack((places, reaches)))
-        dots = _path("M%.1f %.1fh0", places)
+        ticks = _path("M%.1f %.1fl%.1f %.1f", np.hstack((points, reaches)))
+        dots = _path("M%.1f %.1fh0", points)
         parts.append(f'<path class="tick level-{level}" d="{ticks}"/><path class="dot level-{level}" d="{dots}"/>')
     return "".join(parts)
 
 
 def _path(form: str, numbers: Array) -> str:
-    """The numbers (N, M) as N times ``form``: one formatting of all takes half the time of N."""
+    """``form`` filled with each row of ``numbers``, (N, M); a single formatting takes half the time of N."""
     return form * len(numbers) % tuple(numbers.ravel().tolist())
 
 
 def segments(view: PairView) -> Array:
-    """End points (M, 4) of the matches in the viewer's pixels: left x, y, right x, y."""
+    """End points (M, 4) of the matches in viewer pixels: left x, y, right x, y."""
     left, right = match_points(view.matches)
     return np.hstack((left, right + np.array([right_offset(view), 0])))
 
 
 def right_offset(view: PairView) -> int:
-    """Where the right picture begins in the viewer."""
+    """Where the right picture begins, in viewer pixels."""
     return view.working_sizes[0][0] + GAP_PX
 
 
 def matches(lines: Array, verdicts: list[str], shown: Iterable[str]) -> str:
-    """The matches whose verdict is shown, rejected ones undermost; one path a verdict."""
+    """The matches whose verdict is in ``shown``, one path per verdict; rejected ones are drawn first."""
     parts = []
     for verdict in ("rejected", "outlier", "inlier"):
         if verdict in shown:
@@ -67,7 +70,7 @@ def matches(lines: Array, verdicts: list[str], shown: Iterable[str]) -> str:
 
 
 def chosen_match(line: Array, verdict: str) -> str:
-    """One match, to be drawn over the others."""
+    """One match, highlighted, to be drawn over the others."""
     x0, y0, x1, y1 = (f"{value:.1f}" for value in line)
     return (
         f'<path class="match chosen-back" d="M{x0} {y0}L{x1} {y1}"/>'
@@ -77,19 +80,20 @@ def chosen_match(line: Array, verdict: str) -> str:
 
 
 def nearest(lines: Array, x: float, y: float, within: float) -> int | None:
-    """The line (M, 4) nearest to a point, if it is near enough."""
+    """Index of the line in (M, 4) that is nearest to a point; None if all are farther than ``within``."""
     if len(lines) == 0:
         return None
     start, along = lines[:, :2], lines[:, 2:] - lines[:, :2]
-    length = np.maximum((along**2).sum(axis=1), 1e-9)
-    share = np.clip((((x, y) - start) * along).sum(axis=1) / length, 0, 1)
+    squared_length = np.maximum((along**2).sum(axis=1), 1e-9)
+    # Position of the foot of the perpendicular on each line, as a share of the line.
+    share = np.clip((((x, y) - start) * along).sum(axis=1) / squared_length, 0, 1)
     distance = np.linalg.norm(start + share[:, np.newaxis] * along - (x, y), axis=1)
     index = int(distance.argmin())
     return index if distance[index] <= within else None
 
 
 def outlines(quadrilaterals: Iterable[Array]) -> str:
-    """Closed outlines, numbered from 1 at their centres."""
+    """Closed outlines (4, 2), numbered from 1 at their centres."""
     parts = []
     for number, corners_px in enumerate(quadrilaterals, 1):
         points = " ".join(f"{x:.1f},{y:.1f}" for x, y in corners_px)
@@ -100,13 +104,13 @@ def outlines(quadrilaterals: Iterable[Array]) -> str:
 
 
 def membership(item: Input) -> str:
-    """The curves of an input's sets, with the match's value and its degrees marked."""
+    """The membership functions of an input's sets, with the match's value and its degrees marked."""
     width, height = _PLOT
     left, top, right, bottom = _PLOT_MARGIN
     last = max(item.variable.entries - 1, 1)
     shown = max(last, 1)
 
-    def place(value: float, degree: float) -> str:
+    def point(value: float, degree: float) -> str:
         return f"{left + (width - left - right) * value / shown:.1f},{top + (height - top - bottom) * (1 - degree):.1f}"
 
     parts = [
@@ -117,11 +121,11 @@ def membership(item: Input) -> str:
         f'<text class="axis-name" x="{width - right}" y="{height - 3}" text-anchor="end">{last}</text>',
     ]
     for kind, (name, table) in zip(_SET_CLASSES, item.variable.sets.items(), strict=False):
-        curve = " ".join(place(value, degree / ONE) for value, degree in enumerate(table.tolist()))
+        curve = " ".join(point(value, degree / ONE) for value, degree in enumerate(table.tolist()))
         parts.append(f'<polyline class="set {kind}" points="{curve}"/>')
-        x, y = place(min(item.value, last), item.degrees[name]).split(",")
+        x, y = point(min(item.value, last), item.degrees[name]).split(",")
         parts.append(f'<circle class="degree {kind}" cx="{x}" cy="{y}" r="3.5"/>')
-    x = place(min(item.value, last), 0).split(",")[0]
+    x = point(min(item.value, last), 0).split(",")[0]
     parts.insert(0, f'<line class="marker" x1="{x}" y1="{top}" x2="{x}" y2="{height - bottom}"/>')
     words = f"Curves of {item.variable.name}: the value {item.value} is " + ", ".join(
         f"{name} {degree:.2f}" for name, degree in item.degrees.items()

@@ -1,4 +1,4 @@
-// Files chosen or dropped, sent one after the other as raw bodies; the server decides what is acceptable.
+// Sends files that were chosen or dropped, one after the other, as raw bodies; the server decides what it accepts.
 export default {
   template: `
     <label class="drop-zone" :class="{over, busy: sending}" @dragover.prevent="over = true" @dragleave="over = false"
@@ -33,7 +33,7 @@ export default {
         request.open("POST", this.url + "?name=" + encodeURIComponent(file.name));
         request.upload.onprogress = (event) => (this.percent = Math.round((100 * event.loaded) / event.total));
         request.onload = () => resolve(request.status < 300 ? "" : request.responseText);
-        request.onerror = () => resolve(file.name + ": the upload was refused or broke off; is it too large?");
+        request.onerror = () => resolve(file.name + ": the upload was refused or interrupted; is the file too large?");
         request.send(file);
       });
     },

@@ -1,4 +1,4 @@
-"""Where files are dropped or chosen."""
+"""The area where files are dropped or chosen for upload."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ from nicegui import ui
 
 
 class DropZone(ui.element, component="drop_zone.js"):
-    """Sends files to ``url``, one at a time; a file that is not taken is told with the server's reason.
+    """Uploads files to ``url``, one at a time; shows the server's reason if a file is refused.
 
     Parameters
     ----------
     url : str
-        Takes each file as the body of a POST, its name as the parameter ``name``.
+        Receives each file as the body of a POST, its name as the query parameter ``name``.
     accept : str
-        Media types and suffixes the file dialogue offers.
+        Media types and suffixes that the file dialogue offers.
     multiple : bool
         Whether more than one may be chosen.
     label : str
         Accessible name.
     title, hint : str
-        What is read in it.
+        Text shown in the area.
     """
 
     def __init__(
@@ -34,9 +34,9 @@ class DropZone(ui.element, component="drop_zone.js"):
     ) -> None:
         super().__init__()
         self.props.update(url=url, accept=accept, multiple=multiple, label=label, title=title, hint=hint)
-        self.on("refused", lambda event: _tell(str(event.args)))
+        self.on("refused", lambda event: _show_refusal(str(event.args)))
 
 
-def _tell(line: str) -> None:
-    """Show why a file was not taken."""
+def _show_refusal(line: str) -> None:
+    """Show why a file was refused."""
     ui.notify(line, type="negative", timeout=10_000, actions=[{"label": "OK", "color": "white"}])

@@ -1,4 +1,7 @@
-"""Why a match was kept or rejected: degrees of membership, strengths of the rules, and the verdict in words."""
+"""Explains why a match was kept or rejected: degrees of membership, firing strengths of the rules, and the verdict.
+
+The values are computed again from the records with the golden model's fuzzy systems.
+"""
 
 from __future__ import annotations
 
@@ -16,12 +19,13 @@ from skymosaic.geometry.prosac import INLIER_PX
 from skymosaic.panel.results import PairView
 
 HIGHEST_WEIGHT = 256
-_DEGREES_A_SECTOR = 360 / SECTORS
+"""The scale of a match record's ``weight``, UQ0.8."""
+_DEGREES_PER_SECTOR = 360 / SECTORS
 
 
 @dataclass(frozen=True)
 class Input:
-    """An input of the fuzzy system at one match: its value, and its degree in each set, 0 to 1."""
+    """An input of the fuzzy system for one match: its value, and its degree of membership in each set, 0 to 1."""
 
     variable: Variable
     value: int
@@ -30,29 +34,29 @@ class Input:
 
 @dataclass(frozen=True)
 class FiredRule:
-    """A rule at one match: its condition, output and strength, 0 to 1, and whether it spoke loudest."""
+    """A rule for one match: its condition in words, output, firing strength, 0 to 1, and whether it is dominant."""
 
     words: str
     output: float
     strength: float
-    loudest: bool
+    dominant: bool
 
 
 @dataclass(frozen=True)
 class Explanation:
-    """One match in words and numbers.
+    """Why one match was kept or rejected.
 
     Attributes
     ----------
     verdict : {"inlier", "outlier", "rejected"}
-        Kept and on the homography, kept but off it (or none was found), not kept.
+        Kept and on the homography; kept, but off it or without one; not kept.
     reason : str
-        What decided.
+        The verdict and its cause in words.
     facts : tuple of (str, str)
-        What was measured, by name.
+        Names and values of what was measured.
     inputs : tuple of Input
     rules : tuple of FiredRule
-        Both empty where no fuzzy system judged.
+        Both empty if no fuzzy system weighed the match.
     """
 
     verdict: str
@@ -63,7 +67,7 @@ class Explanation:
 
 
 def verdicts(view: PairView) -> list[str]:
-    """The verdict on each match, as in `Explanation`."""
+    """The verdict on each match, as in `Explanation`, in the order of the match records."""
     names = np.where(view.inlier, "inlier", np.where(view.kept, "outlier", "rejected"))
     return [str(name) for name in names]
 
@@ -72,11 +76,11 @@ def explain(view: PairView, index: int) -> Explanation:
     """Explain one match of a pair."""
     verdict, match = verdicts(view)[index], view.matches[index]
     facts = _facts(view, index)
-    judge = _judge(view, index)
-    if judge is None:
+    weighing = _weighing(view, index)
+    if weighing is None:
         reason = f"{_sentence(verdict)} {view.rule_names[match['rule']].capitalize()}."
         return Explanation(verdict, reason + _geometry(view, index), facts)
-    system, values = judge
+    system, values = weighing
     strengths = system.strengths(*(np.array([value]) for value in values))[0] / system.strength_one
     degrees = ({name: table[min(v, len(table) - 1)] / ONE for name, table in variable.sets.items()}
                for variable, v in zip(system.inputs, values, strict=True))  # fmt: skip
@@ -84,7 +88,7 @@ def explain(view: PairView, index: int) -> Explanation:
     comparison = "above" if weight > limit else "not above"
     reason = (
         f"{_sentence(verdict)} The rules give it the weight {weight / HIGHEST_WEIGHT:.2f}, {comparison} the limit of "
-        f"{limit / HIGHEST_WEIGHT:.2f}; the loudest says: {view.rule_names[match['rule']]}."
+        f"{limit / HIGHEST_WEIGHT:.2f}; the dominant rule: {view.rule_names[match['rule']]}."
     )
     return Explanation(
         verdict,
@@ -92,14 +96,14 @@ def explain(view: PairView, index: int) -> Explanation:
         facts,
         tuple(map(Input, system.inputs, values, degrees)),
         tuple(
-            FiredRule(words, rule.output, float(strength), loudest=number == match["rule"])
+            FiredRule(words, rule.output, float(strength), dominant=number == match["rule"])
             for number, (words, rule, strength) in enumerate(zip(view.rule_names, system.rules, strengths, strict=True))
         ),
     )
 
 
-def _judge(view: PairView, index: int) -> tuple[SugenoSystem, tuple[int, ...]] | None:
-    """The fuzzy system that judged a match, and what it was given; None where another check decided."""
+def _weighing(view: PairView, index: int) -> tuple[SugenoSystem, tuple[int, ...]] | None:
+    """The fuzzy system that weighed a match and its input values; None if another check decided."""
     match = view.matches[index]
     left = view.features[0][match["left_index"]]
     right = view.features[1][match["right_index"]]
@@ -111,17 +115,18 @@ def _judge(view: PairView, index: int) -> tuple[SugenoSystem, tuple[int, ...]] |
         return None
     bits = PATTERNS[view.method.descriptor].bits
     if rule_base == "aerial":
-        turn = int(circular_distance(match["turn"], match["peak_turn"]))
-        return fuzzy.aerial(bits), (int(match["distance"]), int(match["margin"]), turn)
+        off_peak = int(circular_distance(match["turn"], match["peak_turn"]))
+        return fuzzy.aerial(bits), (int(match["distance"]), int(match["margin"]), off_peak)
     sad = int(correlation.sad(left["window"][np.newaxis], right["window"][np.newaxis])[0])
     return fuzzy.ilbp(bits), (int(match["distance"]), sad, sad)
 
 
 def _facts(view: PairView, index: int) -> tuple[tuple[str, str], ...]:
+    """Names and values of what was measured on a match; positions in working pixels."""
     match = view.matches[index]
-    places = [f"{match[f'{side}_x'] / POSITION.one:.2f}, {match[f'{side}_y'] / POSITION.one:.2f}"
+    positions = [f"{match[f'{side}_x'] / POSITION.one:.2f}, {match[f'{side}_y'] / POSITION.one:.2f}"
               for side in ("left", "right")]  # fmt: skip
-    facts = [("left x, y", places[0]), ("right x, y", places[1])]
+    facts = [("left x, y", positions[0]), ("right x, y", positions[1])]
     pattern = PATTERNS.get(view.method.descriptor)
     if pattern is None:
         facts += [("distance", str(match["distance"])), ("margin", str(match["margin"]))]
@@ -131,8 +136,8 @@ def _facts(view: PairView, index: int) -> tuple[tuple[str, str], ...]:
             ("margin to the second best", f"{match['margin']} bits"),
         ]
         if pattern.oriented:
-            turns = (match[name] * _DEGREES_A_SECTOR for name in ("turn", "peak_turn"))
-            facts.append(("turn, most common turn", ", ".join(f"{turn:.1f}°" for turn in turns)))
+            angles = (match[name] * _DEGREES_PER_SECTOR for name in ("turn", "peak_turn"))
+            facts.append(("relative orientation, most common", ", ".join(f"{angle:.1f}°" for angle in angles)))
     return (*facts, ("weight", f"{match['weight'] / HIGHEST_WEIGHT:.3f}"))
 
 
@@ -141,7 +146,7 @@ def _sentence(verdict: str) -> str:
 
 
 def _geometry(view: PairView, index: int) -> str:
-    """How the match lies to the homography, in words."""
+    """How far the match lies from the homography, in words."""
     if view.residual_px is None:
         return " No homography was found to compare it with."
     distance = view.residual_px[index]

@@ -1,4 +1,7 @@
-"""An explanation as HTML: the verdict, the membership curves, the rules. The panel's own words and numbers only."""
+"""An explanation as HTML: the verdict, the membership curves and the rules.
+
+It contains the panel's own words and numbers only, never text from an uploaded file.
+"""
 
 from __future__ import annotations
 
@@ -8,23 +11,23 @@ from skymosaic.panel.drawings import membership
 from skymosaic.panel.explain import Explanation, FiredRule, Input
 
 MOST_RULES = 8
-"""Of larger rule bases only the rules that speak are shown."""
+"""Of a larger rule base only the rules that fire are shown."""
 
 
 def markup(explanation: Explanation) -> str:
-    """The explanation of one match."""
+    """The HTML of one explanation."""
     facts = "".join(f"<dt>{escape(name)}</dt><dd>{escape(value)}</dd>" for name, value in explanation.facts)
     words = (
         f'<div class="verdict"><p class="reason {explanation.verdict}">{escape(explanation.reason)}</p>'
         f"<dl>{facts}</dl></div>"
     )
     curves = "".join(map(_input, explanation.inputs))
-    every = len(explanation.rules) <= MOST_RULES
-    rules = "".join(_rule(rule) for rule in explanation.rules if every or rule.strength > 0)
+    show_all = len(explanation.rules) <= MOST_RULES
+    rules = "".join(_rule(rule) for rule in explanation.rules if show_all or rule.strength > 0)
     if not rules:
         return words
     return (
-        f'{words}<div class="curves">{curves}</div><table class="rules"><thead><tr><th>rule</th><th>says</th>'
+        f'{words}<div class="curves">{curves}</div><table class="rules"><thead><tr><th>rule</th><th>output</th>'
         f"<th>strength</th></tr></thead><tbody>{rules}</tbody></table>"
     )
 
@@ -39,7 +42,7 @@ def _input(item: Input) -> str:
 
 
 def _rule(rule: FiredRule) -> str:
-    kind = ' class="loudest"' if rule.loudest else ""
+    kind = ' class="dominant"' if rule.dominant else ""
     return (
         f"<tr{kind}><td>{escape(rule.words)}</td><td>{rule.output:.2f}</td>"
         f'<td><span class="bar-of" style="--share:{rule.strength:.3f}"></span>{rule.strength:.2f}</td></tr>'

@@ -17,7 +17,7 @@ CLOCK_HZ = 150e6
 
 
 class HardwareTab:
-    """The button that compares, and what the comparison found."""
+    """The button that starts the comparison, and its result."""
 
     def __init__(self, session: Session, result: MosaicResult) -> None:
         self._session = session
@@ -35,39 +35,39 @@ class HardwareTab:
             button = ui.button("Compare with the golden model", icon="memory", on_click=self._compare)
             enabled_while_idle(button.props("outline no-caps"), session)
             ui.label("The first run builds a simulation, which takes minutes; later ones take seconds.").classes("hint")
-        self._place = ui.element("div")
+        self._container = ui.element("div")
         self.update()
 
     def update(self) -> None:
-        """Show the comparison there is now."""
-        found = self._session.hardware_result
-        if found is not None and found is not self._shown:
-            self._shown = found
-            self._place.clear()
-            with self._place:
-                ui.html(_markup(found), sanitize=False).classes("hardware")
-                command_line(found.command)
+        """Show the latest comparison."""
+        result = self._session.hardware_result
+        if result is not None and result is not self._shown:
+            self._shown = result
+            self._container.clear()
+            with self._container:
+                ui.html(_markup(result), sanitize=False).classes("hardware")
+                command_line(result.command)
 
     def _compare(self) -> None:
         self._session.compare_hardware(str(self._backend.value))
 
 
 def _markup(result: HardwareResult) -> str:
-    found = result.comparison
-    if found.mismatch is None:
-        verdict = f'<p class="badge equal">Equal, bit for bit</p><p>Compared: {escape(str(found.coverage))}.</p>'
+    comparison = result.comparison
+    if comparison.mismatch is None:
+        verdict = f'<p class="badge equal">Equal, bit for bit</p><p>Compared: {escape(str(comparison.coverage))}.</p>'
     else:
-        verdict = f'<p class="badge different">Not equal</p><p class="fault">{escape(str(found.mismatch))}</p>'
-    notes = "".join(f'<p class="hint">This proves little: {escape(note)}.</p>' for note in found.notes)
+        verdict = f'<p class="badge different">Not equal</p><p class="fault">{escape(str(comparison.mismatch))}</p>'
+    notes = "".join(f'<p class="hint">This proves little: {escape(note)}.</p>' for note in comparison.notes)
     width, height = result.size
-    pixels, latency = width * height, max(found.cycles_per_frame)
-    software_s = result.software_seconds / len(result.names)
+    pixels, latency = width * height, max(comparison.cycles_per_frame)
+    speed, software_s = comparison.cycles_per_second, result.software_seconds / len(result.names)
     rows = (
         ("a frame", f"{1000 * software_s:.0f} ms", f"{1000 * pixels / CLOCK_HZ:.2f} ms, one pixel a clock"),
         ("frames a second", f"{1 / software_s:.0f}", f"{CLOCK_HZ / pixels:.0f}, each matched while the next comes in"),
         ("first pixel to last feature", "", f"{latency:,} clocks, {1000 * latency / CLOCK_HZ:.2f} ms"),
         ("after the last pixel", "", f"{latency - pixels:,} clocks, {1e6 * (latency - pixels) / CLOCK_HZ:.2f} µs"),
-        ("simulated", "", f"{found.cycles_per_second / 1e6:.2f} M clocks/s, both frames in {found.seconds:.2f} s"),
+        ("simulated", "", f"{speed / 1e6:.2f} M clocks/s, both frames in {comparison.seconds:.2f} s"),
     )
     body = "".join(
         f"<tr><th>{name}</th><td>{software}</td><td>{hardware}</td></tr>" for name, software, hardware in rows

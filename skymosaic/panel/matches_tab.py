@@ -1,4 +1,4 @@
-"""The matches of a pair as lines; the one under the pointer is explained."""
+"""The matches of a pair as lines, with an explanation of the one under the pointer."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ REACH_SCREEN_PX = 10
 
 
 class MatchesTab:
-    """Two pictures, the lines between them, and why the chosen one was kept or rejected.
+    """Two pictures, the lines between them, and why the chosen match was kept or rejected.
 
-    Hovering explains the nearest match; a click holds it, so that the pointer may leave; the buttons step through
-    all that are shown.
+    Hovering explains the nearest match. A click holds it, so that the pointer can move away. The buttons step through
+    all matches that are shown.
     """
 
     def __init__(self, view: PairView, addresses: tuple[str, str]) -> None:

@@ -1,4 +1,4 @@
-"""The mosaic, with zoom and the outlines of its photographs."""
+"""The mosaic with zoom, and the outlines of its photographs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def build_mosaic_tab(result: MosaicResult) -> None:
         with ui.element("div").classes("empty"):
             ui.html("No mosaic could be made", tag="h2", sanitize=False)
             ui.label(result.reason).classes("fault")
-            ui.label("The matches show what was found: rejected ones tell why.").classes("hint")
+            ui.label("The Matches tab shows what was found and why matches were rejected.").classes("hint")
         return
     mosaic = result.mosaic
     with ui.element("div").classes("bar"):

@@ -1,4 +1,4 @@
-"""A run in numbers: counts, homography, errors, time, and the command line that does it again."""
+"""A run in numbers: counts, homography, errors, time, and the command line that repeats it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from skymosaic.panel.page_layout import command_line
 from skymosaic.panel.results import MosaicResult, PairView
 
 CORRECT_PX = 3.0
-"""A match this close to the homography counts as correct for recall and precision."""
+"""A match this close to the homography counts as correct in recall and precision."""
 
 
 def build_numbers_tab(result: MosaicResult, view: PairView) -> None:
@@ -63,22 +63,22 @@ def _homography(view: PairView) -> str:
 
 
 def _model(homography: np.ndarray) -> str:
-    """The kind of transformation, and what it does at the image's first pixel, in words."""
+    """The transformation in words: its rotation, scale and shift at the image's first pixel."""
     (a, b, x), (c, d, y), _ = homography
     scale = math.sqrt(abs(a * d - b * c))
-    turn = math.degrees(math.atan2(c - b, a + d))
-    return f"projective, 8 parameters: turns by {turn:.2f}°, scales by {scale:.4f}, shifts by {x:.1f}, {y:.1f} px"
+    rotation = math.degrees(math.atan2(c - b, a + d))
+    return f"projective, 8 parameters: rotates by {rotation:.2f}°, scales by {scale:.4f}, shifts by {x:.1f}, {y:.1f} px"
 
 
 def _quality(view: PairView) -> str:
     if view.residual_px is None:
         return "<p class='hint'>Nothing to measure without a homography.</p>"
     inliers = view.residual_px[view.inlier]
-    judged = confusion(view.kept, view.residual_px <= CORRECT_PX)
+    counts = confusion(view.kept, view.residual_px <= CORRECT_PX)
     rows = {
         "RMSE of the inliers": f"{math.sqrt(float(np.mean(inliers**2))):.3f} px",
-        "recall of the rules": f"{judged.recall:.3f}",
-        "1 - precision": f"{1 - judged.precision:.3f}",
+        "recall of the rules": f"{counts.recall:.3f}",
+        "1 - precision": f"{1 - counts.precision:.3f}",
         "refined by": f"{view.numbers['refined_inliers']} more matches"
         if view.numbers["refined_inliers"]
         else "no second pass",

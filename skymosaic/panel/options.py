@@ -1,4 +1,7 @@
-"""What a session may choose; every list is the library's own, so a choice exists here exactly when it exists there."""
+"""The options of a run and their values.
+
+Every list of values is the library's own, so the panel offers exactly what the library has.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +20,9 @@ from skymosaic.geometry.estimators import ESTIMATORS
 
 SOFTWARE = "golden"
 AUTOMATIC = "automatic"
-"""Blending as the library has it: by distance for two photographs, multi-band along seams for more."""
-HARDWARE = tuple(name for name in BACKENDS if name not in (SOFTWARE, "verilator"))  # the latter is "rtl"
+"""The library's default blending: by distance for two photographs, multi-band along seams for more."""
+# "verilator" is left out because "rtl" is another name for it.
+HARDWARE = tuple(name for name in BACKENDS if name not in (SOFTWARE, "verilator"))
 OPTION_VALUES = {
     "preset": tuple(PRESETS),
     "detector": DETECTORS,
@@ -28,15 +32,22 @@ OPTION_VALUES = {
     "blending": (AUTOMATIC, *BLENDINGS),
     "backend": (SOFTWARE, *HARDWARE),
 }
-"""The values of each choice."""
+"""The values of each option."""
 
 
 @dataclass(frozen=True)
 class Scale:
-    """What the slider under a detector moves, at whole positions from ``lowest`` to ``highest``.
+    """What the slider sets for a detector, at whole positions from ``lowest`` to ``highest``.
 
-    Harris responses span nine decades, so their slider goes by half octaves; FAST's goes by gray levels. Detectors
-    of the host keep their strongest key points, so theirs sets how many.
+    Harris responses span nine decades, so a step is half an octave of the threshold; for FAST it is a gray level. The
+    other detectors have no threshold in common: for them the slider sets how many of the strongest key points to keep.
+
+    Attributes
+    ----------
+    title : str
+    lowest, highest : int
+    steps_per_octave : int
+        Positions per doubling of the value; 0 if the position is the value.
     """
 
     title: str
@@ -45,7 +56,7 @@ class Scale:
     steps_per_octave: int = 0
 
     def value(self, position: int) -> int:
-        """The threshold or number at a position."""
+        """The threshold or number of key points at a position."""
         return round(2 ** (position / self.steps_per_octave)) if self.steps_per_octave else position
 
     def position(self, value: int) -> int:
@@ -62,7 +73,7 @@ STRONGEST = Scale("Strongest key points", 14, 22, steps_per_octave=2)
 
 @dataclass(frozen=True)
 class Options:
-    """One set of options; ``position`` is the slider's."""
+    """The options of a run; ``position`` is the slider's, the others are named as on the command line."""
 
     preset: str
     detector: str
@@ -76,7 +87,7 @@ class Options:
 
     @classmethod
     def of_preset(cls, preset: str) -> Options:
-        """What a preset chooses."""
+        """The options of a preset."""
         config = preset_config(preset)
         detector = config.front_end.detector
         return cls(
@@ -88,7 +99,7 @@ class Options:
         )
 
     def changed(self, name: str, value: Any) -> Options:
-        """These options with one of them changed, and what follows: a preset sets all, a detector its slider."""
+        """These options with one of them changed; a new preset resets all others, a new detector the slider."""
         if name == "preset":
             return Options.of_preset(value)
         changed = dataclasses.replace(self, **{name: value})
@@ -99,11 +110,11 @@ class Options:
 
     @property
     def scale(self) -> Scale:
-        """What the slider moves."""
+        """What the slider sets."""
         return SCALES.get(self.detector, STRONGEST)
 
     def blending_or(self, usual: str) -> str:
-        """The blending; the usual one where it is automatic."""
+        """The blending method; ``usual`` if it is automatic."""
         return usual if self.blending == AUTOMATIC else self.blending
 
     def resolve(self, photographs: int = 2) -> tuple[Method, Config]:
@@ -112,7 +123,7 @@ class Options:
         Raises
         ------
         InputError
-            For options that do not go together, or not with so many photographs.
+            If the options cannot be combined, or not for this number of photographs.
         """
         base = preset_config(self.preset)
         base = dataclasses.replace(base, matcher=dataclasses.replace(base.matcher, rule_base=self.rule_base))
@@ -121,8 +132,8 @@ class Options:
         own = config.front_end
         if photographs > 2 and (not method.on_accelerator or self.estimator != "prosac" or self.refine):
             raise InputError(
-                "more than two photographs take Harris or FAST with ILBP, prosac, and no second pass; choose these, "
-                "or leave two photographs"
+                "more than two photographs need Harris or FAST with ILBP, prosac and no second pass; choose these, "
+                "or keep only two photographs"
             )
         if self.detector in FRONT_END_DETECTORS:
             return method, dataclasses.replace(config, front_end=dataclasses.replace(own, threshold=value))
@@ -130,7 +141,7 @@ class Options:
 
 
 def fault_of(options: Options, photographs: int = 2) -> str:
-    """Why options do not go together, or not with so many photographs; empty where they do."""
+    """Why the options cannot be combined, or not for this number of photographs; empty if they can."""
     try:
         options.resolve(photographs)
     except (InputError, ValueError) as error:
@@ -139,6 +150,7 @@ def fault_of(options: Options, photographs: int = 2) -> str:
 
 
 def _usual_position(preset: Config, detector: str) -> int:
+    """The slider's position for the preset's threshold, or its number of key points."""
     _, config = choose(preset, detector, preset.front_end.descriptor)
     own = config.front_end
     value = own.threshold if detector in FRONT_END_DETECTORS else own.max_features

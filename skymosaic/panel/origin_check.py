@@ -1,8 +1,8 @@
-"""Who may talk to the panel: Host and Origin of every request, checked before anything else sees it.
+"""Checks Host and Origin of every request before anything else of the panel sees it.
 
-A web page of any other origin can reach a server on loopback through its session's browser: by a name that it lets
-resolve to 127.0.0.1 (the Host gives it away), by forms and scripts, or by a websocket, which no browser confines to
-its own origin (the Origin gives these away).
+A page of another origin can reach a server on loopback through the user's browser: by a host name that its owner lets
+resolve to 127.0.0.1, by forms and scripts, or by a websocket, which browsers do not confine to its own origin. The Host
+header reveals the first, the Origin header the others.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from starlette.websockets import WebSocketClose
 
 SAFE_METHODS = ("GET", "HEAD")
 SOCKET_PATH = "/_nicegui_ws"
-# The page's framework compiles its templates in the browser, which needs 'unsafe-eval'; everything comes from here.
+# NiceGUI compiles its templates in the browser, which needs 'unsafe-eval'; nothing is loaded from other servers.
 CONTENT_POLICY = (
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; "
     "img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self'; frame-ancestors 'none'; base-uri 'self'; "
@@ -29,13 +29,13 @@ HEADERS = {
 
 
 class OriginCheck:
-    """Refuses what does not come from the panel's own page; adds the headers that confine that page.
+    """Refuses requests that do not come from the panel's own page, and adds the headers that confine that page.
 
     Parameters
     ----------
     app : ASGI application
     port : int
-        Of the server; with the loopback names it makes the only valid hosts and origins.
+        Of the server; the loopback names with this port are the only valid hosts and origins.
     """
 
     def __init__(self, app: ASGIApp, port: int) -> None:
@@ -43,7 +43,7 @@ class OriginCheck:
         self._hosts = {f"{name}:{port}" for name in ("127.0.0.1", "localhost", "[::1]")}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer 403 to a foreign request, pass on every other."""
+        """Answer a foreign request with 403 and pass on every other."""
         if scope["type"] == "lifespan":
             await self.app(scope, receive, send)
             return
@@ -56,15 +56,16 @@ class OriginCheck:
             await self.app(scope, receive, _with_headers(send))
 
     def _refusal(self, scope: Scope, headers: Headers) -> str:
-        """Why the request is refused; empty where it is not."""
+        """Why the request is refused; empty if it is accepted."""
         if headers.get("host") not in self._hosts:
             return "the Host is not this panel's; open the address that the panel printed"
         origin = headers.get("origin")
         foreign = origin is not None and origin.removeprefix("http://") not in self._hosts
         if scope["type"] == "websocket":
             return "the Origin is not this panel's" if foreign or origin is None else ""
+        # Socket.IO's polling would let a plain GET act, which no Origin accompanies.
         if scope["path"].startswith(SOCKET_PATH):
-            return "the socket takes websockets only"
+            return "this path accepts websockets only"
         if scope["method"] not in SAFE_METHODS and (foreign or origin is None):
             return "the Origin is not this panel's"
         return ""

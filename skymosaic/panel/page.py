@@ -1,4 +1,4 @@
-"""The page of the mosaic: the column of controls on the left, what came of them on the right."""
+"""The mosaic page: controls in the left column, results in the right one."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from skymosaic.panel.sidebar import OptionsCard, PhotographsCard, RunCard, enabl
 
 STEPS = (
     ("grain", "Corners", "appear as soon as photographs are loaded, and follow the threshold as you move it."),
-    ("timeline", "Matches", "are judged by fuzzy rules. Each line tells why it was kept or rejected."),
+    ("timeline", "Matches", "are weighed by fuzzy rules. Each line tells why it was kept or rejected."),
     ("panorama", "Mosaic", "to zoom into, with homography, errors and times; all of it in one download."),
 )
 
 
 def build_mosaic_page(session: Session) -> None:
-    """Build the page of a session, with all that is there already."""
+    """Build the page of a session, with the photographs and results it already has."""
 
     def is_ready() -> bool:
         count = len(session.photographs)
         return count > 1 and not fault_of(session.options, count)
 
     with page_layout(session, "/"):
-        with ui.element("aside").classes("stack").props('aria-label="Photographs and choices"'):
+        with ui.element("aside").classes("stack").props('aria-label="Photographs and options"'):
             cards = (
                 PhotographsCard(session),
                 OptionsCard(session),
@@ -49,7 +49,7 @@ def build_mosaic_page(session: Session) -> None:
 
 
 class ResultTabs:
-    """The tabs of the right side."""
+    """The tabs with the results, in the right column."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
@@ -63,17 +63,18 @@ class ResultTabs:
             with ui.element("div").classes("bar"):
                 with ui.tabs().props("dense no-caps align=left inline-label") as self._tabs:
                     tabs = {name: ui.tab(name) for name in ("Corners", "Matches", "Mosaic", "Numbers", "Hardware")}
-                self._changed = ui.label("Choices or photographs have changed since this run.").classes("changed")
-                self._changed.props('role="status"')
+                self._outdated = ui.label("Options or photographs have changed since this run.").classes("changed")
+                self._outdated.props('role="status"')
             with ui.tab_panels(self._tabs, value="Corners", animated=False, keep_alive=True) as self._panels:
-                places = {name: ui.tab_panel(tab).props(f'aria-label="{name}"') for name, tab in tabs.items()}
-                with places.pop("Corners"):
+                panels = {name: ui.tab_panel(tab).props(f'aria-label="{name}"') for name, tab in tabs.items()}
+                # Corners follow the photographs and options; the other tabs show a result and are filled by `_fill`.
+                with panels.pop("Corners"):
                     self._corners = CornersTab(session)
-                self._places = places
+                self._result_panels = panels
         self._fill()
 
     def update(self) -> None:
-        """Show the session's photographs, options and result as they are now."""
+        """Show the session's photographs, options and results as they are now."""
         session = self._session
         self._welcome.set_visibility(not session.photographs and session.mosaic_result is None)
         self._tabs_card.set_visibility(not self._welcome.visible)
@@ -90,10 +91,10 @@ class ResultTabs:
                 self._panels.set_value("Mosaic")
         if self._hardware is not None:
             self._hardware.update()
-        self._changed.set_visibility(self._is_outdated())
+        self._outdated.set_visibility(self._is_outdated())
 
     def _is_outdated(self) -> bool:
-        """Whether a run would not repeat what is shown."""
+        """Whether options or photographs have changed since the run that is shown."""
         session, result = self._session, self._session.mosaic_result
         if result is None:
             return False
@@ -102,39 +103,38 @@ class ResultTabs:
 
     def _fill(self) -> None:
         result = self._result
-        for place in self._places.values():
-            place.clear()
+        for panel in self._result_panels.values():
+            panel.clear()
         if result is None:
-            for place in self._places.values():
-                with place:
+            for panel in self._result_panels.values():
+                with panel:
                     ui.label("Make the mosaic first.").classes("hint empty")
             return
         left, right = (f"/picture/{name}.png" for name in result.pair.names)
-        with self._places["Matches"]:
-            self._build_pair_choice(result)
+        with self._result_panels["Matches"]:
+            self._build_pair_select(result)
             MatchesTab(result.pair, (left, right))
-        with self._places["Mosaic"]:
+        with self._result_panels["Mosaic"]:
             build_mosaic_tab(result)
-        with self._places["Numbers"]:
+        with self._result_panels["Numbers"]:
             build_numbers_tab(result, result.pair)
-        with self._places["Hardware"]:
+        with self._result_panels["Hardware"]:
             self._hardware = HardwareTab(self._session, result)
 
-    def _build_pair_choice(self, result: MosaicResult) -> None:
-        """Of a flight, the linked pairs to look at; those of two photographs need no choice."""
+    def _build_pair_select(self, result: MosaicResult) -> None:
+        """A choice among the linked pairs of a flight; two photographs have only one pair."""
         if result.links:
             titles = {link.names: f"{' and '.join(link.names)}, {link.inliers} inliers" for link in result.links}
             with ui.element("div").classes("bar"):
-                choice = ui.select(titles, label="Pair of the flight", value=result.pair.names)
-                choice.props("outlined dense options-dense").classes("pair-select")
-                look = ui.button("Look at it", on_click=lambda: self._session.look_at_pair(choice.value))
+                select = ui.select(titles, label="Pair of the flight", value=result.pair.names)
+                select.props("outlined dense options-dense").classes("pair-select")
+                look = ui.button("Look at it", on_click=lambda: self._session.look_at_pair(select.value))
                 enabled_while_idle(look.props("outline no-caps"), self._session)
 
     def _build_welcome(self) -> None:
         ui.html("Two overlapping photographs in, one mosaic out", tag="h2", sanitize=False)
         ui.label(
-            "Load two or more photographs on the left, or begin with what is rendered here. Nothing leaves "
-            "this machine."
+            "Load two or more photographs on the left, or begin with a rendered example. Nothing leaves this machine."
         ).classes("lead")
         button = ui.button("Try the built-in pair", icon="flight", on_click=lambda: self._session.load_built_in(2))
         enabled_while_idle(button.props("unelevated no-caps size=lg"), self._session)

@@ -1,4 +1,4 @@
-"""What all pages share: style, header, the two columns, and how a command line is shown."""
+"""What all pages share: style, header, two columns, and the display of a command line."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ def _style() -> str:
 
 
 def command_line(words: str) -> None:
-    """A command line to copy; it runs in the folder of the archive that holds the result."""
-    ui.label("The same again, in the unpacked archive's folder:").classes("hint")
+    """Show a command line to copy; it runs in the archive's folder of the result."""
+    ui.label("The same result again, in the unpacked archive's folder:").classes("hint")
     code = ui.code(words, language="bash").classes("command")
     code.copy_button.props('aria-label="Copy the command line"')
 
 
 @contextmanager
-def page_layout(session: Session, here: str) -> Iterator[None]:
-    """The header of the page at path ``here``; what is built inside comes below it, in two columns."""
+def page_layout(session: Session, path: str) -> Iterator[None]:
+    """Build style and header of the page at ``path``; what is built inside comes below, in two columns."""
     ui.add_css(_style())
     ui.colors(primary="#0f6e78")
     with ui.element("header").classes("top"):
         ui.html(LOGO, sanitize=False)
         ui.html("skymosaic", tag="h1", sanitize=False)
         with ui.element("nav").props('aria-label="Pages"'):
-            for path, title in PAGES.items():
-                link = ui.link(title, path)
-                if path == here:
+            for target, title in PAGES.items():
+                link = ui.link(title, target)
+                if target == path:
                     link.props('aria-current="page"')
         ui.element("div").classes("grow")
         download = ui.button("Download everything", icon="download")

@@ -1,4 +1,4 @@
-"""What workers hand back: plain numbers, records and names of pictures, no pixels."""
+"""What the workers return: numbers, records and paths of pictures, but no pixels, so that little is pickled."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ Size = tuple[int, int]
 
 @dataclass(frozen=True)
 class Upload:
-    """A file that was accepted.
+    """An uploaded file that was accepted.
 
     Attributes
     ----------
     name : str
-        Of the file in the session's folder, made by the panel.
+        Of the file in the session's folder, chosen by the panel.
     size : (int, int)
         Width and height of the original, px.
     notes : tuple of str
-        What was done to its pixels.
+        What was done to its pixels, or a video's frame rate.
     working : Path
-        Its picture as the front end sees it (PNG).
+        The picture as the front end sees it (PNG).
     working_size : (int, int)
     """
 
@@ -49,7 +49,7 @@ class Upload:
 
     @property
     def pictures(self) -> list[Path]:
-        """What shows it."""
+        """The pictures that the page shows of it."""
         return [self.working]
 
 
@@ -63,18 +63,18 @@ class PairView:
         Left and right.
     working_sizes : (Size, Size)
     features : tuple of structured arrays
-        Of left and right, in 1/16 working px.
+        Feature records of left and right, in 1/16 working px.
     matches : structured array
-        All mutual matches.
+        Match records of all mutual matches.
     residual_px : (M,) float64 or None
-        Distance of each match from the homography in the right working image; None where there is none.
+        Distance of each match from the homography in the right working image; None if there is no homography.
     inlier : (M,) bool
         Kept, and within 2 px of the homography.
     method : Method
-        What found, described and matched the features.
+        How features were found, described and matched.
     config : Config
     numbers : dict
-        `skymosaic.reports.pair.pair_numbers`.
+        As `skymosaic.reports.pair.pair_numbers` returns them.
     """
 
     names: tuple[str, str]
@@ -114,7 +114,7 @@ class PairView:
 
     @property
     def rule_names(self) -> Sequence[str]:
-        """What each value of a match's ``rule`` stands for."""
+        """The rule in words for each value of a match's ``rule``."""
         return self.method.rule_names(self.config)
 
     @property
@@ -130,9 +130,9 @@ class ShownMosaic:
     Attributes
     ----------
     picture : Path
-        Reduced where the mosaic is large.
+        Reduced if the mosaic is large.
     size : (int, int)
-        Of the whole mosaic.
+        Of the whole mosaic, px.
     shown_size : (int, int)
     outlines : dict of str to (4, 2) ndarray
         Corners of each photograph placed, by its name, in pixels of the picture.
@@ -146,7 +146,7 @@ class ShownMosaic:
 
 @dataclass(frozen=True)
 class LinkView:
-    """Two photographs of a flight that were linked, by their names."""
+    """The names of two photographs of a flight that were linked, and the inliers of their registration."""
 
     names: tuple[str, str]
     inliers: int
@@ -154,30 +154,30 @@ class LinkView:
 
 @dataclass(frozen=True)
 class MosaicResult:
-    """A finished run.
+    """A finished run of the mosaic page.
 
     Attributes
     ----------
     folder : Path
-        All that the run used and wrote; the archive holds it.
+        Everything the run used and wrote; it goes into the archive.
     options : Options
-        What it was made with.
+        The options of the run.
     working_pictures : tuple of Path
         Working pictures of the photographs, in their order.
     pair : PairView
-        Of a flight, the one that is looked at.
+        The pair that is shown; of a flight, one of its pairs.
     mosaic : ShownMosaic or None
-        None where none could be made, for the ``reason``.
+        None if none could be made; ``reason`` says why.
     left_out : tuple of str
         Which photographs were not placed, and why.
     command : str
-        The command line that does it again.
+        The command line that repeats it.
     seconds : dict of str to float
         Wall time of each stage.
     links : tuple of LinkView
-        Of a flight, by falling inliers: the pairs that can be looked at.
+        The pairs of a flight that can be shown, the one with the most inliers first.
     facts : dict of str to str
-        Of a flight as a whole.
+        Numbers of a whole flight, by name; empty for a pair.
     """
 
     folder: Path
@@ -194,32 +194,32 @@ class MosaicResult:
 
     @property
     def on_accelerator(self) -> bool:
-        """Whether hardware can compute the features too."""
+        """Whether the accelerator can compute these features."""
         return self.options.resolve()[0].on_accelerator
 
     @property
     def pictures(self) -> list[Path]:
-        """The pictures that show it."""
+        """The pictures that the page shows of it."""
         return [*self.working_pictures, *([self.mosaic.picture] if self.mosaic else [])]
 
 
 @dataclass(frozen=True)
 class HardwareResult:
-    """A pair through software and hardware.
+    """A pair computed by the golden model and by hardware.
 
     Attributes
     ----------
     names : (str, str)
-        The photographs.
+        Of the photographs.
     size : (int, int)
         Of the larger frame, px.
     backend : str
-        The hardware.
+        Name of the hardware backend.
     comparison : Comparison
     software_seconds : float
-        Features and matches of both by the golden model.
+        Time of the golden model for features and matches of both.
     command : str
-        The command line that compares again.
+        The command line that repeats the comparison.
     """
 
     names: tuple[str, str]
@@ -237,32 +237,33 @@ class TrackingResult:
     Attributes
     ----------
     folder : Path
-        All that the run used and wrote.
+        Everything the run used and wrote.
     video : Path
-        The video with the outline.
+        The video with the outline drawn in.
     rows : tuple of TrackedCorners
-        Every frame's numbers.
-    seconds_a_frame : float
+        Corners and matches of every frame.
+    seconds_per_frame : float
     notes : tuple of str
-        What is wrong with the video.
+        Faults found in the video.
     command : str
-        The command line that does it again.
+        The command line that repeats it.
     """
 
     folder: Path
     video: Path
     rows: tuple[TrackedCorners, ...]
-    seconds_a_frame: float
+    seconds_per_frame: float
     notes: tuple[str, ...]
     command: str
 
     @property
     def pictures(self) -> list[Path]:
-        """What shows it."""
+        """The pictures that the page shows of it."""
         return [self.video]
 
 
 def _in_working(pair: Pair) -> Matrix:
+    """The homography between the working images."""
     assert pair.homography is not None
     to_left, to_right = pair.to_original
     working: Matrix = np.linalg.inv(to_right) @ pair.homography @ to_left

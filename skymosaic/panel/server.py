@@ -1,4 +1,4 @@
-"""The panel's server on loopback: the page, uploads, pictures and the archive."""
+"""The panel's server on loopback: pages, uploads, pictures and the archive."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ def serve(port: int, boards: tuple[str, ...], announce: Callable[[str], None]) -
     Parameters
     ----------
     port : int
-        0 takes any free one.
+        0 takes any free port.
     boards : tuple of str
         Backends that are boards, ``board:HOST``.
     announce : callable
-        Receives the address as soon as browsers can open it.
+        Receives the address once browsers can open it.
 
     Raises
     ------
@@ -48,7 +48,7 @@ def serve(port: int, boards: tuple[str, ...], announce: Callable[[str], None]) -
     port = listener.getsockname()[1]
     prepare_workers()
     sessions = Sessions(boards)
-    # Before the server ends: it raises the signal that stopped it again, and nothing runs after that.
+    # Clean up on shutdown, not after `run`: uvicorn raises the signal that stopped it again, so nothing after runs.
     page_app.on_shutdown(sessions.close)
     app = _application(sessions, port)
     announce(f"http://{HOST}:{port}/")
@@ -69,15 +69,16 @@ def _listen(port: int) -> socket.socket:
         listener.bind((HOST, port))
     except OSError as error:
         raise InputError(f"port {port}: cannot be used ({error.strerror}); choose another with --port") from None
-    # Browsers that come before the server is ready wait in its queue.
+    # From here on, browsers that connect before the server is ready wait in the listener's queue.
     listener.listen()
     return listener
 
 
 def _application(sessions: Sessions, port: int) -> FastAPI:
-    """The routes; the page itself is NiceGUI's."""
+    """The application: the routes for files, and the pages, which NiceGUI serves."""
     app = FastAPI(openapi_url=None)
-    # Cookies know no ports: the name tells two panels apart. The key dies with the server, as the files do.
+    # Cookies do not distinguish ports, so the name does, for two panels on one machine. The key is never stored: the
+    # files a cookie leads to vanish with the server, too.
     app.add_middleware(
         SessionMiddleware, secret_key=secrets.token_urlsafe(), session_cookie=f"skymosaic_{port}", same_site="lax"
     )
@@ -94,7 +95,7 @@ def _application(sessions: Sessions, port: int) -> FastAPI:
         try:
             await session.upload(slot, request.stream(), name)
         except UploadRefusedError as error:
-            # The rest of a body that is too large is not waited for.
+            # Close the connection instead of reading the rest of a body that may be too large.
             return PlainTextResponse(str(error), status_code=error.status, headers={"connection": "close"})
         return Response(status_code=204)
 
@@ -111,7 +112,7 @@ def _application(sessions: Sessions, port: int) -> FastAPI:
         session = session_of(request)
         folders = session.result_folders() if session else {}
         if not folders:
-            return PlainTextResponse("nothing has been made yet", status_code=404)
+            return PlainTextResponse("there is no result yet", status_code=404)
         disposition = {"content-disposition": 'attachment; filename="skymosaic.zip"'}
         return StreamingResponse(zipped(folders), media_type="application/zip", headers=disposition)
 

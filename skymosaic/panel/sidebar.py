@@ -1,4 +1,4 @@
-"""The left column: photographs, options, and the button that runs them."""
+"""The left column: photographs, options, and the button that starts a run."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from skymosaic.panel.slider import Slider
 from skymosaic.panel.uploads import MEBIBYTE, PHOTOGRAPH
 
 BUILT_IN = {"Pair": 2, "Flight": 9}
-"""How many photographs are rendered for each."""
+"""Number of photographs in each built-in example."""
 LABELS = {
     "preset": "Preset",
     "detector": "Detector",
@@ -34,12 +34,12 @@ def heading(number: str, text: str) -> None:
 
 
 def enabled_while_idle(control: DisableableElement, session: Session) -> None:
-    """Disable a control that starts work while other work runs."""
+    """Disable a control that starts a job while a job runs."""
     control.bind_enabled_from(session, "job", lambda job: job is None)
 
 
 class PhotographsCard:
-    """Uploads and what is loaded."""
+    """The upload area and the list of photographs."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
@@ -69,7 +69,7 @@ class PhotographsCard:
         self.update()
 
     def update(self) -> None:
-        """Show the photographs there are now."""
+        """Show the photographs as they are now."""
         if self._shown == self._session.photographs:
             return
         self._shown = list(self._session.photographs)
@@ -100,13 +100,13 @@ class PhotographsCard:
 
 
 class OptionsCard:
-    """Every choice, and the slider that moves the corners at once."""
+    """A control for every option, and the slider that the corners follow at once."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
         self._selects: dict[str, ui.select] = {}
         with ui.element("section").classes("card"):
-            heading("2", "Choices")
+            heading("2", "Options")
             with ui.element("div").classes("options"):
                 for name in LABELS:
                     self._selects[name] = option_select(session, name)
@@ -126,6 +126,7 @@ class OptionsCard:
         self._refine.set_value(options.refine)
         scale = options.scale
         self._slider_title.set_text(scale.title)
+        # A thin space separates thousands.
         words = f"{scale.value(options.position):,}".replace(",", "\u2009")
         self._slider_value.set_text(words)
         self._slider.show(
@@ -142,14 +143,14 @@ class OptionsCard:
 
 
 def option_select(session: Session, name: str) -> ui.select:
-    """A list of the values that one of the options may have."""
+    """A list to choose the value of an option from."""
     values = [*OPTION_VALUES[name], *(session.boards if name == "backend" else ())]
     select = ui.select(values, label=LABELS[name], on_change=lambda event: session.set_option(name, event.value))
     return select.props("outlined dense options-dense").classes("option")
 
 
 class RunCard:
-    """The button, and while work runs its progress and its end."""
+    """The button that starts a job; while a job runs, its progress and a button that cancels it."""
 
     def __init__(self, session: Session, title: str, run: Callable[[], None], is_ready: Callable[[], bool]) -> None:
         self._session = session
@@ -168,7 +169,7 @@ class RunCard:
         self.update()
 
     def update(self) -> None:
-        """Show whether work runs, and how the last one ended."""
+        """Show whether a job runs, and why the last one failed."""
         session = self._session
         self._run.set_visibility(session.job is None)
         self._run.set_enabled(self._is_ready())

@@ -1,4 +1,4 @@
-// The browser's own slider: unlike the framework's, what has the focus has the role and the name.
+// The browser's own slider. In the framework's slider, the element with the focus has neither role nor name.
 export default {
   template: `<input type="range" step="1" :min="min" :max="max" v-model.number="position" :aria-label="label"
     :aria-valuetext="words" @input="$emit('move', position)">`,
@@ -7,6 +7,6 @@ export default {
     return { position: this.start };
   },
   methods: {
-    place(position) { this.position = position; },
+    moveTo(position) { this.position = position; },
   },
 };

@@ -1,4 +1,4 @@
-"""A slider that moves at once and tells the server at most twenty times a second."""
+"""A slider that moves at once in the browser and reports to the server at most twenty times a second."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Slider(ui.element, component="slider.js"):
     Parameters
     ----------
     on_move : callable
-        Receives the position where the session moved the thumb.
+        Receives the position whenever the user moves the thumb.
     """
 
     def __init__(self, on_move: Callable[[int], None]) -> None:
@@ -29,10 +29,10 @@ class Slider(ui.element, component="slider.js"):
         self.on("move", lambda event: moved(int(event.args)), throttle=INTERVAL_S)
 
     def show(self, *, lowest: int, highest: int, position: int, label: str, words: str) -> None:
-        """Set the range, the accessible name, the value in words, and the thumb, unless it is there already."""
+        """Set the range, the accessible name, the value in words and, if it differs, the thumb's position."""
         self.props.update(min=lowest, max=highest, label=label, words=words)
         if self._position is None:
             self.props["start"] = position
         elif position != self._position:
-            self.run_method("place", position)
+            self.run_method("moveTo", position)
         self._position = position

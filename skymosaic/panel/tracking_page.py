@@ -18,7 +18,7 @@ CORNERS = ("top left", "top right", "bottom right", "bottom left")
 
 @dataclass(frozen=True)
 class _Slot:
-    """A place for one file: its name in `skymosaic.panel.sessions.SLOTS`, and its words on the page."""
+    """An upload area for one file: its name in `skymosaic.panel.sessions.SLOTS`, and its texts on the page."""
 
     name: str
     number: str
@@ -35,12 +35,12 @@ _SLOTS = (
 
 
 def build_tracking_page(session: Session) -> None:
-    """Build the page of a session, with all that is there already."""
+    """Build the page of a session, with the files and results it already has."""
     with page_layout(session, "/tracking"):
-        with ui.element("aside").classes("stack").props('aria-label="Object, video and choices"'):
+        with ui.element("aside").classes("stack").props('aria-label="Object, video and options"'):
             cards = [_UploadCard(session, slot) for slot in _SLOTS]
             with ui.element("section").classes("card"):
-                heading("3", "Choices")
+                heading("3", "Options")
                 with ui.element("div").classes("options"):
                     selects = {name: option_select(session, name) for name in ("preset", "backend")}
             run = RunCard(session, "Follow the object", session.track, lambda: bool(session.template and session.video))
@@ -60,7 +60,7 @@ def build_tracking_page(session: Session) -> None:
 
 
 class _UploadCard:
-    """One file: a drop zone, and what is loaded."""
+    """A drop zone for one file, and the file that is loaded."""
 
     def __init__(self, session: Session, slot: _Slot) -> None:
         self._session, self._slot = session, slot.name
@@ -80,14 +80,14 @@ class _UploadCard:
                 title=f"Drop the {slot.title.lower()} here, or choose",
                 hint=f"{slot.hint} · up to {slot.kind.limit_bytes // MEBIBYTE} MB",
             )
-            self._place = ui.element("ul").classes("photographs").props(f'aria-label="{slot.title} loaded"')
+            self._container = ui.element("ul").classes("photographs").props(f'aria-label="{slot.title} loaded"')
 
     def update(self) -> None:
         upload: Upload | None = getattr(self._session, self._slot)
         if upload is not None and upload is not self._shown:
             self._shown = upload
-            self._place.clear()
-            with self._place, ui.element("li"):
+            self._container.clear()
+            with self._container, ui.element("li"):
                 ui.element("img").props(f'src="/picture/{upload.working.name}" alt=""')
                 with ui.element("div").classes("what"):
                     ui.label(upload.name).classes("name")
@@ -100,8 +100,8 @@ class _ResultCard:
     def __init__(self, session: Session) -> None:
         self._session = session
         self._shown: TrackingResult | None = None
-        self._place = ui.element("div").classes("card welcome")
-        with self._place:
+        self._container = ui.element("div").classes("card welcome")
+        with self._container:
             ui.html("An object and a video in, its outline in every frame out", tag="h2", sanitize=False)
             ui.label(
                 "Give a picture of the object and a video that shows it, or begin with the built-in film of a car. "
@@ -115,12 +115,12 @@ class _ResultCard:
         if result is None or result is self._shown:
             return
         self._shown = result
-        self._place.clear()
-        self._place.classes(remove="welcome")
-        with self._place:
+        self._container.clear()
+        self._container.classes(remove="welcome")
+        with self._container:
             found = sum(row.corners is not None for row in result.rows)
             ui.label(
-                f"Found in {found} of {len(result.rows)} frames, {1000 * result.seconds_a_frame:.0f} ms a frame"
+                f"Found in {found} of {len(result.rows)} frames, {1000 * result.seconds_per_frame:.0f} ms per frame"
             ).classes("name").props('role="status"')
             for note in result.notes:
                 ui.label(note).classes("hint")
@@ -137,7 +137,7 @@ def _corner_table(result: TrackingResult) -> None:
     rows = []
     for each in result.rows:
         corners = each.corners or ()
-        places = [f"{x:.1f}, {y:.1f}" for x, y in corners] or ["lost"] * len(CORNERS)
-        rows.append({"frame": each.frame, "matches": each.inliers, **dict(zip(CORNERS, places, strict=True))})
+        positions = [f"{x:.1f}, {y:.1f}" for x, y in corners] or ["lost"] * len(CORNERS)
+        rows.append({"frame": each.frame, "matches": each.inliers, **dict(zip(CORNERS, positions, strict=True))})
     table = ui.table(columns=columns, rows=rows, row_key="frame", pagination=8)
     table.props('dense flat :rows-per-page-options="[8]" aria-label="Corners of the object"').classes("corner-table")

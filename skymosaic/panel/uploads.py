@@ -1,6 +1,7 @@
-"""Receives files: their size while they arrive, their kind by their first bytes, their pixels in a worker.
+"""Receives uploaded files: checks the size while they arrive, and the kind by their first bytes.
 
-Nothing of a file is decoded in the server's own process, and the name it came with serves only to make a new one.
+Files are never decoded in the server's process, only in a worker. The name that a file came with is not used as such;
+it only contributes to a new one.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ _LONGEST_STEM = 40
 
 
 class UploadRefusedError(Exception):
-    """The file is not taken; the line names it, what is wrong and what to do."""
+    """The file is refused; the message names the file, the fault and what to do; ``status`` is the HTTP status."""
 
     def __init__(self, line: str, status: int = 422) -> None:
         super().__init__(line)
@@ -26,15 +27,15 @@ class UploadRefusedError(Exception):
 
 @dataclass(frozen=True)
 class Kind:
-    """What may be uploaded somewhere.
+    """A kind of file that can be uploaded.
 
     Attributes
     ----------
     what : str
-        In words, with the formats.
+        The kind in words, with its formats.
     signatures : tuple of (int, bytes, str)
-        Offset and bytes that tell a format, and the suffix its files get. The decoders choose by content, some of
-        them play lists that name other files: what has no known signature never reaches them.
+        Offset and bytes that identify a format, and the suffix its files get. Decoders recognise formats by content,
+        among them play lists that name other files, so a file without a known signature must never reach them.
     limit_bytes : int
     """
 
@@ -43,7 +44,7 @@ class Kind:
     limit_bytes: int
 
     def suffix_of(self, head: bytes) -> str | None:
-        """The suffix for a file that begins with ``head``; None where it is of another kind."""
+        """The suffix for a file that begins with ``head``; None if it is of another kind."""
         return next(
             (suffix for offset, mark, suffix in self.signatures if head[offset : offset + len(mark)] == mark), None
         )
@@ -70,17 +71,19 @@ _HEAD_BYTES = 16
 
 
 def safe_stem(name: str) -> str:
-    """A stem for the panel's own file names: letters, digits, dash and underscore of the name a file came with."""
+    """A harmless stem for a file name: the letters, digits, dashes and underscores of ``name``, at most 40."""
     return re.sub(r"[^A-Za-z0-9-]+", "_", Path(name).stem)[:_LONGEST_STEM].strip("_-") or "file"
 
 
 async def receive(body: AsyncIterator[bytes], name: str, kind: Kind, target: Path, room_bytes: int) -> Path:
-    """Store an upload as ``target``, to whose name the stem of its own and a suffix are added.
+    """Store an upload beside ``target``, as its name, the upload's own stem and the suffix of its kind.
+
+    The limit is the kind's, or ``room_bytes`` if that is less.
 
     Raises
     ------
     UploadRefusedError
-        For a file of another kind, too large, or empty; nothing of it stays.
+        If the file is of another kind, too large or empty; it is removed completely.
     """
     stem = safe_stem(name)
     part = target.with_suffix(".part")
@@ -96,14 +99,14 @@ async def receive(body: AsyncIterator[bytes], name: str, kind: Kind, target: Pat
 
 
 async def _store(body: AsyncIterator[bytes], path: Path, limit_bytes: int, stem: str) -> bytes:
-    """Write the body to ``path`` as it arrives; returns its first bytes."""
+    """Write the body to ``path`` as it arrives; return its first bytes."""
     head, size = b"", 0
     async with await anyio.open_file(path, "wb") as file:
         async for chunk in body:
             size += len(chunk)
             if size > limit_bytes:
                 raise UploadRefusedError(
-                    f"{stem}: larger than the {limit_bytes // MEBIBYTE} MB there is room for; reduce it first", 413
+                    f"{stem}: larger than the {limit_bytes // MEBIBYTE} MB allowed; reduce it first", 413
                 )
             head = (head + chunk)[:_HEAD_BYTES] if len(head) < _HEAD_BYTES else head
             await file.write(chunk)

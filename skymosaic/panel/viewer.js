@@ -1,4 +1,4 @@
-// Pictures under an SVG drawing, with zoom and pan by wheel, drag, buttons and keys; reports where the pointer is.
+// Pictures under an SVG drawing, with zoom and pan by wheel, drag, buttons and keys; reports the pointer's position.
 const STEP = 1.35;
 const LARGEST_ZOOM = 24;
 const POINTER_INTERVAL_MS = 40;
@@ -36,9 +36,9 @@ export default {
     zoom(factor, x = this.box[0] + this.box[2] / 2, y = this.box[1] + this.box[3] / 2) {
       const width = Math.min(this.size[0], Math.max(this.size[0] / LARGEST_ZOOM, this.box[2] / factor));
       const scale = width / this.box[2];
-      this.place(x - (x - this.box[0]) * scale, y - (y - this.box[1]) * scale, scale);
+      this.moveTo(x - (x - this.box[0]) * scale, y - (y - this.box[1]) * scale, scale);
     },
-    place(left, top, scale = 1) {
+    moveTo(left, top, scale = 1) {
       const width = this.box[2] * scale, height = this.box[3] * scale;
       const within = (value, room) => Math.max(0, Math.min(room, value));
       this.box = [within(left, this.size[0] - width), within(top, this.size[1] - height), width, height];
@@ -55,7 +55,7 @@ export default {
     onDown(event) {
       if (event.button === 0) this.drag = { x: event.clientX, y: event.clientY, moved: false };
     },
-    // At most once an interval, and where the pointer came to rest in any case.
+    // At most once per interval; the position where the pointer comes to rest is always reported.
     report() {
       this.timer = 0;
       if (!this.pointer) return;
@@ -73,7 +73,7 @@ export default {
       if (!this.drag.moved && Math.hypot(dx, dy) < 4) return;
       if (!this.drag.moved) this.$refs.svg.setPointerCapture(event.pointerId);
       const { scale } = this.at(event);
-      this.place(this.box[0] - dx / scale, this.box[1] - dy / scale);
+      this.moveTo(this.box[0] - dx / scale, this.box[1] - dy / scale);
       this.drag = { x: event.clientX, y: event.clientY, moved: true };
     },
     onUp(event) {
@@ -85,10 +85,10 @@ export default {
       const step = this.box[2] / 8;
       const action = {
         "+": () => this.zoom(STEP), "=": () => this.zoom(STEP), "-": () => this.zoom(1 / STEP), "0": () => this.fit(),
-        ArrowLeft: () => this.place(this.box[0] - step, this.box[1]),
-        ArrowRight: () => this.place(this.box[0] + step, this.box[1]),
-        ArrowUp: () => this.place(this.box[0], this.box[1] - step),
-        ArrowDown: () => this.place(this.box[0], this.box[1] + step),
+        ArrowLeft: () => this.moveTo(this.box[0] - step, this.box[1]),
+        ArrowRight: () => this.moveTo(this.box[0] + step, this.box[1]),
+        ArrowUp: () => this.moveTo(this.box[0], this.box[1] - step),
+        ArrowDown: () => this.moveTo(this.box[0], this.box[1] + step),
       }[event.key];
       if (action) { event.preventDefault(); action(); }
     },

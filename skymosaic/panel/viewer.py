@@ -1,4 +1,4 @@
-"""Pictures under a drawing, to zoom and move: the element every picture of the panel is shown in."""
+"""The element that shows pictures with a drawing over them, with zoom and pan."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from nicegui.events import GenericEventArguments
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture and where it lies in the viewer's pixels."""
+    """A picture, and its size and top left corner in viewer pixels."""
 
     href: str
     width: int
@@ -22,7 +22,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Pointer:
-    """Where the pointer is, in the viewer's pixels; ``scale`` is screen pixels a viewer pixel."""
+    """The pointer's position in viewer pixels; ``scale`` is screen pixels per viewer pixel."""
 
     x: float
     y: float
@@ -30,7 +30,7 @@ class Pointer:
 
 
 def side_by_side(pictures: Sequence[tuple[str, tuple[int, int]]], gap_px: int) -> list[Picture]:
-    """Pictures, given as address and (width, height), in a row."""
+    """Pictures, given as address and (width, height), in a row with gaps of ``gap_px`` viewer pixels."""
     placed: list[Picture] = []
     x = 0
     for href, (width, height) in pictures:
@@ -48,7 +48,8 @@ class Viewer(ui.element, component="viewer.js"):
         Accessible name.
     pictures : sequence of Picture
     drawing : str
-        SVG markup in the viewer's pixels: the panel's own numbers and words only, never a session's text.
+        SVG markup in viewer pixels. It is inserted without escaping: numbers and the panel's own words only, never
+        text from a user.
     """
 
     def __init__(self, label: str, pictures: Sequence[Picture], drawing: str = "") -> None:
@@ -66,7 +67,7 @@ class Viewer(ui.element, component="viewer.js"):
         self.props["drawing"] = drawing
 
     def highlight(self, drawing: str) -> None:
-        """Replace what is drawn over the drawing, which is not sent again."""
+        """Replace what is drawn on top, without sending the drawing itself again."""
         self.run_method("showHighlight", drawing)
 
     def on_pointer(self, event: str, handler: Callable[[Pointer], None]) -> None:

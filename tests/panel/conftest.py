@@ -1,4 +1,4 @@
-"""A panel in a process of its own, and Chromium where the machine has it."""
+"""Fixtures: a panel in a process of its own, and Chromium if the machine has it."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,13 +21,13 @@ def panel(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 @pytest.fixture(scope="session")
 def workers() -> None:
-    """The helper that workers are forked from, as a panel starts it."""
+    """Starts the helper process that workers are forked from, as a panel does."""
     prepare_workers()
 
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    """Chromium for one module: while Playwright runs, so does its event loop, and no test can start another."""
+    """Chromium for one module: Playwright's event loop runs as long as it does, and no test can start another loop."""
     if CHROMIUM is None:
         pytest.skip("no Chromium on this machine; on Debian: apt-get install chromium")
     with chromium() as started:
@@ -35,13 +35,13 @@ def browser() -> Iterator[Browser]:
 
 
 def is_complaint(message: ConsoleMessage) -> bool:
-    """Whether the browser reports a fault of the page; an upload that was refused is none."""
+    """Whether a message reports a fault of the page; a refused upload is not one."""
     return message.type == "error" and "Failed to load resource" not in message.text
 
 
 @pytest.fixture
 def page(browser: Browser, panel: str) -> Iterator[Page]:
-    """The panel as a new session sees it; what the browser complains about fails the test."""
+    """The panel's page in a new session; any error that the browser reports fails the test."""
     context = browser.new_context(viewport=WINDOW)
     opened = context.new_page()
     complaints: list[str] = []

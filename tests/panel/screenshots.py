@@ -1,9 +1,9 @@
-"""Pictures for docs/panel.md, and how long a session waits.
+"""Makes the pictures for docs/panel.md and measures how long a user waits.
 
     python -m tests.panel.screenshots [FOLDER]
 
-Prints the seconds from the command to its address and from the page to the first mosaic, and the milliseconds from a
-move of the threshold to the corners it leaves.
+Prints the seconds from the command to its address and from the open page to the first mosaic, and the milliseconds from
+a move of the threshold to the redrawn corners.
 """
 
 from __future__ import annotations
@@ -35,18 +35,18 @@ from tests.panel.visit import (
 ROUNDS = 20
 QUALITY = 60
 SETTLED_MS = 800
-"""Until animations have ended and the pointer's colour has faded."""
+"""Time for animations to end and the pointer's colour to fade."""
 
 
 def shoot(page: Page, folder: Path, name: str) -> None:
-    """Save what is in the window as ``panel-NAME.webp``."""
+    """Save the window as ``panel-NAME.webp``."""
     page.wait_for_timeout(SETTLED_MS)
     pixels = cv2.imdecode(np.frombuffer(page.screenshot(), np.uint8), cv2.IMREAD_COLOR)
     cv2.imwrite(str(folder / f"panel-{name}.webp"), pixels, [cv2.IMWRITE_WEBP_QUALITY, QUALITY])
 
 
 def visit_pair(page: Page, folder: Path) -> None:
-    """From the first click to the comparison with the hardware."""
+    """Make the built-in pair's mosaic, show its matches and compare with the hardware."""
     started = time.perf_counter()
     load_built_in_pair(page)
     make_mosaic(page)
@@ -67,14 +67,14 @@ def visit_pair(page: Page, folder: Path) -> None:
 
 
 def move_threshold(page: Page, _: Path) -> None:
-    """How soon the corners follow."""
+    """Measure how soon the corners follow the threshold."""
     load_built_in_pair(page)
     milliseconds = threshold_to_corners_ms(page, ROUNDS)
     print(f"threshold to corners: median {statistics.median(milliseconds):.0f} ms, worst {max(milliseconds):.0f} ms")
 
 
 def visit_flight(page: Page, folder: Path) -> None:
-    """A flight and its outlines."""
+    """Make the built-in flight's mosaic and show the outlines."""
     page.get_by_role("button", name="Load the built-in flight").click()
     expect(photographs_loaded(page)).to_have_count(9, timeout=LONG_MS)
     make_mosaic(page)
@@ -83,7 +83,7 @@ def visit_flight(page: Page, folder: Path) -> None:
 
 
 def visit_tracking(page: Page, folder: Path) -> None:
-    """The built-in film, tracked."""
+    """Track the car through the built-in film."""
     page.get_by_role("link", name="Tracking").click()
     page.get_by_role("button", name="Try the built-in film").click()
     expect(page.get_by_role("list", name="Video loaded").locator("li")).to_have_count(1, timeout=LONG_MS)
@@ -93,7 +93,7 @@ def visit_tracking(page: Page, folder: Path) -> None:
 
 
 def main(folder: Path) -> None:
-    """Visit everything with one browser."""
+    """Make every picture with one browser."""
     started = time.perf_counter()
     with tempfile.TemporaryDirectory() as log_folder, running_panel(Path(log_folder)) as address, chromium() as browser:
         print(f"command to address, browser started: {time.perf_counter() - started:.1f} s")

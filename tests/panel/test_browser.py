@@ -1,4 +1,4 @@
-"""The panel as a session uses it, in headless Chromium."""
+"""The panel as a user sees it, in headless Chromium."""
 
 import re
 import statistics
@@ -35,7 +35,7 @@ LATENCY_ROUNDS = 20
 
 @pytest.fixture(scope="module")
 def made(browser: Browser, panel: str) -> Iterator[Page]:
-    """A page whose session has made the mosaic of the built-in pair."""
+    """A page of a session that has made the mosaic of the built-in pair."""
     page = browser.new_page(viewport=WINDOW)
     page.goto(panel)
     load_built_in_pair(page)
@@ -60,14 +60,14 @@ def test_the_built_in_pair_becomes_a_mosaic_that_zooms(made: Page) -> None:
     expect(drawing).to_have_attribute("viewBox", whole)
 
 
-def test_a_rejected_match_tells_why(made: Page) -> None:
+def test_a_rejected_match_is_explained(made: Page) -> None:
     open_tab(made, "Matches")
     for kind in ("kept, on the homography", "kept, off it"):
         made.get_by_role("checkbox", name=kind).click()
     viewer = made.get_by_role("group", name="Matches between the photographs")
     lines = viewer.locator("path.match.rejected:not(.chosen)")
     expect(lines).to_have_count(1)
-    viewer.locator("svg").hover()  # which waits until it has its place
+    viewer.locator("svg").hover()  # waits until the viewer has its final position
     x, y = middle_of(lines)
     made.mouse.move(x, y)
     explanation = made.locator(".explanation")
@@ -75,14 +75,14 @@ def test_a_rejected_match_tells_why(made: Page) -> None:
     for words in ("px from the homography", "distance", "margin to the second best", "strength", "weight"):
         expect(explanation).to_contain_text(words)
     expect(explanation.locator("svg circle")).to_have_count(6)
-    expect(explanation.locator("tr.loudest")).to_have_count(1)
+    expect(explanation.locator("tr.dominant")).to_have_count(1)
     made.mouse.click(x, y)
     expect(made.get_by_role("status", name="Match shown")).to_contain_text("held")
     for kind in ("kept, on the homography", "kept, off it"):
         made.get_by_role("checkbox", name=kind).click()
 
 
-def test_matches_are_reached_by_keys(made: Page) -> None:
+def test_the_keyboard_steps_through_the_matches(made: Page) -> None:
     open_tab(made, "Matches")
     made.get_by_role("button", name="Next match").focus()
     shown = made.get_by_role("status", name="Match shown")
@@ -147,7 +147,7 @@ def test_every_tab_fits_the_window(made: Page) -> None:
         assert max(widths) <= 1280, name
 
 
-def test_every_control_has_a_name_and_is_reached_by_tab(made: Page) -> None:
+def test_tab_reaches_every_control_and_each_has_a_name(made: Page) -> None:
     open_tab(made, "Matches")
     names = names_reached_by_tab(made)
     for part in (
@@ -162,14 +162,14 @@ def test_every_control_has_a_name_and_is_reached_by_tab(made: Page) -> None:
         assert any(part in name for name in names), (part, names)
 
 
-def test_a_reload_loses_nothing_that_finished(made: Page) -> None:
+def test_a_reload_keeps_finished_results(made: Page) -> None:
     made.reload()
     expect(mosaic_viewer(made)).to_be_visible()
     open_tab(made, "Corners")
     expect(corner_counts(made)).to_contain_text("corners")
 
 
-def test_everything_comes_from_the_panel_itself(browser: Browser, panel: str) -> None:
+def test_the_page_loads_nothing_from_another_server(browser: Browser, panel: str) -> None:
     page = browser.new_page()
     addresses: list[str] = []
     page.on("request", lambda request: addresses.append(request.url))
@@ -181,7 +181,7 @@ def test_everything_comes_from_the_panel_itself(browser: Browser, panel: str) ->
 
 
 def test_the_threshold_moves_the_corners_within_300_ms(page: Page) -> None:
-    """Median of twenty, from the key to the next frame that the browser paints, two photographs of 640x480."""
+    """Median of twenty, from the key press to the next frame the browser paints, for two photographs of 640x480."""
     load_built_in_pair(page)
     milliseconds = threshold_to_corners_ms(page, LATENCY_ROUNDS)
     print(f"threshold to corners: median {statistics.median(milliseconds):.0f} ms, worst {max(milliseconds):.0f} ms")
@@ -190,7 +190,7 @@ def test_the_threshold_moves_the_corners_within_300_ms(page: Page) -> None:
     expect(corner_counts(page)).to_contain_text("0 and 0 corners")
 
 
-def test_a_broken_file_is_refused_with_a_clear_line(page: Page, photographs: list[Path], tmp_path: Path) -> None:
+def test_a_broken_file_is_refused_with_a_reason(page: Page, photographs: list[Path], tmp_path: Path) -> None:
     broken = tmp_path / "broken.png"
     broken.write_bytes(photographs[0].read_bytes()[:5000])
     page.get_by_label("Choose photographs").set_input_files([photographs[0], broken])
@@ -199,7 +199,7 @@ def test_a_broken_file_is_refused_with_a_clear_line(page: Page, photographs: lis
     expect(page.get_by_role("button", name="Make the mosaic")).to_be_disabled()
 
 
-def test_ones_own_photographs_make_a_mosaic(page: Page, photographs: list[Path]) -> None:
+def test_uploaded_photographs_make_a_mosaic(page: Page, photographs: list[Path]) -> None:
     page.get_by_label("Choose photographs").set_input_files(photographs)
     expect(photographs_loaded(page)).to_have_count(2)
     choose(page, "Detector", "orb")
@@ -217,7 +217,7 @@ def test_ones_own_photographs_make_a_mosaic(page: Page, photographs: list[Path])
     expect(outdated).to_be_visible()
 
 
-def test_photographs_that_do_not_overlap_are_told_with_their_matches(
+def test_photographs_without_overlap_show_their_matches_and_the_reason(
     page: Page, photographs: list[Path], tmp_path: Path
 ) -> None:
     noise = np.random.default_rng(3).integers(0, 256, (240, 320), np.uint8)
@@ -232,7 +232,9 @@ def test_photographs_that_do_not_overlap_are_told_with_their_matches(
     expect(page.locator(".explanation")).to_contain_text("No homography was found")
 
 
-def test_two_visitors_do_not_see_each_other(page: Page, browser: Browser, panel: str, photographs: list[Path]) -> None:
+def test_sessions_do_not_see_each_others_photographs(
+    page: Page, browser: Browser, panel: str, photographs: list[Path]
+) -> None:
     page.get_by_label("Choose photographs").set_input_files(photographs)
     expect(photographs_loaded(page)).to_have_count(2)
     other = browser.new_page()

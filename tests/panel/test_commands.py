@@ -1,4 +1,4 @@
-"""The command line that the panel shows beside a result makes that result again."""
+"""The command line that the panel shows beside a result repeats that result."""
 
 import shlex
 from pathlib import Path
@@ -19,7 +19,7 @@ OPTIONS = {
     "threshold": {"position": 12, "rule_base": "none", "blending": "average"},
     "fast": {"detector": "fast", "position": 25, "descriptor": "ilbp-256"},
     "key points": {"detector": "brisk", "descriptor": "freak"},
-    "strongest of the host": {"detector": "orb", "position": 16, "blending": "multiband"},
+    "fewer key points": {"detector": "orb", "position": 16, "blending": "multiband"},
     "refined": {"estimator": "magsac", "refine": True},
     "fuzzy estimator": {"estimator": "fuzzy-ransac"},
 }
@@ -43,7 +43,9 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 
 @pytest.mark.parametrize("name", OPTIONS)
-def test_a_pairs_command_repeats_it(runs: dict[str, Path], name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_command_of_a_pair_repeats_its_mosaic(
+    runs: dict[str, Path], name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(runs[name])
     before = Path("mosaic.png").rename("before.png")
     program, *arguments = shlex.split(Path("command.txt").read_text())
@@ -59,7 +61,7 @@ def test_every_option_changes_the_mosaic(runs: dict[str, Path]) -> None:
 
 
 def test_the_files_of_a_run_do_not_name_its_folder(runs: dict[str, Path]) -> None:
-    """The archive is opened elsewhere, and need not tell where the panel keeps its files."""
+    """The archive is opened elsewhere and must not reveal where the panel keeps its files."""
     for folder in runs.values():
         texts = [path for path in folder.rglob("*") if path.suffix in (".csv", ".html", ".json", ".toml", ".txt")]
         assert len(texts) == 6

@@ -1,4 +1,4 @@
-"""The corners that follow the threshold are those that a run would find."""
+"""The corners that follow the slider equal those of a run."""
 
 from pathlib import Path
 
@@ -20,7 +20,7 @@ def picture(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("detector", ["harris", "fast"])
-def test_the_slider_shows_what_a_run_finds(picture: Path, detector: str) -> None:
+def test_the_slider_shows_the_corners_of_a_run(picture: Path, detector: str) -> None:
     pixels, counts = cv2.imread(str(picture)), set()
     for position in (2, 20, 34):
         options = Options.of_preset("aerial").changed("detector", detector).changed("position", position)
@@ -31,7 +31,7 @@ def test_the_slider_shows_what_a_run_finds(picture: Path, detector: str) -> None
     assert len(counts) == 3
 
 
-def test_without_cells_the_threshold_rises_until_all_fit(picture: Path) -> None:
+def test_without_cell_selection_the_threshold_rises_until_all_corners_fit(picture: Path) -> None:
     lowest = Options.of_preset("thesis").changed("position", 0)
     (shown,) = detect([picture], lowest)
     assert 0 < len(shown) <= lowest.resolve()[1].front_end.max_features

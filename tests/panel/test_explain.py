@@ -1,4 +1,4 @@
-"""Explanations against the records they explain: what the panel tells is what the matcher computed."""
+"""Explanations agree with the match records: the panel shows what the matcher computed."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def view(request: pytest.FixtureRequest, images: list[np.ndarray]) -> PairView:
 
 
 def test_strengths_and_outputs_give_the_recorded_weight(view: PairView) -> None:
-    """Sugeno's weighted mean of what is shown is the weight that decided, to the rounding of UQ0.8."""
+    """Sugeno's weighted mean of the strengths and outputs shown equals the recorded weight, up to UQ0.8's rounding."""
     for index in range(len(view.matches)):
         rules = explain(view, index).rules
         if rules:
@@ -41,17 +41,17 @@ def test_strengths_and_outputs_give_the_recorded_weight(view: PairView) -> None:
             assert abs(mean - view.matches["weight"][index] / HIGHEST_WEIGHT) <= 1.5 / HIGHEST_WEIGHT
 
 
-def test_the_loudest_rule_shown_is_the_recorded_one(view: PairView) -> None:
+def test_the_dominant_rule_is_the_recorded_one(view: PairView) -> None:
     for index in range(len(view.matches)):
         explanation = explain(view, index)
         if explanation.rules:
             strongest = max(explanation.rules, key=lambda rule: rule.strength)
-            (loudest,) = [rule for rule in explanation.rules if rule.loudest]
-            assert loudest.strength == strongest.strength
-            assert loudest.words in explanation.reason
+            (dominant,) = [rule for rule in explanation.rules if rule.dominant]
+            assert dominant.strength == strongest.strength
+            assert dominant.words in explanation.reason
 
 
-def test_every_verdict_has_its_reason(view: PairView) -> None:
+def test_every_verdict_has_a_reason_that_agrees(view: PairView) -> None:
     shown = verdicts(view)
     assert shown.count("inlier") == view.inlier.sum()
     assert shown.count("rejected") == (~view.kept).sum()
@@ -64,7 +64,7 @@ def test_every_verdict_has_its_reason(view: PairView) -> None:
             assert kept == (verdict != "rejected")
 
 
-def test_the_markup_marks_value_and_degrees(view: PairView) -> None:
+def test_the_markup_shows_values_and_degrees(view: PairView) -> None:
     index = int(np.argmin(view.matches["verdict"]))
     explanation, page = explain(view, index), markup(explain(view, index))
     for item in explanation.inputs:
@@ -74,7 +74,7 @@ def test_the_markup_marks_value_and_degrees(view: PairView) -> None:
     assert page.count("<circle") == sum(len(item.degrees) for item in explanation.inputs)
 
 
-def test_the_nearest_line_is_found_within_reach() -> None:
+def test_the_nearest_line_is_found_only_within_the_distance() -> None:
     lines = np.array([[0, 0, 100, 0], [0, 50, 100, 50], [200, 0, 200, 0]], dtype=np.float64)
     assert drawings.nearest(lines, 50, 10, within=12) == 0
     assert drawings.nearest(lines, 50, 41, within=12) == 1

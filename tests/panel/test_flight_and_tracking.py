@@ -1,4 +1,4 @@
-"""More than two photographs, and an object in a video, as a session uses them."""
+"""Flights of more than two photographs, and an object in a video, as a user sees them."""
 
 import csv
 import re
@@ -31,13 +31,15 @@ FRAMES = 60
 
 
 def unpacked(page: Page, folder: Path, name: str) -> Path:
-    """A run's folder out of the archive, and the command in it run again beside what it had made before."""
+    """A folder where a run's command was repeated on the archive's inputs; its first results are in ``before``."""
     with page.expect_download() as download:
         page.get_by_role("link", name="Download everything").click()
     download.value.save_as(folder / "all.zip")
     with zipfile.ZipFile(folder / "all.zip") as archive:
         archive.extractall(folder)
     run = folder / name
+    texts = [path for path in run.rglob("*") if path.suffix in (".csv", ".html", ".json", ".toml", ".txt")]
+    assert not any("skymosaic-panel-" in path.read_text() for path in texts), "the server's folder is named"
     run.rename(folder / "before")
     run.mkdir()
     for path in (folder / "before").iterdir():
@@ -53,7 +55,7 @@ def unpacked(page: Page, folder: Path, name: str) -> Path:
 
 @pytest.fixture(scope="module")
 def flight(browser: Browser, panel: str) -> Iterator[Page]:
-    """A page whose session has made the mosaic of the built-in flight."""
+    """A page of a session that has made the mosaic of the built-in flight."""
     page = browser.new_page(viewport=WINDOW)
     page.goto(panel)
     page.get_by_role("button", name="Load the built-in flight").click()
@@ -71,7 +73,7 @@ def test_a_flight_becomes_one_mosaic(flight: Page) -> None:
     expect(flight.get_by_role("tabpanel", name="Numbers")).to_contain_text(f"{PHOTOGRAPHS} of {PHOTOGRAPHS}")
 
 
-def test_any_pair_of_a_flight_can_be_looked_at(flight: Page) -> None:
+def test_the_matches_of_any_pair_of_a_flight_can_be_shown(flight: Page) -> None:
     open_tab(flight, "Matches")
     panel = flight.get_by_role("tabpanel", name="Matches")
     before = panel.locator("image").last.get_attribute("href")
@@ -85,28 +87,28 @@ def test_any_pair_of_a_flight_can_be_looked_at(flight: Page) -> None:
     expect(mosaic_viewer(flight)).to_be_visible()
 
 
-def test_a_flights_controls_are_reached_by_tab(flight: Page) -> None:
+def test_tab_reaches_the_controls_of_a_flight(flight: Page) -> None:
     open_tab(flight, "Matches")
     assert {"Pair of the flight", "Look at it", "Remove all"} <= set(names_reached_by_tab(flight))
 
 
-def test_a_flights_command_makes_the_same_mosaic(flight: Page, tmp_path: Path) -> None:
+def test_the_command_of_a_flight_repeats_its_mosaic(flight: Page, tmp_path: Path) -> None:
     again = unpacked(flight, tmp_path, "mosaic")
     assert (again / "report" / "index.html").exists()
     mosaics = [cv2.imread(str(folder / "mosaic.png")) for folder in (again, tmp_path / "before")]
     assert np.array_equal(*mosaics)
 
 
-def test_a_flight_says_what_it_cannot_be_made_with(flight: Page) -> None:
+def test_options_that_a_flight_cannot_have_are_refused_with_a_reason(flight: Page) -> None:
     choose(flight, "Detector", "orb")
-    expect(flight.get_by_text("more than two photographs take Harris or FAST")).to_be_visible()
+    expect(flight.get_by_text("more than two photographs need Harris or FAST")).to_be_visible()
     expect(flight.get_by_role("button", name="Make the mosaic")).to_be_disabled()
     choose(flight, "Preset", "aerial")
     choose(flight, "Detector", "harris")
     expect(flight.get_by_role("button", name="Make the mosaic")).to_be_enabled()
 
 
-def test_photographs_that_are_removed_leave_the_mosaic(flight: Page) -> None:
+def test_the_mosaic_stays_when_photographs_are_removed(flight: Page) -> None:
     flight.get_by_role("button", name="Remove all").click()
     expect(photographs_loaded(flight)).to_have_count(0)
     expect(corner_counts(flight)).to_have_count(0)
@@ -119,7 +121,7 @@ def test_photographs_that_are_removed_leave_the_mosaic(flight: Page) -> None:
 
 @pytest.fixture(scope="module")
 def tracked(browser: Browser, panel: str) -> Iterator[Page]:
-    """A page whose session has followed the car through the built-in film."""
+    """A page of a session that has followed the car through the built-in film."""
     page = browser.new_page(viewport=WINDOW)
     page.goto(panel)
     page.get_by_role("link", name="Tracking").click()
@@ -141,13 +143,13 @@ def test_an_object_is_followed_through_a_video(tracked: Page) -> None:
     assert max(widths) <= WINDOW["width"]
 
 
-def test_the_tracking_pages_controls_are_reached_by_tab(tracked: Page) -> None:
+def test_tab_reaches_the_controls_of_the_tracking_page(tracked: Page) -> None:
     names = names_reached_by_tab(tracked)
     for part in ("Choose object", "Choose video", "Backend", "Follow the object", "Tracked video"):
         assert any(part in name for name in names), (part, names)
 
 
-def test_the_tracking_archive_holds_video_and_corners_and_repeats_them(tracked: Page, tmp_path: Path) -> None:
+def test_the_tracking_archive_has_video_and_corners_and_its_command_repeats_them(tracked: Page, tmp_path: Path) -> None:
     again = unpacked(tracked, tmp_path, "tracking")
     rows = list(csv.DictReader((again / "corners.csv").read_text().splitlines()))
     assert len(rows) == FRAMES
@@ -162,7 +164,7 @@ def test_a_reload_keeps_the_tracked_video(tracked: Page) -> None:
     expect(tracked.get_by_text("Found in")).to_be_visible()
 
 
-def test_ones_own_object_and_video_are_taken_and_what_is_neither_refused(page: Page, tmp_path: Path) -> None:
+def test_an_object_is_accepted_and_files_that_are_no_video_are_refused(page: Page, tmp_path: Path) -> None:
     page.get_by_role("link", name="Tracking").click()
     expect(page.get_by_role("button", name="Follow the object")).to_be_disabled()
     picture, video = tmp_path / "car.png", tmp_path / "film.mp4"

@@ -1,4 +1,4 @@
-"""What may be chosen, and what options stand for."""
+"""The options, and the method and configuration they resolve to."""
 
 import itertools
 from pathlib import Path
@@ -12,7 +12,7 @@ from tests.panel.visit import running_panel
 
 
 @pytest.mark.parametrize("slider", [*SCALES.values(), STRONGEST], ids=lambda slider: slider.title)
-def test_a_slider_rises_and_finds_its_way_back(slider) -> None:
+def test_slider_values_rise_and_convert_back_to_positions(slider) -> None:
     values = [slider.value(position) for position in range(slider.lowest, slider.highest + 1)]
     assert values == sorted(values)
     assert values[0] >= 1
@@ -20,7 +20,7 @@ def test_a_slider_rises_and_finds_its_way_back(slider) -> None:
 
 
 @pytest.mark.parametrize("preset", OPTION_VALUES["preset"])
-def test_a_preset_chooses_its_own_configuration(preset: str) -> None:
+def test_a_preset_resolves_to_its_own_configuration(preset: str) -> None:
     options = Options.of_preset(preset)
     _, config = options.resolve()
     assert config.preset == preset
@@ -29,13 +29,13 @@ def test_a_preset_chooses_its_own_configuration(preset: str) -> None:
 
 def test_every_combination_of_options_resolves_or_is_refused_with_a_reason() -> None:
     lists = (OPTION_VALUES[name] for name in ("preset", "detector", "descriptor", "rule_base"))
-    results = [_settles(*combination) for combination in itertools.product(*lists)]
-    assert results.count("") > 200
-    assert "another method" not in results
-    assert not any("\n" in why_not for why_not in results)
+    reasons = [_why_refused(*combination) for combination in itertools.product(*lists)]
+    assert reasons.count("") > 200
+    assert "another method" not in reasons
+    assert not any("\n" in reason for reason in reasons)
 
 
-def _settles(preset: str, detector: str, descriptor: str, rule_base: str) -> str:
+def _why_refused(preset: str, detector: str, descriptor: str, rule_base: str) -> str:
     options = Options.of_preset(preset).changed("detector", detector).changed("descriptor", descriptor)
     try:
         method, _ = options.changed("rule_base", rule_base).resolve()
@@ -44,28 +44,28 @@ def _settles(preset: str, detector: str, descriptor: str, rule_base: str) -> str
     return "" if (method.detector, method.descriptor) == (detector, descriptor) else "another method"
 
 
-def test_the_slider_reaches_the_front_end() -> None:
+def test_the_slider_sets_the_front_ends_threshold_or_number() -> None:
     harris = Options.of_preset("aerial").changed("position", 20)
     assert harris.resolve()[1].front_end.threshold == 1024
     strongest = harris.changed("detector", "sift").changed("position", 16)
     assert strongest.resolve()[1].front_end.max_features == 256
 
 
-def test_a_preset_resets_what_was_chosen() -> None:
+def test_a_preset_resets_all_options() -> None:
     changed = Options.of_preset("aerial").changed("detector", "fast").changed("descriptor", "ilbp-256")
     assert changed.changed("preset", "thesis") == Options.of_preset("thesis")
 
 
-def test_a_flight_takes_less_than_a_pair() -> None:
+def test_a_flight_has_fewer_options_than_a_pair() -> None:
     aerial = Options.of_preset("aerial")
     assert fault_of(aerial, 3) == fault_of(aerial.changed("detector", "fast"), 3) == ""
     for name, value in (("detector", "sift"), ("estimator", "magsac"), ("refine", True)):
         changed = aerial.changed(name, value)
         assert fault_of(changed) == ""
-        assert "leave two photographs" in fault_of(changed, 3)
+        assert "keep only two photographs" in fault_of(changed, 3)
 
 
-def test_a_board_is_a_backend_where_there_is_one(tmp_path: Path) -> None:
+def test_a_board_is_offered_as_a_backend(tmp_path: Path) -> None:
     with running_panel(tmp_path, "--board", "192.0.2.7:5000") as address:
         for path in ("/", "/tracking"):
             assert "board:192.0.2.7:5000" in httpx.get(address + path).text

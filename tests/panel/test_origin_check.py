@@ -1,4 +1,4 @@
-"""Requests that do not come from the panel's own page, over plain sockets."""
+"""Requests that do not come from the panel's own page are refused; sent over plain sockets."""
 
 import base64
 import os
@@ -12,7 +12,7 @@ WEBSOCKET_PATH = "/_nicegui_ws/socket.io/?EIO=4&transport=websocket"
 
 
 def status(address: str, method: str, path: str, *, host: object = OWN, origin: object = OWN, **headers: str) -> int:
-    """The status code of a request with any headers, which no client library lets through."""
+    """The status code of a request with any headers, including those that client libraries refuse to send."""
     authority = urlsplit(address).netloc
     lines = [f"{method} {path} HTTP/1.1", f"Host: {authority if host is OWN else host}", "Connection: close"]
     if origin is not None:
@@ -35,7 +35,7 @@ def test_the_panels_own_page_and_socket_are_served(panel: str) -> None:
     assert websocket_status(panel) == 101
 
 
-def test_localhost_is_the_same_panel(panel: str) -> None:
+def test_the_name_localhost_is_accepted(panel: str) -> None:
     port = panel.rsplit(":", 1)[1]
     names = {"host": f"localhost:{port}", "origin": f"http://localhost:{port}"}
     assert status(panel, "GET", "/", **names) == 200
@@ -46,7 +46,7 @@ def test_localhost_is_the_same_panel(panel: str) -> None:
     "host", ["evil.example", "evil.example:8080", "127.0.0.1", "127.0.0.1:1", "localhost.evil.example:8080"]
 )
 def test_a_foreign_host_is_refused(panel: str, host: str) -> None:
-    """A name that an attacker lets resolve to 127.0.0.1 shows in the Host."""
+    """A host name that an attacker lets resolve to 127.0.0.1 appears in the Host header."""
     assert status(panel, "GET", "/", host=host) == 403
     assert websocket_status(panel, host=host) == 403
 
@@ -64,11 +64,11 @@ def test_a_post_of_a_foreign_origin_is_refused(panel: str, origin: str | None) -
 
 
 @pytest.mark.parametrize("method", ["GET", "POST"])
-def test_the_socket_has_no_way_around_websockets(panel: str, method: str) -> None:
-    """Socket.IO's polling would let a GET carry a conversation."""
+def test_the_socket_path_accepts_websockets_only(panel: str, method: str) -> None:
+    """Socket.IO's polling would let a GET act like a message."""
     assert status(panel, method, "/_nicegui_ws/socket.io/?EIO=4&transport=polling", Content_Length="0") == 403
 
 
 @pytest.mark.parametrize("method", ["PUT", "DELETE", "PATCH", "OPTIONS"])
-def test_other_methods_find_nothing(panel: str, method: str) -> None:
+def test_other_methods_are_refused(panel: str, method: str) -> None:
     assert status(panel, method, "/", Content_Length="0") in (404, 405)

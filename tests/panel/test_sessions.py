@@ -1,4 +1,4 @@
-"""What a session has: one job at a time, limits, and no file that nothing shows."""
+"""A session runs one job at a time, has limits, and keeps no file that is not shown."""
 
 import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
@@ -13,7 +13,7 @@ from skymosaic.panel import sessions as sessions_module
 from skymosaic.panel.sessions import Session, Sessions
 from skymosaic.panel.uploads import UploadRefusedError
 
-Story = Callable[[], Awaitable[None]]
+Scenario = Callable[[], Awaitable[None]]
 
 pytestmark = pytest.mark.usefixtures("workers")
 
@@ -26,15 +26,15 @@ def sessions() -> Iterator[Sessions]:
 
 
 @pytest.fixture
-def live(monkeypatch: pytest.MonkeyPatch) -> Callable[[Story], None]:
-    """Runs a story in the event loop that background tasks are given to."""
+def run_in_loop(monkeypatch: pytest.MonkeyPatch) -> Callable[[Scenario], None]:
+    """Runs a coroutine in the event loop that NiceGUI gives its background tasks to."""
 
-    def run(story: Story) -> None:
-        async def told() -> None:
+    def run(scenario: Scenario) -> None:
+        async def with_limit() -> None:
             monkeypatch.setattr(nicegui.core, "loop", asyncio.get_running_loop())
-            await asyncio.wait_for(story(), timeout=120)
+            await asyncio.wait_for(scenario(), timeout=120)
 
-        asyncio.run(told())
+        asyncio.run(with_limit())
 
     return run
 
@@ -57,10 +57,10 @@ def files(session: Session, folder: str) -> set[str]:
     return {path.name for path in session._folder(folder).rglob("*") if path.is_file()}
 
 
-def test_what_was_replaced_leaves_no_file(sessions: Sessions, live: Callable[[Story], None]) -> None:
+def test_the_files_of_replaced_uploads_are_removed(sessions: Sessions, run_in_loop: Callable[[Scenario], None]) -> None:
     session = sessions.get("one")
 
-    async def story() -> None:
+    async def scenario() -> None:
         for seed in (1, 2):
             await session.upload("template", body(picture(seed)), "car.png")
         await session.upload("photograph", body(picture(3)), "field.png")
@@ -78,13 +78,13 @@ def test_what_was_replaced_leaves_no_file(sessions: Sessions, live: Callable[[St
         assert files(session, "uploads") == {"02_car.png"}
         assert files(session, "views") == views, "the mosaic still shows them"
 
-    live(story)
+    run_in_loop(scenario)
 
 
-def test_nothing_starts_while_a_job_runs(sessions: Sessions, live: Callable[[Story], None]) -> None:
+def test_no_second_job_starts_while_one_runs(sessions: Sessions, run_in_loop: Callable[[Scenario], None]) -> None:
     session = sessions.get("one")
 
-    async def story() -> None:
+    async def scenario() -> None:
         session.load_built_in(2)
         await idle(session)
         session.make_mosaic()
@@ -98,13 +98,15 @@ def test_nothing_starts_while_a_job_runs(sessions: Sessions, live: Callable[[Sto
         assert session.fault == ""
         assert session.mosaic_result.folder == run
 
-    live(story)
+    run_in_loop(scenario)
 
 
-def test_runs_without_an_outcome_are_removed_with_the_next(sessions: Sessions, live: Callable[[Story], None]) -> None:
+def test_the_next_run_removes_the_files_of_runs_without_a_result(
+    sessions: Sessions, run_in_loop: Callable[[Scenario], None]
+) -> None:
     session = sessions.get("one")
 
-    async def story() -> None:
+    async def scenario() -> None:
         session.load_built_in(2)
         await idle(session)
         for _ in range(3):
@@ -114,17 +116,17 @@ def test_runs_without_an_outcome_are_removed_with_the_next(sessions: Sessions, l
             assert session.fault == "Making the mosaic: cancelled"
         assert len(list(session._folder("runs").iterdir())) == 1
 
-    live(story)
+    run_in_loop(scenario)
 
 
 @pytest.mark.parametrize(("limit", "says"), [("MOST_BYTES", "larger than the 0 MB"), ("MOST_PHOTOGRAPHS", "no more")])
-def test_room_ends(
-    sessions: Sessions, live: Callable[[Story], None], monkeypatch: pytest.MonkeyPatch, limit: str, says: str
+def test_uploads_beyond_a_limit_are_refused(
+    sessions: Sessions, run_in_loop: Callable[[Scenario], None], monkeypatch: pytest.MonkeyPatch, limit: str, says: str
 ) -> None:
     session = sessions.get("one")
     monkeypatch.setattr(sessions_module, limit, 1)
 
-    async def story() -> None:
+    async def scenario() -> None:
         refusals = []
         for seed in (1, 2):
             try:
@@ -134,46 +136,48 @@ def test_room_ends(
         assert refusals
         assert all(error.status == 413 and says in str(error) for error in refusals)
 
-    live(story)
+    run_in_loop(scenario)
     assert len(files(session, "uploads")) == len(session.photographs) <= 1
 
 
-def test_those_who_came_first_make_room(
-    sessions: Sessions, live: Callable[[Story], None], monkeypatch: pytest.MonkeyPatch
+def test_the_oldest_idle_session_makes_room(
+    sessions: Sessions, run_in_loop: Callable[[Scenario], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sessions_module, "MOST_KEPT", 2)
     three = [sessions.get(number) for number in ("one", "two", "three")]
 
-    async def story() -> None:
+    async def scenario() -> None:
         for seed, session in enumerate(three[:2]):
             await session.upload("photograph", body(picture(seed)), "field.png")
         three[0].load_built_in(2)
         seen = []
         three[1].changed.subscribe(lambda: seen.append(list(three[1].photographs)))
         await three[2].upload("photograph", body(picture(3)), "field.png")
-        assert [len(session.photographs) for session in three] == [1, 0, 1], "the first one's work was running"
+        assert [len(session.photographs) for session in three] == [1, 0, 1], "the first one's job was running"
         assert seen == [[]]
         await idle(three[0])
         assert len(three[0].photographs) == 2
 
-    live(story)
+    run_in_loop(scenario)
 
 
-def test_a_number_is_one_visitor(sessions: Sessions) -> None:
+def test_an_identifier_is_one_session(sessions: Sessions) -> None:
     one = sessions.get("one")
     assert sessions.get("one") is one
     assert sessions.get("two") is not one
 
 
-def test_nothing_stays_behind(live: Callable[[Story], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_closing_removes_every_file(
+    run_in_loop: Callable[[Scenario], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     sessions = Sessions()
     session = sessions.get("one")
 
-    async def story() -> None:
+    async def scenario() -> None:
         await session.upload("photograph", body(picture(1)), "field.png")
         assert any(tmp_path.rglob("*.png"))
         sessions.close()
 
-    live(story)
+    run_in_loop(scenario)
     assert not any(tmp_path.rglob("*.png"))

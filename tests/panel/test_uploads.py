@@ -1,4 +1,4 @@
-"""Files that must not be taken, sent as a browser would send them; the panel lives on after each."""
+"""Files that must be refused, sent as a browser sends them; the panel survives each."""
 
 import io
 import re
@@ -16,35 +16,35 @@ from skymosaic.panel.uploads import PHOTOGRAPH, VIDEO, safe_stem
 
 
 class Client:
-    """A browser without a screen: cookies and the page's own Origin."""
+    """A browser without a screen: it has the session's cookie and sends the page's own Origin."""
 
     def __init__(self, panel: str) -> None:
-        self._client = httpx.Client(base_url=panel, headers={"origin": panel}, timeout=60)
-        self._client.get("/")
+        self.http = httpx.Client(base_url=panel, headers={"origin": panel}, timeout=60)
+        self.http.get("/")
 
     def upload(self, name: str, body: bytes | Iterator[bytes], slot: str = "photograph") -> httpx.Response:
-        return self._client.post(f"/upload/{slot}", params={"name": name}, content=body)
+        return self.http.post(f"/upload/{slot}", params={"name": name}, content=body)
 
     def get(self, path: str) -> httpx.Response:
-        return self._client.get(path)
+        return self.http.get(path)
 
     def pictures(self) -> list[str]:
         return sorted(set(re.findall(r"/picture/[\w.-]+", self.get("/").text)))
 
     def close(self) -> None:
-        self._client.close()
+        self.http.close()
 
 
 @pytest.fixture
 def client(panel: str) -> Iterator[Client]:
-    someone = Client(panel)
-    yield someone
-    assert someone.get("/").status_code == 200
-    someone.close()
+    opened = Client(panel)
+    yield opened
+    assert opened.get("/").status_code == 200, "the panel no longer answers"
+    opened.close()
 
 
 def png(width: int, height: int, data: bytes) -> bytes:
-    """A PNG with any header and any compressed data."""
+    """A PNG with a header of any size and any compressed data."""
 
     def chunk(kind: bytes, body: bytes) -> bytes:
         return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
@@ -58,7 +58,7 @@ def picture(side_px: int = 96) -> bytes:
     return cv2.imencode(".png", noise)[1].tobytes()
 
 
-def test_a_photograph_is_taken_and_shown(client: Client) -> None:
+def test_a_photograph_is_accepted_and_shown(client: Client) -> None:
     assert client.upload("field.png", picture()).status_code == 204
     (shown,) = client.pictures()
     assert client.get(shown).content.startswith(b"\x89PNG")
@@ -77,7 +77,7 @@ def test_a_photograph_is_taken_and_shown(client: Client) -> None:
         "",
     ],
 )
-def test_a_name_decides_nothing(client: Client, name: str) -> None:
+def test_a_file_name_cannot_choose_a_path(client: Client, name: str) -> None:
     assert client.upload(name, picture()).status_code == 204
     (shown,) = client.pictures()
     assert re.fullmatch(r"/picture/01_[A-Za-z0-9_-]+\.png\.png", shown)
@@ -101,7 +101,7 @@ def test_a_name_decides_nothing(client: Client, name: str) -> None:
     ],
     ids=lambda value: value if isinstance(value, str) and len(value) < 25 else "",
 )  # fmt: skip
-def test_what_is_no_photograph_is_refused_with_a_reason(
+def test_a_file_that_is_no_photograph_is_refused_with_a_reason(
     client: Client, what: str, body: bytes, status: int, says: str
 ) -> None:
     refused = client.upload(f"{what}.png", body)
@@ -124,7 +124,7 @@ def film(width: int, height: int) -> bytes:
     return file.getvalue()
 
 
-def test_a_video_is_taken_and_its_first_frame_shown(client: Client) -> None:
+def test_a_video_is_accepted_and_its_first_frame_shown(client: Client) -> None:
     assert client.upload("flight.mkv", film(320, 240), "video").status_code == 204
     assert client.upload("car.png", picture(), "template").status_code == 204
     assert client.get("/picture/01_flight.mkv.png").content.startswith(b"\x89PNG")
@@ -145,7 +145,7 @@ def test_a_video_is_taken_and_its_first_frame_shown(client: Client) -> None:
     ],
     ids=["picture", "play list", "truncated", "bomb", "film", "other slot", "way out"],
 )  # fmt: skip
-def test_what_does_not_belong_there_is_refused(client: Client, slot: str, body: bytes, status: int, says: str) -> None:
+def test_a_file_of_the_wrong_kind_is_refused(client: Client, slot: str, body: bytes, status: int, says: str) -> None:
     refused = client.upload("x", body, slot)
     assert refused.status_code == status, refused.text
     assert says in refused.text
@@ -157,7 +157,7 @@ def test_what_does_not_belong_there_is_refused(client: Client, slot: str, body: 
     [("photograph", b"\x89PNG\r\n\x1a\n"), ("video", b"\0\0\0\x20ftypisom")],
     ids=["photograph", "video"],
 )
-def test_an_oversized_upload_is_cut_off(client: Client, slot: str, head: bytes) -> None:
+def test_an_oversized_upload_is_stopped(client: Client, slot: str, head: bytes) -> None:
     def endless() -> Iterator[bytes]:
         yield head
         while True:
@@ -185,10 +185,10 @@ def test_another_sessions_files_cannot_be_read(client: Client, panel: str) -> No
     other.close()
 
 
-def test_a_forged_cookie_opens_nothing(client: Client, panel: str) -> None:
+def test_a_forged_cookie_gives_no_access(client: Client, panel: str) -> None:
     assert client.upload("mine.png", picture()).status_code == 204
     (shown,) = client.pictures()
-    (cookie,) = client._client.cookies.jar
+    (cookie,) = client.http.cookies.jar
     forged = httpx.get(f"{panel}{shown}", cookies={cookie.name: cookie.value[:-2] + "AA"})
     assert forged.status_code == 404
 
@@ -198,13 +198,13 @@ def test_a_forged_cookie_opens_nothing(client: Client, panel: str) -> None:
     ["/picture/..%2f..%2fetc%2fpasswd", "/picture/%2fetc%2fpasswd", "/picture/../archive", "/picture/01_mine.png",
      "/picture/.", "/_nicegui/../../etc/passwd", "/uploads/01_mine.png", "/upload/photograph"],
 )  # fmt: skip
-def test_no_path_leads_to_a_file(client: Client, path: str) -> None:
+def test_no_path_reads_another_file(client: Client, path: str) -> None:
     assert client.upload("mine.png", picture()).status_code == 204
     assert client.get(path).status_code in (404, 405)
 
 
 def test_a_get_changes_nothing(client: Client) -> None:
-    """What looks like an order in an address is none."""
+    """Addresses that look like commands change nothing."""
     assert client.upload("mine.png", picture()).status_code == 204
     before = client.pictures()
     for path in ("/", "/archive", "/upload/photograph?name=x.png", "/?preset=thesis", "/cancel", before[0]):
@@ -212,7 +212,7 @@ def test_a_get_changes_nothing(client: Client) -> None:
     assert client.pictures() == before
 
 
-def test_video_kinds_are_told_by_their_first_bytes() -> None:
+def test_kinds_are_recognised_by_their_first_bytes() -> None:
     assert VIDEO.suffix_of(b"\0\0\0\x20ftypisom") == ".mp4"
     assert VIDEO.suffix_of(b"RIFF....AVI LIST") == ".avi"
     assert VIDEO.suffix_of(b"#EXTM3U\n#EXT-X-TA") is None
@@ -221,7 +221,7 @@ def test_video_kinds_are_told_by_their_first_bytes() -> None:
     assert PHOTOGRAPH.suffix_of(b"RIFF....AVI LIST") is None
 
 
-def test_stems_are_harmless() -> None:
+def test_safe_stems_have_harmless_characters_only() -> None:
     assert safe_stem("DJI 0012 (copy).JPG") == "DJI_0012_copy"
     assert safe_stem("../../etc/passwd") == "passwd"
     assert safe_stem("-rf.png") == "rf"

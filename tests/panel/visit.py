@@ -1,4 +1,4 @@
-"""A panel in a process of its own, the machine's Chromium, and what a session does with both."""
+"""A panel in a process of its own, the machine's Chromium, and the steps of a user in both."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ FIRST_BUILD_MS = 600_000
 
 @contextmanager
 def running_panel(folder: Path, *options: str) -> Iterator[str]:
-    """The address of a panel that runs in ``folder``; whatever it complains about is an error."""
+    """The address of a panel that runs in ``folder``; a traceback in its log fails the test."""
     log = folder / "log"
     with log.open("w") as output:
         command = [sys.executable, "-u", "-m", "skymosaic", "panel", "--port", "0", *options]
@@ -80,13 +80,13 @@ def open_tab(page: Page, name: str) -> None:
     expect(page.get_by_role("tabpanel", name=name)).to_be_visible()
 
 
-def choose(page: Page, choice: str, value: str) -> None:
-    page.get_by_role("combobox", name=choice).click()
+def choose(page: Page, option: str, value: str) -> None:
+    page.get_by_role("combobox", name=option).click()
     page.get_by_role("option", name=value, exact=True).click()
 
 
 def middle_of(line: Locator) -> tuple[float, float]:
-    """The middle, in the window, of the first line of an SVG path."""
+    """The middle of the first line of an SVG path, in window pixels."""
     x, y = line.evaluate(
         """path => {
             const [x0, y0, x1, y1] = path.getAttribute("d").match(/-?[\\d.]+/g).slice(0, 4).map(Number);
@@ -98,7 +98,7 @@ def middle_of(line: Locator) -> tuple[float, float]:
 
 
 def threshold_to_corners_ms(page: Page, rounds: int) -> list[float]:
-    """From the key that moves the threshold to the next frame that the browser paints, milliseconds."""
+    """Milliseconds from each key press that moves the threshold to the next frame the browser paints."""
     before = corner_counts(page).text_content()
     page.get_by_role("slider", name="Harris threshold").click()
     expect(corner_counts(page)).not_to_have_text(before)
@@ -120,7 +120,7 @@ def threshold_to_corners_ms(page: Page, rounds: int) -> list[float]:
 
 
 def names_reached_by_tab(page: Page) -> list[str]:
-    """The accessible names of all that Tab reaches in one round: everything has one, and no control is left out."""
+    """The accessible names of everything Tab reaches in one round; checks that all have one and none is left out."""
     session = page.context.new_cdp_session(page)
     page.evaluate("document.activeElement.blur()")
     reached: list[tuple[str, str]] = []
@@ -129,7 +129,7 @@ def names_reached_by_tab(page: Page) -> list[str]:
         control = _focused_control(session)
         if control in reached[:1]:
             break
-        if control != ("", ""):  # between the last and the first, the browser's own controls have the focus
+        if control != ("", ""):  # between the last and the first, the focus is on the browser's own controls
             reached.append(control)
     assert [role for role, name in reached if not name] == []
     shown = page.evaluate(
@@ -141,7 +141,7 @@ def names_reached_by_tab(page: Page) -> list[str]:
 
 
 def _focused_control(session: CDPSession) -> tuple[str, str]:
-    """Role and accessible name of what has the focus; empty where nothing on the page has it."""
+    """Role and accessible name of the element with the focus; empty if the page has none."""
     _page, *nodes = session.send("Accessibility.getFullAXTree")["nodes"]
     for node in nodes:
         if any(p["name"] == "focused" and p["value"]["value"] for p in node.get("properties", [])):
