@@ -13,32 +13,32 @@ from skymosaic.cli.options import console, plotting_module
 from skymosaic.errors import InputError
 from skymosaic.imagery.images import save_bytes
 from skymosaic.reports import pair as pair_report
-from skymosaic.reports.fuzzy_systems import PORTRAITS, Portrait
+from skymosaic.reports.fuzzy_systems import PLOTTED_SYSTEMS, PlottedSystem
 
 
 def fuzzy(
     *,
     systems: Annotated[
-        list[str] | None, typer.Argument(help=f"{', '.join(PORTRAITS)}; by default all.", metavar="[SYSTEM]...")
+        list[str] | None, typer.Argument(help=f"{', '.join(PLOTTED_SYSTEMS)}; by default all.", metavar="[SYSTEM]...")
     ] = None,
     plot: Annotated[bool, typer.Option("--plot", help="Draw membership curves and rule surfaces.")] = False,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the pictures.")] = Path("fuzzy"),
 ) -> None:
     """Print the rules of the fuzzy systems; with --plot, draw their membership curves and rule surfaces."""
-    names = systems or list(PORTRAITS)
-    unknown = [name for name in names if name not in PORTRAITS]
+    names = systems or list(PLOTTED_SYSTEMS)
+    unknown = [name for name in names if name not in PLOTTED_SYSTEMS]
     if unknown:
-        raise InputError(f"no fuzzy system {', '.join(unknown)}; valid: {', '.join(PORTRAITS)}")
+        raise InputError(f"no fuzzy system {', '.join(unknown)}; valid: {', '.join(PLOTTED_SYSTEMS)}")
     for name in names:
-        Console().print(_rules(name, PORTRAITS[name]))
+        Console().print(_rules(name, PLOTTED_SYSTEMS[name]))
     if plot:
         _draw(names, output)
 
 
-def _rules(name: str, portrait: Portrait) -> Table:
-    system = portrait.system()
-    table = Table(title=f"{name}: {portrait.title}, AND is the {system.conjunction}", title_justify="left")
-    for heading in ("rule", *(axis.label for axis in portrait.axes), "weight"):
+def _rules(name: str, plotted: PlottedSystem) -> Table:
+    system = plotted.system()
+    table = Table(title=f"{name}: {plotted.title}, AND is the {system.conjunction}", title_justify="left")
+    for heading in ("rule", *(axis.label for axis in plotted.axes), "weight"):
         table.add_column(heading, justify="right" if heading in ("rule", "weight") else "left")
     for index, rule in enumerate(system.rules):
         table.add_row(str(index), *(chosen or "any" for chosen in rule.sets), f"{rule.output:g}")

@@ -1,1 +1,1 @@
-"""From laid-out photographs to one picture: warping, exposure, seams, blending."""
+"""Turns registered photographs into one picture: warping, exposure, seams, blending."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import combinations
 
 import cv2
 import numpy as np
@@ -11,16 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from golden_model.arrays import Array, Float32, Mask, Pixels
 from skymosaic.compositing.layer import Layer
-from skymosaic.compositing.warp import Canvas, footprint, shrunk
+from skymosaic.compositing.warp import Canvas, shrunk
 
 METHODS = ("average", "distance", "multiband")
 BANDS = 5
 TINY = float(np.finfo(np.float32).tiny)
-PREVIEW_PX = 1_000_000
-"""Area of the reduced canvas on which overlaps are compared."""
-INTENSITY_SIGMA = 10.0
-GAIN_SIGMA = 0.5
-"""Expected spread of the overlap means (gray levels) and of the gains: overlaps decide, 1 is the anchor."""
 
 
 def blend(
@@ -38,20 +32,22 @@ def blend(
     images : sequence of (H, W) or (H, W, 3) uint8 ndarray
         Gray or BGR; a mosaic of gray images is gray, any other BGR.
     transforms : sequence of (3, 3) float64 ndarray
-        Image pixels to reference pixels; one that shrinks is served by an image reduced by area first.
+        Image pixels to reference pixels. Where one shrinks its image, the image is first reduced by area.
     canvas : Canvas
         The rectangle of the reference frame to fill.
     method : {"average", "distance", "multiband"}
         The plain average; the average weighted by the distance to each image's own border (thesis, equation
-        III-10), which fades every image out before it ends; or the distance's winner in each pixel, blended in
-        frequency bands (Burt and Adelson 1983), which keeps detail where the registration is not perfect.
+        III-10), which fades every image out towards its border; or in each pixel the image with the largest
+        distance, blended in frequency bands (Burt and Adelson 1983), which keeps detail where the registration is
+        not perfect.
     gains : (N,) or (N, 3) array_like, optional
-        Factor on each image's intensities, or on each of its channels, from `exposure_gains`; default 1.
+        Factor on each image's intensities, or on each of its channels, from
+        `skymosaic.compositing.exposure.exposure_gains`; default 1.
 
     Returns
     -------
     (height, width) or (height, width, 3) uint8 ndarray
-        0 where no image shows anything.
+        0 where there is no image.
 
     Raises
     ------
@@ -63,7 +59,7 @@ def blend(
 
 
 def blend_layers(layers: Sequence[Layer], canvas: Canvas, *, method: str = "distance") -> Pixels:
-    """`blend` for layers, which may have masks and seams; all are gray or all BGR."""
+    """As `blend`, for layers, which may have masks and seams; all must be gray or all BGR."""
     if method not in METHODS:
         raise ValueError(f"blending method is {method!r}; valid: {', '.join(METHODS)}")
     mosaic = np.zeros((canvas.height_px, canvas.width_px, *layers[0].image.shape[2:]), dtype=np.uint8)
@@ -78,7 +74,7 @@ def blend_layers(layers: Sequence[Layer], canvas: Canvas, *, method: str = "dist
 def layers_of(
     images: Sequence[Pixels], transforms: Sequence[Array], gains: Array, *, coloured: bool | None = None
 ) -> list[Layer]:
-    """The images ready for blending: all gray or all BGR, reduced by area where they will be shown small.
+    """Prepare images for blending: all gray or all BGR, reduced by area where the transformation shrinks them.
 
     Parameters
     ----------
@@ -86,7 +82,7 @@ def layers_of(
         As in `blend`.
     gains : (N,) or (N, 3) float64 ndarray
     coloured : bool or None
-        Whether the layers are BGR; None: if any image is.
+        Whether the layers are BGR; None: BGR if any image is.
     """
     if coloured is None:
         coloured = any(image.ndim == 3 for image in images)
@@ -95,39 +91,6 @@ def layers_of(
         pixels, matrix = shrunk(image, transform)
         layers.append(Layer(_as_bgr(pixels) if coloured else pixels, matrix, tuple(gain.tolist())))
     return layers
-
-
-def exposure_gains(images: Sequence[Pixels], transforms: Sequence[Array], canvas: Canvas) -> Array:
-    """One gain per image that makes the mean intensities of each overlap agree (Brown and Lowe 2007, equation 29).
-
-    Parameters
-    ----------
-    images, transforms, canvas
-        As in `blend`; compared on a canvas of about a megapixel.
-
-    Returns
-    -------
-    (N,) float64 ndarray
-        Gains around 1; 1 for an image that overlaps no other.
-    """
-    scale = min(1.0, (PREVIEW_PX / (canvas.width_px * canvas.height_px)) ** 0.5)
-    reduced = [np.diag([scale, scale, 1.0]) @ transform for transform in transforms]
-    layers = layers_of([_as_gray(image) for image in images], reduced, np.ones(len(images)))
-    windows = [footprint(layer.size, layer.transform) for layer in layers]
-    gray = [layer.pixels(window) for layer, window in zip(layers, windows, strict=True)]
-    seen = [layer.border_distance(window) > 0 for layer, window in zip(layers, windows, strict=True)]
-    system = np.diag([np.count_nonzero(mask) / GAIN_SIGMA**2 for mask in seen])
-    target = system.diagonal().copy()
-    for i, j in combinations(range(len(layers)), 2):
-        overlap = windows[i].intersection(windows[j])
-        if overlap is None:
-            continue
-        in_i, in_j = overlap.within(windows[i]), overlap.within(windows[j])
-        both = seen[i][in_i] & seen[j][in_j]
-        if both.any():
-            means = np.array([gray[i][in_i][both].mean(), -gray[j][in_j][both].mean()])
-            system[np.ix_((i, j), (i, j))] += np.count_nonzero(both) / INTENSITY_SIGMA**2 * np.outer(means, means)
-    return np.asarray(np.linalg.solve(system, target))
 
 
 def _blend_average(layers: Sequence[Layer], tile: Canvas, *, by_distance: bool) -> Pixels:
@@ -146,9 +109,9 @@ def _blend_average(layers: Sequence[Layer], tile: Canvas, *, by_distance: bool) 
 
 
 def _blend_bands(layers: Sequence[Layer], tile: Canvas) -> Pixels:
-    """Multi-band blending of one tile along the seams where another image's border becomes the farthest.
+    """Multi-band blending of one tile, in which each pixel belongs to the layer with the largest claim.
 
-    In float32: the 16-bit pyramids of OpenCV's blender darken a mosaic by two gray levels on average.
+    Computed in float32: OpenCV's blender, with its 16-bit pyramids, darkens a mosaic by two gray levels on average.
     """
     around = _with_margin(tile)
     owner = _owners(layers, around)
@@ -173,7 +136,7 @@ def _blend_bands(layers: Sequence[Layer], tile: Canvas) -> Pixels:
 
 
 def _bands(image: Float32) -> Iterator[Float32]:
-    """The Laplacian pyramid, finest first, and last what is left."""
+    """The Laplacian pyramid: `BANDS` bands, finest first, then the remaining low frequencies."""
     for _ in range(BANDS):
         coarser = cv2.pyrDown(image)
         yield image - cv2.pyrUp(coarser)
@@ -182,10 +145,10 @@ def _bands(image: Float32) -> Iterator[Float32]:
 
 
 def _with_margin(part: Canvas) -> Canvas:
-    """The part and all that its bands depend on, in whole pixels of the coarsest band of the reference frame.
+    """The part with a margin that holds all pixels its bands depend on, aligned to pixels of the coarsest band.
 
-    Reduction and expansion by `BANDS` levels reach less than two of its pixels each way, so the bands of
-    neighbouring tiles agree.
+    Reduction and expansion by `BANDS` levels reach less than two coarsest pixels in each direction. With this margin,
+    aligned to the reference frame, the bands of neighbouring tiles agree.
     """
     cell = 1 << BANDS
     x, y = part.x_px // cell - 4, part.y_px // cell - 4
@@ -199,14 +162,14 @@ def _halved(where: tuple[slice, slice]) -> tuple[slice, slice]:
 
 
 def _bounds(shown: Mask, canvas: Canvas) -> Canvas:
-    """The smallest rectangle that holds all that is shown of a canvas."""
+    """The smallest rectangle of a canvas that contains all pixels of the mask."""
     rows, columns = (np.flatnonzero(shown.any(axis=axis)) for axis in (1, 0))
     x, y = canvas.x_px + int(columns[0]), canvas.y_px + int(rows[0])
     return Canvas(x, y, int(columns[-1] - columns[0]) + 1, int(rows[-1] - rows[0]) + 1)
 
 
 def _owners(layers: Sequence[Layer], canvas: Canvas) -> NDArray[np.int16]:
-    """For each pixel the layer that claims it most; -1 where there is none."""
+    """Index of the layer with the largest claim to each pixel; -1 where there is none."""
     owner = np.full((canvas.height_px, canvas.width_px), -1, dtype=np.int16)
     strongest = np.zeros(owner.shape, dtype=np.float32)
     for index, layer in enumerate(layers):
@@ -222,21 +185,17 @@ def _owners(layers: Sequence[Layer], canvas: Canvas) -> NDArray[np.int16]:
 
 
 def _divided(total: Float32, weight: Float32) -> Float32:
-    """The mean of what was summed up; 0 where there is no weight."""
+    """The weighted mean from a sum and its weights; 0 where the weight is 0."""
     return np.asarray(total / _per_channel(np.maximum(weight, TINY), total), dtype=np.float32)
 
 
 def _per_channel(plane: Float32, pixels: Float32) -> Float32:
-    """The plane once a channel of ``pixels``; merged, it multiplies three times as fast as broadcast."""
+    """The plane repeated for each channel of ``pixels``; this multiplies three times faster than broadcasting."""
     return plane if pixels.ndim == 2 else np.asarray(cv2.merge([plane] * pixels.shape[2]), dtype=np.float32)
 
 
 def _as_bgr(image: Pixels) -> Pixels:
     return image if image.ndim == 3 else np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
-
-
-def _as_gray(image: Pixels) -> Pixels:
-    return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
 
 
 def _as_uint8(values: Float32) -> Pixels:

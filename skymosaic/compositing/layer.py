@@ -1,4 +1,4 @@
-"""One photograph as a layer of a mosaic: its warped pixels, and how strongly it claims each of them."""
+"""One photograph as a layer of a mosaic: its warped pixels, and the strength of its claim to each of them."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from skymosaic.compositing.warp import Canvas, backward, footprint, source_windo
 from skymosaic.geometry.homography import apply, resize_matrix
 
 SMALLEST_WEIGHT = 1e-3
-"""Weight of a pixel on the image's own border: it counts only where no other image shows anything."""
+"""Weight of a pixel on the image's own border, so that it still counts where no other image covers the pixel."""
 
 
 @dataclass(frozen=True, eq=False)
 class SeamMask:
-    """Where seams let a photograph show, on a reduced canvas.
+    """The pixels that seams assign to a photograph, on a reduced canvas.
 
     Attributes
     ----------
     mask : ndarray of uint8, shape (h, w)
-        255 where it does, else 0.
+        255 where the photograph shows, else 0.
     canvas : Canvas
-        What the mask covers of the reduced reference frame.
+        The part of the reduced reference frame that the mask covers.
     scale : float
-        Size of the reduced frame against the reference frame.
+        Pixels of the reduced frame per pixel of the reference frame.
     """
 
     mask: Pixels
@@ -35,14 +35,14 @@ class SeamMask:
     scale: float
 
     def covers_some_of(self, part: Canvas) -> bool:
-        """Whether anything shows in ``part`` of the reference frame, or close by."""
+        """Whether the photograph shows anywhere in ``part`` of the reference frame, or within a mask pixel of it."""
         first, last = apply(self._to_mask, part.corners[[0, 2]])
         x, y = np.maximum(np.floor(first) - 1, 0).astype(int)
         last_x, last_y = np.maximum(np.ceil(last) + 2, 0).astype(int)
         return bool(self.mask[y:last_y, x:last_x].any())
 
     def share(self, part: Canvas) -> Pixels:
-        """The mask enlarged to ``part`` of the reference frame, 0..255; seams become smooth lines."""
+        """The mask, interpolated to ``part`` of the reference frame, 0..255; this smooths the seams."""
         matrix = self._to_mask @ np.linalg.inv(part.translation)
         size = (part.width_px, part.height_px)
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
@@ -62,15 +62,15 @@ class Layer:
     ----------
     image : ndarray of uint8, shape (H, W) or (H, W, 3)
     transform : ndarray of float64, shape (3, 3)
-        Its pixels to reference pixels.
+        Image pixels to reference pixels.
     gain : tuple of float
-        Factor on its intensities, one or one a channel.
+        Factor on the intensities: one, or one per channel.
     visible : ndarray of uint8, shape (H, W), or None
-        255 where it shows the ground, else 0; None: everywhere.
+        255 where the image shows the ground, else 0; None: everywhere.
     favour : float
-        Factor on its claim: below 1 for a photograph that should show only where others do not.
+        Factor on the claim: below 1 for a photograph that should show only where others do not.
     seam : SeamMask or None
-        Where seams let it show; None: wherever it is the farthest from its border.
+        The pixels that seams assign to it; None: the photograph whose border is farthest shows.
     """
 
     image: Pixels
@@ -86,35 +86,39 @@ class Layer:
         return self.image.shape[1], self.image.shape[0]
 
     def part_of(self, canvas: Canvas) -> Canvas | None:
-        """The part of the canvas that the image may touch."""
+        """The part of the canvas that the image may cover; None if there is none."""
         return footprint(self.size, self.transform).intersection(canvas)
 
     def shown_part_of(self, canvas: Canvas) -> Canvas | None:
-        """The same, or None where seams let it show nowhere there."""
+        """As `part_of`, but also None if the seams leave nothing of the image there."""
         part = self.part_of(canvas)
         return part if part is None or self.seam is None or self.seam.covers_some_of(part) else None
 
     def pixels(self, part: Canvas) -> Pixels:
-        """The warped intensities times the gain; beyond the border, the border's."""
+        """The warped intensities times the gain; the image's border pixels are repeated beyond it."""
         warped = backward(self.image, self.transform, part, border=cv2.BORDER_REPLICATE)
         if all(gain == 1 for gain in self.gain):
             return warped
-        # OpenCV takes a scalar of four channels; one gain serves them all.
+        # OpenCV's scalars have four channels.
         factors = (self.gain * 4 if len(self.gain) == 1 else (*self.gain, 0.0))[:4]
         return np.asarray(cv2.multiply(warped, np.array(factors)), dtype=np.uint8)
 
     def border_distance(self, part: Canvas) -> Float32:
-        """Distance from each pixel to the border of what the image shows, in its own pixels; 0 outside."""
+        """Distance of each pixel from the border of the image's visible part, in image pixels; 0 outside."""
+        # Warping interpolates: with 1 added to the distance, values below 1 are mixed with the outside.
         source = source_window(self.size, self.transform, part)
         plus_one = warp_tile(self._plus_one(source), self.transform, source, part, cv2.BORDER_CONSTANT)
         inside = plus_one > 1 - SMALLEST_WEIGHT
         return np.where(inside, np.maximum(plus_one - 1, SMALLEST_WEIGHT), 0).astype(np.float32)
 
     def claim(self, part: Canvas) -> Float32:
-        """Who claims a pixel most shows it: by the seams, or else by the distance from the border; 0 outside."""
+        """Claim to each pixel, by the seams or else by the distance from the border; 0 outside.
+
+        The layer with the largest claim shows the pixel.
+        """
         if self.seam is None:
             return self.border_distance(part) * np.float32(self.favour)
-        # Where every seam says no, between two masks or beyond the last, any image that covers the pixel will do.
+        # Seams assign no pixels between two masks and beyond the last one; any image that covers these may show them.
         share = np.maximum(self.seam.share(part), 1)
         return np.where(self._covers(part), share, 0).astype(np.float32)
 
@@ -123,7 +127,7 @@ class Layer:
         return np.asarray(backward(whole, self.transform, part) == 255)
 
     def _plus_one(self, source: Canvas) -> Float32:
-        """One more than the distance, in a window of the image: what falls below 1 is mixed with the outside."""
+        """The distance plus 1, in a window of the image."""
         if self._masked_distance is not None:
             return self._masked_distance[source.within(Canvas(0, 0, *self.size))]
         x = np.arange(source.x_px, source.x_px + source.width_px, dtype=np.float32)

@@ -1,7 +1,7 @@
-"""Where one photograph of a mosaic ends and the next begins: along lines on which they look alike.
+"""Seams: lines between the photographs of a mosaic along which neighbours look alike.
 
-Found on thumbnails: each photograph may show what lies about as far from its border as from that of any other;
-within the overlaps that leaves, OpenCV's seam finder cuts where the colours differ least.
+Seams are found on thumbnails. Each photograph may show the pixels that are nearly as far from its own border as from
+any other's; within the remaining overlaps, OpenCV's seam finder cuts where the colours differ least.
 """
 
 from __future__ import annotations
@@ -16,18 +16,23 @@ from skymosaic.compositing.layer import Layer, SeamMask
 from skymosaic.compositing.warp import canvas_of, footprint
 
 NEARLY_FARTHEST = 0.6
-"""A photograph may show a place if its claim to it is at least this share of the strongest claim."""
+"""A photograph may show a pixel if its claim is at least this share of the strongest claim to it."""
 
 
 def seam_masks(thumbnails: Sequence[Layer], scale: float) -> list[SeamMask]:
-    """Where each photograph shows.
+    """Find the pixels that each photograph shows.
 
     Parameters
     ----------
     thumbnails : sequence of Layer
         The photographs on a reduced reference frame, all BGR, with their gains.
     scale : float
-        Size of that frame against the mosaic's.
+        Pixels of that frame per pixel of the mosaic's reference frame.
+
+    Returns
+    -------
+    list of SeamMask
+        One for each thumbnail.
     """
     canvases = [footprint(layer.size, layer.transform) for layer in thumbnails]
     claims = [layer.claim(canvas) for layer, canvas in zip(thumbnails, canvases, strict=True)]
@@ -36,7 +41,7 @@ def seam_masks(thumbnails: Sequence[Layer], scale: float) -> list[SeamMask]:
     for canvas, claim in zip(canvases, claims, strict=True):
         where = canvas.within(whole)
         strongest[where] = np.maximum(strongest[where], claim)
-    # Lists of Any: OpenCV's type hints know no arrays here.
+    # Lists of Any, because OpenCV's type hints do not accept lists of arrays here.
     allowed: list[Any] = []
     for canvas, claim in zip(canvases, claims, strict=True):
         near_enough = (claim > 0) & (claim >= NEARLY_FARTHEST * strongest[canvas.within(whole)])

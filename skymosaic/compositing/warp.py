@@ -1,8 +1,8 @@
 """Warping images into a common frame: the canvas and backward warping.
 
-Every image comes with a homography from its pixels to the pixels of one reference frame. A `Canvas` is a
-rectangle of that frame: the whole mosaic, a tile of it, or the part that one image covers. The planar manifold
-(thesis, section II.2.4) is the reference frame itself.
+Every image has a homography that maps its pixels to the pixels of a common reference frame. A `Canvas` is a rectangle
+of that frame: the whole mosaic, a tile, or the part that one image covers. The planar manifold (thesis, section II.2.4)
+is the reference frame itself.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from golden_model.arrays import Array, Pixels
 from skymosaic.geometry.homography import apply, resize_matrix, scaled
 
 CANVAS_LIMIT_PX = 250_000_000
-"""Default limit of a canvas's area."""
+"""Default limit on the area of a canvas."""
 TILE_PX = 1024
-"""Side of the tiles that are warped at once: they stay in the cache, and far below OpenCV's limit of 32767."""
+"""Side of the tiles that are warped at once: they fit the processor's cache and OpenCV's size limit of 32767 px."""
 ROUNDING_PX = 1e-6
-"""A corner this close to a pixel is on it; composed transformations are not exact."""
+"""A corner this close to a pixel counts as on it, because composed transformations have rounding errors."""
 SUPPORT_PX = 2
-"""Pixels around a source position that bilinear interpolation may read, rounding included."""
+"""Pixels around a source position that bilinear interpolation may read, including rounding."""
 
 
 class CanvasError(ValueError):
-    """The images do not fit on a canvas: one reaches behind the camera, or the canvas would be too large."""
+    """The images do not fit on a canvas: one extends behind the camera, or the canvas would be too large."""
 
 
 @dataclass(frozen=True)
@@ -39,9 +39,9 @@ class Canvas:
     Attributes
     ----------
     x_px, y_px : int
-        Its first pixel in the reference frame.
+        First pixel in the reference frame.
     width_px, height_px : int
-        Its size.
+        Size.
     """
 
     x_px: int
@@ -61,19 +61,19 @@ class Canvas:
         return np.array([[self.x_px, self.y_px], [x, self.y_px], [x, y], [self.x_px, y]], dtype=np.float64)
 
     def intersection(self, other: Canvas) -> Canvas | None:
-        """What both cover; None where they do not meet."""
+        """The rectangle that both cover; None if they do not overlap."""
         x, y = max(self.x_px, other.x_px), max(self.y_px, other.y_px)
         width = min(self.x_px + self.width_px, other.x_px + other.width_px) - x
         height = min(self.y_px + self.height_px, other.y_px + other.height_px) - y
         return Canvas(x, y, width, height) if width > 0 and height > 0 else None
 
     def within(self, other: Canvas) -> tuple[slice, slice]:
-        """The index of this rectangle in an array that holds ``other``, which must cover it."""
+        """The rows and columns of this rectangle in an array of ``other``, which must contain it."""
         x, y = self.x_px - other.x_px, self.y_px - other.y_px
         return slice(y, y + self.height_px), slice(x, x + self.width_px)
 
     def tiles(self, side_px: int = TILE_PX) -> Iterator[Canvas]:
-        """Tiles of at most ``side_px`` squared that cover it, row by row."""
+        """Tiles of at most ``side_px`` x ``side_px`` pixels that cover the rectangle, row by row."""
         for y in range(0, self.height_px, side_px):
             for x in range(0, self.width_px, side_px):
                 width, height = min(side_px, self.width_px - x), min(side_px, self.height_px - y)
@@ -83,7 +83,7 @@ class Canvas:
 def canvas_of(
     sizes: Sequence[tuple[int, int]], transforms: Sequence[Array], *, limit_px: int = CANVAS_LIMIT_PX
 ) -> Canvas:
-    """The smallest canvas that holds all images.
+    """The smallest canvas that contains all images.
 
     Parameters
     ----------
@@ -97,8 +97,8 @@ def canvas_of(
     Raises
     ------
     CanvasError
-        If a corner of an image comes to lie behind the camera, or the area exceeds the limit; nothing was
-        allocated by then.
+        If a corner of an image maps to a point behind the camera, or the area exceeds the limit; nothing has been
+        allocated then.
     """
     parts = [footprint(size, transform) for size, transform in zip(sizes, transforms, strict=True)]
     x, y = min(part.x_px for part in parts), min(part.y_px for part in parts)
@@ -113,14 +113,15 @@ def canvas_of(
 
 
 def footprint(size: tuple[int, int], transform: Array) -> Canvas:
-    """The pixels of the reference frame whose centres an image of ``size`` (width, height) may cover.
+    """The bounding rectangle of the reference pixels whose centres an image of ``size`` (width, height) may cover.
 
     Raises
     ------
     CanvasError
-        If a corner of the image comes to lie behind the camera.
+        If a corner of the image maps to a point behind the camera.
     """
     corners = Canvas(0, 0, *size).corners
+    # The third homogeneous coordinate changes its sign at the horizon; the overall sign of a homography is arbitrary.
     depth = corners @ transform[2, :2] + transform[2, 2]
     if not (depth * depth[0] > 0).all():
         raise CanvasError(f"a corner of an image of {size[0]}x{size[1]} px would lie behind the camera")
@@ -131,9 +132,9 @@ def footprint(size: tuple[int, int], transform: Array) -> Canvas:
 
 
 def shrunk(image: Pixels, transform: Array) -> tuple[Pixels, Array]:
-    """The image reduced by area, with its transformation, where the transformation shrinks it to half or less.
+    """Reduce an image by area if its transformation shrinks it to half or less; returns image and transformation.
 
-    Bilinear interpolation reads four pixels; a picture that becomes much smaller has to be averaged first.
+    Bilinear interpolation reads only four pixels, so an image that becomes much smaller must be averaged first.
     """
     height, width = image.shape[:2]
     x, y = (width - 1) / 2, (height - 1) / 2
@@ -148,14 +149,14 @@ def shrunk(image: Pixels, transform: Array) -> tuple[Pixels, Array]:
 
 
 def source_window(size: tuple[int, int], transform: Array, tile: Canvas) -> Canvas:
-    """The rectangle of an image's own pixels that a tile of the reference frame needs.
+    """The rectangle of image pixels that a tile of the reference frame needs.
 
-    Where the tile shows nothing of the image, it is the border next to it.
+    If the tile shows nothing of the image, this is the nearest part of the image's border.
     """
     inverse = np.asarray(np.linalg.inv(scaled(transform)), dtype=np.float64)
     depth = tile.corners @ inverse[2, :2] + inverse[2, 2]
     if depth.min() <= 0:
-        return Canvas(0, 0, *size)  # The tile reaches beyond the horizon: its corners do not bound what it shows.
+        return Canvas(0, 0, *size)  # The tile extends beyond the horizon, so its corners do not bound what it shows.
     mapped = apply(inverse, tile.corners)
     last_pixel = np.array(size) - 1
     x, y = np.clip(np.floor(mapped.min(axis=0)) - SUPPORT_PX, 0, last_pixel).astype(int).tolist()
@@ -173,9 +174,9 @@ def backward(image: Pixels, transform: Array, canvas: Canvas, *, border: int = c
     transform : (3, 3) float64 ndarray
         Image pixels to reference pixels.
     canvas : Canvas
-        What to fill; of any size.
+        The rectangle to fill, of any size.
     border : int
-        OpenCV's border mode: 0 outside the image, or ``cv2.BORDER_REPLICATE``.
+        OpenCV's border mode: by default 0 outside the image; or ``cv2.BORDER_REPLICATE``.
 
     Returns
     -------

@@ -1,1 +1,1 @@
-"""Measuring results: metrics, pairs with known homographies, hardware against golden model."""
+"""Evaluation: metrics, pairs with known homographies, comparison of hardware with the golden model."""

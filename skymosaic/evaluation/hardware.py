@@ -1,4 +1,4 @@
-"""The same pair through the golden model and through hardware: equal or not, how much was compared, how fast."""
+"""Compares hardware with the golden model on a pair: equal or not, how much was compared, and how fast it ran."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from skymosaic.registration import extract_within_capacity
 
 @dataclass(frozen=True)
 class Comparison:
-    """What came of a comparison.
+    """Result of a comparison.
 
     Attributes
     ----------
     mismatch : Mismatch or None
-        The first difference; None where everything is equal. Where a simulation differs, it is the first pixel of
-        the first stage of the front end, or a record's field if it arises behind those.
+        The first difference; None if everything is equal. If a simulation differs, this is the first wrong pixel of
+        the first wrong stage of the front end, or a record's field if the difference arises after these stages.
     coverage : Coverage
-        How much was compared.
+        Number of frames, features and matches compared.
     cycles_per_frame : tuple of int
-        Clocks from a frame's first pixel to its last word.
+        Clock cycles from a frame's first pixel to its last word.
     seconds : float
-        Wall time of the simulation, builds excluded.
+        Wall time of the simulation, without builds.
     notes : tuple of str
-        Why equality proves little, where it does.
+        Parts of the design that the pair did not exercise; empty if it exercised all.
     """
 
     mismatch: Mismatch | None
@@ -43,7 +43,7 @@ class Comparison:
 
     @property
     def cycles_per_second(self) -> float:
-        """Simulated clocks a second."""
+        """Simulated clock cycles per second of wall time."""
         return sum(self.cycles_per_frame) / self.seconds
 
     def summary(self) -> dict[str, Any]:
@@ -71,7 +71,7 @@ def compare(
     waves: Path | None = None,
     progress: Callable[[str], None] = silent,
 ) -> Comparison:
-    """Run a pair through the golden model and ``backend``.
+    """Run a pair through the golden model and ``backend`` and compare the results.
 
     Parameters
     ----------
@@ -82,9 +82,13 @@ def compare(
     working_width_px : int
         Wider photographs are reduced first.
     waves : Path or None
-        Where a simulation writes its waves (VCD), tens of kilobytes a clock: for small frames.
+        File for a simulation's waves (VCD): tens of kilobytes per clock cycle, so for small frames only.
     progress : callable
         Receives lines about a first build.
+
+    Returns
+    -------
+    Comparison
     """
     frames = [
         reduced(load(image, name).pixels, working_width_px)[0]
@@ -93,7 +97,7 @@ def compare(
     golden, config = extract_within_capacity(load_backend("golden"), frames, config)
     hardware = load_backend(backend, progress=progress, waves=waves)
     if waves is None:
-        # The first run builds what is missing; only the second one is timed.
+        # The first run may build the simulator, so only the second one is timed.
         hardware.run(frames, config)
     start = time.perf_counter()
     found = hardware.run(frames, config)

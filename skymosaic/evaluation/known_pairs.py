@@ -1,4 +1,4 @@
-"""Pairs of photographs with known homographies, read from a folder: what benches and experiments measure against."""
+"""Pairs of photographs with known homographies, read from a folder, for benchmarks and experiments."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ class KnownPair:
 
     @property
     def flight(self) -> str:
-        """The flight the photographs come from, by the name's word: ``real_copr_0_1`` is of ``copr``."""
+        """The flight that the photographs belong to, a part of the name: ``copr`` for ``real_copr_0_1``."""
         return next((word for word in self.name.split("_")[1:] if word.isalpha()), self.group)
 
 
 def read_pairs(folder: Path) -> list[KnownPair]:
-    """The pairs that ``folder``/pairs.csv lists.
+    """Read the pairs that ``folder``/pairs.csv lists.
 
-    Its columns are name, group, left, right (files, relative to the folder) and h00 to h22, by rows.
+    Its columns are name, group, left, right (files, relative to the folder) and h00 to h22, the homography by rows.
 
     Raises
     ------
     InputError
-        If the list is missing, lacks a column or a pair, or has a homography that is not of numbers.
+        If the list is missing, has no pairs, lacks a column, or contains a homography that is not nine numbers.
     """
     path = folder / LIST_NAME
     try:

@@ -1,4 +1,4 @@
-"""Quality of features, matches and homographies against the truth (thesis, equations IV-2 to IV-7)."""
+"""Quality of features, matches and homographies, measured against the truth (thesis, equations IV-2 to IV-7)."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from skymosaic.geometry.homography import apply
 
 GRID_POINTS = 20
 MISSING_ERROR_PX = 1000.0
-"""Grid error where no homography was estimated."""
+"""Grid error if no homography was estimated."""
 
 
 @dataclass(frozen=True)
 class Confusion:
-    """How many matches were kept and rejected, rightly and wrongly."""
+    """Counts of matches that were kept or rejected, correctly or wrongly."""
 
     true_positives: int
     false_positives: int
@@ -27,17 +27,17 @@ class Confusion:
 
     @property
     def recall(self) -> float:
-        """Correct matches kept / all correct correspondences found (equation IV-6); 0 where there are none."""
+        """Correct matches kept / all correct matches (equation IV-6); 0 if there are none."""
         return _share(self.true_positives, self.true_positives + self.false_negatives)
 
     @property
     def precision(self) -> float:
-        """Correct matches kept / all matches kept, one minus equation IV-7; 0 where none was kept."""
+        """Correct matches kept / all matches kept, which is 1 minus equation IV-7; 0 if none was kept."""
         return _share(self.true_positives, self.true_positives + self.false_positives)
 
 
 def confusion(kept: ArrayLike, correct: ArrayLike) -> Confusion:
-    """Count the four cases of matches that were ``kept`` (N,) bool against which are ``correct`` (N,) bool."""
+    """Count the four combinations of ``kept`` and ``correct`` matches, both (N,) bool."""
     positive, true = np.asarray(kept, dtype=bool), np.asarray(correct, dtype=bool)
     return Confusion(
         true_positives=int(np.count_nonzero(positive & true)),
@@ -48,19 +48,22 @@ def confusion(kept: ArrayLike, correct: ArrayLike) -> Confusion:
 
 
 def correct_matches(left: ArrayLike, right: ArrayLike, truth: Array, *, tolerance_px: float = 3.0) -> Mask:
-    """Which matches (N, 2) to (N, 2) agree with the true homography within ``tolerance_px``, (N,) bool."""
+    """Whether each match, ``left`` (N, 2) to ``right`` (N, 2), agrees with the true homography, (N,) bool.
+
+    A match agrees if its transfer error is at most ``tolerance_px``.
+    """
     return np.asarray(_distances(truth, left, right) <= tolerance_px)
 
 
 def rmse(H: Array, left: ArrayLike, right: ArrayLike) -> float:
-    """Root of the mean squared distance of Hx to x', px (equations IV-3 to IV-5), of at least one match."""
+    """Root mean square distance of Hx from x', px (equations IV-3 to IV-5), over at least one match."""
     return float(np.sqrt(np.mean(_distances(H, left, right) ** 2)))
 
 
 def repeatability(
     left: ArrayLike, right: ArrayLike, truth: Array, right_size: tuple[int, int], *, tolerance_px: float = 1.5
 ) -> float:
-    """Share of the left features in the overlap that were detected in the right image too (equation IV-2).
+    """Share of the left features in the overlap that were also detected in the right image (equation IV-2).
 
     Parameters
     ----------
@@ -71,13 +74,13 @@ def repeatability(
     right_size : (int, int)
         Width and height of the right image, px.
     tolerance_px : float
-        Two features correspond if each is the other's nearest and they are this close (1.5 px: Schmid, Mohr and
-        Bauckhage 2000).
+        Two features correspond if each is the other's nearest neighbour and their distance is at most this (1.5 px:
+        Schmid, Mohr and Bauckhage 2000).
 
     Returns
     -------
     float
-        Correspondences / query features, 0 where no left feature maps into the right image.
+        Corresponding / all left features that map into the right image; 0 if none does.
     """
     mapped, found = apply(truth, left), np.asarray(right, dtype=np.float64)
     query = mapped[_inside(mapped, right_size)]
@@ -95,17 +98,18 @@ def grid_error(estimated: Array | None, truth: Array, left_size: tuple[int, int]
     Parameters
     ----------
     estimated : (3, 3) float64 ndarray or None
-        None counts as `MISSING_ERROR_PX`, as does one that sends a point of the overlap to infinity.
+        For None, and for a homography that maps a point of the overlap to infinity, the result is
+        `MISSING_ERROR_PX`.
     truth : (3, 3) float64 ndarray
         Both map left to right.
     left_size, right_size : (int, int)
-        Width and height, px. Of 20x20 points spread over the left image, those count that the truth maps
+        Width and height, px. The mean is over those of 20x20 points spread over the left image that the truth maps
         into the right one.
 
     Raises
     ------
     ValueError
-        If there are none.
+        If the truth maps none of them into the right image.
     """
     axes = (np.linspace(0, side - 1, GRID_POINTS) for side in left_size)
     points = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)

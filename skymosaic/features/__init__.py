@@ -1,1 +1,1 @@
-"""Detectors, descriptors and matchers behind one interface, on the host or the front end."""
+"""Detectors, descriptors and matchers with one interface, computed on the host or by the front end."""

@@ -1,4 +1,4 @@
-"""Descriptors of any key points, as feature records: OpenCV's, ILBP, gray windows, or none (for the KLT tracker)."""
+"""Feature records of any key points: with OpenCV's descriptors, ILBP, gray windows, or none (for the KLT tracker)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ from skymosaic.features.positions import raw_positions
 Bytes = NDArray[np.uint8]
 
 _OPENCV: dict[str, Callable[[], cv2.Feature2D]] = {
-    # nfeatures, octave layers, contrast, edge, sigma, and descriptors as the bytes that they are.
+    # nfeatures, octave layers, contrast, edge, sigma. SIFT's descriptors hold whole numbers from 0 to 255, so that
+    # CV_8U loses nothing.
     "sift": lambda: cv2.SIFT.create(0, 3, 0.02, 10, 1.6, cv2.CV_8U, False),
     "orb": cv2.ORB.create,
     "akaze": cv2.xfeatures2d.AKAZE.create,
@@ -35,27 +36,28 @@ WINDOWS_PX = {f"window-{size}": size for size in (3, 10, 22, 25, 30)}
 TRACKED = "klt"
 DESCRIPTORS = (*PATTERNS, *WINDOWS_PX, *_OPENCV, TRACKED)
 """Every descriptor by name."""
-ONCE_A_PLACE = ("brisk", "freak", *PATTERNS, *WINDOWS_PX)
-"""Descriptors that ignore the angle of a key point: SIFT's repeats at one place would get equal ones."""
+ANGLE_IGNORED = ("brisk", "freak", *PATTERNS, *WINDOWS_PX)
+"""Descriptors that ignore a key point's angle. SIFT's key points at one position differ in their angle only, so that
+these descriptors would describe them all alike."""
 STRONGEST_RESPONSE = 1 << 30
-"""The records' response of the strongest key point of an image; the others are in proportion."""
+"""Response stored for the strongest key point of an image; the others are scaled in proportion."""
 
 
 def describe(gray: Pixels, key_points: KeyPoints, descriptor: str) -> Records:
-    """Feature records of the key points that can be described, in their order.
+    """Describe key points; the records keep their order.
 
     Parameters
     ----------
     gray : ndarray of uint8, shape (H, W)
     key_points : sequence of cv2.KeyPoint
-        Those nearer to the border than the descriptor's support are dropped.
+        Key points nearer to the border than the descriptor's support are dropped.
     descriptor : str
-        One of `DESCRIPTORS`. ILBP and windows are taken at the nearest pixel of the full size.
+        One of `DESCRIPTORS`. ILBP and windows are computed at the nearest pixel of the full-size image.
 
     Returns
     -------
     structured ndarray, shape (N,)
-        `golden_model.records.feature_record`; the sector is that of the ILBP, or of the key point's angle.
+        `golden_model.records.feature_record`. The sector is the ILBP's, or follows from the key point's angle.
     """
     if descriptor in _OPENCV:
         extractor = _extractor(descriptor)
@@ -72,7 +74,7 @@ def describe(gray: Pixels, key_points: KeyPoints, descriptor: str) -> Records:
 
 @cache
 def _extractor(descriptor: str) -> cv2.Feature2D:
-    """Made once: BRISK's tables take longer to build than an image to describe."""
+    """OpenCV's extractor, created once: building BRISK's tables takes longer than describing an image."""
     return _OPENCV[descriptor]()
 
 
@@ -89,11 +91,11 @@ def _ilbp(gray: Pixels, key_points: KeyPoints, descriptor: str) -> Records:
 def _inside(
     gray: Pixels, key_points: KeyPoints, support_px: int
 ) -> tuple[KeyPoints, NDArray[np.intp], NDArray[np.intp]]:
-    """The key points at least ``support_px`` from the border, and the pixels they are nearest to."""
-    places = np.floor(points_of(key_points) + 0.5).astype(np.intp)
+    """The key points at least ``support_px`` from the border, and x and y (N,) of their nearest pixels."""
+    pixels = np.floor(points_of(key_points) + 0.5).astype(np.intp)
     limits = np.array(gray.shape[::-1]) - support_px
-    inside = ((places >= support_px) & (places < limits)).all(axis=1)
-    return list(itertools.compress(key_points, inside)), *places[inside].T
+    inside = ((pixels >= support_px) & (pixels < limits)).all(axis=1)
+    return list(itertools.compress(key_points, inside)), *pixels[inside].T
 
 
 def _records(key_points: KeyPoints, descriptors: Bytes, window: Bytes | None = None) -> Records:

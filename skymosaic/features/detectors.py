@@ -1,6 +1,6 @@
-"""Key points of every detector: Harris and FAST of the front end, SURF's boxes, and OpenCV's.
+"""Key points of every detector: the front end's Harris and FAST, SURF's box filters, and OpenCV's detectors.
 
-Thresholds are low enough for thousands of key points on ordinary photographs; the caller keeps the strongest.
+The thresholds are low enough for thousands of key points on ordinary photographs; callers keep the strongest.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ KeyPoints = Sequence[cv2.KeyPoint]
 
 FRONT_END_DETECTORS = ("harris", "fast")
 CORNER_SIZE_PX = 7.0
-"""Diameter given to Harris and FAST corners, which have no scale: OpenCV's for FAST."""
+"""Diameter of Harris and FAST corners, which have no scale: the value that OpenCV gives to its FAST corners."""
 
 _OPENCV: dict[str, Callable[[int], cv2.Feature2D]] = {
-    # All of SIFT's: a limit would count each orientation of a place.
+    # No limit: SIFT counts every orientation at a position towards nfeatures.
     "sift": lambda _: cv2.SIFT.create(nfeatures=0, contrastThreshold=0.02),
     "orb": lambda count: cv2.ORB.create(nfeatures=count, fastThreshold=10),
     "akaze": lambda _: cv2.xfeatures2d.AKAZE.create(threshold=1e-4),
     "brisk": lambda _: cv2.xfeatures2d.BRISK.create(thresh=15),
-    # Shi and Tomasi's good features to track, the corners of the KLT tracker.
+    # Shi and Tomasi's "good features to track", the KLT tracker's corners.
     "klt": lambda count: cv2.GFTTDetector.create(maxCorners=count, qualityLevel=1e-3, minDistance=5),
 }
 DETECTORS = (*FRONT_END_DETECTORS, "surf", *_OPENCV)
@@ -35,27 +35,27 @@ DETECTORS = (*FRONT_END_DETECTORS, "surf", *_OPENCV)
 
 
 def detect(gray: Pixels, detector: str, count: int) -> list[cv2.KeyPoint]:
-    """Key points by falling response.
+    """Key points of an image in order of falling response.
 
     Parameters
     ----------
     gray : ndarray of uint8, shape (H, W)
     detector : str
-        One of `DETECTORS` that is not the front end's.
+        One of `DETECTORS` except `FRONT_END_DETECTORS`.
     count : int
-        How many are wanted: detectors that can find more may give more.
+        Number wanted; detectors without a limit may return more.
     """
     found = surf.key_points(gray) if detector == "surf" else _OPENCV[detector](count).detect(gray, None)
     return sorted(found, key=lambda point: -float(point.response))
 
 
-def once_a_place(key_points: KeyPoints) -> list[cv2.KeyPoint]:
-    """The first key point of each place: SIFT gives one for every strong orientation there."""
+def one_per_position(key_points: KeyPoints) -> list[cv2.KeyPoint]:
+    """The first key point at each position: SIFT returns one for every strong orientation there."""
     return list({point.pt: point for point in reversed(key_points)}.values())[::-1]
 
 
 def from_features(features: Records) -> list[cv2.KeyPoint]:
-    """Corners of the front end as key points; their sector is the angle."""
+    """The front end's corners as key points; their angle is that of the sector."""
     return [
         cv2.KeyPoint(x, y, CORNER_SIZE_PX, angle, response)
         for x, y, angle, response in zip(
@@ -69,10 +69,10 @@ def from_features(features: Records) -> list[cv2.KeyPoint]:
 
 
 def without_octaves(key_points: KeyPoints) -> list[cv2.KeyPoint]:
-    """The key points as any descriptor takes them: each detector numbers its octaves in its own way."""
+    """The key points without their octave, for another descriptor: every OpenCV class encodes octaves differently."""
     return [cv2.KeyPoint(point.pt[0], point.pt[1], point.size, point.angle, point.response) for point in key_points]
 
 
 def points_of(key_points: KeyPoints) -> Float32:
-    """Their positions (N, 2), px."""
+    """Positions (N, 2) of key points, px."""
     return np.array([point.pt for point in key_points], dtype=np.float32).reshape(-1, 2)

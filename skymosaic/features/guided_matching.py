@@ -1,7 +1,7 @@
-"""The optional second pass: search guided by the first homography, then a match of the warped image, upright.
+"""The optional second pass: matching guided by the first homography, then matching of the warped right image.
 
-Warping the right image onto the left one removes rotation, scale and perspective, so that the same corners are
-found on both at the same sub-pixel phase, and upright descriptors tell them apart better than turned ones.
+Warping the right image onto the left one removes rotation, scale and perspective. The same corners are then found in
+both at the same sub-pixel phase, and upright descriptors distinguish them better than rotated ones.
 """
 
 from __future__ import annotations
@@ -22,9 +22,11 @@ from skymosaic.geometry.prosac import INLIER_PX
 from skymosaic.geometry.refinement import refine_robustly
 
 GUIDED_RADIUS_PX = 8.0
+"""Search radius around the position that the first homography predicts."""
 WARPED_RADIUS_PX = 4.0
+"""Search radius between the left and the warped right image."""
 LARGEST_DISTANCE = 0.34
-"""Share of differing bits from which on the rule base calls a distance high."""
+"""Share of differing bits at which the rule base begins to call a distance high."""
 
 
 def refine_pair(
@@ -35,13 +37,13 @@ def refine_pair(
     Parameters
     ----------
     left, right : ndarray of uint8
-        The images as the front end saw them.
+        The images that the front end processed.
     features : tuple of structured arrays
         Their feature records.
     homography : ndarray, shape (3, 3)
-        Left to right, of the first pass.
+        Left to right, from the first pass.
     config : Config
-        Of the first pass.
+        The first pass's configuration.
 
     Returns
     -------
@@ -68,10 +70,11 @@ def refine_pair(
 
 
 def _guided_matches(left: Records, right: Records, homography: Matrix, radius_px: float) -> tuple[Array, Array]:
-    """Mutual nearest descriptors among the features within ``radius_px`` of where the homography expects them."""
+    """Mutual nearest descriptors among the features within ``radius_px`` of the position the homography predicts."""
     left_points, right_points = feature_points(left), feature_points(right)
     bits = 8 * left["descriptor"].shape[1]
     distance = distances(left["descriptor"], right["descriptor"]).astype(np.uint16)
+    # All bits differ: such pairs are never the nearest, and far above LARGEST_DISTANCE.
     distance[cdist(apply(homography, left_points), right_points) > radius_px] = bits
     left_index, right_index, best, _ = mutual_matches(distance, bits)
     near = best < LARGEST_DISTANCE * bits
@@ -92,7 +95,7 @@ def _upright(config: FrontEndConfig) -> FrontEndConfig:
 
 
 def _well_inside(features: Records, covered: Pixels, border_px: int) -> Records:
-    """The features whose whole support the warped image covers."""
+    """The features whose whole descriptor support lies inside the warped image."""
     kernel = np.ones((2 * border_px + 1, 2 * border_px + 1), np.uint8)
     interior = cv2.erode(covered, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0)
     points = np.rint(feature_points(features)).astype(np.intp)

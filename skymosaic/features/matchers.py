@@ -1,7 +1,7 @@
-"""Matches of feature records beyond the front end's own: ratio test, window correlation, KLT tracking.
+"""Matchers that the front end does not have: ratio test, window correlation, KLT tracking.
 
-All give `golden_model.records.MATCH` records in rising left index; ``verdict`` says which passed the check in the
-other direction, or the fuzzy rules.
+All return `golden_model.records.MATCH` records in order of the left index. ``verdict`` is 1 for matches that passed the
+check in the other direction, or the fuzzy rules.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from golden_model.matching.matcher import paired
 from skymosaic.features.positions import feature_points, raw_positions
 
 RATIO = 0.8
-"""A match is distinct if the nearest is closer than this share of the second nearest (equation II-7)."""
+"""A match is distinct if its distance is below this share of the distance to the second nearest (equation II-7)."""
 GOOD_MATCH_ABOVE = 191
-"""Fuzzy correlation keeps what is nearer to a good match (255) than to a medium one (128)."""
+"""Fuzzy correlation keeps matches whose weight is nearer to a good match (255) than to a medium one (128)."""
 TRACKING_WINDOW_PX = 21
 TRACKING_LEVELS = 5
 RETURN_TOLERANCE_PX = 1.0
-"""A corner tracked into the other image and back must return this close to where it began."""
+"""A corner that is tracked into the other image and back must return to within this distance of its start."""
 
 RATIO_RULES = ("nearest in both directions", "nearest in one direction only")
 TRACKING_RULES = ("tracked there and back", "lost on the way back")
 
 
 def ratio_matches(left: Records, right: Records, norm: int) -> Records:
-    """Distinct nearest neighbours, one for each right feature (equation II-7), and the bidirectional check (III.5.2).
+    """Ratio test, at most one match per right feature (equation II-7), and bidirectional check (section III.5.2).
 
     Parameters
     ----------
@@ -42,14 +42,15 @@ def ratio_matches(left: Records, right: Records, norm: int) -> Records:
     Returns
     -------
     (M,) structured
-        Match records; ``weight`` is 1 - nearest / second nearest, ``verdict`` 1 where the left feature is the right
-        one's nearest too; ``rule`` indexes `RATIO_RULES`.
+        Match records. ``weight`` is 1 - nearest / second nearest, ``verdict`` is 1 where the left feature is also
+        the right one's nearest neighbour, ``rule`` indexes `RATIO_RULES`.
     """
     if len(left) < 2 or len(right) < 2:
         return paired(left, right, np.zeros(0, np.intp), np.zeros(0, np.intp))
     distance, nearest = _nearest(left, right, norm, 2)
     _, back = _nearest(right, left, norm, 1)
     distinct = np.flatnonzero(distance[:, 0] < RATIO * distance[:, 1])
+    # Of the left features that share a nearest right feature, only the closest is matched: np.unique takes the first.
     closest_first = distinct[np.argsort(distance[distinct, 0], kind="stable")]
     _, first = np.unique(nearest[closest_first, 0], return_index=True)
     chosen = np.sort(closest_first[first])
@@ -65,7 +66,7 @@ def ratio_matches(left: Records, right: Records, norm: int) -> Records:
 
 
 def correlation_matches(left: Records, right: Records) -> Records:
-    """Windows that are each other's nearest under SAD, weighed by fuzzy correlation (Tables III-1 and III-2).
+    """Mutual nearest neighbours under SAD, weighted by fuzzy correlation (Tables III-1 and III-2).
 
     Parameters
     ----------
@@ -75,8 +76,8 @@ def correlation_matches(left: Records, right: Records) -> Records:
     Returns
     -------
     (M,) structured
-        Match records; ``verdict`` 1 for a good match, ``rule`` indexes the 27 rules, ``distance`` is the SAD a pixel
-        in 1/16 gray levels.
+        Match records. ``verdict`` is 1 for a good match, ``rule`` indexes the 27 rules, ``distance`` is the SAD per
+        pixel in 1/16 gray levels.
     """
     if len(left) == 0 or len(right) == 0:
         return paired(left, right, np.zeros(0, np.intp), np.zeros(0, np.intp))
@@ -105,9 +106,9 @@ def tracked(left_gray: Pixels, right_gray: Pixels, left: Records, right: Records
     Returns
     -------
     features : structured ndarray
-        ``right`` and, after them, one feature where each left one was found.
+        ``right``, followed by one feature for each left one that was found, at its position in the right image.
     matches : structured ndarray
-        ``verdict`` 1 where the feature, tracked back, returns to its place; ``rule`` indexes `TRACKING_RULES`.
+        ``verdict`` is 1 where the feature, tracked back, returns to its start; ``rule`` indexes `TRACKING_RULES`.
     """
     start = feature_points(left).astype(np.float32)
     if len(left) == 0:
@@ -130,10 +131,10 @@ def tracked(left_gray: Pixels, right_gray: Pixels, left: Records, right: Records
 
 
 def _nearest(queries: Records, candidates: Records, norm: int, count: int) -> tuple[Array, NDArray[np.int32]]:
-    """Distances and indices (N, count) of each query's nearest candidates, nearest first, ties to the lowest index."""
+    """Distances and indices (N, count) of each query's nearest candidates, nearest first, lowest index among equals."""
     first, second = (np.ascontiguousarray(records["descriptor"]) for records in (queries, candidates))
     if norm == cv2.NORM_L2:
-        # OpenCV's distance of bytes is ten times as slow as that of floats.
+        # OpenCV computes L2 distances of bytes ten times slower than of floats.
         first, second = first.astype(np.float32), second.astype(np.float32)
     kind = cv2.CV_32F if norm == cv2.NORM_L2 else cv2.CV_32S
     distance, index = cv2.batchDistance(first, second, kind, normType=norm, K=count)
@@ -141,7 +142,7 @@ def _nearest(queries: Records, candidates: Records, norm: int, count: int) -> tu
 
 
 def _of_one_size(*images: Pixels) -> list[Pixels]:
-    """The images, their last rows and columns repeated up to the largest height and width."""
+    """The images, padded to the largest height and width by repeating their last rows and columns."""
     height, width = np.max([image.shape for image in images], axis=0)
     return [np.pad(image, ((0, height - image.shape[0]), (0, width - image.shape[1])), "edge") for image in images]
 

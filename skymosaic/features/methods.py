@@ -1,7 +1,7 @@
-"""Detector and descriptor by name: which combinations there are, and a front end on the host that computes them.
+"""Valid combinations of detector and descriptor, and a host backend that computes them.
 
-Harris and FAST with an ILBP descriptor are the accelerator's own and run on any backend; every other combination
-runs here, behind the same `sim.backend.Backend` interface.
+Harris and FAST with an ILBP descriptor run on the accelerator, so every backend computes them. All other combinations
+are computed here, with the same `sim.backend.Backend` interface.
 """
 
 from __future__ import annotations
@@ -24,30 +24,30 @@ from golden_model.records import FRAME_STATUS, MATCH, Tag
 from sim.backend import Backend, FrameResult, Progress, Reference, load_backend, silent
 from skymosaic.errors import InputError
 from skymosaic.features import detectors, matchers
-from skymosaic.features.descriptors import DESCRIPTORS, ONCE_A_PLACE, TRACKED, WINDOWS_PX, describe
+from skymosaic.features.descriptors import ANGLE_IGNORED, DESCRIPTORS, TRACKED, WINDOWS_PX, describe
 from skymosaic.features.detectors import DETECTORS, FRONT_END_DETECTORS
 
 FAST_THRESHOLD = 10
-"""Gray levels; a configuration's own threshold is of the Harris measure."""
+"""FAST's threshold in gray levels: a Harris configuration's threshold has another unit and cannot be used."""
 LARGEST_BORDER_PX = 255
 USUAL_DETECTOR = {name: name for name in DETECTORS} | {"freak": "brisk"}
-"""The detector that goes with a descriptor where none was named; for all others, the configuration's."""
+"""The detector chosen for a descriptor if none is named; descriptors not listed get the configuration's detector."""
 
 
 @dataclass(frozen=True)
 class Method:
-    """What finds and describes features: names of `DETECTORS` and `DESCRIPTORS`."""
+    """Detector and descriptor, by their names in `DETECTORS` and `DESCRIPTORS`."""
 
     detector: str
     descriptor: str
 
     @property
     def on_accelerator(self) -> bool:
-        """Whether backends compute it, not the host."""
+        """Whether the accelerator, and so every backend, computes it."""
         return self.detector in FRONT_END_DETECTORS and self.descriptor in PATTERNS
 
     def rule_names(self, config: Config) -> Sequence[str]:
-        """What each value of a match record's ``rule`` stands for."""
+        """The meaning of each value of a match record's ``rule``."""
         if self.descriptor == TRACKED:
             return matchers.TRACKING_RULES
         if self.descriptor in WINDOWS_PX:
@@ -58,26 +58,32 @@ class Method:
 
 
 def choose(config: Config, detector: str | None = None, descriptor: str | None = None) -> tuple[Method, Config]:
-    """Complete a choice of detector and descriptor, and the configuration that goes with it.
+    """Complete a choice of detector and descriptor and adapt the configuration to it.
 
     Parameters
     ----------
     config : Config
-        Says what was left open; matches of ILBP descriptors are judged by its rule base (with "none": by the
-        ratio test on the host, not at all on the accelerator), all others by the ratio test, fuzzy correlation or
-        the tracker.
+        Supplies what is not named. Its rule base judges the matches of ILBP descriptors (with "none": the ratio
+        test on the host, no test on the accelerator); all other matches are judged by the ratio test, fuzzy
+        correlation or the tracker.
     detector, descriptor : str or None
-        Names of `DETECTORS` and `DESCRIPTORS`.
+        Names in `DETECTORS` and `DESCRIPTORS`; None: the one that goes with the other, or the configuration's.
+
+    Returns
+    -------
+    method : Method
+    config : Config
+        With the method's detector, descriptor, threshold and border.
 
     Raises
     ------
     InputError
-        For an unknown name, with the valid ones; for an impossible combination, with the reason.
+        For an unknown name (the message lists the valid ones) or an impossible combination (it gives the reason).
     """
     _check_name("descriptor", descriptor, DESCRIPTORS)
     if detector == "freak":
         raise InputError(
-            f"freak describes key points but finds none; add --descriptor freak to a detector: {_list(DETECTORS)}"
+            f"freak is a descriptor, not a detector; add --descriptor freak to a detector: {_list(DETECTORS)}"
         )
     _check_name("detector", detector, DETECTORS)
     own = config.front_end
@@ -87,7 +93,8 @@ def choose(config: Config, detector: str | None = None, descriptor: str | None =
         descriptor = detector if detector in DESCRIPTORS else own.descriptor
     if descriptor == "akaze" and detector != "akaze":
         raise InputError(
-            f"akaze describes key points in its own scale space, not those of {detector}; use --detector akaze"
+            f"the akaze descriptor needs akaze's own scale space and cannot describe key points of {detector}; "
+            "use --detector akaze"
         )
     if descriptor in PATTERNS:
         try:
@@ -101,13 +108,19 @@ def choose(config: Config, detector: str | None = None, descriptor: str | None =
 
 
 def backend_of(method: Method, backend: str, progress: Progress = silent) -> Backend:
-    """What computes the method: the backend, or this module."""
+    """The backend that computes the method: the named one, or `HostBackend`.
+
+    Raises
+    ------
+    InputError
+        For a backend that does not compute the method.
+    """
     if method.on_accelerator:
         return load_backend(backend, progress=progress)
     if backend != "golden":
         raise InputError(
-            f"backend {backend} computes {_list(FRONT_END_DETECTORS)} with ILBP descriptors, not {method.detector} "
-            f"with {method.descriptor}, which the host computes; leave out --backend"
+            f"backend {backend} computes only {_list(FRONT_END_DETECTORS)} with ILBP descriptors; {method.detector} "
+            f"with {method.descriptor} runs on the host; leave out --backend"
         )
     return HostBackend(method)
 
@@ -121,9 +134,9 @@ class _Frame:
 
 @dataclass(frozen=True)
 class HostBackend(Backend):
-    """Any method, computed on the host: the golden model's corners and rules, OpenCV's detectors and descriptors.
+    """Computes any method on the host, with the golden model's corners and rules and OpenCV's other algorithms.
 
-    Of OpenCV's and SURF's key points the ``max_features`` strongest count.
+    Of OpenCV's and SURF's key points, the ``max_features`` strongest are kept.
     """
 
     method: Method
@@ -155,8 +168,8 @@ class HostBackend(Backend):
         else:
             status = _status(gray, number)
             key_points = detectors.detect(gray, detector, config.max_features)
-            if descriptor in ONCE_A_PLACE:
-                key_points = detectors.once_a_place(key_points)
+            if descriptor in ANGLE_IGNORED:
+                key_points = detectors.one_per_position(key_points)
             key_points = key_points[: config.max_features]
             if detector != descriptor:
                 key_points = detectors.without_octaves(key_points)
@@ -188,13 +201,15 @@ def _status(gray: Pixels, number: int) -> np.void:
 
 
 def _front_end(config: Config, method: Method) -> FrontEndConfig:
-    """The configuration's front end with the method's detector and descriptor, and the border they need."""
+    """The configuration's front end with the method's detector and descriptor, and the border that they need."""
     own = config.front_end
     detector = method.detector if method.detector in FRONT_END_DETECTORS else own.detector
     descriptor = method.descriptor if method.descriptor in PATTERNS else own.descriptor
     threshold = own.threshold
     if detector != own.detector:
         threshold = FAST_THRESHOLD if detector == "fast" else PRESETS[config.preset].front_end.threshold
+    # The smallest border depends on detector and descriptor, and a configuration with a smaller one is refused: so
+    # these are changed under the largest border first.
     changed = dataclasses.replace(
         own, detector=detector, descriptor=descriptor, threshold=threshold, border_px=LARGEST_BORDER_PX
     )

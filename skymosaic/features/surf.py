@@ -1,7 +1,7 @@
-"""SURF's key points: maxima in place and scale of a Hessian of boxes (Bay, Tuytelaars and Van Gool, 2006).
+"""SURF's key points: maxima of a box-filter Hessian over position and scale (Bay, Tuytelaars and Van Gool, 2006).
 
-Second derivatives are sums over boxes of the integral image, so that a filter of any size costs the same. OpenCV's
-own SURF is left out of its packages; only the detector is needed here, any descriptor may follow it.
+Second derivatives are box sums of the integral image, so that a filter of any size costs the same. OpenCV's packages do
+not contain its own SURF. Only the detector is implemented here; any descriptor can be combined with it.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from golden_model.arrays import Array, Pixels
 
 OCTAVES_PX = ((9, 15, 21, 27), (15, 27, 39, 51), (27, 51, 75, 99))
-"""Side of the filters by octave; maxima are sought at the inner two."""
+"""Side of the filters of each octave; maxima are searched at the inner two."""
 MIXED_WEIGHT = 0.9
-"""Balances the boxes against the Gaussians they stand for (equation II-6)."""
+"""Corrects the mixed derivative for the difference between boxes and the Gaussians they replace (equation II-6)."""
 LEAST_RESPONSE = 10.0
-"""Determinants below it are noise, for gray levels 0 to 255 and filters normalised by their area."""
+"""Smaller determinants are noise, for gray levels 0 to 255 and filters normalised by their area."""
 LARGEST_STEP = 1.0
-"""A fitted maximum farther than one pixel or filter size from its sample belongs to another sample."""
+"""A fitted maximum more than one pixel or one filter size from its sample belongs to another sample and is dropped."""
 
 
 def key_points(gray: Pixels) -> list[cv2.KeyPoint]:
@@ -49,7 +49,7 @@ def determinant(integral: NDArray[np.int32], size_px: int) -> Array:
     Parameters
     ----------
     integral : ndarray of int32, shape (H + 1, W + 1)
-        Integral image, as `cv2.integral` gives it.
+        Integral image as `cv2.integral` returns it.
     size_px : int
         Side of the filters, an odd multiple of 3; the derivatives are divided by its square.
 
@@ -75,7 +75,9 @@ def determinant(integral: NDArray[np.int32], size_px: int) -> Array:
 def _box(
     integral: NDArray[np.int32], margin_px: int, corner: tuple[int, int], shape: tuple[int, int]
 ) -> NDArray[np.int32]:
-    """Sum over a box at every pixel ``margin_px`` inside the image; the box's first (row, column) is relative to it."""
+    """Box sums at every pixel at least ``margin_px`` from the border; ``corner`` is the box's first (row, column)
+    relative to the pixel, ``shape`` its height and width.
+    """
     rows, columns = (side - 1 - 2 * margin_px for side in integral.shape)
     top, left = margin_px + corner[0], margin_px + corner[1]
 
@@ -116,7 +118,7 @@ def _octave(integral: NDArray[np.int32], sizes: tuple[int, ...]) -> list[cv2.Key
 def _fitted_maxima(
     planes: Array, scale: NDArray[np.intp], y: NDArray[np.intp], x: NDArray[np.intp]
 ) -> tuple[Array, Array]:
-    """Where the quadratic through each maximum's 26 neighbours has its top: steps (N, 3) in scale, y, x; its value."""
+    """Maximum of the quadratic fitted to each sample's 26 neighbours: the step (N, 3) in scale, y, x, and its value."""
 
     def at(ds: int, dy: int, dx: int) -> Array:
         values: Array = planes[scale + ds, y + dy, x + dx]
@@ -132,6 +134,6 @@ def _fitted_maxima(
             else:
                 together, apart = first + second, first - second
                 curvature[:, i, j] = (at(*together) - at(*apart) - at(*-apart) + at(*-together)) / 4
-    # The pseudo-inverse leaves out directions in which a maximum is flat.
+    # Where a maximum is flat in some direction the matrix is singular; the pseudo-inverse takes no step there.
     step = -(np.linalg.pinv(curvature, hermitian=True) @ gradient[..., np.newaxis])[..., 0]
     return step, at(0, 0, 0) + (gradient * step).sum(axis=1) / 2

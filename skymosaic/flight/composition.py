@@ -11,7 +11,8 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Array, Pixels
-from skymosaic.compositing.blend import blend_layers, exposure_gains, layers_of
+from skymosaic.compositing.blend import blend_layers, layers_of
+from skymosaic.compositing.exposure import exposure_gains
 from skymosaic.compositing.layer import Layer, SeamMask
 from skymosaic.compositing.seams import seam_masks
 from skymosaic.compositing.warp import (

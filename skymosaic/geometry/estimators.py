@@ -32,18 +32,18 @@ def estimate(
     left, right : (N, 2) float64 ndarray
         Matched points, px.
     weight : (N,) float64 ndarray
-        Confidence of each match; only ``prosac`` makes use of it.
+        Confidence of each match; only ``prosac`` uses it.
     verified : (N,) bool ndarray
-        The verdict of the front end. Only fuzzy RANSAC looks at the other matches too.
+        Whether the front end accepted the match. Only fuzzy RANSAC also uses the other matches.
     rng : numpy.random.Generator
-        Source of the samples of ``prosac``; those of OpenCV's estimators are always the same.
+        Source of the samples of ``prosac``; OpenCV's estimators use a fixed seed.
 
     Returns
     -------
     homography : (3, 3) float64 ndarray or None
         Left to right; None with fewer than 12 verified matches within 2 px.
     inliers : (N,) bool ndarray
-        The verified matches within 2 px; of fuzzy RANSAC those that its rules accept.
+        The verified matches within 2 px; for fuzzy RANSAC, those that its rules accept.
     """
     inliers = np.zeros(len(left), dtype=bool)
     if name == "prosac":
@@ -51,6 +51,7 @@ def estimate(
         inliers[verified] = found.inliers
         return found.homography, inliers
     if name == FUZZY_RANSAC:
+        # RANSAC needs all matches here: the rules count the ones that only one of the two checks accepts.
         H, decision = fuzzy(left, right, verified)
         inliers = inliers if decision is None else decision.inliers
     else:
@@ -62,22 +63,22 @@ def estimate(
 
 
 def ransac(left: Array, right: Array, tolerance_px: float = fuzzy_ransac.TOLERANCE_PX) -> Array | None:
-    """RANSAC by OpenCV: solve fours and count, until a better one is improbable (thesis, section III.5.1).
+    """OpenCV's RANSAC: fit samples of four matches until a better one is improbable (thesis, section III.5.1).
 
-    None where nothing can be estimated.
+    Returns None where no homography can be estimated.
     """
     return _estimated(left, right, cv2.RANSAC, tolerance_px, RANSAC_ROUNDS)
 
 
 def magsac(left: Array, right: Array) -> Array | None:
-    """MAGSAC++ by OpenCV (Barath et al., 2020) at 3 px; None where nothing can be estimated."""
+    """OpenCV's MAGSAC++ (Barath et al., 2020) at 3 px; None where no homography can be estimated."""
     return _estimated(left, right, cv2.USAC_MAGSAC, MAGSAC_TOLERANCE_PX, MAGSAC_ROUNDS)
 
 
 def fuzzy(left: Array, right: Array, verified: Mask) -> tuple[Array | None, fuzzy_ransac.Decision | None]:
-    """RANSAC over all matches, the six rules on each, and the DLT over those they accept (thesis, Table III-3).
+    """RANSAC over all matches, then the six rules on each, then the DLT over the accepted ones (thesis, Table III-3).
 
-    No decision where RANSAC finds nothing; no homography where the rules accept too few.
+    The decision is None where RANSAC finds no homography, the homography where the rules accept too few matches.
     """
     H = ransac(left, right)
     if H is None:

@@ -22,20 +22,20 @@ from skymosaic.geometry.homography import apply
 TOLERANCE_PX = 4.0
 INLIER_RULES = (0, 1)
 NEAR_RULES = (0, 1, 3, 4)
-"""Rules of matches that RANSAC alone would accept: the error is less than or equal to tau."""
+"""Rules of the matches that RANSAC alone would accept: the error is less than or equal to tau."""
 
 
 @dataclass(frozen=True)
 class Decision:
-    """What the six rules say of each match.
+    """Result of the six rules for each match.
 
     Attributes
     ----------
     rule : (N,) uint8 ndarray
-        Rule that fired: 0, 1, 2 for a verified match with an error less than, equal to, more than tau;
-        3, 4, 5 likewise for one that is not verified.
+        The rule that fired: 0, 1, 2 for a verified match whose error is less than, equal to, more than tau;
+        3, 4, 5 for a match that is not verified.
     inliers : (N,) bool ndarray
-        Whether the rule says inlier (0 or 1).
+        Whether that rule accepts the match (rules 0 and 1).
     """
 
     rule: NDArray[np.uint8]
@@ -44,7 +44,7 @@ class Decision:
 
 @lru_cache
 def rule_base(tolerance_px: float = TOLERANCE_PX) -> SugenoSystem:
-    """The six rules over the bidirectional check (0 or 1) and the error in 1/16 px."""
+    """The six rules over two inputs: the bidirectional check (0 or 1) and the error in 1/16 px."""
     tau = round(tolerance_px * POSITION.one)
     steps = np.arange(tau + 2)
     check = {"verified": np.array([0, ONE]), "not verified": np.array([ONE, 0])}
@@ -69,7 +69,7 @@ def decide(
     *,
     tolerance_px: float = TOLERANCE_PX,
 ) -> Decision:
-    """Decide every match by itself.
+    """Apply the rules to every match by itself.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def decide(
     verified : (N,) array_like of bool
         Whether the match passed the bidirectional check.
     tolerance_px : float
-        tau, at least 1/16.
+        tau in px, at least 1/16.
     """
     weight, rule = rule_base(tolerance_px).evaluate(
         np.asarray(verified, dtype=np.int64), error_steps(H, left, right, tolerance_px)

@@ -1,8 +1,8 @@
-"""Plane transformations from point pairs, linear estimates.
+"""Plane transformations and their linear estimates from point pairs.
 
-A homography is a (3, 3) float64 matrix that maps left pixels to right pixels, x' = Hx; pixel centres are
-integers, x to the right and y down. It is scaled to H[2, 2] = 1, so where the third coordinate of Hx is positive
-the point lies on the same side of the camera as the left image's first pixel.
+A homography is a (3, 3) float64 matrix that maps left pixels to right pixels, x' = Hx; pixel centres are at
+integers, x points to the right and y down. It is scaled to H[2, 2] = 1. Where the third coordinate of Hx is
+positive, the point lies on the same side of the camera as the left image's first pixel.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from golden_model.arrays import Array, Matrix
 
 RANK_TOLERANCE = 1e-10
-"""A system whose deciding singular value is smaller, relative to the largest, is degenerate."""
+"""A system is degenerate if the singular value that must not vanish is smaller than this share of the largest."""
 
 
 class DegenerateError(ValueError):
@@ -46,22 +46,23 @@ def resize_matrix(factor_x: float, factor_y: float | None = None) -> Matrix:
 
 
 def apply(H: Array, points: ArrayLike) -> Array:
-    """Map points (..., 2) by the homography; points that go to infinity come back as infinite or NaN."""
+    """Map points (..., 2) by the homography; points that map to infinity become infinite or NaN."""
     mapped = np.asarray(points, dtype=np.float64) @ H[:, :2].T + H[:, 2]
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(mapped[..., :2] / mapped[..., 2:])
 
 
 def estimate(left: ArrayLike, right: ArrayLike, *, model: str = "projective", weight: ArrayLike | None = None) -> Array:
-    """The transformation of one model that maps ``left`` to ``right`` best (thesis, equations II-12 to II-15).
+    """Fit one transformation model that maps ``left`` to ``right`` (thesis, equations II-12 to II-15).
 
     Parameters
     ----------
     left, right : (N, 2) array_like
         Corresponding points, px.
     model : {"isometry", "similarity", "affine", "projective"}
-        Isometry: rotation and translation; similarity: with scale; both keep the orientation. They need 2, 2, 3
-        and 4 pairs. Isometry, similarity and affine minimise the transfer error, projective the algebraic error.
+        An isometry is a rotation and a translation, a similarity also has a scale; neither mirrors. The models
+        need 2, 2, 3 and 4 pairs. Isometry, similarity and affine minimise the transfer error, projective the
+        algebraic error.
     weight : (N,) array_like, optional
         Non-negative weights of the squared errors; default 1.
 
@@ -83,15 +84,16 @@ def estimate(left: ArrayLike, right: ArrayLike, *, model: str = "projective", we
 
 
 def dlt(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None = None) -> Array:
-    """Normalised direct linear transformation: smallest singular vector of A h = 0 (thesis, equation III-8).
+    """Normalised direct linear transformation: the smallest singular vector of A h = 0 (thesis, equation III-8).
 
-    Parameters, result and errors as in `estimate`. Both point sets are first moved to their centroid and scaled
-    to a mean distance of sqrt(2) (Hartley 1997).
+    Parameters, result and errors as in `estimate`. Both point sets are first centred and scaled to a mean distance
+    of sqrt(2) from their centroid (Hartley 1997).
     """
     x, y, root = checked_pairs(left, right, weight, minimum=4)
     to_x, to_y = normalisation(x, root), normalisation(y, root)
     rows = design_matrix(apply(to_x, x), apply(to_y, y), root)
-    # The triangle of a QR decomposition has the singular values and right vectors of the tall matrix.
+    # The 9x9 triangle of a QR decomposition has the same singular values and right singular vectors as the tall
+    # matrix, so the SVD does not grow with the number of pairs.
     _, singular, vectors = np.linalg.svd(np.linalg.qr(rows, mode="r"))
     if singular[7] <= RANK_TOLERANCE * singular[0]:
         raise DegenerateError("the points do not determine a homography: three of four are collinear")
@@ -160,10 +162,10 @@ def _rotation_scale(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None,
     w = root**2
     centre_x, centre_y = np.average(x, axis=0, weights=w), np.average(y, axis=0, weights=w)
     z, target = (x - centre_x) @ [1, 1j], (y - centre_y) @ [1, 1j]
-    spread, turn = np.sum(w * np.abs(z) ** 2), np.sum(w * target * z.conj())
-    if abs(turn) <= RANK_TOLERANCE * spread:
-        raise DegenerateError("the points coincide, or their arrangement has no common rotation")
-    a = turn / spread if keep_scale else turn / abs(turn)
+    spread, rotation = np.sum(w * np.abs(z) ** 2), np.sum(w * target * z.conj())
+    if abs(rotation) <= RANK_TOLERANCE * spread:
+        raise DegenerateError("the points coincide, or no rotation relates them")
+    a = rotation / spread if keep_scale else rotation / abs(rotation)
     linear = np.array([[a.real, -a.imag], [a.imag, a.real]])
     return np.block([[linear, (centre_y - linear @ centre_x)[:, None]], [np.zeros((1, 2)), np.ones((1, 1))]])
 

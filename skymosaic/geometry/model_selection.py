@@ -1,4 +1,4 @@
-"""Placing a small object from few matches: a similarity, or a homography where the matches speak for one."""
+"""Locates a small object from few matches: by a similarity, or by a homography where the matches justify one."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from skymosaic.geometry.homography import DegenerateError, apply, estimate
 from skymosaic.geometry.prosac import estimate_homography
 
 TOLERANCE_PX = 3.0
-"""Matches that a transformation fits this well support it."""
+"""A match with at most this error supports a transformation."""
 MOST_TRIED = 60
+"""Similarities are tried from all pairs among this many matches, the heaviest."""
 SHORTEST_BASE_PX = 10.0
-"""Similarities are tried from all pairs of this many matches, at least so far apart."""
+"""Two matches closer than this do not determine scale and rotation well enough."""
 NOISE_PX = 1.0
 """Expected error of a match, for the choice of the model."""
 PARAMETERS = {"similarity": 4, "projective": 8}
@@ -29,9 +30,9 @@ class Fit(NamedTuple):
 
 
 def fit(left: Array, right: Array, weight: Array, *, fewest: int, rng: np.random.Generator) -> Fit | None:
-    """The model that explains the matches best.
+    """Fit a similarity or a homography, whichever explains the matches better.
 
-    A homography needs 12 matches within 2 px, and must be worth its four further parameters by Torr's geometric
+    A homography needs 12 matches within 2 px, and its four additional parameters must pay off by Torr's geometric
     robust information criterion (Geometric motion segmentation and model selection, 1998).
 
     Parameters
@@ -39,11 +40,11 @@ def fit(left: Array, right: Array, weight: Array, *, fewest: int, rng: np.random
     left, right : ndarray, shape (N, 2)
         Matched points, px; wrong matches may be among them.
     weight : ndarray, shape (N,)
-        Positive.
+        Positive confidence of each match.
     fewest : int
         Inliers needed.
     rng : numpy.random.Generator
-        Of the homography's estimator.
+        Source of the homography estimator's samples.
 
     Returns
     -------
@@ -59,9 +60,9 @@ def fit(left: Array, right: Array, weight: Array, *, fewest: int, rng: np.random
 
 
 def similarity(left: Array, right: Array, weight: Array, *, fewest: int) -> Fit | None:
-    """The similarity with the largest weight of support, of all that two matches define, fitted to its inliers.
+    """Find the similarity with the most weighted support among all that two matches define, refitted to its inliers.
 
-    Arguments and result as in `fit`. With few matches every pair can be tried, so chance plays no part.
+    Arguments and result as in `fit`. Few matches allow every pair to be tried, so there is no random sampling.
     """
     heaviest = np.argsort(-weight, kind="stable")[:MOST_TRIED]
     x, y = left @ [1, 1j], right @ [1, 1j]
@@ -70,8 +71,9 @@ def similarity(left: Array, right: Array, weight: Array, *, fewest: int) -> Fit 
     first, second = first[apart], second[apart]
     if first.size == 0:
         return None
-    turn = (y[second] - y[first]) / (x[second] - x[first])
-    error = np.abs(turn[:, None] * (x - x[first, None]) + y[first, None] - y)
+    # In complex numbers a similarity is y = a x + b, and two matches determine a, its rotation and scale.
+    a = (y[second] - y[first]) / (x[second] - x[first])
+    error = np.abs(a[:, None] * (x - x[first, None]) + y[first, None] - y)
     best = np.argmax(np.maximum(0, 1 - (error / TOLERANCE_PX) ** 2) @ weight)
     inliers = error[best] <= TOLERANCE_PX
     if inliers.sum() < fewest:
@@ -84,7 +86,7 @@ def similarity(left: Array, right: Array, weight: Array, *, fewest: int) -> Fit 
 
 
 def _criterion(found: Fit, left: Array, right: Array) -> float:
-    """Bounded squared errors plus the price of the parameters; the smallest is the best."""
+    """The information criterion: bounded squared errors plus a penalty for each parameter; smaller is better."""
     errors = np.minimum(_squared_error(found.matrix, left, right) / NOISE_PX**2, 4)
     return float(errors.sum() + PARAMETERS[found.model] * np.log(4 * len(left)))
 

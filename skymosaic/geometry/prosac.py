@@ -19,29 +19,34 @@ from skymosaic.geometry.refinement import refine_robustly
 
 MAX_SAMPLES = 3000
 TOLERANCE_PX = 3.0
-"""tau of the score: a match supports a homography below sqrt(2) tau."""
+"""tau of the score: a match with an error below sqrt(2) tau supports a homography."""
 LOCAL_BANDS = (2.0, 1.5, 1.0)
 """Inlier bands of the local optimisation, in tau."""
 MIN_GAIN = 0.01
-"""The local optimisation goes on while a round raises the score by this share."""
+"""The local optimisation continues while a round raises the score by at least this share."""
 INLIER_PX = 2.0
+"""Largest error of an inlier, in pixels of the working image; every stage of registration uses it."""
 MIN_INLIERS = 12
+"""A homography with fewer inliers is not accepted."""
 CONFIDENCE = 0.9999
+"""Sampling stops once a sample without wrong matches has been drawn with this probability."""
 BATCH = 64
+"""Samples that are solved and scored together: NumPy is fast on arrays only."""
 TRIPLES = ((1, 2, 3), (2, 0, 3), (0, 1, 3), (0, 1, 2))
-"""Three of the four points of a sample; the first three, without point 0, 1 and 2, also span the fourth."""
+"""The triangles among a sample's four points. The first three leave out point 0, 1 and 2; the ratios of their areas to
+the last give the fourth point as a combination of the first three."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """What `estimate_homography` found.
+    """Result of `estimate_homography`.
 
     Attributes
     ----------
     homography : (3, 3) float64 ndarray or None
-        Maps left to right, H[2, 2] = 1; None unless accepted.
+        Maps left to right, H[2, 2] = 1; None if not accepted.
     inliers : (N,) bool ndarray
-        Matches within 2 px of the best homography, accepted or not.
+        Matches within 2 px of the best homography, whether it is accepted or not.
     samples : int
         Minimal samples drawn.
     """
@@ -58,7 +63,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class _Matches:
-    """Point pairs by falling weight."""
+    """Point pairs in order of falling weight."""
 
     left: Array
     right: Array
@@ -87,7 +92,7 @@ def estimate_homography(
     rng : numpy.random.Generator
         Source of the samples; the same state gives the same result.
     max_samples : int
-        Sampling stops here, or earlier once a better homography is improbable.
+        Most samples drawn; fewer once a better homography is improbable.
 
     Returns
     -------
@@ -111,7 +116,7 @@ def estimate_homography(
 
 
 def _search(matches: _Matches, rng: np.random.Generator, max_samples: int) -> tuple[Array | None, int]:
-    """The homography with the highest score, polished, and how many samples it took."""
+    """The homography with the highest score after a final refinement, and the number of samples drawn."""
     subset_sizes = _subset_sizes(len(matches.left), max_samples)
     best, best_score, best_sample_score = None, 0.0, 0.0
     drawn, needed = 0, float(len(subset_sizes))
@@ -132,8 +137,8 @@ def _search(matches: _Matches, rng: np.random.Generator, max_samples: int) -> tu
 def _subset_sizes(count: int, max_samples: int) -> NDArray[np.int64]:
     """Size of the set of best matches that each PROSAC sample is drawn from, (samples,).
 
-    The set grows so that a sample is tried in the order uniform sampling of all ``max_samples`` would be
-    expected to, best first; each size gets at least one sample.
+    The set of the n best matches is used for as many samples as would be expected, among ``max_samples`` uniform
+    samples of all matches, to have the n-th match as their worst; each size gets at least one sample.
     """
     if count < 4:
         return np.zeros(0, dtype=np.int64)
@@ -144,7 +149,7 @@ def _subset_sizes(count: int, max_samples: int) -> NDArray[np.int64]:
 
 
 def _draw(subset_sizes: NDArray[np.int64], rng: np.random.Generator) -> NDArray[np.int64]:
-    """One sample a subset: its last match and three distinct others (Floyd's algorithm), (B, 4)."""
+    """One sample (B, 4) from each subset: its last match and three distinct others (Floyd's algorithm)."""
     chosen = np.repeat(subset_sizes[:, None] - 1, 4, axis=1)
     for column in range(3):
         last = subset_sizes - 4 + column
@@ -163,7 +168,7 @@ def _minimal_homographies(matches: _Matches, samples: NDArray[np.int64]) -> Arra
     """
     left, right = (homogeneous(points[samples]) for points in (matches.left, matches.right))
     left_areas, right_areas = _areas(left), _areas(right)
-    # Twice the area of a triangle whose corner lies tau from a side of tau length; below, noise decides.
+    # Twice the area of a triangle with base and height tau; the orientation of a smaller one is decided by noise.
     large = np.minimum(np.abs(left_areas), np.abs(right_areas)).min(axis=1) > TOLERANCE_PX**2
     usable = large & (left_areas * right_areas > 0).all(axis=1)
     left, right = left[usable], right[usable]
@@ -192,7 +197,7 @@ def _best_of(homographies: Array, matches: _Matches) -> tuple[Array | None, floa
 
 
 def _optimise_locally(H: Array, score: float, matches: _Matches) -> tuple[Array, float]:
-    """Refit by the DLT to the matches within each band in turn, again while that gains; the best of all."""
+    """Refit by the DLT to the matches within each band in turn, repeat while the score rises, and return the best."""
     gain = 1.0
     while gain > MIN_GAIN:
         start = score
@@ -211,14 +216,14 @@ def _optimise_locally(H: Array, score: float, matches: _Matches) -> tuple[Array,
 
 
 def _samples_needed(H: Array, matches: _Matches) -> float:
-    """How many samples find an all-inlier one with `CONFIDENCE`, given the inliers of ``H``."""
+    """Number of samples that contain one without outliers with probability `CONFIDENCE`, given the inliers of ``H``."""
     inlier_share = float(np.mean(matches.squared_error(H) < 2 * TOLERANCE_PX**2))
     good_sample = min(inlier_share**4, 1 - 1e-9)
     return float(np.log(1 - CONFIDENCE) / np.log1p(-good_sample))
 
 
 def _polish(H: Array, matches: _Matches) -> Array | None:
-    """Reweighted Gauss-Newton over all matches; None where it ends in no homography."""
+    """Reweighted Gauss-Newton over all matches; None where that does not give a homography."""
     finite = np.isfinite(matches.squared_error(H))
     try:
         return refine_robustly(H, matches.left[finite], matches.right[finite])

@@ -1,4 +1,4 @@
-"""Pictures of any size to files, band by band: what is written is never in memory as a whole."""
+"""Writes pictures of any size band by band, so that the whole picture is never in memory."""
 
 from __future__ import annotations
 
@@ -16,22 +16,24 @@ from skymosaic.imagery.images import replacing, save
 
 STREAMED_SUFFIXES = (".png", ".tif", ".tiff")
 COMPRESSION_LEVEL = 3
-"""zlib's level for PNG: higher ones take several times as long for a few percent."""
+"""zlib's level for PNG; higher levels take several times as long and save a few percent."""
 TIFF_COMPRESSION_LEVEL = 1
 STRIP_ROWS = 64
 TIFF_SHORT_TAGS = (258, 259, 262, 277, 317)
+"""Tags whose values are stored in 16 bits."""
 LARGEST_CLASSIC_TIFF_BYTES = 3_900_000_000
+"""Uncompressed size from which BigTIFF is written: classic TIFF's 32-bit offsets end at 4 GiB."""
 _PNG_UP_FILTER = 2
 _PNG_COLOUR_TYPE = {1: 0, 3: 2}
 
 
 def write_bands(path: Path, size: tuple[int, int], channels: int, bands: Iterable[Pixels]) -> None:
-    """Write a picture whose rows come in bands from the top.
+    """Write a picture whose rows arrive in bands from the top.
 
     Parameters
     ----------
     path : Path
-        PNG and TIFF are written as the bands come; any other kind is collected first.
+        PNG and TIFF are written as the bands arrive; for other formats, all bands are collected first.
     size : (int, int)
         Width and height, px.
     channels : {1, 3}
@@ -41,7 +43,7 @@ def write_bands(path: Path, size: tuple[int, int], channels: int, bands: Iterabl
     Raises
     ------
     InputError
-        If the file cannot be written, on a full disk for instance; nothing is left of it.
+        If the file cannot be written, for instance on a full disk; no partial file is left.
     """
     suffix = path.suffix.lower()
     if suffix not in STREAMED_SUFFIXES:
@@ -57,7 +59,7 @@ def _in_rgb(bands: Iterable[Pixels]) -> Iterator[Pixels]:
 
 
 def _write_png(file: BinaryIO, size: tuple[int, int], channels: int, bands: Iterable[Pixels]) -> None:
-    """PNG (ISO 15948): one zlib stream in as many IDAT chunks as bands, each row minus the row above it."""
+    """Write PNG (ISO 15948): one zlib stream with an IDAT chunk per band, and the "up" filter on every row."""
     file.write(b"\x89PNG\r\n\x1a\n")
     _write_chunk(file, b"IHDR", struct.pack(">IIBBBBB", *size, 8, _PNG_COLOUR_TYPE[channels], 0, 0, 0))
     compressor = zlib.compressobj(COMPRESSION_LEVEL)
@@ -79,7 +81,7 @@ def _write_chunk(file: BinaryIO, kind: bytes, data: bytes) -> None:
 
 
 def _write_tiff(file: BinaryIO, size: tuple[int, int], channels: int, bands: Iterable[Pixels]) -> None:
-    """TIFF 6.0 in strips, deflated with horizontal differencing; BigTIFF where 4 GB might not be enough."""
+    """Write TIFF 6.0 in strips, deflated with horizontal differencing; BigTIFF if 4 GB might not be enough."""
     big = size[0] * size[1] * channels > LARGEST_CLASSIC_TIFF_BYTES
     file.write(struct.pack("<2sHHHQ", b"II", 43, 8, 0, 0) if big else struct.pack("<2sHI", b"II", 42, 0))
     offsets, lengths = [], []
@@ -105,16 +107,16 @@ def _write_tiff(file: BinaryIO, size: tuple[int, int], channels: int, bands: Ite
 
 
 def _write_directory(file: BinaryIO, tags: dict[int, list[int]], *, big: bool) -> None:
-    """The tags, in rising order, at the end of a TIFF file, and their place into its header."""
+    """Append the directory of tags, which must be in rising order, and write its offset into the file's header."""
     long_kind, long, count, inline_bytes = (16, "Q", "Q", 8) if big else (4, "I", "H", 4)
     entries = []
     for tag, values in tags.items():
         kind, letter = (3, "H") if tag in TIFF_SHORT_TAGS else (long_kind, long)
         encoded = struct.pack(f"<{len(values)}{letter}", *values)
         if len(encoded) > inline_bytes:
-            place = _to_even_end(file)
+            offset = _to_even_end(file)
             file.write(encoded)
-            encoded = struct.pack(f"<{long}", place)
+            encoded = struct.pack(f"<{long}", offset)
         entries.append(struct.pack(f"<HH{long}", tag, kind, len(values)) + encoded.ljust(inline_bytes, b"\0"))
     start = _to_even_end(file)
     file.write(struct.pack(f"<{count}", len(tags)) + b"".join(entries) + struct.pack(f"<{long}", 0))
@@ -123,6 +125,6 @@ def _write_directory(file: BinaryIO, tags: dict[int, list[int]], *, big: bool) -
 
 
 def _to_even_end(file: BinaryIO) -> int:
-    """Move to the end of the file, or one byte beyond: TIFF wants even places."""
+    """Seek to the end of the file, or one byte further if that is odd: TIFF requires even offsets."""
     end = file.seek(0, 2)
     return file.seek(end + end % 2)

@@ -1,4 +1,4 @@
-"""Where a photograph was taken, as its camera wrote it into the file."""
+"""The GPS position that a camera wrote into a photograph's EXIF data."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ _EARTH_RADIUS_M = 6_371_000
 
 @dataclass(frozen=True)
 class Position:
-    """A place on WGS 84.
+    """A position on the WGS 84 ellipsoid.
 
     Attributes
     ----------
     latitude_deg, longitude_deg : float
         Positive to the north and to the east.
     altitude_m : float
-        Above sea level; 0 where the camera wrote none.
+        Above sea level; 0 if the camera wrote none.
     """
 
     latitude_deg: float
@@ -31,7 +31,7 @@ class Position:
     altitude_m: float = 0.0
 
     def metres_from(self, origin: Position) -> tuple[float, float]:
-        """Metres to the east and to the north of ``origin``, on a sphere: good to 0.5 % for a few kilometres."""
+        """Metres to the east and to the north of ``origin``, on a sphere: accurate to 0.5 % over a few kilometres."""
         per_degree = _EARTH_RADIUS_M * math.pi / 180
         east_deg = (self.longitude_deg - origin.longitude_deg + 180) % 360 - 180
         east = east_deg * per_degree * math.cos(math.radians(origin.latitude_deg))
@@ -39,7 +39,7 @@ class Position:
 
 
 def position(path: Path) -> Position | None:
-    """The GPS position in a file's EXIF; None where there is none, or it makes no sense."""
+    """The GPS position in a file's EXIF data; None if there is none or it is not valid."""
     try:
         with PillowImage.open(path) as header:
             gps = header.getexif().get_ifd(_GPS_DIRECTORY)
@@ -48,7 +48,7 @@ def position(path: Path) -> Position | None:
         altitude = float(gps.get(_ALTITUDE, 0.0)) * (-1 if gps.get(_ALTITUDE_SIGN) in (1, b"\x01") else 1)
     except (OSError, KeyError, TypeError, ValueError, ZeroDivisionError):
         return None
-    # Cameras without reception write zeros, or what no place has.
+    # Cameras without GPS reception write zeros or values out of range.
     known = math.isfinite(latitude + longitude + altitude) and (latitude, longitude) != (0, 0)
     if not (known and abs(latitude) <= 90 and abs(longitude) <= 180):
         return None

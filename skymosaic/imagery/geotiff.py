@@ -1,4 +1,4 @@
-"""A mosaic on the map: its pixels in metres, from the GPS positions of its photographs."""
+"""Georeferencing: fits a mosaic to the GPS positions of its photographs and writes it as a GeoTIFF."""
 
 from __future__ import annotations
 
@@ -22,16 +22,18 @@ from skymosaic.imagery.images import replacing
 
 EQUATOR_RADIUS_M = 6_378_137.0
 FLATTENING = 1 / 298.257223563
-"""Of the WGS 84 ellipsoid."""
+"""Radius and flattening of the WGS 84 ellipsoid."""
 UTM_SCALE = 0.9996
+"""Scale at the central meridian of a UTM zone."""
 FEWEST_POSITIONS = 3
+"""Two positions always fit a similarity exactly, so that a wrong one would not be noticed."""
 WIDEST_RESIDUAL = 0.25
-"""Positions that miss by more than this share of their spread do not say where the mosaic lies."""
+"""A fit is refused if its residual is larger than this share of the spread of the positions."""
 
 
 @dataclass(frozen=True, eq=False)
 class Georeference:
-    """Where a mosaic lies.
+    """Position of a mosaic on the map.
 
     Attributes
     ----------
@@ -50,53 +52,54 @@ class Georeference:
     metres_a_pixel: float
 
 
-def georeference(centres: Array, places: Sequence[Position | None]) -> tuple[Georeference | None, str]:
-    """Fit the map to the centres of photographs whose GPS positions are known.
+def georeference(centres: Array, gps: Sequence[Position | None]) -> tuple[Georeference | None, str]:
+    """Fit a similarity from the canvas to the map by the photographs' centres and GPS positions.
 
     Parameters
     ----------
     centres : (N, 2) float64 ndarray
-        Where the photographs' centres lie on the canvas, px.
-    places : sequence of Position or None
+        Positions of the photographs' centres on the canvas, px.
+    gps : sequence of Position or None
+        GPS position of each photograph; None where it has none.
 
     Returns
     -------
     georeference : Georeference or None
     reason : str
-        Why there is none; empty where there is.
+        Why there is none; empty if there is one.
     """
-    known = [index for index, place in enumerate(places) if place is not None]
+    known = [index for index, position in enumerate(gps) if position is not None]
     if len(known) < FEWEST_POSITIONS:
-        return None, f"{len(known)} of {len(places)} photographs have GPS; {FEWEST_POSITIONS} are needed"
-    positions = [place for place in places if place is not None]
+        return None, f"{len(known)} of {len(gps)} photographs have GPS; {FEWEST_POSITIONS} are needed"
+    positions = [position for position in gps if position is not None]
     epsg, metres = _utm(positions)
-    # Canvas rows run down, north runs up: turned over, what is left is a similarity.
+    # Rows count downwards and north points up. A similarity cannot mirror, so y is negated before the fit.
     upright = centres[known] * [1.0, -1.0]
     try:
         similarity = estimate(upright, metres, model="similarity")
     except DegenerateError:
-        return None, "the GPS positions coincide or have nothing to do with the layout"
+        return None, "the GPS positions coincide or do not fit the layout at all"
     to_map = similarity @ np.diag([1.0, -1.0, 1.0])
     residual = float(np.sqrt(np.mean(np.sum((apply(to_map, centres[known]) - metres) ** 2, axis=1))))
     spread = float(np.sqrt(np.mean(np.sum((metres - metres.mean(axis=0)) ** 2, axis=1))))
     if residual > WIDEST_RESIDUAL * spread:
-        return None, f"GPS misses the layout by {residual:.1f} m, too much for positions spread over {spread:.1f} m"
+        return None, f"GPS and layout differ by {residual:.1f} m, too much for positions spread over {spread:.1f} m"
     return Georeference(epsg, to_map, residual, math.hypot(*similarity[:2, 0])), ""
 
 
 def _utm(positions: Sequence[Position]) -> tuple[int, Array]:
-    """EPSG code of the zone of the first position, and all of them in metres, (N, 2)."""
+    """EPSG code of the first position's UTM zone, and all positions in that zone, (N, 2) metres east and north."""
     zone = int((positions[0].longitude_deg + 180) // 6) % 60 + 1
     south = positions[0].latitude_deg < 0
     meridian = 6 * zone - 183
-    metres = [_transverse_mercator(place, meridian) for place in positions]
+    metres = [_transverse_mercator(position, meridian) for position in positions]
     false_origin = np.array([500_000.0, 10_000_000.0 if south else 0.0])
     return (32700 if south else 32600) + zone, np.array(metres) + false_origin
 
 
-def _transverse_mercator(place: Position, meridian_deg: float) -> tuple[float, float]:
-    """Metres east of a central meridian and north of the equator (Krüger's series; to a millimetre in a zone)."""
-    latitude, longitude = math.radians(place.latitude_deg), math.radians(place.longitude_deg - meridian_deg)
+def _transverse_mercator(position: Position, meridian_deg: float) -> tuple[float, float]:
+    """Metres east of a central meridian and north of the equator, by Krüger's series: to a millimetre within a zone."""
+    latitude, longitude = math.radians(position.latitude_deg), math.radians(position.longitude_deg - meridian_deg)
     n = FLATTENING / (2 - FLATTENING)
     eccentricity = 2 * math.sqrt(n) / (1 + n)
     sine = math.sin(latitude)
@@ -116,10 +119,12 @@ def has_writer() -> bool:
     return importlib.util.find_spec("rasterio") is not None
 
 
-def write_cog(path: Path, size: tuple[int, int], channels: int, bands: Iterable[Pixels], place: Georeference) -> None:
-    """Write a cloud-optimised GeoTIFF: tiled, deflated, with overviews; 0 is no data.
+def write_cog(
+    path: Path, size: tuple[int, int], channels: int, bands: Iterable[Pixels], georeference: Georeference
+) -> None:
+    """Write a cloud-optimised GeoTIFF: tiled, deflated, with overviews; 0 stands for no data.
 
-    Arguments as `skymosaic.imagery.band_writer.write_bands`; needs the extra ``geo``.
+    Arguments as in `skymosaic.imagery.band_writer.write_bands`; needs the extra ``geo``.
 
     Raises
     ------
@@ -128,13 +133,14 @@ def write_cog(path: Path, size: tuple[int, int], channels: int, bands: Iterable[
     """
     rasterio: Any = importlib.import_module("rasterio")
     shutil: Any = importlib.import_module("rasterio.shutil")
-    # Rasterio counts from the outer corner of the first pixel.
-    corner = place.to_map @ np.array([[1, 0, -0.5], [0, 1, -0.5], [0, 0, 1]])
+    # Rasterio's pixel coordinates start at the outer corner of the first pixel, ours at its centre.
+    corner = georeference.to_map @ np.array([[1, 0, -0.5], [0, 1, -0.5], [0, 0, 1]])
     profile = {
         "driver": "GTiff", "width": size[0], "height": size[1], "count": channels, "dtype": "uint8", "nodata": 0,
-        "crs": f"EPSG:{place.epsg}", "transform": rasterio.Affine(*corner[:2].ravel()), "tiled": True,
+        "crs": f"EPSG:{georeference.epsg}", "transform": rasterio.Affine(*corner[:2].ravel()), "tiled": True,
         "compress": "deflate", "bigtiff": "if_safer",
     }  # fmt: skip
+    # GDAL's COG driver only copies finished data sets: it needs all pixels before it lays out the overviews.
     try:
         with replacing(path) as finished, tempfile.TemporaryDirectory(dir=path.parent, prefix=".geotiff.") as folder:
             plain = Path(folder) / "plain.tif"
@@ -146,4 +152,4 @@ def write_cog(path: Path, size: tuple[int, int], channels: int, bands: Iterable[
                     top += len(band)
             shutil.copy(plain, finished, driver="COG", compress="deflate", overview_resampling="average")
     except rasterio.errors.RasterioError as error:
-        raise InputError(f"{path}: cannot be written ({error}); choose another place") from None
+        raise InputError(f"{path}: cannot be written ({error}); choose another folder") from None

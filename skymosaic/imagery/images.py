@@ -1,4 +1,4 @@
-"""Photographs in and pictures out: every check on files is made here, with one clear line for each fault."""
+"""Reads photographs and writes pictures; checks files here, so that every fault gets one clear message."""
 
 from __future__ import annotations
 
@@ -22,13 +22,14 @@ from skymosaic.geometry.homography import resize_matrix
 
 SMALLEST_SIDE_PX = 64
 LARGEST_AREA_PX = 89_000_000
+"""Just below the limit of Pillow, which reads the header first."""
 OUTPUT_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
 _ORIENTATION_TAG = 0x0112
 _UPRIGHT = 1
 _TAIL_PERCENT = 0.1
+"""Share of pixels at each end of the range that is saturated when an image is mapped to 8 bits."""
 
-
-# Pillow only warns of images beyond its limit; the header check turns that into our own line.
+# Pillow only warns about images beyond its limit; as an error, `_check_header` can turn it into our own message.
 warnings.filterwarnings("error", category=PillowImage.DecompressionBombWarning)
 
 
@@ -43,7 +44,7 @@ class Photograph:
     pixels : ndarray of uint8, shape (H, W) or (H, W, 3)
         Gray or BGR, turned upright by the EXIF orientation.
     notes : tuple of str
-        What was done to the file's pixels: rotation applied, range mapped to 8 bit.
+        Changes made to the file's pixels: rotation applied, range mapped to 8 bits.
     """
 
     name: str
@@ -90,7 +91,7 @@ def _read(path: Path) -> Photograph:
 
 
 def _check_header(path: Path) -> int:
-    """Size and kind before anything is decoded; returns the EXIF orientation."""
+    """Check a file's size and kind before anything is decoded; returns the EXIF orientation."""
     if not path.exists():
         raise InputError(f"{path}: no such file; check the path")
     if not path.is_file():
@@ -121,7 +122,7 @@ def _check_size(name: str, width_px: int, height_px: int) -> None:
 
 
 def _is_truncated(data: bytes) -> bool:
-    """Whether a JPEG or PNG lacks its end; OpenCV would fill the missing part with gray and say nothing."""
+    """Whether a JPEG or PNG lacks its end; OpenCV would silently fill the missing part with gray."""
     if data.startswith(b"\x89PNG"):
         return b"IEND" not in data[-64:] and b"IEND" not in data
     if data.startswith(b"\xff\xd8"):
@@ -130,7 +131,7 @@ def _is_truncated(data: bytes) -> bool:
 
 
 def _jpeg_scan_start(data: bytes) -> int:
-    """Offset of the first scan: an embedded thumbnail's end marker lies before it and must not count."""
+    """Offset of the first scan; the end marker of an embedded thumbnail lies before it and must not be counted."""
     offset = 2
     while offset + 4 <= len(data) and data[offset] == 0xFF:
         if data[offset + 1] == 0xDA:
@@ -140,12 +141,24 @@ def _jpeg_scan_start(data: bytes) -> int:
 
 
 def to_8_bit(decoded: NDArray[np.generic], name: str) -> tuple[Pixels, tuple[str, ...]]:
-    """Map 16-bit and floating-point pixels linearly to 8 bit, the outer 0.1 % at each end saturated.
+    """Map 16-bit and floating-point pixels linearly to 8 bits; the outer 0.1 % at each end saturate.
+
+    Parameters
+    ----------
+    decoded : ndarray of uint8, uint16 or float32
+    name : str
+        For messages.
 
     Returns
     -------
-    pixels, notes
-        uint8 pixels, and the mapping in words (empty where the image had 8 bits).
+    pixels : ndarray of uint8
+    notes : tuple of str
+        The mapping in words; empty if the image had 8 bits.
+
+    Raises
+    ------
+    InputError
+        For other types, or an image without a finite value.
     """
     if decoded.dtype == np.uint8:
         return decoded.astype(np.uint8, copy=False), ()
@@ -161,13 +174,13 @@ def to_8_bit(decoded: NDArray[np.generic], name: str) -> tuple[Pixels, tuple[str
 
 
 def reduced(pixels: Pixels, width_px: int) -> tuple[Pixels, Array]:
-    """``pixels`` reduced by area to at most ``width_px``.
+    """Reduce an image by area averaging to at most ``width_px``; a narrower one stays as it is.
 
     Returns
     -------
     pixels : ndarray of uint8
     to_original : ndarray of float64, shape (3, 3)
-        Maps reduced pixels to original ones, pixel centres at integers.
+        Maps reduced pixels to original ones, with pixel centres at integers.
     """
     height, width = pixels.shape[:2]
     if width <= width_px:
@@ -178,24 +191,30 @@ def reduced(pixels: Pixels, width_px: int) -> tuple[Pixels, Array]:
 
 
 def check_output(path: Path, inputs: tuple[str, ...] = (), suffixes: tuple[str, ...] = OUTPUT_SUFFIXES) -> None:
-    """Refuse an output that cannot be written, before the long work begins."""
+    """Check that an output file can be written, before the computation starts.
+
+    Raises
+    ------
+    InputError
+        For an unknown suffix, a folder that is missing or not writable, or one of the ``inputs``.
+    """
     if path.suffix.lower() not in suffixes:
         raise InputError(f"{path}: unknown kind of file; end the name in one of {', '.join(suffixes)}")
     if not path.parent.is_dir():
         raise InputError(f"{path}: its folder does not exist; create it first")
     if path.is_dir() or not os.access(path.parent, os.W_OK):
-        raise InputError(f"{path}: cannot be written; choose another place")
+        raise InputError(f"{path}: cannot be written; choose another folder")
     if any(Path(source).resolve() == path.resolve() for source in inputs):
         raise InputError(f"{path}: is one of the inputs; choose another name")
 
 
 def save(path: Path, pixels: Pixels) -> None:
-    """Write a picture under a temporary name, then rename it: never a half-written file.
+    """Write a picture under a temporary name, then rename it, so that no half-written file can remain.
 
     Raises
     ------
     InputError
-        If it cannot be encoded (a JPEG beyond 65535 pixels, say) or written.
+        If it cannot be encoded (for instance a JPEG beyond 65535 pixels) or written.
     """
     encoded = None
     with contextlib.suppress(cv2.error):
@@ -216,28 +235,30 @@ def save_bytes(path: Path, data: bytes) -> None:
 
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A temporary file beside ``path`` to write to; it takes its place at the end, or vanishes on any failure.
+    """Context of a temporary file beside ``path``: renamed to ``path`` at the end, deleted on any failure.
 
     Raises
     ------
     InputError
-        Where writing fails: no permission, a full disk.
+        If writing fails: no permission, a full disk.
     """
     temporary = None
     try:
         with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as file:
             temporary = Path(file.name)
         yield temporary
+        # Temporary files are created for their owner only; give the result the usual permissions.
         temporary.chmod(0o666 & ~_umask())
         temporary.replace(path)
     except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror}); choose another place") from None
+        raise InputError(f"{path}: cannot be written ({error.strerror}); choose another folder") from None
     finally:
         if temporary:
             temporary.unlink(missing_ok=True)
 
 
 def _umask() -> int:
+    # The mask can only be read by setting it.
     mask = os.umask(0)
     os.umask(mask)
     return mask

@@ -1,4 +1,4 @@
-"""Videos among the photographs of a flight: each stands for its key frames, which lie on disk meanwhile."""
+"""Videos among the photographs of a flight: replaces each by its key frames, stored in a temporary folder."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from skymosaic.imagery.video import VIDEO_SUFFIXES, VideoReader, key_frames
 
 
 def is_video(image: str | Path | Pixels) -> bool:
-    """Whether an image is named like a video."""
+    """Whether a file's suffix is that of a video."""
     return isinstance(image, str | Path) and Path(image).suffix.lower() in VIDEO_SUFFIXES
 
 
@@ -23,29 +23,29 @@ def is_video(image: str | Path | Pixels) -> bool:
 def flight_sources(
     images: Sequence[str | Path | Pixels], tell: Callable[[str], None] = lambda _line: None
 ) -> Iterator[list[Source]]:
-    """`skymosaic.imagery.photographs.sources`, where a video gives its key frames.
+    """As `skymosaic.imagery.photographs.sources`, with each video replaced by its key frames.
 
-    They are JPEG files in a temporary folder, for as long as the context lasts.
+    The key frames are JPEG files in a temporary folder, which is deleted when the context ends.
 
     Parameters
     ----------
     images : sequence of str, Path or ndarray
         Files, folders, videos and arrays.
     tell : callable
-        Receives a line for whatever was noticed of a video, that it was cut off for instance.
+        Receives one line per note about a video, for instance that it was cut off.
 
     Raises
     ------
     InputError
-        As `sources`; for a video that cannot be read, or a disk that is full.
+        As in `sources`; also for a video that cannot be read, or a full disk.
     """
     with tempfile.TemporaryDirectory(prefix="skymosaic-") as folder:
         found: list[Source] = []
         for image in images:
             if is_video(image):
-                place = Path(folder) / str(len(found))
-                place.mkdir()
-                found += _key_frames(Path(str(image)), place, tell)
+                frames = Path(folder) / str(len(found))
+                frames.mkdir()
+                found += _key_frames(Path(str(image)), frames, tell)
             else:
                 found += sources([image])
         yield [dataclasses.replace(source, index=index) for index, source in enumerate(found)]

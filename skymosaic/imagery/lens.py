@@ -1,4 +1,4 @@
-"""What every photograph of a flight has in common: the camera's distortion, and places that show the drone itself."""
+"""Lens correction for all photographs of a flight: removes distortion and masks parts that show the drone itself."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ _DISTORTION = ("k1", "k2", "p1", "p2", "k3")
 
 @dataclass(frozen=True, eq=False)
 class Lens:
-    """Takes the distortion out of photographs and knows which of their pixels count.
+    """Removes distortion from photographs and masks the pixels that do not show the ground.
 
     Attributes
     ----------
     size : (int, int) or None
-        Width and height the camera was calibrated at; photographs of another size are taken as scaled.
+        Width and height of the calibration images; photographs of another size are assumed to be resized.
     matrix : ndarray of float64, shape (3, 3), or None
         Calibration matrix K at that size, pixel centres at integers; None: the photographs have no distortion.
     distortion : ndarray of float64, shape (5,), or None
         k1, k2, p1, p2, k3 of OpenCV's model.
     mask : ndarray of uint8, shape (H, W), or None
-        0 where a photograph shows nothing of the ground; resized to each photograph.
+        0 where photographs do not show the ground; it is resized to each photograph.
     """
 
     size: tuple[int, int] | None = None
@@ -44,21 +44,21 @@ class Lens:
 
     @cached_property
     def key(self) -> str:
-        """Changes with everything that `straighten` and `visible` depend on."""
+        """Hash of everything that `straighten` and `visible` depend on."""
         state = hashlib.sha256(repr(self.size).encode())
         for part in (self.matrix, self.distortion, self.mask):
             state.update(b"none" if part is None else repr(part.shape).encode() + part.tobytes())
         return state.hexdigest()
 
     def straighten(self, pixels: Pixels) -> Pixels:
-        """The photograph as a pinhole camera with the same matrix would have taken it."""
+        """The photograph without distortion, as a pinhole camera with the same matrix would have taken it."""
         if self.matrix is None:
             return pixels
         maps = self._maps((pixels.shape[1], pixels.shape[0]))
         return np.asarray(cv2.remap(pixels, *maps, cv2.INTER_LINEAR), dtype=np.uint8)
 
     def visible(self, size: tuple[int, int]) -> Pixels | None:
-        """255 where a straightened photograph of ``size`` (width, height) shows ground, else 0; None: everywhere."""
+        """255 where a straightened photograph of ``size`` (width, height) shows ground, else 0; None if everywhere."""
         if self.mask is None and self.matrix is None:
             return None
         mask = np.full(size[::-1], 255, np.uint8)
@@ -77,7 +77,7 @@ class Lens:
 
 
 def load_lens(camera: Path | None, mask: Path | None) -> Lens:
-    """Read a camera file and a mask picture; either may be missing.
+    """Read a camera file and a mask picture; either may be None.
 
     The camera file is TOML with ``width_px``, ``height_px``, ``focal_x_px``, ``focal_y_px``, ``centre_x_px``,
     ``centre_y_px`` and, of OpenCV's distortion, any of ``k1``, ``k2``, ``p1``, ``p2``, ``k3``. The mask is black
@@ -86,7 +86,7 @@ def load_lens(camera: Path | None, mask: Path | None) -> Lens:
     Raises
     ------
     InputError
-        For a file that cannot be read, a key that is missing or unknown, or a value that is no number.
+        For a file that cannot be read, a missing or unknown key, or a value that is not a number.
     """
     ground = None
     if mask is not None:

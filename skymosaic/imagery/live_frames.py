@@ -1,4 +1,4 @@
-"""Where the frames of a live mosaic come from: a folder that fills, a video, or a camera."""
+"""Frame sources of a live mosaic: a folder to which pictures are added, a video, a stream, or a camera."""
 
 from __future__ import annotations
 
@@ -18,30 +18,30 @@ from skymosaic.imagery.video import VideoReader, key_frames
 
 POLL_SECONDS = 0.2
 SETTLED_SECONDS = 0.5
-"""A file that has not changed for so long is complete."""
+"""A file that has not changed for this time is considered complete."""
 
 
 def live_frames(
     source: str, *, idle_seconds: float | None, tell: Callable[[str], None], made: Collection[Path] = ()
 ) -> Iterator[Photograph]:
-    """Frames as they come.
+    """Yield frames as they arrive.
 
     Parameters
     ----------
     source : str
-        A folder, whose pictures are taken as they appear; a camera's number; a video file, or a stream's address
-        (``rtsp://...``). Of a video and a camera, the key frames.
+        A folder, whose pictures are read as they appear; a camera's number; a video file, or a stream's address
+        (``rtsp://...``). Of videos, streams and cameras, only key frames are yielded.
     idle_seconds : float or None
-        A folder ends when nothing new has appeared for so long; None: never.
+        A folder ends when no new picture has appeared for this time; None: never.
     tell : callable
-        Receives a line for each file that cannot be used, and for what was noticed of a video.
+        Receives a line for each file that cannot be used, and for each note about a video.
     made : collection of Path
-        Pictures that are written meanwhile: in the folder, they are no frames.
+        Pictures that the caller writes meanwhile; in the folder, they are not frames.
 
     Raises
     ------
     InputError
-        For a source that is missing or cannot be read.
+        For a missing or unreadable source.
     """
     if source.isdecimal():
         for frame in key_frames(_camera(int(source))):
@@ -59,7 +59,7 @@ def live_frames(
 def _appearing(
     folder: Path, idle_seconds: float | None, tell: Callable[[str], None], made: Collection[Path]
 ) -> Iterator[Photograph]:
-    """The pictures of a folder when they are complete, in the order of their names; again if they change."""
+    """The pictures of a folder once they are complete, sorted by name; a picture that changes is yielded again."""
     taken: set[tuple[Path, int]] = set()
     last = time.monotonic()
     while idle_seconds is None or time.monotonic() - last < idle_seconds:
@@ -70,7 +70,7 @@ def _appearing(
             try:
                 yield load(path)
             except InputError as error:
-                # A slow copy may only have paused: what changes once more is looked at again.
+                # This may be a slow copy that paused; if the file changes again, it is read again.
                 tell(f"left out: {error}")
         if new:
             last = time.monotonic()
@@ -79,23 +79,23 @@ def _appearing(
 
 
 def _complete_pictures(folder: Path) -> list[tuple[Path, int]]:
-    """Pictures that have settled, each with the time of its last change in ns."""
+    """The folder's complete pictures, each with the time of its last change in ns."""
     try:
         paths = [Path(found.name) for found in sources([folder])]
-    except InputError:  # None so far.
+    except InputError:  # There are no pictures yet.
         return []
     complete = []
     for path in paths:
-        with contextlib.suppress(OSError):  # It was renamed or removed meanwhile.
+        with contextlib.suppress(OSError):  # The file may have been renamed or removed meanwhile.
             changed = path.stat().st_mtime_ns
-            # A clock that differs from the file server's only makes the wait longer or shorter.
+            # The file server's clock may be ahead of ours, which makes the difference negative.
             if abs(time.time_ns() - changed) >= SETTLED_SECONDS * 1e9:
                 complete.append((path, changed))
     return complete
 
 
 def _camera(number: int) -> Iterator[Pixels]:
-    # OpenCV's own lines about a missing camera would come before ours.
+    # Otherwise OpenCV prints its own messages about a missing camera before ours.
     level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     capture = cv2.VideoCapture(number)
     cv2.utils.logging.setLogLevel(level)

@@ -1,4 +1,4 @@
-"""The photographs of a flight: which files they are, and their pixels when they are needed."""
+"""The photographs of a flight: lists the files, and decodes their pixels when they are needed."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Source:
     Attributes
     ----------
     index : int
-        Its place among the photographs as given.
+        Its index among the given photographs.
     name : str
         The file as given, or ``"image N"``.
     content : Path or ndarray of uint8, shape (H, W) or (H, W, 3) BGR
@@ -38,7 +38,7 @@ class Source:
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of the file, or of the array: the same content has the same digest wherever it lies.
+        """SHA-256 of the file or array; it depends on the content alone, not on the file's name.
 
         Raises
         ------
@@ -54,24 +54,24 @@ class Source:
         return hashlib.sha256(repr(self.content.shape).encode() + self.content.tobytes()).hexdigest()
 
     def photograph(self, lens: Lens) -> Photograph:
-        """The decoded photograph, upright and without the lens's distortion.
+        """Decode the photograph, turn it upright and remove the lens's distortion.
 
         Raises
         ------
         InputError
-            As `skymosaic.imagery.images.load`.
+            As in `skymosaic.imagery.images.load`.
         """
         decoded = load(self.content, self.name)
         return Photograph(decoded.name, lens.straighten(decoded.pixels), decoded.notes)
 
 
 def sources(images: Sequence[str | Path | Pixels]) -> list[Source]:
-    """Files, arrays and folders as one list; a folder gives its pictures by name, 2 before 10.
+    """List files, arrays and the pictures of folders; a folder's pictures are sorted by name, 2 before 10.
 
     Raises
     ------
     InputError
-        For a folder without pictures. Files are looked at later: one bad file does not end a flight.
+        For a folder without pictures. Files are checked later, so that one bad file does not stop a flight.
     """
     found: list[Path | Pixels] = []
     for image in images:
@@ -87,25 +87,25 @@ def sources(images: Sequence[str | Path | Pixels]) -> list[Source]:
 
 def _pictures(folder: Path) -> list[Path]:
     pictures = [path for path in folder.iterdir() if path.suffix.lower() in PHOTOGRAPH_SUFFIXES and path.is_file()]
-    # A leading dot hides what file systems and half-finished copies leave behind.
+    # File systems and unfinished copies leave files whose names start with a dot.
     pictures = [path for path in pictures if not path.name.startswith(".")]
     if not pictures:
-        raise InputError(f"{folder}: holds no pictures ({', '.join(PHOTOGRAPH_SUFFIXES)}); name another folder")
+        raise InputError(f"{folder}: contains no pictures ({', '.join(PHOTOGRAPH_SUFFIXES)}); choose another folder")
     return sorted(pictures, key=lambda path: _natural(path.name))
 
 
 def _natural(name: str) -> list[tuple[int, str]]:
-    """Sorting key that counts numbers by value."""
+    """Sorting key that compares numbers in names by value."""
     return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", name)]
 
 
 class DecodedPhotographs:
-    """Decoded pixels of the photographs used last, up to a number of bytes; safe for several threads.
+    """Cache of the most recently used decoded photographs, up to a number of bytes; thread-safe.
 
     Parameters
     ----------
     limit_bytes : int
-        What may be held; a photograph that is larger alone is decoded each time.
+        Size of the cache; a photograph larger than this is decoded each time.
     """
 
     def __init__(self, limit_bytes: int) -> None:
@@ -115,7 +115,7 @@ class DecodedPhotographs:
 
     @property
     def held_bytes(self) -> int:
-        """What is held now."""
+        """Bytes in the cache now."""
         return sum(pixels.nbytes for pixels in self._held.values())
 
     def pixels(self, source: Source, lens: Lens) -> Pixels:
@@ -125,6 +125,7 @@ class DecodedPhotographs:
             if key in self._held:
                 self._held.move_to_end(key)
                 return self._held[key]
+        # Decoded outside the lock, so that threads decode different photographs at the same time.
         pixels = source.photograph(lens).pixels
         with self._lock:
             self._held[key] = pixels

@@ -1,4 +1,4 @@
-"""Video in and out through FFmpeg's libraries, and the few frames of a video that a mosaic needs."""
+"""Reads and writes video with FFmpeg's libraries, and selects the key frames of a video that a mosaic needs."""
 
 from __future__ import annotations
 
@@ -19,42 +19,43 @@ from skymosaic.errors import InputError
 from skymosaic.imagery.images import reduced, replacing
 
 VIDEO_SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".avi", ".ts", ".mts", ".m2ts", ".webm", ".wmv", ".mpg", ".mpeg")
-"""Names that are taken for videos where photographs are possible too."""
+"""Suffixes of files that are treated as videos where photographs are accepted too."""
 OUTPUT_SUFFIXES = (".mp4", ".mov", ".mkv")
 DEFAULT_RATE = Fraction(25)
-"""Frames a second where the video does not say."""
+"""Frames per second if the video does not state it."""
 CONSTANT_QUALITY = "18"
-"""x264's rate factor: visually lossless."""
+"""x264's constant rate factor; 18 is visually lossless."""
 KEY_OVERLAP = 0.65
-"""Neighbouring key frames share this much or a little more: enough for a sure registration, few enough to be quick."""
+"""Share of its area that a key frame has in common with the next, or slightly more: enough for reliable registration,
+with as few frames as possible."""
 FLOW_WIDTH_PX = 320
-"""Frames are reduced to this width to follow their flow."""
+"""Frames are reduced to this width to compute their optical flow."""
 FLOW_CORNERS = 200
 FEWEST_CORNERS = 12
 
 
 class VideoReader:
-    """The frames of a video, one at a time, upright by its rotation tag.
+    """The frames of a video, one at a time, turned upright by its rotation tag.
 
-    Iterating gives uint8 arrays, shape (H, W, 3) BGR. Damaged packets, the last one of a recording that was cut off
-    among them, are left out, and `notes` says so once the frames are used up.
+    Iterating yields uint8 arrays, shape (H, W, 3) BGR. Damaged packets, such as the last one of a recording that was
+    cut off, are skipped; after the last frame, `notes` says so.
 
     Parameters
     ----------
     path : str or Path
-        A file, or a stream's address (``rtsp://...``).
+        A file, or the address of a stream (``rtsp://...``).
 
     Attributes
     ----------
     frame_rate : Fraction
-        Mean frames a second.
+        Mean frames per second.
     notes : list of str
-        What was done to the frames, or is wrong with the file.
+        Changes made to the frames, and faults of the file.
 
     Raises
     ------
     InputError
-        If it cannot be opened or holds no video; while iterating, if no frame can be decoded.
+        If it cannot be opened or contains no video; while iterating, if no frame can be decoded.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -66,10 +67,10 @@ class VideoReader:
             self._container = av.open(self.name)
         except (FFmpegError, OSError):
             raise InputError(
-                f"{self.name}: not a video that can be read, or a recording cut off before its index was written; "
+                f"{self.name}: not a readable video, or a recording cut off before its index was written; "
                 "give another file or repair it"
             ) from None
-        # Without a codec context the stream is cut off inside its first frame.
+        # A stream that is cut off inside its first frame has no codec context.
         streams = [stream for stream in self._container.streams.video if stream.codec_context]
         if not streams:
             self._container.close()
@@ -94,7 +95,7 @@ class VideoReader:
 
     def _decoded(self) -> Iterator[av.VideoFrame]:
         packets = self._container.demux(self._stream)
-        # The demuxer ends with an error where the file ends in the middle of a packet.
+        # The demuxer raises an error if the file ends in the middle of a packet.
         with contextlib.suppress(FFmpegError):
             for packet in packets:
                 if not packet.is_corrupt:
@@ -113,17 +114,17 @@ def _check_file(path: Path) -> None:
 
 @contextlib.contextmanager
 def writing(path: Path, frame_rate: Fraction) -> Iterator[Callable[[Pixels], None]]:
-    """Write H.264 under a temporary name that becomes ``path`` at the end; nothing is left where it fails.
+    """Write H.264 under a temporary name, which is renamed to ``path`` at the end; a failure leaves no file.
 
-    Yields a function that appends a frame, (H, W, 3) uint8 BGR, all of one size; an odd last row or column is
-    dropped, since colour is stored at half size.
+    The context is a function that appends a frame, (H, W, 3) uint8 BGR, all of one size. An odd last row or column is
+    dropped, because colour is stored at half resolution.
 
     Parameters
     ----------
     path : Path
-        Its suffix, one of `OUTPUT_SUFFIXES`, decides the container.
+        Its suffix, one of `OUTPUT_SUFFIXES`, determines the container.
     frame_rate : Fraction
-        Frames a second.
+        Frames per second.
 
     Raises
     ------
@@ -136,31 +137,33 @@ def writing(path: Path, frame_rate: Fraction) -> Iterator[Callable[[Pixels], Non
 
         def write(pixels: Pixels) -> None:
             even = np.ascontiguousarray(pixels[: pixels.shape[0] // 2 * 2, : pixels.shape[1] // 2 * 2])
+            # The size is only known with the first frame, and may not change once the encoder is open.
             if not stream.codec_context.is_open:
                 stream.height, stream.width = even.shape[:2]
             container.mux(stream.encode(av.VideoFrame.from_ndarray(even, format="bgr24")))
 
         yield write
+        # The encoder holds frames back to reorder them; encoding nothing returns the last ones.
         container.mux(stream.encode())
 
 
 class KeyFrame(NamedTuple):
-    """A frame worth registering, and its number in the video, from 0."""
+    """A frame selected for registration, and its number in the video, from 0."""
 
     number: int
     pixels: Pixels
 
 
 def key_frames(frames: Iterable[Pixels], *, overlap: float = KEY_OVERLAP) -> Iterator[KeyFrame]:
-    """The first frame; then always the last one that shows ``overlap`` of the key frame before; and the end.
+    """Select the first frame, then repeatedly the last one that still shows ``overlap`` of the previous key frame.
 
-    So a hovering camera gives two, and a steady flight gives frames that overlap by little more than ``overlap``.
-    Where the picture jumps farther from one frame to the next, both are key frames.
+    The video's last frame is a key frame too. A hovering camera gives two key frames, a steady flight gives frames that
+    overlap by slightly more than ``overlap``. Where the view moves farther between two frames, both are key frames.
 
     Parameters
     ----------
     frames : iterable of (H, W, 3) uint8 ndarray
-        All of one size. A frame is given out when the next one has been seen.
+        All of one size. A key frame is yielded only after a later frame has been seen.
     overlap : float
         Share of the area, 0..1.
     """
@@ -184,7 +187,7 @@ def key_frames(frames: Iterable[Pixels], *, overlap: float = KEY_OVERLAP) -> Ite
 
 
 class _Flow:
-    """Follows the corners of a key frame by pyramidal Lucas-Kanade (thesis, equations II-8 to II-11)."""
+    """Tracks the corners of a key frame by pyramidal Lucas-Kanade (thesis, equations II-8 to II-11)."""
 
     def __init__(self, key: Pixels) -> None:
         self._last = key
@@ -193,7 +196,7 @@ class _Flow:
         self._points = self._key_points
 
     def common_share(self, gray: Pixels) -> float:
-        """Share of the key frame's area that the next frame shows; 0 where the flow was lost."""
+        """Share of the key frame's area that the next frame shows; 0 if tracking failed."""
         if len(self._points) < FEWEST_CORNERS:
             return 0.0
         points, found, _ = cv2.calcOpticalFlowPyrLK(self._last, gray, self._points, None)
@@ -204,6 +207,7 @@ class _Flow:
         motion, inliers = cv2.estimateAffinePartial2D(self._key_points, self._points, ransacReprojThreshold=2.0)
         if motion is None or inliers.sum() < FEWEST_CORNERS:
             return 0.0
+        # The key frame's outline in the new frame, clipped to it; the determinant undoes the change of scale.
         height, width = gray.shape
         frame = np.array([[0, 0], [width, 0], [width, height], [0, height]], np.float32)
         common, _ = cv2.intersectConvexConvex(frame, cv2.transform(frame[None], motion)[0])

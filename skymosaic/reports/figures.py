@@ -1,4 +1,4 @@
-"""Pictures for people: corners, and matches kept and rejected in the colour of the rule that decided."""
+"""Pictures of a pair's corners and of its kept and rejected matches, coloured by the rule that decided."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ _FONT, _FONT_SCALE = cv2.FONT_HERSHEY_SIMPLEX, 0.5
 
 
 def corners(image: Pixels, features: Records) -> Pixels:
-    """The image with a circle a feature (colour: level) and a tick along its orientation sector."""
+    """The image with a circle for each feature (colour: level) and a tick in the direction of its sector."""
     canvas = _dimmed(image)
     for feature in features:
         x, y = int(feature["x"]), int(feature["y"])
         radius = (4 if feature["level"] == 0 else 8) << _SUBPIXEL_SHIFT
-        turn = 2 * math.pi * int(feature["sector"]) / _SECTORS
-        tip = (x + round(radius * math.cos(turn)), y + round(radius * math.sin(turn)))
+        angle = 2 * math.pi * int(feature["sector"]) / _SECTORS
+        tip = (x + round(radius * math.cos(angle)), y + round(radius * math.sin(angle)))
         color = LEVEL_COLORS[int(feature["level"])]
         cv2.circle(canvas, (x, y), radius, color, 1, cv2.LINE_AA, _SUBPIXEL_SHIFT)
         cv2.line(canvas, (x, y), tip, color, 1, cv2.LINE_AA, _SUBPIXEL_SHIFT)
@@ -46,9 +46,9 @@ def corners(image: Pixels, features: Records) -> Pixels:
 
 
 def matches(pair: Pair, rule_names: Sequence[str]) -> Pixels:
-    """Kept matches above, rejected below; each line in the colour of the rule that spoke loudest."""
+    """Kept matches above, rejected ones below; each line has the colour of its dominant rule."""
     rejected = pair.matches[pair.matches["verdict"] == 0]
-    inlier_note = f"{len(pair.kept)} kept, {len(pair.inliers)} of them within 2 px of the homography (rings)"
+    inlier_note = f"{len(pair.kept)} kept, {len(pair.inliers)} within 2 px of the homography (rings)"
     upper = _match_panel(pair, pair.kept, pair.inliers, inlier_note, rule_names)
     lower = _match_panel(pair, rejected, rejected[:0], f"{len(rejected)} rejected", rule_names)
     return np.concatenate((upper, lower), axis=0)
@@ -73,8 +73,8 @@ def _match_panel(pair: Pair, shown: Records, ringed: Records, title: str, rule_n
     for left_point, right_point in zip(*match_points(ringed), strict=True):
         _ring(panel, left_point, 0)
         _ring(panel, right_point, _right_offset(pair))
-    spoke = np.bincount(shown["rule"], minlength=len(rule_names))
-    legend = [(f"{name} {spoke[rule]}", rule_color(rule)) for rule, name in enumerate(rule_names) if spoke[rule]]
+    count = np.bincount(shown["rule"], minlength=len(rule_names))
+    legend = [(f"{name} {count[rule]}", rule_color(rule)) for rule, name in enumerate(rule_names) if count[rule]]
     return _with_header(panel, title, legend)
 
 
@@ -94,7 +94,7 @@ def _dimmed(image: Pixels) -> Pixels:
 
 
 def _with_header(picture: Pixels, title: str, legend: Sequence[tuple[str, Color]]) -> Pixels:
-    """The picture under a title and its legend, which wraps at the picture's width."""
+    """The picture below a title and a legend, which wraps at the picture's width."""
     rows: list[list[tuple[str, Color, int]]] = [[]]
     x = _TEXT_GAP_PX
     for text, color in ((title, TEXT_COLOR), *legend):

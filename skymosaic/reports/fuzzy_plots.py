@@ -1,6 +1,6 @@
-"""Pictures of the fuzzy systems: the membership curves of every input and the rule surface.
+"""Plots of the fuzzy systems: the membership curves of every input and the rule surface.
 
-They need matplotlib, which the extra ``plots`` installs.
+Needs matplotlib, which the extra ``plots`` installs.
 """
 
 from __future__ import annotations
@@ -15,31 +15,31 @@ from numpy.typing import NDArray
 
 from golden_model.formats import WEIGHT
 from golden_model.matching.fuzzy import ONE, SugenoSystem, Variable
-from skymosaic.reports.fuzzy_systems import PORTRAITS, Axis, Portrait
+from skymosaic.reports.fuzzy_systems import PLOTTED_SYSTEMS, Axis, PlottedSystem
 
 SET_COLORS = ("#2a7f62", "#d99a2b", "#b03a48")
-"""Of the first, second and third set of an input."""
+"""Colours of the first, second and third set of an input."""
 BEYOND = 1.25
-"""Curves go on this far beyond the last table entry, which holds from there on."""
+"""Curves extend to this multiple of the table's length; the last entry applies to all larger values."""
 FEW_ENTRIES = 8
-"""An input with at most so many entries is drawn as points, and ends with the last."""
+"""An input with at most this many entries is drawn as points and ends with the last entry."""
 CONTOURS = (0.25, 0.5, 0.75)
 DOTS_AN_INCH = 100
 
 
 def picture(name: str) -> bytes:
-    """A PNG of one of `PORTRAITS`: membership curves above, the rule surface below."""
-    portrait = PORTRAITS[name]
-    system = portrait.system()
-    columns = max(len(system.inputs), len(portrait.held))
+    """A PNG of one of `PLOTTED_SYSTEMS`: the membership curves above, the rule surface below."""
+    plotted = PLOTTED_SYSTEMS[name]
+    system = plotted.system()
+    columns = max(len(system.inputs), len(plotted.held))
     figure = Figure(figsize=(4.6 * columns, 7.6), layout="constrained")
-    figure.suptitle(f"{portrait.title}: {len(system.rules)} rules, AND is the {system.conjunction}", fontsize=15)
+    figure.suptitle(f"{plotted.title}: {len(system.rules)} rules, AND is the {system.conjunction}", fontsize=15)
     curves, surfaces = figure.subfigures(2, 1, height_ratios=(4, 5), squeeze=False)[:, 0]
-    for plot, variable, axis in zip(curves.subplots(1, columns), system.inputs, portrait.axes, strict=True):
+    for plot, variable, axis in zip(curves.subplots(1, columns), system.inputs, plotted.axes, strict=True):
         _membership(plot, variable, axis)
-    plots = surfaces.subplots(1, len(portrait.held), squeeze=False)[0]
-    for plot, (words, value) in zip(plots, portrait.held, strict=True):
-        mesh = _surface(plot, portrait, system, words, value)
+    plots = surfaces.subplots(1, len(plotted.held), squeeze=False)[0]
+    for plot, (words, value) in zip(plots, plotted.held, strict=True):
+        mesh = _surface(plot, plotted, system, words, value)
     surfaces.colorbar(mesh, ax=plots, label="weight of the match", aspect=30)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=DOTS_AN_INCH)
@@ -56,21 +56,21 @@ def _membership(plot: Axes, variable: Variable, axis: Axis) -> None:
     style = "o:" if variable.entries <= FEW_ENTRIES else "-"
     for (name, table), color in zip(variable.sets.items(), SET_COLORS, strict=False):
         degree = table[np.minimum(entries, variable.entries - 1)] / ONE
-        plot.plot(entries / axis.entries_a_unit, degree, style, label=name, color=color, linewidth=2)
+        plot.plot(entries / axis.entries_per_unit, degree, style, label=name, color=color, linewidth=2)
     plot.set(xlabel=axis.label, ylabel="degree of membership", ylim=(-0.04, 1.04))
     plot.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False)
     plot.grid(alpha=0.3)
 
 
-def _surface(plot: Axes, portrait: Portrait, system: SugenoSystem, words: str, value: int) -> QuadMesh:
-    """Weight in colours over two inputs, every table entry a cell, with contour lines."""
-    first, second = portrait.surface
+def _surface(plot: Axes, plotted: PlottedSystem, system: SugenoSystem, words: str, value: int) -> QuadMesh:
+    """The match's weight as colours over two inputs, one cell per table entry, with contour lines."""
+    first, second = plotted.surface
     x, y = np.meshgrid(_entries(system.inputs[first]), _entries(system.inputs[second]))
     values = [np.full(x.size, value)] * len(system.inputs)
     values[first], values[second] = x.ravel(), y.ravel()
     weight = system.evaluate(*values)[0].reshape(x.shape) / WEIGHT.max_raw
-    x_axis, y_axis = portrait.axes[first], portrait.axes[second]
-    x_units, y_units = x / x_axis.entries_a_unit, y / y_axis.entries_a_unit
+    x_axis, y_axis = plotted.axes[first], plotted.axes[second]
+    x_units, y_units = x / x_axis.entries_per_unit, y / y_axis.entries_per_unit
     mesh = plot.pcolormesh(x_units, y_units, weight, cmap="viridis", vmin=0, vmax=1, shading="nearest", rasterized=True)
     if min(x.shape) > FEW_ENTRIES:
         plot.contour(x_units, y_units, weight, levels=CONTOURS, colors="white", linewidths=0.8)

@@ -1,4 +1,4 @@
-"""The fuzzy systems for people: their names, the units of their inputs, and which surface shows their rules."""
+"""How the fuzzy systems are presented: names, units of the inputs, and the surface that shows the rules best."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from skymosaic.geometry import fuzzy_ransac
 
 @dataclass(frozen=True)
 class Axis:
-    """How an input is shown: ``label`` with its unit, and how many table entries a unit has."""
+    """Axis of an input: ``label`` with its unit, and the number of table entries per unit."""
 
     label: str
-    entries_a_unit: float = 1.0
+    entries_per_unit: float = 1.0
 
 
 @dataclass(frozen=True)
-class Portrait:
-    """What is drawn of a system.
+class PlottedSystem:
+    """A fuzzy system and how it is plotted.
 
     Parameters
     ----------
     title : str
     system : callable
-        Makes it.
+        Creates the system.
     axes : tuple of Axis
-        One an input.
+        One for each input.
     surface : (int, int)
-        The inputs of the rule surface; the remaining one, if any, is held at each of ``held`` (table entries, with
-        their words).
+        The two inputs of the rule surface.
     held : tuple of (str, int)
+        Titles and table entries at which the remaining input, if any, is held; one surface for each.
     """
 
     title: str
@@ -49,8 +49,8 @@ _THESIS_BITS = PATTERNS["thesis-ilbp-4"].bits
 _DISTANCE = Axis("Hamming distance, share of bits", _BITS)
 _SAD, _ZSSD, _NCC = correlation.SAD_PER_PIXEL.one, correlation.ZSSD_PER_PIXEL.one, correlation.NCC.one
 
-PORTRAITS = {
-    "correlation": Portrait(
+PLOTTED_SYSTEMS = {
+    "correlation": PlottedSystem(
         "Fuzzy correlation (Tables III-1 and III-2)",
         fuzzy.correlation,
         (
@@ -61,7 +61,7 @@ PORTRAITS = {
         surface=(0, 2),
         held=(("ZSSD good", 0), ("ZSSD medium", 38 * _ZSSD), ("ZSSD bad", 60 * _ZSSD)),
     ),
-    "ilbp": Portrait(
+    "ilbp": PlottedSystem(
         "Fuzzy ILBP",
         lambda: fuzzy.ilbp(_THESIS_BITS),
         (
@@ -72,25 +72,25 @@ PORTRAITS = {
         surface=(0, 1),
         held=(("region 2 belongs", 0), ("region 2 in doubt", 86), ("region 2 does not belong", 153)),
     ),
-    "ransac": Portrait(
+    "ransac": PlottedSystem(
         "Fuzzy RANSAC (Table III-3)",
         fuzzy_ransac.rule_base,
         (Axis("bidirectional check (1: verified)"), Axis("error, px", POSITION.one)),
         surface=(1, 0),
     ),
-    "aerial": Portrait(
+    "aerial": PlottedSystem(
         "The aerial preset's rules",
         lambda: fuzzy.aerial(_BITS),
         (
             _DISTANCE,
             Axis("margin to the second best, share of bits", _BITS),
-            Axis("off the common orientation, sectors"),
+            Axis("deviation from the common relative orientation, sectors"),
         ),
         surface=(0, 1),
-        held=(("orientation common", 0), ("two sectors off", 2), ("four sectors off", 4)),
+        held=(("common orientation", 0), ("two sectors off", 2), ("four sectors off", 4)),
     ),
-    "aerial-turn": Portrait(
-        "The aerial preset's votes for the common relative orientation",
+    "aerial-turn": PlottedSystem(
+        "The aerial preset's votes for a common relative orientation",
         lambda: fuzzy.aerial_orientation(_BITS),
         (_DISTANCE, Axis("margin to the second best, share of bits", _BITS)),
         surface=(0, 1),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from golden_model.arrays import Pixels
 from skymosaic.evaluation.metrics import repeatability
-from skymosaic.features.detectors import detect, once_a_place, points_of
+from skymosaic.features.detectors import detect, one_per_position, points_of
 from skymosaic.features.positions import feature_points
 from skymosaic.geometry.homography import resize_matrix
 from skymosaic.thesis.corners import CORNERS, strongest
@@ -25,7 +25,7 @@ CHANCE_SHIFT_PX = 12.0
 
 
 def _sift(gray: Pixels, count: int) -> NDArray[np.floating]:
-    return points_of(once_a_place(detect(gray, "sift", count))[:count])
+    return points_of(one_per_position(detect(gray, "sift", count))[:count])
 
 
 def _harris(gray: Pixels, count: int) -> NDArray[np.floating]:

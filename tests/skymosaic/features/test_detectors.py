@@ -14,7 +14,14 @@ from sim.scene import pair as rendered_pair
 from skymosaic.errors import InputError
 from skymosaic.evaluation.metrics import correct_matches
 from skymosaic.features.descriptors import DESCRIPTORS, WINDOWS_PX, describe
-from skymosaic.features.detectors import DETECTORS, FRONT_END_DETECTORS, detect, from_features, once_a_place, points_of
+from skymosaic.features.detectors import (
+    DETECTORS,
+    FRONT_END_DETECTORS,
+    detect,
+    from_features,
+    one_per_position,
+    points_of,
+)
 from skymosaic.features.methods import HostBackend, Method, backend_of, choose
 from skymosaic.features.positions import match_points
 from skymosaic.geometry.homography import apply
@@ -94,7 +101,7 @@ def test_ilbp_at_sift_key_points_reads_the_nearest_pixel(gray: np.ndarray) -> No
 
 def test_orientations_of_one_place_count_once(gray: np.ndarray) -> None:
     points = detect(gray, "sift", 500)
-    single = once_a_place(points)
+    single = one_per_position(points)
     assert len(single) == len({point.pt for point in points}) < len(points)
     assert [point.response for point in single] == sorted((point.response for point in single), reverse=True)
 
@@ -188,7 +195,7 @@ def test_without_rules_the_configuration_says_so() -> None:
     ({"detector": "surfing"}, "surf, sift, orb"),
     ({"descriptor": "brief"}, "sift, orb, akaze"),
     ({"estimator": "guess"}, "prosac, ransac, magsac, fuzzy-ransac"),
-    ({"detector": "freak"}, "finds none"),
+    ({"detector": "freak"}, "not a detector"),
     ({"detector": "orb", "descriptor": "akaze"}, "scale space"),
     ({"detector": "sift", "backend": "rtl"}, "leave out --backend"),
     ({"preset": "thesis", "descriptor": "ilbp-128"}, "needs the gray window"),

@@ -23,7 +23,7 @@ def test_a_folder_gives_its_pictures_by_number(tmp_path):
 
 
 def test_an_empty_folder_is_one_line(tmp_path):
-    with pytest.raises(InputError, match="holds no pictures"):
+    with pytest.raises(InputError, match="contains no pictures"):
         sources([tmp_path])
 
 

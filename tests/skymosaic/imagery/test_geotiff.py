@@ -43,19 +43,19 @@ FAR_APART = [Position(46, -92), Position(46.01, -92)]
 
 
 @pytest.mark.parametrize(
-    ("places", "says"),
+    ("gps", "message"),
     [
         ([None, None, *FAR_APART], "2 of 4"),
         ([Position(46, -92)] * 4, "coincide"),
-        (FAR_APART * 2, "nothing to do with"),
+        (FAR_APART * 2, "do not fit"),
         ([*FAR_APART, FAR_APART[0], Position(46, -92.002)], "too much"),
     ],
 )
-def test_positions_that_do_not_tell_where_it_lies(places, says):
+def test_positions_that_do_not_determine_the_map_are_refused(gps, message):
     centres = np.array([[0, 0], [0, 1000], [1000, 1000], [1000, 0]], dtype=np.float64)
-    found, reason = georeference(centres, places)
+    found, reason = georeference(centres, gps)
     assert found is None
-    assert says in reason
+    assert message in reason
 
 
 def test_a_geotiff_says_where_it_lies(tmp_path):

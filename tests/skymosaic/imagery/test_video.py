@@ -132,7 +132,7 @@ def _sound(path: Path, _frames) -> None:
         (_missing, "no such file"),
         (_empty, "empty"),
         (_folder, "not a file"),
-        (_text, "not a video"),
+        (_text, "not a readable video"),
         (_without_index, "cut off before its index"),
         (_within_first_frame, "without frames|no frame of the video can be decoded"),
         (_sound, "without frames"),

@@ -7,10 +7,10 @@ from typer.testing import CliRunner
 
 from skymosaic.cli import app
 from skymosaic.reports.fuzzy_plots import picture
-from skymosaic.reports.fuzzy_systems import PORTRAITS
+from skymosaic.reports.fuzzy_systems import PLOTTED_SYSTEMS
 
 
-@pytest.mark.parametrize("name", PORTRAITS)
+@pytest.mark.parametrize("name", PLOTTED_SYSTEMS)
 def test_each_system_has_a_picture_with_curves_and_surface(name: str) -> None:
     decoded = cv2.imdecode(np.frombuffer(picture(name), np.uint8), cv2.IMREAD_COLOR)
     height, width = decoded.shape[:2]
@@ -18,13 +18,13 @@ def test_each_system_has_a_picture_with_curves_and_surface(name: str) -> None:
     assert len(np.unique(decoded.reshape(-1, 3), axis=0)) > 50
 
 
-@pytest.mark.parametrize("name", PORTRAITS)
+@pytest.mark.parametrize("name", PLOTTED_SYSTEMS)
 def test_portraits_fit_their_systems(name: str) -> None:
-    portrait = PORTRAITS[name]
-    inputs = len(portrait.system().inputs)
-    assert len(portrait.axes) == inputs
-    assert set(portrait.surface) <= set(range(inputs))
-    assert (len(portrait.held) > 1) == (inputs > 2)
+    plotted = PLOTTED_SYSTEMS[name]
+    inputs = len(plotted.system().inputs)
+    assert len(plotted.axes) == inputs
+    assert set(plotted.surface) <= set(range(inputs))
+    assert (len(plotted.held) > 1) == (inputs > 2)
 
 
 def test_the_command_prints_rules_and_draws(tmp_path: Path) -> None:
