@@ -1,4 +1,4 @@
-"""The front end: pixels in, feature records and a status a frame out."""
+"""The front end: takes pixels, gives feature records and one status per frame."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from hdl.streams import FRONT_END_SETTINGS, PixelPayload, WordPayload
 
 
 class FrontEnd(wiring.Component):
-    """Features of one or two levels, one pixel a clock.
+    """Features of one or two levels, at one pixel a clock.
 
-    Nothing stalls inside. Pixels wait at the door, and only where a cell row would end before the previous one has
-    left, where the last frame's status has not left at the end of a frame, and where the settings change. Whatever
-    waits at the output, nothing is lost or doubled.
+    Nothing stalls inside: pixels wait only at frame admission. They wait in three cases: a cell row would end before
+    the previous one has left, a frame would end before the last frame's status has left, or the settings change. No
+    matter how long the output stalls, nothing is lost or duplicated.
 
     Parameters
     ----------
     config : FrontEndConfig
-        Detector, threshold, cell and per-cell count are settings instead.
+        Detector, threshold, cell and per-cell count are ignored here: they are run-time settings.
     max_width_px, max_height_px : int
         Largest frame, 64 to 4096.
 
@@ -37,7 +37,7 @@ class FrontEnd(wiring.Component):
     -------
     i_pixels : In(stream(PixelPayload))
     settings : In(FRONT_END_SETTINGS)
-        Looked at where a frame may start; a change waits until the frame before has left.
+        Sampled where a frame may start. A change takes effect after the frame before it has left completely.
     o_features : Out(stream(WordPayload))
         Feature records in the golden order of emission, then the frame's FrameStatus.
 
@@ -74,7 +74,7 @@ class FrontEnd(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Door, gray, levels, merge; and what changes between frames."""
+        """Admission, gray, levels and merge; settings and threshold, which change only between frames."""
         m = Module()
         m.submodules.skid_buffer = skid_buffer = SkidBuffer(shape=PixelPayload)
         m.submodules.admission = admission = FrameAdmission()
@@ -116,7 +116,7 @@ class FrontEnd(wiring.Component):
         return LevelMerge(record=record, levels=self.config.levels, max_features=self.config.max_features)
 
     def _pyramid(self, m: Module, gray: data.View) -> list[data.View]:
-        """Each level's pixels."""
+        """The pixels of each level."""
         if self.config.levels == 1:
             return [gray]
         m.submodules.half = half = Half(width_px=self.max_width_px)
@@ -124,9 +124,10 @@ class FrontEnd(wiring.Component):
         return [gray, half.o]
 
     def _settings(self, m: Module, under_way: Value) -> tuple[data.View, Value, Value]:
-        """The settings in use, whether they are replaced in this clock, and whether a frame may start.
+        """Return the settings in use, whether they are replaced in this clock, and whether a frame may start.
 
-        No frame may where they differ, or differed a clock before, from what is asked for.
+        A frame may start only if the settings in use equal the requested ones, now and in the clock before: the
+        comparison is registered, so a request that has just changed shows up one clock late.
         """
         active, changing, load, settled = view_signal(FRONT_END_SETTINGS), Signal(), Signal(), Signal()
         m.d.sync += [

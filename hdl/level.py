@@ -21,16 +21,17 @@ from hdl.selection.selection import CellSelection, RasterSelection
 from hdl.streams import CANDIDATE, FRONT_END_SETTINGS, RowPayload, beat, carry_scan
 
 INGRESS_CYCLES = 16
-"""From the admission of a pixel to its beat here and from ``o_hold`` to the last admission, together at most."""
+"""Upper bound of two delays together: admission of a pixel to its beat here, and ``o_hold`` to the last admission."""
 RASTER_DEPTH = 512
-"""Features that may wait where there is no selection."""
+"""Depth of the queue of features where there is no selection."""
 
 
 class Level(wiring.Component):
     """Corners, descriptors and selection of one level.
 
-    One memory of gray lines serves corners and descriptors. Whichever of the two lags less takes its gray from
-    further up and left, so that a corner meets the descriptor's window around it.
+    One memory of gray lines serves corners and descriptors. The path with the smaller lag takes its gray from further
+    up and left, so that a corner arrives together with the descriptor's window around it. Delaying the gray costs
+    nothing here; delaying the results would need line memories of their own.
 
     Parameters
     ----------
@@ -42,13 +43,14 @@ class Level(wiring.Component):
     Members
     -------
     i : In(beat(pixel))
-        Gray pixels of this level.
+        Gray pixels of this level, at most one a clock.
     i_settings : In(FRONT_END_SETTINGS)
-        Static from 2 clocks before a frame's first beat. Width and height are those of the full size.
+        Stable from 2 clocks before a frame's first beat. Width and height are those of the full size.
     i_threshold_code : In(15)
+        Smallest response code that survives. Stable during a frame.
     o_hold : Out(1)
-        Admit no more pixels: a cell row would end while the one before has not left. It rises `WARNING_PX` before,
-        early enough for the pixels that are on their way.
+        Admit no more pixels: a cell row would end before the previous one has left. It rises `WARNING_PX` pixels
+        early, to leave room for the pixels that are already in the pipeline.
     o_added : Out(1)
         The frame has one more feature.
     o : Out(stream(RowPayload))
@@ -56,9 +58,9 @@ class Level(wiring.Component):
     Attributes
     ----------
     lag_px : int
-        From the scan position to the candidate that meets it.
+        From the scan position to the candidate's pixel.
     latency_cycles : int
-        From a beat to its feature's entry into the selection.
+        From a beat to the arrival of its feature at the selection.
     """
 
     i: data.View
@@ -76,7 +78,7 @@ class Level(wiring.Component):
         self._rings = RingWindow(pattern=pattern, width_px=width_px)
         self.lag_px = max(self._corners.lag_px, pattern.support_px)
         self._scan = LevelScan(lag_px=self.lag_px, border_px=config.border_px, cells=config.selection)
-        # FAST's corners may be 2 px apart in a line, and a half-size pixel takes two clocks.
+        # Corners of FAST may be 2 px apart in a line. A half-size pixel takes two clocks, hence twice the distance.
         self._features = CandidateFeatures(pattern=pattern, spacing_cycles=2 << level, level=level, lag_px=self.lag_px)
         self._gray_for_corners = OffsetColumns(shape=8, rows=3, distance_px=self.lag_px - self._corners.lag_px)
         self._gray_for_rings = OffsetColumns(
@@ -108,7 +110,7 @@ class Level(wiring.Component):
 
     @property
     def stages(self) -> dict[str, Stage]:
-        """The planes on the way, by their golden names."""
+        """The intermediate planes, under the names of `golden_model.front_end.trace`."""
         return {
             "gray": Stage(self.i, "pixel", 0),
             **{
@@ -120,7 +122,7 @@ class Level(wiring.Component):
         }
 
     def elaborate(self, platform: object) -> Module:
-        """Both paths from the gray lines to the candidate, then features, selection, words."""
+        """Build both paths from the gray lines to the candidate, then features, selection and words."""
         m = Module()
         m.submodules.lines = lines = self._lines
         m.submodules.corners = corners = self._corners
@@ -144,7 +146,7 @@ class Level(wiring.Component):
         return offset.o
 
     def _connect_candidate(self, m: Module) -> None:
-        """Corners inside the border, with the marks of their scan position."""
+        """Keep the corners inside the border, and add the marks of their scan position."""
         m.submodules.scan = scan = self._scan
         m.d.comb += [
             scan.i.eq(self.i),
@@ -166,7 +168,7 @@ class Level(wiring.Component):
             m.d.comb += self._candidate[name].eq(delayed(m, corner[name], 1))
 
     def _connect_features(self, m: Module) -> None:
-        """Ring pixels wait until a clock after their candidate."""
+        """Delay the smoothed pixels so that the ring pixels come one clock after their candidate."""
         m.submodules.rings = rings = self._rings
         m.submodules.features = features = self._features
         wait_cycles = self._candidate_cycles + 1 - self._ring_cycles

@@ -1,4 +1,4 @@
-"""The levels' features become one stream in the golden order of emission, closed by each frame's status."""
+"""Merges the features of the levels into one stream, in the golden order, and ends each frame with its status."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from hdl.lib.skid_buffer import SkidBuffer
 from hdl.lib.views import view_signal
 from hdl.streams import FRONT_END_SETTINGS, WORD, RowPayload, WordPayload, record_layout, words
 
-TURNS = (0, 0, 1)
-"""Level of each cell row in turn: two of the full size, one of the half size."""
+ROW_LEVELS = (0, 0, 1)
+"""Levels of the cell rows in the order in which they are sent, repeated: two of the full size, one of the half size."""
 
 
 class LevelMerge(wiring.Component):
-    """Two level-0 cell rows, then one of level 1, and so on; then the FrameStatus.
+    """Sends two cell rows of level 0, then one of level 1, and so on; then the FrameStatus.
 
-    Features get their index and frame number here. Those beyond ``max_features`` are dropped, which makes the frame
-    bad.
+    This is the order in which cell rows become complete, so neither level waits long for the other. Features get their
+    index and frame number here. Features beyond ``max_features`` are dropped, and the frame is reported as bad.
 
     Parameters
     ----------
@@ -36,15 +36,15 @@ class LevelMerge(wiring.Component):
     -------
     i_levels : In(stream(RowPayload)).array(levels)
     i_settings : In(FRONT_END_SETTINGS)
-        Of the frame whose features come.
+        Settings of the frame whose features arrive.
     i_starts : In(1)
         The first pixel of a frame has been admitted.
     i_ends : In(1)
-        The last one has, or a frame without pixels (`Cause.MISSING_START`) is to be reported.
+        The last pixel of a frame has been admitted, or a frame without pixels (`Cause.MISSING_START`) must be reported.
     i_causes, i_threshold_code : In
-        With ``i_ends``: what is wrong with the frame, and its threshold.
+        Valid with ``i_ends``: the causes that make the frame bad, and its threshold.
     o_pending : Out(1)
-        A frame has ended and its status has not left: no other one may end.
+        A frame has ended and its status has not been sent yet: no other frame may end.
     o : Out(stream(WordPayload))
 
     Raises
@@ -82,7 +82,7 @@ class LevelMerge(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Rows by turns until every level has ended, then the status."""
+        """Pass rows on until every level has ended, then send the status."""
         m = Module()
         m.submodules.features = features = SkidBuffer(shape=WORD)
         m.submodules.output = output = SkidBuffer(shape=WordPayload)
@@ -90,7 +90,7 @@ class LevelMerge(wiring.Component):
         record_words = self.record.record_bytes // WORD_BYTES
         word, index = Signal(range(record_words)), Signal(range(self.max_features + 1))
         record_ends, full, overflow, sent = word == record_words - 1, Signal(), Signal(), Signal()
-        exhausted = self._turns(m, features.i, restart=sent) & ~features.o.valid
+        exhausted = self._select_rows(m, features.i, restart=sent) & ~features.o.valid
         passing = Signal()
         status, without_pixels = self._status(m, index, overflow, passing, sent)
         numbers = view_signal(record_layout(self.record))
@@ -121,7 +121,7 @@ class LevelMerge(wiring.Component):
                     output.i.valid.eq(is_chosen),
                     output.i.payload.last.eq(record_ends),
                 ]
-                # The choice of a word among so many bits takes a clock of its own.
+                # Selecting one word out of the whole status takes a clock of its own, to keep the path short.
                 m.d.sync += is_chosen.eq(~(is_chosen & output.i.ready))
                 with m.If(is_chosen & output.i.ready & record_ends):
                     m.next = "Start-Over"
@@ -131,11 +131,11 @@ class LevelMerge(wiring.Component):
                 m.next = "Pass-Rows"
         return m
 
-    def _turns(self, m: Module, features: stream.Interface, *, restart: Value) -> Value:
-        """Hand on the words of the level whose turn it is; whether all levels have ended."""
-        turns = TURNS if self.levels == 2 else TURNS[:1]
-        turn, level, ended = Signal(range(len(turns))), Signal(range(self.levels)), Signal(self.levels)
-        following = Mux(turn == len(turns) - 1, 0, turn + 1)
+    def _select_rows(self, m: Module, features: stream.Interface, *, restart: Value) -> Value:
+        """Pass on the words of the level whose cell row is next; return whether all levels have ended."""
+        order = ROW_LEVELS if self.levels == 2 else ROW_LEVELS[:1]
+        step, level, ended = Signal(range(len(order))), Signal(range(self.levels)), Signal(self.levels)
+        following = Mux(step == len(order) - 1, 0, step + 1)
         item = data.View(RowPayload, Array(source.payload.as_value() for source in self.i_levels)[level])
         valid = Signal()
         for n, source in enumerate(self.i_levels):
@@ -144,15 +144,15 @@ class LevelMerge(wiring.Component):
         row_ends = valid & item.ends_row
         m.d.comb += [features.payload.eq(item.data), features.valid.eq(valid & ~item.ends_row)]
         with m.If(row_ends | ended.bit_select(level, 1)):
-            m.d.sync += [turn.eq(following), level.eq(Array(turns)[following])]
+            m.d.sync += [step.eq(following), level.eq(Array(order)[following])]
         with m.If(row_ends & item.ends_level):
             m.d.sync += ended.bit_select(level, 1).eq(1)
         with m.If(restart):
-            m.d.sync += [turn.eq(0), level.eq(TURNS[0]), ended.eq(0)]
+            m.d.sync += [step.eq(0), level.eq(ROW_LEVELS[0]), ended.eq(0)]
         return ended.all()
 
     def _status(self, m: Module, index: Value, overflow: Value, passing: Value, sent: Value) -> tuple[data.View, Value]:
-        """The status of the frame that has ended, and whether it had no pixels."""
+        """Return the status of the frame that has ended, and whether it had no pixels."""
         clock, start, frame = Signal(32), Signal(32), Signal(32)
         end = view_signal(data.StructLayout({"causes": CAUSES, "threshold_code": RESPONSE_CODE.bits, "start": 32}))
         cycles = Signal(32)

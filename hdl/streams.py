@@ -1,14 +1,17 @@
-"""What flows between the blocks: beats inside the pixel pipeline, stream payloads and records at its edges.
+"""Data types between the blocks: beats inside the pixel pipeline, stream payloads and records at its edges.
 
-A *beat* is a struct ``{valid, x, y, ...}`` without ready: an admitted pixel never waits, and clocks without one
-(``valid`` 0) may come anywhere. ``x, y`` is the *scan position*: the pixel, in its own level, that entered last.
-Every block hands it on unchanged, delayed with the data. A block whose window is centred behind the scan position
-has a static ``lag_px``: its output at scan (x, y) describes pixel (x - lag_px, y - lag_px); lags add up along the
-pipeline.
+A *beat* is a struct ``{valid, x, y, ...}`` without ``ready``. An admitted pixel never waits: a stall signal through
+the whole pipeline limited the clock in every placed prototype (139 MHz with it, 165 MHz without). Clocks without a
+pixel (``valid`` 0) may occur anywhere.
 
-No block counts pixels: line memories are addressed by x. So a reset in mid-frame, or a frame that breaks off, leaves
-nothing behind but pixels in places that the next frame overwrites before it reads them. What a block gives within
-the support of its window from the frame's border is unspecified; `FrontEndConfig.border_px` keeps features off it.
+``x, y`` is the *scan position*: the pixel, in its own level, that entered last. Every block passes it on unchanged,
+delayed with the data. A block whose window is centred behind the scan position has a constant ``lag_px``: its output
+at scan (x, y) describes pixel (x - lag_px, y - lag_px). Lags add up along the pipeline.
+
+No block counts pixels: line memories are addressed by x. A reset in mid-frame, or a frame that breaks off, therefore
+leaves only old pixels in the memories, and the next frame overwrites them before it reads them. Near the frame's
+border, where a block's window leaves the frame, its output is unspecified; `FrontEndConfig.border_px` keeps features
+away from there.
 
 ``latency_cycles`` of a block counts the clocks from a beat at its input to the same beat at its output.
 """
@@ -34,7 +37,10 @@ def beat(**payload: ShapeLike) -> data.StructLayout:
 
 
 def carry_scan(m: Module, source: data.View, sink: data.View, cycles: int) -> None:
-    """Hand ``valid``, ``x`` and ``y`` of a beat to another one ``cycles`` clocks later."""
+    """Pass ``valid``, ``x`` and ``y`` of one beat on to another, ``cycles`` clocks later.
+
+    Only ``valid`` is reset: registers without reset pack into shift-register LUTs.
+    """
     m.d.comb += [
         sink.valid.eq(delayed(m, source.valid, cycles, reset_less=False)),
         Cat(sink.x, sink.y).eq(delayed(m, Cat(source.x, source.y), cycles)),
@@ -42,11 +48,11 @@ def carry_scan(m: Module, source: data.View, sink: data.View, cycles: int) -> No
 
 
 class PixelPayload(data.Struct):
-    """A pixel at the door, as AXI4-Stream video carries it (UG934).
+    """A pixel at the input of frame admission, as AXI4-Stream video carries it (UG934).
 
     Members
     -------
-    data : G in bits 7..0, B in 15..8, R in 23..16; or gray in 7..0.
+    data : G in bits 7..0, B in 15..8, R in 23..16 (the order of UG934); or gray in 7..0.
     first : first pixel of a frame.
     last : last pixel of a line.
     """
@@ -68,10 +74,10 @@ class RowPayload(data.Struct):
 
     Members
     -------
-    data : word of a record; index and frame number are still 0.
-    ends_row : no word, but the end of a cell row. Every cell row ends with one, even an empty one; without selection
-        the whole level is one row.
-    ends_level : with ``ends_row``: it was the frame's last cell row of this level.
+    data : word of a record; index and frame number are still 0, `hdl.level_merge` fills them in.
+    ends_row : the payload holds no word but marks the end of a cell row. Every cell row, even an empty one, ends with
+        such a payload. Without selection the whole level is one row.
+    ends_level : valid with ``ends_row``: it was the frame's last cell row of this level.
     """
 
     data: WORD
@@ -89,10 +95,10 @@ CANDIDATE = beat(
     ends_row=1,
     ends_level=1,
 )
-"""A corner candidate, if ``present``: its response code (0 where there is none) and those of its four neighbours.
+"""A corner candidate where ``present``: its response code (0 without a candidate) and those of its four neighbours.
 
-``ends_row``: every candidate of the cell row has passed, this beat is the row's last; ``ends_level``: with
-``ends_row``, no candidate of this frame will follow. Candidates of a line are at least 2 beats apart.
+``ends_row`` marks the last beat of a cell row: all its candidates have passed. ``ends_level``, valid with ``ends_row``,
+says that no candidate of this frame will follow. Candidates of a line are at least 2 beats apart.
 """
 
 
@@ -101,7 +107,7 @@ FRONT_END_SETTINGS = data.StructLayout({setting.name: setting.bits for setting i
 
 
 def record_layout(record: Record, length_bytes: int | None = None) -> data.FlexibleLayout:
-    """Hardware layout of a record, its tag included, padded with zeros to ``length_bytes`` (by itself if None)."""
+    """Hardware layout of a record, its tag included, padded with zeros to ``length_bytes`` (None: its own length)."""
     fields: dict[int | str, data.Field] = {"tag": data.Field(unsigned(8), 0)}
     fields |= {field.name: data.Field(unsigned(field.bits), 8 * offset) for field, offset in record.offsets()}
     length_bytes = record.record_bytes if length_bytes is None else length_bytes

@@ -1,1 +1,1 @@
-"""Building blocks that know nothing of images: delays, skid buffer, adder trees, population counts."""
+"""Building blocks for any design: delays, skid buffer, adder trees, population counts, typed views."""

@@ -1,4 +1,4 @@
-"""Counting ones for many lanes at once, with carry-save counters on bit planes."""
+"""Population counts of many lanes at once, with carry-save counters on bit planes."""
 
 from __future__ import annotations
 
@@ -12,19 +12,20 @@ from amaranth.lib.wiring import In, Out
 from hdl.lib.delay import delayed
 
 LAYERS_A_STAGE = 2
-"""Layers of counters between two registers, after the first layer: two levels of LUTs."""
+"""Layers of counters between two registers, except before the first register: two levels of LUTs."""
 
 Plane = TypeVar("Plane")
 Columns = list[list[Plane]]
-"""``columns[w]`` holds the planes of weight ``2**w`` that are still to be added up."""
+"""``columns[w]`` holds the planes of weight ``2**w`` that still have to be added."""
 
 
 class Popcount(wiring.Component):
-    """``o_counts[k]`` = how many of ``i_planes`` have bit k set: one count a lane, every clock.
+    """``o_counts[k]`` = how many of ``i_planes`` have bit k set: one count per lane in every clock.
 
-    A plane is one bit of every lane side by side. Six planes of one weight become three of rising weight (or three
-    become two) in one LUT an output bit and lane, until two a weight are left; an adder a lane closes. The netlist
-    is that of separate lanes, but a simulator evaluates all lanes in one word operation.
+    A plane holds one bit of every lane, side by side. Counters replace six planes of one weight by three of rising
+    weight (or three by two), with one LUT per output bit and lane, until at most two planes of each weight are left;
+    then one adder per lane gives the count. The netlist is the same as for separate lanes, but a simulator evaluates
+    all lanes in one word operation.
 
     Parameters
     ----------
@@ -36,7 +37,7 @@ class Popcount(wiring.Component):
     Members
     -------
     i_valid : In(1)
-        Whether there is anything to count: stages without rest, which saves power and simulation time.
+        Whether there is anything to count. Stages without work keep their value: this saves power and simulation time.
     i_planes : In(lanes).array(bits)
     o_counts : Out(range(bits + 1)).array(lanes)
 
@@ -69,7 +70,10 @@ class Popcount(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """The first layer takes only triples, so that what feeds its planes (an XOR) fits the same LUTs."""
+        """Layers of counters between registers, then the adders.
+
+        The first layer counts only triples: the XOR of the descriptors that feeds it then fits the same LUTs.
+        """
         m = Module()
 
         def counter(planes: list[Value]) -> list[Value]:
@@ -101,9 +105,9 @@ class Popcount(wiring.Component):
 def reduced(
     columns: Columns[Plane], counter: Callable[[list[Plane]], list[Plane]], *, largest: int = 6
 ) -> Columns[Plane]:
-    """One layer of carry-save counters: each ``largest`` planes of a weight, then each 3, go through ``counter``.
+    """One layer of carry-save counters: groups of ``largest`` planes of one weight first, then groups of 3.
 
-    ``counter`` returns the bits of its planes' sum, lowest weight first.
+    ``counter`` takes a group and returns the bits of its sum, lowest weight first. Planes left over pass unchanged.
     """
     result: Columns[Plane] = [[] for _ in range(len(columns) + 2)]
     for weight, column in enumerate(columns):
@@ -128,7 +132,7 @@ def _tallest(columns: Columns[Plane]) -> int:
 
 
 def _sum_of_nothing(planes: list[None]) -> list[None]:
-    """Stands for a counter where only the number of planes matters."""
+    """Stand-in for a counter, where only the number of planes matters (to compute the latency)."""
     return [None] * len(planes).bit_length()
 
 

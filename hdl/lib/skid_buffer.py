@@ -8,10 +8,10 @@ from amaranth.lib.wiring import In, Out
 
 
 class SkidBuffer(wiring.Component):
-    """Hand a stream on, with ``valid``, payload and ``ready`` all from registers.
+    """Pass a stream on, with ``valid``, payload and ``ready`` all from registers.
 
-    A payload that arrives while the output waits is kept aside until the input has seen that it must wait, too. One
-    payload a clock.
+    ``ready`` reaches the input one clock late, so one more payload may arrive while the output is stalled; a second
+    register stores it. The throughput is one payload a clock. After reset the buffer is empty.
 
     Parameters
     ----------
@@ -37,11 +37,11 @@ class SkidBuffer(wiring.Component):
         super().__init__({"i": In(stream.Signature(shape)), "o": Out(stream.Signature(shape))})
 
     def elaborate(self, platform: object) -> Module:
-        """An output register, and one aside."""
+        """The output register, and the register for the payload that arrives during a stall."""
         m = Module()
         aside = Signal(self.shape, reset_less=True)
         waiting = Signal()
-        # Not ready in reset, so that nothing is lost there.
+        # `ready` is 0 after reset: a payload taken in the clock of the reset would be lost.
         ready = Signal()
         m.d.comb += self.i.ready.eq(ready)
         with m.If(ready):

@@ -11,7 +11,7 @@ from amaranth.lib.wiring import In, Out
 
 
 def signed_digits(constant: int) -> list[tuple[int, int]]:
-    """The fewest ``(shift, sign)`` terms, sign 1 or -1, whose sum of ``sign << shift`` is ``constant``.
+    """The shortest list of ``(shift, sign)`` terms, sign 1 or -1, whose sum of ``sign << shift`` is ``constant``.
 
     This is the canonical signed digit form, e.g. 15 = 16 - 1.
     """
@@ -56,9 +56,9 @@ class WeightedSum(wiring.Component):
     Members
     -------
     i_valid, i_values : In
-        Values are used where ``i_valid``; the adders rest otherwise.
+        Values count only where ``i_valid``; otherwise the adders keep their last values.
     o_valid, o_sum : Out
-        The sum, in just the bits that its range needs.
+        The sum, as wide as its range needs and no wider.
 
     Attributes
     ----------
@@ -100,7 +100,11 @@ class WeightedSum(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Build the tree, equal shifts beside each other so that the first adders stay narrow."""
+        """Build the tree of adders.
+
+        A tree and not ``sum()``: Amaranth widens every step of a chain by a bit. Terms are sorted by shift, so that
+        the first adders combine terms of similar size and stay narrow.
+        """
         m = Module()
         low, high = self._extremes
         digits = sorted(
