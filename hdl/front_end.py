@@ -126,8 +126,8 @@ class FrontEnd(wiring.Component):
     def _settings(self, m: Module, under_way: Value) -> tuple[data.View, Value, Value]:
         """Return the settings in use, whether they are replaced in this clock, and whether a frame may start.
 
-        A frame may start only if the settings in use equal the requested ones, now and in the clock before: the
-        comparison is registered, so a request that has just changed shows up one clock late.
+        A frame may start only if the settings in use equal the requested ones, now and in the clock before:
+        comparison and replacement are both registered, and each takes effect a clock later.
         """
         active, changing, load, settled = view_signal(FRONT_END_SETTINGS), Signal(), Signal(), Signal()
         m.d.sync += [

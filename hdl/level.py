@@ -30,8 +30,8 @@ class Level(wiring.Component):
     """Corners, descriptors and selection of one level.
 
     One memory of gray lines serves corners and descriptors. The path with the smaller lag takes its gray from further
-    up and left, so that a corner arrives together with the descriptor's window around it. Delaying the gray costs
-    nothing here; delaying the results would need line memories of their own.
+    up and left, so that a corner arrives together with the descriptor's window around it. The gray is delayed
+    and not the results, because its lines are in memory anyway.
 
     Parameters
     ----------

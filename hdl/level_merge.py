@@ -22,8 +22,8 @@ ROW_LEVELS = (0, 0, 1)
 class LevelMerge(wiring.Component):
     """Sends two cell rows of level 0, then one of level 1, and so on; then the FrameStatus.
 
-    This is the order in which cell rows become complete, so neither level waits long for the other. Features get their
-    index and frame number here. Features beyond ``max_features`` are dropped, and the frame is reported as bad.
+    This is the order in which cell rows become complete. Features get their index and frame number here. Features
+    beyond ``max_features`` are dropped, and the frame is reported as bad.
 
     Parameters
     ----------

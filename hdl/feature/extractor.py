@@ -19,7 +19,7 @@ _SAME_FOR_THE_LEVEL = ("level", "reserved", "index", "frame")
 
 
 def feature_layout(pattern: DescriptorPattern) -> data.StructLayout:
-    """What is known of a feature in its level: the fields of `feature_record` but level, index and frame."""
+    """A feature inside its level: the fields of `feature_record` except level, index and frame."""
     record = feature_record(pattern.descriptor_bytes, pattern.window_bytes)
     return data.StructLayout(
         {field.name: field.bits for field in record.fields if field.name not in _SAME_FOR_THE_LEVEL}
@@ -27,34 +27,34 @@ def feature_layout(pattern: DescriptorPattern) -> data.StructLayout:
 
 
 def feature_beat(pattern: DescriptorPattern) -> data.StructLayout:
-    """A feature (if ``present``) in the level's pixel column ``x``, and after it perhaps the end of a cell row."""
+    """A feature (where ``present``) in the level's pixel column ``x``; a cell row may end directly after it."""
     return data.StructLayout(
         {"present": 1, "ends_row": 1, "ends_level": 1, "x": COORDINATE, "feature": feature_layout(pattern)}
     )
 
 
 def feature_or_end(pattern: DescriptorPattern) -> data.StructLayout:
-    """Payload behind the selection: a feature, or, where ``ends_row``, none but the end of a cell row."""
+    """Payload after the selection: a feature, or, where ``ends_row``, no feature but the end of a cell row."""
     return data.StructLayout({"feature": feature_layout(pattern), "ends_row": 1, "ends_level": 1})
 
 
 class CandidateFeatures(wiring.Component):
-    """Every candidate's feature.
+    """Computes position, orientation sector and descriptor of every candidate.
 
     Parameters
     ----------
     pattern : DescriptorPattern
     spacing_cycles : {2, 4}
-        Candidates are at least so many clocks apart.
+        Smallest distance of two candidates in clocks.
     level : {0, 1}
     lag_px : int
-        The candidate's pixel is so far left of and above the scan position.
+        How far the candidate's pixel is left of and above the scan position.
 
     Members
     -------
     i : In(CANDIDATE)
     i_pixels : In(8).array(rings, angles)
-        `RingWindow.o_pixels` of the same scan position, a clock after ``i``.
+        `RingWindow.o_pixels` of the same scan position, one clock after ``i``.
     o : Out(feature_beat)
         ``latency_cycles`` after the candidate.
 
@@ -89,7 +89,7 @@ class CandidateFeatures(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Descriptor and position side by side, the faster one waiting for the other."""
+        """Descriptor and position side by side, the faster one delayed to the latency of the other."""
         m = Module()
         m.submodules.descriptor = descriptor = self._descriptor
         m.submodules.position = position = self._position
@@ -115,7 +115,7 @@ class CandidateFeatures(wiring.Component):
         return m
 
     def _window(self) -> Value:
-        """The 3x3 gray window: the inner pixels of square rings."""
+        """The 3x3 gray window: the pixels of the innermost square rings."""
         offsets = [offset for ring in self.pattern.offsets for offset in ring]
         pixels = [pixel for ring in self.i_pixels for pixel in ring]
         at = dict(zip(offsets, pixels, strict=True))

@@ -17,27 +17,28 @@ from hdl.lib.views import view_signal
 Ring = Sequence[Value] | View
 """The pixels of a ring by angle."""
 SPACING_CYCLES = (2, 4)
-"""Least distance of two candidates: the clocks that one may take."""
+"""Smallest distance of two candidates in clocks: the time that one candidate may take."""
 
 
 class RingDescriptor(wiring.Component):
     """Orientation sector and descriptor of each candidate.
 
-    A candidate's rings are copied and then turned by a group of ``angles // spacing_cycles`` angles a clock, so that
-    ``spacing_cycles`` groups pass the comparators and the orientation's adders, the last group first. The comparison
-    bits wait for the sector, which says which of them go where.
+    The rings of a candidate are copied and then rotated by a group of ``angles // spacing_cycles`` angles in every
+    clock. ``spacing_cycles`` groups thus pass the same comparators and the same adders of the orientation, the last
+    group first. The comparison bits are delayed until the sector is known; it selects the position of each bit.
 
     Parameters
     ----------
     pattern : DescriptorPattern
         What is compared.
     spacing_cycles : {2, 4}
-        Candidates are at least so many clocks apart.
+        Smallest distance of two candidates in clocks.
 
     Members
     -------
     i_candidate : In(1)
-        The next clock's pixels are a candidate's: it is known early because so many registers wait for it.
+        The pixels of the next clock belong to a candidate. One clock early, because this signal drives the enables of
+        all ring registers.
     i_pixels : In(8).array(rings, angles)
         Ring pixels, `DescriptorPattern.offsets`.
     o_valid : Out(1)
@@ -72,7 +73,7 @@ class RingDescriptor(wiring.Component):
         if pattern.oriented:
             self._moments = RingMoments(radii_px=pattern.radii_px, groups=self.groups)
             self._sector = Sector(moment=self._moments.o_mx.shape())
-            # The last group's moments and the sector, against the first group's comparisons (one clock).
+            # Delay of the first group's comparisons (one clock) until the last group's moments have given the sector.
             self._wait_cycles = self.groups - 1 + self._moments.latency_cycles + self._sector.latency_cycles - 1
         self.latency_cycles = 1 + 1 + 1 + self._wait_cycles + self.groups
         super().__init__(
@@ -86,15 +87,15 @@ class RingDescriptor(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Turn the rings, compare, find the sector, collect the bits."""
+        """Rotate the rings, compare, find the sector, collect the bits."""
         m = Module()
         # age[n]: there was a candidate n + 1 clocks ago.
         age = Signal(self.latency_cycles)
         m.d.sync += age.eq(Cat(self.i_candidate, age))
-        turning = Signal()
-        m.d.sync += turning.eq(Cat(self.i_candidate, age)[: self.groups].any())
-        rings = self._turning_rings(m, age[0], turning)
-        arrived = delayed(m, turning, 1, reset_less=False)
+        rotating = Signal()
+        m.d.sync += rotating.eq(Cat(self.i_candidate, age)[: self.groups].any())
+        rings = self._rotating_rings(m, age[0], rotating)
+        arrived = delayed(m, rotating, 1, reset_less=False)
         columns = self._comparisons(m, rings, arrived)
         sector: Value = Const(0, 4)
         if self.pattern.oriented:
@@ -107,8 +108,8 @@ class RingDescriptor(wiring.Component):
         m.d.comb += self.o_valid.eq(age[-1])
         return m
 
-    def _turning_rings(self, m: Module, load: Value, turn: Value) -> list[Ring]:
-        """Copies of the candidate's rings; each clock the group before comes to the first positions."""
+    def _rotating_rings(self, m: Module, load: Value, rotate: Value) -> list[Ring]:
+        """Copies of the candidate's rings, rotated by one group a clock: the previous group comes to the front."""
         rings: list[Ring] = []
         for pixels, radius_px in zip(self.i_pixels, self.pattern.radii_px, strict=True):
             if radius_px == 0:
@@ -119,14 +120,14 @@ class RingDescriptor(wiring.Component):
                 continue
             ring = view_signal(ArrayLayout(8, self.pattern.angles), name=f"ring{radius_px}", reset_less=True)
             loaded = [pixels[n - self.group_angles] for n in range(self.pattern.angles)]
-            turned = ring.as_value().rotate_left(8 * self.group_angles)
-            with m.If(turn):
-                m.d.sync += ring.eq(Mux(load, Cat(loaded), turned))
+            rotated = ring.as_value().rotate_left(8 * self.group_angles)
+            with m.If(rotate):
+                m.d.sync += ring.eq(Mux(load, Cat(loaded), rotated))
             rings.append(ring)
         return rings
 
     def _comparisons(self, m: Module, rings: list[Ring], arrived: Value) -> View:
-        """One bit a descriptor byte for each angle of the group, angle by angle."""
+        """For each angle of the group, one bit for every descriptor byte."""
         angles = self.pattern.angles
         columns = view_signal(ArrayLayout(len(self.pattern.comparisons), self.group_angles), reset_less=True)
         with m.If(arrived):
@@ -149,7 +150,7 @@ class RingDescriptor(wiring.Component):
             m.d.comb += [i_pixel.eq(ring[n]) for n, i_pixel in enumerate(i_ring)]
 
     def _collect(self, m: Module, columns: View, sector: Value, collection: Value) -> None:
-        """Bit i of every byte is at angle ``step * i + sector``: take it when that angle's group comes by."""
+        """Store bit i of every byte when the group of its angle, ``step * i + sector``, arrives."""
         step = self.pattern.angles // 8
         position_bits = (self.group_angles - 1).bit_length()
         bits = [Signal(len(self.pattern.comparisons), name=f"bit{i}", reset_less=True) for i in range(8)]

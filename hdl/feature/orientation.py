@@ -1,4 +1,4 @@
-"""Orientation sector of a candidate from its rings, a group of angles a clock."""
+"""Orientation sector of a candidate from its rings, one group of angles per clock."""
 
 from __future__ import annotations
 
@@ -17,26 +17,27 @@ from hdl.lib.weighted_sum import WeightedSum
 class RingMoments(wiring.Component):
     """Moments Mx, My of rings whose 16 angles arrive in groups, the last group first.
 
-    Seen from its own first angle every group has the same weights, so one set of adders serves all:
-    M = P(0) + T (P(1) + T (P(2) + ...)), with P(g) the moments of group g as if it were group 0, and T the turn by
-    one group: a quarter or a half, which only swaps and negates.
+    Relative to its first angle every group has the same weights, so that one set of adders serves all groups:
+    M = P(0) + T (P(1) + T (P(2) + ...)), where P(g) are the moments of group g computed as if it were group 0, and T
+    is the rotation by one group. A rotation by a quarter or a half circle only swaps and negates x and y.
 
     Parameters
     ----------
     radii_px : tuple of int
         Weight of each ring.
     groups : {2, 4}
-        Groups, so clocks, of a candidate.
+        Groups of a candidate; each takes one clock.
 
     Members
     -------
     i_valid : In(1)
         A group is at ``i_pixels``.
     i_first : In(1)
-        It is the first of its candidate.
+        The group is the first of its candidate.
     i_pixels : In(8).array(rings, 16 // groups)
     o_mx, o_my : Out(signed)
-        Complete ``latency_cycles`` after a candidate's last group, until its successor's first group is added.
+        Complete ``latency_cycles`` after a candidate's last group; valid until the next candidate's first group is
+        added.
 
     Attributes
     ----------
@@ -54,9 +55,9 @@ class RingMoments(wiring.Component):
             raise ValueError(f"groups is {groups}; valid: 2, 4")
         self.groups = groups
         group_angles = SECTORS // groups
-        turns = [2 * pi * angle / SECTORS for angle in range(SECTORS)]
-        cosines = [round(COSINE_ONE * cos(turn)) for turn in turns]
-        sines = [round(COSINE_ONE * sin(turn)) for turn in turns]
+        angles_rad = [2 * pi * sector / SECTORS for sector in range(SECTORS)]
+        cosines = [round(COSINE_ONE * cos(angle_rad)) for angle_rad in angles_rad]
+        sines = [round(COSINE_ONE * sin(angle_rad)) for angle_rad in angles_rad]
         self._radial = [WeightedSum(weights=radii_px, shape=unsigned(8)) for _ in range(group_angles)]
         radial_shape = self._radial[0].o_sum.shape()
         self._along_x = WeightedSum(weights=cosines[:group_angles], shape=radial_shape)
@@ -75,7 +76,7 @@ class RingMoments(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Radial sums of each angle, their two projections, and the turning accumulator."""
+        """Radial sum of each angle, projections of the sums on x and y, and the accumulator that rotates."""
         m = Module()
         m.submodules.along_x = along_x = self._along_x
         m.submodules.along_y = along_y = self._along_y
@@ -86,11 +87,11 @@ class RingMoments(wiring.Component):
             m.d.comb += [along.i_values[angle].eq(radial.o_sum) for along in (along_x, along_y)]
         m.d.comb += [along.i_valid.eq(self._radial[0].o_valid) for along in (along_x, along_y)]
         first = delayed(m, self.i_first, self.latency_cycles - 1)
-        turned_x, turned_y = (-self.o_my, self.o_mx) if self.groups == 4 else (-self.o_mx, -self.o_my)
+        rotated_x, rotated_y = (-self.o_my, self.o_mx) if self.groups == 4 else (-self.o_mx, -self.o_my)
         with m.If(along_x.o_valid):
             m.d.sync += [
-                self.o_mx.eq(along_x.o_sum + Mux(first, 0, turned_x)),
-                self.o_my.eq(along_y.o_sum + Mux(first, 0, turned_y)),
+                self.o_mx.eq(along_x.o_sum + Mux(first, 0, rotated_x)),
+                self.o_my.eq(along_y.o_sum + Mux(first, 0, rotated_y)),
             ]
         return m
 
@@ -101,13 +102,13 @@ class Sector(wiring.Component):
     Parameters
     ----------
     moment : Shape
-        Signed shape of the moments, whose most negative number never occurs.
+        Signed shape of the moments. Its most negative number must not occur: its magnitude would not fit.
 
     Members
     -------
     i_valid, i_mx, i_my : In
     o_sector : Out(4)
-        ``latency_cycles`` after ``i_valid``, until the next.
+        Valid ``latency_cycles`` after ``i_valid``, until the next result.
 
     Attributes
     ----------
@@ -126,7 +127,7 @@ class Sector(wiring.Component):
         super().__init__({"i_valid": In(1), "i_mx": In(moment), "i_my": In(moment), "o_sector": Out(4)})
 
     def elaborate(self, platform: object) -> Module:
-        """Fold into the first octant, compare with its two sector borders, unfold."""
+        """Fold into the first octant, compare with the two sector borders inside it, unfold."""
         m = Module()
         length = self._borders[0].i_values[0].shape()
         along, across = Signal(length, reset_less=True), Signal(length, reset_less=True)

@@ -1,4 +1,4 @@
-"""The pixels of a descriptor's rings around every pixel."""
+"""The ring pixels of a descriptor around every pixel."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from hdl.streams import beat
 class RingWindow(wiring.Component):
     """Ring pixels around the pixel ``lag_px`` left of and above the scan position.
 
-    One memory holds ``2 * lag_px`` lines. Along x each used line is a chain of registers as long as its leftmost
-    ring pixel needs; where the chain has no tap it packs into SRLs. Within ``lag_px`` of the frame's border the pixels
-    are unspecified. Nothing needs a reset.
+    One memory holds ``2 * lag_px`` lines. Each line with ring pixels feeds a chain of registers, as long as its
+    leftmost ring pixel requires; stretches without a tap pack into shift-register LUTs. Within ``lag_px`` of the
+    frame's border the pixels are unspecified. Nothing needs a reset.
 
     Parameters
     ----------
@@ -30,8 +30,8 @@ class RingWindow(wiring.Component):
     -------
     i : In(beat(pixel))
     o_pixels : Out(8).array(rings, angles)
-        As `DescriptorPattern.offsets`, ``latency_cycles`` after the beat, until the next beat's. One signal a pixel:
-        one wide signal would slow compiled simulations by a third.
+        In the order of `DescriptorPattern.offsets`, valid ``latency_cycles`` after the beat, until those of the next
+        beat. There is one signal per pixel: a single wide signal made compiled simulations a third slower (measured).
 
     Attributes
     ----------

@@ -20,15 +20,15 @@ _QUOTIENT_BITS = 4
 
 
 class Vertex(wiring.Component):
-    """Vertex of the parabola through three response codes: one set a clock.
+    """Vertex of the parabola through three response codes, one set of codes per clock.
 
     With u = centre - after and v = centre - before, ``o_offset`` is
-    sign(v - u) * floor((16 |v - u| + u + v) / (2 (u + v))), and 0 where u + v is.
+    sign(v - u) * floor((16 |v - u| + u + v) / (2 (u + v))), and 0 where u + v = 0.
 
     Members
     -------
     i_before, i_centre, i_after : In(15)
-        Response codes; the centre is at least as large as the others.
+        Response codes; the centre must be at least as large as both others.
     o_offset : Out(signed(5))
         In 1/16 px, -8 to 8, ``latency_cycles`` later.
 
@@ -48,7 +48,7 @@ class Vertex(wiring.Component):
         super().__init__({"i_before": code, "i_centre": code, "i_after": code, "o_offset": Out(OFFSET)})
 
     def elaborate(self, platform: object) -> Module:
-        """Decode, subtract, divide a quotient bit a clock."""
+        """Decode, subtract, then divide with one quotient bit per clock."""
         m = Module()
         before, centre, after = self._decoded(m)
         fall_after, fall_before = Signal(_VALUE_BITS, reset_less=True), Signal(_VALUE_BITS, reset_less=True)
@@ -63,15 +63,16 @@ class Vertex(wiring.Component):
             difference.eq(Mux(fall_before < fall_after, fall_after - fall_before, fall_before - fall_after)),
         ]
         quotient = self._quotient(m, (difference << POSITION.fraction_bits) + total, total)
-        # Only 0 / 0 gives more than 8: every trial subtraction of nothing succeeds.
+        # A quotient above 8 only comes from 0 / 0, where every trial subtraction succeeds.
         magnitude = Mux(quotient > POSITION.one // 2, 0, quotient)
         m.d.sync += self.o_offset.eq(Mux(delayed(m, negative, _QUOTIENT_BITS), -magnitude, magnitude))
         return m
 
     def _decoded(self, m: Module) -> list[Value]:
-        """The three responses in two clocks, scaled so that the centre has the largest exponent.
+        """Decode the three responses in two clocks, scaled so that the centre has the largest exponent.
 
-        The vertex depends on ratios only; so the centre needs no shifter.
+        The vertex depends only on ratios of responses, so a common scale does not matter, and the centre needs no
+        shifter.
         """
         codes = [self.i_before, self.i_centre, self.i_after]
         fields = [code[RESPONSE_FRACTION_BITS:] for code in codes]
@@ -102,16 +103,16 @@ class SubPixel(wiring.Component):
     Parameters
     ----------
     level : {0, 1}
-        Half-size pixel x stands at 2 (x + 1/2) - 1/2 of the full frame.
+        The centre of half-size pixel x is at 2 (x + 1/2) - 1/2 in the full frame.
     lag_px : int
-        The candidate's pixel is so far left of and above the scan position.
+        How far the candidate's pixel is left of and above the scan position.
 
     Members
     -------
     i : In(CANDIDATE)
-        Candidates come at least 2 clocks apart.
+        Candidates must be at least 2 clocks apart.
     o_x, o_y : Out(16)
-        UQ(12, 4), ``latency_cycles`` after the candidate, for one clock at least.
+        UQ(12, 4), 1/16 px; valid ``latency_cycles`` after the candidate, for at least one clock.
 
     Attributes
     ----------
@@ -137,7 +138,7 @@ class SubPixel(wiring.Component):
         super().__init__({"i": In(CANDIDATE), "o_x": Out(POSITION.bits), "o_y": Out(POSITION.bits)})
 
     def elaborate(self, platform: object) -> Module:
-        """One `Vertex` for both directions: x in the first clock, y in the second."""
+        """One `Vertex` serves both directions: x in the first clock, y in the second."""
         m = Module()
         m.submodules.vertex = vertex = self._vertex
         up, before, centre, after, down = (Signal(RESPONSE_CODE.bits, reset_less=True) for _ in range(5))

@@ -1,4 +1,4 @@
-"""From gray columns to corner candidates: the chain of blocks behind a level's gray lines."""
+"""Corner detection of a level: from columns of gray pixels to corner candidates."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from hdl.streams import beat, carry_scan
 
 
 class Stage(NamedTuple):
-    """A plane of `golden_model.front_end.trace` in the hardware: a field of a beat, and how far it lags."""
+    """The hardware counterpart of a plane of `golden_model.front_end.trace`: a field of a beat, and its lag."""
 
     beat: data.View
     field: str
@@ -27,12 +27,14 @@ class Stage(NamedTuple):
 
 
 class Corners(wiring.Component):
-    """Responses of Harris or of FAST, whichever is chosen, and their suppression. The other one rests.
+    """Responses of the chosen detector, Harris or FAST, and their suppression.
+
+    Both detectors are built; the one that is not chosen gets no valid beats, so that its registers hold still.
 
     Parameters
     ----------
     config : FrontEndConfig
-        The detector is chosen at run time instead.
+        Its ``detector`` and ``threshold`` are ignored: they are set at run time.
     width_px : int
         Largest width of a line.
 
@@ -41,10 +43,11 @@ class Corners(wiring.Component):
     i : In(beat(column))
         3 gray pixels, the newest line first.
     i_fast : In(1)
-        FAST, not Harris. Static within a frame.
+        1: FAST; 0: Harris. Stable during a frame.
     i_threshold_code : In(15)
+        Smallest response code that survives. Stable during a frame.
     o : Out(beat(code, left, right, up, down))
-        Corners, not kept off the border.
+        Corners, including unspecified ones near the border: the level removes those.
 
     Attributes
     ----------
@@ -81,7 +84,7 @@ class Corners(wiring.Component):
 
     @property
     def stages(self) -> dict[str, Stage]:
-        """The planes on the way, by their golden names."""
+        """The intermediate planes, under the names of `golden_model.front_end.trace`."""
         columns, lag_px = self._columns, self.response_lag_px
         smoothed = {"smoothed": Stage(columns.smooth.o, "pixel", columns.smooth.lag_px)} if columns.smooth else {}
         return {
@@ -93,7 +96,7 @@ class Corners(wiring.Component):
         }
 
     def elaborate(self, platform: object) -> Module:
-        """Both detectors side by side, the faster one waiting for the other; then suppression."""
+        """Both detectors side by side, the faster one delayed to the latency of the other; then suppression."""
         m = Module()
         m.submodules.columns = columns = self._columns
         m.submodules.tensor = tensor = self._tensor

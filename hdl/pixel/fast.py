@@ -1,4 +1,4 @@
-"""FAST corners (thesis, equation II-1): the segment test 9 of 16 and its score, decided bit by bit."""
+"""FAST corners (thesis, equation II-1): the 9-of-16 segment test and its score, found bit by bit."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from hdl.streams import beat, carry_scan
 
 WINDOW_PX = 2 * MARGIN_PX + 1
 _EVENS_THEN_ODDS = (*CIRCLE[0::2], *CIRCLE[1::2])
-"""The order of the circle's pixels in a word: all arcs are then a few rotations of its halves."""
+"""The order of the circle's pixels in a word: every arc is then a combination of rotations of the two halves."""
 
 
 class Fast(wiring.Component):
     """The largest threshold at which a pixel passes the segment test.
 
-    It follows from one of the circle's pixels: of each arc of nine take the darkest pixel, and of these the brightest.
-    That one is *decisive* where the arc is brighter than the centre; where it is darker, all is complemented first.
-    It cannot be both, since two arcs of nine overlap; so a first test, of which pixels are brighter than the centre,
-    tells which.
+    The score follows from a single pixel of the circle, called *decisive* here: take the darkest pixel of each arc of
+    nine, and the brightest of these. This holds for arcs brighter than the centre; for darker arcs all pixels are
+    complemented first. Both cases cannot occur at the same pixel, because any two arcs of nine overlap; so the first
+    test, which pixels are brighter than the centre, decides whether to complement.
 
-    The decisive pixel's bits come one after another, the highest first, and each is the answer to the same question:
-    are there nine contiguous ones? A pixel whose bit differs from the answer is larger or smaller for good; from then
-    on it counts as ones or as zeros only.
+    The bits of the decisive pixel are found one after another, the highest first. Each is the answer to the same
+    question: do nine contiguous pixels have a one here? A pixel whose bit differs from the answer is larger or smaller
+    than the decisive one, whatever its lower bits are; from then on it counts as all ones or all zeros.
 
     Members
     -------
     i : In(beat(column))
         7 gray pixels, the newest line first.
     i_threshold_code : In(15)
-        Smallest score that survives, in gray levels. Static within a frame.
+        Smallest score that survives, in gray levels. Stable during a frame.
     o : Out(beat(code))
         `golden_model.pixel.fast.response_code`.
 
@@ -49,7 +49,7 @@ class Fast(wiring.Component):
     o: data.View
 
     lag_px = MARGIN_PX
-    # The window; which pixels are brighter; arcs of these; the complement; two for each bit; difference; threshold.
+    # Clocks: window; brighter pixels; their arcs; complement; two for each bit; difference; threshold.
     latency_cycles = Window.latency_cycles + 3 + 2 * PIXEL.bits + 2
 
     def __init__(self) -> None:
@@ -64,7 +64,7 @@ class Fast(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """The circle around the centre, its decisive pixel, how far that is from the centre, the threshold."""
+        """Find the decisive pixel of the circle, subtract the centre, apply the threshold."""
         m = Module()
         m.submodules.window = window = self._window
         m.d.comb += window.i.eq(self.i)
@@ -75,7 +75,7 @@ class Fast(wiring.Component):
         pipe = Pipe(m, window.o.valid)
         decisive, darker, cycles = self._decisive(m, pipe, circle, centre)
         reference = delayed(m, pipe.registered(centre, 0), cycles - 1) ^ darker.replicate(PIXEL.bits)
-        # Decisive - reference - 1, and a carry where it is not negative.
+        # decisive - reference - 1; the carry out is 1 where the result is not negative.
         difference = decisive + ~reference
         score = pipe.registered(Mux(difference[-1], difference[: PIXEL.bits], 0), cycles)
         code = Mux(score < self.i_threshold_code, 0, score)
@@ -84,12 +84,12 @@ class Fast(wiring.Component):
 
     @staticmethod
     def _decisive(m: Module, pipe: Pipe, circle: list[Value], centre: Value) -> tuple[Value, Value, int]:
-        """The decisive pixel, complemented where its arc is darker, whether it is, and how late they are.
+        """Return the decisive pixel (complemented for a darker arc), whether the arc is darker, and their delay.
 
-        ``ones`` is what each pixel counts as in the current bit, ``settled`` whether it differed in an earlier one.
-        An answer takes two clocks: whether each arc is complete, and then whether any is.
+        ``ones`` is the value that each pixel counts as in the current bit; ``settled`` says whether the pixel differed
+        from the answer in an earlier bit. Each bit takes two clocks: which arcs are all ones, then whether any is.
         """
-        # Registered, and not only delayed, everything rests with the detector.
+        # Registered in the pipe, not only delayed: everything then holds still while Harris is chosen.
         planes = [pipe.registered(Cat(pixel[bit] for pixel in circle), 0) for bit in reversed(range(PIXEL.bits))]
         brighter = pipe.registered(Cat(pixel > centre for pixel in circle), 0)
         darker = ~pipe.registered(_arcs(brighter), 1).any()
@@ -117,7 +117,7 @@ class Fast(wiring.Component):
 
 
 def _arcs(ones: Value) -> Value:
-    """Which arcs of nine are all ones: eight pixels from an odd place on, and one more before or behind them."""
+    """Which arcs of nine are all ones: eight pixels that begin at an odd position, and one more before or after."""
     evens, odds = ones[: len(CIRCLE) // 2], ones[len(CIRCLE) // 2 :]
     two = odds & evens.rotate_right(1)
     four = two & two.rotate_right(1)

@@ -1,4 +1,4 @@
-"""Columns of gradients, or of gray pixels: what both detectors' windows are made of."""
+"""Columns of gradients for Harris, or of gray pixels for FAST, from shared line memories."""
 
 from __future__ import annotations
 
@@ -17,15 +17,16 @@ from hdl.streams import beat, carry_scan
 
 
 class GradientColumns(wiring.Component):
-    """Harris's columns of gradients, or FAST's of gray pixels, out of the same line memories.
+    """Columns of gradients for Harris or of gray pixels for FAST, from the same line memories.
 
-    While FAST is chosen the smoother lets its middle pixel pass, and the lines of gradients hold, instead of a
-    gradient, a pixel and the one two lines above it: five such pairs cover FAST's seven lines.
+    Sharing saves FAST's own line memories. While FAST is chosen, the smoother passes its middle pixel unchanged, and
+    each entry of the gradient lines stores two pixels instead of a gradient: a pixel and the one two lines above it.
+    Five such pairs cover the seven lines that FAST needs.
 
     Parameters
     ----------
     smoothed : bool
-        3x3 binomial ahead of the gradients.
+        Apply the 3x3 binomial before the gradients.
     width_px : int
         Largest width of a line.
 
@@ -34,16 +35,17 @@ class GradientColumns(wiring.Component):
     i : In(beat(column))
         3 gray pixels, the newest line first.
     i_fast : In(1)
-        FAST is chosen. Static within a frame.
+        FAST is chosen. Stable during a frame.
     o : Out(beat(gradients, pixels))
-        5 lines' `hdl.pixel.harris.GRADIENTS`, or 7 lines' pixels, the newest line first; the other ones mean nothing.
+        `hdl.pixel.harris.GRADIENTS` of 5 lines, or pixels of 7 lines, the newest line first. Only those of the chosen
+        detector are meaningful.
 
     Attributes
     ----------
     smooth : Binomial or None
     sobel : Sobel
     gradient_lag_px, pixel_lag_px : int
-        Of the newest line.
+        Lag of the newest line.
     latency_cycles : int
     """
 
@@ -75,7 +77,7 @@ class GradientColumns(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Smooth, derive, and store; or let the pixels pass."""
+        """Smooth, take gradients and store them; or store the pixels."""
         m = Module()
         column = self._smoothed(m, self.smooth) if self.smooth else self.i
         m.submodules.sobel = sobel = self.sobel
@@ -94,7 +96,7 @@ class GradientColumns(wiring.Component):
         return m
 
     def _smoothed(self, m: Module, smooth: Binomial) -> data.View:
-        """The column of smoothed pixels, or of those in the middle of the smoother's window."""
+        """The column of smoothed pixels, or, for FAST, of the pixels in the middle of the smoother's window."""
         m.submodules.smooth = smooth
         m.submodules.smoothed_lines = lines = self._smoothed_lines
         m.d.comb += smooth.i.eq(self.i)

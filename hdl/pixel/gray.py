@@ -13,14 +13,14 @@ from hdl.streams import beat, carry_scan
 
 
 class Gray(wiring.Component):
-    """``(77 R + 150 G + 29 B + 128) >> 8``, or the pixel as it is where it is gray already.
+    """``(77 R + 150 G + 29 B + 128) >> 8`` (thesis, equation IV-1), or the input itself where it is gray already.
 
     Members
     -------
     i : In(beat(data))
         `hdl.streams.PixelPayload.data`.
     i_gray_input : In(1)
-        The input is gray. Static within a frame.
+        The input is gray. Stable during a frame.
     o : Out(beat(pixel))
 
     Attributes
@@ -38,7 +38,7 @@ class Gray(wiring.Component):
         super().__init__({"i": In(beat(data=24)), "i_gray_input": In(1), "o": Out(beat(pixel=8))})
 
     def elaborate(self, platform: object) -> Module:
-        """Weighted sum; the gray input goes round it."""
+        """Weighted sum; gray input bypasses it with the same delay."""
         m = Module()
         m.submodules.luma = luma = self._luma
         carry_scan(m, self.i, self.o, self.latency_cycles)

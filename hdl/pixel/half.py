@@ -11,9 +11,9 @@ from hdl.streams import beat
 
 
 class Half(wiring.Component):
-    """Mean of each 2x2 block, ``(a + b + c + d + 2) >> 2``, when its last pixel has come.
+    """Mean of each 2x2 block, ``(a + b + c + d + 2) >> 2``, given when the block's last pixel has arrived.
 
-    An odd last row or column gives nothing.
+    An odd last row or column is dropped.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class Half(wiring.Component):
         super().__init__({"i": In(beat(pixel=8)), "o": Out(beat(pixel=8))})
 
     def elaborate(self, platform: object) -> Module:
-        """Pair sums of even lines wait in a memory for those of odd lines."""
+        """Store the pair sums of even lines; add them to those of odd lines."""
         m = Module()
         pairs_above: memory.Memory
         m.submodules.memory = pairs_above = memory.Memory(shape=9, depth=self.width_px // 2, init=[])

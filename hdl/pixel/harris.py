@@ -23,7 +23,7 @@ from hdl.streams import beat, carry_scan
 
 GRADIENTS = data.StructLayout({"x": signed(GRADIENT.bits), "y": signed(GRADIENT.bits)})
 TENSOR_LINES = 5
-"""Of the largest window; a smaller one lies in the middle."""
+"""Lines of the largest window; a smaller window lies in the middle of it."""
 TENSOR = beat(a=TENSOR_DIAGONAL.bits, b=TENSOR_DIAGONAL.bits, c=signed(TENSOR_MIXED.bits))
 """The structure tensor: sums of Ix**2, Iy**2 and Ix Iy."""
 
@@ -31,8 +31,8 @@ TENSOR = beat(a=TENSOR_DIAGONAL.bits, b=TENSOR_DIAGONAL.bits, c=signed(TENSOR_MI
 class StructureTensor(wiring.Component):
     """Sums of gradient products over a box, ``>> 8`` (floor).
 
-    The lines before it hold gradients, 22 bits a pixel, and their products are formed for the whole column anew;
-    products would take 61 bits.
+    The line memories in front of this block store gradients (22 bits a pixel), and the products are formed again for
+    the whole column in every clock: storing products would take 61 bits a pixel.
 
     Parameters
     ----------
@@ -75,7 +75,10 @@ class StructureTensor(wiring.Component):
         return SeparableSum(vertical=weights, horizontal=weights, shape=product)
 
     def elaborate(self, platform: object) -> Module:
-        """A column of products (operand, multiplier and product registers), and its sums."""
+        """A column of products and its sums.
+
+        Each product has an operand, a multiplier and a product register, as a DSP slice has (A/B, M and P).
+        """
         m = Module()
         carry_scan(m, self.i, self.o, self.latency_cycles)
         operands = Signal.like(self.i.column, reset_less=True)
@@ -101,11 +104,12 @@ class StructureTensor(wiring.Component):
 class RawResponse(wiring.Component):
     """``R = A B - C**2 - ((k_numerator (A + B)**2) >> k_shift)`` (floor).
 
-    R fits 32 bits (`golden_model.pixel.harris`), so all is computed modulo 2**32.
+    R fits 32 bits (proved in `golden_model.pixel.harris`), so everything is computed modulo 2**32 without saturation.
 
     Parameters
     ----------
     k_numerator, k_shift : int
+        k = k_numerator / 2**k_shift, below 1/4.
 
     Members
     -------
@@ -129,7 +133,7 @@ class RawResponse(wiring.Component):
         super().__init__({"i": In(TENSOR), "o": Out(beat(raw=signed(RAW_RESPONSE.bits)))})
 
     def elaborate(self, platform: object) -> Module:
-        """Operands, multipliers, products, determinant and penalty, response."""
+        """One clock each: operands, multipliers, products, determinant and penalty, response."""
         m = Module()
         carry_scan(m, self.i, self.o, self.latency_cycles)
         a, b, c = delayed(m, self.i.a, 1), delayed(m, self.i.b, 1), delayed(m, self.i.c, 1)
@@ -149,13 +153,13 @@ class RawResponse(wiring.Component):
 
 
 class ResponseCode(wiring.Component):
-    """Responses as stored: 15-bit codes, 0 below the threshold.
+    """Responses in the form in which they are stored: 15-bit codes, 0 below the threshold.
 
     Members
     -------
     i : In(beat(raw))
     i_threshold_code : In(15)
-        Smallest code that survives. Static within a frame.
+        Smallest code that survives. Stable during a frame.
     o : Out(beat(code))
         `golden_model.formats.RESPONSE_CODE`.
 
@@ -180,14 +184,15 @@ class ResponseCode(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Shift right until 11 bits are left, join with the shifts' count, compare."""
+        """Shift right until 11 bits are left, put the number of shifts in front, compare with the threshold."""
         m = Module()
         carry_scan(m, self.i, self.o, self.latency_cycles)
         value: Value = self.i.raw[: RAW_RESPONSE.bits - 1]
         exponent: Value = Cat()
         for steps in ((16,), (8,), (4,), (2, 1)):
             value, exponent = self._normalised(m, value, exponent, steps)
-        # A hidden one that is left at the fraction's upper end carries into the exponent field, as it should.
+        # The hidden one just above the fraction adds 1 to the exponent field: the field of a normal number is its
+        # number of shifts plus one.
         code = delayed(m, ((exponent << RESPONSE_FRACTION_BITS) + value)[: RESPONSE_CODE.bits], 1)
         negative = delayed(m, self.i.raw < 0, self.latency_cycles - 1)
         m.d.comb += self.o.code.eq(delayed(m, Mux(negative | (code < self.i_threshold_code), 0, code), 1))
@@ -195,7 +200,7 @@ class ResponseCode(wiring.Component):
 
     @staticmethod
     def _normalised(m: Module, value: Value, exponent: Value, steps: tuple[int, ...]) -> tuple[Value, Value]:
-        """One clock of conditional shifts, the largest first; ``exponent`` collects which were taken."""
+        """One clock of conditional shifts, the largest first; ``exponent`` records which of them were made."""
         for step in steps:
             kept_bits = RESPONSE_FRACTION_BITS + step
             too_long = value[kept_bits:].any()

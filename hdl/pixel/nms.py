@@ -1,4 +1,4 @@
-"""Non-maximum suppression (thesis, section III.6.1.1): Harris's, ties to the first in raster order, and FAST's."""
+"""Non-maximum suppression (thesis, section III.6.1.1), with the rules for ties of Harris and of FAST."""
 
 from __future__ import annotations
 
@@ -16,15 +16,16 @@ from hdl.streams import beat, carry_scan
 
 CODE = RESPONSE_CODE.bits
 NEIGHBOURHOOD = {"code": CODE, "left": CODE, "right": CODE, "up": CODE, "down": CODE}
-"""The surviving code (0: none survived), and the codes beside the window's centre whether it survived or not."""
+"""The code where it survives, else 0; and the codes of the four neighbours in any case."""
 
 
 class Suppression(wiring.Component):
     """Keep a response only where it is the largest of the window around it.
 
-    Harris's is: greater than the largest before it in raster order, and not less than the largest after it. Both come
-    from maxima of columns, and from maxima of runs of columns that grow as the pixels pass. FAST's window is 3x3, its
-    scores have 8 bits, and none of equals stays: a comparison with each neighbour is all.
+    Harris: a response survives if it is greater than every response before it in raster order and not smaller than any
+    after it, so that the first of equal ones stays. Both maxima are built from maxima of columns and of growing runs
+    of columns. FAST: the window is 3x3, scores have 8 bits, and none of several equal ones stays, so that a comparison
+    with each neighbour suffices.
 
     Parameters
     ----------
@@ -37,7 +38,7 @@ class Suppression(wiring.Component):
     -------
     i : In(beat(code))
     i_fast : In(1)
-        The responses are FAST's. Static within a frame.
+        The responses come from FAST. Stable during a frame.
     o : Out(beat(code, left, right, up, down))
 
     Attributes
@@ -67,7 +68,7 @@ class Suppression(wiring.Component):
         super().__init__({"i": In(beat(code=CODE)), "i_fast": In(1), "o": Out(beat(**NEIGHBOURHOOD))})
 
     def elaborate(self, platform: object) -> Module:
-        """Maxima before and after the centre, and the decision."""
+        """Maxima before and after the centre in raster order, then the decision."""
         m = Module()
         m.submodules.lines = lines = self._lines
         m.d.comb += lines.i.pixel.eq(self.i.code)
@@ -100,7 +101,7 @@ class Suppression(wiring.Component):
 
 
 class _Pipe(Pipe):
-    """Values of now and of earlier beats; ``cycles`` is how far behind the pipe's start a value is."""
+    """Current and earlier values of a beat; ``cycles`` is the delay of a value against the start of the pipe."""
 
     def earlier(self, value: Value, cycles: int, beats: int) -> list[Signal]:
         """The value 1, 2, ..., ``beats`` beats ago."""
@@ -119,7 +120,7 @@ class _Pipe(Pipe):
         return values[0], cycles
 
     def largest_of_run(self, beats: int, value: Value, cycles: int) -> tuple[Value, int]:
-        """The largest of the last ``beats`` values, and its ``cycles``: runs of doubling length."""
+        """The largest of the last ``beats`` values, and its ``cycles``, by maxima of runs of doubling length."""
         for length, longer in pairwise(_run_lengths(beats)):
             before = self.earlier(value, cycles, longer - length)[-1]
             value = self.registered(_larger(value, before), cycles)

@@ -18,7 +18,7 @@ class Binomial(wiring.Component):
     Parameters
     ----------
     window_px : {1, 3, 5}
-        1 leaves the pixels as they are.
+        1 passes the pixels unchanged.
 
     Members
     -------
@@ -51,7 +51,7 @@ class Binomial(wiring.Component):
         super().__init__({"i": In(beat(column=data.ArrayLayout(8, window_px))), "o": Out(beat(pixel=8))})
 
     def elaborate(self, platform: object) -> Module:
-        """Weigh and round."""
+        """Weighted sum over the window, then rounding."""
         m = Module()
         m.submodules.sum = weighted = self._sum
         m.d.comb += weighted.i.eq(self.i)

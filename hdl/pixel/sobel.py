@@ -12,7 +12,7 @@ from hdl.streams import beat, carry_scan
 
 SMOOTH = (1, 2, 1)
 DERIVE = (1, 0, -1)
-"""The newest pixel is the right or lower one."""
+"""Weights, the newest pixel first: that is the right or the lower one."""
 
 
 class Sobel(wiring.Component):
@@ -49,7 +49,7 @@ class Sobel(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Two separable sums."""
+        """One separable sum for each direction."""
         m = Module()
         m.submodules.along_x, m.submodules.along_y = self._along_x, self._along_y
         m.d.comb += [

@@ -1,4 +1,4 @@
-"""The adaptive threshold: steady feature counts without a division."""
+"""The adaptive threshold: keeps the number of features steady, without a division."""
 
 from __future__ import annotations
 
@@ -18,30 +18,31 @@ class AdaptiveThreshold(wiring.Component):
     Parameters
     ----------
     max_features : int
-        A larger count counts as this.
+        Larger counts are limited to this.
 
     Members
     -------
     i_detector : In(1)
-        Index into `golden_model.config.DETECTORS`. Static within a frame.
+        Index into `golden_model.config.DETECTORS`. Stable during a frame.
     i_load : In(1)
-        Take ``i_code``.
+        Set the threshold to ``i_code``.
     i_code : In(15)
+        A response code.
     i_added : In(2)
-        Features that this clock adds to the frame's.
+        Features added to the frame's count in this clock.
     i_frame_ends : In(1)
-        Begin a new count.
+        The frame ends: start a new count.
     i_adapt : In(1)
-        With ``i_frame_ends``: move. The count must have been complete ``latency_cycles`` before.
+        With ``i_frame_ends``: adapt the threshold. The count must be complete ``latency_cycles`` before.
     i_target : In(13)
         Features wanted.
     o_code : Out(15)
-        The threshold.
+        The threshold as a response code.
 
     Attributes
     ----------
     latency_cycles : int
-        From the last feature to the end of its frame, at least.
+        Smallest distance from the last feature to the end of its frame.
     """
 
     i_detector: Signal
@@ -71,10 +72,10 @@ class AdaptiveThreshold(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Count, excess, step, sum, each clamped: a clock for the comparison, one for the choice."""
+        """Count, excess, step and sum, each clamped in two clocks: one to compare, one to choose."""
         m = Module()
         added = delayed(m, self.i_added, 1, reset_less=False)
-        # Once the highest bit is set, the count is more than enough, and rests.
+        # The highest bit means more than `max_features`: the count stops there, so that it cannot wrap around.
         count = Signal(self.max_features.bit_length() + 1)
         with m.If(self.i_frame_ends):
             m.d.sync += count.eq(0)
@@ -93,6 +94,6 @@ class AdaptiveThreshold(wiring.Component):
 
 
 def _clamped(m: Module, value: Value, low: int, high: int) -> Value:
-    """The value of the clock before, moved into the range."""
+    """The value of the clock before, limited to ``low``..``high``."""
     below, above = delayed(m, value < low, 1), delayed(m, value > high, 1)
     return Mux(below, low, Mux(above, high, delayed(m, value, 1)))

@@ -1,4 +1,4 @@
-"""Line memories and windows: they turn beats of pixels into beats of columns and of windows."""
+"""Line memories and windows: from beats of pixels to beats of columns and of windows."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from hdl.streams import beat, carry_scan
 
 
 class LineBuffer(wiring.Component):
-    """The column above each pixel, from one memory that holds the lines before it.
+    """The column of pixels above each pixel, from one memory that holds the previous lines.
 
     Parameters
     ----------
     shape : ShapeLike
         Of a pixel.
     lines : int
-        How many lines before the current one.
+        Number of previous lines.
     width_px : int
         Largest width of a line, at least 5.
 
@@ -36,7 +36,7 @@ class LineBuffer(wiring.Component):
     Raises
     ------
     ValueError
-        For less than one line or too small a width.
+        For fewer than 1 line, or a width below 5.
     """
 
     i: data.View
@@ -55,9 +55,10 @@ class LineBuffer(wiring.Component):
         super().__init__({"i": In(beat(pixel=shape)), "o": Out(beat(column=data.ArrayLayout(shape, lines + 1)))})
 
     def elaborate(self, platform: object) -> Module:
-        """Read the column at x, register it twice, write it back one line further.
+        """Read the column at x, register it twice, write it back shifted by one line.
 
-        The first register can be the block RAM's own, or stand beside it: its output is slow.
+        Two registers, because the output of a block RAM is slow: tools may use the block RAM's own output register for
+        the first one. Lines of at least 5 px keep each write ahead of the next read of the same address.
         """
         m = Module()
         lines: memory.Memory
@@ -85,7 +86,7 @@ class LineBuffer(wiring.Component):
 
 
 class Window(wiring.Component):
-    """The last columns, side by side.
+    """The most recent columns side by side.
 
     Parameters
     ----------
@@ -117,7 +118,7 @@ class Window(wiring.Component):
         super().__init__({"i": In(beat(column=shape)), "o": Out(beat(columns=data.ArrayLayout(shape, columns)))})
 
     def elaborate(self, platform: object) -> Module:
-        """Shift a column in where there is one."""
+        """Shift a column in at every valid beat."""
         m = Module()
         carry_scan(m, self.i, self.o, self.latency_cycles)
         columns = [Signal(self.shape, name=f"column{n}", reset_less=True) for n in range(self.columns)]
@@ -128,7 +129,7 @@ class Window(wiring.Component):
 
 
 class OffsetColumns(wiring.Component):
-    """Columns from further up and left, so that what follows lags more.
+    """Columns from further up and left: adds ``distance_px`` to the lag of the blocks behind it.
 
     Parameters
     ----------
@@ -137,7 +138,7 @@ class OffsetColumns(wiring.Component):
     rows : int
         Pixels of an output column.
     distance_px : int
-        How much further up and left.
+        Offset of the output columns, up and left.
 
     Members
     -------
@@ -177,7 +178,7 @@ class OffsetColumns(wiring.Component):
 
 
 class SeparableSum(wiring.Component):
-    """Weighted sum over a window: down the columns, then along the line.
+    """Weighted sum over a window: first down each column, then along the line.
 
     Parameters
     ----------
@@ -191,7 +192,7 @@ class SeparableSum(wiring.Component):
     i : In(beat(column))
         ``len(vertical)`` pixels, the newest line first.
     o : Out(beat(sum))
-        In just the bits that the sum's range needs.
+        As wide as the range of the sum needs and no wider.
 
     Attributes
     ----------
@@ -215,7 +216,7 @@ class SeparableSum(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """A sum of each column, the last sums side by side, their sum."""
+        """Sum each column, keep the recent sums side by side, add them up."""
         m = Module()
         m.submodules.down, m.submodules.window, m.submodules.along = self._down, self._window, self._along
         carry_scan(m, self.i, self.o, self.latency_cycles)

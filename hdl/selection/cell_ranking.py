@@ -1,4 +1,4 @@
-"""The ranking of every cell of a cell row, kept up to date as features come."""
+"""The ranking of the features in every cell of a cell row, updated as features arrive."""
 
 from __future__ import annotations
 
@@ -20,37 +20,37 @@ SMALLEST_CELL_LOG2, *_, LARGEST_CELL_LOG2 = SETTINGS["cell_log2"].values
 RANK = data.StructLayout({"response": RESPONSE_CODE.bits, "slot": range(MAX_PER_CELL)})
 """A place in a cell: the response of its feature, 0 where it is free, and the slot that holds the feature."""
 PLACE = data.StructLayout({"taken": 1, "slot": range(MAX_PER_CELL)})
-"""What is left of a rank when the row is complete."""
+"""A rank without its response: what is still needed when the row is complete."""
 RANKING = data.ArrayLayout(RANK, MAX_PER_CELL)
-"""A cell's places by falling response, equal ones in raster order, the free ones last."""
+"""The places of a cell by falling response, equal responses in raster order, free places last."""
 ORDER = data.ArrayLayout(PLACE, MAX_PER_CELL)
 _EMPTY = RANKING.const([{"response": 0, "slot": slot} for slot in range(MAX_PER_CELL)])
 
 
 class Insertion(wiring.Component):
-    """A newcomer's place in a ranking: behind every response that is not smaller.
+    """Inserts a feature into a ranking, behind every response that is not smaller.
 
-    Comparisons take one clock; in the next one everything is at the outputs, while the inputs are still the same.
+    Comparisons take one clock. The results appear in the next one, in which the inputs must still be the same.
 
     Members
     -------
     i_ranking : In(RANKING)
     i_empty : In(1)
-        Every place is free, whatever the ranking says.
+        Every place is free, regardless of ``i_ranking``.
     i_response : In(15)
-        The newcomer's, not 0.
+        Response of the new feature, not 0.
     i_last_place : In(3)
-        The last one of the places in use.
+        Index of the last place in use: features kept per cell, minus 1.
     o_kept : Out(1)
-        The newcomer has a place.
+        The new feature has a place.
     o_slot : Out(3)
-        The slot it takes: the last place's, which is free or whose feature drops out.
+        The slot it takes: that of the last place, which is free or whose feature is dropped.
     o_added : Out(1)
-        With ``o_kept``: that place was free.
+        Valid with ``o_kept``: that place was free.
     o_ranking : Out(RANKING)
-        With the newcomer.
+        The ranking with the new feature.
     o_order : Out(ORDER)
-        The same without responses.
+        The same ranking without responses.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ class Insertion(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Move the beaten places down by one; they are the last ones, since the ranking falls."""
+        """Move every place with a smaller response down by one: they are the last ones, since responses fall."""
         m = Module()
         newcomer, ranking = view_signal(RANK), view_signal(RANKING)
         ranks = [self.i_ranking[place] for place in range(MAX_PER_CELL)]
@@ -122,7 +122,7 @@ class Insertion(wiring.Component):
 
 
 class CellRanking(wiring.Component):
-    """Ranks the features of the open cell row.
+    """Ranks the features of the cell row that is being filled.
 
     Parameters
     ----------
@@ -141,15 +141,15 @@ class CellRanking(wiring.Component):
     i_clear : In(1)
         Empties every ranking.
     o_kept : Out(1)
-        A feature has a place, ``latency_cycles`` after its beat.
+        A feature has been given a place; ``latency_cycles`` after its beat.
     o_cell, o_slot, o_feature : Out
-        Its cell, its slot there, and itself.
+        Its cell, its slot in the cell, and the feature.
     o_order : Out(ORDER)
-        The places of its cell by now.
+        The current places of its cell.
     o_added : Out(1)
-        With ``o_kept``: no other feature has lost its place.
+        Valid with ``o_kept``: no other feature has lost its place.
     o_touched : Out(cells)
-        Cells that have a feature.
+        The cells that have a feature.
 
     Attributes
     ----------
@@ -189,12 +189,14 @@ class CellRanking(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Find the cell, read its ranking, compare, insert and write back: each in its clock.
+        """Find the cell, read its ranking, compare, insert and write back: one clock each.
 
-        A feature that follows two clocks after another one in its cell reads what is only being written.
+        When two features of one cell are only two clocks apart, the second would read the ranking before the first is
+        written. It takes the ranking from the insertion instead.
         """
         m = Module()
-        # Many bits and few words: LUT memory. `o_touched` tells old rankings from this row's, so nothing is cleared.
+        # Few words of many bits fit LUT memory better than block RAM. Old rankings need not be cleared: `o_touched`
+        # tells which rankings belong to this row.
         rankings: memory.Memory = memory.Memory(
             shape=RANKING, depth=self.cells, init=[], attrs={"ram_style": "distributed"}
         )
@@ -233,7 +235,7 @@ class CellRanking(wiring.Component):
             insertion.i_last_place.eq(delayed(m, (self.i_per_cell - 1)[:3], 1)),
             write.addr.eq(self.o_cell),
             write.data.eq(insertion.o_ranking),
-            # Where the newcomer has no place, this is the same ranking again.
+            # If the new feature has no place, the same ranking is written again.
             write.en.eq(arrived),
             self.o_kept.eq(arrived & insertion.o_kept),
             self.o_slot.eq(insertion.o_slot),

@@ -1,4 +1,4 @@
-"""What a level's scan position means: whether a feature may be there, and whether a cell row ends."""
+"""Marks of a level's scan position: whether a feature may be there, and whether a cell row ends."""
 
 from __future__ import annotations
 
@@ -11,38 +11,39 @@ from hdl.lib.delay import delayed
 from hdl.streams import COORDINATE, beat, carry_scan
 
 SPARE_LINES = 2
+"""Lines left at the end of a frame, to count the last features before the next frame starts."""
 WARNING_PX = 24
-"""How early the end of a cell row is foretold: by less than the smallest level's width."""
+"""How early the end of a cell row is announced; must be less than the width of the smallest level."""
 SMALLEST_LEVEL_PX = MIN_FRAME_PX // 2
 
 
 class LevelScan(wiring.Component):
-    """Marks of each beat: they belong to the pixel ``lag_px`` left of and above the scan position.
+    """Marks of each beat, for the pixel ``lag_px`` left of and above the scan position.
 
-    A cell row ends with the scan line that holds the last pixels of its lowest line, the level with the line of its
-    lowest feature. So nothing waits for lines below the frame.
+    A cell row ends with the scan line that completes its lowest line; the level ends with the scan line of its lowest
+    possible feature. Therefore the last features of a frame need no extra lines to be flushed out.
 
     Parameters
     ----------
     lag_px : int
     border_px : int
-        Features keep this distance from the border; at least ``lag_px`` + 2, so that two lines are left for the last
-        features to be counted before the next frame starts.
+        Features keep this distance from the border; at least ``lag_px`` + 2, which leaves two lines in which the last
+        features are counted before the next frame starts.
     cells : bool
-        Whether there are cell rows; otherwise the level is one row.
+        Whether there are cell rows; without them the level is a single row.
 
     Members
     -------
     i : In(beat(pixel))
         Only its scan position matters.
     i_width_px, i_height_px : In
-        Of the level, at least 32. Static from 1 clock before a frame's first beat.
+        Size of the level, at least 32. Stable from 1 clock before a frame's first beat.
     i_cell_log2 : In(4)
         log2 of the cell's side, 5 to 8.
     o : Out(beat(inside, ends_row, ends_level))
-        A feature may be at the pixel; a cell row has passed; the level has.
+        A feature may be at the pixel; the beat is the last of a cell row; it is the last of the level.
     o_row_closes : Out(1)
-        The beat that came last is one of the last ``WARNING_PX`` before the end of a cell row.
+        The latest beat is one of the last ``WARNING_PX`` before the end of a cell row.
 
     Attributes
     ----------
@@ -83,7 +84,7 @@ class LevelScan(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Compare the position with numbers that only settings change, then combine."""
+        """Compare the position with registered limits, which only settings change; then combine the results."""
         m = Module()
         last_x, lowest_y = Signal(COORDINATE), Signal(COORDINATE)
         right_px, bottom_px = Signal.like(self.i_width_px), Signal.like(self.i_height_px)
@@ -95,7 +96,8 @@ class LevelScan(wiring.Component):
             warning_x.eq(self.i_width_px - 1 - WARNING_PX),
             right_px.eq(Mux(self.i_width_px > spare_px, self.i_width_px - spare_px, 0)),
             bottom_px.eq(Mux(self.i_height_px > spare_px, self.i_height_px - spare_px, 0)),
-            # Above the frame's last line by so much that no feature is lost, and that even the smallest level has it.
+            # As far above the last line as possible without losing a feature; the limit keeps it inside the smallest
+            # level.
             lowest_y.eq(self.i_height_px - 1 - min(spare_px, SMALLEST_LEVEL_PX - 1)),
             cell_mask.eq((1 << self.i_cell_log2) - 1),
         ]
@@ -106,7 +108,7 @@ class LevelScan(wiring.Component):
         is_lowest, is_above = delayed(m, y == lowest_y, 2), delayed(m, y < lowest_y, 2)
         cell_ends: Value = Const(0)
         if self.cells:
-            # The line below the pixel's is a cell's first.
+            # A cell row ends where the line below the pixel is the first of a cell.
             line_below, exists = delayed(m, y - (self.lag_px - 1), 1), delayed(m, y >= self.lag_px, 1)
             cell_ends = delayed(m, exists & ~(line_below & cell_mask).any(), 1)
         row_closes = is_lowest | (is_above & cell_ends)

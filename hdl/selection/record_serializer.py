@@ -1,4 +1,4 @@
-"""Feature records of a level as words."""
+"""Converts the features of a level into the words of their records."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from hdl.streams import RowPayload, record_layout, words
 
 
 class FeatureWords(wiring.Component):
-    """Feature records of one level, a word a clock; index and frame number are still 0.
+    """Feature records of one level, one word per clock; index and frame number are still 0.
 
-    Combinational from the selection, which holds a feature until its last word is taken.
+    The path from the selection is combinational: the selection holds a feature until its last word has been taken.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ class FeatureWords(wiring.Component):
         super().__init__({"i": In(stream.Signature(feature_or_end(pattern))), "o": Out(stream.Signature(RowPayload))})
 
     def elaborate(self, platform: object) -> Module:
-        """Lay the record out and count its words."""
+        """Lay out the record and send its words one after the other."""
         m = Module()
         record, feature = view_signal(self._record), self.i.p.feature
         m.d.comb += [record.tag.eq(Tag.FEATURE), record.level.eq(self.level)]

@@ -1,4 +1,4 @@
-"""Two cell rows in memory: one fills while the other leaves in order."""
+"""Buffer of two cell rows: one is filled while the other is read out in order."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ class CellRows(wiring.Component):
     i_write : In(1)
         Writes ``i_feature`` into slot ``i_slot`` of cell ``i_cell``, and ``i_order`` for the cell.
     i_close : In(1)
-        With or after the row's last write: the banks change roles. Only where the closed row was drained.
+        With or after the row's last write: the banks change roles. Allowed only when the closed row has been read out.
     i_touched : In(cells)
-        With ``i_close``: cells of the row that were written.
+        Valid with ``i_close``: the cells of the row that were written.
     i_ends_level : In(1)
-        With ``i_close``: it is the last row.
+        Valid with ``i_close``: it is the last row of the level.
     o_drained : Out(1)
-        The closed row is read; for one clock.
+        The closed row has been read out; high for one clock.
     o : Out(stream of feature_or_end)
 
     Attributes
     ----------
     latency_cycles : int
-        From ``i_close`` to the first cell's first feature; every cell without features before it takes one more.
+        From ``i_close`` to the first feature of the first cell; each empty cell before it adds one.
     """
 
     i_write: Signal
@@ -75,10 +75,10 @@ class CellRows(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Both memories, the bank that fills, and the two steps in which the other one leaves."""
+        """Both memories, the choice of the bank to fill, and the two stages that read the other bank."""
         m = Module()
         depth = 2 << len(self.i_cell)
-        # A wide word and few of them: LUT memory.
+        # Few words of many bits: LUT memory.
         attributes = {"ram_style": "distributed"}
         orders: memory.Memory
         features: memory.Memory
@@ -100,9 +100,9 @@ class CellRows(wiring.Component):
         return m
 
     def _walk(self, m: Module, order: memory.ReadPort, bank: Value, requests: stream.Interface) -> None:
-        """Request every taken place of every cell, then the end of the row."""
+        """Request the feature of every taken place of every cell, then the end of the row."""
         cell, place, next_cell = Signal.like(self.i_cell), Signal(range(MAX_PER_CELL)), Signal()
-        # The lowest bit is the current cell's.
+        # Shifted by one for every cell: the lowest bit belongs to the current cell.
         touched, ends_level = Signal.like(self.i_touched), Signal()
         followed = Cat(Cat(later.taken for later in order.data)[1:], 0).bit_select(place, 1)
         with m.If(self.i_close):
@@ -142,10 +142,10 @@ class CellRows(wiring.Component):
                     m.next = "Fill"
 
     def _fetch(self, m: Module, feature: memory.ReadPort, bank: Value, requests: stream.Interface) -> None:
-        """Read what is requested; the memory's output is one stage, the output's register another.
+        """Read what is requested. The memory's output is the first stage, the register of the output the second.
 
-        A stage takes the next feature when it is empty, not already when it becomes so: a feature has several words,
-        and so nothing long waits for ``ready``.
+        A stage takes the next feature only once it is empty, not in the clock in which it becomes empty. That costs no
+        throughput, because a feature has several words, and keeps ``ready`` out of long combinational paths.
         """
         fetched, mark = Signal(), Signal.like(requests.p)
         advance = fetched & ~self.o.valid

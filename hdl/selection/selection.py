@@ -1,4 +1,7 @@
-"""The best features of each cell, in the order of emission; or every feature in raster order."""
+"""Selection of a level's features: the best of each cell, or all in raster order.
+
+Both blocks have the same stream members and the method ``connect_hold``, so that a level uses either in the same way.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,7 @@ from hdl.selection.row_buffer import CellRows
 class CellSelection(wiring.Component):
     """The best features of each cell of one level, cell row by cell row.
 
-    Features are ranked as they come; at the end of a cell row the row leaves in order while the next one fills.
+    Features are ranked as they arrive. At its end a cell row is sent in order while the next one is filled.
 
     Parameters
     ----------
@@ -34,24 +37,24 @@ class CellSelection(wiring.Component):
     i_per_cell : In(4)
         1 to 8.
     i_reserve : In(1)
-        The pixel that will end a cell row has been admitted: nothing can stop it now.
+        The pixel that will end a cell row has been admitted; from here on it cannot be held back.
     o_busy : Out(1)
-        A cell row is on its way to its end, or has not left yet: another ``i_reserve`` must wait.
+        A cell row is about to end, or has not left yet: another ``i_reserve`` must wait.
     o_added : Out(1)
         The frame has one more feature.
     o : Out(stream of feature_or_end)
-        By cell, in a cell by falling response, equal ones in raster order; then the end of the row.
+        Cell by cell, in a cell by falling response, equal responses in raster order; then the end of the row.
 
     Attributes
     ----------
     latency_cycles : int
-        From the end of a cell row to its first feature at ``o``, if that is in the first cell; every empty cell
-        before it takes one more.
+        From the end of a cell row to its first feature at ``o``, if that is in the first cell; each empty cell before
+        it adds one.
 
     Raises
     ------
     ValueError
-        If no pixel fits the width.
+        If the width is below 1.
     """
 
     i: data.View
@@ -97,7 +100,7 @@ class CellSelection(wiring.Component):
         return hold
 
     def elaborate(self, platform: object) -> Module:
-        """Ranking, then storage; the end of a row comes after its last feature's ranking."""
+        """Ranking, then storage; the end of a row is delayed until its last feature has been ranked."""
         m = Module()
         m.submodules.ranking = ranking = CellRanking(pattern=self.pattern, cells=self.cells)
         m.submodules.rows = rows = CellRows(pattern=self.pattern, cells=self.cells)
@@ -134,9 +137,10 @@ class RasterSelection(wiring.Component):
     ----------
     pattern : DescriptorPattern
     depth : int
-        Features that may wait.
+        Length of the queue in features.
     in_flight : int
-        Features that may still come once the door has closed: half the clocks from the door to here.
+        Features that may still arrive after admission has stopped: half the clocks from frame admission to here,
+        since features are at least 2 clocks apart.
 
     Members
     -------
@@ -152,7 +156,7 @@ class RasterSelection(wiring.Component):
     Attributes
     ----------
     latency_cycles : int
-        From a feature to the same at ``o``.
+        From a feature at ``i`` to the same feature at ``o``.
     """
 
     i: data.View
@@ -181,7 +185,7 @@ class RasterSelection(wiring.Component):
         return self.o_busy
 
     def elaborate(self, platform: object) -> Module:
-        """A queue; the end follows the level's last beat a clock later, where no feature can be."""
+        """A queue. The end of the level enters one clock after its last beat, when no feature can arrive."""
         m = Module()
         m.submodules.queue = queue = fifo.SyncFIFOBuffered(width=len(self.o.p.as_value()), depth=self.depth)
         ends_level = delayed(m, self.i.ends_level, 1, reset_less=False)
