@@ -78,12 +78,13 @@ class BlockBench:
         """
         simulator = Simulator(ResetInserter(self.reset)(self.dut))
         simulator.add_clock(CLOCK_S)
-        # First of all: testbenches run in the order in which they were added.
+        # In each clock the simulator continues testbenches in the order in which they were added: what answers and
+        # observes in the background has seen a clock before a testbench decides on it.
         simulator.add_testbench(self._set)
+        for testbench in (self._stop, *background):
+            simulator.add_testbench(testbench, background=True)
         for testbench in testbenches:
             simulator.add_testbench(testbench)
-        for testbench in (*background, self._stop):
-            simulator.add_testbench(testbench, background=True)
         simulator.run()
 
     async def _set(self, ctx: Any) -> None:
@@ -162,12 +163,19 @@ class BlockBench:
         await ctx.tick()
         ctx.set(port, 0)
 
-    async def cycles_until_low(self, ctx: Any, port: Any) -> int:
-        """Wait until ``port`` is 0, and return for how many clocks it was not."""
+    async def cycles_until_low(self, ctx: Any, port: Any, *, at_most: int | None = None) -> int:
+        """Wait until ``port`` is 0, and return for how many clocks it was not.
+
+        Raises
+        ------
+        AssertionError
+            If that was longer than ``at_most``.
+        """
         cycles = 0
         while ctx.get(port):
             await ctx.tick()
             cycles += 1
+            assert at_most is None or cycles <= at_most, f"not 0 after {cycles} cycles"
         return cycles
 
 

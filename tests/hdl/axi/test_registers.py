@@ -1,12 +1,12 @@
 import random
 
 import pytest
-from amaranth.sim import Simulator
 
 from golden_model.config import FrontEndConfig, MatcherConfig
 from hdl.axi.axi_lite import Response
 from hdl.axi.register_map import REGISTERS, Access, built_constants, fields
 from hdl.axi.registers import RegisterFile
+from sim.block_bench import BlockBench
 
 CYCLE_LIMIT = 200
 CONSTANTS = built_constants(
@@ -73,14 +73,11 @@ async def read(ctx, bus, address: int) -> tuple[int, int]:
 
 def simulate(testbench) -> None:
     registers = RegisterFile(constants=CONSTANTS)
-    simulator = Simulator(registers)
-    simulator.add_clock(1e-8)
 
     async def bench(ctx) -> None:
         await testbench(ctx, registers)
 
-    simulator.add_testbench(bench)
-    simulator.run()
+    BlockBench(registers).run(bench)
 
 
 def test_names_and_offsets_are_unique_and_fields_do_not_overlap() -> None:
@@ -195,11 +192,9 @@ def test_a_request_stands_until_it_is_obeyed_and_a_command_is_one_clock() -> Non
 
 def test_clear_is_a_pulse_of_one_clock() -> None:
     registers = RegisterFile(constants=CONSTANTS)
-    simulator = Simulator(registers)
-    simulator.add_clock(1e-8)
     clocks: list[int] = []
 
-    async def bench(ctx) -> None:
+    async def clear_registers(ctx) -> None:
         await write(ctx, registers.bus, OFFSETS["CONTROL"], 1 << 8)
         await ctx.tick().repeat(5)
 
@@ -207,7 +202,5 @@ def test_clear_is_a_pulse_of_one_clock() -> None:
         async for _, _, clear in ctx.tick().sample(registers.o_clear):
             clocks.append(clear)
 
-    simulator.add_testbench(bench)
-    simulator.add_testbench(watch, background=True)
-    simulator.run()
+    BlockBench(registers).run(clear_registers, background=[watch])
     assert sum(clocks) == 1

@@ -3,16 +3,16 @@
 
 import numpy as np
 import pytest
-from amaranth import Module, ResetInserter, Signal
+from amaranth import Module
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
-from amaranth.sim import Simulator
 
 from golden_model.feature.ilbp import PATTERNS, describe, gather
 from hdl.feature.ilbp import RingDescriptor
 from hdl.feature.ring_window import RingWindow
 from hdl.streams import beat, carry_scan
-from sim.drivers import run_beats
+from sim.block_bench import BlockBench
+from sim.drivers import run_beats, run_clocks
 from sim.recording import Pauses
 
 CENTRE_PX = 20
@@ -71,38 +71,16 @@ def run_descriptor(dut, rings, *, pause_cycles):
     """Offer (N, rings * angles) pixels, other ones between them; the cycles, and what was found in which cycle."""
     pixels = [pixel for ring in dut.i_pixels for pixel in ring]
     garbage = np.random.default_rng(8)
-    offered, found = [], []
-
-    async def testbench(ctx):
-        cycle = 0
-
-        async def tick():
-            nonlocal cycle
-            *_, valid, sector, descriptor = await ctx.tick().sample(dut.o_valid, dut.o_sector, dut.o_descriptor)
-            if valid:
-                found.append((cycle, sector, descriptor))
-            cycle += 1
-
-        for candidate, values in enumerate(rings.tolist()):
-            ctx.set(dut.i_candidate, 1)
-            offered.append(cycle)
-            await tick()
-            ctx.set(dut.i_candidate, 0)
-            for pixel, value in zip(pixels, values, strict=True):
-                ctx.set(pixel, value)
-            await tick()
-            for pixel, value in zip(pixels, garbage.integers(0, 256, len(pixels)).tolist(), strict=True):
-                ctx.set(pixel, value)
-            for _ in range(dut.groups - 2 + (candidate % 3) * pause_cycles):
-                await tick()
-        for _ in range(dut.latency_cycles):
-            await tick()
-
-    simulator = Simulator(dut)
-    simulator.add_clock(1e-8)
-    simulator.add_testbench(testbench)
-    simulator.run()
-    return offered, found
+    inputs, offered = [], []
+    for candidate, values in enumerate(rings.tolist()):
+        offered.append(len(inputs))
+        inputs.append([(dut.i_candidate, 1)])
+        inputs.append([(dut.i_candidate, 0), *zip(pixels, values, strict=True)])
+        others = list(zip(pixels, garbage.integers(0, 256, len(pixels)).tolist(), strict=True))
+        inputs += [others] * (dut.groups - 2 + (candidate % 3) * pause_cycles)
+    inputs += [others] * dut.latency_cycles
+    outputs = run_clocks(dut, inputs, [dut.o_valid, dut.o_sector, dut.o_descriptor])
+    return offered, [(cycle, *found) for cycle, (valid, *found) in enumerate(outputs) if valid]
 
 
 @pytest.mark.parametrize("name", PATTERNS)
@@ -125,20 +103,17 @@ def test_sector_and_descriptor_equal_the_golden_model(name, spacing_cycles, paus
 
 def test_reset_forgets_the_candidates_under_way():
     dut = RingDescriptor(pattern=PATTERNS["ilbp-128"], spacing_cycles=4)
-    reset = Signal()
+    bench = BlockBench(dut)
     valids = []
 
     async def testbench(ctx):
         for cycle in range(3 * dut.latency_cycles):
             ctx.set(dut.i_candidate, cycle % 4 == 0 and cycle <= 2 * dut.latency_cycles)
-            ctx.set(reset, cycle == dut.latency_cycles)
+            ctx.set(bench.reset, cycle == dut.latency_cycles)
             *_, valid = await ctx.tick().sample(dut.o_valid)
             valids.append(valid)
 
-    simulator = Simulator(ResetInserter(reset)(dut))
-    simulator.add_clock(1e-8)
-    simulator.add_testbench(testbench)
-    simulator.run()
+    bench.run(testbench)
     after = range(dut.latency_cycles + 1, 3 * dut.latency_cycles)
     offered = {cycle for cycle in after if cycle % 4 == 0 and cycle <= 2 * dut.latency_cycles}
     assert {cycle for cycle in after if valids[cycle]} == {cycle + dut.latency_cycles for cycle in offered}

@@ -1,11 +1,11 @@
 # amaranth: UnusedElaboratable=no
 import numpy as np
 import pytest
-from amaranth.sim import Simulator
 
 from golden_model.feature import subpixel
 from golden_model.formats import encode_response
 from hdl.feature.subpixel import SubPixel
+from sim.drivers import run_clocks
 
 CANDIDATES = 400
 LAG_PX = 17
@@ -53,28 +53,19 @@ def test_positions_equal_the_golden_model(level, spacing_cycles):
     x[0] = y[1] = (4095 >> level) - LAG_PX
     dut = SubPixel(level=level, lag_px=LAG_PX)
     garbage = rng.integers(0, 1 << 15, (CANDIDATES, len(codes)))
-    positions = []
-
-    async def testbench(ctx):
-        offered = []
-        for cycle in range(CANDIDATES * spacing_cycles + dut.latency_cycles + 1):
-            candidate, pause = divmod(cycle, spacing_cycles)
-            here = pause == 0 and candidate < CANDIDATES
-            # Between candidates: beats without a corner, and clocks without a beat.
-            values = codes if here else dict(zip(codes, garbage[candidate % CANDIDATES][:, np.newaxis], strict=True))
-            fields = {name: int(column[candidate if here else 0]) for name, column in values.items()}
-            if here:
-                fields |= {"x": int(x[candidate]) + LAG_PX, "y": int(y[candidate]) + LAG_PX}
-                offered.append(cycle)
-            ctx.set(dut.i, {"valid": pause < 2, "present": here, **fields})
-            if cycle - dut.latency_cycles in offered:
-                positions.append((ctx.get(dut.o_x), ctx.get(dut.o_y)))
-            await ctx.tick()
-
-    simulator = Simulator(dut)
-    simulator.add_clock(1e-8)
-    simulator.add_testbench(testbench)
-    simulator.run()
+    inputs, offered = [], []
+    for cycle in range(CANDIDATES * spacing_cycles + dut.latency_cycles + 1):
+        candidate, pause = divmod(cycle, spacing_cycles)
+        here = pause == 0 and candidate < CANDIDATES
+        # Between candidates: beats without a corner, and clocks without a beat.
+        values = codes if here else dict(zip(codes, garbage[candidate % CANDIDATES][:, np.newaxis], strict=True))
+        fields = {name: int(column[candidate if here else 0]) for name, column in values.items()}
+        if here:
+            fields |= {"x": int(x[candidate]) + LAG_PX, "y": int(y[candidate]) + LAG_PX}
+            offered.append(cycle)
+        inputs.append([(dut.i, {"valid": pause < 2, "present": here, **fields})])
+    outputs = run_clocks(dut, inputs, [dut.o_x, dut.o_y])
+    positions = [outputs[cycle + dut.latency_cycles] for cycle in offered]
     assert positions == golden_positions(codes, x, y, level)
 
 

@@ -7,7 +7,6 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from amaranth.sim import Simulator
 
 from golden_model.config import PRESETS
 from golden_model.front_end import extract
@@ -16,7 +15,8 @@ from golden_model.matching.hamming import distances, mutual_matches
 from hdl.matching.correlation import PIXELS, WindowCorrelation
 from hdl.matching.fuzzy import Sugeno
 from hdl.matching.fuzzy_correlation import FuzzyCorrelation, scale_constants
-from sim.drivers import CLOCK_S, run_streams
+from sim.block_bench import BlockBench
+from sim.drivers import run_streams
 from sim.recording import NO_PAUSES, Pauses
 from sim.scene import pair
 
@@ -85,8 +85,6 @@ def test_scores_equal_the_golden_model(pauses):
 @pytest.mark.parametrize("block", [WindowCorrelation, FuzzyCorrelation])
 def test_latency(block):
     dut = block()
-    simulator = Simulator(dut)
-    simulator.add_clock(CLOCK_S)
 
     async def run(ctx):
         ctx.set(dut.i.valid, 1)
@@ -99,8 +97,7 @@ def test_latency(block):
             ctx.set(dut.o.ready, 1)
             await ctx.tick().until(dut.i.ready)
 
-    simulator.add_testbench(run)
-    simulator.run()
+    BlockBench(dut, cycle_limit=4 * dut.latency_cycles).run(run)
 
 
 def golden_weights(left, right):

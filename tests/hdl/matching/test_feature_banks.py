@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from amaranth.sim import Simulator
 
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.records import FRAME_STATUS, Tag, feature_record
 from hdl.matching.feature_banks import READ_CYCLES, FeatureBanks
+from sim.block_bench import BlockBench
 from sim.recording import NO_PAUSES, Pauses
 
 MAX_FEATURES = 16
@@ -33,39 +33,26 @@ class BanksBench:
 
     def __init__(self, pattern, frames, pauses):
         self.dut = FeatureBanks(pattern=pattern, max_features=MAX_FEATURES)
-        self.pattern, self.frames, self.pauses = pattern, frames, pauses
+        self.bench = BlockBench(self.dut, pauses=pauses)
+        self.pattern, self.frames = pattern, frames
         self.sides = []
 
     def run(self):
-        simulator = Simulator(self.dut)
-        simulator.add_clock(1e-8)
-        simulator.add_testbench(self.sink)
-        simulator.add_testbench(self.source, background=True)
-        simulator.run()
+        self.bench.run(self.sink, background=[self.source])
         return self.sides
 
     async def source(self, ctx):
-        port, cycle = self.dut.i, 0
         for features, good, _ in self.frames:
             for word in np.frombuffer(features.tobytes() + status_of(features, good).tobytes(), np.uint64).tolist():
-                while self.pauses.gap(cycle, 0):
-                    await ctx.tick()
-                    cycle += 1
-                cycle += 1
-                ctx.set(port.payload, {"data": word, "last": 0})
-                ctx.set(port.valid, 1)
-                await ctx.tick().until(port.ready)
-                ctx.set(port.valid, 0)
+                await self.bench.stream_put(ctx, self.dut.i, {"data": word, "last": 0})
 
     async def sink(self, ctx):
         dut = self.dut
         for _, good, (hold, take) in self.frames:
             ctx.set(dut.i_hold_reference, hold)
             ctx.set(dut.i_take_reference, take)
-            ctx.set(dut.o_status.ready, 1)
-            *_, status = await ctx.tick().sample(dut.o_status.payload).until(dut.o_status.valid)
+            status = await self.bench.stream_get(ctx, dut.o_status)
             assert status.good == good
-            ctx.set(dut.o_status.ready, 0)
             self.sides.append([await self.side(ctx, side) for side in ("left", "right")])
 
     async def side(self, ctx, side):

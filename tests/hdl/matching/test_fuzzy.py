@@ -5,7 +5,6 @@ import itertools
 
 import numpy as np
 import pytest
-from amaranth.sim import Simulator
 
 from golden_model.feature.ilbp import SECTORS
 from golden_model.matching import correlation, fuzzy
@@ -13,10 +12,9 @@ from golden_model.matching.matcher import common_orientation
 from hdl.matching.correlation import SumOfAbsoluteDifferences
 from hdl.matching.fuzzy import Sugeno
 from hdl.matching.orientation_histogram import OrientationHistogram
-from sim.drivers import run_streams
+from sim.block_bench import BlockBench
+from sim.drivers import run_clocks, run_streams
 from sim.recording import Pauses
-
-CLOCK_S = 1e-8
 
 
 def distinct(variable):
@@ -33,8 +31,6 @@ def golden(system, inputs):
 def evaluated(system, value_bits, inputs):
     """The same from the hardware, in the latency it promises."""
     dut = Sugeno(system=system, value_bits=value_bits)
-    simulator = Simulator(dut)
-    simulator.add_clock(CLOCK_S)
     results = []
 
     async def run(ctx):
@@ -52,8 +48,7 @@ def evaluated(system, value_bits, inputs):
             assert ctx.get(dut.i.ready)
             await ctx.tick()
 
-    simulator.add_testbench(run)
-    simulator.run()
+    BlockBench(dut, cycle_limit=len(inputs) * (dut.latency_cycles + 2) + 1).run(run)
     return np.array(results)
 
 
@@ -131,30 +126,19 @@ def test_histogram_of_turns():
     frames.append((np.array([12, 5, 3]), np.zeros(3, np.int64), np.full(3, 18)))
 
     dut = OrientationHistogram(max_matches=64)
-    simulator = Simulator(dut)
-    simulator.add_clock(CLOCK_S)
+    bench = BlockBench(dut)
     peaks = []
 
     async def run(ctx):
         for turns, distance, margin in frames:
             weights, _ = system.evaluate(distance, margin)
             for turn, weight in zip(turns.tolist(), weights.tolist(), strict=True):
-                ctx.set(dut.i.payload, {"relative_orientation": turn, "weight": weight})
-                ctx.set(dut.i.valid, 1)
-                await ctx.tick().until(dut.i.ready)
-                ctx.set(dut.i.valid, 0)
-            ctx.set(dut.i_find, 1)
-            await ctx.tick()
-            ctx.set(dut.i_find, 0)
-            cycles = 0
-            while ctx.get(dut.o_busy):
-                await ctx.tick()
-                cycles += 1
-                assert cycles < 50
+                await bench.stream_put(ctx, dut.i, {"relative_orientation": turn, "weight": weight})
+            await bench.pulse(ctx, dut.i_find)
+            await bench.cycles_until_low(ctx, dut.o_busy, at_most=49)
             peaks.append(ctx.get(dut.o_peak))
 
-    simulator.add_testbench(run)
-    simulator.run()
+    bench.run(run)
     assert peaks == [common_orientation(turn, distance, margin, bits) for turn, distance, margin in frames]
     assert len(set(peaks)) > 3
 
@@ -164,24 +148,8 @@ def test_sum_of_absolute_differences():
     windows = rng.integers(0, 256, (40, 2, 9), dtype=np.uint8)
     windows[0], windows[1, 0], windows[1, 1] = 255, 255, 0
     dut = SumOfAbsoluteDifferences(pixels=9)
-    simulator = Simulator(dut)
-    simulator.add_clock(CLOCK_S)
-    sums = []
-
-    async def drive(ctx):
-        for left, right in windows:
-            for ports, window in ((dut.i_left, left), (dut.i_right, right)):
-                for port, pixel in zip(ports, window.tolist(), strict=True):
-                    ctx.set(port, pixel)
-            await ctx.tick()
-
-    async def watch(ctx):
-        await ctx.tick().repeat(dut.latency_cycles)
-        for _ in windows:
-            sums.append(ctx.get(dut.o_sum))
-            await ctx.tick()
-
-    simulator.add_testbench(drive)
-    simulator.add_testbench(watch)
-    simulator.run()
+    ports = [*dut.i_left, *dut.i_right]
+    inputs = [list(zip(ports, pixels, strict=True)) for pixels in windows.reshape(len(windows), -1).tolist()]
+    inputs += [[]] * dut.latency_cycles
+    sums = [total for (total,) in run_clocks(dut, inputs, [dut.o_sum])[dut.latency_cycles :]]
     np.testing.assert_array_equal(sums, correlation.sad(windows[:, 0], windows[:, 1]))

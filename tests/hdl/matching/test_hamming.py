@@ -4,15 +4,14 @@
 import numpy as np
 import pytest
 from amaranth.hdl import Fragment
-from amaranth.sim import Simulator
 
 from golden_model.matching import hamming
 from hdl.lib.popcount import Popcount
 from hdl.matching.feature_banks import READ_CYCLES
 from hdl.matching.nearest_neighbours import RESULT_CYCLES, MutualNearestNeighbours, NearestNeighbours
+from sim.block_bench import BlockBench
+from sim.drivers import run_clocks
 from sim.recording import Pauses
-
-CLOCK_S = 1e-8
 
 
 def some_equal(rng, count, bits):
@@ -56,26 +55,13 @@ def test_popcount(bits, lanes):
     inputs[0], inputs[1] = 0, 1
     valid = rng.random(40) < 0.7
     valid[:2] = True
-    simulator = Simulator(dut)
-    simulator.add_clock(CLOCK_S)
-    counts = []
-
-    async def drive(ctx):
-        for is_valid, planes in zip(valid, inputs, strict=True):
-            ctx.set(dut.i_valid, bool(is_valid))
-            for port, plane in zip(dut.i_planes, planes, strict=True):
-                ctx.set(port, sum(int(bit) << lane for lane, bit in enumerate(plane)))
-            await ctx.tick()
-
-    async def watch(ctx):
-        await ctx.tick().repeat(dut.latency_cycles)
-        for _ in inputs:
-            counts.append([ctx.get(count) for count in dut.o_counts])
-            await ctx.tick()
-
-    simulator.add_testbench(drive)
-    simulator.add_testbench(watch)
-    simulator.run()
+    values = (inputs << np.arange(lanes)).sum(axis=2).tolist()
+    rows = [
+        [(dut.i_valid, bool(is_valid)), *zip(dut.i_planes, planes, strict=True)]
+        for is_valid, planes in zip(valid, values, strict=True)
+    ]
+    rows += [[]] * dut.latency_cycles  # the last planes stay at the inputs
+    counts = run_clocks(dut, rows, dut.o_counts)[dut.latency_cycles :]
     # A count stays where nothing follows it.
     last_valid = np.maximum.accumulate(np.where(valid, np.arange(40), 0))
     np.testing.assert_array_equal(counts, inputs.sum(axis=1)[last_valid])
@@ -88,8 +74,7 @@ def test_popcount_refuses_too_few_bits():
 
 def searched(dut, pairs):
     """Rows and columns of one search after the other, with the clocks each took."""
-    simulator = Simulator(dut)
-    simulator.add_clock(CLOCK_S)
+    bench = BlockBench(dut)
     results, descriptors = [], [[], []]
 
     async def banks(ctx):
@@ -105,14 +90,8 @@ def searched(dut, pairs):
             descriptors[:] = descriptor_ints(left), descriptor_ints(right)
             ctx.set(dut.i_left_count, len(left))
             ctx.set(dut.i_right_count, len(right))
-            ctx.set(dut.i_start, 1)
-            await ctx.tick()
-            ctx.set(dut.i_start, 0)
-            cycles = 0
-            while ctx.get(dut.o_busy):
-                await ctx.tick()
-                cycles += 1
-                assert cycles <= dut.search_cycles(len(left), len(right))
+            await bench.pulse(ctx, dut.i_start)
+            cycles = await bench.cycles_until_low(ctx, dut.o_busy, at_most=dut.search_cycles(len(left), len(right)))
             rows = await read(ctx, dut.i_row_index, dut.o_row, len(left))
             columns = await read(ctx, dut.i_column_index, dut.o_column, len(right))
             results.append((rows, columns, cycles))
@@ -127,9 +106,7 @@ def searched(dut, pairs):
         ctx.set(dut.i_read, 0)
         return entries
 
-    simulator.add_testbench(banks, background=True)
-    simulator.add_testbench(run)
-    simulator.run()
+    bench.run(run, background=[banks])
     return results
 
 
@@ -178,9 +155,8 @@ def walked(dut, distance, pauses):
     """The pairs of two walks over the results of a search."""
     empty = (1 << dut.bits.bit_length()) - 1
     results = {"row": nearest(distance, empty), "column": nearest(distance.T, empty)}
-    simulator = Simulator(dut)
-    simulator.add_clock(CLOCK_S)
-    walks = []
+    bench = BlockBench(dut, pauses=pauses, cycle_limit=2 * 400)
+    walks, pairs = [], []
 
     async def memories(ctx):
         reading = {"row": [0] * RESULT_CYCLES, "column": [0] * RESULT_CYCLES}
@@ -195,23 +171,17 @@ def walked(dut, distance, pauses):
     async def run(ctx):
         ctx.set(dut.i_left_count, len(distance))
         for _ in range(2):
-            ctx.set(dut.i_start, 1)
-            await ctx.tick()
-            ctx.set(dut.i_start, 0)
-            pairs, cycle = [], 0
-            while ctx.get(dut.o_busy):
-                ready = not pauses.stall(cycle, 0)
-                ctx.set(dut.o.ready, ready)
-                *_, valid, pair = await ctx.tick().sample(dut.o.valid, dut.o.payload)
-                if valid and ready:
-                    pairs.append((pair.left, pair.right, pair.distance, pair.margin))
-                cycle += 1
-                assert cycle < 400
-            walks.append((pairs, cycle))
+            await bench.pulse(ctx, dut.i_start)
+            pairs.clear()
+            cycles = await bench.cycles_until_low(ctx, dut.o_busy, at_most=399)
+            walks.append((pairs.copy(), cycles))
 
-    simulator.add_testbench(memories, background=True)
-    simulator.add_testbench(run)
-    simulator.run()
+    async def take(ctx):
+        while True:
+            pair = await bench.stream_get(ctx, dut.o)
+            pairs.append((pair.left, pair.right, pair.distance, pair.margin))
+
+    bench.run(run, background=[memories, take])
     return walks
 
 

@@ -4,11 +4,11 @@
 import random
 
 import pytest
-from amaranth.sim import Simulator
 
 from golden_model.config import DETECTORS
 from golden_model.pixel.threshold import STEPS, next_code
 from hdl.pixel.threshold import AdaptiveThreshold
+from sim.block_bench import BlockBench
 
 MAX_FEATURES = 300
 
@@ -20,15 +20,14 @@ def test_threshold_follows_the_golden_model(detector, start_code):
     start_code = min(start_code, STEPS[detector].max_code)
     rng = random.Random(start_code)
     frames = [(rng.choice([0, 5, 150, 299, 310]), rng.random() < 0.8) for _ in range(12)]
+    bench = BlockBench(dut)
     seen = []
 
     async def testbench(ctx):
         ctx.set(dut.i_detector, DETECTORS.index(detector))
         ctx.set(dut.i_target, 150)
         ctx.set(dut.i_code, start_code)
-        ctx.set(dut.i_load, 1)
-        await ctx.tick()
-        ctx.set(dut.i_load, 0)
+        await bench.pulse(ctx, dut.i_load)
         for features, adapt in frames:
             ctx.set(dut.i_adapt, adapt)
             left = features
@@ -39,15 +38,10 @@ def test_threshold_follows_the_golden_model(detector, start_code):
                 await ctx.tick()
             ctx.set(dut.i_added, 0)
             await ctx.tick().repeat(dut.latency_cycles - 1)
-            ctx.set(dut.i_frame_ends, 1)
-            await ctx.tick()
-            ctx.set(dut.i_frame_ends, 0)
+            await bench.pulse(ctx, dut.i_frame_ends)
             seen.append(ctx.get(dut.o_code))
 
-    simulator = Simulator(dut)
-    simulator.add_clock(1e-8)
-    simulator.add_testbench(testbench)
-    simulator.run()
+    bench.run(testbench)
     expected, code = [], start_code
     for features, adapt in frames:
         if adapt:
