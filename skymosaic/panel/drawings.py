@@ -108,10 +108,9 @@ def membership(item: Input) -> str:
     width, height = _PLOT
     left, top, right, bottom = _PLOT_MARGIN
     last = max(item.variable.entries - 1, 1)
-    shown = max(last, 1)
 
     def point(value: float, degree: float) -> str:
-        return f"{left + (width - left - right) * value / shown:.1f},{top + (height - top - bottom) * (1 - degree):.1f}"
+        return f"{left + (width - left - right) * value / last:.1f},{top + (height - top - bottom) * (1 - degree):.1f}"
 
     parts = [
         f'<line class="axis" x1="{left}" y1="{height - bottom}" x2="{width - right}" y2="{height - bottom}"/>',
@@ -125,6 +124,7 @@ def membership(item: Input) -> str:
         parts.append(f'<polyline class="set {kind}" points="{curve}"/>')
         x, y = point(min(item.value, last), item.degrees[name]).split(",")
         parts.append(f'<circle class="degree {kind}" cx="{x}" cy="{y}" r="3.5"/>')
+    # The marker goes first, so that the curves are drawn over it.
     x = point(min(item.value, last), 0).split(",")[0]
     parts.insert(0, f'<line class="marker" x1="{x}" y1="{top}" x2="{x}" y2="{height - bottom}"/>')
     words = f"Curves of {item.variable.name}: the value {item.value} is " + ", ".join(

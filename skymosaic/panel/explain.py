@@ -82,6 +82,7 @@ def explain(view: PairView, index: int) -> Explanation:
         return Explanation(verdict, reason + _geometry(view, index), facts)
     system, values = weighing
     strengths = system.strengths(*(np.array([value]) for value in values))[0] / system.strength_one
+    # Beyond the end of a table its last degree applies, as in the hardware.
     degrees = ({name: table[min(v, len(table) - 1)] / ONE for name, table in variable.sets.items()}
                for variable, v in zip(system.inputs, values, strict=True))  # fmt: skip
     weight, limit = int(match["weight"]), view.keep_above

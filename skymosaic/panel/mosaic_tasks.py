@@ -117,6 +117,7 @@ def _of_flight(folder: Path, names: list[str], options: Options, views: Path, pr
         progress(f"{stage}: {done} of {total}")
 
     progress("features")
+    # Reports and reasons name photographs as here, without the folder.
     sources = [Source(index, name, folder / name) for index, name in enumerate(names)]
     with Workers(progress=report_stage) as workers:
         flight = survey(sources, Settings(config, options.backend), SEED, workers, ResultCache(None))
@@ -131,6 +132,7 @@ def _of_flight(folder: Path, names: list[str], options: Options, views: Path, pr
     words = command(names, options)
     _write(folder, {CONFIG: to_toml(config), "command.txt": words + "\n"})
     links = _links(flight)
+    # A flight keeps no match records, so the pair that is shown is registered again.
     view = PairView.of(*_registered(folder, links[0].names, options, progress))
     outlines = {p.source.name: _outline(p.size, p.transform) for p in composition.placements}
     return MosaicResult(
@@ -170,6 +172,7 @@ def _registered(
         refine=options.refine,
         progress=progress,
     )
+    # Report, tables and page name the photographs without the folder.
     left, right = (
         dataclasses.replace(photograph, name=name)
         for photograph, name in zip((pair.left, pair.right), names, strict=True)
@@ -192,6 +195,7 @@ def compare_hardware(
     paths = tuple(folder / name for name in names)
     progress("computing with the golden model")
     software = register(*paths, config=config)
+    # Registration may have raised the threshold, so the hardware gets the configuration that it returns.
     progress(f"computing with {backend}")
     comparison = compare(
         *paths, config=software.config, backend=backend, working_width_px=WORKING_WIDTH_PX, progress=progress

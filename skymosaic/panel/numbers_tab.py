@@ -45,6 +45,7 @@ def _funnel(view: PairView) -> str:
 
 
 def _bars(values: Mapping[str, float], form: str) -> str:
+    # Never zero, so that a run without any corner has bars of no length instead of a division by zero.
     most = max([*values.values(), 1e-9])
     rows = "".join(
         f'<tr><th>{escape(name)}</th><td>{form.format(value)}</td><td class="wide"><span class="bar-of" '

@@ -90,6 +90,7 @@ class PairView:
     @classmethod
     def of(cls, pair: Pair, numbers: dict[str, Any]) -> PairView:
         """The view of a pair."""
+        # Measured on all matches, also on those rejected, to show how far off they are.
         residual = None
         if pair.homography is not None:
             left, right = match_points(pair.matches)

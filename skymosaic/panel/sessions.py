@@ -130,6 +130,7 @@ class Session:
         try:
             uploaded = await job.run(self._queues.uploads)
         except JobFailedError as error:
+            # A file that cannot be decoded must not stay among the uploads.
             path.unlink()
             raise UploadRefusedError(str(error)) from None
         if slot == "photograph":

@@ -165,6 +165,7 @@ class RunCard:
                 ui.linear_progress(show_value=False).props('indeterminate rounded aria-label="Working"')
                 self._line = ui.label().classes("hint").props('role="status"')
             self._fault = ui.label().classes("fault").props('role="alert"')
+        # A job's line and seconds change without an event, so they are polled.
         ui.timer(0.25, self._tick)
         self.update()
 

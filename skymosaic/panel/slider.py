@@ -31,6 +31,7 @@ class Slider(ui.element, component="slider.js"):
     def show(self, *, lowest: int, highest: int, position: int, label: str, words: str) -> None:
         """Set the range, the accessible name, the value in words and, if it differs, the thumb's position."""
         self.props.update(min=lowest, max=highest, label=label, words=words)
+        # A changed prop would not move a slider that the page has already built; only the method does.
         if self._position is None:
             self.props["start"] = position
         elif position != self._position:
