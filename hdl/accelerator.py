@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from amaranth import ClockDomain, ClockSignal, Module, ResetInserter, ResetSignal, Signal, Value
 from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.config import Config
 from golden_model.records import MATCH, WORD_BYTES
-from hdl.axi.axi_lite import AxiLiteSignature
+from hdl.axi.axi_lite import AxiLiteInterface, AxiLiteSignature
 from hdl.axi.packet_gate import PacketGate
 from hdl.axi.register_map import ADDRESS_BITS, built_constants
 from hdl.axi.registers import RegisterFile
@@ -23,13 +25,13 @@ from hdl.streams import WordPayload
 class Accelerator(wiring.Component):
     """Front end and matcher behind registers, in the domain ``sync``.
 
-    Features go to their output and to the matcher at the same time, and wait for the slower one. An output that is
-    switched off discards, so that nobody has to serve it.
+    Features go to their output and to the matcher at the same time; the slower of the two sets the pace. An output
+    that is disabled discards its packets, so that no DMA has to read it.
 
     Parameters
     ----------
     config : Config
-        What is built. Threshold, cells and the limit of the weight are registers instead.
+        What is built. Detector, threshold, cells and the limit of the weight are registers instead.
     lanes : int
         Left descriptors compared at a time.
     max_width_px, max_height_px : int
@@ -39,17 +41,17 @@ class Accelerator(wiring.Component):
     -------
     i_video : In(stream of VideoPayload)
     o_features, o_matches : Out(stream of WordPayload)
-        Packets: a frame's records, FrameStatus last.
+        A packet for each frame: its records, then its FrameStatus.
     control : In(AxiLiteSignature)
         `hdl.axi.register_map`.
     o_interrupt : Out(1)
-        Level; an event is cleared by writing 1.
+        Active high, level; software clears an event by writing 1.
     """
 
     i_video: stream.Interface
     o_features: stream.Interface
     o_matches: stream.Interface
-    control: wiring.PureInterface
+    control: AxiLiteInterface
     o_interrupt: Signal
 
     def __init__(self, *, config: Config, lanes: int = 16, max_width_px: int = 1920, max_height_px: int = 1080) -> None:
@@ -82,7 +84,7 @@ class Accelerator(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """The path of the data, which a write to ``clear`` resets, and the registers, which it does not."""
+        """The data path, which a write to ``clear`` resets, and the registers, which keep their values."""
         m = Module()
         m.submodules.registers = registers = self._registers
         wiring.connect(m, wiring.flipped(self.control), registers.bus)
@@ -94,24 +96,24 @@ class Accelerator(wiring.Component):
         return m
 
     def _data_path(self) -> Module:
-        """Video input, front end, matcher, and the two ways out."""
+        """Video input, front end, matcher, and the two outputs."""
         m = Module()
         m.submodules.video_input = self._input
         m.submodules.front_end = self._front_end
         m.submodules.matcher = self._matcher
         wiring.connect(m, wiring.flipped(self.i_video), self._input.i)
         wiring.connect(m, self._input.o, self._front_end.i_pixels)
-        branches = (self._way_out(m, "features", self._feature_gate, self.o_features), SkidBuffer(shape=WordPayload))
+        branches = (self._output(m, "features", self._feature_gate, self.o_features), SkidBuffer(shape=WordPayload))
         m.submodules.to_matcher = branches[1]
         wiring.connect(m, branches[1].o, self._matcher.i_features)
         self._fork(m, self._front_end.o_features, *(branch.i for branch in branches))
-        matches = self._way_out(m, "matches", self._match_gate, self.o_matches)
+        matches = self._output(m, "matches", self._match_gate, self.o_matches)
         wiring.connect(m, self._matcher.o_matches, matches.i)
         return m
 
     @staticmethod
-    def _way_out(m: Module, name: str, gate: PacketGate, output: stream.Interface) -> SkidBuffer:
-        """A register stage, then the gate to the output; features and gate are seen from the registers."""
+    def _output(m: Module, name: str, gate: PacketGate, output: stream.Interface) -> SkidBuffer:
+        """A register stage and a packet gate before an output."""
         buffer = SkidBuffer(shape=WordPayload)
         m.submodules[f"{name}_buffer"] = buffer
         m.submodules[f"{name}_gate"] = gate
@@ -121,7 +123,10 @@ class Accelerator(wiring.Component):
 
     @staticmethod
     def _fork(m: Module, source: stream.Interface, *sinks: stream.Interface) -> None:
-        """Hand a payload to all sinks in the clock in which all are ready; their ready comes from registers."""
+        """Send each payload to all sinks, in a clock in which all are ready.
+
+        Each valid depends on every sink's ready, so a ready must not depend on its valid (`SkidBuffer`).
+        """
         all_ready: Value = sinks[0].ready
         for sink in sinks[1:]:
             all_ready = all_ready & sink.ready
@@ -130,7 +135,7 @@ class Accelerator(wiring.Component):
             m.d.comb += [sink.valid.eq(source.valid & all_ready), sink.payload.eq(source.payload)]
 
     def _settings(self, m: Module) -> None:
-        """Registers to the blocks."""
+        """From the registers to the blocks."""
         registers, video, matcher = self._registers, self._input, self._matcher
         m.d.comb += [
             video.i_enable.eq(registers.o_enable),
@@ -148,7 +153,7 @@ class Accelerator(wiring.Component):
         ]
 
     def _status(self, m: Module) -> None:
-        """What the blocks say to the registers; events and counters as packets leave."""
+        """From the blocks to the registers; events and counters change when a packet has left."""
         registers, features, matches = self._registers, self._feature_gate, self._match_gate
         frame_bad = features.o_done & ~features.o_status.good
         m.d.comb += [
@@ -193,6 +198,10 @@ class AcceleratorTop(wiring.Component):
         Active high, level.
     """
 
+    if TYPE_CHECKING:
+        # The ports follow from tables; a type checker cannot know their names.
+        def __getattr__(self, name: str) -> Signal: ...
+
     def __init__(self, accelerator: Accelerator) -> None:
         self.accelerator = accelerator
         word = {"tdata": 8 * WORD_BYTES, "tkeep": WORD_BYTES, "tlast": 1, "tvalid": 1}
@@ -210,7 +219,7 @@ class AcceleratorTop(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Names only."""
+        """Connect ports by name."""
         m = Module()
         m.domains.sync = ClockDomain()
         m.submodules.accelerator = inner = self.accelerator

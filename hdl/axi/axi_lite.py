@@ -1,8 +1,9 @@
-"""AXI4-Lite, from the subordinate's side: one word at a time, every path registered."""
+"""AXI4-Lite subordinate: one word at a time, no combinational path from input to output."""
 
 from __future__ import annotations
 
 import enum
+from typing import Any
 
 from amaranth import Module, Signal
 from amaranth.lib import wiring
@@ -17,7 +18,7 @@ class Response(enum.IntEnum):
 
 
 class AxiLiteSignature(wiring.Signature):
-    """The five channels, seen from the manager; 32-bit data.
+    """The five channels with 32-bit data; directions are the manager's.
 
     Parameters
     ----------
@@ -45,11 +46,39 @@ class AxiLiteSignature(wiring.Signature):
             }
         )
 
+    def create(self, *, path: Any = None, src_loc_at: int = 0) -> AxiLiteInterface:
+        """Make the ports."""
+        return AxiLiteInterface(self, path=path, src_loc_at=1 + src_loc_at)
+
+
+class AxiLiteInterface(wiring.PureInterface):
+    """Ports of an `AxiLiteSignature`."""
+
+    awaddr: Signal
+    awprot: Signal
+    awvalid: Signal
+    awready: Signal
+    wdata: Signal
+    wstrb: Signal
+    wvalid: Signal
+    wready: Signal
+    bresp: Signal
+    bvalid: Signal
+    bready: Signal
+    araddr: Signal
+    arprot: Signal
+    arvalid: Signal
+    arready: Signal
+    rdata: Signal
+    rresp: Signal
+    rvalid: Signal
+    rready: Signal
+
 
 class AxiLiteSubordinate(wiring.Component):
-    """Accesses as pulses: address and data are stable while ``o_write`` or ``o_read`` is high for a clock.
+    """Turns accesses into pulses: address and data are valid in the clock in which ``o_write`` or ``o_read`` is high.
 
-    Writes and reads are independent; each takes its next access when the response of the last has been taken.
+    Writes and reads are independent. Each accepts its next access after the previous response was taken.
 
     Parameters
     ----------
@@ -59,18 +88,18 @@ class AxiLiteSubordinate(wiring.Component):
     -------
     bus : In(AxiLiteSignature)
     o_write, o_read : Out(1)
-        Pulses.
+        High for one clock per access.
     o_write_word, o_read_word : Out(address_bits - 2)
-        Which word.
+        Word address.
     o_data : Out(32), o_strobe : Out(4)
-        Of the write.
+        Write data and byte strobes.
     i_write_known, i_read_known : In(1)
         Whether the access is allowed, in the clock of the pulse; otherwise the response is SLVERR.
     i_data : In(32)
-        Of the read, in the clock of the pulse.
+        Read data, in the clock of the pulse.
     """
 
-    bus: wiring.PureInterface
+    bus: AxiLiteInterface
     o_write: Signal
     o_read: Signal
     o_write_word: Signal
@@ -99,17 +128,17 @@ class AxiLiteSubordinate(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Two small machines: one for writes, one for reads."""
+        """One state machine for writes, one for reads."""
         m = Module()
         self._writes(m)
         self._reads(m)
         return m
 
     def _writes(self, m: Module) -> None:
-        """Address and data come in any order; with both, write and answer."""
+        """Accept address and data in any order; when both are there, write and respond."""
         bus = self.bus
         has_address, has_data = Signal(), Signal()
-        # Not ready in reset, so that nothing is lost there.
+        # Low during reset: an access that were accepted then would get no response.
         running = Signal()
         m.d.sync += running.eq(1)
         m.d.comb += [
@@ -131,7 +160,7 @@ class AxiLiteSubordinate(wiring.Component):
                 m.d.sync += bus.bresp.eq(Response.SLVERR)
 
     def _reads(self, m: Module) -> None:
-        """Take an address, read, answer."""
+        """Accept an address, read, respond."""
         bus = self.bus
         has_address, running = Signal(), Signal()
         m.d.sync += running.eq(1)

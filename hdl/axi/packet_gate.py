@@ -1,4 +1,4 @@
-"""Watches a stream of records go by, and keeps the last FrameStatus."""
+"""Passes or discards whole packets of records, and captures their FrameStatus."""
 
 from __future__ import annotations
 
@@ -11,19 +11,21 @@ from hdl.streams import WordPayload, record_layout
 
 
 class PacketGate(wiring.Component):
-    """Let whole packets through, or discard whole packets; and tell each one's FrameStatus.
+    """Passes whole packets or discards whole packets, and reports the FrameStatus of each.
+
+    Throughput is a word a clock; the switch takes a clock before each packet.
 
     Members
     -------
     i : In(stream of WordPayload)
         Records; a packet ends with its FrameStatus.
     i_enable : In(1)
-        Looked at between packets: whether the next one goes through.
+        Whether the next packet passes; sampled between packets only, so that none is cut.
     o : Out(stream of WordPayload)
     o_done : Out(1)
-        The last word of a packet has left, or was discarded, in the clock before.
+        One clock after the last word of a packet left or was discarded.
     o_status : Out(FrameStatus)
-        Of the last packet; from ``o_done`` on.
+        Of the last packet; valid from ``o_done`` on.
     """
 
     i: stream.Interface
@@ -46,7 +48,7 @@ class PacketGate(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """A switch that only turns between packets, and the words of the last record."""
+        """A switch that changes only between packets, and a shift register for the last record."""
         m = Module()
         passes, under_way = Signal(), Signal()
         word, status = Signal(range(self.record_words)), Signal(self._layout.size)

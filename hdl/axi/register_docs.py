@@ -1,4 +1,4 @@
-"""Descriptions of the register map for people and tools: Markdown, CMSIS-SVD, a C header."""
+"""The register map as documentation and for tools: Markdown, CMSIS-SVD, a C header."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _SVD_ACCESS = {
 
 
 def markdown() -> str:
-    """The register map as a page."""
+    """The register map as a Markdown page (`docs/register_map.md`)."""
     lines = [
         "# Register map",
         "",

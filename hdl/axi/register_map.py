@@ -1,7 +1,7 @@
 """The register map of the accelerator, declared once.
 
-The hardware (`hdl.axi.registers`), the Markdown, SVD and C descriptions (`hdl.axi.register_docs`) and the host's
-constants all come from `REGISTERS`.
+The hardware (`hdl.axi.registers`), the Markdown, SVD and C descriptions (`hdl.axi.register_docs`) and the exported
+driver's constants (`hdl.export.driver_map`) come from `REGISTERS`; the settings in it come from `hdl.settings`.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ class Access(enum.Enum):
 
 @dataclass(frozen=True)
 class Field:
-    """Bits of a register.
+    """A bit field of a register.
 
     Attributes
     ----------
     name : str
         Unique in the map.
     low, bits : int
-        Lowest bit, and width.
+        Lowest bit and width.
     access : Access
     description : str
     init : int
@@ -70,7 +70,7 @@ class Register:
     fields: tuple[Field, ...]
 
 
-_BAD = ", ".join(f"{cause.value} {cause.name.lower().replace('_', ' ')}" for cause in Cause)
+_BAD = ", ".join(f"{cause.value} {str(cause.name).lower().replace('_', ' ')}" for cause in Cause)
 _CONSTANT, _STATUS = Access.CONSTANT, Access.STATUS
 
 

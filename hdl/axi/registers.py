@@ -1,14 +1,15 @@
-"""The register file: `hdl.axi.register_map.REGISTERS` behind AXI4-Lite."""
+"""The register file: the hardware of `hdl.axi.register_map.REGISTERS`, behind AXI4-Lite."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
-from hdl.axi.axi_lite import AxiLiteSignature, AxiLiteSubordinate
+from hdl.axi.axi_lite import AxiLiteInterface, AxiLiteSignature, AxiLiteSubordinate
 from hdl.axi.register_map import ADDRESS_BITS, REGISTERS, Access, Field, Register, fields
 
 _FROM_HARDWARE = {Access.STATUS: "i_", Access.EVENT: "i_", Access.REQUEST: "i_"}
@@ -16,10 +17,10 @@ _TO_HARDWARE = {Access.SETTING: "o_", Access.EVENT: "o_", Access.REQUEST: "o_", 
 
 
 class RegisterFile(wiring.Component):
-    """Registers for software, signals for hardware.
+    """Registers on the software's side, one signal for each field on the hardware's.
 
-    An access to an unknown address, or a write to a register without a field to write, is answered with SLVERR and
-    does nothing. Byte strobes are obeyed; the two lowest address bits are not looked at.
+    An access to an unknown address, or a write to a register without a writable field, is answered with SLVERR and
+    has no effect. Byte strobes are respected; the two lowest address bits are ignored.
 
     Parameters
     ----------
@@ -30,29 +31,34 @@ class RegisterFile(wiring.Component):
     -------
     bus : In(AxiLiteSignature)
     i_<field> : In
-        The value of a STATUS field; a pulse that sets an EVENT; a pulse that says a REQUEST was obeyed.
+        The value of a STATUS field; a pulse that sets an EVENT; a pulse that acknowledges a REQUEST.
     o_<field> : Out
-        The value of a SETTING; an EVENT that is set; a REQUEST that stands; a one-clock pulse of a COMMAND.
+        The value of a SETTING; the state of an EVENT; a pending REQUEST; a one-clock pulse for a COMMAND.
     o_interrupt : Out(1)
-        High while an event is set and its mask is.
+        High while an event and its mask are set.
     """
 
-    bus: wiring.PureInterface
+    bus: AxiLiteInterface
     o_interrupt: Signal
+
+    if TYPE_CHECKING:
+        # The map makes the ports; a type checker cannot know their names.
+        def __getattr__(self, name: str) -> Signal: ...
 
     def __init__(self, *, constants: Mapping[str, int]) -> None:
         self.constants = dict(constants)
+        out: Any = Out  # amaranth-stubs still call init by its old name, reset.
         super().__init__(
             {
                 "bus": In(AxiLiteSignature(address_bits=ADDRESS_BITS)),
                 **{f"i_{field.name}": In(field.bits) for field in fields(*_FROM_HARDWARE)},
-                **{f"o_{field.name}": Out(field.bits, init=field.init) for field in fields(*_TO_HARDWARE)},
+                **{f"o_{field.name}": out(field.bits, init=field.init) for field in fields(*_TO_HARDWARE)},
                 "o_interrupt": Out(1),
             }
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Fields that live on, the answer to a write, the word of a read, the interrupt."""
+        """Field registers, the answer to a write, the word of a read, the interrupt."""
         m = Module()
         m.submodules.bus = bus = AxiLiteSubordinate(address_bits=ADDRESS_BITS)
         wiring.connect(m, wiring.flipped(self.bus), bus.bus)
@@ -73,7 +79,7 @@ class RegisterFile(wiring.Component):
         return m
 
     def _update(self, m: Module, field: Field, writes: Value, data: Value, strobe: Value) -> None:
-        """What becomes of a field in a clock; an event or a request is never lost to a write in the same clock."""
+        """Next value of a field. Where a write and the hardware meet in one clock, no event or request is lost."""
         ones = Mux(writes, data & strobe, 0)
         match field.access:
             case Access.SETTING:
@@ -89,7 +95,7 @@ class RegisterFile(wiring.Component):
                 m.d.sync += self._signal("o_", field).eq((self._signal("o_", field) & ~ones) | happened)
 
     def _word(self, register: Register) -> Value:
-        """What a read of the register gives; unused bits are 0."""
+        """The word that a read returns; unused bits are 0."""
         parts: list[Value] = []
         for field in sorted(register.fields, key=lambda field: field.low):
             gap = field.low - len(Cat(parts))

@@ -1,4 +1,4 @@
-"""The pixels' way in: AXI4-Stream video, or a plain stream from a DMA that is framed by the size registers."""
+"""Video ingress: AXI4-Stream video, or a plain stream from a DMA, which the size registers divide into frames."""
 
 # No postponed annotations here: data.Struct reads its fields from them.
 from amaranth import Array, Cat, Module, Mux, Signal, unsigned
@@ -18,8 +18,8 @@ class VideoPayload(data.Struct):
     -------
     data : in video mode G, B, R from the lowest byte (UG934), or gray in the lowest; in memory mode R, G, B, X from
         the lowest byte, or four gray pixels, the first one lowest.
-    first : TUSER[0], the start of a frame; not looked at in memory mode.
-    last : TLAST, the end of a line; in memory mode of a transfer.
+    first : TUSER[0], the start of a frame; ignored in memory mode.
+    last : TLAST, the end of a line; in memory mode the end of a transfer.
     """
 
     data: unsigned(32)
@@ -28,21 +28,21 @@ class VideoPayload(data.Struct):
 
 
 class VideoInput(wiring.Component):
-    """One pixel a clock for the front end, marked as AXI4-Stream video marks it, whatever the mode.
+    """Converts the input stream to pixels with start-of-frame and end-of-line flags; up to one pixel a clock.
 
-    A DMA marks neither frames nor lines. In memory mode they are counted: a frame starts with the first beat after
-    reset or after the frame before, and what is left of a beat at a frame's end is dropped. A transfer that ends in
-    mid-frame ends the count, so that the next frame starts cleanly and the front end finds the broken one out. A
-    transfer may hold several frames.
+    A DMA marks neither frames nor lines, so memory mode counts them. A frame starts with the first beat after reset
+    or after the previous frame; pixels left in a beat at the end of a frame are dropped. A transfer may hold several
+    frames. If it ends in the middle of one, the count restarts: the next frame then starts cleanly, and frame
+    admission flags the incomplete one.
 
     Members
     -------
     i : In(stream of VideoPayload)
-        Ready without looking at valid.
+        Its ready does not depend on its valid.
     i_enable : In(1)
-        Pixels are taken in.
+        Accept pixels.
     i_memory_mode, i_gray_input, i_width_px, i_height_px : In
-        Change only between frames.
+        May change only between frames.
     o : Out(stream of PixelPayload)
 
     Attributes
@@ -74,7 +74,7 @@ class VideoInput(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Take beats apart into pixels; count columns and lines."""
+        """Split beats into pixels; count columns and lines."""
         m = Module()
         beat, pixel = self.i.payload, self.o.payload
         x, y, last_x, last_y = (Signal(COORDINATE, name=name) for name in ("x", "y", "last_x", "last_y"))

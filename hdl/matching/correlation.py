@@ -16,33 +16,33 @@ from golden_model.matching.correlation import NCC
 from hdl.lib.delay import delayed
 
 ADDENDS = 3
-"""Terms an adder sums in one clock."""
+"""Terms that an adder sums in one clock."""
 PIXELS = 9
-"""Of the core's windows, 3x3."""
+"""Pixels of a window of `WindowCorrelation`, 3x3."""
 WINDOW = data.ArrayLayout(PIXEL.bits, PIXELS)
 WINDOWS = data.StructLayout({"left": WINDOW, "right": WINDOW})
 _LARGEST_ENERGY = PIXELS * PIXEL.max_raw**2
 _ENERGY, _SQUARE = Shape.cast(range(_LARGEST_ENERGY + 1)), Shape.cast(range(_LARGEST_ENERGY**2 + 1))
 _PIXEL_CYCLES = 3
-"""From a pixel's choice to its place in the sums."""
+"""Clocks from a pixel's selection to its addition to the sums."""
 SCORES = data.StructLayout(
     {
         "sad": range(PIXELS * PIXEL.max_raw + 1),
-        # At most with half of the differences 255, the other half -255, and one over.
+        # Largest with four differences of 255, four of -255, and the ninth of either.
         "zssd": range(PIXELS * _LARGEST_ENERGY - PIXEL.max_raw**2 + 1),
         "ncc": range(NCC.one + 1),
     }
 )
-"""As `golden_model.matching.correlation.sad`, ``zssd`` (9 times equation III-2) and ``ncc`` (UQ1.8) give them."""
+"""In the units of `golden_model.matching.correlation`: ``sad``, ``zssd`` (9 times equation III-2), ``ncc`` (UQ1.8)."""
 
 
 class SumOfAbsoluteDifferences(wiring.Component):
-    """``o_sum`` = sum of ``|i_left[n] - i_right[n]|``, every clock.
+    """``o_sum`` = sum of ``|i_left[n] - i_right[n]|``; a pair of windows every clock.
 
     Parameters
     ----------
     pixels : int
-        Of a window.
+        Pixels of a window.
 
     Members
     -------
@@ -68,7 +68,7 @@ class SumOfAbsoluteDifferences(wiring.Component):
         super().__init__({"i_left": window, "i_right": window, "o_sum": Out(range(PIXEL.max_raw * pixels + 1))})
 
     def elaborate(self, platform: object) -> Module:
-        """Differences, then a tree of adders."""
+        """Absolute differences, then a tree of adders with a register after each level."""
         m = Module()
         terms = []
         for left, right in zip(self.i_left, self.i_right, strict=True):
@@ -82,7 +82,7 @@ class SumOfAbsoluteDifferences(wiring.Component):
 
 
 class _Sums(NamedTuple):
-    """Over the pixels of two windows: of their differences, of their products, of each one's squares."""
+    """Sums over the pixels of two windows: differences, products, and the squares of each window."""
 
     total: Signal
     product: Signal
@@ -94,13 +94,13 @@ class WindowCorrelation(wiring.Component):
     """SAD, ZSSD and NCC of two 3x3 windows, a pixel a clock.
 
     NCC is the largest q with q**2 / 256**2 <= (sum I1 I2)**2 / (sum I1**2 sum I2**2): the exact value rounded down,
-    error below 1/256. Both sides are multiplied out a bit a clock, and q comes a bit a clock as in a square root by
-    hand, where each trial subtracts a multiple of the right side's denominator.
+    error below 1/256. Both sides are multiplied out, one bit a clock; then q is found one bit a clock as in a
+    digit-by-digit square root, where each trial subtracts a multiple of the right side's denominator.
 
     Members
     -------
     i : In(stream of WINDOWS)
-        Taken when the scores are taken.
+        Accepted together with the scores.
     o : Out(stream of SCORES)
 
     Attributes
@@ -122,7 +122,7 @@ class WindowCorrelation(wiring.Component):
         super().__init__({"i": In(stream.Signature(WINDOWS)), "o": Out(stream.Signature(SCORES))})
 
     def elaborate(self, platform: object) -> Module:
-        """Sums over the pixels; their products; the root."""
+        """A state machine, and the arithmetic of its three phases: sums, products, root."""
         m = Module()
         start, step = Signal(), Signal(range(max(self._phases.values())))
         adding, multiplying, rooting = (Signal(name=name) for name in ("adding", "multiplying", "rooting"))
@@ -172,15 +172,15 @@ class WindowCorrelation(wiring.Component):
         return _Sums(total, product, left_energy, right_energy)
 
     def _zssd(self, m: Module, sums: _Sums) -> None:
-        """9 times the sum of the differences' squares, less the square of their sum; ready long before the root."""
+        """9 times the sum of squared differences, minus the square of their sum; ready long before the root."""
         squares = delayed(m, delayed(m, sums.left_energy + sums.right_energy, 1) - (sums.product << 1), 1)
-        # Squares are not negative: the sign goes.
+        # A sum of squares is not negative: drop the sign bit.
         times_nine = delayed(m, (squares << 3) + squares, 1)[: len(self.o.payload.zssd)]
         m.d.sync += self.o.payload.zssd.eq(times_nine - delayed(m, sums.total * sums.total, 2))
 
     @staticmethod
     def _products(m: Module, start: Value, multiplying: Value, step: Value, sums: _Sums) -> tuple[Signal, Signal]:
-        """The product's square and the energies' product, by adding multiples, the highest bit first."""
+        """The square of the product and the product of the energies, by shift and add, highest bit first."""
         results = []
         for multiplicand, multiplier in ((sums.product, sums.product), (sums.left_energy, sums.right_energy)):
             result = Signal(_SQUARE, reset_less=True)
@@ -194,15 +194,16 @@ class WindowCorrelation(wiring.Component):
         return square, energy
 
     def _root(self, m: Module, multiplying: Value, rooting: Value, square: Value, energy: Value) -> None:
-        """The root's bits, the highest first.
+        """The bits of the root, highest first.
 
-        With Q the bits so far, a one more leaves ``remainder - (4 Q + 1) energy``; that multiple is ``trial``.
+        With Q the bits so far, a further 1 leaves the remainder ``remainder - (4 Q + 1) energy``; ``trial`` is the
+        subtracted multiple.
         """
         remainder, trial = (Signal(_SQUARE.width + NCC.bits + 3, reset_less=True) for _ in range(2))
         quotient = self.o.payload.ncc
         left_over = remainder - trial
         fits = left_over >= 0
-        # A black window has no energy and no product: with an energy of one the root is 0.
+        # A black window has energy 0 and product 0; an energy of 1 makes the root 0 then.
         divisor = Mux(energy.any(), energy, 1)
         thrice = delayed(m, (divisor << 1) + divisor, 1)
         with m.If(multiplying):

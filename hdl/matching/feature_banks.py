@@ -1,4 +1,4 @@
-"""Three banks of features: the reference and the current frame are matched while the next one fills."""
+"""Three banks of features: reference and current frame are matched while the next frame fills the third."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from hdl.streams import WordPayload, record_layout
 
 ROLES = ("reference", "current", "filling")
 READ_CYCLES = 3
-"""From an address to its feature: a register before the memory, the memory, a register after it."""
+"""Clocks from an address to its feature: a register before the memory, the memory, a register after it."""
 
 
 class BankedFeature(data.StructLayout):
-    """What matching needs of a feature: position, descriptor, and sector and gray window where the pattern has them."""
+    """What matching needs of a feature: position, descriptor; sector and gray window if the pattern has them."""
 
     def __init__(self, *, pattern: DescriptorPattern) -> None:
         super().__init__(
@@ -34,35 +34,35 @@ class BankedFeature(data.StructLayout):
 
 
 class FeatureBanks(wiring.Component):
-    """Takes frames of Feature records, gives the features of two frames to match.
+    """Stores frames of Feature records, and provides the features of the two frames to match.
 
-    Features go to the filling bank. When a good frame's FrameStatus is taken from ``o_status``, the banks change
-    roles in that clock; the filling bank of a bad frame is filled again. Nothing is read from the filling bank, and
-    nothing is written to another.
+    Features are written to the filling bank. When the FrameStatus of a good frame is accepted from ``o_status``, the
+    banks exchange roles in that clock; after a bad frame the filling bank is overwritten. The filling bank is never
+    read, and the other two are never written.
 
-    The first good frame becomes the reference. A later one is the current frame, and the reference is the frame that
-    was current before, or with ``i_hold_reference`` stays.
+    The first good frame becomes the reference. A later one becomes the current frame; the reference is then the
+    previous current frame, or with ``i_hold_reference`` stays the same.
 
     Parameters
     ----------
     pattern : DescriptorPattern
-        Of the features.
+        Pattern of the features' descriptors.
     max_features : int
-        Features a bank; a frame with more must be bad.
+        Features that a bank holds; a frame with more must be marked bad, or it would overwrite itself.
 
     Members
     -------
     i : In(stream of WordPayload)
         Records of one length; each frame ends with its FrameStatus.
     o_status : Out(stream of FrameStatus)
-        Accepting it changes the roles; until then ``i`` waits.
+        Accepting it changes the roles; ``i`` stalls until then.
     i_hold_reference, i_take_reference : In(1)
-        Looked at when the roles change. With ``i_take_reference`` the frame becomes the reference, and there is no
-        current one to match.
+        Sampled when the roles change. With ``i_take_reference`` the frame becomes the reference, and there is no
+        current frame to match.
     i_left_address, i_right_address : In, o_left, o_right : Out(BankedFeature)
-        The reference's and the current frame's features, ``READ_CYCLES`` after their address.
+        Features of the reference (left) and the current frame (right), ``READ_CYCLES`` after their address.
     o_left_count, o_right_count : Out(range(max_features + 1))
-        Features of the two frames; right is 0 where there is nothing to match.
+        Number of features of the two frames; right is 0 if there is nothing to match.
     """
 
     i: stream.Interface
@@ -102,7 +102,7 @@ class FeatureBanks(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Collect records; store features; change roles at a good status; read."""
+        """Collect records, store features, exchange roles at a good status, read."""
         m = Module()
         complete, ends_frame, record = self._collect(m)
         feature = data.View(self._record, record)
@@ -114,7 +114,7 @@ class FeatureBanks(wiring.Component):
         reference, current, filling = self._roles(m)
         features = []
         for n in range(len(ROLES)):
-            bank = Memory(shape=self._feature, depth=self.max_features, init=[])
+            bank: Memory = Memory(shape=self._feature, depth=self.max_features, init=[])
             m.submodules[f"bank{n}"] = bank
             write, read = bank.write_port(), bank.read_port()
             m.d.comb += [write.en.eq(complete & ~ends_frame & (filling == n)), write.addr.eq(feature.index)]
@@ -127,7 +127,7 @@ class FeatureBanks(wiring.Component):
         return m
 
     def _collect(self, m: Module) -> tuple[Signal, Signal, Signal]:
-        """Shift a record together; ``complete`` for one clock, or until the status that it is has been taken."""
+        """Assemble a record from words. ``complete`` is high for one clock, for a status until it was accepted."""
         complete, ends_frame = Signal(), Signal(reset_less=True)
         record = Signal(self._record.size, reset_less=True)
         word = Signal(range(self._record_words))
@@ -145,7 +145,7 @@ class FeatureBanks(wiring.Component):
         return complete, ends_frame, record
 
     def _roles(self, m: Module) -> tuple[Signal, Signal, Signal]:
-        """Which bank is the reference, the current and the filling one."""
+        """Numbers of the reference, the current and the filling bank."""
         reference, current, filling = (Signal(range(len(ROLES)), init=n, name=name) for n, name in enumerate(ROLES))
         has_reference, has_current = Signal(), Signal()
         status = self.o_status.payload

@@ -1,4 +1,4 @@
-"""Zero-order Sugeno systems, generated from their description in `golden_model.matching.fuzzy`."""
+"""Zero-order Sugeno systems, generated from the descriptions in `golden_model.matching.fuzzy`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from hdl.lib.delay import delayed
 
 PRODUCT_INPUTS = (2, 3)
 PRODUCT_CYCLES = 2
-"""A multiplier's M and P registers."""
+"""A product passes the multiplier's own M and P registers."""
 QUOTIENT_BITS = WEIGHT.bits + 1
 """The weighted mean of singletons is at most 1, which is 256."""
 
@@ -40,7 +40,7 @@ class Sugeno(wiring.Component):
     Members
     -------
     i : In(stream of ArrayLayout(value_bits, inputs))
-        Taken in the clock after the result is.
+        Accepted one clock after the result was.
     o : Out(stream of {weight: 8, rule: 5})
         UQ0.8, and the strongest rule, ties to the lowest.
 
@@ -74,7 +74,7 @@ class Sugeno(wiring.Component):
         super().__init__({"i": In(stream.Signature(values)), "o": Out(stream.Signature(result))})
 
     def elaborate(self, platform: object) -> Module:
-        """Look up; go through the rules; add up; round, after a division for the minimum."""
+        """Look up the degrees, evaluate a rule a clock, sum, and round; a minimum system divides before rounding."""
         m = Module()
         issuing, rule, last = self._rules(m)
         indices = [
@@ -103,7 +103,7 @@ class Sugeno(wiring.Component):
         return m
 
     def _rules(self, m: Module) -> tuple[Signal, Signal, Signal]:
-        """Count the rules from two clocks after ``i.valid`` on, when the membership ROMs answer."""
+        """Count the rules, starting two clocks after ``i.valid``, when the membership ROMs have answered."""
         started, issuing, last = Signal(), Signal(), Signal()
         rule = Signal(range(MAX_RULES))
         m.d.comb += last.eq(issuing & (rule == len(self.system.rules) - 1))
@@ -115,25 +115,26 @@ class Sugeno(wiring.Component):
         return issuing, rule, last
 
     def _degree(self, m: Module, n: int, index: Value, rule: Value) -> Value:
-        """Degree of input n in the set that the rule names."""
+        """Membership degree of input n in the set that the rule names; 1 where the rule does not use the input."""
         sets = self.system.inputs[n].sets
         shape = data.ArrayLayout(MEMBERSHIP.bits, len(sets))
         table = [list(map(int, degrees)) for degrees in zip(*sets.values(), strict=True)]
         degrees = dict(zip(sets, _rom(m, f"memberships{n}", shape, table, index), strict=True))
-        chosen = [degrees.get(each.sets[n], Const(MEMBERSHIP.one)) for each in self.system.rules]
+        chosen = [degrees.get(each.sets[n] or "", Const(MEMBERSHIP.one)) for each in self.system.rules]
         return delayed(m, Array(chosen)[rule], 1)
 
     def _folded(self, m: Module, index: Value, rule: Value) -> Value:
-        """Degree of the last input times the rule's singleton, together with `_degree`."""
+        """Degree of the last input times the rule's singleton, in the same clock as `_degree`."""
         *_, variable = self.system.inputs
         rule_bits = ceil_log2(len(self.system.rules))
         table = [0] * (variable.entries << rule_bits)
         for n, each in enumerate(self.system.rules):
-            degrees = variable.sets.get(each.sets[-1], np.full(variable.entries, MEMBERSHIP.one))
+            degrees = variable.sets.get(each.sets[-1] or "", np.full(variable.entries, MEMBERSHIP.one))
             for entry, degree in enumerate(degrees):
                 table[entry << rule_bits | n] = int(degree) * each.singleton
         shape = range(MEMBERSHIP.one**2 + 1)
-        return _rom(m, "folded", shape, table, Cat(rule[:rule_bits], index))
+        folded: Value = _rom(m, "folded", shape, table, Cat(rule[:rule_bits], index))
+        return folded
 
     def _product(self, m: Module, degrees: list[Value], folded: Value) -> tuple[Value, Value]:
         others, *factors = degrees[:-1]
@@ -153,7 +154,7 @@ class Sugeno(wiring.Component):
         return delayed(m, strength, PRODUCT_CYCLES), delayed(m, strength * singleton, PRODUCT_CYCLES)
 
     def _add_up(self, m: Module, valid: Value, rule: Value, strength: Value, term: Value) -> tuple[Signal, Signal]:
-        """Sums of terms and strengths, and the first of the strongest rules, from 0 for each set of inputs."""
+        """Sums of terms and strengths, and the dominant rule (ties to the lowest); cleared after each result."""
         largest = self.system.strength_one * (1 if self._is_product else len(self.system.rules))
         total, fired = Signal(range(largest * MEMBERSHIP.one + 1)), Signal(range(largest + 1))
         dominant_strength = Signal.like(strength)
@@ -166,7 +167,7 @@ class Sugeno(wiring.Component):
         return total, fired
 
     @staticmethod
-    def _quotient(m: Module, start: Value, total: Value, fired: Value) -> tuple[Signal, Signal]:
+    def _quotient(m: Module, start: Value, total: Value, fired: Value) -> tuple[Value, Value]:
         """``total / fired`` rounded half up, 0 for 0 / 0, by one trial subtraction a clock."""
         divisor = Signal(len(fired) + QUOTIENT_BITS, reset_less=True)
         remainder = Signal.like(divisor)
@@ -189,8 +190,10 @@ class Sugeno(wiring.Component):
         return quotient, steps == 1
 
 
-def _rom(m: Module, name: str, shape: ShapeLike, table: Sequence[Any], index: Value) -> Value:
-    m.submodules[name] = memory = Memory(shape=shape, depth=len(table), init=table)
+def _rom(m: Module, name: str, shape: ShapeLike, table: Sequence[Any], index: Value) -> Any:
+    """``table[index]`` one clock later, with the type that ``shape`` gives it."""
+    memory: Memory = Memory(shape=shape, depth=len(table), init=table)
+    m.submodules[name] = memory
     port = memory.read_port()
     m.d.comb += port.addr.eq(index)
     return port.data

@@ -1,4 +1,4 @@
-"""The thesis's fuzzy correlation in hardware (Tables III-1, III-2): two 3x3 windows in, their match's weight out."""
+"""The thesis's fuzzy correlation in hardware (Tables III-1, III-2): the weight of a match from its two 3x3 windows."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from hdl.matching.fuzzy import Sugeno
 SCALE_CYCLES = 3
 """Operand, multiplier and product register."""
 _ENTRIES = 256
-"""The tables of SAD and of ZSSD are shorter."""
+"""Scaled scores saturate here; the tables of SAD and of ZSSD are shorter."""
 
 
 class FuzzyCorrelation(wiring.Component):
@@ -29,7 +29,7 @@ class FuzzyCorrelation(wiring.Component):
     Members
     -------
     i : In(stream of WINDOWS)
-        Taken in the clock after the result is.
+        Accepted one clock after the result was.
     o : Out(stream of {weight: 8, rule: 5})
         As of `hdl.matching.fuzzy.Sugeno`.
 
@@ -49,7 +49,7 @@ class FuzzyCorrelation(wiring.Component):
         super().__init__({"i": In(stream.Signature(WINDOWS)), "o": Out(self._rules.o.signature)})
 
     def elaborate(self, platform: object) -> Module:
-        """Scores, scaled, into the rules."""
+        """Window scores, scaled to table indices, then the rules."""
         m = Module()
         m.submodules.correlation = correlation = self._correlation
         m.submodules.rules = rules = self._rules
@@ -73,7 +73,7 @@ class FuzzyCorrelation(wiring.Component):
 def scale_constants(factor: Fraction) -> tuple[int, int, int]:
     """``limit, multiplier, shift``: below the limit ``score * multiplier >> shift`` is ``score * factor`` rounded down.
 
-    The multiplier is the factor rounded up, with so many fraction bits that the error stays below the distance to the
+    The multiplier is the factor rounded up, with enough fraction bits that the error stays below the distance to the
     next whole number. The limit is where the result would be `_ENTRIES`.
     """
     limit = math.ceil(_ENTRIES / factor)
@@ -82,7 +82,7 @@ def scale_constants(factor: Fraction) -> tuple[int, int, int]:
 
 
 def _scaled(m: Module, score: Value, factor: Fraction) -> Value:
-    """``score * factor`` rounded down; beyond the tables, a number that is beyond them, too."""
+    """``score * factor`` rounded down; larger scores saturate below `_ENTRIES`, still beyond the tables."""
     limit, multiplier, shift = scale_constants(factor)
     clipped = delayed(m, Mux(score < limit, score, limit - 1), 1)
     return delayed(m, clipped * multiplier, 2)[shift:]

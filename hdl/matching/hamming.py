@@ -1,4 +1,4 @@
-"""Hamming distances, and the nearest of each row and column: the chain of lanes that right descriptors pass."""
+"""A chain of lanes that right descriptors pass through: Hamming distances, and the nearest of each row and column."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ from hdl.lib.popcount import Popcount
 
 
 class Distances(wiring.Component):
-    """Hamming distances in a chain of lanes: each holds a left descriptor, right ones move on a lane a clock.
+    """Hamming distances in a chain of lanes: each lane holds a left descriptor, right ones advance one lane a clock.
 
-    Lane k sees the right descriptor of lane 0 k clocks later. Bits are kept as planes over the lanes (`Popcount`).
+    Lane k sees a right descriptor k clocks after lane 0. Descriptors are stored as bit planes: one signal for bit n of
+    all lanes (`Popcount`).
 
     Parameters
     ----------
@@ -26,20 +27,20 @@ class Distances(wiring.Component):
     Members
     -------
     i_run : In(1)
-        High with the first right descriptor and until the last one has left the lanes; the lanes rest otherwise.
+        High from the first right descriptor until the last one has left the lanes; the lanes hold otherwise.
     i_valid, i_right : In
-        A right descriptor for lane 0. Where there is none, ``i_right`` should rest.
+        A right descriptor for lane 0. Without one, ``i_right`` should not change.
     i_load, i_lane, i_left, i_left_valid : In
-        ``i_lane`` takes ``i_left`` for the right descriptor that reaches it in this clock, and those after; without
-        ``i_left_valid`` the lane stays silent until its next load.
+        Lane ``i_lane`` takes ``i_left`` for the right descriptor that reaches it in this clock, and later ones; without
+        ``i_left_valid`` the lane gives no distances until its next load.
     o_valid : Out(lanes)
-        Lanes that have a distance.
+        Which lanes have a distance in this clock.
     o_distances : Out(range(bits + 1)).array(lanes)
 
     Attributes
     ----------
     latency_cycles : int
-        From the inputs to lane 0's distance.
+        Clocks from the inputs to lane 0's distance.
     """
 
     i_run: Signal
@@ -72,7 +73,7 @@ class Distances(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Operand registers, exclusive or, count: plane by plane, a shift by one bit moves every lane to the next."""
+        """Operand registers, exclusive or, count. Shifting a plane by one moves each bit to the next lane."""
         m = Module()
         m.submodules.popcount = popcount = self._popcount
         left_valid, right_valid, entered = Signal(self.lanes), Signal(self.lanes), Signal(self.lanes)
@@ -96,9 +97,9 @@ class Distances(wiring.Component):
 
 
 class Nearest(data.StructLayout):
-    """The best of a row or column so far: its distance and index, and the second best distance.
+    """The nearest neighbour of a row or column so far: its distance and index, and the second smallest distance.
 
-    All ones is the empty state, since every distance is smaller: a missing second reads as all ones.
+    All ones means none, as every distance is smaller; a missing second neighbour reads as all ones.
     """
 
     def __init__(self, *, bits: int, max_features: int) -> None:
@@ -107,10 +108,10 @@ class Nearest(data.StructLayout):
 
 
 class SearchPosition(data.StructLayout):
-    """Where a search is.
+    """Progress of a search.
 
-    ``group`` counts the loads of the lanes, and ``first_group`` is the first one; ``right`` is the index of the right
-    descriptor, ``first`` or ``last`` of those that pass.
+    ``group`` counts the loads of the lanes, ``first_group`` marks the first; ``right`` is the index of the right
+    descriptor, ``first`` and ``last`` mark the first and last one of the pass.
     """
 
     def __init__(self, *, lanes: int, max_features: int) -> None:
@@ -119,7 +120,7 @@ class SearchPosition(data.StructLayout):
 
 
 class LaneBus(data.StructLayout):
-    """What passes the lanes beside a right descriptor: its place and the nearest of the left ones it has met."""
+    """Accompanies a right descriptor from lane to lane: its position, and the nearest left descriptor so far."""
 
     def __init__(self, *, bits: int, lanes: int, max_features: int) -> None:
         super().__init__(
@@ -132,12 +133,12 @@ class LaneBus(data.StructLayout):
 
 
 class Lane(wiring.Component):
-    """Nearest right descriptor of one left one, while the columns of the right ones pass by and are updated.
+    """Nearest right descriptor of one left descriptor; also updates the column of each right descriptor that passes.
 
     Parameters
     ----------
     lane, lanes : int
-        Which of how many, a power of two: the left index is ``lanes * group + lane``.
+        Number of this lane, and of lanes, a power of two: the left index is ``lanes * group + lane``.
     bits, max_features : int
 
     Members
@@ -145,9 +146,9 @@ class Lane(wiring.Component):
     i_valid, i_distance : In
         Distance to the right descriptor of ``i_bus``.
     i_bus : In(LaneBus), o_bus : Out(LaneBus)
-        From the lane before, and one clock later to the next one.
+        From the previous lane, and one clock later to the next.
     o_row_valid, o_row : Out
-        The row, one clock after its last right descriptor.
+        The finished row, one clock after its last right descriptor.
     """
 
     i_valid: Signal
@@ -172,7 +173,7 @@ class Lane(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Strictly smaller distances win, so that ties stay with the lowest index: both indices only rise."""
+        """Only a strictly smaller distance replaces the best: both indices rise, so ties go to the lowest."""
         m = Module()
         distance, position, column = self.i_distance, self.i_bus.position, self.i_bus.column
         row, next_bus = self.o_row, self.o_bus

@@ -1,4 +1,4 @@
-"""The fuzzy stage: counts the turns of all matches, then weighs each match by a rule base."""
+"""Weighs matches by a fuzzy rule base, given the relative orientation that most of them share."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ WEIGHED = data.StructLayout(
 
 
 class MatchWeigher(wiring.Component):
-    """Weight of each match, after its turn was compared with the one most matches agree on.
+    """Weight of each match; the rule base compares its relative orientation with the most common one.
 
-    All pairs come twice: first to be counted in the histogram of turns, then to be weighed. Patterns without
-    orientation have no turn and need no counting.
+    All pairs pass twice: first they are counted in the histogram of relative orientations, then they are weighed.
+    Patterns without orientation skip the first pass.
 
     Parameters
     ----------
@@ -38,13 +38,13 @@ class MatchWeigher(wiring.Component):
     Members
     -------
     i : In(stream of Pair)
-        Taken when counted, or with its weight.
+        Accepted when it was counted, or when its weight is accepted.
     i_left, i_right : In(BankedFeature)
         Features of the pair, ``READ_CYCLES`` after it is valid.
     i_count : In(1)
-        Count, do not weigh.
+        Count the pairs instead of weighing them.
     i_find : In(1), o_busy : Out(1)
-        Find the most frequent turn; see `OrientationHistogram`.
+        Find the most common relative orientation; see `OrientationHistogram`.
     o : Out(stream of {weight: 8, rule: 5, turn: 4, peak_turn: 4})
 
     Raises
@@ -88,7 +88,7 @@ class MatchWeigher(wiring.Component):
         m = Module()
         orientation, peak = Signal(range(SECTORS)), Signal(range(SECTORS))
         count, weigh, counted, weighed = (Signal() for _ in range(4))
-        # The difference wraps around the circle.
+        # Modulo SECTORS, as angles wrap around: the signal's width cuts the difference.
         m.d.sync += orientation.eq(self.i_right.sector - self.i_left.sector)
         if self.pattern.oriented:
             self._count(m, count, orientation, counted, peak)
@@ -100,7 +100,7 @@ class MatchWeigher(wiring.Component):
         with m.Elif(waited != wait_cycles):
             m.d.sync += waited.eq(waited + 1)
         m.d.comb += [
-            # The weight that it counts with needs no features; the turn is there before the weight.
+            # Counting need not wait: its weight needs no features, and takes longer than the orientation.
             count.eq(self.i.valid & self.i_count),
             weigh.eq(self.i.valid & ~self.i_count & (waited == wait_cycles)),
             self.i.ready.eq(counted | weighed),
@@ -110,7 +110,7 @@ class MatchWeigher(wiring.Component):
         return m
 
     def _count(self, m: Module, count: Value, orientation: Value, counted: Signal, peak: Signal) -> None:
-        """Add the pair to the histogram, with the weight of the turns' own fuzzy system."""
+        """Add the pair to the histogram, weighted by the fuzzy system that serves only this histogram."""
         pair = self.i.payload
         m.submodules.count_weight = weight = Sugeno(
             system=fuzzy.aerial_orientation(self.pattern.bits), value_bits=len(pair.distance)
@@ -130,7 +130,7 @@ class MatchWeigher(wiring.Component):
         ]
 
     def _weigh(self, m: Module, weigh: Value, orientation: Value, peak: Value, weighed: Signal) -> int:
-        """Evaluate the rule base. Returns the clocks its inputs need after the features."""
+        """Evaluate the rule base. Returns how many clocks after the features its inputs are ready."""
         distance, margin = self.i.payload.distance, self.i.payload.margin
         if self.rule_base == "none":
             m.d.comb += [

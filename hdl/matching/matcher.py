@@ -1,4 +1,4 @@
-"""Matching of two feature sets: mutual nearest neighbours, the histogram of turns, and the fuzzy weight of a match."""
+"""Matching of two feature sets: mutual nearest neighbours, their relative orientations, and fuzzy weights."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from golden_model.config import MatcherConfig
 from golden_model.feature.ilbp import DescriptorPattern
 from golden_model.formats import WEIGHT
 from golden_model.records import FRAME_STATUS, MATCH, Tag
+from hdl.lib.views import view_signal
 from hdl.matching.feature_banks import FeatureBanks
 from hdl.matching.match_weigher import WEIGHED, MatchWeigher
 from hdl.matching.nearest_neighbours import MutualNearestNeighbours, NearestNeighbours
@@ -25,34 +26,34 @@ STATUS_LAYOUT = record_layout(FRAME_STATUS, MATCH.record_bytes)
 class Matcher(wiring.Component):
     """Matches each good frame with its reference; equal to `golden_model.matching.matcher.match`.
 
-    A frame is stored while the one before it is matched (`FeatureBanks`). When its FrameStatus has come and the
-    matcher is idle, it becomes the current frame: all distances are searched, which takes left * right / lanes
-    clocks; then the mutual matches are gone through once for the histogram of turns (oriented patterns only), and
-    once more to weigh them and send them out. Every frame, good or bad, matched or not, ends with its FrameStatus.
+    A frame is stored while the previous one is matched (`FeatureBanks`). When its FrameStatus has arrived and the
+    matcher is idle, it becomes the current frame: the search compares all descriptors, which takes left * right /
+    lanes clocks; then the mutual matches are read once for the histogram of relative orientations (oriented patterns
+    only), and once more to weigh and send them. Every frame, good or bad, matched or not, ends with its FrameStatus.
 
     Parameters
     ----------
     config : MatcherConfig
-        The rule base is built in; the limit of the weight is an input.
+        The rule base is built in; the limit of the weight is an input instead.
     pattern : DescriptorPattern
-        Of the features.
+        Pattern of the features' descriptors.
     lanes : int
         Left descriptors compared at a time.
     max_features : int
-        Features a bank.
+        Features that a bank holds.
 
     Members
     -------
     i_features : In(stream of WordPayload)
-        Feature and FrameStatus records of the front end. Waits while a frame is complete and the one before it is
-        still being matched.
+        Feature and FrameStatus records of the front end. Stalls while a complete frame waits for the matching of the
+        previous one.
     o_matches : Out(stream of WordPayload)
-        Match records in rising left index; the FrameStatus with its numbers of matches and of those kept; ``last``
-        with its last word.
+        Match records in rising left index, then the FrameStatus with the numbers of matches and of kept matches;
+        ``last`` marks its last word.
     i_hold_reference, i_take_reference : In(1)
-        See `FeatureBanks`; looked at when a good frame becomes the current one.
+        See `FeatureBanks`; sampled when a good frame is accepted.
     o_reference_taken : Out(1)
-        ``i_take_reference`` was obeyed in this clock.
+        High for the clock in which ``i_take_reference`` took effect.
     i_keep_above : In(8)
         A match is kept if its weight is larger.
 
@@ -93,7 +94,7 @@ class Matcher(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Banks, search, pairs and fuzzy stage in a row; a state machine leads each frame through them."""
+        """Banks, search, pairs and weigher in a row; a state machine runs them for each frame."""
         m = Module()
         m.submodules.banks = self._banks
         m.submodules.search = self._search
@@ -101,10 +102,10 @@ class Matcher(wiring.Component):
         m.submodules.weigher = self._weigher
         self._connect_banks(m)
         self._connect_results(m)
-        sending, status, closes = Signal(), Signal(STATUS_LAYOUT), Signal()
+        sending, status, closes = Signal(), view_signal(STATUS_LAYOUT), Signal()
         weighed, has_match, verdict = self._weigher.o, Signal(), Signal()
         m.d.comb += weighed.ready.eq(closes & has_match)
-        # A clock for the comparison.
+        # The comparison with the limit takes a clock of its own.
         m.d.sync += has_match.eq(weighed.valid & ~weighed.ready)
         m.d.sync += verdict.eq(self.keeps_all | (weighed.payload.weight > self.i_keep_above))
         with m.If(weighed.ready):
@@ -115,7 +116,7 @@ class Matcher(wiring.Component):
         return m
 
     def _connect_banks(self, m: Module) -> None:
-        """The search and the pairs take turns in reading the banks."""
+        """The search and the mutual pairs share the banks' read addresses; they never run at the same time."""
         banks, search, pair = self._banks, self._search, self._pairs.o.payload
         wiring.connect(m, wiring.flipped(self.i_features), banks.i)
         m.d.comb += [
@@ -132,7 +133,7 @@ class Matcher(wiring.Component):
         ]
 
     def _connect_results(self, m: Module) -> None:
-        """Rows and columns of the search to the pairs, these to the fuzzy stage."""
+        """Rows and columns of the search to the mutual pairs, and these to the weigher."""
         search, pairs = self._search, self._pairs
         wiring.connect(m, pairs.o, self._weigher.i)
         m.d.comb += [
@@ -146,8 +147,8 @@ class Matcher(wiring.Component):
         ]
 
     def _match(self, m: Module, verdict: Value) -> data.View:
-        """The Match record of the pair that the fuzzy stage holds."""
-        match = Signal(MATCH_LAYOUT)
+        """The Match record of the pair that the weigher holds."""
+        match = view_signal(MATCH_LAYOUT)
         pair, weighed = self._pairs.o.payload, self._weigher.o.payload
         m.d.comb += [
             match.tag.eq(Tag.MATCH),
@@ -163,9 +164,9 @@ class Matcher(wiring.Component):
         return match
 
     def _send(self, m: Module, valid: Value, record: Value, ends_frame: Value, closes: Signal) -> None:
-        """Send a record word by word; where it ``closes``, its last one is taken."""
+        """Send a record word by word; ``closes`` is high when its last word is taken."""
         o = self.o_matches
-        # One bit for each word, which is the fastest choice.
+        # One-hot, because a counter would have to be decoded before the words are selected.
         selected = Signal(len(words(record)), init=1)
         chosen = reduce(or_, (Mux(bit, word, 0) for bit, word in zip(selected, words(record), strict=True)))
         with m.If(o.ready | ~o.valid):
@@ -175,7 +176,7 @@ class Matcher(wiring.Component):
                 m.d.sync += selected.eq(selected.rotate_left(1))
 
     def _lead(self, m: Module, status: data.View, sending: Signal, closes: Value) -> None:
-        """From one FrameStatus to the next."""
+        """The state machine: from one FrameStatus to the next."""
         arrived = self._banks.o_status
         search, pairs, weigher = self._search, self._pairs, self._weigher
         with m.FSM():

@@ -1,4 +1,4 @@
-"""Nearest neighbours of two feature sets, and the pairs that are each other's nearest."""
+"""Nearest neighbours between two feature sets, and the mutual ones among them."""
 
 from __future__ import annotations
 
@@ -15,19 +15,20 @@ from amaranth.utils import exact_log2
 
 from hdl.lib.delay import delayed
 from hdl.lib.skid_buffer import SkidBuffer
+from hdl.lib.views import view_signal
 from hdl.matching.feature_banks import READ_CYCLES
 from hdl.matching.hamming import Distances, Lane, Nearest, SearchPosition
 
 RESULT_CYCLES = 2
-"""From an index to the registered row or column."""
+"""Clocks from an index to the registered row or column."""
 
 
 class NearestNeighbours(wiring.Component):
-    """Nearest right feature of every left one and nearest left feature of every right one.
+    """Nearest right feature of every left feature, and nearest left feature of every right one.
 
-    Groups of ``lanes`` left descriptors stay while all right ones pass; the columns wait in a memory from group to
-    group. The addresses follow each other without a gap, so a search takes left * right / lanes clocks and a
-    constant (`search_cycles`). Ties go to the lowest index.
+    A group of ``lanes`` left descriptors is loaded, and all right ones pass it; between groups the columns are kept in
+    a memory. Addresses are issued without gaps, so a search takes left * right / lanes clocks plus a constant
+    (`search_cycles`). Ties go to the lowest index.
 
     Parameters
     ----------
@@ -36,28 +37,29 @@ class NearestNeighbours(wiring.Component):
     lanes : int
         Left descriptors compared at a time.
     max_features : int
-        Largest number of either side.
+        Largest number of features of either frame.
 
     Members
     -------
     i_start : In(1)
-        Begins a search; the last one must have ended.
+        Starts a search; the previous one must have ended.
     i_left_count, i_right_count : In(range(max_features + 1))
-        Steady during the search. With no feature on either side the search ends at once and leaves no result.
+        Must not change during the search. If either is 0, the search ends at once and leaves no result.
     o_busy : Out(1)
         High from the clock after ``i_start`` until the results are readable.
     o_left_address, o_right_address : Out, i_left, i_right : In(bits)
-        Feature banks, which answer ``READ_CYCLES`` later.
+        To the feature banks, which answer ``READ_CYCLES`` later.
     i_row_index, i_column_index : In(range(max_features)), o_row, o_column : Out(Nearest)
-        Results while not busy, ``RESULT_CYCLES`` after their index, counting only clocks with ``i_read``.
+        Results, readable while not busy, ``RESULT_CYCLES`` after their index; only clocks with ``i_read`` count.
     i_read : In(1)
+        Advances the reading of results.
 
     Attributes
     ----------
     shortest_pass_cycles : int
-        Least clocks a group, so that a column is back in the memory before the next group reads it.
+        Least clocks for a group: a column must be back in the memory before the next group reads it.
     drain_cycles : int
-        From the last address to readable results.
+        Clocks from the last address until the results are readable.
 
     Raises
     ------
@@ -115,7 +117,7 @@ class NearestNeighbours(wiring.Component):
         return groups * max(right_count, self.shortest_pass_cycles) + self.drain_cycles
 
     def elaborate(self, platform: object) -> Module:
-        """Addresses; distances; the lanes, in a chain between the two ports of the column memory; row memory."""
+        """Addresses, distances, the chain of lanes between the two ports of the column memory, and the row memory."""
         m = Module()
         m.submodules.distances = distances = self._distances
         lanes = [
@@ -133,7 +135,7 @@ class NearestNeighbours(wiring.Component):
         return m
 
     def _count(self, m: Module) -> tuple[Signal, Signal, Signal]:
-        """Slots of a pass, passes of a search, and the drain after it."""
+        """Count the slots of a pass, the passes of a search, and the clocks of draining after it."""
         issuing = Signal()
         slot = Signal(range(max(self.max_features, self.shortest_pass_cycles)))
         group = Signal(self._position["group"].shape)
@@ -158,8 +160,8 @@ class NearestNeighbours(wiring.Component):
         return issuing, slot, group
 
     def _address(self, m: Module, issuing: Value, slot: Value, group: Value) -> tuple[Value, data.View]:
-        """Read the banks, load the lanes. Validity and place of the right descriptor, with its address."""
-        position = Signal(self._position)
+        """Read the banks, load the lanes. Returns validity and position of the right descriptor, with its address."""
+        position = view_signal(self._position)
         valid, load, left_valid = Signal(), Signal(), Signal()
         lane = slot[: exact_log2(self.lanes)]
         m.d.comb += [
@@ -187,9 +189,10 @@ class NearestNeighbours(wiring.Component):
         return valid, position
 
     def _hold_columns(self, m: Module, valid: Value, position: data.View, lanes: Sequence[Lane]) -> None:
-        """A column leaves the memory to meet its first distance, and returns from the last lane."""
-        m.submodules.columns = columns = Memory(shape=self._nearest, depth=self.max_features, init=[])
-        # Meets the first distance, not the descriptor.
+        """Read each column from the memory for the first lane, and write it back from the last lane."""
+        columns: Memory = Memory(shape=self._nearest, depth=self.max_features, init=[])
+        m.submodules.columns = columns
+        # The column must reach the first lane with the distance, which is later than the descriptor.
         cycles = READ_CYCLES + self._distances.latency_cycles - RESULT_CYCLES
         valid, position = delayed(m, valid, cycles, reset_less=False), delayed(m, position, cycles)
         read = columns.read_port()
@@ -209,10 +212,11 @@ class NearestNeighbours(wiring.Component):
         m.d.comb += [write.en.eq(last.valid), write.addr.eq(last.position.right), write.data.eq(last.column)]
 
     def _hold_rows(self, m: Module, lanes: Sequence[Lane]) -> None:
-        """Rows leave the lanes one after the other, in rising left index."""
-        m.submodules.rows = rows = Memory(shape=self._nearest, depth=self.max_features, init=[])
+        """Store the rows, which leave the lanes one after the other, in rising left index."""
+        rows: Memory = Memory(shape=self._nearest, depth=self.max_features, init=[])
+        m.submodules.rows = rows
         write = rows.write_port()
-        valid, row = Signal(), Signal(self._nearest, reset_less=True)
+        valid, row = Signal(), view_signal(self._nearest, reset_less=True)
         m.d.sync += [
             valid.eq(Cat(lane.o_row_valid for lane in lanes).any()),
             row.eq(reduce(or_, (Mux(lane.o_row_valid, lane.o_row.as_value(), 0) for lane in lanes))),
@@ -229,7 +233,7 @@ class NearestNeighbours(wiring.Component):
 
 
 class Pair(data.StructLayout):
-    """Two features that are each other's nearest: indices, distance, and second best minus best."""
+    """Two mutually nearest features: indices, distance, and margin (second smallest distance minus smallest)."""
 
     def __init__(self, *, bits: int, max_features: int) -> None:
         distance, index = Shape.cast(range(bits + 1)), Shape.cast(range(max_features))
@@ -237,25 +241,26 @@ class Pair(data.StructLayout):
 
 
 class MutualNearestNeighbours(wiring.Component):
-    """The pairs that are each other's nearest, in rising left index: a row a clock, while ``o`` accepts.
+    """Pairs of features that are each other's nearest, in rising left index; checks a row a clock while ``o`` accepts.
 
     Parameters
     ----------
     bits, max_features : int
-        As of the `NearestNeighbours` whose results it reads.
+        As in the `NearestNeighbours` whose results it reads.
 
     Members
     -------
     i_start : In(1)
-        Begins a walk over the rows; the last one must have ended.
+        Starts a walk over the rows; the previous one must have ended.
     i_left_count : In(range(max_features + 1))
-        Steady during the walk and one clock before it.
+        Must not change during the walk and one clock before it.
     o_busy : Out(1)
-        High from the clock after ``i_start`` until the last pair was taken.
+        High from the clock after ``i_start`` until the last pair was accepted.
     o_row_index, o_column_index, o_read : Out, i_row, i_column : In(Nearest)
         To `NearestNeighbours`.
     o : Out(stream of Pair)
-        The second best of a pair is the smaller of its row's and its column's; a missing one counts as ``bits``.
+        The second smallest distance of a pair is the smaller of its row's and its column's; a missing one counts as
+        ``bits``.
     """
 
     i_start: Signal
@@ -287,18 +292,18 @@ class MutualNearestNeighbours(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """A pipeline that stands still while a pair waits: read the row, read its column, compare, subtract."""
+        """A pipeline that stalls while a pair waits: read the row, read its column, compare, subtract."""
         m = Module()
-        # Its ready comes from a register: one that came all the way from the output would be the slowest path.
+        # Its ready comes from a register; straight from the output, ready would be the slowest path.
         m.submodules.buffer = buffer = SkidBuffer(shape=self.o.payload.shape())
         wiring.connect(m, buffer.o, wiring.flipped(self.o))
         walking, left = Signal(), Signal(range(self.max_features))
         valid = Signal(2 * RESULT_CYCLES)
         lefts = [Signal.like(left, name=f"left{n}", reset_less=True) for n in range(len(valid))]
-        rows = [Signal(self.i_row.shape(), name=f"row{n}", reset_less=True) for n in range(RESULT_CYCLES)]
+        rows = [view_signal(self.i_row.shape(), name=f"row{n}", reset_less=True) for n in range(RESULT_CYCLES)]
         row, column = rows[-1], self.i_column
         last_left = delayed(m, (self.i_left_count - 1)[: len(left)], 1)
-        is_mutual, met = Signal(), Signal(self.o.payload.shape(), reset_less=True)
+        is_mutual, pair = Signal(), view_signal(self.o.payload.shape(), reset_less=True)
         second = Signal.like(row.second, reset_less=True)
         m.d.comb += [
             self.o_read.eq(buffer.i.ready),
@@ -306,8 +311,8 @@ class MutualNearestNeighbours(wiring.Component):
             self.o_column_index.eq(self.i_row.index),
             self.o_busy.eq(walking | valid.any() | is_mutual | self.o.valid),
             buffer.i.valid.eq(is_mutual),
-            buffer.i.payload.eq(met),
-            buffer.i.payload.margin.eq(Mux(second.all(), self.bits, second) - met.distance),
+            buffer.i.payload.eq(pair),
+            buffer.i.payload.margin.eq(Mux(second.all(), self.bits, second) - pair.distance),
         ]
         with m.If(self.o_read):
             m.d.sync += [
@@ -316,9 +321,9 @@ class MutualNearestNeighbours(wiring.Component):
                 Cat(lefts).eq(Cat(left, lefts[:-1])),
                 Cat(rows).eq(Cat(self.i_row, rows[:-1])),
                 is_mutual.eq(valid[-1] & (column.index == lefts[-1])),
-                met.left.eq(lefts[-1]),
-                met.right.eq(row.index),
-                met.distance.eq(row.best),
+                pair.left.eq(lefts[-1]),
+                pair.right.eq(row.index),
+                pair.distance.eq(row.best),
                 second.eq(Mux(row.second < column.second, row.second, column.second)),
             ]
             with m.If(left == last_left):

@@ -1,4 +1,4 @@
-"""Histogram of the matches' turns, and its peak."""
+"""Histogram of the relative orientations of matches, and its peak."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from golden_model.formats import WEIGHT
 from hdl.lib.delay import delayed
 
 SQUARE_CYCLES = 2
-"""A multiplier's M and P registers."""
+"""The product passes a multiplier's own M and P registers."""
 FIND_CYCLES = 5
-"""From the address of the bin before to the smoothed bin."""
+"""Clocks from the address of the preceding bin to the smoothed bin."""
 
 
 class OrientationHistogram(wiring.Component):
@@ -28,18 +28,18 @@ class OrientationHistogram(wiring.Component):
     Parameters
     ----------
     max_matches : int
-        Most matches a histogram.
+        Largest number of matches in one histogram.
 
     Members
     -------
     i : In(stream of {relative_orientation: 4, weight: 8})
-        A match; not taken while busy.
+        A match; not accepted while busy. Takes ``SQUARE_CYCLES`` + 1 clocks.
     i_find : In(1)
-        Begins the search for the peak; no match may be underway.
+        Starts the search for the peak; no match may be pending.
     o_busy : Out(1)
         High from the clock after ``i_find`` until the peak is found and the bins are cleared.
     o_peak : Out(4)
-        Turn of the last peak found.
+        Relative orientation of the last peak found.
     """
 
     i: stream.Interface
@@ -55,9 +55,10 @@ class OrientationHistogram(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """One memory: cleared bin by bin, read and written for each match, read in order for the peak."""
+        """A memory that is cleared bin by bin, updated by each match, and read in order to find the peak."""
         m = Module()
-        m.submodules.bins = bins = Memory(shape=self._bin, depth=SECTORS, init=[])
+        bins: Memory = Memory(shape=self._bin, depth=SECTORS, init=[])
+        m.submodules.bins = bins
         read, write = bins.read_port(), bins.write_port()
         step = Signal(range(SECTORS + FIND_CYCLES))
         height = Signal(range(10 * self._bin[-1] + 1))
@@ -90,7 +91,7 @@ class OrientationHistogram(wiring.Component):
 
     @staticmethod
     def _smoothed(m: Module, height: Value) -> Value:
-        """From the bins one after the other: the smoothed one, 3 clocks after the bin itself."""
+        """The smoothed bin, 3 clocks after the bin itself; the bins come in order, one a clock."""
         middle = delayed(m, height, 1)
         around = delayed(m, delayed(m, middle, 1) + height, 1)
         return delayed(m, (delayed(m, middle, 1) << 2) + (around << 1) + around, 1)
