@@ -51,7 +51,7 @@ def accelerator(config: Config, max_size_px: tuple[int, int], *, lanes: int = LA
 
 
 def front_end(config: FrontEndConfig, max_size_px: tuple[int, int], *, taps: tuple[Tap, ...] = ()) -> Design:
-    """The front end alone for frames up to a width and height, with ``taps`` of stages to look at."""
+    """The front end alone for frames up to a width and height, with ``taps`` that show stages."""
     config = _as_built(config)
     size = {"max_width_px": max_size_px[0], "max_height_px": max_size_px[1]}
     return Design(
@@ -63,13 +63,13 @@ def front_end(config: FrontEndConfig, max_size_px: tuple[int, int], *, taps: tup
 
 
 def _as_built(config: FrontEndConfig) -> FrontEndConfig:
-    """The configuration without what is set at run time, so that one build serves all of it."""
+    """The configuration with fixed values for what is set at run time, so that all settings share one build."""
     return dataclasses.replace(config, detector="harris", threshold=1, cell_px=None, per_cell=None)
 
 
 @functools.cache
 def source_key() -> str:
-    """A key for all that the designs are made from."""
+    """A hash of all sources that the designs are made from."""
     folders = [Path(package.__path__[0]) for package in (golden_model, hdl)]
     return digest_files([*(path for folder in folders for path in folder.rglob("*.py")), Path(front_end_top.__file__)])
 

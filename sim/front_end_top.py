@@ -1,4 +1,4 @@
-"""The front end alone behind flat ports: to measure it, and to look at its stages."""
+"""The front end alone with flat ports, to measure it and to observe its stages."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ SETTINGS = {setting.name: setting.bits for setting in FRONT_END}
 
 
 class Tap(NamedTuple):
-    """A stage to look at: its level, and its name in `golden_model.front_end.trace`."""
+    """A stage to observe: its level, and its name in `golden_model.front_end.trace`."""
 
     level: int
     stage: str
 
     @property
     def port(self) -> str:
-        """Prefix of the ports that show it."""
+        """Prefix of the tap's ports."""
         return f"tap_level{self.level}_{self.stage}"
 
 
 TAP_WORD = np.dtype([("value", "<i4"), ("x", "<i2"), ("y", "<i2")])
-"""What a tap says: a stage's value and the pixel that it describes, in the level's own pixels."""
+"""A tap's word: the value of a stage, and the pixel it describes, in pixels of the level."""
 
 
 class FrontEndTop(wiring.Component):
@@ -41,7 +41,7 @@ class FrontEndTop(wiring.Component):
     ----------
     front_end : FrontEnd
     taps : sequence of Tap
-        The stages whose beats leave, each as ``tap_level<n>_<stage>``.
+        Stages whose beats are output, each as ``tap_level<n>_<stage>``.
 
     Members
     -------
@@ -83,7 +83,7 @@ class FrontEndTop(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Names only."""
+        """Connect ports by name."""
         m = Module()
         m.domains.sync = ClockDomain()
         m.submodules.front_end = inner = self._front_end

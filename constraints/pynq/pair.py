@@ -8,6 +8,7 @@ from skymosaic_driver import Accelerator
 
 left, right = (np.load(path) for path in sys.argv[1:3])
 accelerator = Accelerator(PynqBus("skymosaic.bit"))
+# As the host derives them from the preset "aerial": larger frames have larger cells, or the features would not fit.
 settings = {
     "width_px": left.shape[1],
     "height_px": left.shape[0],

@@ -1,4 +1,4 @@
-"""The registers and DMAs of the accelerator under PYNQ 3.1."""
+"""Access to the accelerator's registers and DMAs under PYNQ 3.1."""
 
 import time
 
@@ -11,18 +11,18 @@ POLL_SECONDS = 0.0002
 
 
 class Skymosaic(DefaultIP):
-    """The IP core in an overlay: PYNQ binds this class to it by its VLNV."""
+    """The IP core in an overlay; PYNQ finds this class by the core's VLNV."""
 
     bindto = ["skymosaic:vision:skymosaic:1.0"]
 
 
 class PynqBus:
-    """Registers and DMAs of an overlay, which is loaded.
+    """Loads an overlay and gives access to its registers and DMAs.
 
     Parameters
     ----------
     bitstream : str
-        Path of the .bit file; the .hwh file lies beside it.
+        Path of the .bit file; the .hwh file must be in the same folder.
     """
 
     def __init__(self, bitstream):
@@ -32,33 +32,33 @@ class PynqBus:
         self._receive = {channel: getattr(overlay, "dma_" + channel).recvchannel for channel in CHANNELS}
 
     def read(self, offset):
-        """A register."""
+        """Read a register."""
         return self._registers.read(offset)
 
     def write(self, offset, value):
-        """Set a register."""
+        """Write a register."""
         self._registers.write(offset, value)
 
     def allocate(self, length_bytes):
-        """Memory that the DMAs reach."""
+        """Allocate memory that the DMAs can access."""
         return allocate(shape=(length_bytes,), dtype=np.uint8)
 
     def start_send(self, buffer, length_bytes):
-        """Stream a frame from ``buffer``."""
+        """Start to send a frame from ``buffer``."""
         self._send.transfer(buffer, 0, length_bytes)
 
     def start_receive(self, channel, buffer):
-        """Let the next packet of ``channel`` into ``buffer``."""
+        """Start to receive the next packet of ``channel`` into ``buffer``."""
         self._receive[channel].transfer(buffer)
 
     def wait(self, timeout_seconds):
-        """Until the frame went in and both packets came out; the packets' lengths in bytes."""
+        """Wait until the frame is sent and both packets are received; return their lengths in bytes."""
         channels = {"video": self._send, **self._receive}
         end = time.monotonic() + timeout_seconds
         while not all(channel.idle for channel in channels.values()):
             for name, channel in channels.items():
                 if channel.error:
-                    raise AcceleratorError(f"the DMA of the {name} reports an error; load the overlay again")
+                    raise AcceleratorError(f"the DMA of the {name} reports an error; reload the overlay")
             if time.monotonic() > end:
                 busy = ", ".join(name for name, channel in channels.items() if not channel.idle)
                 raise AcceleratorError(f"no answer within {timeout_seconds:g} s; still busy: {busy}")
@@ -66,7 +66,7 @@ class PynqBus:
         return {name: channel.transferred for name, channel in self._receive.items()}
 
     def stop(self):
-        """Forget transfers under way, so that the next ones start afresh."""
+        """Abort transfers in progress, so that the next ones start cleanly."""
         for channel in (self._send, *self._receive.values()):
             channel.stop()
             channel.start()

@@ -1,7 +1,7 @@
-"""Driver of the skymosaic accelerator: Python 3.10, numpy, nothing else.
+"""Driver of the skymosaic accelerator. Needs Python 3.10 and numpy, nothing else.
 
-`Accelerator` speaks to a *bus*: registers and three DMA channels. On the board that is `pynq_bus.PynqBus`; whatever
-has the same methods serves as well.
+`Accelerator` uses a *bus*: registers and three DMA channels. On the board that is `pynq_bus.PynqBus`; tests pass an
+object with the same methods that runs a simulation.
 
     from pynq_bus import PynqBus
     from skymosaic_driver import Accelerator
@@ -19,18 +19,18 @@ TIMEOUT_SECONDS = 5.0
 
 
 class AcceleratorError(Exception):
-    """The accelerator cannot do what it was asked: one line that says why and what to do."""
+    """The accelerator cannot do what it was asked to; the message is one line with the reason and what to do."""
 
 
 class Frame:
-    """What came out for one frame.
+    """The results of one frame.
 
     Attributes
     ----------
     features, matches : structured ndarray
         Records of `skymosaic_map.FEATURE` and `skymosaic_map.MATCH`.
     status, match_status : structured scalar
-        `skymosaic_map.STATUS`, at the end of the features and of the matches.
+        `skymosaic_map.STATUS`, from the end of the feature packet and of the match packet.
     """
 
     def __init__(self, feature_packet, match_packet):
@@ -39,9 +39,11 @@ class Frame:
 
 
 def _records(packet, dtype):
-    """The records of a packet, and the FrameStatus it ends with."""
+    """The records of a packet, and the FrameStatus at its end."""
     if packet.size < dtype.itemsize or packet.size % dtype.itemsize:
-        raise AcceleratorError(f"a packet of {packet.size} bytes is no number of {dtype.itemsize}-byte records")
+        raise AcceleratorError(
+            f"a packet has {packet.size} bytes, which is not a multiple of {dtype.itemsize}-byte records"
+        )
     status = packet[packet.size - dtype.itemsize :][: the_map.STATUS.itemsize].view(the_map.STATUS)[0]
     if status["tag"] != the_map.STATUS_TAG:
         raise AcceleratorError("a packet does not end with a frame's status; clear the accelerator and try again")
@@ -53,14 +55,14 @@ class Accelerator:
 
     Parameters
     ----------
-    bus : PynqBus or alike
+    bus : PynqBus or an object with its methods
     timeout_seconds : float
-        For one frame.
+        Longest time for one frame.
 
     Raises
     ------
     AcceleratorError
-        If another design is loaded, or another build than this folder's.
+        If another design is loaded, or a build that was not exported with this folder.
     """
 
     def __init__(self, bus, timeout_seconds=TIMEOUT_SECONDS):
@@ -76,7 +78,7 @@ class Accelerator:
         self._sent = bus.allocate(4 * self.max_width_px * self.max_height_px)
 
     def _check_build(self):
-        """Compare every constant field with what this folder was exported for."""
+        """Check every constant field against the build that this folder was exported for."""
         for name, expected in the_map.BUILT.items():
             found = self.read(name)
             if found != expected:
@@ -90,11 +92,11 @@ class Accelerator:
         return self.bus.read(offset) >> low & (1 << bits) - 1
 
     def write(self, **fields):
-        """Set register fields; the others of the same registers stay."""
+        """Set register fields; other fields of the same registers keep their values."""
         words = {}
         for name, value in fields.items():
             if name not in the_map.WRITABLE:
-                raise AcceleratorError(f"{name} is no setting; valid: {', '.join(sorted(the_map.WRITABLE))}")
+                raise AcceleratorError(f"{name} cannot be written; valid: {', '.join(sorted(the_map.WRITABLE))}")
             smallest, largest = the_map.WRITABLE[name]
             if not smallest <= value <= largest:
                 raise AcceleratorError(f"{name} is {value}; it must be {smallest} to {largest}")
@@ -105,17 +107,18 @@ class Accelerator:
             self.bus.write(offset, word)
 
     def run(self, frames, settings, hold_reference):
-        """Features of each frame, and its matches with its reference; the first frame has none.
+        """Extract the features of each frame, and match it with its reference; the first frame has no matches.
 
         Parameters
         ----------
         frames : list of uint8 ndarray, shape (H, W) or (H, W, 3) BGR
             All of one shape.
         settings : dict
-            Register fields: size, cells, threshold, limit of the weight.
+            Values of the register fields in `skymosaic_map.REQUESTED`.
         hold_reference : bool
-            Match with the first frame; otherwise with the one before.
+            Match every frame with the first; otherwise each with the previous one.
         """
+        # The DMAs first: one that waits for the rest of a packet would take it from the next frame.
         self.bus.stop()
         self.write(enable=0, clear=1)
         self.write(
@@ -136,6 +139,7 @@ class Accelerator:
                 f"a frame of {frame.shape[1]}x{frame.shape[0]} exceeds {self.max_width_px}x{self.max_height_px}"
             )
         self._sent[: words.nbytes] = words.view(np.uint8)
+        # Receive before send: the outputs stall the accelerator until their DMAs are ready.
         for channel in CHANNELS:
             self.bus.start_receive(channel, self._received[channel])
         self.bus.start_send(self._sent, words.nbytes)
@@ -145,7 +149,7 @@ class Accelerator:
 
 
 def as_words(frame):
-    """A frame as the accelerator's memory mode reads it: four gray pixels a word, or R, G, B, X."""
+    """A frame in the format of memory mode: four gray pixels in a 32-bit word, or one pixel as R, G, B, X."""
     if frame.ndim == 2:
         pixels = frame.reshape(-1)
         return np.concatenate((pixels, np.zeros(-pixels.size % 4, np.uint8))).view(np.uint32)

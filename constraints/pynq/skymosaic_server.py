@@ -1,7 +1,8 @@
-"""Serves the accelerator to one client at a time over TCP; standard library, numpy and the driver.
+"""Serves the accelerator to one client at a time over TCP. Needs the standard library, numpy and the driver.
 
-A request is a line of JSON. Where it can be served, a line with an empty object asks for the frames' bytes; after
-them, a line of JSON and the packets' bytes answer. There is no authentication: serve on a private network only.
+A request is a line of JSON. If it is valid, the server answers with an empty JSON object, the client sends the bytes
+of the frames, and the server answers with a line of JSON and the bytes of the packets. There is no authentication:
+use a private network only.
 """
 
 import json
@@ -22,7 +23,7 @@ class Handler(socketserver.StreamRequestHandler):
     timeout = CLIENT_TIMEOUT_SECONDS
 
     def handle(self):
-        """Read, check, run, answer; a fault is answered with its line, and the server goes on."""
+        """Read, check, run, answer. An error is sent to the client as one line, and the server goes on."""
         try:
             frames, settings, hold_reference = self._request()
             results = self.server.accelerator.run(frames, settings, hold_reference)
@@ -45,6 +46,7 @@ class Handler(socketserver.StreamRequestHandler):
             hold_reference = bool(request["hold_reference"])
         except (KeyError, TypeError, ValueError) as error:
             raise ValueError(f"the request is malformed: {error}") from None
+        # Before the frames are sent: a client that is still sending would not read the error.
         self._check(shape, count, settings)
         self._answer({})
         length = int(np.prod(shape))
@@ -53,9 +55,9 @@ class Handler(socketserver.StreamRequestHandler):
     def _check(self, shape, count, settings):
         accelerator = self.server.accelerator
         if not 1 <= count <= MAX_FRAMES:
-            raise ValueError(f"{count} frames asked for; 1 to {MAX_FRAMES} are served at a time")
+            raise ValueError(f"{count} frames requested; the server takes 1 to {MAX_FRAMES} at a time")
         if len(shape) not in (2, 3) or shape[2:] not in ((), (3,)):
-            raise ValueError(f"frames of shape {shape}; (height, width) or (height, width, 3) expected")
+            raise ValueError(f"frames have shape {shape}; it must be (height, width) or (height, width, 3)")
         for name, size_px, built_px in (
             ("width_px", shape[1], accelerator.max_width_px),
             ("height_px", shape[0], accelerator.max_height_px),
@@ -78,7 +80,7 @@ class Handler(socketserver.StreamRequestHandler):
 
 
 class Server(socketserver.TCPServer):
-    """One client after the other: the accelerator is one."""
+    """Serves one client after the other, because there is only one accelerator."""
 
     allow_reuse_address = True
 
