@@ -105,6 +105,7 @@ class FrameAdmission(wiring.Component):
             self.o_start.eq(starts),
             self.o_end.eq(ends),
         ]
+        # The next frame's first pixel stays at the input until zeros have completed this frame.
         with m.If(self.i.valid & pixel.first & self.o_running):
             m.d.sync += padding.eq(1)
         with m.If(reported):

@@ -65,6 +65,7 @@ class PacketGate(wiring.Component):
             m.d.sync += word.eq(word + 1)
             with m.If(word == self.record_words - 1):
                 m.d.sync += word.eq(0)
+            # A status is padded to the length of the other records; only its own words are kept.
             with m.If(word < self._layout.size // (8 * WORD_BYTES)):
                 m.d.sync += status.eq(Cat(status, self.i.payload.data)[8 * WORD_BYTES :])
             with m.If(self.i.payload.last):

@@ -95,6 +95,7 @@ class VideoInput(wiring.Component):
         with m.If(self.i_memory_mode):
             lanes = [beat.data.word_select(n, 8) for n in range(GRAY_PER_WORD)]
             red, green, blue, _ = lanes
+            # The front end takes colours in the order of UG934: G in the lowest byte, then B, R.
             m.d.comb += [
                 pixel.data.eq(Mux(unpacks, Array(lanes)[byte], Cat(green, blue, red))),
                 pixel.first.eq((x == 0) & (y == 0)),

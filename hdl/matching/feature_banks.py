@@ -119,6 +119,7 @@ class FeatureBanks(wiring.Component):
             write, read = bank.write_port(), bank.read_port()
             m.d.comb += [write.en.eq(complete & ~ends_frame & (filling == n)), write.addr.eq(feature.index)]
             for name, field in self._feature:
+                # Sector and window have no bits where the pattern lacks them.
                 if field.width:
                     m.d.comb += write.data[name].eq(feature[name])
             m.d.sync += read.addr.eq(Mux(reference == n, self.i_left_address, self.i_right_address))

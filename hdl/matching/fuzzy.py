@@ -175,6 +175,7 @@ class Sugeno(wiring.Component):
         steps = Signal(range(QUOTIENT_BITS + 1))
         fits = remainder >= divisor
         with m.If(start):
+            # (2 total + fired) / (2 fired) rounded down is total / fired rounded half up.
             m.d.sync += [
                 divisor.eq(Mux(fired.any(), fired, 1) << QUOTIENT_BITS),
                 remainder.eq((total << 1) + fired),

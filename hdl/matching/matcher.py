@@ -184,12 +184,14 @@ class Matcher(wiring.Component):
                 m.d.sync += status.eq(arrived.payload)
                 with m.If(arrived.valid):
                     m.next = "Take-Frame"
+            # Accepting the status makes the banks exchange roles, so it must not happen before the matcher is idle.
             with m.State("Take-Frame"):
                 m.d.comb += arrived.ready.eq(1)
                 m.next = "Send-Status"
                 with m.If(status.good):
                     m.d.comb += self.o_reference_taken.eq(self.i_take_reference)
                     m.next = "Start-Search"
+            # A state of its own: only now the banks show their new roles and counts.
             with m.State("Start-Search"):
                 m.d.comb += search.i_start.eq(1)
                 m.next = "Search"

@@ -148,6 +148,7 @@ class NearestNeighbours(wiring.Component):
         with m.Elif(drain.any()):
             m.d.sync += [drain.eq(drain - 1), self.o_busy.eq(drain != 1)]
         with m.If(self.i_start):
+            # A shorter pass would read a column before the previous group has written it back.
             short, any_pair = self.i_right_count < self.shortest_pass_cycles, Signal()
             m.d.comb += any_pair.eq(self.i_left_count.any() & self.i_right_count.any())
             m.d.sync += [
@@ -163,6 +164,8 @@ class NearestNeighbours(wiring.Component):
         """Read the banks, load the lanes. Returns validity and position of the right descriptor, with its address."""
         position = view_signal(self._position)
         valid, load, left_valid = Signal(), Signal(), Signal()
+        # The first slots of a pass also load the lanes: lane k in slot k, just when the first right descriptor
+        # reaches it.
         lane = slot[: exact_log2(self.lanes)]
         m.d.comb += [
             self.o_left_address.eq(Cat(lane, group)),
@@ -206,6 +209,7 @@ class NearestNeighbours(wiring.Component):
         m.d.comb += [
             first.valid.eq(delayed(m, valid, RESULT_CYCLES, reset_less=False)),
             first.position.eq(delayed(m, position, RESULT_CYCLES)),
+            # Nothing clears the memory; the first group starts from empty columns instead.
             first.column.eq(Mux(first.position.first_group, ~0, self.o_column)),
         ]
         write = columns.write_port()
@@ -217,6 +221,7 @@ class NearestNeighbours(wiring.Component):
         m.submodules.rows = rows
         write = rows.write_port()
         valid, row = Signal(), view_signal(self._nearest, reset_less=True)
+        # The lanes finish one after the other, so at most one row is valid: OR is enough to select it.
         m.d.sync += [
             valid.eq(Cat(lane.o_row_valid for lane in lanes).any()),
             row.eq(reduce(or_, (Mux(lane.o_row_valid, lane.o_row.as_value(), 0) for lane in lanes))),
