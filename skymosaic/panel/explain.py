@@ -138,7 +138,7 @@ def _facts(view: PairView, index: int) -> tuple[tuple[str, str], ...]:
         ]
         if pattern.oriented:
             angles = (match[name] * _DEGREES_PER_SECTOR for name in ("turn", "peak_turn"))
-            facts.append(("relative orientation, most common", ", ".join(f"{angle:.1f}°" for angle in angles)))
+            facts.append(("orientation, most common", ", ".join(f"{angle:.1f}°" for angle in angles)))
     return (*facts, ("weight", f"{match['weight'] / HIGHEST_WEIGHT:.3f}"))
 
 
