@@ -3,12 +3,12 @@
 
 import numpy as np
 import pytest
-from amaranth.sim import Simulator
 
 from golden_model.feature.ilbp import ILBP_128
 from golden_model.records import FRAME_STATUS, Cause, Tag, feature_record
 from golden_model.selection.selection import emission_order
 from hdl.level_merge import LevelMerge
+from sim.block_bench import BlockBench
 from sim.recording import NO_PAUSES, Pauses
 
 RECORD = feature_record(ILBP_128.descriptor_bytes)
@@ -47,30 +47,20 @@ class MergeBench:
 
     def __init__(self, frames, causes, pauses):
         self.dut = LevelMerge(record=RECORD, levels=len(frames[0]), max_features=MAX_FEATURES)
-        self.frames, self.causes, self.pauses = frames, causes, pauses
+        self.bench = BlockBench(self.dut, pauses=pauses, cycle_limit=3000)
+        self.frames, self.causes = frames, causes
         self.started, self.packets = [], []
 
     def run(self):
-        simulator = Simulator(self.dut)
-        simulator.add_clock(1e-8)
-        for testbench in (*map(self.source, range(self.dut.levels)), self.pixels, self.sink):
-            simulator.add_testbench(testbench)
-        simulator.run()
+        self.bench.run(*map(self.source, range(self.dut.levels)), self.pixels, self.sink)
         return [_decoded(packet) for packet in self.packets]
 
     def source(self, level):
-        port = self.dut.i_levels[level]
-
         async def testbench(ctx):
-            for cycle, (number, payload) in enumerate(self._payloads(level)):
+            for number, payload in self._payloads(level):
                 while number not in self.started:
                     await ctx.tick()
-                if self.pauses.gap(cycle, level):
-                    await ctx.tick()
-                ctx.set(port.payload, payload)
-                ctx.set(port.valid, 1)
-                await ctx.tick().until(port.ready)
-                ctx.set(port.valid, 0)
+                await self.bench.stream_put(ctx, self.dut.i_levels[level], payload)
 
         return testbench
 
@@ -91,27 +81,19 @@ class MergeBench:
             ctx.set(dut.i_starts, 0)
             self.started.append(number)
             await ctx.tick().repeat(40)
-            while ctx.get(dut.o_pending):
-                await ctx.tick()
-            ctx.set(dut.i_ends, 1)
+            await self.bench.cycles_until_low(ctx, dut.o_pending)
             ctx.set(dut.i_causes, cause)
             ctx.set(dut.i_threshold_code, 100 + number)
-            await ctx.tick()
-            ctx.set(dut.i_ends, 0)
+            await self.bench.pulse(ctx, dut.i_ends)
 
     async def sink(self, ctx):
-        words, cycle = [], 0
+        words = []
         while len(self.packets) < len(self.frames):
-            ready = not self.pauses.stall(cycle, 2)
-            ctx.set(self.dut.o.ready, ready)
-            *_, valid, payload = await ctx.tick().sample(self.dut.o.valid, self.dut.o.payload)
-            cycle += 1
-            assert cycle < 3000
-            if valid and ready:
-                words.append(payload.data)
-                if payload.last:
-                    self.packets.append(np.array(words, np.uint64))
-                    words = []
+            payload = await self.bench.stream_get(ctx, self.dut.o)
+            words.append(payload.data)
+            if payload.last:
+                self.packets.append(np.array(words, np.uint64))
+                words = []
 
 
 def _decoded(packet):

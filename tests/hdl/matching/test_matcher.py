@@ -1,13 +1,9 @@
 # amaranth: UnusedElaboratable=no
 """Match records of whole sequences equal the golden ones, word for word."""
 
-import itertools
-
 import numpy as np
 import pytest
-from amaranth import ResetInserter, Signal
 from amaranth.hdl import Fragment
-from amaranth.sim import Simulator
 
 from golden_model.config import Config, FrontEndConfig, MatcherConfig
 from golden_model.feature.ilbp import ILBP_128, PATTERNS
@@ -15,6 +11,7 @@ from golden_model.records import FRAME_STATUS, MATCH, Cause, Tag, feature_record
 from hdl.matching.match_weigher import MatchWeigher
 from hdl.matching.matcher import Matcher
 from hdl.matching.nearest_neighbours import NearestNeighbours
+from sim.block_bench import BlockBench
 from sim.golden import matched
 from sim.recording import NO_PAUSES, Pauses
 
@@ -99,67 +96,53 @@ class MatcherBench:
 
     def __init__(self, pattern, config, frames, settings, *, pauses=NO_PAUSES, interrupted=(0, 0)):
         self.dut = Matcher(config=config, pattern=pattern, lanes=LANES, max_features=MAX_FEATURES)
-        self.pauses, self.interrupted, self.frames = pauses, interrupted, len(frames)
+        self.bench = BlockBench(self.dut, pauses=pauses, cycle_limit=CYCLE_LIMIT)
+        self.interrupted, self.frames = interrupted, len(frames)
         self.words = []
         for (features, status), values in zip(frames, settings, strict=True):
             *words, last = np.frombuffer(features.tobytes() + status.tobytes(), np.uint64).tolist()
             self.words += [*(({"data": word, "last": 0}, {}) for word in words), ({"data": last, "last": 1}, values)]
-        self.reset, self.has_reset = Signal(), False
-        self.commits, self.packets, self.ends, self.taken = [], [], [], []
+        self.has_reset, self.cycle = False, 0
+        self.packets, self.ends, self.taken = [], [], []
 
     def run(self):
         """Packets of words that leave after the reset."""
-        simulator = Simulator(ResetInserter(self.reset)(self.dut))
-        simulator.add_clock(1e-8)
-        simulator.add_testbench(self.sink)
-        simulator.add_testbench(self.source, background=True)
-        simulator.run()
+        self.bench.run(self.sink, background=[self.source, self.watch])
         return self.packets
 
     async def source(self, ctx):
         words, wait_cycles = self.interrupted
         await self.send(ctx, self.words[:words])
         await ctx.tick().repeat(wait_cycles + 1)
-        ctx.set(self.reset, 1)
+        await self.bench.pulse(ctx, self.bench.reset)
+        # What was taken in the clock of the reset came before it.
         await ctx.tick()
-        ctx.set(self.reset, 0)
         self.has_reset = True
         await self.send(ctx, self.words)
 
     async def send(self, ctx, words):
-        port = self.dut.i_features
-        clock = itertools.count()
         for payload, settings in words:
-            while self.pauses.gap(next(clock), 0):
-                await ctx.tick()
             for name, value in settings.items():
                 ctx.set(getattr(self.dut, name), value)
-            ctx.set(port.payload, payload)
-            ctx.set(port.valid, 1)
-            await ctx.tick().until(port.ready)
-            ctx.set(port.valid, 0)
+            await self.bench.stream_put(ctx, self.dut.i_features, payload)
+
+    async def watch(self, ctx):
+        async for *_, taken in ctx.tick().sample(self.dut.o_reference_taken):
+            self.cycle += 1
+            if taken and self.has_reset:
+                self.taken.append(len(self.packets))
 
     async def sink(self, ctx):
-        port, words = self.dut.o_matches, []
-        watched = port.valid, port.payload, self.dut.o_reference_taken
-        ctx.set(port.ready, 1)
-        while not self.has_reset:
-            await ctx.tick()
-        for cycle in range(CYCLE_LIMIT):
-            ready = not self.pauses.stall(cycle, 1)
-            ctx.set(port.ready, ready)
-            *_, valid, payload, taken = await ctx.tick().sample(*watched)
-            if taken:
-                self.taken.append(len(self.packets))
-            if valid and ready:
-                words.append(payload.data)
-            if valid and ready and payload.last:
+        words = []
+        while len(self.packets) < self.frames:
+            payload = await self.bench.stream_get(ctx, self.dut.o_matches)
+            if not self.has_reset:
+                continue
+            words.append(payload.data)
+            if payload.last:
                 self.packets.append(words)
-                self.ends.append(cycle)
+                self.ends.append(self.cycle)
                 words = []
-            if len(self.packets) == self.frames:
-                return
-        raise AssertionError(f"{len(self.packets)} of {self.frames} frames in {CYCLE_LIMIT} cycles")
 
 
 def settings_for(frames, config, reference):

@@ -3,19 +3,18 @@
 
 import numpy as np
 import pytest
-from amaranth import ResetInserter, Signal
-from amaranth.sim import Simulator
 
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.selection import selection
 from hdl.selection.selection import CellSelection, RasterSelection
+from sim.block_bench import BlockBench
 from sim.recording import Pauses
 
 PATTERN = PATTERNS["thesis-ilbp-1"]
 WIDTH_PX, HEIGHT_PX = 200, 150
 SPACING_PX = 2
 FLIGHT_CYCLES = 5
-"""Clocks from the door to the selection."""
+"""Clocks from frame admission to the selection."""
 CYCLE_LIMIT = 60_000
 
 
@@ -78,25 +77,19 @@ def golden(plane, cell_px, per_cell):
     return leaving
 
 
-class Bench:
-    """Plays the pipeline before a selection, its door included, and the stream behind it."""
+class SelectionBench:
+    """The pipeline in front of a selection with its frame admission, and the stream behind it."""
 
     def __init__(self, dut, *, pauses, settings=None):
         self.dut = dut
         self.pauses = pauses
-        self.settings = settings or {}
-        self.reset = Signal()
+        self.bench = BlockBench(dut, settings=settings, pauses=pauses, cycle_limit=CYCLE_LIMIT)
         self.received = []
         self.added = 0
         self.waited_cycles = 0
 
     def run(self, play):
-        simulator = Simulator(ResetInserter(self.reset)(self.dut))
-        simulator.add_clock(1e-8)
-        simulator.add_testbench(play)
-        simulator.add_testbench(self._take, background=True)
-        simulator.add_testbench(self._limit, background=True)
-        simulator.run()
+        self.bench.run(play, background=[self._take])
 
     async def send(self, ctx, beats, *, cells):
         for number, beat in enumerate(beats):
@@ -125,23 +118,8 @@ class Bench:
         self.added += added
 
     async def _take(self, ctx):
-        for name, value in self.settings.items():
-            ctx.set(getattr(self.dut, name), value)
-        cycle, waiting = 0, None
         while True:
-            ready = not self.pauses.stall(cycle, 1)
-            ctx.set(self.dut.o.ready, ready)
-            *_, valid, payload = await ctx.tick().sample(self.dut.o.valid, self.dut.o.payload)
-            assert waiting is None or (valid and payload == waiting), f"withdrawn in cycle {cycle}"
-            waiting = payload if valid and not ready else None
-            if valid and ready:
-                self.received.append(plain(payload))
-            cycle += 1
-
-    async def _limit(self, ctx):
-        for _ in range(CYCLE_LIMIT):
-            await ctx.tick()
-        raise AssertionError(f"not done within {CYCLE_LIMIT} cycles; {len(self.received)} items received")
+            self.received.append(plain(await self.bench.stream_get(ctx, self.dut.o)))
 
 
 def plain(payload):
@@ -162,7 +140,7 @@ STALLED = Pauses(gaps=60, stalls=240, seed=4)
 )
 def test_cells_keep_their_best_in_order(planes, cell_log2, per_cell, pauses):
     dut = CellSelection(pattern=PATTERN, width_px=WIDTH_PX)
-    bench = Bench(dut, pauses=pauses, settings={"i_cell_log2": cell_log2, "i_per_cell": per_cell})
+    bench = SelectionBench(dut, pauses=pauses, settings={"i_cell_log2": cell_log2, "i_per_cell": per_cell})
 
     async def play(ctx):
         for plane in planes:
@@ -179,7 +157,7 @@ def test_cells_keep_their_best_in_order(planes, cell_log2, per_cell, pauses):
 @pytest.mark.parametrize("pauses", [FREE, STALLED])
 def test_raster_selection_keeps_everything(planes, pauses):
     planes = [planes[0], planes[2], planes[3]]
-    bench = Bench(RasterSelection(pattern=PATTERN, depth=16, in_flight=4), pauses=pauses)
+    bench = SelectionBench(RasterSelection(pattern=PATTERN, depth=16, in_flight=4), pauses=pauses)
 
     async def play(ctx):
         for plane in planes:
@@ -199,7 +177,7 @@ def test_latency(cells):
         dut, settings = CellSelection(pattern=PATTERN, width_px=WIDTH_PX), {"i_cell_log2": 5, "i_per_cell": 1}
     else:
         dut, settings = RasterSelection(pattern=PATTERN, depth=16, in_flight=4), {}
-    bench = Bench(dut, pauses=FREE, settings=settings)
+    bench = SelectionBench(dut, pauses=FREE, settings=settings)
 
     async def play(ctx):
         ctx.set(dut.i, {"x": 30, "present": 1, "ends_row": 1, "ends_level": 1, "feature": {"response": 9}})
@@ -215,14 +193,12 @@ def test_latency(cells):
 
 def test_reset_in_the_middle_of_a_frame(planes):
     dut = CellSelection(pattern=PATTERN, width_px=WIDTH_PX)
-    bench = Bench(dut, pauses=FREE, settings={"i_cell_log2": 5, "i_per_cell": 4})
+    bench = SelectionBench(dut, pauses=FREE, settings={"i_cell_log2": 5, "i_per_cell": 4})
     broken = list(events(planes[4], 32))
 
     async def play(ctx):
         await bench.send(ctx, broken[: len(broken) // 2], cells=True)
-        ctx.set(bench.reset, 1)
-        await ctx.tick()
-        ctx.set(bench.reset, 0)
+        await bench.bench.pulse(ctx, bench.bench.reset)
         bench.received.clear()
         await bench.send(ctx, events(planes[0], 32), cells=True)
         await bench.drain(ctx, 1)
