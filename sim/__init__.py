@@ -1,1 +1,1 @@
-"""Runs the designs: one interface, four simulators, and synthetic flights to feed them."""
+"""Run the designs: one interface, three simulators and a board, and synthetic flights as their input."""

@@ -1,4 +1,4 @@
-"""What every way of computing features looks like from outside: frames in, features and matches out."""
+"""The interface of everything that computes features: frames in, features and matches out."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from golden_model.config import Config
 
 Reference = Literal["held", "previous"]
-"""What a frame is matched with: the first frame of the run (a pair, a template) or the one before (a sequence)."""
+"""Which frame each later frame is matched with: the first of the run (a pair, a template) or the one before it."""
 
 BACKENDS = {
     "golden": "sim.golden",
@@ -24,36 +24,37 @@ BACKENDS = {
     "pysim": "sim.pysim",
     "board": "sim.board",
 }
-"""The module behind each name; ``rtl`` is the fastest simulation of the hardware."""
+"""The module of each backend; ``rtl`` is the fastest simulation of the hardware."""
 
 Progress = Callable[[str], None]
 """Receives one line of text when something slow starts, advances or ends."""
 
 
 def silent(_line: str) -> None:
-    """Progress that nobody wants to read."""
+    """No-op progress callback."""
 
 
 class BackendError(Exception):
-    """A backend cannot do what it was asked: one line that names the thing, what is wrong and what to do."""
+    """A backend cannot do what was asked; the message is one line: what is wrong, and what to do about it."""
 
 
 @dataclass(frozen=True, eq=False)
 class FrameResult:
-    """What came out for one frame.
+    """The result for one frame.
 
     Parameters
     ----------
     features : structured ndarray
-        Feature records (`golden_model.records.feature_record`) in the order of emission.
+        Feature records (`golden_model.records.feature_record`) in the order in which the hardware sends them.
     matches : structured ndarray
-        Match records (`golden_model.records.MATCH`), reference left, this frame right; empty without a reference.
+        Match records (`golden_model.records.MATCH`): left is the reference, right is this frame. Empty without a
+        reference.
     status : structured scalar
-        The FrameStatus record that ended the features.
+        The FrameStatus record at the end of the features.
     match_status : structured scalar
-        The FrameStatus record that ended the matches.
+        The FrameStatus record at the end of the matches.
     cycles : int or None
-        Clocks from the first pixel in to the last word out; None where there is no clock.
+        Clocks from the first pixel in to the last word out; None for backends without a clock.
     """
 
     features: NDArray[np.void]
@@ -65,18 +66,18 @@ class FrameResult:
 
 @dataclass(frozen=True)
 class Mismatch:
-    """Where two results first differ.
+    """The first difference between two results.
 
     Parameters
     ----------
     frame : int
     stage : str
-        A stage of the front end with its level, or a field of a record.
+        A stage of the front end with its pyramid level, or a field of a record.
     x, y : float or None
-        Position in pixels: of the stage's level for a stage, of the full frame for a record (the first one that is
-        missing or too many, for a count); None for a status.
+        Position in pixels: in the stage's level for a stage, in the full frame for a record. For a count, the position
+        of the first record that is missing or extra. None for a status.
     expected, actual : object
-        Both values.
+        The two values.
     """
 
     frame: int
@@ -87,8 +88,8 @@ class Mismatch:
     actual: Any
 
     def __str__(self) -> str:
-        place = "" if self.x is None else f", x {self.x:g}, y {self.y:g}"
-        return f"frame {self.frame}, {self.stage}{place}: expected {self.expected}, got {self.actual}"
+        position = "" if self.x is None else f", x {self.x:g}, y {self.y:g}"
+        return f"frame {self.frame}, {self.stage}{position}: expected {self.expected}, got {self.actual}"
 
 
 class Backend(Protocol):
@@ -97,7 +98,7 @@ class Backend(Protocol):
     def run(
         self, frames: Sequence[NDArray[np.uint8]], config: Config, *, reference: Reference = "held"
     ) -> list[FrameResult]:
-        """Features of each frame, and its matches with its reference; the first frame has none.
+        """Compute the features of each frame, and its matches with its reference; the first frame has no reference.
 
         Parameters
         ----------
@@ -106,12 +107,12 @@ class Backend(Protocol):
         config : Config
             What to compute.
         reference : {"held", "previous"}
-            Match every later frame with the first one, or with the one before it.
+            Match each later frame with the first frame, or with the frame before it.
 
         Raises
         ------
         ValueError
-            For a frame the configuration cannot take.
+            For a frame that the configuration cannot process.
         BackendError
             If the backend cannot run.
         """
@@ -138,21 +139,22 @@ class Backend(Protocol):
 
 
 def load_backend(name: str, *, progress: Progress = silent, waves: Path | None = None) -> Backend:
-    """The backend called ``name``.
+    """Load the backend ``name``.
 
     Parameters
     ----------
     name : str
-        A key of `BACKENDS`; a board with its address, ``board:HOST[:PORT]``.
+        A key of `BACKENDS`; a board is named with its address, ``board:HOST[:PORT]``.
     progress : callable
         Receives a line of text when something slow (a first build) starts, advances or ends.
     waves : Path or None
-        Where a simulation writes the waves of its runs (VCD); golden model and board have none.
+        Wave file (VCD) that a simulation writes for each run; the golden model and a board have no waves.
 
     Raises
     ------
     BackendError
-        For an unknown name, with the valid ones; a board without an address; waves that cannot be written.
+        For an unknown name (the message lists the valid ones), a board without an address, or a wave file that cannot
+        be written.
     """
     kind, _, address = name.partition(":")
     if kind not in BACKENDS or (address and kind != "board"):

@@ -1,4 +1,4 @@
-"""The accelerator on a board, behind the same interface as its simulations: a client of the export's server."""
+"""The accelerator on a board as a backend: a client of the server that the export contains."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ LARGEST_PACKET_BYTES = 1 << 22
 
 
 class BoardBackend(Backend):
-    """Features and matches by a board.
+    """Features and matches computed by a board.
 
     Parameters
     ----------
     address : str
-        ``HOST`` or ``HOST:PORT`` of the server that the export brings along.
+        ``HOST`` or ``HOST:PORT`` of the server that the export contains.
     """
 
     def __init__(self, address: str) -> None:
         host, _, port = address.partition(":")
         if not address:
-            raise BackendError("a board has an address; give it with --address HOST[:PORT]")
+            raise BackendError("the address of the board is missing; give it with --address HOST[:PORT]")
         if not host or (port and not port.isdigit()):
-            raise BackendError(f"{address!r} is no address of a board; give HOST or HOST:PORT")
+            raise BackendError(f"{address!r} is not the address of a board; give HOST or HOST:PORT")
         self.address = host, int(port or PORT)
 
     def run(
@@ -48,11 +48,11 @@ class BoardBackend(Backend):
         Raises
         ------
         BackendError
-            If the board cannot be reached, refuses, or answers what cannot be understood.
+            If the board cannot be reached, refuses the frames, or sends an answer that cannot be parsed.
         """
         shapes = {frame.shape for frame in frames}
         if len(shapes) != 1:
-            raise BackendError("a board takes frames of one size and kind at a time; crop or convert the photographs")
+            raise BackendError("a board takes frames of one size and kind in a run; crop or convert the photographs")
         (shape,) = shapes
         request = {
             "shape": list(shape),
@@ -66,7 +66,9 @@ class BoardBackend(Backend):
         try:
             return [_result(packet, feature) for packet in zip(*[iter(parts)] * 4, strict=True)]
         except ValueError as error:
-            raise BackendError(f"the board was built for other records: {error}; export and build it anew") from None
+            raise BackendError(
+                f"the board was built for other records: {error}; export the design again and rebuild it"
+            ) from None
 
     def _exchange(self, header: bytes, frames: Sequence[NDArray[np.uint8]]) -> list[bytes]:
         where = "{}:{}".format(*self.address)
@@ -77,7 +79,8 @@ class BoardBackend(Backend):
             ):
                 link.write(header)
                 link.flush()
-                # Frames that are refused are never sent: the reason would be lost with the connection.
+                # Wait for the server to accept the settings before sending frames: if it refuses them and closes the
+                # connection while we are sending, its reason is lost.
                 _header(link, where)
                 for frame in frames:
                     link.write(np.ascontiguousarray(frame).data)
@@ -90,14 +93,14 @@ class BoardBackend(Backend):
 
 
 def _header(link: BufferedIOBase, where: str, *names: str) -> list[Any]:
-    """What the server's next line says of ``names``."""
+    """Read the server's next line and return its fields ``names``."""
     try:
         header = json.loads(link.readline(LARGEST_HEADER_BYTES))
         if "error" in header:
-            raise BackendError(f"the board at {where} says: {header['error']}")
+            raise BackendError(f"the board at {where} reports: {header['error']}")
         return [header[name] for name in names]
     except (KeyError, TypeError, ValueError):
-        raise BackendError(f"what answers at {where} is not this board's server; check the address") from None
+        raise BackendError(f"the answer from {where} does not come from a board's server; check the address") from None
 
 
 def _answer(link: BufferedIOBase, where: str) -> list[bytes]:
@@ -105,10 +108,10 @@ def _answer(link: BufferedIOBase, where: str) -> list[bytes]:
     if type(lengths) is not list or not all(
         type(length) is int and 0 <= length <= LARGEST_PACKET_BYTES for length in lengths
     ):
-        raise BackendError(f"the board at {where} announces packets of an impossible length; check its server")
+        raise BackendError(f"the board at {where} announces packets of an invalid length; check its server")
     parts = [link.read(length) for length in lengths]
     if [len(part) for part in parts] != lengths:
-        raise BackendError(f"the board at {where} stopped in the middle of an answer; look at its server")
+        raise BackendError(f"the board at {where} stopped in the middle of an answer; check its server")
     return parts
 
 
@@ -126,13 +129,13 @@ def _result(parts: tuple[bytes, ...], feature: np.dtype[np.void]) -> FrameResult
 
 
 def load(address: str, *, waves: Path | None) -> BoardBackend:
-    """This backend, for `sim.backend.load_backend`.
+    """Make this backend for `sim.backend.load_backend`.
 
     Raises
     ------
     BackendError
-        For a missing or impossible address; if waves are asked for.
+        For a missing or invalid address; if waves are requested.
     """
     if waves is not None:
-        raise BackendError("a board has no waves; use verilator, cxxrtl or pysim")
+        raise BackendError("a board cannot write waves; use verilator, cxxrtl or pysim")
     return BoardBackend(address)

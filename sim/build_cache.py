@@ -1,4 +1,4 @@
-"""What takes long to make (Verilog, compiled simulators), kept between runs in the user's cache folder."""
+"""A cache in the user's folder for what takes long to build: Verilog and compiled simulators."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from sim.backend import BackendError, Progress
 
 
 def cache_folder() -> Path:
-    """The project's folder below ``XDG_CACHE_HOME``, or below ``~/.cache`` where that is not set."""
+    """The project's folder in ``XDG_CACHE_HOME``, or in ``~/.cache`` if that is not set."""
     root = os.environ.get("XDG_CACHE_HOME")
     return (Path(root) if root else Path.home() / ".cache") / "skymosaic"
 
 
 def digest(*parts: str) -> str:
-    """A short key for ``parts``; any change of any part changes it."""
+    """A short key for ``parts``: it changes when any part changes."""
     state = hashlib.sha256()
     for part in parts:
         encoded = part.encode()
@@ -36,26 +36,26 @@ def digest_files(paths: Iterable[Path]) -> str:
 
 
 def cached(name: str, build: Callable[[Path], None], *, what: str, progress: Progress) -> Path:
-    """The finished folder ``name`` of the cache; ``build`` fills it the first time.
+    """Return the folder ``name`` of the cache; ``build`` fills it the first time.
 
-    Safe for several processes at once (the later ones wait for the first) and for builds that are killed: a folder
-    bears its final name only when it is complete.
+    Several processes can call it at once: the later ones wait for the first. A build that is killed leaves no broken
+    folder, since a folder gets its final name only when it is complete.
 
     Parameters
     ----------
     name : str
-        Folder name: what it is and the `digest` of all that it depends on.
+        Folder name: what it contains, and the `digest` of everything that it depends on.
     build : callable
         Fills the empty folder it is given.
     what : str
-        What is built, for messages.
+        Name of what is built, for messages.
     progress : callable
-        Told when a build starts and how long it took; silent where the folder exists.
+        Receives a line when a build starts and one with its duration; not called if the folder exists.
 
     Raises
     ------
     BackendError
-        If the cache cannot be written, or as ``build`` raises it.
+        If the cache cannot be written; ``build`` may raise others.
     """
     folder = cache_folder() / name
     if folder.is_dir():
@@ -74,8 +74,8 @@ def cached(name: str, build: Callable[[Path], None], *, what: str, progress: Pro
 
 
 def _build_in_place(folder: Path, build: Callable[[Path], None], what: str, progress: Progress) -> None:
-    # Each attempt has a folder of its own: a compiler that outlives a killed build cannot write into the next one.
-    # What such builds left is removed here, where the lock says that nobody works in it.
+    # Each attempt has its own folder, so that a compiler that outlives a killed build cannot write into the next one.
+    # The folders that killed builds left are removed here: we hold the lock, so no other build is running.
     for left_over in folder.parent.glob(f"{folder.name}.*.part"):
         shutil.rmtree(left_over, ignore_errors=True)
     part = Path(tempfile.mkdtemp(prefix=f"{folder.name}.", suffix=".part", dir=folder.parent))
@@ -91,7 +91,7 @@ def _build_in_place(folder: Path, build: Callable[[Path], None], what: str, prog
 
 @contextmanager
 def _locked(path: Path, what: str, progress: Progress) -> Iterator[None]:
-    """Hold an exclusive lock; the system releases it when the process ends in whatever way."""
+    """Hold an exclusive lock; the system releases it when the process ends, even if it is killed."""
     with path.open("w") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -1,7 +1,7 @@
-"""Designs compiled to shared libraries: what Verilator and CXXRTL have in common.
+"""Designs compiled to shared libraries: the part that Verilator and CXXRTL have in common.
 
-Each simulator turns a design into C++ in its own way; ``harness/harness.cpp`` around it streams whole frames in one
-C loop, and `Library` drives that loop through ctypes.
+Each simulator turns a design into C++ in its own way. ``harness/harness.cpp`` streams whole frames through it in one
+loop, and `Bench` calls that loop through ctypes.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ CXX_FLAGS = (
 
 
 def identity() -> str:
-    """What every library's key must hold besides its design: compiler, machine, flags and harness."""
-    # -### tells the compiler's version and what -march=native stands for on this machine.
+    """The part of a library's cache key that does not depend on its design: compiler, machine, flags and harness."""
+    # -### prints the compiler's version and what -march=native means on this machine.
     command = [_compiler(), "-###", "-march=native", "-E", "-x", "c++", os.devnull]
     compiler = subprocess.run(command, capture_output=True, text=True, check=True).stderr
     return digest(compiler, " ".join(CXX_FLAGS), digest_files(HARNESS.iterdir()))
@@ -43,18 +43,18 @@ def identity() -> str:
 
 @dataclass(frozen=True)
 class Sources:
-    """What is compiled into a library besides the harness.
+    """The sources of a library besides the harness.
 
     Parameters
     ----------
     model : str
-        The harness's header for the simulator.
+        Name of the harness's header for the simulator.
     includes : tuple of Path
         Folders of headers.
     each_cycle : tuple of Path
-        C++ files that run each cycle; the compiler takes its time over them.
+        C++ files that run in each cycle; compiled with full optimisation, which is slow.
     others : tuple of Path
-        C++ files that run at the start or seldom.
+        C++ files that run only at the start or rarely.
     """
 
     model: str
@@ -69,7 +69,7 @@ def compile_library(folder: Path, sources: Sources, *, waves: bool, progress: Pr
     Raises
     ------
     BackendError
-        With the first error of the compiler.
+        If the compiler fails, with its first error.
     """
     flags = [*CXX_FLAGS, f'-DMODEL="{sources.model}"', *(f"-I{path}" for path in (HARNESS, *sources.includes))]
     if waves:
@@ -81,7 +81,7 @@ def compile_library(folder: Path, sources: Sources, *, waves: bool, progress: Pr
     def compile_one(job: tuple[Path, str], target: Path) -> None:
         source, optimisation = job
         run_tool([_compiler(), *flags, optimisation, "-c", str(source), "-o", str(target)])
-        progress(f"compiled {source.name}, one of {len(jobs)} files")
+        progress(f"compiled {source.name} (one of {len(jobs)} files)")
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(compile_one, jobs, objects))
@@ -93,7 +93,7 @@ def compile_library(folder: Path, sources: Sources, *, waves: bool, progress: Pr
 def _compiler() -> str:
     path = shutil.which("g++")
     if path is None:
-        raise BackendError("g++ is not installed, and compiled simulators need it; Debian, Ubuntu: apt install g++")
+        raise BackendError("g++ is not installed; compiled simulators need it. On Debian and Ubuntu: apt install g++")
     return path
 
 
@@ -103,7 +103,7 @@ def run_tool(command: Sequence[str], **options: Any) -> None:
     Raises
     ------
     BackendError
-        If it fails, with its first line that speaks of an error.
+        If it fails, with the first line of its output that contains ``error``.
     """
     done = subprocess.run(command, capture_output=True, text=True, check=False, **options)
     if done.returncode:
@@ -113,7 +113,7 @@ def run_tool(command: Sequence[str], **options: Any) -> None:
 
 
 def ports_header(ports: Ports, mangle: Callable[[str], str]) -> str:
-    """``ports.hpp`` for the harness; ``mangle`` gives the C++ member of a port's name or of a prefix of names."""
+    """``ports.hpp`` for the harness; ``mangle`` maps the name of a port, or a prefix of names, to its C++ name."""
 
     def prefix_macros(kind: str, prefixes: Sequence[str]) -> list[str]:
         macros = [f"#define {kind}_{i}(member) {mangle(prefix + '_')}##member" for i, prefix in enumerate(prefixes)]
@@ -148,14 +148,14 @@ class _Request(ctypes.Structure):
 
 
 class Bench:
-    """One running model of a compiled design, just out of reset.
+    """A running model of a compiled design; it starts just after a reset.
 
     Parameters
     ----------
     library : Path
         The shared library.
     ports : Ports
-        The ports it was compiled for.
+        The ports that it was compiled for.
     waves : Path or None
         VCD file to write; the library must have been compiled for waves.
     """
@@ -166,11 +166,11 @@ class Bench:
         self._bench = self._library.bench_open(os.fsencode(waves or ""))
 
     def close(self) -> None:
-        """End the simulation and complete the wave file."""
+        """End the simulation and close the wave file."""
         self._library.bench_close(self._bench)
 
     def reset(self) -> None:
-        """Reset the design, wherever it is."""
+        """Reset the design, in whatever state it is."""
         self._library.bench_reset(self._bench)
 
     def write(self, address: int, value: int) -> None:
@@ -179,25 +179,25 @@ class Bench:
         Raises
         ------
         BackendError
-            If the design refuses it or does not answer.
+            If the design refuses the access or does not answer.
         """
         check_access("write", address, self._library.bench_write(self._bench, address, value))
 
     def read(self, address: int) -> int:
-        """Read a register; errors as `write` raises them."""
+        """Read a register; raises the same errors as `write`."""
         value = ctypes.c_uint32()
         check_access("read", address, self._library.bench_read(self._bench, address, ctypes.byref(value)))
         return value.value
 
     def run(self, segment: Segment, pauses: Pauses = NO_PAUSES) -> Recording:
-        """Stream a segment.
+        """Stream a segment through the design.
 
         Raises
         ------
         ValueError
-            For a setting that does not exist or does not fit.
+            For a setting that does not exist or whose value has too many bits.
         BackendError
-            If the design does not end it within its cycle limit.
+            If the design does not finish within the segment's cycle limit.
         """
         self.ports.check(segment.settings)
         if segment.reset:
@@ -268,29 +268,29 @@ def simulate(
     waves: Path | None = None,
     progress: Progress = silent,
 ) -> list[Recording]:
-    """Run segments one after the other on a model fresh out of reset.
+    """Run segments one after the other on a model that starts just after a reset.
 
     Parameters
     ----------
     library : callable
-        Gives the shared library of ``design`` (`sim.verilator.shared_library`, `sim.cxxrtl.shared_library`).
+        Builds the shared library of ``design``: `sim.verilator.shared_library` or `sim.cxxrtl.shared_library`.
     design : Design
-        What is simulated.
+        The design to simulate.
     segments : sequence of Segment
-        What goes in.
+        The input.
     pauses : Pauses
-        Of the streams around the design.
+        Gaps and stalls of the streams around the design.
     waves : Path or None
         VCD file to write.
     progress : callable
-        Told of a first build.
+        Receives lines of text about a first build.
 
     Raises
     ------
     ValueError
-        For a setting that does not exist or does not fit.
+        For a setting that does not exist or whose value has too many bits.
     BackendError
-        If a tool is missing or fails, or the design hangs.
+        If a tool is missing or fails, or if the design hangs.
     """
     built = library(design, waves=waves is not None, progress=progress)
     with contextlib.closing(Bench(built, design.ports, waves)) as bench:

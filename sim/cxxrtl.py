@@ -1,4 +1,4 @@
-"""The design as CXXRTL makes it from Amaranth's netlist: a second opinion that never sees the Verilog."""
+"""Simulation by CXXRTL, from Amaranth's netlist: it never reads the Verilog and so checks Verilator independently."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sim.hardware import HardwareBackend
 
 
 def shared_library(design: Design, *, waves: bool = False, progress: Progress = silent) -> Path:
-    """The design as a shared library, compiled the first time; errors as `sim.compiled.simulate` raises them."""
+    """Return the design as a shared library, compiled the first time; raises what `sim.compiled.simulate` raises."""
     model = design.cxxrtl(progress, debug=waves)
     ports = compiled.ports_header(design.ports, _mangle)
 
@@ -50,5 +50,5 @@ def _runtime_folder() -> Path:
 
 
 def load(*, progress: Progress, waves: Path | None) -> HardwareBackend:
-    """This backend, for `sim.backend.load_backend`."""
+    """Make this backend for `sim.backend.load_backend`."""
     return HardwareBackend(simulate, progress=progress, waves=waves)

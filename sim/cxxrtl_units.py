@@ -1,4 +1,4 @@
-"""CXXRTL's one huge function taken apart: compilers need minutes and gigabytes for it, and can use only one core."""
+"""Splits the one huge function that CXXRTL writes: compiling it whole takes minutes and gigabytes, on one core."""
 
 from __future__ import annotations
 
@@ -8,34 +8,34 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 UNIT_LINES = 2500
-"""Lines of a compilation unit: few enough to compile in seconds, so many that the units' common header is cheap."""
+"""Lines of a compilation unit: few enough to compile in seconds, and enough to outweigh the header of each unit."""
 
-# CXXRTL compares each register with its next value and copies it if they differ, to tell whether the model has
-# settled. We do not ask: plain copies make the simulation twice as fast (measured).
+# CXXRTL compares each register with its next value and copies it if they differ, to report whether the model has
+# settled. We never read that report; plain copies make the simulation twice as fast (measured).
 COMMIT = re.compile(r"if \(((?!memory_)\w+)\.commit\(observer\)\) changed = true;")
 CLASS_END = "}; // struct p_top\n"
 NAMESPACE_END = "} // namespace cxxrtl_design\n"
 EVAL = re.compile(r"bool p_top::eval\(performer \*performer\) \{\n(.*?)\n\treturn converged;\n\}\n", re.DOTALL)
 LOCAL = re.compile(r"\tvalue<\d+> (\w+);")
 OUTLINE = re.compile(r"/\*outline\*/ value<\d+> (\w+);")
-"""Members that a model for waves has: the same values under the same names."""
+"""Members of the class in a model for waves: they have the names and values of the local variables."""
 EDGE = re.compile(r"\tbool \w+ = this->\w+\(\);")
 COMMENT = re.compile(r"\t+//.*\n")
 ENABLED = re.compile(r"\tif \((posedge_\w+)\) \{\n\t\tif \((.+)\) \{\n\t\t\t(\w+\.next\b.*;)\n\t\t\}\n\t\}\n")
-"""A register's next value where its enable is high. Nothing but the edge of the clock looks at next values."""
+"""Assignment of a register's next value if its enable is high. Only the clock edge reads next values."""
 
 
 class Units(NamedTuple):
-    """A model of CXXRTL in files.
+    """The files of a CXXRTL model.
 
     Parameters
     ----------
     header : str
-        ``design.hpp``: the class.
+        ``design.hpp``, with the class.
     each_cycle : list of str
         The parts of its evaluation.
     rest : str
-        What remains: the reset, the evaluation as calls of its parts, and names for waves.
+        The rest: the reset, the evaluation that calls its parts, and the names for waves.
     """
 
     header: str
@@ -44,7 +44,7 @@ class Units(NamedTuple):
 
 
 def split(model: str) -> Units:
-    """Split a model that CXXRTL wrote; what were local variables of its evaluation become members of the class."""
+    """Split a model that CXXRTL wrote; the local variables of its evaluation become members of the class."""
     declaration, definitions = COMMIT.sub(r"\1.curr = \1.next;", model).split(CLASS_END)
     evaluation = EVAL.search(definitions)
     assert evaluation is not None
@@ -68,7 +68,7 @@ def split(model: str) -> Units:
 
 
 def _by_enable(evaluation: str) -> str:
-    """The evaluation with one condition for all registers of an enable, at its end, instead of one for each bit."""
+    """Rewrite the evaluation: one condition at the end for all registers with the same enable, not one for each bit."""
     registers: defaultdict[tuple[str, str], list[str]] = defaultdict(list)
 
     def take(register: re.Match[str]) -> str:
@@ -84,7 +84,7 @@ def _by_enable(evaluation: str) -> str:
 
 
 def _parts(lines: Iterator[str]) -> Iterator[list[str]]:
-    """Whole statements, `UNIT_LINES` at a time."""
+    """Split into parts of about `UNIT_LINES` lines, between statements."""
     part: list[str] = []
     depth = 0
     for line in lines:

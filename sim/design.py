@@ -1,4 +1,4 @@
-"""Designs as the simulators see them: flat ports, and a text that is made once and kept."""
+"""Designs as the simulators need them: flat ports, and a netlist text that is made once and cached."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from sim.build_cache import cached, digest
 
 @dataclass(frozen=True)
 class Ports:
-    """The flat ports of a design: ``aclk``, ``aresetn``, one video input, and what is named here.
+    """The flat ports of a design: ``aclk``, ``aresetn``, one video input, and the ports named here.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ class Ports:
     control : str or None
         Prefix of the AXI4-Lite registers.
     taps : tuple of str
-        Prefixes of debugging outputs, ``_tdata`` and ``_tvalid`` alone.
+        Prefixes of debugging outputs, which have only ``_tdata`` and ``_tvalid``.
     video : str
         Prefix of the input: up to 32 bits of ``_tdata``, ``_tuser`` at the start of a frame, ``_tlast`` at the end of
         a line, ``_tvalid`` and ``_tready``.
@@ -42,7 +42,7 @@ class Ports:
     video: str = "s_axis_video"
 
     def check(self, settings: Mapping[str, int]) -> None:
-        """Raise ValueError for a setting that does not exist or does not fit."""
+        """Raise ValueError for a setting that does not exist or whose value has too many bits."""
         for name, value in settings.items():
             if name not in self.settings:
                 raise ValueError(f"no setting {name!r}; valid: {', '.join(self.settings)}")
@@ -57,13 +57,13 @@ class Design:
     Parameters
     ----------
     name : str
-        For messages and file names.
+        Name for messages.
     ports : Ports
         The ports of ``top``.
     top : callable
-        Builds the component; called only where its text is not in the cache.
+        Builds the component; called only if its text is not in the cache.
     identity : str
-        Everything that ``top`` depends on: parameters and a digest of the sources.
+        Everything that ``top`` depends on: its parameters and a digest of its sources.
     """
 
     name: str
@@ -72,13 +72,13 @@ class Design:
     identity: str
 
     def verilog(self, progress: Progress, *, flat: bool = False) -> str:
-        """The design in Verilog: as it is exported, or ``flat`` to be simulated."""
+        """The design in Verilog: with its modules, as it is exported, or ``flat``, for simulation."""
         if flat:
             return self._text("verilog-flat", functools.partial(to_verilog, flat=True), progress)
         return self._text("verilog", to_verilog, progress)
 
     def cxxrtl(self, progress: Progress, *, debug: bool = False) -> str:
-        """The design in CXXRTL's C++; ``debug`` keeps what waves need."""
+        """The design in CXXRTL's C++; ``debug`` keeps the signals' names for waves."""
         if debug:
             return self._text("cxxrtl-debug", functools.partial(to_cxxrtl, debug=True), progress)
         return self._text("cxxrtl", to_cxxrtl, progress)

@@ -123,14 +123,17 @@ class Beats:
     cycles : int64 ndarray, shape (N,)
         Clock of each beat.
     fields : dict of str to ndarray
-        ``x``, ``y`` and the payload, each of shape (N,) or, for arrays in the payload, (N, ...).
+        ``x``, ``y`` and the fields of the payload, each of shape (N,) or, for arrays in the payload, (N, ...).
     """
 
     cycles: NDArray[np.int64]
     fields: dict[str, NDArray[Any]]
 
     def plane(self, field: str, shape: tuple[int, int], *, lag_px: int = 0) -> NDArray[Any]:
-        """A field as a plane of ``shape``, each value at the pixel that it describes; pixels without a beat are 0."""
+        """A field as a plane of ``shape``, each value at the pixel it belongs to; pixels without a beat are 0.
+
+        ``lag_px`` says how far that pixel lies to the left of and above the beat's position.
+        """
         values = self.fields[field]
         x, y = self.fields["x"] - lag_px, self.fields["y"] - lag_px
         inside = (x >= 0) & (y >= 0) & (x < shape[1]) & (y < shape[0])
@@ -139,7 +142,7 @@ class Beats:
         return plane
 
     def split(self) -> list[Beats]:
-        """The beats of each frame: one starts where y falls."""
+        """The beats of each frame; a new frame starts where y decreases."""
         starts = np.flatnonzero(np.diff(self.fields["y"]) < 0) + 1
         parts = {name: np.split(values, starts) for name, values in self.fields.items()}
         return [
@@ -170,12 +173,12 @@ def run_beats(
     pauses : Pauses
         Gaps of the input.
     drain_cycles : int
-        Clocks after the last beat.
+        Clocks to run after the last beat.
 
     Returns
     -------
     sent, received : Beats
-        ``received.cycles - sent.cycles`` is the latency of a block that answers each beat.
+        ``received.cycles - sent.cycles`` is the latency of a block that sends one beat for each beat.
     """
     i, o = (getattr(dut, name) for name in ("i", "o"))
     layout = i.shape()

@@ -1,4 +1,4 @@
-"""The golden model behind the `sim.backend.Backend` interface; every other backend is compared with it."""
+"""The golden model as a `sim.backend.Backend`; every other backend is compared with it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def matched(
 ) -> Iterator[FrameResult]:
     """Add the golden matches to the features, status and cycles of each frame.
 
-    A bad frame has no matches and does not become the reference; the first good frame has none to be matched with.
+    A bad frame has no matches and does not become the reference; the first good frame has no reference.
     """
     left = None
     for features, status, cycles in frames:
@@ -47,13 +47,13 @@ def matched(
 
 
 def load(*, progress: Progress, waves: Path | None) -> GoldenBackend:
-    """This backend, for `sim.backend.load_backend`; it builds nothing and has no waves.
+    """Make this backend for `sim.backend.load_backend`; it builds nothing and has no waves.
 
     Raises
     ------
     BackendError
-        If waves are asked for.
+        If waves are requested.
     """
     if waves is not None:
-        raise BackendError("the golden backend has no waves; use verilator, cxxrtl or pysim")
+        raise BackendError("the golden model cannot write waves; use verilator, cxxrtl or pysim")
     return GoldenBackend()

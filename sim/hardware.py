@@ -1,4 +1,4 @@
-"""The simulated accelerator behind the `sim.backend.Backend` interface, whichever simulator runs it."""
+"""The simulated accelerator as a `sim.backend.Backend`, for every simulator."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from sim.stages import locate_mismatch
 
 
 class HardwareBackend(Backend):
-    """Features and matches by the simulated accelerator.
+    """Features and matches computed by the simulated accelerator.
 
     Parameters
     ----------
     simulate : callable
         `sim.compiled.simulate` of a simulator, or `sim.pysim.simulate`.
     progress : callable
-        Told of first builds.
+        Receives a line of text when a first build starts or ends.
     waves : Path or None
-        VCD file of each run.
+        VCD file that each run writes.
     """
 
     def __init__(self, simulate: Callable[..., list[Recording]], *, progress: Progress, waves: Path | None):
@@ -46,18 +46,18 @@ class HardwareBackend(Backend):
         return [result for recording in recordings for result in _results(recording, config)]
 
     def locate(self, image: NDArray[np.uint8], config: Config, *, frame: int) -> Mismatch | None:
-        """See `sim.backend.Backend.locate`; builds a front end that shows its stages, the first time."""
-        self._progress("looking for the stage")
+        """See `sim.backend.Backend.locate`; the first call builds a front end that outputs its stages."""
+        self._progress("looking for the first stage that differs")
         return locate_mismatch(image, config.front_end, self.simulate, frame=frame, progress=self._progress)
 
 
 def frame_segments(frames: Sequence[NDArray[np.uint8]], config: Config, reference: Reference) -> list[Segment]:
-    """Frames as segments for the accelerator; those of one shape follow each other without a pause.
+    """Frames as segments for the accelerator; consecutive frames of one shape share a segment and follow without a gap.
 
     Raises
     ------
     ValueError
-        For a frame the configuration cannot take.
+        For a frame that the configuration cannot process.
     """
     groups = [list(group) for _, group in itertools.groupby(frames, key=lambda image: image.shape)]
     return [_segment(group, config, reference, first=number == 0) for number, group in enumerate(groups)]
@@ -73,7 +73,8 @@ def _segment(frames: list[NDArray[np.uint8]], config: Config, reference: Referen
         "hold_reference": held,
         **({"take_reference": held} if first else {}),
     }
-    # A frame takes a clock for each pixel, and its matching as long again at most; twice that is hanging.
+    # A frame takes a clock for each pixel, and its matching at most as long again; a design that takes twice as long
+    # hangs.
     cycle_limit = 2 * data.size + len(frames) * config.front_end.max_features**2
     return Segment(data, flags, len(frames), cycle_limit, writes=register_writes(values))
 
@@ -88,7 +89,7 @@ def _results(recording: Recording, config: Config) -> Iterator[FrameResult]:
 def frame_result(
     feature_words: NDArray[np.uint64], match_words: NDArray[np.uint64], config: Config, *, cycles: int | None
 ) -> FrameResult:
-    """A frame's two packets, each of them records and a FrameStatus, as the host sees them."""
+    """Decode the two packets of a frame; each consists of records and a FrameStatus."""
     pattern = config.front_end.pattern
     feature = feature_record(pattern.descriptor_bytes, pattern.window_bytes)
     return FrameResult(
@@ -101,7 +102,7 @@ def frame_result(
 
 
 def _records(record: Record, words: NDArray[np.uint64]) -> NDArray[np.void]:
-    """The records of a packet that come before its status."""
+    """The records of a packet, without the status at its end."""
     return words.view(record.dtype)[:-1]
 
 

@@ -1,4 +1,4 @@
-"""Amaranth's own simulator: for tiny frames, some thousand cycles a second."""
+"""Simulation by Amaranth's own simulator: a few thousand cycles a second, enough for tiny frames."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def simulate(
     waves: Path | None = None,
     progress: Progress = silent,
 ) -> list[Recording]:
-    """Run segments one after the other: in Python, and cycle for cycle, what `sim.compiled.simulate` does."""
+    """Run segments one after the other, in Python; cycle for cycle the same as `sim.compiled.simulate`."""
     bench = _Bench(design.top(), design.ports, pauses)
     recordings: list[Recording] = []
 
@@ -48,7 +48,7 @@ def simulate(
 
 
 class _Bench:
-    """``struct Bench`` of harness.cpp."""
+    """The same as ``struct Bench`` of harness.cpp."""
 
     def __init__(self, top: Any, ports: Ports, pauses: Pauses):
         self.top = top
@@ -166,5 +166,5 @@ def _recording(ports: Ports, starts: list[int], traces: dict[str, _Trace]) -> Re
 
 
 def load(*, progress: Progress, waves: Path | None) -> HardwareBackend:
-    """This backend, for `sim.backend.load_backend`."""
+    """Make this backend for `sim.backend.load_backend`."""
     return HardwareBackend(simulate, progress=progress, waves=waves)

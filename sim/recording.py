@@ -1,4 +1,4 @@
-"""What goes into a simulated design and what comes out, whichever simulator runs it."""
+"""Input and output of a simulated design, the same for every simulator."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ END_OF_LINE = 2
 
 @dataclass(frozen=True)
 class Pauses:
-    """Seeded pauses of the streams around a design, each a probability in 1/256 a cycle.
+    """Seeded pauses of the streams around a design; each is a probability per cycle, in 1/256.
 
     Parameters
     ----------
     gaps : int
-        0..255, cycles in which no new beat is offered to the design.
+        0..255: how often no new beat is offered to the design.
     stalls : int
-        0..255, cycles in which an output of the design is not taken.
+        0..255: how often an output of the design is not taken.
     seed : int
         Below 2**24.
     """
@@ -38,7 +38,7 @@ class Pauses:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must be 0 to {limit - 1}")
 
     def gap(self, cycle: int, stream: int = 0) -> bool:
-        """Whether no beat is offered to input ``stream`` in ``cycle``."""
+        """Whether input ``stream`` gets no beat in ``cycle``."""
         return self._hash(cycle, stream) < self.gaps
 
     def stall(self, cycle: int, stream: int) -> bool:
@@ -57,24 +57,24 @@ NO_PAUSES = Pauses()
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """Beats that are streamed in one go, after the design was set for them.
+    """Beats that are streamed in one run, after the settings are made.
 
     Parameters
     ----------
     data : uint32 ndarray
-        One word a beat.
+        One word per beat.
     flags : uint8 ndarray
         START_OF_FRAME and END_OF_LINE of each beat.
     packets : int
-        Packets that every output must have ended before the segment is over.
+        Number of packets that every output must have completed before the segment ends.
     cycle_limit : int
-        A segment that is not over by then is an error.
+        A segment that takes longer is an error.
     settings : mapping of str to int
-        Static inputs, kept afterwards.
+        Static inputs to set; they keep their values afterwards.
     writes : sequence of (int, int)
         Addresses and values of registers to write.
     reset : bool
-        Reset the design first, wherever it is.
+        Reset the design first, in whatever state it is.
     """
 
     data: NDArray[np.uint32]
@@ -86,7 +86,7 @@ class Segment:
     reset: bool = False
 
     def overdue(self, cycle: int) -> BackendError:
-        """The error of a design that hangs."""
+        """The error to raise if the design has not finished by its cycle limit."""
         return BackendError(
             f"the simulated design did not end {self.packets} packets within {self.cycle_limit} cycles "
             f"(stopped in cycle {cycle})"
@@ -94,7 +94,7 @@ class Segment:
 
 
 def check_access(kind: str, address: int, response: int) -> None:
-    """Raise BackendError where a register access was answered with an error, or (``response`` -1) not at all."""
+    """Raise BackendError if the response to a register access is an error, or -1, which stands for no response."""
     if response:
         reason = "got no answer" if response < 0 else f"was refused (response {response})"
         raise BackendError(f"the {kind} of register 0x{address:03x} {reason}")
@@ -102,7 +102,7 @@ def check_access(kind: str, address: int, response: int) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Output:
-    """What one output stream delivered during a segment.
+    """The words of one output stream during a segment.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ class Output:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """What a design did during a segment; cycles count from the end of the reset.
+    """The outputs of a design during a segment; cycles are counted from the end of the reset.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ class Recording:
 
 
 def flat_frame(image: NDArray[np.uint8]) -> tuple[NDArray[np.uint32], NDArray[np.uint8]]:
-    """Beats of a frame in raster order: data and flags, ready for a `Segment`.
+    """Beats of a frame in raster order: data and flags for a `Segment`.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Equality of two backends' results: the first mismatch with its place, and what an equality run has covered."""
+"""Compares the results of two backends: the first mismatch with its position, and how much was compared."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ POSITION_UNITS_PER_PX = 16
 def first_mismatch(expected: Sequence[FrameResult], actual: Sequence[FrameResult]) -> Mismatch | None:
     """The first difference in features, matches or status records, frame by frame and record by record.
 
-    ``cycles`` is left out: the golden model has no clock.
+    ``cycles`` is not compared: the golden model has no clock.
     """
     for number, (wanted, got) in enumerate(zip(expected, actual, strict=True)):
         differences = (
@@ -66,16 +66,16 @@ def _first_field(
 
 
 def plane_mismatch(stage: str, expected: Plane, actual: np.ma.MaskedArray, *, frame: int = 0) -> Mismatch | None:
-    """The first pixel in raster order at which a stage's plane differs inside its specified part.
+    """The first pixel, in raster order, at which a stage's plane differs in the part where its values are specified.
 
     Parameters
     ----------
     stage : str
-        Name for the message.
+        Name of the stage, for the message.
     expected : Plane
         The golden plane with its margin.
     actual : integer masked array
-        The hardware's plane, of the same shape; pixels that it does not describe are masked.
+        The hardware's plane, of the same shape; pixels without a value are masked.
     """
     margin_px = expected.margin_px
     wrong = np.ma.filled(expected.specified != Plane(actual, margin_px).specified, fill_value=False)
@@ -88,14 +88,14 @@ def plane_mismatch(stage: str, expected: Plane, actual: np.ma.MaskedArray, *, fr
 def first_stage_mismatch(
     golden: FrontEndTrace, planes: Sequence[dict[str, np.ma.MaskedArray]], *, frame: int = 0
 ) -> Mismatch | None:
-    """The first stage, in the order of the data flow, whose hardware plane differs from the golden one.
+    """The first stage, in data-flow order, whose hardware plane differs from the golden plane.
 
     Parameters
     ----------
     golden : FrontEndTrace
         From `golden_model.front_end.trace`.
     planes : sequence of dict of str to masked array
-        By level, the hardware's planes under the golden names; stages that are missing are not compared.
+        For each level, the hardware's planes under the golden model's names; missing stages are not compared.
     """
     return next(_stage_mismatches(golden, planes, frame), None)
 
@@ -112,7 +112,7 @@ def _stage_mismatches(
 
 @dataclass(frozen=True)
 class Coverage:
-    """How much an equality run compared.
+    """How much a comparison covered.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ class Coverage:
     features : tuple of (int, int)
         Of level 0 and of level 1.
     sectors : int
-        How many of the 16 orientation sectors occurred.
+        Number of the 16 orientation sectors that occurred.
     matches : int
     """
 
@@ -131,7 +131,7 @@ class Coverage:
 
     @classmethod
     def of(cls, results: Sequence[FrameResult]) -> Coverage:
-        """What ``results`` cover."""
+        """Coverage of a comparison with ``results``."""
         levels = np.concatenate([result.features["level"] for result in results])
         sectors = np.concatenate([result.features["sector"] for result in results])
         return cls(
@@ -142,10 +142,10 @@ class Coverage:
         )
 
     def missing(self, config: FrontEndConfig) -> list[str]:
-        """Why equality would prove too little; empty where it proves enough.
+        """Reasons why the comparison covered too little; empty if it covered enough.
 
-        Enough is 1000 features of level 0 and 100 matches, and where the configuration has them, 100 features of
-        level 1 and all sectors.
+        Enough is 1000 features of level 0, 100 matches, and, if the configuration has them, 100 features of level 1 and
+        all sectors.
         """
         counts = (
             ("level-0 features", self.features[0], LEAST_LEVEL_0_FEATURES),

@@ -1,4 +1,4 @@
-"""Where hardware and golden model part: the planes of every stage, from a build of the front end that shows them."""
+"""Finds the stage where hardware and golden model differ, with a build of the front end that outputs every stage."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ def locate_mismatch(
     image : uint8 ndarray, shape (H, W) or (H, W, 3) BGR
     config : FrontEndConfig
     simulate : callable
-        `sim.verilator.simulate` or that of another simulator.
+        ``simulate`` of `sim.verilator`, `sim.cxxrtl` or `sim.pysim`.
     frame : int
-        The number of the frame, for the message.
+        Number of the frame, for the message.
     progress : callable
-        Told of the first build.
+        Receives lines of text about a first build.
 
     Returns
     -------
     Mismatch or None
-        None where all planes agree: then the difference arises behind the candidates.
+        None if all planes are equal: then the difference arises after the corner candidates.
     """
     height_px, width_px = image.shape[:2]
     data, flags = flat_frame(image)
@@ -59,7 +59,7 @@ def locate_mismatch(
 
 
 def _plane(words: NDArray[np.void], shape: tuple[int, int]) -> np.ma.MaskedArray:
-    """The values at the pixels that they describe; the others are masked: hardware has not come that far."""
+    """The values at their pixels; the other pixels are masked, since the hardware sent no value for them."""
     plane: np.ma.MaskedArray = np.ma.MaskedArray(np.zeros(shape, np.int64), mask=True)
     x, y = words["x"], words["y"]
     inside = (x >= 0) & (y >= 0) & (x < shape[1]) & (y < shape[0])

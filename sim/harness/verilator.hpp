@@ -1,4 +1,4 @@
-// A Verilator model as harness.cpp drives it.
+// Adapts a Verilator model to harness.cpp.
 
 #include <memory>
 
@@ -32,7 +32,7 @@ struct Model {
 
     void reset(bool active) { top.aresetn = !active; }
 
-    // The falling edge wakes no register: it only brings the outputs up to date with the inputs.
+    // No register reacts to the falling edge: this evaluation only updates the outputs from the inputs.
     void settle() {
         top.aclk = 0;
         top.eval();
