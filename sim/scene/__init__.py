@@ -1,4 +1,4 @@
-"""Synthetic flights: an invented landscape, a camera over it, and the exact homographies between its views."""
+"""Synthetic flights: a generated landscape, a camera above it, and the exact homographies between its views."""
 
 from sim.scene.camera import Camera, CameraPose, Photometry, project, render_view
 from sim.scene.flight import Flight, lawnmower, pair

@@ -1,4 +1,4 @@
-"""The camera: exact homographies of a pinhole over flat ground, rendering, and what light and lens do to a picture."""
+"""The camera: exact homographies of a pinhole over flat ground, rendering, and effects of light, lens and sensor."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _RESAMPLING_MARGIN_PX = 4
 
 @dataclass(frozen=True, kw_only=True)
 class Camera:
-    """A pinhole camera whose principal point is the middle of its images.
+    """A pinhole camera with its principal point at the centre of its images.
 
     Parameters
     ----------
@@ -53,7 +53,9 @@ class Camera:
 
 @dataclass(frozen=True, kw_only=True)
 class CameraPose:
-    """Where the camera is and where it looks. All zero but the altitude, it looks straight down, top edge to -y.
+    """Position and attitude of the camera.
+
+    With all angles 0 it looks straight down, and the top edge of the image points to -y.
 
     Parameters
     ----------
@@ -62,7 +64,7 @@ class CameraPose:
     altitude_px : float
         Height over the ground in ground pixels: the image scale is ``focal_px / altitude_px``.
     heading_deg : float
-        Turn about the vertical, clockwise from above.
+        Rotation about the vertical, clockwise seen from above.
     pitch_deg, roll_deg : float
         Tilt of the optical axis towards the top and towards the right edge of the image.
 
@@ -98,7 +100,7 @@ class CameraPose:
         Raises
         ------
         ValueError
-            If part of the image looks at or above the horizon.
+            If part of the image shows the horizon or the sky.
         """
         to_ground_plane = np.array([[1, 0, -self.x_px], [0, 1, -self.y_px], [0, 0, self.altitude_px]])
         ground_to_image: NDArray[np.float64] = camera.matrix @ self.rotation.T @ to_ground_plane
@@ -117,10 +119,11 @@ class CameraPose:
 
 @dataclass(frozen=True, kw_only=True)
 class Photometry:
-    """What lens, exposure and sensor do to a picture; the defaults do nothing.
+    """Effects of lens, exposure and sensor on a picture; the defaults change nothing.
 
-    In this order: Gaussian blur; ``255 * clip(gain * falloff * value / 255, 0, 1) ** gamma``, where the falloff is
-    1 in the middle and ``1 - vignetting`` in the corners; Gaussian noise in gray levels, independent by channel.
+    They apply in this order: Gaussian blur; ``255 * clip(gain * falloff * value / 255, 0, 1) ** gamma``, where the
+    falloff is 1 in the centre and ``1 - vignetting`` in the corners; Gaussian noise in gray levels, independent in each
+    channel.
     """
 
     gain: float = 1.0
@@ -130,7 +133,7 @@ class Photometry:
     vignetting: float = 0.0
 
     def apply(self, image: NDArray[np.uint8] | NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.uint8]:
-        """The picture as taken; ``image`` has shape (H, W, 3) and is left as it is."""
+        """Return the picture as the camera takes it; ``image`` has shape (H, W, 3) and is not modified."""
         if self.blur_sigma_px > 0:
             image = cv2.GaussianBlur(image, (0, 0), self.blur_sigma_px)
         height, width = image.shape[:2]
@@ -144,13 +147,14 @@ class Photometry:
 
 
 def project(homography: NDArray[np.floating[Any]], points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points, shape (n, 2), carried by a homography."""
-    projected: NDArray[np.float64] = cv2.perspectiveTransform(np.asarray(points, np.float64)[np.newaxis], homography)[0]
+    """Map points, shape (n, 2), by a homography."""
+    batch = np.asarray(points, np.float64)[np.newaxis]
+    projected: NDArray[np.float64] = cv2.perspectiveTransform(batch, homography)[0]
     return projected
 
 
 def visible_box(pose: CameraPose, camera: Camera) -> tuple[int, int, int, int]:
-    """x, y, width and height of the ground that a view needs, with what its resampling reads around it."""
+    """x, y, width and height of the ground that a view needs, with the margin that its resampling reads."""
     footprint = pose.footprint(camera)
     margin = _RESAMPLING_MARGIN_PX * max(1.0, pose.altitude_px / camera.focal_px)
     left, top = np.floor(footprint.min(axis=0) - margin).astype(int)
@@ -167,14 +171,14 @@ def render_view(
     *,
     origin: tuple[int, int] = (0, 0),
 ) -> NDArray[np.uint8]:
-    """One picture of the ground.
+    """Render one picture of the ground.
 
     Parameters
     ----------
     ground : ndarray
-        Shape (H, W, 3), uint8. What the camera sees beyond it is black.
+        Shape (H, W, 3), uint8. Beyond it the picture is black.
     pose, camera, photometry
-        Position, camera and picture quality.
+        Camera position and attitude, camera, and picture quality.
     rng : numpy.random.Generator
         Source of the sensor noise.
     origin : (int, int)
@@ -183,8 +187,8 @@ def render_view(
     Returns
     -------
     ndarray
-        Shape (camera.height_px, camera.width_px, 3), uint8. Its geometry is ``pose.homography(camera)``, but for
-        the 1/32 px to which OpenCV rounds sampling positions.
+        Shape (camera.height_px, camera.width_px, 3), uint8. Its geometry is ``pose.homography(camera)``, up to the
+        1/32 px to which OpenCV rounds sampling positions.
     """
     left, top, width, height = visible_box(pose, camera)
     x, y = max(left - origin[0], 0), max(top - origin[1], 0)
@@ -193,7 +197,8 @@ def render_view(
         raise ValueError(f"the view at ({pose.x_px:.0f}, {pose.y_px:.0f}) misses the ground; move the camera")
     reduction = pose.altitude_px / camera.focal_px
     if reduction > 1:
-        # What a pixel of the smaller image averages, minus what the ground's own pixels average already.
+        # A pixel of the reduced image averages several ground pixels; blur by that amount, less the averaging that the
+        # ground's own pixels already contain.
         seen = cv2.GaussianBlur(seen, (0, 0), 0.5 * np.sqrt(reduction**2 - 1))
     shift = np.array([[1, 0, x + origin[0]], [0, 1, y + origin[1]], [0, 0, 1]])
     size = (camera.width_px, camera.height_px)

@@ -1,4 +1,4 @@
-"""The window of the plane being painted: reflectance, relief and the noise that both are made of."""
+"""The window of the plane that is being painted: its reflectance and relief, and the noise for both."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Canvas:
     """A window of the plane with its top left pixel at ``x_px``, ``y_px``.
 
     ``reflectance`` has shape (3, H, W), BGR, display values 0..1; ``relief`` (H, W) is the height of the surface in
-    pixels; ``noise`` is that of `sim.scene.noise.noise_bands`, shape (octaves, H, W). The first two are painted on.
+    pixels; ``noise`` comes from `sim.scene.noise.noise_bands`, shape (octaves, H, W). Painting changes the first two.
     """
 
     x_px: int
@@ -25,7 +25,7 @@ class Canvas:
     noise: Plane
 
     def window(self, x: float, y: float, reach_px: float) -> tuple[slice, slice] | None:
-        """Rows and columns within ``reach_px`` of a point of the plane; None where that misses the canvas."""
+        """Rows and columns within ``reach_px`` of a point of the plane; None if they lie outside the canvas."""
         height, width = self.relief.shape
         left, top = int(x - reach_px) - self.x_px, int(y - reach_px) - self.y_px
         size = int(2 * reach_px) + 2
@@ -45,7 +45,7 @@ class Canvas:
         return points - (self.x_px, self.y_px)
 
     def meets(self, points: NDArray[np.float64]) -> bool:
-        """Whether the bounding box of points of the plane, with 64 px around it, meets the canvas."""
+        """Whether the bounding box of points of the plane, with a margin of 64 px, overlaps the canvas."""
         (left, top), (right, bottom) = self.local(points.min(0)) - 64, self.local(points.max(0)) + 64
         height, width = self.relief.shape
         return bool(left < width and top < height and right > 0 and bottom > 0)
@@ -57,5 +57,5 @@ def bgr(red: float, green: float, blue: float) -> Plane:
 
 
 def lay_over(under: Plane, over: Plane, share: Plane) -> None:
-    """Paint ``over`` on ``under``, in place, as far as ``share`` (0..1) says."""
+    """Blend ``over`` onto ``under`` in place, with opacity ``share`` (0..1)."""
     under += (over - under) * share

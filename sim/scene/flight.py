@@ -1,4 +1,4 @@
-"""Flights over the synthetic landscape: pictures rendered on demand, poses and homographies known exactly."""
+"""Flights over the synthetic landscape: pictures rendered on demand, with exact poses and homographies."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ class Flight:
     seed : int
         Landscape and sensor noise; non-negative.
     camera : Camera
-        The one camera on board.
+        The camera, the same for all pictures.
     poses : tuple of CameraPose
-        One a picture, in order of time.
+        One for each picture, in order of time.
     photometries : tuple of Photometry
-        One a picture.
+        One for each picture.
     """
 
     seed: int
@@ -41,7 +41,7 @@ class Flight:
 
     @property
     def images(self) -> Sequence[NDArray[np.uint8]]:
-        """The pictures, (H, W, 3) uint8 BGR: each is rendered when it is asked for, and not kept."""
+        """The pictures, (H, W, 3) uint8 BGR; each is rendered when it is read, and not kept."""
         return RenderedImages(len(self.poses), self._render)
 
     @property
@@ -57,7 +57,7 @@ class Flight:
         return between
 
     def overlap_between(self, left: int, right: int) -> float:
-        """Share of the area of picture ``left`` that picture ``right`` shows too."""
+        """Share of the area of picture ``left`` that is also in picture ``right``."""
         corners = self.camera.corners
         seen = project(self.homography_between(right, left), corners)
         area, _ = cv2.intersectConvexConvex(corners.astype(np.float32), seen.astype(np.float32))
@@ -72,14 +72,14 @@ class Flight:
 
 
 class RenderedImages(Sequence[NDArray[np.uint8]]):
-    """Pictures that are rendered whenever they are asked for, and not kept; a slice renders none.
+    """Pictures that are rendered each time they are read, and not kept; a slice renders none.
 
     Parameters
     ----------
     count : int
         Number of pictures.
     render : callable
-        Renders the picture with a number, (H, W, 3) uint8 BGR.
+        Renders the picture of the given number, (H, W, 3) uint8 BGR.
     """
 
     def __init__(self, count: int, render: Callable[[int], NDArray[np.uint8]]) -> None:
@@ -102,7 +102,7 @@ class RenderedImages(Sequence[NDArray[np.uint8]]):
 
 
 def pair(seed: int, size: tuple[int, int] = (640, 480), overlap: float = 0.6) -> Flight:
-    """Two overlapping pictures: a few degrees of rotation, another scale, tilt and exposure.
+    """Two overlapping pictures that differ by a few degrees of rotation, in scale, tilt and exposure.
 
     Parameters
     ----------
@@ -111,12 +111,12 @@ def pair(seed: int, size: tuple[int, int] = (640, 480), overlap: float = 0.6) ->
     size : (int, int)
         Width and height of the pictures; one of their pixels is about one ground pixel (0.15 m).
     overlap : float
-        Share of the left picture that the right one shows, 0..1; rotation and scale make it differ by up to 0.07.
+        Share of the left picture that is also in the right one, 0..1; rotation and scale change it by up to 0.07.
 
     Returns
     -------
     Flight
-        Of two pictures; the right one lies to the right of the left one.
+        Two pictures, the left one first.
     """
     _check_overlap("overlap", overlap)
     rng = random_stream(seed, Stream.PAIR)
@@ -138,7 +138,7 @@ def pair(seed: int, size: tuple[int, int] = (640, 480), overlap: float = 0.6) ->
 def _aimed_at(
     target: NDArray[np.float64], altitude_px: float, heading_deg: float, rng: np.random.Generator
 ) -> CameraPose:
-    """A pose, tilted up to 2 degrees each way, whose image centre shows ``target``."""
+    """A pose, tilted by up to 2 degrees, with ``target`` at the image centre."""
     pitch, roll = rng.uniform(-2, 2, 2)
     pose = CameraPose(x_px=0, y_px=0, altitude_px=altitude_px, heading_deg=heading_deg, pitch_deg=pitch, roll_deg=roll)
     axis = pose.rotation[:, 2]
@@ -155,7 +155,7 @@ def lawnmower(
 ) -> Flight:
     """A survey in parallel legs over a roughly square area, turning round at the end of each leg.
 
-    Position, heading, altitude, tilt and exposure wander a little, as those of a drone do. Pictures are rendered on
+    Position, heading, altitude, tilt and exposure vary a little, as those of a drone do. Pictures are rendered on
     demand; memory is bounded by one picture and the cached tiles of `sim.scene.ground` (144 MiB), whatever the length.
 
     Parameters
@@ -167,7 +167,7 @@ def lawnmower(
     size : (int, int)
         Width and height of the pictures; one of their pixels is about one ground pixel (0.15 m).
     forward_overlap, side_overlap : float
-        Shares common to neighbours in a leg and in neighbouring legs, 0..1, but for the wandering.
+        Overlap of successive pictures of a leg, and of neighbouring legs, 0..1; the variation above changes both.
 
     Returns
     -------

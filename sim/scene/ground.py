@@ -1,4 +1,4 @@
-"""The ground as one picture from straight above: tiles are painted, then lit by one sun."""
+"""The ground seen from straight above: tiles are painted, then lit by the sun."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from sim.scene.surface import paint_parcels, paint_ponds, paint_roads
 
 TILE_PX = 1024
 CACHED_TILES = 48
-"""Tiles kept ready: 3 MiB each."""
+"""Number of tiles in the cache, 3 MiB each."""
 
 _EDGE = cv2.BORDER_REPLICATE
 _MARGIN_PX = 96
-"""Painted around a tile, as far as the longest shadow and the widest edge strip reach."""
+"""Margin painted around a tile: the longest shadow and the widest edge strip reach so far."""
 
 _SUN, _SKY, _HAZE = (0.74, 0.82, 0.86), (0.21, 0.17, 0.14), (0.050, 0.046, 0.042)
 """Light of the sun and of the sky, and the haze between ground and camera; blue, green, red."""
 
 
 def render_ground(seed: int, width_px: int, height_px: int, origin: tuple[int, int] = (0, 0)) -> NDArray[np.uint8]:
-    """An aerial photograph of an invented landscape, at about 0.15 m a pixel.
+    """An aerial photograph of a generated landscape, at about 0.15 m per pixel.
 
-    The landscape is an endless plane that the seed alone decides; this is the part of it from ``origin``.
+    The landscape is an endless plane that depends on the seed only; this is the part that starts at ``origin``.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def render_ground(seed: int, width_px: int, height_px: int, origin: tuple[int, i
     width_px, height_px : int
         Size of the part.
     origin : (int, int)
-        x and y of its top left pixel in the plane; may be negative.
+        x and y of the part's top left pixel in the plane; may be negative.
 
     Returns
     -------
@@ -77,7 +77,7 @@ def _tile(seed: int, column: int, row: int) -> NDArray[np.uint8]:
 
 
 def _light(canvas: Canvas, rng: np.random.Generator) -> NDArray[np.uint8]:
-    """Display values of the canvas under a sun and a blue sky: Lambert shading, cast shadows, darker hollows."""
+    """Light the canvas by sun and blue sky: Lambert shading, cast shadows, darker hollows; returns display values."""
     azimuth, elevation = rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(40, 54))
     toward_sun = np.array([np.cos(azimuth), np.sin(azimuth)], np.float32)
     relief = cv2.GaussianBlur(canvas.relief, (0, 0), 0.6)
@@ -97,8 +97,8 @@ def _light(canvas: Canvas, rng: np.random.Generator) -> NDArray[np.uint8]:
 def _shadow(relief: Plane, toward_sun: NDArray[np.float32], rise: float) -> Plane:
     """Share of the sun that is hidden, 0..1.
 
-    The height of the shadow over each pixel is the largest relief towards the sun, lowered by ``rise`` a pixel of
-    way; doubling the way at each step covers 127 px in seven steps.
+    The height of the shadow above each pixel is the largest relief towards the sun, lowered by ``rise`` for each pixel
+    of distance. The distance doubles at each step, so that seven steps cover 127 px.
     """
     shade = relief
     for way_px in (1, 2, 4, 8, 16, 32, 64):

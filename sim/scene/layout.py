@@ -1,8 +1,8 @@
-"""Where things are: an endless plan of roads, parcels, buildings, cars and plants.
+"""The plan of the landscape: roads, parcels, buildings, cars and plants on an endless plane.
 
-The plan is a lattice of sections, bounded by roads between jittered nodes, bent by slow waves so that nothing is
-straight for long. A section is split into parcels at random; each parcel has a use, and the use decides what stands
-on it. A section depends on the seed and on its own indices only. Lengths are ground pixels of about 0.15 m.
+The plan is a lattice of sections. Roads between jittered nodes bound the sections, and slow waves bend everything so
+that no line is straight for long. A section is split at random into parcels; the use of a parcel decides what is built
+or grows on it. A section depends only on the seed and its own indices. Lengths are ground pixels of about 0.15 m.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from sim.scene.noise import Stream, random_stream
 
 SECTION_PX = 1500
 LARGEST_OFFSET_PX = 560
-"""How far anything of a section lies outside its lattice square."""
+"""The largest distance by which parts of a section lie outside its lattice square."""
 
 FIELD_SHARES = {
     "meadow": 0.17, "pasture": 0.12, "cereal": 0.15, "ripe": 0.10, "stubble": 0.10,
@@ -34,7 +34,7 @@ _LOT_PX = 190
 _ROADSIDE = 0.021
 """Share of a section's width between a boundary road's centre line and the parcels."""
 _REACH_PX = 60
-"""Lanes and drives that end this near to a road are joined to it."""
+"""Lanes and drives that end within this distance of a road are joined to it."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Parcel:
 
 @dataclass(frozen=True)
 class Box:
-    """A building or car: centre, size along and across its axis, direction, height of eaves, kind, random number."""
+    """A building or car: centre, size along and across its axis, direction, eaves height, kind, random number."""
 
     x: float
     y: float
@@ -190,7 +190,7 @@ def _plan_section(seed: int, column: int, row: int) -> Section:
     nodes = [[_node(seed, column + i, row + j) for i in (0, 1)] for j in (0, 1)]
     whole = _Land(np.array(nodes), seed)
     t = np.linspace(0, 1, 120)
-    # Each boundary road is planned, alike, by both sections that it divides.
+    # Each boundary road is planned twice, by the two sections at its sides: with the same random stream, so alike.
     across = [random_stream(seed, Stream.ROADS_ACROSS, column, row + j) for j in (0, 1)]
     down = [random_stream(seed, Stream.ROADS_DOWN, column + i, row) for i in (0, 1)]
     roads = [Road(whole.at(t, np.full_like(t, j)), _choice(across[j], MAIN_ROAD_SHARES)) for j in (0, 1)]
@@ -212,7 +212,7 @@ def _plan_section(seed: int, column: int, row: int) -> Section:
 
 
 def _join(line: Points, roads: list[Road]) -> Points:
-    """The line with each end led on to the nearest road, where there is one within reach."""
+    """The line, with each end extended to the nearest road if one is within reach."""
     network = np.concatenate([road.points for road in roads])
     ends = []
     for end in line[[0, -1]]:
@@ -227,7 +227,7 @@ def _choice(rng: np.random.Generator, shares: dict[str, float]) -> str:
 
 
 def _divide(land: _Land, rng: np.random.Generator, roads: list[Road], *, village: bool) -> list[tuple[_Land, str]]:
-    """Cut land at random until the pieces have the size their use asks for; villages get lanes along the cuts."""
+    """Cut land at random until the pieces have the size of their use; villages get lanes along the cuts."""
     land = land.lengthwise()
     length_px, _ = land.size_px
     village = village or (length_px < 900 and rng.random() < 0.16)
@@ -282,7 +282,7 @@ def _car(place: Points, angle: float, rng: np.random.Generator) -> Box:
 
 
 def _scattered(land: _Land, use: str, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Trees and bushes on a parcel: mean spacing, smallest and largest radius by its use; orchards stand in rows."""
+    """Trees and bushes on a parcel; its use sets their mean spacing and radii. Orchards are planted in rows."""
     spacing, smallest, largest = {
         "wood": (27.0, 15, 36), "scrub": (38.0, 4, 16), "orchard": (34.0, 10, 14), "pasture": (150.0, 8, 30),
         "meadow": (260.0, 10, 34), "lot": (50.0, 4, 26), "garden": (42.0, 4, 28), "yard": (95.0, 5, 16),

@@ -1,4 +1,4 @@
-"""Random numbers by purpose, and noise as a function of position: any window of a plane, without storing the plane."""
+"""Random streams by purpose, and noise as a function of position: any window of a plane, without storing the plane."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _LATTICE_MARGIN = 3
 
 
 class Stream(enum.IntEnum):
-    """What random numbers are for; each purpose draws from a generator of its own."""
+    """Purposes of random numbers; each has its own generator."""
 
     WAVES = 1
     NODES = 2
@@ -30,12 +30,12 @@ class Stream(enum.IntEnum):
 
 
 def random_stream(seed: int, purpose: Stream, *indices: int) -> np.random.Generator:
-    """The generator for one purpose, and for one place or picture by its indices (which may be negative)."""
+    """The generator for a purpose and, by its indices (which may be negative), for one section or picture."""
     return np.random.default_rng([seed, purpose, *(index & 0xFFFFFFFF for index in indices)])
 
 
 def noise_bands(seed: int, x_px: int, y_px: int, width_px: int, height_px: int) -> NDArray[np.float32]:
-    """Band-limited noise of a window, one band an octave.
+    """Band-limited noise of a window, one band per octave.
 
     Parameters
     ----------

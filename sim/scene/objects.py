@@ -1,4 +1,4 @@
-"""What stands on the ground: buildings, cars, trees and bushes."""
+"""Paints objects on the ground: buildings, cars, trees and bushes."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def _paint_car(box: Box, u: Plane, v: Plane, noise: Plane) -> tuple[Plane, Plane
 
 
 def paint_plants(canvas: Canvas, plants: NDArray[np.float64]) -> None:
-    """Crowns with lobes and clumps of leaves: a dome cut and roughened by the noise at its place."""
+    """Crowns with lobes and clumps of leaves: domes, cut and roughened by the noise at their position."""
     for x, y, radius, height, tone in plants.tolist():
         window = canvas.window(x, y, 1.35 * radius)
         if window is None:

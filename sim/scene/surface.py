@@ -1,4 +1,4 @@
-"""The ground itself: fields and gardens, ponds, roads and tracks."""
+"""Paints the ground: fields and gardens, ponds, roads and tracks."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _FIXED_POINT_BITS = 4
 
 @dataclass(frozen=True)
 class Cover:
-    """How a use of land looks; colours are RGB 0..255.
+    """Appearance of a land use; colours are RGB 0..255.
 
     ``row_period_px`` and ``row_relief_px`` shape the rows, ``row_contrast`` their brightness; ``grain``, ``tufts``
     and ``patches`` are amplitudes of noise of 1..2 px, 4..16 px and 32..256 px; ``roughness_px`` is the relief of
@@ -51,7 +51,7 @@ COVERS = {
     "garden": Cover((98, 106, 66), (124, 110, 84), 14, 0.10, 0.6, 0.13, 0.12, 1.0, 0.6),
     "yard": Cover((152, 144, 132), (132, 124, 110), 20, 0, 0, 0.09, 0.07, 0.8, 0.25),
 }
-"""Each use of land; colours vary by parcel on top of this."""
+"""Appearance of each land use; colours also vary from parcel to parcel."""
 
 _GRASS = bgr(108, 110, 74)
 _RUBBLE = bgr(148, 138, 114)
@@ -79,7 +79,7 @@ PAVINGS = {
 
 
 def paint_parcels(canvas: Canvas, parcels: Sequence[Parcel]) -> None:
-    """Cover the whole canvas with fields; their edges are ragged and grown over."""
+    """Cover the whole canvas with parcels; their edges are ragged and overgrown."""
     height, width = canvas.relief.shape
     plan = np.zeros((height, width), np.float32)
     for index, parcel in enumerate(parcels):

@@ -1,4 +1,4 @@
-"""A car that drives through the landscape, filmed by a camera that follows it: its corners are known exactly."""
+"""A film of a car that drives through the landscape, with its exact corners in every picture."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from sim.scene.flight import FOCAL_WIDTHS, Flight, RenderedImages
 from sim.scene.noise import Stream, noise_bands, random_stream
 
 SPEED_PX = 3.0
-"""Way of the car on the ground from one picture to the next: 40 km/h at 25 pictures a second."""
+"""Distance that the car drives from one picture to the next: 40 km/h at 25 pictures per second."""
 HIDDEN_IMAGES = 10
-"""For how many pictures the bridge hides the whole car."""
+"""Number of pictures in which the bridge hides the whole car."""
 
 _CAR_PX = (30.0, 13.0)
 """Length and width of the car on the ground: 4.5 m by 2 m."""
 _DECK_PX = (_CAR_PX[0] + HIDDEN_IMAGES * SPEED_PX, 150.0)
-"""The bridge along and across the car's way."""
+"""Size of the bridge along and across the car's path."""
 _DETAIL = 8
-"""Pixels of the painted car and deck a ground pixel."""
+"""Pixels of the painted car and bridge deck per ground pixel."""
 _RIM = 8
-"""Transparent pixels around them, so that their edges are smooth wherever they fall."""
+"""Transparent pixels around them, so that their edges stay smooth after warping."""
 _BODIES = ((222, 222, 218), (60, 62, 168), (120, 76, 44), (66, 70, 74), (60, 150, 206))
 _DARK, _WHITE, _RED = (44, 38, 34), (250, 250, 250), (40, 40, 200)
 _WINDOWS_AND_LAMPS = (
@@ -36,7 +36,7 @@ _WINDOWS_AND_LAMPS = (
     (_WHITE, (95, -0.9), (99, -0.8), (99, -0.5), (96, -0.6)),  # headlamps
     (_RED, (1, -0.9), (4, -0.9), (4, -0.5), (1, -0.5)),  # rear lamps
 )
-"""Colour, and corners of the left half: hundredths of the car's length, and halves of its width from its middle."""
+"""Colour, and corners of the left half: x in hundredths of the car's length, y in half widths from its axis."""
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 _LENS = Photometry(blur_sigma_px=0.4, noise_sigma=2.0, vignetting=0.1)
 
@@ -51,12 +51,12 @@ class Pursuit:
     Parameters
     ----------
     flight : Flight
-        Landscape, camera and poses, one a picture; the pictures as a perfect lens would take them.
+        Landscape, camera and poses, one for each picture; its pictures have no lens effects.
     car_to_ground : tuple of ndarray
-        For each picture the (3, 3) matrix to ground pixels from coordinates of the car: ground pixels from its
-        middle, x ahead, y to its right.
+        For each picture, the (3, 3) matrix from car coordinates to ground pixels. Car coordinates are in ground
+        pixels from the car's centre, x ahead and y to its right.
     bridge_to_ground : ndarray or None
-        The same of the deck under which the car drives.
+        The same for the bridge deck under which the car drives; None without a bridge.
     """
 
     flight: Flight
@@ -65,7 +65,7 @@ class Pursuit:
 
     @property
     def images(self) -> Sequence[Pixels]:
-        """The pictures, (H, W, 3) uint8 BGR: each is rendered when it is asked for, and not kept."""
+        """The pictures, (H, W, 3) uint8 BGR; each is rendered when it is read, and not kept."""
         car, deck = _paint_car(random_stream(self.flight.seed, Stream.PURSUIT, 1)), _paint_deck(self.flight.seed)
         return RenderedImages(len(self.car_to_ground), lambda number: self._render(number, car, deck))
 
@@ -83,13 +83,13 @@ class Pursuit:
 
     @property
     def car_to_images(self) -> tuple[Array, ...]:
-        """From coordinates of the car to pixels of each picture, (3, 3)."""
+        """For each picture, the (3, 3) matrix from car coordinates to its pixels."""
         to_images = zip(self.flight.homographies, self.car_to_ground, strict=True)
         return tuple(to_image @ to_ground for to_image, to_ground in to_images)
 
     @property
     def visible(self) -> Array:
-        """Share of the car that the bridge does not hide in every picture, shape (N,), 0..1."""
+        """For each picture, the share of the car that the bridge does not hide, 0..1, shape (N,)."""
         if self.bridge_to_ground is None:
             return np.ones(len(self.car_to_ground))
         deck = project(self.bridge_to_ground, _outline(_DECK_PX)).astype(np.float32)
@@ -100,20 +100,20 @@ class Pursuit:
 def pursuit(
     seed: int, images: int, size: tuple[int, int] = (640, 480), *, magnification: float = 2.0, bridge: bool = False
 ) -> Pursuit:
-    """A camera that follows a car along a winding way, and rises, turns and tilts a little.
+    """A film by a camera that follows a car along a winding path, and climbs, turns and tilts a little.
 
     Parameters
     ----------
     seed : int
-        Landscape, car, ways and noise; non-negative.
+        Landscape, car, paths and noise; non-negative.
     images : int
-        Number of pictures, 25 a second.
+        Number of pictures, 25 per second.
     size : (int, int)
         Width and height of the pictures.
     magnification : float
-        Pixels of the picture a ground pixel; the car is about ``30 * magnification`` px long.
+        Pixels of the picture per ground pixel; the car is about ``30 * magnification`` px long.
     bridge : bool
-        Halfway the car drives under a bridge.
+        Whether the car drives under a bridge halfway.
     """
     rng = random_stream(seed, Stream.PURSUIT)
     time = np.arange(images)
@@ -146,17 +146,17 @@ def _pose(x: float, y: float, heading: float) -> Array:
 
 
 def _outline(size_px: tuple[float, float]) -> Array:
-    """Corners of a rectangle about the origin, shape (4, 2), from the front left one to the right."""
+    """Corners of a rectangle around the origin, shape (4, 2): front left, front right, rear right, rear left."""
     return np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]]) / 2 * size_px
 
 
 def _lay_over(image: NDArray[np.float32], layer: Layer, to_image: Array) -> None:
-    """Draw a painted thing on the image, in place; ``to_image`` maps ground pixels from the thing's middle."""
+    """Draw a layer on the image, in place; ``to_image`` maps ground pixels, counted from the layer's centre."""
     height, width = layer.shape[:2]
     to_ground = np.array([[1, 0, (1 - width) / 2], [0, 1, (1 - height) / 2], [0, 0, _DETAIL]])
     middle, ahead = project(to_image, np.array([[0, 0], [1, 0]]))
     reduction = _DETAIL / np.linalg.norm(ahead - middle)
-    # As in the camera: what a pixel of the smaller picture averages is averaged before.
+    # As in the camera: blur first, so that a pixel of the smaller picture averages the pixels that it covers.
     smooth = cv2.GaussianBlur(layer, (0, 0), 0.5 * np.sqrt(reduction**2 - 1)) if reduction > 1 else layer
     drawn = cv2.warpPerspective(smooth, to_image @ to_ground, image.shape[1::-1], flags=cv2.INTER_LINEAR)
     image *= 1 - drawn[..., :1]
@@ -164,7 +164,7 @@ def _lay_over(image: NDArray[np.float32], layer: Layer, to_image: Array) -> None
 
 
 def _paint_car(rng: np.random.Generator) -> Layer:
-    """A car of some colour with windows, lamps, stripes and a number on its roof, its front to the right."""
+    """A car in a random colour, with windows, lamps, stripes and a number on its roof; its front is to the right."""
     length, width = (round(side * _DETAIL) for side in _CAR_PX)
     body = rng.choice(_BODIES)
     picture = np.full((width, length, 3), body, np.uint8)
@@ -187,7 +187,7 @@ def _paint_car(rng: np.random.Generator) -> Layer:
 
 
 def _paint_deck(seed: int) -> Layer:
-    """A concrete bridge with stains and railings, the car's way to the right."""
+    """A concrete bridge with stains and railings; the car drives to the right."""
     length, width = (round(side * _DETAIL) for side in _DECK_PX)
     noise = noise_bands(seed, 0, 0, length, width)
     tone = 150 + 6 * noise[1] + 8 * noise[3] + 10 * noise[5] + 8 * noise[7]
