@@ -1,1 +1,1 @@
-"""Integer NumPy models: the definition of what the hardware computes."""
+"""Integer NumPy models that define, bit for bit, what the hardware computes."""

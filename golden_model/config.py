@@ -1,4 +1,4 @@
-"""Configurations: what is computed, not how fast. Frozen, validated, with presets and TOML in and out."""
+"""Configurations of what is computed: immutable, validated, with named presets, read from and written to TOML."""
 
 from __future__ import annotations
 
@@ -32,39 +32,39 @@ def _in_range(what: str, value: object, low: int, high: int) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class FrontEndConfig:
-    """Corners and descriptors: one frame in, features out.
+    """Configuration of the front end: corners and descriptors of a frame.
 
     Parameters
     ----------
     detector : {"harris", "fast"}
         Corner measure; FAST is the 9-of-16 segment test.
     levels : {1, 2}
-        Full size, or full and half size.
+        1: full size only; 2: full and half size.
     smoothed_gradients : bool
-        3x3 binomial before Sobel.
+        Apply a 3x3 binomial before Sobel.
     tensor_window_px : {3, 5}
-        Box of the structure tensor; 5 only with smoothed gradients, or R would leave its 32 bits.
+        Box of the structure tensor; 5 only with smoothed gradients, otherwise R would not fit 32 bits.
     harris_k_numerator, harris_k_shift : int
         k = numerator / 2**shift of R = AB - C**2 - k (A + B)**2, below 1/4.
     threshold : int
         Smallest response that survives, in units of R (Harris; cut to its 11 leading bits) or gray levels (FAST).
     suppression_radius_px : {1, 3}
-        Suppression of Harris in (2 r + 1) squared; FAST has its own (`suppression`).
+        Harris: suppression in a window of (2 r + 1) squared. FAST always uses 3x3 (`suppression`).
     border_px : int
         Features keep this distance from the border, in their level's own pixels.
     selection : bool
-        Keep only the best ``per_cell`` of each cell; otherwise every corner leaves in raster order.
+        Keep only the best ``per_cell`` corners of each cell; otherwise keep every corner, in raster order.
     cell_px, per_cell : int or None
-        Grid of the selection; None: by the size of the frame (`for_size`).
+        Cell side and corners kept per cell; None: chosen from the size of the frame (`for_size`).
     max_features : int
-        Capacity of a feature bank; a frame with more is bad.
+        Capacity of a feature bank; a frame with more features is bad.
     descriptor : str
         A name of `golden_model.feature.ilbp.PATTERNS`.
 
     Raises
     ------
     ValueError
-        For an impossible value, with the valid ones.
+        For an impossible value; the message names the valid ones.
     """
 
     detector: str = "harris"
@@ -99,7 +99,7 @@ class FrontEndConfig:
         else:
             _one_of("tensor_window_px without smoothed_gradients", self.tensor_window_px, (3,))
         _in_range("harris_k_shift", self.harris_k_shift, 0, 15)
-        # With k = 1/4 or more no response is positive.
+        # With k >= 1/4 no response is positive: AB - C**2 is at most (A + B)**2 / 4.
         _in_range("harris_k_numerator", self.harris_k_numerator, 0, min(((1 << self.harris_k_shift) - 1) // 4, 31))
 
     def _check_selection(self) -> None:
@@ -116,32 +116,32 @@ class FrontEndConfig:
 
     @property
     def pattern(self) -> DescriptorPattern:
-        """The descriptor's pattern."""
+        """The pattern of the descriptor."""
         return PATTERNS[self.descriptor]
 
     @property
     def suppression(self) -> tuple[int, str]:
-        """Radius of the suppression in pixels and its rule of ties, as `golden_model.pixel.nms.suppress` takes them."""
+        """Radius of the suppression in pixels and its rule for ties: arguments of `golden_model.pixel.nms.suppress`."""
         return (1, "lose") if self.detector == "fast" else (self.suppression_radius_px, "first")
 
     @property
     def response_support_px(self) -> int:
-        """Distance in x or y of the farthest gray pixel a response depends on."""
+        """Largest distance in x or y of a gray pixel that a response depends on."""
         if self.detector == "fast":
             return 3
         return int(self.smoothed_gradients) + 1 + self.tensor_window_px // 2
 
     @property
     def smallest_border_px(self) -> int:
-        """The border that keeps what a feature depends on, suppression included, inside the frame."""
+        """The smallest border that keeps every pixel a feature depends on, suppression included, inside the frame."""
         return max(self.pattern.support_px, self.response_support_px) + SUPPRESSION_MARGIN_PX
 
     def for_size(self, width_px: int, height_px: int) -> FrontEndConfig:
-        """This configuration with cell and per-cell count fixed for frames of one size.
+        """This configuration with cell size and features per cell chosen for frames of one size.
 
-        The cell is the smallest power of two from 32 px whose count over all levels lets at least 3 features
-        a cell fit in ``max_features``; as many a cell as fit are kept, at most 5 at 32 px and 8 above. Values that
-        are set already stay.
+        The cell is the smallest power of two from 32 px for which at least 3 features in each cell of all levels fit in
+        ``max_features``. As many per cell are kept as fit, at most 5 with 32 px and at most 8 with larger cells. Values
+        that are already set do not change.
 
         Raises
         ------
@@ -164,7 +164,7 @@ class FrontEndConfig:
         )
 
     def cells(self, width_px: int, height_px: int, cell_px: int) -> int:
-        """How many cells of all levels can hold a feature."""
+        """Number of cells, over all levels, that can hold a feature."""
         total = 0
         for level in range(self.levels):
             last_x = (width_px >> level) - 1 - self.border_px
@@ -176,14 +176,14 @@ class FrontEndConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class MatcherConfig:
-    """Matching and fuzzy filtering of two feature sets.
+    """Configuration of matching and fuzzy filtering.
 
     Parameters
     ----------
     rule_base : {"aerial", "ilbp", "none"}
-        Fuzzy system that weighs the mutual matches.
+        Fuzzy system that gives the mutual matches their weights.
     keep_above : int
-        A match is kept if its weight (UQ0.8) is larger: 64 stands for 0.25.
+        A match is kept if its weight (UQ0.8) is larger than this: 64 represents 0.25.
     """
 
     rule_base: str = "aerial"
@@ -196,7 +196,7 @@ class MatcherConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class Config:
-    """A whole configuration: front end and matcher, with the name of the preset it came from."""
+    """A complete configuration: front end and matcher, and the name of the preset that it is based on."""
 
     preset: str = "aerial"
     front_end: FrontEndConfig = field(default_factory=FrontEndConfig)
@@ -222,18 +222,18 @@ PRESETS = {
         matcher=MatcherConfig(rule_base="ilbp", keep_above=127),
     ),
 }
-"""The named configurations: `aerial` is ours, `thesis` is as the thesis has it."""
+"""The named configurations: `aerial` is the default, `thesis` follows the thesis."""
 TABLES = ("front_end", "matcher")
 """The tables of a configuration file."""
 
 
 def preset_config(name: str) -> Config:
-    """The preset of that name.
+    """Return the preset with that name.
 
     Raises
     ------
     ValueError
-        For an unknown name, with the valid ones.
+        For an unknown name; the message lists the valid ones.
     """
     _one_of("preset", name, tuple(PRESETS))
     return PRESETS[name]
@@ -242,14 +242,14 @@ def preset_config(name: str) -> Config:
 def load_config(path: str | Path, preset: str = "aerial") -> Config:
     """Read a configuration from a TOML file.
 
-    The file changes values of a preset in the tables ``[front_end]`` and ``[matcher]``; which preset, its own key
-    ``preset`` says, or else the argument.
+    The file changes values of a preset in the tables ``[front_end]`` and ``[matcher]``. The preset is the one that the
+    file names under ``preset``, otherwise the argument.
 
     Raises
     ------
     ValueError
-        If the file cannot be read, is not TOML, or has an unknown key or an impossible value: one line with the
-        file, the key and what is valid.
+        If the file cannot be read, is not TOML, or has an unknown key or an impossible value. The message is one line
+        with the file, the key and the valid values.
     """
     try:
         tables = tomllib.loads(Path(path).read_text(encoding="utf-8"))
@@ -263,7 +263,7 @@ def load_config(path: str | Path, preset: str = "aerial") -> Config:
 
 
 def to_toml(config: Config) -> str:
-    """TOML text that `load_config` reads back to an equal configuration; values that are None are left out."""
+    """TOML text from which `load_config` restores an equal configuration; values that are None are omitted."""
     lines = [f"preset = {_toml_value(config.preset)}"]
     for table in TABLES:
         values = dataclasses.asdict(getattr(config, table))
@@ -280,7 +280,7 @@ def _changed_preset(name: str, tables: dict[str, Any]) -> Config:
 
 
 def _changed(table: str, defaults: Any, values: Any) -> Any:
-    """The dataclass instance ``defaults`` with the ``values`` of a table."""
+    """A copy of the dataclass instance ``defaults`` with the ``values`` of a table of the file."""
     if type(values) is not dict:
         raise ValueError(f"{table} is {values!r}; it must be a table, [{table}]")
     _known_keys(f"{table}.", values, tuple(field.name for field in dataclasses.fields(defaults)))

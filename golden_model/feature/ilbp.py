@@ -1,6 +1,6 @@
-"""Ring descriptors: the thesis's ILBP (equation III-4) and its smoothed, oriented descendants.
+"""Ring descriptors: the thesis's ILBP (equation III-4) and smoothed, oriented versions of it.
 
-One `DescriptorPattern` describes them all, here and in ``hdl/feature/ilbp.py``; `describe` computes them.
+`DescriptorPattern` describes all of them, here and in ``hdl/feature/ilbp.py``; `describe` computes them.
 """
 
 from __future__ import annotations
@@ -19,28 +19,28 @@ SQUARE_RING = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, 
 
 @dataclass(frozen=True)
 class DescriptorPattern:
-    """Which pixels a ring descriptor compares.
+    """The pixels that a ring descriptor compares.
 
-    Byte ``(a, b, k)`` holds in bit i, i = 0..7, whether ring ``a`` at angle ``step * i + s`` is at least ring
-    ``b`` at angle ``step * i + s + k`` (angles modulo ``angles``, ``step = angles // 8``, s the sector of the
-    orientation, 0 where the pattern is not oriented). Rings are indices into ``radii_px``.
+    Bit i of byte ``(a, b, k)``, i = 0..7, says whether ring ``a`` at angle ``step * i + s`` is at least as bright as
+    ring ``b`` at angle ``step * i + s + k`` (angles modulo ``angles``; ``step = angles // 8``; s is the orientation
+    sector, 0 where the pattern is not oriented). Rings are indices into ``radii_px``.
 
     Parameters
     ----------
     name : str
         As used in configurations.
     radii_px : tuple of int
-        Ring radii; radius 0 is the centre pixel.
+        Radii of the rings; radius 0 is the centre pixel.
     angles : int
-        Pixels a ring: 16 (circle) or 8 (the square of equation III-4).
+        Pixels per ring: 16 (circle) or 8 (the square of equation III-4).
     comparisons : tuple of (int, int, int)
         ``(a, b, k)`` of each descriptor byte.
     smoothed : bool
         Whether the pixels come from the 5x5 binomial of the gray image or from the gray image itself.
     oriented : bool
-        Whether the comparison turns with the orientation sector.
+        Whether the compared angles rotate with the orientation sector.
     carries_window : bool
-        Whether the 3x3 gray window around the feature travels with the descriptor (for the SAD belonging).
+        Whether the feature record also holds the 3x3 gray window around the feature (the fuzzy ILBP needs its SAD).
     """
 
     name: str
@@ -72,7 +72,7 @@ class DescriptorPattern:
 
     @property
     def window_bytes(self) -> int:
-        """Bytes of gray window that travel with the descriptor."""
+        """Bytes of the gray window that the record holds beside the descriptor."""
         return 9 if self.carries_window else 0
 
     @property
@@ -89,10 +89,11 @@ class DescriptorPattern:
         if self.angles == 8:
             x, y = SQUARE_RING[angle]
             return radius * x, radius * y
-        turn = 2 * math.pi * angle / self.angles
-        return round(radius * math.cos(turn)), round(radius * math.sin(turn))
+        angle_rad = 2 * math.pi * angle / self.angles
+        return round(radius * math.cos(angle_rad)), round(radius * math.sin(angle_rad))
 
 
+# Chosen by ablation on real flights; docs/descriptor.md explains the notation.
 _ILBP_128 = (
     (5, 2, 4), (6, 4, 13), (4, 2, 15), (6, 4, 1), (2, 1, 2), (6, 6, 3), (4, 4, 2), (5, 3, 0),
     (3, 2, 2), (6, 4, 15), (5, 5, 1), (2, 1, 13), (6, 6, 5), (3, 2, 0), (6, 5, 0), (5, 2, 1),
@@ -126,12 +127,12 @@ PATTERNS = {p.name: p for p in (ILBP_128, ILBP_256, *_UPRIGHT, *(thesis_ilbp(n) 
 """Every descriptor by its name in configurations."""
 
 SECTORS = 16
-"""Orientation sectors a turn."""
+"""Orientation sectors of a full circle."""
 COSINE_ONE = 64
-"""Cosines and sines of the orientation moments are integers, 64 for 1."""
+"""Cosines and sines of the orientation moments are integers; 64 represents 1."""
 TANGENT_ONE = 4096
 HALF_SECTOR_TANGENTS = (815, 2737)
-"""tan(pi/16) and tan(3 pi/16) in units of 1/4096: the sector borders inside an octant."""
+"""tan(pi/16) and tan(3 pi/16) in units of 1/4096: the borders between sectors inside an octant."""
 
 _WINDOW_3X3 = tuple((dx, dy) for dy in (-1, 0, 1) for dx in (-1, 0, 1))
 
@@ -150,16 +151,16 @@ def describe(
     gray : (H, W) uint8
         Gray image of the features' level.
     smoothed5 : (H, W) uint8
-        Its 5x5 binomial; read where ``pattern.smoothed``.
+        The 5x5 binomial of ``gray``; used if ``pattern.smoothed``.
     x, y : (N,) integer
-        Feature positions in the level's pixels, at least ``pattern.support_px`` inside.
+        Feature positions in the level's pixels, at least ``pattern.support_px`` from the border.
     pattern : DescriptorPattern
-        What is compared.
+        The pixels to compare.
 
     Returns
     -------
     sector : (N,) uint8
-        0..15 sixteenths of a turn from +x towards +y (down); 0 where the pattern is not oriented.
+        0..15 sixteenths of a full circle from +x towards +y (down); 0 if the pattern is not oriented.
     descriptor : (N, pattern.descriptor_bytes) uint8
         Descriptor bit 8 j + i is bit i of byte j.
 
@@ -194,7 +195,7 @@ def gather(
     Raises
     ------
     ValueError
-        If one of them lies outside the (H, W) plane.
+        If one of the pixels lies outside the (H, W) plane.
     """
     height, width = plane.shape
     columns = np.asarray(x, dtype=np.intp)
@@ -218,10 +219,10 @@ def moments(samples: NDArray[np.uint8], radii_px: tuple[int, ...]) -> tuple[NDAr
 
     Both are (N,) int32 and fit 24 bits signed for rings up to 15 px (|M| < 8.1e6).
     """
-    turn = 2 * np.pi * np.arange(SECTORS) / SECTORS
-    unit = np.rint(COSINE_ONE * np.stack([np.cos(turn), np.sin(turn)]))
+    angle_rad = 2 * np.pi * np.arange(SECTORS) / SECTORS
+    unit = np.rint(COSINE_ONE * np.stack([np.cos(angle_rad), np.sin(angle_rad)]))
     weights = (unit[:, np.newaxis, :] * np.array(radii_px)[:, np.newaxis]).reshape(2, -1)
-    # Integers far below 2**53: the floating matrix product is exact, and much faster than an integer one.
+    # All sums are integers far below 2**53, so the product in float64 is exact; it is much faster than in integers.
     mx, my = (weights @ samples.reshape(weights.shape[1], -1).astype(np.float64)).astype(np.int32)
     return mx, my
 
@@ -229,8 +230,8 @@ def moments(samples: NDArray[np.uint8], radii_px: tuple[int, ...]) -> tuple[NDAr
 def sector_of(mx: NDArray[np.int32], my: NDArray[np.int32]) -> NDArray[np.uint8]:
     """The sector round(16 atan2(my, mx) / 2 pi) mod 16 of (N,) moments, by integers; (0, 0) gives 0.
 
-    An octant holds two borders, at tangents of 815/4096 and 2737/4096 (0.03 % and 0.005 % above the true ones); a
-    moment exactly on one, or on the diagonal, counts to the nearer to its longer axis.
+    Each octant contains two borders, at tangents of 815/4096 and 2737/4096 (0.03 % and 0.005 % above the true values).
+    A moment exactly on a border, or on the diagonal, belongs to the sector nearer to its longer axis.
     """
     across, along = np.abs(mx).astype(np.int64), np.abs(my).astype(np.int64)
     longer, shorter = np.maximum(across, along), np.minimum(across, along)
@@ -242,11 +243,12 @@ def sector_of(mx: NDArray[np.int32], my: NDArray[np.int32]) -> NDArray[np.uint8]
 
 
 def _compare(samples: NDArray[np.uint8], sector: NDArray[np.uint8], pattern: DescriptorPattern) -> NDArray[np.uint8]:
-    """Descriptor bytes (N, B) from (rings, angles, N) samples: compare at every angle once, then turn by the sector."""
+    """Descriptor bytes (N, B) from (rings, angles, N) samples: compare at every angle, then rotate by the sector."""
     rings_a, rings_b, shifts = np.array(pattern.comparisons, dtype=np.intp).T[:, :, np.newaxis]
     angle = np.arange(pattern.angles)
     bits = samples[rings_a, angle] >= samples[rings_b, (angle + shifts) % pattern.angles]
-    # Angle step * i + phase is bit i of byte phase; turning by a sector picks the phase and rotates the byte.
+    # Angle step * i + phase becomes bit i of byte ``phase``; a rotation by a sector selects the phase and rotates the
+    # byte.
     step = pattern.angles // 8
     phases = np.packbits(bits.reshape(len(shifts), 8, step, -1), axis=1, bitorder="little")[:, 0]
     phase, rotation = sector % step, sector // step

@@ -11,13 +11,13 @@ from golden_model.formats import POSITION, decode_response
 def vertex(before: NDArray[np.int32], centre: NDArray[np.int32], after: NDArray[np.int32]) -> NDArray[np.int64]:
     """Vertex of the parabola through three equidistant values, relative to the middle one.
 
-    With u = centre - after and v = centre - before, the real vertex is (v - u) / (2 (u + v)); it is rounded to
-    the nearest 1/16, halves away from zero, and 0 where the three are equal.
+    With u = centre - after and v = centre - before, the exact vertex is (v - u) / (2 (u + v)). It is rounded to the
+    nearest 1/16, halves away from zero; it is 0 where the three values are equal.
 
     Parameters
     ----------
     before, centre, after : ndarray of int32, shape (N,)
-        Decoded responses; ``centre`` is at least as large as both others.
+        Decoded responses; ``centre`` must be at least as large as both others.
 
     Returns
     -------
@@ -34,9 +34,9 @@ def vertex(before: NDArray[np.int32], centre: NDArray[np.int32], after: NDArray[
 def refine(
     code: NDArray[np.uint16], x: NDArray[np.intp], y: NDArray[np.intp], level: int
 ) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
-    """Positions in the full-resolution frame.
+    """Sub-pixel positions in the full-resolution frame.
 
-    A half-size pixel centre x stands at 2 (x + 1/2) - 1/2 in the full frame.
+    The centre of half-size pixel x is at 2 (x + 1/2) - 1/2 in the full frame.
 
     Parameters
     ----------

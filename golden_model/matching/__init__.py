@@ -1,1 +1,1 @@
-"""Descriptor and window matching, and the fuzzy rules that weigh each match."""
+"""Matching of descriptors and of windows, and the fuzzy rules that give each match a weight."""

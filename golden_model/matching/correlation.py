@@ -19,13 +19,13 @@ Windows = NDArray[np.uint8]
 Scores = NDArray[np.int64]
 
 SAD_PER_PIXEL = UQ(8, 4)
-"""SAD in gray levels a pixel, as the fuzzy system takes it."""
+"""SAD in gray levels per pixel, the unit of the fuzzy system."""
 ZSSD_PER_PIXEL = UQ(16, 2)
-"""ZSSD in squared gray levels a pixel, as the fuzzy system takes it."""
+"""ZSSD in squared gray levels per pixel, the unit of the fuzzy system."""
 NCC = UQ(1, 8)
-"""Normalised correlation: 256 stands for 1."""
+"""Normalised correlation: 256 represents 1."""
 MAX_WINDOW_PX = 38
-"""Largest window side: up to it every square of a sum of products is below 2**53, exact in a float64."""
+"""Largest side of a window: up to here the square of a sum of products is below 2**53 and exact in a float64."""
 
 
 def windows(gray: NDArray[np.uint8], x: NDArray[np.integer], y: NDArray[np.integer], size_px: int) -> Windows:
@@ -47,13 +47,13 @@ def windows(gray: NDArray[np.uint8], x: NDArray[np.integer], y: NDArray[np.integ
 
 def sad(left: Windows, right: Windows) -> Scores:
     """Sum of absolute differences (equation III-1); at most 255 n."""
-    # The larger minus the smaller stays in 8 bits.
+    # The larger minus the smaller never leaves 8 bits, unlike the plain difference.
     total: Scores = (np.maximum(left, right) - np.minimum(left, right)).sum(axis=-1, dtype=np.int64)
     return total
 
 
 def zssd(left: Windows, right: Windows) -> Scores:
-    """n times the zero-mean sum of squared differences (equation III-2), exact: n sum(d**2) - sum(d)**2.
+    """The zero-mean sum of squared differences (equation III-2) times n, exactly: n sum(d**2) - sum(d)**2.
 
     With d = left - right this is n sum((d - mean(d))**2): 0 to (255 n)**2.
     """
@@ -66,7 +66,7 @@ def zssd(left: Windows, right: Windows) -> Scores:
 def ncc(left: Windows, right: Windows) -> Scores:
     """Normalised cross-correlation (equation III-3), UQ1.8: the exact value rounded down, error below 1/256.
 
-    0 where a window is black. Pixels are not negative, so neither is the value.
+    The value is 0 where a window is entirely black. It is never negative, because pixels are not.
     """
     product, left_energy, right_energy = (np.asarray(s, dtype=object) for s in _ncc_sums(left, right))
     energy = np.maximum(left_energy * right_energy, 1)
@@ -75,21 +75,21 @@ def ncc(left: Windows, right: Windows) -> Scores:
 
 
 def best_matches(left: Windows, right: Windows, measure: str) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """The best right window of every left one: smallest SAD or ZSSD, largest NCC, ties to the lowest index.
+    """The best right window for every left window: smallest SAD or ZSSD, or largest NCC; ties to the lowest index.
 
-    NCC is compared without root or rounding: (sum I1 I2)**2 / sum(I2**2), by cross-multiplication where close.
+    NCC is compared as (sum I1 I2)**2 / sum(I2**2), without root or rounding; close values are compared as fractions.
 
     Parameters
     ----------
     left, right : (F1, n), (F2, n) uint8
         Windows of one size.
     measure : {"sad", "zssd", "ncc"}
-        What is compared.
+        The score to compare.
 
     Returns
     -------
     left_index, right_index : (F1,) intp
-        Every left index with its best right index; both empty where there are no right windows.
+        Every left index and its best right index; both empty if there are no right windows.
 
     Raises
     ------
@@ -105,10 +105,10 @@ def best_matches(left: Windows, right: Windows, measure: str) -> tuple[NDArray[n
 
 
 def fuzzy_inputs(left: Windows, right: Windows, *, per_pixel: bool = True) -> tuple[Scores, Scores, Scores]:
-    """The three scores as `golden_model.matching.fuzzy.correlation` takes them: SAD in 1/16, ZSSD in 1/4, NCC in 1/256.
+    """The inputs of `golden_model.matching.fuzzy.correlation`: SAD in 1/16, ZSSD in 1/4, NCC in 1/256.
 
-    Table III-1 does not say whether its SAD and ZSSD are per pixel, our default, or sums over the window. Each score
-    is rounded down.
+    Table III-1 does not say whether SAD and ZSSD are per pixel or sums over the window. The default is per pixel: with
+    sums, almost no window would belong to the set of good matches. Each score is rounded down.
     """
     pixels = left.shape[-1]
     divisor = pixels if per_pixel else 1
@@ -129,7 +129,8 @@ def _largest_ncc(window: Windows, candidates: Windows) -> int:
     product, _, energy = _ncc_sums(window, candidates)
     square = product**2
     energy = np.maximum(energy, 1)
-    # Both are exact in a float64 and its division rounds monotonically, so the exact maximum is among the largest.
+    # Numerator and denominator are exact in a float64, and rounding the quotient keeps the order: the exact maximum is
+    # among the largest quotients, and fractions decide between these.
     quality = square / energy
     closest = np.flatnonzero(quality == quality.max())
     return int(max(closest, key=lambda i: Fraction(int(square[i]), int(energy[i]))))

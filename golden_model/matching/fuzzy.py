@@ -1,8 +1,8 @@
 """Zero-order Sugeno systems in fixed point: membership tables, rules with singletons, and the named rule bases.
 
-Degrees of membership and singletons are UQ1.8 (`golden_model.formats.MEMBERSHIP`); inputs are unsigned integers
-that index the tables, and one beyond the last entry reads the last entry. Evaluation is exact in integers up to one
-final rounding, so hardware may group the products as it likes.
+Degrees of membership and singletons are UQ1.8 (`golden_model.formats.MEMBERSHIP`). Inputs are unsigned integers that
+index the tables; an input beyond the last entry reads the last entry. Evaluation is exact in integers up to one final
+rounding, so that hardware may form the products in any order.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Table = NDArray[np.int64]
 
 
 def ramp(entries: int, zero_at: float, one_at: float) -> Table:
-    """Table of ``entries`` degrees that is 0 up to ``zero_at`` and 1 from ``one_at`` on, or falls if they are swapped.
+    """Table of ``entries`` degrees: 0 up to ``zero_at``, 1 from ``one_at`` on; it falls where ``one_at`` is smaller.
 
     Positions are in units of the index; degrees are UQ1.8, rounded half up.
     """
@@ -37,9 +37,9 @@ def ramp(entries: int, zero_at: float, one_at: float) -> Table:
 
 
 def trapezoid(entries: int, corners: NDArray[np.floating | np.integer]) -> Table:
-    """Table that goes from 0 to 1 between the first two of four ``corners`` and back to 0 between the last two.
+    """Table that rises from 0 to 1 between the first two of four ``corners`` and falls to 0 between the last two.
 
-    Corners rise or fall throughout.
+    The corners must be in rising or in falling order.
     """
     return np.minimum(ramp(entries, corners[0], corners[1]), ramp(entries, corners[3], corners[2]))
 
@@ -55,7 +55,7 @@ def _quantised(degree: NDArray[np.float64]) -> Table:
 
 @dataclass(frozen=True)
 class Variable:
-    """An input: its name and its fuzzy sets, each a membership table of one common length.
+    """An input: its name and its fuzzy sets; the membership tables of the sets have the same length.
 
     Raises
     ------
@@ -83,7 +83,7 @@ class Variable:
 class Rule:
     """``IF input 0 is sets[0] AND input 1 is sets[1] … THEN output``.
 
-    ``None`` in place of a set leaves that input out; ``output`` is a real number in 0..1, used as UQ1.8.
+    ``None`` instead of a set ignores that input. ``output`` is a real number in 0..1, rounded to UQ1.8.
     """
 
     sets: tuple[str | None, ...]
@@ -96,24 +96,25 @@ class Rule:
 
 
 class SugenoSystem:
-    """Rules over inputs: the weighted mean of the singletons, weighted by the rules' strengths.
+    """A set of rules; the result is the mean of their singletons, weighted by the strengths of the rules.
 
     Parameters
     ----------
     name : str
-        For messages.
+        Used in messages.
     inputs : tuple of Variable
-        In the order of the values of `evaluate`.
+        In the order of the arguments of `evaluate`.
     rules : tuple of Rule
         At most 32.
     conjunction : {"product", "minimum"}
-        AND. The strengths of a product system must sum to one for every input, so that it never divides; the
-        constructor tries all of them. A minimum system divides by the sum of strengths.
+        The operation for AND. With the product, the strengths must sum to one for every input, so that no division is
+        needed; the constructor checks this for all inputs. With the minimum, the result is divided by the sum of the
+        strengths.
 
     Attributes
     ----------
     strength_one : int
-        The strength that stands for 1: 256 ** inputs with the product, 256 with the minimum.
+        The strength that represents 1: 256 ** inputs with the product, 256 with the minimum.
 
     Raises
     ------
@@ -149,7 +150,7 @@ class SugenoSystem:
             raise ValueError(f"{where}: output is {rule.output}; it must be 0 to 1")
 
     def _check_sum(self) -> None:
-        # Indices with equal degrees in every set behave alike: one of each is enough.
+        # Inputs with the same degree in every set give the same strengths: trying one of each group is enough.
         distinct = [
             np.unique(np.stack(list(variable.sets.values())), axis=1, return_index=True)[1] for variable in self.inputs
         ]
@@ -164,7 +165,7 @@ class SugenoSystem:
             )
 
     def strengths(self, *values: NDArray[np.integer]) -> NDArray[np.int64]:
-        """Strength of every rule, (N, rules) int64 in units of 1 / ``strength_one``, for (N,) values of each input.
+        """Strength of every rule for (N,) values of each input: (N, rules) int64 in units of 1 / ``strength_one``.
 
         Raises
         ------
@@ -189,12 +190,12 @@ class SugenoSystem:
         Parameters
         ----------
         *values : (N,) unsigned integers
-            One array an input.
+            One array per input.
 
         Returns
         -------
         weight : (N,) uint8
-            UQ0.8, rounded half up, 1 saturated to 255; 0 where no rule fires.
+            UQ0.8, rounded half up; 1 saturates to 255; 0 where no rule fires.
         dominant : (N,) uint8
             Index of the strongest rule, ties to the lowest.
         """
@@ -217,7 +218,7 @@ def _degrees(variable: Variable, value: NDArray[np.integer]) -> dict[str, Table]
 
 
 def _complementary(name: str, table: Table, names: tuple[str, str]) -> Variable:
-    """A variable of two sets that sum to one: ``table`` under the first name, its complement under the second."""
+    """A variable with two sets that sum to one: ``table`` has the first name, its complement the second."""
     return Variable(name, {names[0]: table, names[1]: ONE - table})
 
 
@@ -246,9 +247,10 @@ def _good_medium_bad(name: str, corners: NDArray[np.floating | np.integer]) -> V
 def aerial(bits: int) -> SugenoSystem:
     """The rule base of the ``aerial`` preset: product, 8 rules, no division.
 
-    Inputs: Hamming distance (low until .10 of ``bits``, high from .34), margin to the second best (big from .10 of
-    ``bits``), and distance of the match's turn from the common one in sectors: it belongs fully within one sector,
-    by .6 at two, by .2 at three, not beyond.
+    Inputs: Hamming distance (low up to .10 of ``bits``, high from .34), margin to the second best (big from .10 of
+    ``bits``), and the difference between the match's relative orientation and the most common one, in sectors. A match
+    belongs fully to the common orientation up to one sector, .6 at two sectors, .2 at three, and not beyond. The values
+    come from ablation on real flights.
     """
     belonging = _quantised(np.array([1.0, 1.0, 0.6, 0.2, 0.0]))
     outputs = {
@@ -275,7 +277,7 @@ def aerial(bits: int) -> SugenoSystem:
 
 @lru_cache
 def aerial_orientation(bits: int) -> SugenoSystem:
-    """The 4-rule system of distance and margin whose squared weight a match brings to the histogram of turns."""
+    """The 4-rule system of distance and margin; its squared weight is a match's vote for a relative orientation."""
     return SugenoSystem(
         "aerial_orientation",
         inputs=(_falling_distance(bits, 0.10, 0.34), _rising_margin(bits, 0.01, 0.14)),
@@ -293,15 +295,17 @@ def aerial_orientation(bits: int) -> SugenoSystem:
 def ilbp(bits: int) -> SugenoSystem:
     """The thesis's fuzzy ILBP: minimum, 4 rules over Hamming distance and the belongings r1 and r2.
 
-    The thesis prints neither corners nor which SAD gives which belonging. Our reading: both belongings come from
-    the SAD (equation III-1) between the 3x3 gray windows of the two features, given as the raw sum of 9 pixels. It
-    is symmetric, so r1 = r2 = r: rules 3 and 4, which want one without the other, speak only in the twilight where
-    r is neither 0 nor 1. At a low distance, rules 1 and 3 then balance for r up to one half: the weight is 1/2.
+    The thesis gives neither the corners of the sets nor which SAD determines which belonging. Our reading: both
+    belongings follow from the SAD (equation III-1) between the 3x3 gray windows of the two features, taken as the raw
+    sum over 9 pixels. The SAD is symmetric, so r1 = r2 = r. Rules 3 and 4, which require one belonging without the
+    other, therefore fire only for 0 < r < 1. At a low distance and r up to one half, rules 1 and 3 have equal strength
+    and the weight is 1/2.
 
-    The sigmoid is centred at 9.5 gray levels a pixel, midway between the SAD that Table III-1 calls surely good (6)
-    and surely bad (13), and is .95 and .05 there. The distance is low until 1/8 of ``bits`` and high from 3/8: they
-    cross at 1/4, 2.8 standard deviations below the mean distance of unrelated descriptors of 32 independent bits,
-    and unrelated ones (1/2) are wholly high. Match is 1, no match 0; where no rule fires the answer is no match.
+    The sigmoid is centred at 9.5 gray levels per pixel, midway between the SAD that Table III-1 calls surely good (6)
+    and surely bad (13), where it is .95 and .05. The distance is low up to 1/8 of ``bits`` and high from 3/8. The two
+    sets cross at 1/4, which is 2.8 standard deviations below the mean distance of unrelated descriptors of 32
+    independent bits; the mean itself (1/2) is entirely high. Match is 1, no match 0; where no rule fires the answer is
+    no match.
     """
     window_px, good, bad = 9, 6.0, 13.0
     slope = 2 * math.log(0.95 / 0.05) / ((bad - good) * window_px)
@@ -328,9 +332,10 @@ def ilbp(bits: int) -> SugenoSystem:
 def correlation() -> SugenoSystem:
     """The thesis's fuzzy correlation (Tables III-1, III-2): minimum, 27 rules over SAD, ZSSD and NCC.
 
-    Inputs are as `golden_model.matching.correlation.fuzzy_inputs` scales them. Sets ramp where the table's ranges
-    overlap; the lower edge of the medium NCC, on which the thesis is silent, ramps from .25 to .3. Outputs: good match
-    1, medium .5, bad 0. Any bad input gives a bad match; two or three good ones a good match; the rest a medium one.
+    Inputs are scaled by `golden_model.matching.correlation.fuzzy_inputs`. Sets ramp where the ranges of the table
+    overlap. The thesis does not give the lower edge of the medium NCC; here it ramps from .25 to .3. Outputs: good
+    match 1, medium .5, bad 0. Any bad input gives a bad match, two or three good inputs a good match, everything else a
+    medium match.
     """
     sad = _good_medium_bad("SAD", np.array([4, 6, 13, 15]) * SAD_PER_PIXEL.one)
     zssd = _good_medium_bad("ZSSD", np.array([20, 30, 45, 50]) * ZSSD_PER_PIXEL.one)

@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 _WORD_BYTES = 8
 _CHUNK_ROWS = 32
-"""Rows a step, so that the words in flight stay in the cache."""
+"""Rows per step: few enough that the intermediate words stay in the processor's cache."""
 
 
 def distances(left: NDArray[np.uint8], right: NDArray[np.uint8]) -> NDArray[np.uint8] | NDArray[np.uint16]:
-    """Number of bits in which each left descriptor differs from each right one.
+    """Number of bits in which each left descriptor differs from each right descriptor.
 
     Parameters
     ----------
@@ -45,24 +45,25 @@ def distances(left: NDArray[np.uint8], right: NDArray[np.uint8]) -> NDArray[np.u
 def mutual_matches(
     distance: NDArray[np.unsignedinteger], bits: int
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.uint16], NDArray[np.uint16]]:
-    """Pairs that are each other's nearest, with their distance and their lead over the next best.
+    """Mutual nearest neighbours, with their distance and their margin to the second best.
 
-    Ties go to the lowest index. The second best of a pair is the smaller of its row's and its column's, where only
-    the pair itself is left out: an equal distance elsewhere gives margin 0. A missing second counts as ``bits``.
+    Ties go to the lowest index. The second best of a pair is the smaller of the second best in its row and in its
+    column, where only the pair itself is left out: an equal distance elsewhere gives margin 0. Where there is no
+    second, ``bits`` is taken.
 
     Parameters
     ----------
     distance : (F1, F2) unsigned
-        As `distances` gives it; either side may be empty.
+        Result of `distances`; either side may be empty.
     bits : int
         Length of the descriptors: the largest distance.
 
     Returns
     -------
     left, right : (M,) intp
-        Row and column of each pair, in rising row.
+        Row and column of each pair, by rising row.
     best, margin : (M,) uint16
-        Its distance, and second best minus best.
+        Distance of the pair, and second best minus best.
     """
     if distance.size == 0:
         nothing, zero = np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.uint16)
@@ -71,7 +72,7 @@ def mutual_matches(
     nearest_left = distance.argmin(axis=0)
     left = np.flatnonzero(nearest_left[nearest_right] == np.arange(len(distance)))
     right = nearest_right[left]
-    # A row or column holds at most one pair, so one copy without the pairs serves both second bests.
+    # Every row and column holds at most one pair, so one copy without the pairs gives the second best of both.
     others = distance.copy()
     others[left, right] = bits
     second = np.minimum(others.min(axis=1)[left], others.min(axis=0)[right]).astype(np.uint16)

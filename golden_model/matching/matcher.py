@@ -1,10 +1,11 @@
-"""Matching of two feature sets: mutual nearest neighbours, the histogram of turns, and the fuzzy weight of a match."""
+"""Matching of two feature sets: mutual nearest neighbours, their common relative orientation, and fuzzy weights."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from golden_model.arrays import Records
 from golden_model.config import MatcherConfig
 from golden_model.feature.ilbp import SECTORS, DescriptorPattern
 from golden_model.formats import WEIGHT
@@ -13,12 +14,12 @@ from golden_model.records import MATCH, Tag
 
 
 def match(
-    left_features: NDArray[np.void],
-    right_features: NDArray[np.void],
+    left_features: Records,
+    right_features: Records,
     pattern: DescriptorPattern,
     config: MatcherConfig,
-) -> NDArray[np.void]:
-    """Match two feature sets and weigh every match.
+) -> Records:
+    """Match two feature sets and give every match a weight.
 
     Parameters
     ----------
@@ -28,14 +29,14 @@ def match(
     pattern : DescriptorPattern
         The pattern both were described with.
     config : MatcherConfig
-        Rule base and limit of the weight.
+        Rule base, and smallest weight that is kept.
 
     Returns
     -------
     (M,) structured
         `golden_model.records.MATCH` records of the mutual matches, in rising left index; ``verdict`` says which are
-        kept: those whose weight exceeds ``config.keep_above``, or all with the rule base "none". ``turn`` and
-        ``peak_turn`` are 0 for a pattern without orientation.
+        kept: those whose weight exceeds ``config.keep_above``, or all with the rule base "none". ``turn`` (relative
+        orientation) and ``peak_turn`` are 0 for a pattern without orientation.
 
     Raises
     ------
@@ -69,12 +70,12 @@ def match(
 
 
 def paired(
-    left_features: NDArray[np.void],
-    right_features: NDArray[np.void],
+    left_features: Records,
+    right_features: Records,
     left_index: NDArray[np.integer],
     right_index: NDArray[np.integer],
-) -> NDArray[np.void]:
-    """Match records (M,) of paired features: indices and positions; every other field is 0."""
+) -> Records:
+    """Match records (M,) of paired features, with indices and positions; all other fields are 0."""
     matches = np.zeros(len(left_index), dtype=MATCH.dtype)
     matches["tag"] = Tag.MATCH
     matches["left_index"], matches["right_index"] = left_index, right_index
@@ -85,14 +86,14 @@ def paired(
 
 
 def rule_names(pattern: DescriptorPattern, config: MatcherConfig) -> list[str]:
-    """Each rule of the configured rule base in words, by the index that match records carry."""
+    """The rules of the configured rule base in words, indexed by the ``rule`` field of match records."""
     if config.rule_base == "none":
         return ["no rules"]
     return in_words((fuzzy.aerial if config.rule_base == "aerial" else fuzzy.ilbp)(pattern.bits))
 
 
 def in_words(system: fuzzy.SugenoSystem) -> list[str]:
-    """The conditions of each rule of a system that names a set for every input."""
+    """The conditions of each rule in words, for a system whose rules name a set for every input."""
     return [
         ", ".join(f"{variable.name} {chosen}" for variable, chosen in zip(system.inputs, rule.sets, strict=True))
         for rule in system.rules
@@ -102,11 +103,20 @@ def in_words(system: fuzzy.SugenoSystem) -> list[str]:
 def common_orientation(
     turn: NDArray[np.uint8], distance: NDArray[np.uint16], margin: NDArray[np.uint16], bits: int
 ) -> int:
-    """The sector difference most matches agree on: peak of their weighted, smoothed histogram.
+    """The most common relative orientation: peak of the weighted, smoothed histogram of sector differences.
 
-    Each match counts with the square of its weight in `golden_model.matching.fuzzy.aerial_orientation` (16 bit); the
-    histogram is smoothed around the circle by 4 h + 3 h₋ + 3 h₊ and the first maximum taken. Up to 4096
+    Each match counts with the square of its weight from `golden_model.matching.fuzzy.aerial_orientation` (16 bit). The
+    histogram is smoothed around the circle by 4 h + 3 h₋ + 3 h₊, and the first maximum is taken. Sums of up to 4096
     matches fit 32 bits.
+
+    Parameters
+    ----------
+    turn : (M,) uint8
+        Relative orientations, 0..15 sixteenths of a full circle.
+    distance, margin : (M,) uint16
+        As `golden_model.matching.hamming.mutual_matches` returns them.
+    bits : int
+        Length of the descriptors.
     """
     weight, _ = fuzzy.aerial_orientation(bits).evaluate(distance, margin)
     histogram = np.zeros(SECTORS, dtype=np.int64)
@@ -115,13 +125,13 @@ def common_orientation(
 
 
 def circular_distance(turn: NDArray[np.uint8], peak: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Distance between sectors around the circle, 0..8."""
+    """Distance between two relative orientations around the circle, 0..8 sectors."""
     ahead = (turn - peak) % SECTORS
     distance: NDArray[np.uint8] = np.minimum(ahead, SECTORS - ahead)
     return distance
 
 
-def _check(left: NDArray[np.void], right: NDArray[np.void], pattern: DescriptorPattern, config: MatcherConfig) -> None:
+def _check(left: Records, right: Records, pattern: DescriptorPattern, config: MatcherConfig) -> None:
     for side, features in (("left", left), ("right", right)):
         length = features.dtype["descriptor"].shape[0]
         if length != pattern.descriptor_bytes:
@@ -133,7 +143,7 @@ def _check(left: NDArray[np.void], right: NDArray[np.void], pattern: DescriptorP
 
 
 def check_rule_base(pattern: DescriptorPattern, config: MatcherConfig) -> None:
-    """ValueError if the rule base needs a window the pattern does not carry."""
+    """Raise ValueError if the rule base needs a gray window that the pattern does not carry."""
     if config.rule_base == "ilbp" and not pattern.carries_window:
         raise ValueError(
             f"rule base 'ilbp' needs the gray window around each feature, which {pattern.name} does not carry; "

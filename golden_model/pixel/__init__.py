@@ -1,1 +1,1 @@
-"""Pixel-rate stages in integers: gray, pyramid level, smoothing, gradients, corner response, suppression."""
+"""Stages for every pixel, in integers: gray, half size, smoothing, gradients, corner response, suppression."""

@@ -24,7 +24,7 @@ MARGIN_PX = 3
 
 
 def score(gray: Pixels) -> NDArray[np.uint8]:
-    """Largest threshold at which each pixel is a corner; 0 where there is none.
+    """Largest threshold at which each pixel is a corner; 0 where it is not a corner at any threshold.
 
     Parameters
     ----------
@@ -48,7 +48,9 @@ def score(gray: Pixels) -> NDArray[np.uint8]:
 
 
 def response_code(gray: Pixels, threshold: int) -> NDArray[np.uint16]:
-    """Scores as response codes (the denormal range, where a code is its value), 0 below the threshold.
+    """Scores as response codes; 0 below the threshold.
+
+    Scores are below 1024, in the denormal range of the codes, where a code equals its value.
 
     Parameters
     ----------
@@ -66,7 +68,7 @@ def response_code(gray: Pixels, threshold: int) -> NDArray[np.uint16]:
 
 
 def _arcs(circle: list[Pixels], extreme: Callable[[Pixels, Pixels], Pixels]) -> list[Pixels]:
-    """Minimum or maximum of the 9 pixels from each circle pixel on: pairs, fours, eights, and one more."""
+    """Minimum or maximum of the 9 pixels that start at each circle pixel: of 2, 4, 8 pixels, then one more."""
     arcs = circle
     for step in (1, 2, 4):
         arcs = [extreme(arcs[i], arcs[(i + step) % 16]) for i in range(16)]

@@ -1,4 +1,4 @@
-"""Gray from colour: the luma weights of thesis equation IV-1 in eighths of a byte."""
+"""Gray from colour, with the luma weights of thesis equation IV-1 as multiples of 1/256."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ RED, GREEN, BLUE = 77, 150, 29
 
 
 def to_gray(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """``(77 R + 150 G + 29 B + 128) >> 8``; a gray image is returned as it is.
+    """``(77 R + 150 G + 29 B + 128) >> 8``; a gray image is returned unchanged.
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ def to_gray(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     Raises
     ------
     ValueError
-        For another type or shape.
+        If type or shape is not one of these.
     """
     if image.dtype != np.uint8 or image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] != 3):
         raise ValueError(

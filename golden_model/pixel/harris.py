@@ -1,8 +1,9 @@
 """The Harris corner measure (thesis, equations III-6 and III-7) in integers.
 
-Bounds, for smoothed gradients and a 5x5 window: the gradient of any image is at most 821.5 long, the rounding of
-its smoothing included, so A + B <= 65 899 and |C| <= (A + B) / 2. With k < 1/4 the determinant and the penalty stay
-below 2**31. Unsmoothed gradients reach 1140.4 and are therefore limited to the 3x3 window, where A + B <= 45 720.
+Bounds for smoothed gradients and a 5x5 window: the length of a gradient is at most 821.5 for any image, including the
+rounding of the smoothing, so A + B <= 65 899 and |C| <= (A + B) / 2. With k < 1/4 the determinant and the penalty stay
+below 2**31. Unsmoothed gradients reach a length of 1140.4; therefore they are limited to the 3x3 window, where
+A + B <= 45 720.
 """
 
 from __future__ import annotations
@@ -32,8 +33,8 @@ def structure_tensor(gradient_x: Gradient, gradient_y: Gradient, window_px: int)
     Returns
     -------
     a, b, c : ndarray of int32, shape (H, W)
-        Sums of Ix**2, Iy**2 (`TENSOR_DIAGONAL`) and Ix Iy (`TENSOR_MIXED`). Specified ``window_px // 2`` px and
-        more inside the region where the gradients are.
+        Sums of Ix**2, Iy**2 (`TENSOR_DIAGONAL`) and Ix Iy (`TENSOR_MIXED`). Unspecified within ``window_px // 2`` px
+        of the border of the region where the gradients are specified.
     """
     factors = ((gradient_x, gradient_x), (gradient_y, gradient_y), (gradient_x, gradient_y))
     a, b, c = (
@@ -56,8 +57,8 @@ def raw_response(a: Plane, b: Plane, c: Plane, k_numerator: int, k_shift: int) -
     ndarray of int32, shape (H, W)
         `golden_model.formats.RAW_RESPONSE`; it never saturates (see the module's bounds).
     """
-    # (A + B)**2 needs 33 bits. Its product with a dyadic k is exact in float64, and truncation is floor as it is
-    # not negative.
+    # (A + B)**2 needs 33 bits. The denominator of k is a power of two, so the product is exact in float64. It is not
+    # negative, so truncation is the floor.
     penalty = np.add(a, b, dtype=np.float64)
     penalty *= penalty
     penalty *= k_numerator / (1 << k_shift)
@@ -68,14 +69,14 @@ def raw_response(a: Plane, b: Plane, c: Plane, k_numerator: int, k_shift: int) -
 
 
 def response_code(raw: Plane, threshold: int) -> NDArray[np.uint16]:
-    """Responses as stored from here on: 15-bit codes, 0 below the threshold.
+    """Responses as 15-bit codes, the form in which they are used from here on; 0 below the threshold.
 
     Parameters
     ----------
     raw : ndarray of int32, shape (H, W)
         R.
     threshold : int
-        Smallest R that survives, cut to its 11 leading bits like R itself: the comparison is one of codes.
+        Smallest R that survives. It is cut to its 11 leading bits like R itself, because codes are compared.
 
     Returns
     -------

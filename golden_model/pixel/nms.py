@@ -10,17 +10,18 @@ TIES = ("first", "lose")
 
 
 def suppress(code: NDArray[np.uint16], radius_px: int, ties: str = "first") -> NDArray[np.uint16]:
-    """Keep a response only where it is the largest of the window around it.
+    """Keep a response only where it is the largest in the window around it.
 
     Parameters
     ----------
     code : ndarray of uint16, shape (H, W)
-        Response codes; 0 is no response.
+        Response codes; 0 means no response.
     radius_px : int
-        The window is (2 radius_px + 1) squared. Outside the frame there is no response.
+        The window is (2 radius_px + 1) squared. Outside the frame responses count as 0.
     ties : {"first", "lose"}
-        Of equal responses in one window the first in raster order stays (Harris), or none (FAST). A response is
-        compared with every other of its window, suppressed or not.
+        Of equal responses in one window, keep the first in raster order (Harris) or none of them (FAST). A response is
+        compared with every other response of its window, whether that one is suppressed or not. The thesis gives both
+        rules for Harris (II.2.1.2: ties lose, III.6.1.1: ties survive); the first in raster order is our choice.
 
     Returns
     -------
@@ -30,7 +31,7 @@ def suppress(code: NDArray[np.uint16], radius_px: int, ties: str = "first") -> N
     Raises
     ------
     ValueError
-        For another rule of ties.
+        For an unknown value of ``ties``.
     """
     if ties not in TIES:
         raise ValueError(f"ties is {ties!r}; valid: {', '.join(TIES)}")
@@ -40,5 +41,5 @@ def suppress(code: NDArray[np.uint16], radius_px: int, ties: str = "first") -> N
     after = np.ascontiguousarray(before[::-1, ::-1])
     largest_after = cv2.dilate(code, after)
     beats_later = code >= largest_after if ties == "first" else code > largest_after
-    # Greater than the earlier ones, so greater than 0: an empty window gives no corner.
+    # `code` must be greater than the earlier responses and hence than 0, so an empty window gives no corner.
     return np.where((code > cv2.dilate(code, before)) & beats_later, code, 0).astype(np.uint16)

@@ -1,4 +1,4 @@
-"""Binomial smoothing: 3x3 ahead of the gradients, 5x5 ahead of the descriptor."""
+"""Binomial smoothing: 3x3 before the gradients, 5x5 before the descriptor."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def binomial3(gray: Pixels) -> Pixels:
     Returns
     -------
     ndarray of uint8, shape (H, W)
-        Specified 1 px and more inside the frame.
+        Unspecified within 1 px of the border.
     """
     return _binomial(gray, 3)
 
@@ -33,12 +33,13 @@ def binomial5(gray: Pixels) -> Pixels:
     Returns
     -------
     ndarray of uint8, shape (H, W)
-        Specified 2 px and more inside the frame.
+        Unspecified within 2 px of the border.
     """
     return _binomial(gray, 5)
 
 
 def _binomial(gray: Pixels, window_px: int) -> Pixels:
-    # For bytes, sigma 0 and size 3 or 5, OpenCV's Gaussian is the binomial in exact fixed point, rounded once.
+    # For uint8, sigma 0 and size 3 or 5, OpenCV's Gaussian blur is exactly the binomial, rounded once at the end. The
+    # hint is needed: without it OpenCV may use a faster, approximate version.
     smoothed = cv2.GaussianBlur(gray, (window_px, window_px), 0, hint=cv2.ALGO_HINT_ACCURATE)
     return np.asarray(smoothed, dtype=np.uint8)

@@ -19,8 +19,8 @@ def gradients(pixels: NDArray[np.uint8]) -> tuple[NDArray[np.int16], NDArray[np.
     Returns
     -------
     gradient_x, gradient_y : ndarray of int16, shape (H, W)
-        Unscaled, `golden_model.formats.GRADIENT`: at most 4 * 255 in magnitude. Specified 1 px and more inside
-        the region where ``pixels`` is.
+        Unscaled, `golden_model.formats.GRADIENT`: at most 4 * 255 in magnitude. Unspecified within 1 px of the border
+        of the region where ``pixels`` is specified.
     """
     gradient_x, gradient_y = cv2.spatialGradient(pixels)
     return np.asarray(gradient_x, dtype=np.int16), np.asarray(gradient_y, dtype=np.int16)

@@ -1,8 +1,8 @@
-"""The adaptive threshold (thesis, sections II.2.1.2 and III.6.1.1): steady feature counts without a division.
+"""The adaptive threshold (thesis, sections II.2.1.2 and III.6.1.1): keeps the number of features near a target.
 
-It moves between frames in the domain of response codes. Harris codes are nearly logarithmic (1024 codes double
-the response), so that half the excess of features is a fitting step, at most half an octave a frame. FAST codes
-are gray levels, and steps are 64 times smaller.
+It changes between frames, in units of response codes, and needs no division. Harris codes are nearly logarithmic: 1024
+codes double the response. A step of half the excess of features, at most 512 codes (half an octave) per frame, suits
+them. FAST codes are gray levels, where steps must be 64 times smaller.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from golden_model.formats import encode_response
 
 @dataclass(frozen=True)
 class Steps:
-    """How a threshold moves: by ``excess >> shift``, at most ``largest``, within 1 to ``max_code``."""
+    """Steps of a threshold: ``excess >> shift``, at most ``largest`` in size; the result stays in 1 to ``max_code``."""
 
     shift: int
     largest: int
@@ -29,7 +29,7 @@ STEPS = {
     "harris": Steps(shift=1, largest=512, max_code=_LARGEST_CODE["harris"]),
     "fast": Steps(shift=7, largest=8, max_code=_LARGEST_CODE["fast"]),
 }
-"""By detector; the largest code is that of the largest threshold a configuration may have."""
+"""Steps by detector; ``max_code`` belongs to the largest threshold that a configuration may have."""
 
 
 def next_code(code: int, count: int, target: int, detector: str = "harris") -> int:
@@ -38,11 +38,12 @@ def next_code(code: int, count: int, target: int, detector: str = "harris") -> i
     Parameters
     ----------
     code : int
-        The threshold of this frame as a response code.
+        Threshold of this frame as a response code.
     count : int
-        Features of this frame; a frame with more than ``max_features`` counts as ``max_features``.
+        Features of this frame, limited to ``max_features``.
     target : int
-        Features wanted; below ``max_features``, or the threshold never rises out of an overflow.
+        Desired number of features. It must be below ``max_features``, otherwise the threshold would not rise after a
+        frame with too many features.
     detector : {"harris", "fast"}
 
     Returns

@@ -1,7 +1,7 @@
 """Windows over whole planes.
 
-Every stage keeps the frame's shape. Where a window leaves the frame the result is unspecified: hardware and model
-may differ there, and no feature depends on it (`golden_model.config.FrontEndConfig.smallest_border_px`).
+Every stage keeps the shape of the frame. Where a window leaves the frame, the result is unspecified: hardware and
+model may differ there. No feature depends on such pixels (`golden_model.config.FrontEndConfig.smallest_border_px`).
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ def box_sum(plane: NDArray[np.int32], window_px: int) -> NDArray[np.int32]:
     Returns
     -------
     ndarray of int32, shape (H, W)
-        Specified ``window_px // 2`` px and more inside the region where ``plane`` is.
+        Unspecified within ``window_px // 2`` px of the border of the region where ``plane`` is specified.
     """
     sums = cv2.boxFilter(plane, cv2.CV_32S, (window_px, window_px), normalize=False)
     return np.asarray(sums, dtype=np.int32)
 
 
 def neighbour(plane: NDArray[np.uint8], x: int, y: int, margin_px: int) -> NDArray[np.uint8]:
-    """View of the neighbour at offset (x, y) of every pixel at least ``margin_px`` inside the frame.
+    """The neighbour at offset (x, y) of every pixel at least ``margin_px`` from the border, as a view.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""Which corners of a frame become features: the best of each cell."""
+"""Selection of the corners that become features: the best of each cell."""
