@@ -14,9 +14,11 @@ DETECTORS = ("harris", "fast")
 RULE_BASES = ("aerial", "ilbp", "none")
 MIN_FRAME_PX = 64
 MAX_FRAME_PX = 4096
+# Powers of two, so that hardware finds the cell of a pixel by a shift.
 CELL_SIZES_PX = (32, 64, 128, 256)
 MAX_PER_CELL = 8
 SUPPRESSION_MARGIN_PX = 3
+# Harris responses stay below 2**30; the score of FAST is at most 254.
 LARGEST_THRESHOLD = {"harris": (1 << 30) - 1, "fast": 254}
 
 
@@ -152,6 +154,7 @@ class FrontEndConfig:
         _in_range("frame height", height_px, MIN_FRAME_PX, MAX_FRAME_PX)
         if not self.selection:
             return self
+        # 3 a cell spreads the features well enough; a cell size that the user chose may hold fewer.
         fewest = self.per_cell or (1 if self.cell_px else 3)
         for cell_px in (self.cell_px,) if self.cell_px else CELL_SIZES_PX:
             fitting = self.max_features // self.cells(width_px, height_px, cell_px)

@@ -120,6 +120,7 @@ def _extract(
     full = to_gray(image)
     size_px = full.shape[1], full.shape[0]
     config = config.for_size(*size_px)
+    # Levels do not depend on each other: the same stages run on each of them.
     pyramid = [full, halve(full)][: config.levels]
     corners = [_corners(gray, level, config, partial(keep, level)) for level, gray in enumerate(pyramid)]
     if sum(len(found.x) for found in corners) > config.max_features:
@@ -131,6 +132,7 @@ def _extract(
     ]
     # `np.concatenate` drops the padding at the end of the records; the cast restores it.
     features = np.concatenate(parts).astype(_feature_dtype(config), copy=False)
+    # Without selection there is one level, and its raster order is the order of emission.
     if config.cell_px:
         cell_row = np.concatenate([found.y // config.cell_px for found in corners])
         features = features[selection.emission_order(features["level"], cell_row)]

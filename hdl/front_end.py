@@ -86,6 +86,7 @@ class FrontEnd(wiring.Component):
         under_way = admission.o_running | admission.o_end | merge.o_pending
         active, load, may_start = self._settings(m, under_way)
         threshold_code = self._threshold(m, admission, active.detector, load)
+        # Registered, to keep the paths from the levels to the admission short; `INGRESS_CYCLES` allows for it.
         m.d.sync += admission.i_hold.eq(Cat(level.o_hold for level in self.levels).any())
         m.d.comb += [
             admission.i_width_px.eq(active.width_px),
@@ -147,6 +148,7 @@ class FrontEnd(wiring.Component):
             threshold.i_code.eq(self.settings.threshold_code),
             threshold.i_added.eq(sum(level.o_added for level in self.levels)),
             threshold.i_frame_ends.eq(admission.o_end),
+            # A bad frame says nothing about the number of features that the scene has.
             threshold.i_adapt.eq(self.settings.adaptive & ~admission.o_causes.any()),
             threshold.i_target.eq(self.settings.target_features),
         ]

@@ -76,6 +76,7 @@ class Level(wiring.Component):
         self._corners = Corners(config=config, width_px=width_px)
         self._smooth = Binomial(window_px=5 if pattern.smoothed else 1)
         self._rings = RingWindow(pattern=pattern, width_px=width_px)
+        # Corners need lines below the pixel as well as above it, and so does the descriptor: the larger lag decides.
         self.lag_px = max(self._corners.lag_px, pattern.support_px)
         self._scan = LevelScan(lag_px=self.lag_px, border_px=config.border_px, cells=config.selection)
         # Corners of FAST may be 2 px apart in a line. A half-size pixel takes two clocks, hence twice the distance.
@@ -94,6 +95,7 @@ class Level(wiring.Component):
         if config.selection:
             self._selection = CellSelection(pattern=pattern, width_px=width_px)
         else:
+            # Features are at least 2 clocks apart, so that many may still come after the hold.
             in_flight = (INGRESS_CYCLES + self.latency_cycles) // 2 + 1
             self._selection = RasterSelection(pattern=pattern, depth=RASTER_DEPTH, in_flight=in_flight)
         super().__init__(
@@ -154,6 +156,8 @@ class Level(wiring.Component):
             scan.i_height_px.eq(self.i_settings.height_px >> self.level),
             scan.i_cell_log2.eq(self.i_settings.cell_log2),
         ]
+        # The scan is short, the corner pipeline long: the marks wait. `inside` comes a clock earlier than the other
+        # marks because it still passes through the register of the candidate.
         wait_cycles = self._candidate_cycles - scan.latency_cycles
         inside = delayed(m, scan.o.inside, wait_cycles - 1)
         ends = delayed(m, Cat(scan.o.ends_row, scan.o.ends_level), wait_cycles)

@@ -94,8 +94,10 @@ class LevelMerge(wiring.Component):
         passing = Signal()
         status, without_pixels = self._status(m, index, overflow, passing, sent)
         numbers = view_signal(record_layout(self.record))
+        # A status word is selected in one clock and sent in the next; `is_chosen` says that it has been selected.
         status_word, is_chosen = Signal(WORD, reset_less=True), Signal()
         m.d.sync += status_word.eq(Array(words(status))[word])
+        # Index and frame number are 0 in the words of the levels, so an OR inserts them.
         m.d.comb += [
             numbers.index.eq(index),
             numbers.frame.eq(status.frame),
@@ -108,6 +110,7 @@ class LevelMerge(wiring.Component):
                 m.d.comb += [
                     passing.eq(1),
                     output.i.valid.eq(features.o.valid & ~full),
+                    # Features beyond the capacity are taken and dropped: waiting for space would hang the frame.
                     features.o.ready.eq(output.i.ready | full),
                 ]
                 with m.If(features.o.valid & features.o.ready):
@@ -143,6 +146,7 @@ class LevelMerge(wiring.Component):
                 m.d.comb += [valid.eq(source.valid), source.ready.eq(source.payload.ends_row | features.ready)]
         row_ends = valid & item.ends_row
         m.d.comb += [features.payload.eq(item.data), features.valid.eq(valid & ~item.ends_row)]
+        # A level that has ended is skipped: with odd numbers of cell rows one level ends before the other.
         with m.If(row_ends | ended.bit_select(level, 1)):
             m.d.sync += [step.eq(following), level.eq(Array(order)[following])]
         with m.If(row_ends & item.ends_level):
@@ -158,6 +162,7 @@ class LevelMerge(wiring.Component):
         cycles = Signal(32)
         without_pixels = end.causes == Cause.MISSING_START
         m.d.sync += clock.eq(clock + 1)
+        # Stops with the last feature, so that the time in which the status waits is not counted.
         with m.If(passing):
             m.d.sync += cycles.eq(Mux(without_pixels, 0, clock - end.start))
         with m.If(self.i_starts):

@@ -117,4 +117,5 @@ def record_layout(record: Record, length_bytes: int | None = None) -> data.Flexi
 def words(record: ValueLike) -> list[Value]:
     """The 64-bit words of a record, first word first."""
     bits = Value.cast(record)
+    # The lowest bits first: records are little-endian.
     return [bits[low : low + WORD.width] for low in range(0, len(bits), WORD.width)]

@@ -26,6 +26,7 @@ def vertex(before: NDArray[np.int32], centre: NDArray[np.int32], after: NDArray[
     """
     u = centre.astype(np.int64) - after
     v = centre.astype(np.int64) - before
+    # Adding the half before the floor division rounds the magnitude; the sign is put back afterwards.
     total = u + v
     magnitude: NDArray[np.int64] = (POSITION.one * np.abs(v - u) + total) // np.maximum(2 * total, 1)
     return np.sign(v - u) * magnitude

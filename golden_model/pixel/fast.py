@@ -42,6 +42,7 @@ def score(gray: Pixels) -> NDArray[np.uint8]:
     above = np.maximum(brightest_arc, centre) - centre
     below = centre - np.minimum(darkest_arc, centre)
     difference = np.maximum(above, below)
+    # The test is strict (difference > t), so the largest t that passes is the difference minus 1.
     plane = np.zeros_like(gray)
     neighbour(plane, 0, 0, MARGIN_PX)[:] = difference - (difference > 0)
     return plane

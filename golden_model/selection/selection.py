@@ -50,6 +50,7 @@ def best_of_cells(candidates: NDArray[np.uint16], cell_px: int, per_cell: int) -
     x, y = raster(candidates)
     columns = -(-candidates.shape[1] // cell_px)
     cell = (y // cell_px) * columns + x // cell_px
+    # One stable sort by cell and falling response; `raster` gave raster order, which a stable sort keeps for ties.
     falling = RESPONSE_CODE.max_raw - candidates[y, x].astype(np.intp)
     order = np.argsort((cell << RESPONSE_CODE.bits) | falling, kind="stable")
     cell = cell[order]

@@ -109,6 +109,7 @@ class CandidateFeatures(wiring.Component):
             m.d.comb += target.eq(delayed(m, source, wait_cycles))
         if self.pattern.carries_window:
             m.d.comb += feature.window.eq(delayed(m, self._window(), self.latency_cycles - 1))
+        # Only the marks are reset: the rest has no effect without them.
         marks = Cat(self.i.present, self.i.valid & self.i.ends_row, self.i.valid & self.i.ends_level)
         delayed_marks = delayed(m, marks, self.latency_cycles, reset_less=False)
         m.d.comb += Cat(self.o.present, self.o.ends_row, self.o.ends_level).eq(delayed_marks)

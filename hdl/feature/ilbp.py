@@ -75,6 +75,7 @@ class RingDescriptor(wiring.Component):
             self._sector = Sector(moment=self._moments.o_mx.shape())
             # Delay of the first group's comparisons (one clock) until the last group's moments have given the sector.
             self._wait_cycles = self.groups - 1 + self._moments.latency_cycles + self._sector.latency_cycles - 1
+        # Early candidate, copy of the rings, first comparison, wait for the sector, collection of all groups.
         self.latency_cycles = 1 + 1 + 1 + self._wait_cycles + self.groups
         super().__init__(
             {
@@ -113,6 +114,7 @@ class RingDescriptor(wiring.Component):
         rings: list[Ring] = []
         for pixels, radius_px in zip(self.i_pixels, self.pattern.radii_px, strict=True):
             if radius_px == 0:
+                # Radius 0 is one pixel for all angles: one register, no rotation.
                 centre = Signal(8, name="centre", reset_less=True)
                 with m.If(load):
                     m.d.sync += centre.eq(pixels[0])
@@ -157,6 +159,7 @@ class RingDescriptor(wiring.Component):
         for i, bit in enumerate(bits):
             angle = (sector + step * i)[: (self.pattern.angles - 1).bit_length()]
             position, group = angle[:position_bits], angle[position_bits:]
+            # The last group comes first, hence the complement.
             with m.If(collection.bit_select(~group, 1)):
                 m.d.sync += bit.eq(columns[position])
         m.d.comb += self.o_descriptor.eq(Cat(bit[j] for j in range(self.pattern.descriptor_bytes) for bit in bits))

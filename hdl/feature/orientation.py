@@ -63,6 +63,7 @@ class RingMoments(wiring.Component):
         self._along_x = WeightedSum(weights=cosines[:group_angles], shape=radial_shape)
         self._along_y = WeightedSum(weights=sines[:group_angles], shape=radial_shape)
         self.latency_cycles = self._radial[0].latency_cycles + self._along_x.latency_cycles + 1
+        # The largest moment has all pixels at 255 where the cosine is positive, and 0 elsewhere.
         bound = self._radial[0].high * sum(cosine for cosine in cosines if cosine > 0)
         moment = signed(bound.bit_length() + 1)
         super().__init__(
@@ -86,6 +87,7 @@ class RingMoments(wiring.Component):
             m.d.comb += [radial.i_valid.eq(self.i_valid)]
             m.d.comb += [along.i_values[angle].eq(radial.o_sum) for along in (along_x, along_y)]
         m.d.comb += [along.i_valid.eq(self._radial[0].o_valid) for along in (along_x, along_y)]
+        # Rotating by a quarter is (x, y) -> (-y, x), by a half (x, y) -> (-x, -y).
         first = delayed(m, self.i_first, self.latency_cycles - 1)
         rotated_x, rotated_y = (-self.o_my, self.o_mx) if self.groups == 4 else (-self.o_mx, -self.o_my)
         with m.If(along_x.o_valid):
@@ -155,6 +157,7 @@ class Sector(wiring.Component):
             m.d.comb += [border.i_valid.eq(sorted_out), border.i_values[0].eq(longer), border.i_values[1].eq(shorter)]
         beyond = [border.o_sum < 0 for border in self._borders]
         cycles = self._borders[0].latency_cycles
+        # The folding bits wait for the comparisons with the borders, which use adders.
         octant = delayed(m, Cat(steep, delayed(m, Cat(left, up), 2)), cycles)
         with m.If(self._borders[0].o_valid):
             m.d.sync += self.o_sector.eq(self._unfolded(m, beyond, *octant))

@@ -57,6 +57,7 @@ class RingWindow(wiring.Component):
         m.d.comb += lines.i.eq(self.i)
         offsets = {offset for ring in self.pattern.offsets for offset in ring}
         chains = {}
+        # y points down: the line that is `lag_px - y` above the scan position.
         for y in sorted({y for _, y in offsets}):
             above = self.lag_px - y
             length = self.lag_px - min(x for x, line in offsets if line == y) + 1

@@ -142,6 +142,7 @@ class SubPixel(wiring.Component):
         m = Module()
         m.submodules.vertex = vertex = self._vertex
         up, before, centre, after, down = (Signal(RESPONSE_CODE.bits, reset_less=True) for _ in range(5))
+        # In the clock after a candidate its vertical neighbours move to the inputs of the divider.
         m.d.sync += [before.eq(up), after.eq(down)]
         with m.If(self.i.present):
             m.d.sync += [

@@ -82,6 +82,7 @@ class Popcount(wiring.Component):
         valid, columns = self._registered(m, self.i_valid, reduced([list(self.i_planes)], counter, largest=3))
         while _tallest(columns) > 2:
             valid, columns = self._registered(m, valid, _stage(columns, counter))
+        # Columns of at most two planes are left: the two rows of an ordinary addition in each lane.
         for lane, count in enumerate(self.o_counts):
             first = Cat(column[0][lane] for column in columns)
             second = Cat(column[1][lane] if len(column) > 1 else 0 for column in columns)
@@ -143,6 +144,7 @@ def _full_adder(m: Module, a: Value, b: Value, c: Value) -> list[Value]:
 
 
 def _sum6(m: Module, planes: list[Value]) -> list[Value]:
+    # Each of the three result bits is a function of six inputs: one 6-input LUT.
     (low_a, high_a), (low_b, high_b) = _full_adder(m, *planes[:3]), _full_adder(m, *planes[3:])
     ones, carry = Signal.like(low_a, name="ones"), Signal.like(low_a, name="low_carry")
     m.d.comb += [ones.eq(low_a ^ low_b), carry.eq(low_a & low_b)]

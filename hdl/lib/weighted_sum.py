@@ -19,6 +19,7 @@ def signed_digits(constant: int) -> list[tuple[int, int]]:
     shift = 0
     while constant:
         if constant & 1:
+            # +1 for ...01, -1 for ...11: a run of ones becomes a subtraction from the next power of two.
             sign = 2 - (constant & 3)
             digits.append((shift, sign))
             constant -= sign
@@ -113,6 +114,7 @@ class WeightedSum(wiring.Component):
         terms = [_Term(self.i_values[n] << shift, low << shift, high << shift, sign) for shift, sign, n in digits]
         valid: Value = self.i_valid
         for level in range(self.latency_cycles):
+            # An odd term out passes through a register, so that all terms stay in step.
             sums = [a.plus(b) for a, b in zip(terms[0::2], terms[1::2], strict=False)] + terms[len(terms) & ~1 :]
             terms = [self._registered(m, valid, term, f"level{level}_term{n}") for n, term in enumerate(sums)]
             registered_valid = Signal(name=f"level{level}_valid")

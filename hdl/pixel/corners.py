@@ -104,6 +104,7 @@ class Corners(wiring.Component):
         m.submodules.response_code = response_code = self._response_code
         m.submodules.fast = fast = self._fast
         m.submodules.suppression = suppression = self._suppression
+        # The scan position goes to both, so that both have it; only the chosen detector gets valid beats.
         for detector, chosen in ((tensor, ~self.i_fast), (fast, self.i_fast)):
             carry_scan(m, columns.o, detector.i, 0)
             m.d.comb += detector.i.valid.eq(columns.o.valid & chosen)
@@ -121,6 +122,7 @@ class Corners(wiring.Component):
         ]
         harris_code = delayed(m, response_code.o.code, self._response_cycles - self._harris_cycles)
         fast_code = delayed(m, fast.o.code, self._response_cycles - fast.latency_cycles)
+        # Not taken from a detector: the one that rests has no valid beats.
         carry_scan(m, columns.o, suppression.i, self._response_cycles)
         m.d.comb += suppression.i.code.eq(Mux(self.i_fast, fast_code, harris_code))
         return m

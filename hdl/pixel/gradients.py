@@ -90,6 +90,7 @@ class GradientColumns(wiring.Component):
 
         carry_scan(m, lines.o, self.o, 0)
         pairs = [Value.cast(pixel) for pixel in lines.o.column]
+        # The pair of an entry is two lines apart: the last two entries also hold the two oldest lines.
         oldest = [pair >> PIXEL.bits for pair in pairs[TENSOR_LINES - 2 :]]
         m.d.comb += self.o.gradients.eq(lines.o.column)
         m.d.comb += [pixel.eq(source) for pixel, source in zip(self.o.pixels, [*pairs, *oldest], strict=True)]
@@ -101,6 +102,7 @@ class GradientColumns(wiring.Component):
         m.submodules.smoothed_lines = lines = self._smoothed_lines
         m.d.comb += smooth.i.eq(self.i)
         carry_scan(m, smooth.o, lines.i, 0)
+        # In the pipe, the register holds still without a beat like those of the smoother.
         middle = Pipe(m, self.i.valid).registered(self.i.column[1], 0)
         passed = delayed(m, middle, smooth.latency_cycles)
         m.d.comb += lines.i.pixel.eq(Mux(self.i_fast, passed, smooth.o.pixel))

@@ -33,6 +33,7 @@ class Gray(wiring.Component):
     o: data.View
 
     def __init__(self) -> None:
+        # In the order of the bytes on the bus: UG934 puts G lowest, then B, then R.
         self._luma = WeightedSum(weights=(GREEN, BLUE, RED), shape=unsigned(8))
         self.latency_cycles = self._luma.latency_cycles + 1
         super().__init__({"i": In(beat(data=24)), "i_gray_input": In(1), "o": Out(beat(pixel=8))})

@@ -55,6 +55,7 @@ class Half(wiring.Component):
 
         column, row = delayed(m, self.i.x, 1), delayed(m, self.i.y, 1)
         paired = delayed(m, self.i.valid & self.i.x[0], 1, reset_less=False)
+        # Written only in even lines, while the data that is read counts only in odd ones: no conflict at one address.
         m.d.comb += [write.addr.eq(column >> 1), write.data.eq(pair), write.en.eq(paired & ~row[0])]
 
         below, pixel = delayed(m, pair, 1), Signal(8, reset_less=True)

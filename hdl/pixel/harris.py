@@ -70,6 +70,7 @@ class StructureTensor(wiring.Component):
         super().__init__({"i": In(beat(column=data.ArrayLayout(GRADIENTS, TENSOR_LINES))), "o": Out(TENSOR)})
 
     def _box_sum(self, product: Shape) -> SeparableSum:
+        # Zero weights around a smaller window keep its centre, and so the lag, the same.
         outside = (0,) * ((TENSOR_LINES - self.window_px) // 2)
         weights = (*outside, *(1,) * self.window_px, *outside)
         return SeparableSum(vertical=weights, horizontal=weights, shape=product)
@@ -81,6 +82,7 @@ class StructureTensor(wiring.Component):
         """
         m = Module()
         carry_scan(m, self.i, self.o, self.latency_cycles)
+        # One register in each place where a DSP slice has its own; without them the multiplier limits the clock.
         operands = Signal.like(self.i.column, reset_less=True)
         with m.If(self.i.valid):
             m.d.sync += operands.eq(self.i.column)
@@ -137,6 +139,7 @@ class RawResponse(wiring.Component):
         m = Module()
         carry_scan(m, self.i, self.o, self.latency_cycles)
         a, b, c = delayed(m, self.i.a, 1), delayed(m, self.i.b, 1), delayed(m, self.i.c, 1)
+        # The trace fits 17 bits (proved), so its square takes one DSP slice; slicing drops the carry that never occurs.
         trace = delayed(m, (self.i.a + self.i.b)[: TENSOR_TRACE.bits], 1)
         a_b, c_c, trace_squared = (delayed(m, product, 2) for product in (a * b, c * c, trace * trace))
         determinant = delayed(m, (a_b - c_c)[: RAW_RESPONSE.bits], 1)

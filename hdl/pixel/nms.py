@@ -80,6 +80,7 @@ class Suppression(wiring.Component):
         above = pipe.largest_of_run(runs, *pipe.largest([column[n] for n in range(radius + 1, runs)]))
         below = pipe.largest_of_run(runs, *pipe.largest([column[n] for n in range(radius)]))
         cycles = above[1]
+        # The centre line counts on both sides: pixels left of the centre come before it, those to the right after it.
         beside, beside_cycles = pipe.largest_of_run(radius, column[radius], 0)
         beside = delayed(m, beside, cycles - beside_cycles)
         before, _ = pipe.largest([above[0], pipe.earlier(beside, cycles, radius + 1)[-1]], cycles)

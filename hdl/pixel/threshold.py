@@ -74,6 +74,7 @@ class AdaptiveThreshold(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Count, excess, step and sum, each clamped in two clocks: one to compare, one to choose."""
         m = Module()
+        # Registered, because it is the sum over the levels.
         added = delayed(m, self.i_added, 1, reset_less=False)
         # The highest bit means more than `max_features`: the count stops there, so that it cannot wrap around.
         count = Signal(self.max_features.bit_length() + 1)

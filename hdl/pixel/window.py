@@ -80,6 +80,7 @@ class LineBuffer(wiring.Component):
             self.o.column.eq(column),
             write.addr.eq(self.o.x),
             write.en.eq(self.o.valid),
+            # The oldest line drops out.
             write.data.eq(Cat(column)[: len(write.data.as_value())]),
         ]
         return m

@@ -105,6 +105,7 @@ class Insertion(wiring.Component):
             newcomer.slot.eq(self.o_slot),
             self.o_added.eq(~taken.bit_select(self.i_last_place, 1)),
         ]
+        # A beaten place takes the entry above it if that one is beaten too, else the new feature.
         above = newcomer
         above_taken: Value = Const(1)
         above_beaten: Value = Const(0)
@@ -209,6 +210,7 @@ class CellRanking(wiring.Component):
         compared = delayed(m, located, 1, reset_less=False)
         arrived = delayed(m, compared, insertion.latency_cycles, reset_less=False)
         found, is_in_last_cell = Signal.like(cell), Signal(reset_less=True)
+        # A shift by 0 to 3: cells have 32 to 256 px.
         m.d.comb += found.eq(self.i.x[SMALLEST_CELL_LOG2:] >> (self.i_cell_log2 - SMALLEST_CELL_LOG2)[:2])
         with m.If(self.i.present):
             m.d.sync += [

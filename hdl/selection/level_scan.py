@@ -91,6 +91,8 @@ class LevelScan(wiring.Component):
         warning_x = Signal(COORDINATE)
         cell_mask = Signal(max(CELL_SIZES_PX).bit_length() - 1)
         spare_px = self.border_px - self.lag_px
+        # Registered, because settings are stable during a frame and the subtractions need not share a clock with the
+        # comparisons.
         m.d.sync += [
             last_x.eq(self.i_width_px - 1),
             warning_x.eq(self.i_width_px - 1 - WARNING_PX),

@@ -77,6 +77,7 @@ class CellRows(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Both memories, the choice of the bank to fill, and the two stages that read the other bank."""
         m = Module()
+        # Two banks; a power of two for each, so that the bank is the highest address bit.
         depth = 2 << len(self.i_cell)
         # Few words of many bits: LUT memory.
         attributes = {"ram_style": "distributed"}
@@ -104,6 +105,7 @@ class CellRows(wiring.Component):
         cell, place, next_cell = Signal.like(self.i_cell), Signal(range(MAX_PER_CELL)), Signal()
         # Shifted by one for every cell: the lowest bit belongs to the current cell.
         touched, ends_level = Signal.like(self.i_touched), Signal()
+        # Places are taken from the front, so the list of a cell ends where the next place is free.
         followed = Cat(Cat(later.taken for later in order.data)[1:], 0).bit_select(place, 1)
         with m.If(self.i_close):
             m.d.sync += [touched.eq(self.i_touched), ends_level.eq(self.i_ends_level), cell.eq(0)]

@@ -123,6 +123,7 @@ class CellSelection(wiring.Component):
             self.o_added.eq(ranking.o_kept & ranking.o_added),
         ]
         wiring.connect(m, wiring.flipped(self.o), rows.o)
+        # Reserved at admission, not at the end of the row: the pixels in the pipeline can no longer be held back.
         with m.If(self.i_reserve):
             m.d.sync += self.o_busy.eq(1)
         with m.Elif(rows.o_drained):
