@@ -1,4 +1,4 @@
-"""Registers a pair of overlapping photographs: features, matches, homography, and why it failed where it did."""
+"""Registers a pair of overlapping photographs: features, matches, homography, or the reason of a failure."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 
-from golden_model.arrays import Matrix, Pixels, Records
+from golden_model.arrays import Mask, Matrix, Pixels, Points, Records
 from golden_model.config import LARGEST_THRESHOLD, Config, preset_config
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.records import Cause
@@ -23,14 +24,17 @@ from skymosaic.geometry.estimators import ESTIMATORS, FUZZY_RANSAC, estimate
 from skymosaic.geometry.homography import apply
 from skymosaic.geometry.prosac import INLIER_PX, MIN_INLIERS
 from skymosaic.imagery.images import Photograph, load, reduced
+from skymosaic.imagery.lens import Lens
 from skymosaic.stopwatch import Stopwatch
 
 WORKING_WIDTH_PX = 1280
+MASK_MARGIN_PX = 40
+"""Features keep this distance from masked pixels, in working px: farther away no descriptor reads the mask."""
 
 
 @dataclass(frozen=True)
 class Pair:
-    """Two photographs and what was found between them.
+    """Two photographs, their features and matches, and their homography.
 
     Attributes
     ----------
@@ -53,13 +57,13 @@ class Pair:
     reason : str
         Why the pair was not accepted, with the counts; empty where it was.
     config : Config
-        What was computed.
+        Of the front end and matcher.
     method : Method
         Detector and descriptor.
     estimator : str
         Robust estimator.
     backend : str
-        What computed it.
+        Name of the backend that computed features and matches.
     seconds : dict
         Wall time of each stage.
     """
@@ -131,11 +135,11 @@ def register(
         ``"aerial"`` or ``"thesis"``; `config` overrides it.
     detector, descriptor : str or None
         Names of `skymosaic.features.detectors.DETECTORS` and `skymosaic.features.descriptors.DESCRIPTORS`; None:
-        what goes with the other, or as configured.
+        the one that suits the other, or as configured.
     estimator : str
         One of `skymosaic.geometry.estimators.ESTIMATORS`.
     backend : str
-        Who computes features and matches: ``golden``, ``rtl``, ...
+        What computes features and matches: ``golden``, ``rtl``, ...
     seed : int
         Of the robust estimator.
     working_width_px : int
@@ -185,14 +189,23 @@ def register_photographs(
     detector: str | None = None,
     descriptor: str | None = None,
     estimator: str = "prosac",
+    lens: Lens | None = None,
     progress: Progress = silent,
 ) -> Pair:
-    """`register` for photographs that are already decoded; ``seconds`` holds the time spent so far."""
+    """`register` for photographs that are already decoded.
+
+    ``seconds`` holds the time spent so far. Matches in pixels that ``lens`` masks do not count.
+    """
     clock = Stopwatch(seconds)
-    method, config = _settled(config, detector, descriptor, estimator, refine)
+    method, config = settled_method(config, detector, descriptor, estimator, refine)
     (left, to_left), (right, to_right) = (reduced(photo.pixels, working_width_px) for photo in photographs)
     results, config = extract_within_capacity(backend_of(method, backend, progress), [left, right], config)
+    features = results[0].features, results[1].features
     matches = results[1].matches
+    if lens is not None:
+        masks = tuple(lens.visible((image.shape[1], image.shape[0])) for image in (left, right))
+        on_ground = [on_the_ground(points, mask) for points, mask in zip(match_points(matches), masks, strict=True)]
+        matches = matches[on_ground[0] & on_ground[1]]
     clock.lap("features and matches")
 
     verified = matches["verdict"] == 1
@@ -208,9 +221,8 @@ def register_photographs(
     refined_inliers = 0
     clock.lap("homography")
     if refine and homography is not None:
-        features = results[0].features, results[1].features
         refined, found = refine_pair(left, right, features, homography, config)
-        # Over strong relief the upright search finds less than the first pass, which then stands.
+        # Over strong relief the upright search may find fewer matches: then keep the result of the first pass.
         if found >= inliers.sum():
             homography, refined_inliers = refined, found
             near = np.linalg.norm(apply(homography, left_points) - right_points, axis=1) <= INLIER_PX
@@ -221,7 +233,7 @@ def register_photographs(
         right=photographs[1],
         to_original=(to_left, to_right),
         working=(left, right),
-        features=(results[0].features, results[1].features),
+        features=features,
         matches=matches,
         kept=matches[verified],
         inliers=matches[inliers],
@@ -239,7 +251,7 @@ def register_photographs(
 def extract_within_capacity(
     front_end: Backend, frames: Sequence[Pixels], config: Config
 ) -> tuple[list[FrameResult], Config]:
-    """Run the front end; a frame with more corners than a feature bank holds raises the threshold for all.
+    """Run the front end; if a frame has more corners than a feature bank holds, raise the threshold for all frames.
 
     Only a configuration without cell selection can exceed the capacity. The thesis raises its threshold in
     the same way (section II.2.1.2); we double it until every frame fits.
@@ -254,20 +266,43 @@ def extract_within_capacity(
         config = dataclasses.replace(config, front_end=raised)
 
 
+def on_the_ground(points: Points, visible: Pixels | None) -> Mask:
+    """Whether each point (N, 2), in working px, is far enough from masked pixels to count, (N,).
+
+    Parameters
+    ----------
+    points : ndarray of float64, shape (N, 2)
+    visible : ndarray of uint8, shape (H, W), or None
+        255 where the working image shows ground, else 0; None: everywhere.
+    """
+    if visible is None:
+        return np.ones(len(points), dtype=np.bool_)
+    kernel = np.ones((2 * MASK_MARGIN_PX + 1, 2 * MASK_MARGIN_PX + 1), np.uint8)
+    inside = cv2.erode(visible, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=255)
+    x, y = np.rint(points).astype(np.intp).clip(0, np.subtract(visible.shape[::-1], 1)).T
+    return np.asarray(inside[y, x] == 255)
+
+
 def _in_originals(homography: Matrix, to_left: Matrix, to_right: Matrix) -> Matrix:
     original = to_right @ homography @ np.linalg.inv(to_left)
     scaled: Matrix = original / original[2, 2]
     return scaled
 
 
-def _settled(
+def settled_method(
     config: Config, detector: str | None, descriptor: str | None, estimator: str, refine: bool
 ) -> tuple[Method, Config]:
-    """The method and its configuration, checked against what else was asked for."""
+    """The method and its configuration, checked against the estimator and the second pass.
+
+    Raises
+    ------
+    InputError
+        For an unknown name or an impossible combination.
+    """
     if estimator not in ESTIMATORS:
         raise InputError(f"estimator is {estimator!r}; valid: {', '.join(ESTIMATORS)}")
     if estimator == FUZZY_RANSAC:
-        # It is a rule base itself, in the place of any other.
+        # Fuzzy RANSAC has rules of its own, which replace those of the matcher.
         config = dataclasses.replace(config, matcher=dataclasses.replace(config.matcher, rule_base="none"))
     method, config = choose(config, detector, descriptor)
     if refine and method.descriptor not in PATTERNS:

@@ -1,11 +1,12 @@
-"""The picture of a laid-out flight, tile by tile: only the photographs that a tile shows are decoded."""
+"""Renders the mosaic of a layout tile by tile: only the photographs that a tile shows are decoded."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import groupby
+from typing import Any
 
 import cv2
 import numpy as np
@@ -36,7 +37,7 @@ from skymosaic.imagery.photographs import DecodedPhotographs, Source
 MEMORY_BYTES = 1 << 30
 """Default limit of the decoded photographs a process keeps."""
 BAND_REACH_PX = 160
-"""Beyond this distance from a tile no photograph changes it: the margin of the widest band."""
+"""Photographs farther than this from a tile do not change it: the margin of the widest band."""
 BLURRED_FAVOUR = 1e-3
 
 
@@ -50,13 +51,13 @@ class Placement:
     size : (int, int)
         Width and height, px.
     transform : ndarray of float64, shape (3, 3)
-        Its pixels to canvas pixels.
+        Its pixels to pixels of the reference frame.
     gain : tuple of float
         Factor on its intensities, by channel.
     favour : float
-        Below 1 for a blurred one, which shows only where no other does.
+        Below 1 for a blurred photograph, which shows only where no other does.
     seam : SeamMask or None
-        Where seams let it show.
+        Part that it may fill.
     """
 
     source: Source
@@ -67,21 +68,21 @@ class Placement:
     seam: SeamMask | None = None
 
     def shows_in(self, part: Canvas) -> bool:
-        """Whether it shows in a part of the canvas."""
+        """Whether it shows in a part of the reference frame."""
         shown = footprint(self.size, self.transform).intersection(part)
         return shown is not None and (self.seam is None or self.seam.covers_some_of(shown))
 
 
 @dataclass(frozen=True, eq=False)
 class Composition:
-    """All that the picture of one layout is made from.
+    """A mosaic that is ready to be rendered.
 
     Attributes
     ----------
     placements : tuple of Placement
         In the order of the layout's members.
-    size : (int, int)
-        Width and height of the canvas, px.
+    canvas : Canvas
+        The part of the reference frame that the mosaic fills.
     coloured : bool
         BGR, or gray where every photograph is gray.
     blending : str
@@ -90,35 +91,56 @@ class Composition:
     """
 
     placements: tuple[Placement, ...]
-    size: tuple[int, int]
+    canvas: Canvas
     coloured: bool
     blending: str
     lens: Lens
 
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the canvas, px."""
+        return self.canvas.width_px, self.canvas.height_px
+
+    @property
+    def transforms(self) -> list[Array]:
+        """The transformation of each placement from its pixels to canvas pixels, (3, 3)."""
+        return [self.canvas.translation @ placement.transform for placement in self.placements]
+
     def bands(self, workers: Workers, memory_bytes: int = MEMORY_BYTES) -> Iterator[Pixels]:
-        """The picture in bands of at most 1024 whole rows, from the top; pixels that nothing shows are 0.
+        """The picture in bands of at most 1024 rows, from the top; 0 where there is no photograph.
 
         Raises
         ------
         InputError
             If a photograph can no longer be read.
         """
-        tiles = list(Canvas(0, 0, *self.size).tiles())
+        tiles = list(self.canvas.tiles())
         calls = [(self._for_tile(tile), tile, memory_bytes) for tile in tiles]
         rendered = zip(tiles, workers.run("mosaic", _render, calls), strict=True)
         for _, row in groupby(rendered, key=lambda item: item[0].y_px):
             yield np.concatenate([pixels for _, pixels in row], axis=1)
 
-    def image(self, workers: Workers, memory_bytes: int = MEMORY_BYTES) -> Pixels:
-        """The whole picture, (H, W, 3) or (H, W)."""
+    def joined(self, bands: Iterable[Pixels]) -> Pixels:
+        """The whole picture, (H, W, 3) or (H, W), from its bands; never in memory twice."""
         channels = (3,) if self.coloured else ()
         picture = np.empty((self.size[1], self.size[0], *channels), dtype=np.uint8)
-        for index, band in enumerate(self.bands(workers, memory_bytes)):
+        for index, band in enumerate(bands):
             picture[index * TILE_PX : index * TILE_PX + len(band)] = band
         return picture
 
+    def changed(self, **values: Sequence[Any]) -> Composition:
+        """The composition with new values, one for each placement, of some of their attributes."""
+        each = (dict(zip(values, row, strict=True)) for row in zip(*values.values(), strict=True))
+        placements = (replace(p, **new) for p, new in zip(self.placements, each, strict=True))
+        return replace(self, placements=tuple(placements))
+
+    def in_own_frame(self) -> Composition:
+        """The same with a reference frame whose origin is the canvas's first pixel."""
+        moved = self.changed(transform=self.transforms)
+        return replace(moved, canvas=Canvas(0, 0, *self.size))
+
     def _for_tile(self, tile: Canvas) -> Composition:
-        """What may show in a tile, bands that reach over its border included."""
+        """The placements that change a tile; some lie beyond its border, because bands reach over it."""
         around = replace(
             tile,
             x_px=tile.x_px - BAND_REACH_PX,
@@ -137,6 +159,9 @@ def compose(
     blending: str = "multiband",
     scale: float = 1.0,
     canvas_limit_px: int = CANVAS_LIMIT_PX,
+    equalise: bool = True,
+    seams: bool = True,
+    own_frame: bool = True,
 ) -> Composition:
     """Prepare the picture of one layout: canvas, exposure gains and seams, from thumbnails alone.
 
@@ -144,13 +169,19 @@ def compose(
     ----------
     flight : Flight
     layout : Layout
-        One of its.
+        One of the flight's.
     blending : {"average", "distance", "multiband"}
-        As `skymosaic.compositing.blend.blend`; multiband along seams.
+        As `skymosaic.compositing.blend.blend`.
     scale : float
         Canvas pixels a pixel of the reference photograph.
     canvas_limit_px : int
         Largest canvas area that is accepted.
+    equalise : bool
+        Equalise exposure, and show blurred photographs only where no other shows anything.
+    seams : bool
+        Cut multi-band blending along seams.
+    own_frame : bool
+        The canvas begins at (0, 0) of its own frame; otherwise it is a part of the reference photograph's frame.
 
     Raises
     ------
@@ -158,41 +189,41 @@ def compose(
         If the canvas would be too large, or a photograph reaches behind the horizon.
     """
     views = [flight.views[member] for member in layout.members]
-    to_reference = resize_matrix(scale) @ flight.views[layout.reference].to_original
-    transforms = [
-        to_reference @ layout.transforms[member] @ np.linalg.inv(view.to_original)
-        for member, view in zip(layout.members, views, strict=True)
-    ]
+    composition = _arranged(flight, layout, blending, scale, canvas_limit_px)
+    if own_frame:
+        composition = composition.in_own_frame()
+    if equalise:
+        ratios = sharpness_ratios(flight.views, flight.links)[list(layout.members)]
+        composition = composition.changed(favour=[BLURRED_FAVOUR if ratio < BLURRED else 1.0 for ratio in ratios])
+    thumbnails, reduction = _thumbnails(views, composition.placements, composition.lens, scale)
+    if equalise:
+        composition = composition.changed(gain=[tuple(gain.tolist()) for gain in _gains(thumbnails)])
+    if seams and blending == "multiband":
+        toned = [replace(layer, gain=p.gain) for layer, p in zip(thumbnails, composition.placements, strict=True)]
+        composition = composition.changed(seam=seam_masks(toned, reduction))
+    return composition
+
+
+def _arranged(flight: Flight, layout: Layout, blending: str, scale: float, canvas_limit_px: int) -> Composition:
+    """The photographs of a layout on a canvas in the reference's frame."""
+    views = [flight.views[member] for member in layout.members]
+    transforms = list(layout.to_reference(flight.views, scale).values())
     try:
         canvas = canvas_of([view.size for view in views], transforms, limit_px=canvas_limit_px)
     except CanvasError as error:
-        raise RegistrationError(f"{len(views)} photographs from {views[0].name} on: {error}") from None
-    ratios = sharpness_ratios(flight.views, flight.links)
-    placements = [
-        Placement(
-            source=flight.sources[member],
-            size=view.size,
-            transform=canvas.translation @ transform,
-            favour=BLURRED_FAVOUR if ratios[member] < BLURRED else 1.0,
-        )
+        raise RegistrationError(f"{len(views)} photographs, the first {views[0].name}: {error}") from None
+    placements = tuple(
+        Placement(flight.sources[member], view.size, transform)
         for member, view, transform in zip(layout.members, views, transforms, strict=True)
-    ]
+    )
     coloured = any(view.thumbnail.ndim == 3 for view in views)
-    lens = flight.settings.lens
-    thumbnails, reduction = _thumbnails(views, placements, lens, scale)
-    gains = _gains(thumbnails)
-    placements = [replace(p, gain=tuple(gain.tolist())) for p, gain in zip(placements, gains, strict=True)]
-    if blending == "multiband":
-        toned = [replace(layer, gain=p.gain) for layer, p in zip(thumbnails, placements, strict=True)]
-        seams = seam_masks(toned, reduction)
-        placements = [replace(p, seam=seam) for p, seam in zip(placements, seams, strict=True)]
-    return Composition(tuple(placements), (canvas.width_px, canvas.height_px), coloured, blending, lens)
+    return Composition(placements, canvas, coloured, blending, flight.settings.lens)
 
 
 def _thumbnails(
     views: Sequence[View], placements: Sequence[Placement], lens: Lens, scale: float
 ) -> tuple[list[Layer], float]:
-    """The thumbnails on a canvas reduced to about their size, in colour, and that reduction."""
+    """The thumbnails as layers of a reduced canvas, in colour, and the reduction."""
     widest = max(views, key=lambda view: view.size[0])
     reduction = widest.thumbnail.shape[1] / widest.size[0] / scale
     layers = []
@@ -220,8 +251,18 @@ def _gains(thumbnails: Sequence[Layer]) -> Array:
 
 @lru_cache(maxsize=1)
 def _decoded(limit_bytes: int) -> DecodedPhotographs:
-    """The photographs this process has decoded."""
+    """The photographs that this process keeps decoded."""
     return DecodedPhotographs(limit_bytes)
+
+
+def keep_decoded(source: Source, lens: Lens, pixels: Pixels, limit_bytes: int) -> None:
+    """Keep the straightened pixels of a photograph that is decoded already for the tiles that this process renders."""
+    _decoded(limit_bytes).keep(source, lens, pixels)
+
+
+def forget_decoded() -> None:
+    """Give back the memory of all decoded photographs of this process."""
+    _decoded.cache_clear()
 
 
 def _render(composition: Composition, tile: Canvas, memory_bytes: int) -> Pixels:

@@ -1,4 +1,4 @@
-"""Where each view of a flight lies on the ground: groups of linked views, a first layout, and its refinement."""
+"""Layout of a flight: groups of linked views, a first pose of each view on the ground, and its refinement."""
 
 from __future__ import annotations
 
@@ -17,40 +17,44 @@ from skymosaic.compositing.warp import Canvas
 from skymosaic.flight.adjustment import MODELS, Network, Ties
 from skymosaic.flight.links import Candidate, Link
 from skymosaic.flight.view import View
-from skymosaic.geometry.homography import apply, estimate
+from skymosaic.geometry.homography import apply, estimate, resize_matrix
 
 GOOD_ENOUGH = 1.05
-"""A simpler model is taken if its error is at most this many times the best one's."""
+"""A simpler model is taken if its error is at most this many times that of the best model."""
 FALSE_LINK_PX = 10.0
 """A link whose median error stays above this contradicts the others."""
 ROUGH_STEPS = 4
 MOST_PREDICTED = 8
 LEAST_OVERLAP = 0.1
-"""Partners that each view proposes at most for a further look, and their least predicted overlap."""
+"""Partners that each view proposes at most for a further look, and the smallest overlap that counts."""
 
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """One group of linked views and their places on the ground.
+    """One group of linked views and their transformations to the ground.
 
     Attributes
     ----------
     members : tuple of int
         Indices of the views, rising.
     reference : int
-        Index of the most connected one: the ground's frame is its own, but for its tilt.
+        Index of the most connected one. The ground's frame is its own without its tilt; of two photographs, that
+        of the right one.
     transforms : dict of int to ndarray, shape (3, 3)
         Working pixels of each member to ground pixels, which are the reference's working pixels.
     links : tuple of Link
-        Those among the members that the layout agrees with.
+        Links among the members that agree with the layout.
     contradicting : tuple of Link
-        Those it does not agree with.
+        Links among the members that disagree with it.
     errors_px : tuple of ndarray
         Reprojection error of each tie of each of ``links``, in working pixels of the right view.
     model : str
         A key of `skymosaic.flight.adjustment.MODELS`.
     reason : str
         Why that model.
+    originals : dict of int to ndarray, shape (3, 3), or None
+        Original pixels of each member to original pixels of the reference, where they are known directly; None:
+        they follow from ``transforms``.
     """
 
     members: tuple[int, ...]
@@ -61,15 +65,24 @@ class Layout:
     errors_px: tuple[Array, ...] = ()
     model: str = "similarity"
     reason: str = "a single view"
+    originals: dict[int, Array] | None = None
 
     @property
     def median_error_px(self) -> float:
         """Median error of all ties; 0 for a single view."""
         return float(np.median(np.concatenate(self.errors_px))) if self.errors_px else 0.0
 
+    def to_reference(self, views: Sequence[View], scale: float = 1.0) -> dict[int, Array]:
+        """Original pixels of each member to original pixels of the reference reduced to ``scale``, (3, 3) each."""
+        resize = resize_matrix(scale)
+        if self.originals is not None:
+            return {member: resize @ transform for member, transform in self.originals.items()}
+        frame = resize @ views[self.reference].to_original
+        return {m: frame @ self.transforms[m] @ np.linalg.inv(views[m].to_original) for m in self.members}
+
     @property
     def relief(self) -> float:
-        """Share of the matches near the links' homographies that lie 3 to 12 px off: what is not flat; 0..1."""
+        """Share of the matches near the links' homographies that lie 3 to 12 px off the plane, 0..1; 0 is flat."""
         near = sum(link.near for link in self.links)
         return 1 - sum(link.ties for link in self.links) / near if near else 0.0
 
@@ -82,7 +95,7 @@ def groups(count: int, links: Sequence[Link]) -> list[list[int]]:
 
 
 def lay_out(views: Sequence[View], members: Sequence[int], links: Sequence[Link]) -> Layout:
-    """Lay out one group of linked views; the model is chosen by ties that a fit has not seen.
+    """Lay out one group of linked views; the model is chosen by its error on held-out ties.
 
     Parameters
     ----------
@@ -91,7 +104,7 @@ def lay_out(views: Sequence[View], members: Sequence[int], links: Sequence[Link]
     members : sequence of int
         The group, rising.
     links : sequence of Link
-        Links that hold; those outside the group are passed over.
+        Links that hold; those outside the group are ignored.
     """
     if len(members) == 1:
         return Layout(tuple(members), members[0], {members[0]: np.eye(3)})
@@ -102,7 +115,7 @@ def lay_out(views: Sequence[View], members: Sequence[int], links: Sequence[Link]
     errors = network.errors_px(refined)
     agreeing = [link for link, error in zip(group.links, errors, strict=True) if np.median(error) <= FALSE_LINK_PX]
     if len(agreeing) < len(errors) and len(groups(len(views), agreeing)) == len(groups(len(views), group.links)):
-        # The start may have been built on a false link: begin again without.
+        # The first layout may have been built on a false link: repeat it without those.
         better = lay_out(views, members, agreeing)
         false = tuple(link for link in group.links if link not in agreeing)
         return dataclasses.replace(better, contradicting=false + better.contradicting)
@@ -118,13 +131,13 @@ def lay_out(views: Sequence[View], members: Sequence[int], links: Sequence[Link]
 
 
 def rough_transforms(views: Sequence[View], members: Sequence[int], links: Sequence[Link]) -> dict[int, Array]:
-    """Similarities, as `Layout.transforms`, good enough to tell which views overlap."""
+    """Similarities, as `Layout.transforms`, exact enough to predict which views overlap."""
     group = _Group(views, members, links)
     return group.to_ground(group.network(slice(None)).adjust(group.start, "similarity", max_steps=ROUGH_STEPS))
 
 
 class _Group:
-    """Linked views with rows of their own, and their ties in normalised coordinates."""
+    """Linked views, renumbered from 0, and their ties in normalised coordinates."""
 
     def __init__(self, views: Sequence[View], members: Sequence[int], links: Sequence[Link]) -> None:
         row = {member: index for index, member in enumerate(members)}
@@ -141,19 +154,19 @@ class _Group:
         self.start = _spanning_start(self._ties, weights, self.reference)
 
     def network(self, chosen: slice) -> Network:
-        """The ties of every link, or a choice of them."""
+        """The network of every link's ties, or of a subset of them."""
         ties = [Ties(t.left, t.right, t.left_points[chosen], t.right_points[chosen]) for t in self._ties]
         return Network(ties, [1 / float(matrix[0, 0]) for matrix in self._normalised], self.reference)
 
     def to_ground(self, transforms: Array) -> dict[int, Array]:
-        """Transformations (V, 3, 3) of normalised coordinates as those of pixels, by view."""
+        """Transformations (V, 3, 3) of normalised coordinates, converted to pixels, by view."""
         to_pixels = np.linalg.inv(self._normalised[self.reference])
         rows = zip(self._members, transforms, self._normalised, strict=True)
         return {member: to_pixels @ transform @ normalised for member, transform, normalised in rows}
 
 
 def predicted(views: Sequence[View], transforms: dict[int, Array], tried: Collection[Candidate]) -> set[Candidate]:
-    """Pairs not tried yet that overlap where the transformations put them: each view proposes its best few."""
+    """Pairs not tried yet that overlap according to the transformations: each view proposes its best few."""
     outlines = {member: outline(views[member], transform) for member, transform in transforms.items()}
     centres = np.array([corners.mean(axis=0) for corners in outlines.values()])
     radii = [np.linalg.norm(o - c, axis=1).max() for o, c in zip(outlines.values(), centres, strict=True)]
@@ -210,15 +223,15 @@ def _spanning_start(ties: Sequence[Ties], weights: csr_array, reference: int) ->
 
 
 def _choose_model(group: _Group) -> tuple[str, str, Array]:
-    """The simplest model that is about as good as the best, why, and its transformations.
+    """The simplest model that is about as good as the best, the reason, and its transformations.
 
-    Every second tie is fitted, and the others tell the error.
+    Every second tie is fitted; the error is measured on the others.
     """
-    fitted, unseen = group.network(slice(0, None, 2)), group.network(slice(1, None, 2))
+    fitted, held_out = group.network(slice(0, None, 2)), group.network(slice(1, None, 2))
     transforms, errors, fits = group.start, {}, {}
     for model in MODELS:
         transforms = fits[model] = fitted.adjust(transforms, model)
-        errors[model] = float(np.median(np.concatenate(unseen.errors_px(transforms))))
+        errors[model] = float(np.median(np.concatenate(held_out.errors_px(transforms))))
     chosen = next(model for model in MODELS if errors[model] <= GOOD_ENOUGH * min(errors.values()))
-    told = ", ".join(f"{model} {error:.2f} px" for model, error in errors.items())
-    return chosen, f"median error of ties that the fit has not seen: {told}", fits[chosen]
+    measured = ", ".join(f"{model} {error:.2f} px" for model, error in errors.items())
+    return chosen, f"median error of held-out ties: {measured}", fits[chosen]

@@ -1,4 +1,4 @@
-"""The mosaic of one group of photographs as a file, with its place on the map and a preview for the report."""
+"""Writes the mosaic of one group of photographs, with its georeference and a preview for the report."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from golden_model.arrays import Pixels
 from skymosaic.flight.composition import Composition
 from skymosaic.flight.layout import Layout
 from skymosaic.flight.survey import Flight
-from skymosaic.flight.workers import Workers
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.band_writer import write_bands
 from skymosaic.imagery.geotiff import Georeference, georeference, has_writer, write_cog
+from skymosaic.imagery.images import save
 
 PREVIEW_WIDTH_PX = 1600
 GEOTIFF_SUFFIXES = (".tif", ".tiff")
@@ -25,7 +25,7 @@ GEOTIFF_SUFFIXES = (".tif", ".tiff")
 
 @dataclass(frozen=True, eq=False)
 class Delivery:
-    """What was written, and how.
+    """A mosaic that was written.
 
     Attributes
     ----------
@@ -33,12 +33,12 @@ class Delivery:
     flight : Flight
     layout : Layout
     composition : Composition
-    place : Georeference or None
-        Where the mosaic lies, if GPS tells; a GeoTIFF says so too.
+    georeference : Georeference or None
+        Position of the mosaic on the map, if the photographs have GPS; a GeoTIFF contains it.
     map_note : str
-        Why there is no place, or why the file does not say it; empty where it does.
+        Why there is no georeference, why the file does not contain it, or why it may be wrong; else empty.
     preview : ndarray of uint8
-        The mosaic reduced to at most 1600 px wide.
+        The mosaic, reduced.
     seconds : float
         For blending and writing.
     """
@@ -47,57 +47,86 @@ class Delivery:
     flight: Flight
     layout: Layout
     composition: Composition
-    place: Georeference | None
+    georeference: Georeference | None
     map_note: str
     preview: Pixels
     seconds: float
 
 
 def deliver(
-    path: Path, flight: Flight, layout: Layout, composition: Composition, *, workers: Workers, memory_bytes: int
+    path: Path,
+    flight: Flight,
+    layout: Layout,
+    composition: Composition,
+    bands: Iterable[Pixels],
+    *,
+    preview_width_px: int = PREVIEW_WIDTH_PX,
 ) -> Delivery:
-    """Blend and write a mosaic.
+    """Write a mosaic.
+
+    Parameters
+    ----------
+    path : Path
+        With GPS, ``.tif`` becomes a GeoTIFF.
+    flight : Flight
+    layout : Layout
+    composition : Composition
+        Of that layout.
+    bands : iterable of ndarray of uint8
+        Its picture in bands of whole rows from the top, rendered as they are asked for.
+    preview_width_px : int
+        Of the preview, at most.
 
     Raises
     ------
     InputError
-        If the file cannot be written or a photograph no longer be read; nothing is left of it then.
+        If the file cannot be written or a photograph can no longer be read; no partial file is left.
     """
     start = time.perf_counter()
-    middles = [apply(p.transform, (np.array(p.size) - 1) / 2) for p in composition.placements]
-    place, note = georeference(np.array(middles), [flight.views[member].place for member in layout.members])
-    preview = _Preview(composition.size[0])
-    bands = preview.watch(composition.bands(workers, memory_bytes))
+    pairs = zip(composition.transforms, composition.placements, strict=True)
+    centres = [apply(t, (np.array(p.size) - 1) / 2) for t, p in pairs]
+    position, note = georeference(np.array(centres), [flight.views[member].gps for member in layout.members])
+    if position is not None and len(layout.members) == 2:
+        note = "two GPS positions fit exactly, so that nothing checks them"
+    preview = _Preview(min(1.0, preview_width_px / composition.size[0]))
+    watched = preview.watch(bands)
     channels = 3 if composition.coloured else 1
-    if place is not None and path.suffix.lower() in GEOTIFF_SUFFIXES and has_writer():
-        write_cog(path, composition.size, channels, bands, place)
+    if position is not None and _is_tiff(path) and has_writer():
+        write_cog(path, composition.size, channels, watched, position)
     else:
-        write_bands(path, composition.size, channels, bands)
-        note = note or _unsaid(path)
-    seconds = time.perf_counter() - start
-    return Delivery(path, flight, layout, composition, place, note, preview.image(), seconds)
+        note = note or _why_not_on_the_map(path)
+        if flight.pair is not None:
+            # Two photographs fit into memory, and OpenCV's writers compress better than ours that write bands.
+            save(path, np.concatenate(list(watched)))
+        else:
+            write_bands(path, composition.size, channels, watched)
+    return Delivery(path, flight, layout, composition, position, note, preview.image(), time.perf_counter() - start)
 
 
-def _unsaid(path: Path) -> str:
-    if path.suffix.lower() in GEOTIFF_SUFFIXES:
-        return "the file does not say where it lies: pip install 'skymosaic[geo]' writes a GeoTIFF"
-    return f"{path.suffix} cannot say where the mosaic lies; .tif can"
+def _is_tiff(path: Path) -> bool:
+    return path.suffix.lower() in GEOTIFF_SUFFIXES
+
+
+def _why_not_on_the_map(path: Path) -> str:
+    if _is_tiff(path):
+        return "the file has no georeference: pip install 'skymosaic[geo]' writes a GeoTIFF"
+    return f"{path.suffix} files have no georeference; .tif files do"
 
 
 class _Preview:
-    """Reduces the bands that pass through it."""
+    """Collects bands reduced by ``scale`` while they are written."""
 
-    def __init__(self, width_px: int) -> None:
-        self._scale = min(1.0, PREVIEW_WIDTH_PX / width_px)
+    def __init__(self, scale: float) -> None:
+        self._scale = scale
         self._bands: list[Pixels] = []
 
     def watch(self, bands: Iterable[Pixels]) -> Iterator[Pixels]:
-        """The bands as they are."""
+        """The bands, unchanged."""
         for band in bands:
             size = (max(1, round(band.shape[1] * self._scale)), max(1, round(len(band) * self._scale)))
             self._bands.append(np.asarray(cv2.resize(band, size, interpolation=cv2.INTER_AREA), dtype=np.uint8))
             yield band
 
     def image(self) -> Pixels:
-        """What has passed, from the top."""
+        """The reduced bands, joined."""
         return np.concatenate(self._bands)

@@ -1,4 +1,4 @@
-"""Whole flights: from many photographs to where each of them lies on the ground."""
+"""Lays out a flight: from many photographs to the pose of each on the ground."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from skymosaic.flight.view import Settings, View, describe
 from skymosaic.flight.workers import Workers
 from skymosaic.geometry.prosac import MIN_INLIERS
 from skymosaic.imagery.photographs import Source
+from skymosaic.registration import Pair
 from skymosaic.stopwatch import Stopwatch
 
 MAX_ROUNDS = 3
@@ -35,18 +36,20 @@ class Flight:
     names : tuple of str
         Of all photographs, as given.
     sources : tuple of Source
-        Those that could be read, without repetitions.
+        The photographs that could be read, without repetitions.
     views : tuple of View
-        Theirs, in the same order; links and layouts speak of them by their place in it.
+        One for each source, in the same order. Links and layouts refer to views by their index in this tuple.
     links : tuple of Link
         Every pair that was tried.
     layouts : tuple of Layout
         Groups of at least two linked views, the largest first.
     left_out : dict of int to str
-        Photographs in none of them, by their place among those given, with the reason.
+        Photographs in none of the layouts, by their index among those given, with the reason.
     settings : Settings
     seconds : dict of str to float
         Wall time of each stage.
+    pair : Pair or None
+        The registration of two photographs, see `skymosaic.flight.pair`.
     """
 
     names: tuple[str, ...]
@@ -57,9 +60,10 @@ class Flight:
     left_out: dict[int, str]
     settings: Settings
     seconds: dict[str, float]
+    pair: Pair | None = None
 
     def absent_from(self, layout: Layout) -> dict[int, str]:
-        """Photographs that a layout does not place, by their place among those given, with the reason."""
+        """Photographs that are not in a layout, by their index among those given, with the reason."""
         elsewhere = ((member, other) for other in self.layouts if other is not layout for member in other.members)
         apart = {
             self.sources[member].index: f"{self.sources[member].name}: in another group of "
@@ -70,14 +74,13 @@ class Flight:
 
 
 class Surveyor:
-    """Makes views and links, each once: what the cache has is not computed again.
+    """Computes views and links, or takes them from the cache.
 
     Parameters
     ----------
     settings : Settings
     estimator : PairEstimator
     workers : Workers
-        Who computes.
     cache : ResultCache
     """
 
@@ -90,20 +93,20 @@ class Surveyor:
     def describe(self, sources: Sequence[Source]) -> list[View | str]:
         """The view of each source, or why there is none."""
         found: dict[int, View | str] = {}
-        for place, source in enumerate(sources):
+        for index, source in enumerate(sources):
             key = self._settings.key(source)
             if arrays := self._cache.load(key):
-                found[place] = flight_view.unpacked(arrays, source.name, key)
-        missing = [place for place in range(len(sources)) if place not in found]
-        calls = [(sources[place], self._settings) for place in missing]
-        for place, view in zip(missing, self._workers.run("features", _describe, calls), strict=True):
-            found[place] = view
+                found[index] = flight_view.unpacked(arrays, source.name, key)
+        missing = [index for index in range(len(sources)) if index not in found]
+        calls = [(sources[index], self._settings) for index in missing]
+        for index, view in zip(missing, self._workers.run("features", _describe, calls), strict=True):
+            found[index] = view
             if isinstance(view, View):
                 self._cache.save(view.key, view.packed())
-        return [found[place] for place in range(len(sources))]
+        return [found[index] for index in range(len(sources))]
 
     def link(self, of: Sequence[View] | Mapping[int, View], pairs: Iterable[Candidate]) -> dict[Candidate, Link]:
-        """The link of each pair, held or not."""
+        """The link of each pair, whether it holds or not."""
         keys = {pair: self._pair_key(of[pair[0]], of[pair[1]]) for pair in sorted(pairs)}
         found: dict[Candidate, Link] = {}
         for pair, key in keys.items():
@@ -122,7 +125,7 @@ class Surveyor:
 
 
 def _describe(source: Source, settings: Settings) -> View | str:
-    """`describe`, with the reason in place of an error: one bad file does not end a flight."""
+    """`describe`, but returns the reason instead of raising: one bad file does not end a flight."""
     try:
         return describe(source, settings)
     except InputError as error:
@@ -130,19 +133,19 @@ def _describe(source: Source, settings: Settings) -> View | str:
 
 
 def survey(sources: Sequence[Source], settings: Settings, seed: int, workers: Workers, cache: ResultCache) -> Flight:
-    """Find out where each photograph of a flight lies.
+    """Compute the layouts of a flight.
 
     Parameters
     ----------
     sources : sequence of Source
-        In any order; that of the flight helps.
+        In any order; fewer pairs have to be tried in the order of the flight.
     settings : Settings
     seed : int
         Of the robust estimator.
     workers : Workers
-        Who computes features and pairs.
+        What computes features and pairs.
     cache : ResultCache
-        Where they are kept for the next run.
+        Keeps both for the next run.
 
     Returns
     -------
@@ -200,12 +203,12 @@ def _distinct(sources: Sequence[Source]) -> tuple[list[Source], dict[int, str]]:
 
 
 def _look_up(of: Sequence[View], workers: Workers) -> NDArray[np.int64]:
-    """How much alike the compact features of every two views are, (V, V)."""
+    """Votes for every two views from their compact features, (V, V); see `skymosaic.flight.links.votes`."""
     compacts = [pair_links.compact(view.features) for view in of]
-    calls = [(one, compacts[place + 1 :]) for place, one in enumerate(compacts)]
+    calls = [(one, compacts[index + 1 :]) for index, one in enumerate(compacts)]
     votes = np.zeros((len(of), len(of)), dtype=np.int64)
-    for place, row in enumerate(workers.run("look-up", pair_links.votes, calls)):
-        votes[place, place + 1 :] = votes[place + 1 :, place] = row
+    for index, row in enumerate(workers.run("look-up", pair_links.votes, calls)):
+        votes[index, index + 1 :] = votes[index + 1 :, index] = row
     return votes
 
 
@@ -214,7 +217,7 @@ def _held(links: Mapping[Candidate, Link]) -> list[Link]:
 
 
 def _explore(surveyor: Surveyor, of: Sequence[View], links: dict[Candidate, Link]) -> None:
-    """Add links that the layout so far predicts: loops that close, neighbours that nothing had proposed."""
+    """Add links that the present layout predicts: closed loops, and neighbours that were not candidates before."""
     for _ in range(MAX_ROUNDS):
         held = _held(links)
         rough = [rough_transforms(of, part, held) for part in groups(len(of), held) if len(part) > 2]
@@ -231,7 +234,7 @@ def _look_again(
     links: dict[Candidate, Link],
     votes: NDArray[np.int64],
 ) -> None:
-    """Try harder where a group has no link to the largest: its neighbours in order, and what looks most alike."""
+    """Match groups without a link to the largest again with more features: neighbours in order, most similar views."""
     parts = groups(len(of), _held(links))
     pairs: set[Candidate] = set()
     for members in parts[1:]:
@@ -247,7 +250,7 @@ def _look_again(
 
 
 def _why_alone(view: int, of: Sequence[View], links: Iterable[Link]) -> str:
-    """Why nothing links a view to the others, with the best that was found."""
+    """Why no link joins a view to the others, with its best match."""
     features = len(of[view].features)
     if features < MIN_INLIERS:
         return f"{of[view].name}: too few features ({features}; flat or blurred image?)"

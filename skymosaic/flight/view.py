@@ -1,4 +1,4 @@
-"""What is kept of a photograph of a flight once its pixels are dropped: features, a thumbnail, where and how sharp."""
+"""The data that stays in memory of each photograph of a flight: features, a thumbnail, GPS and sharpness."""
 
 from __future__ import annotations
 
@@ -18,17 +18,14 @@ from sim.backend import load_backend
 from skymosaic.features.positions import feature_points
 from skymosaic.flight.cache import Arrays, key_of
 from skymosaic.imagery.exif import Position, position
-from skymosaic.imagery.images import reduced
+from skymosaic.imagery.images import Photograph, reduced
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
-from skymosaic.registration import WORKING_WIDTH_PX, extract_within_capacity
+from skymosaic.registration import WORKING_WIDTH_PX, extract_within_capacity, on_the_ground
 
 THUMBNAIL_WIDTH_PX = 320
-MASK_MARGIN_PX = 40
-"""Features keep this distance from what is masked, in working pixels: beyond it no descriptor sees the mask."""
-
 _ARRAYS = ("to_original", "to_thumbnail", "features", "thumbnail")
-_FACTS = ("size", "working_size", "sharpness", "clipped", "place", "notes")
+_FACTS = ("size", "working_size", "sharpness", "clipped", "notes")
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,8 +49,8 @@ class View:
         Variance of the Laplacian of the gray working image; falls with blur, and depends on what is shown.
     clipped : float
         Share of thumbnail pixels that are black or white.
-    place : Position or None
-        GPS.
+    gps : Position or None
+        Where the camera was, from EXIF.
     notes : tuple of str
         What was done to the file's pixels.
     """
@@ -68,14 +65,15 @@ class View:
     thumbnail: Pixels
     sharpness: float
     clipped: float
-    place: Position | None
+    gps: Position | None
     notes: tuple[str, ...]
 
     def packed(self) -> Arrays:
-        """The view as arrays for a file; `unpacked` reads them. The name is left out: files are renamed."""
+        """The view as arrays for a cache file, which `unpacked` reads; without the name, because files are renamed."""
         arrays = {name: getattr(self, name) for name in _ARRAYS}
         facts = {name: getattr(self, name) for name in _FACTS}
-        facts["place"] = None if self.place is None else dataclasses.astuple(self.place)
+        # The key of the first version, so that older cache files stay valid.
+        facts["place"] = None if self.gps is None else dataclasses.astuple(self.gps)
         return arrays | {"facts": np.array(json.dumps(facts))}
 
     @property
@@ -87,23 +85,24 @@ class View:
 def unpacked(arrays: Arrays, name: str, key: str) -> View:
     """The view that `View.packed` put into arrays."""
     facts = json.loads(str(arrays["facts"]))
-    place = None if facts["place"] is None else Position(*facts["place"])
+    gps = facts.pop("place")
     size, working_size, notes = (tuple(facts[key]) for key in ("size", "working_size", "notes"))
-    facts |= {"size": size, "working_size": working_size, "notes": notes, "place": place}
+    facts |= {"size": size, "working_size": working_size, "notes": notes}
+    facts["gps"] = None if gps is None else Position(*gps)
     values: dict[str, Any] = {key: arrays[key] for key in _ARRAYS} | facts
     return View(name=name, key=key, **values)
 
 
 @dataclass(frozen=True, eq=False)
 class Settings:
-    """How the photographs of a flight are looked at.
+    """How features are computed, the same for all photographs of a flight.
 
     Attributes
     ----------
     config : Config
         Front end and matcher.
     backend : str
-        Who computes the features.
+        Name of the backend that computes the features.
     working_width_px : int
         Wider photographs are reduced by area for the layout.
     lens : Lens
@@ -116,12 +115,12 @@ class Settings:
     lens: Lens = field(default_factory=Lens)
 
     def key(self, source: Source) -> str:
-        """Of the view that `describe` would make."""
+        """Cache key of the view that `describe` makes of ``source``."""
         how = self.lens.key, self.config.front_end, self.backend, self.working_width_px
         return key_of("view", source.digest, *how)
 
     def second_look(self) -> Settings | None:
-        """The same with twice the features and descriptor, by the golden model; None where the preset has no more."""
+        """Twice the features and descriptor bits, by the golden model; None if the preset cannot have more."""
         front_end = self.config.front_end
         if not front_end.selection or front_end.descriptor != "ilbp-128":
             return None
@@ -130,7 +129,7 @@ class Settings:
 
 
 def describe(source: Source, settings: Settings) -> View:
-    """Decode a photograph and keep what the layout needs.
+    """Decode a photograph, compute its features and keep what the layout needs.
 
     Raises
     ------
@@ -139,31 +138,49 @@ def describe(source: Source, settings: Settings) -> View:
     """
     photograph = source.photograph(settings.lens)
     working, to_original = reduced(photograph.pixels, settings.working_width_px)
-    thumbnail, from_thumbnail = reduced(working, THUMBNAIL_WIDTH_PX)
     results, _ = extract_within_capacity(load_backend(settings.backend), [working], settings.config)
-    working_size = working.shape[1], working.shape[0]
+    features = results[0].features
+    visible = settings.lens.visible((working.shape[1], working.shape[0]))
+    features = features[on_the_ground(feature_points(features), visible)]
+    return view_of(source, photograph, settings, working=working, to_original=to_original, features=features)
+
+
+def view_of(
+    source: Source,
+    photograph: Photograph,
+    settings: Settings,
+    *,
+    working: Pixels,
+    to_original: Array,
+    features: Records,
+) -> View:
+    """The view of a photograph whose features are known.
+
+    Parameters
+    ----------
+    source : Source
+    photograph : Photograph
+        Decoded, without the lens's distortion.
+    settings : Settings
+    working : ndarray of uint8
+        The image the front end saw.
+    to_original : ndarray of float64, shape (3, 3)
+        Working pixels to original pixels.
+    features : structured ndarray
+    """
+    thumbnail, from_thumbnail = reduced(working, THUMBNAIL_WIDTH_PX)
     gray = to_gray(thumbnail)
     return View(
         name=source.name,
         key=settings.key(source),
         size=photograph.size,
-        working_size=working_size,
+        working_size=(working.shape[1], working.shape[0]),
         to_original=to_original,
         to_thumbnail=np.linalg.inv(from_thumbnail).astype(np.float64),
-        features=_on_the_ground(results[0].features, settings.lens.visible(working_size)),
+        features=features,
         thumbnail=thumbnail,
         sharpness=float(cv2.Laplacian(to_gray(working), cv2.CV_32F).var()),
         clipped=float(np.mean((gray <= 2) | (gray >= 253))),
-        place=position(source.content) if isinstance(source.content, Path) else None,
+        gps=position(source.content) if isinstance(source.content, Path) else None,
         notes=photograph.notes,
     )
-
-
-def _on_the_ground(features: Records, visible: Pixels | None) -> Records:
-    if visible is None:
-        return features
-    kernel = np.ones((2 * MASK_MARGIN_PX + 1, 2 * MASK_MARGIN_PX + 1), np.uint8)
-    inside = cv2.erode(visible, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=255)
-    x, y = np.rint(feature_points(features)).astype(np.intp).T
-    kept: Records = features[inside[y, x] == 255]
-    return kept

@@ -16,22 +16,22 @@ from dask.system import CPU_COUNT
 from skymosaic.errors import InputError
 
 CALLS_A_WORKER = 8
-"""Calls for each worker in one graph: enough to keep it busy to the end, few enough to bound what is in flight."""
+"""Calls for each worker in one graph: enough to keep it busy, few enough to bound the memory of pending results."""
 CONNECT_TIMEOUT_S = 10
 
 Result = TypeVar("Result")
 Progress = Callable[[str, int, int], None]
-"""Receives a stage, how many of its steps are done, and how many there are."""
+"""Receives a stage, how many of its steps are done, and how many there are (0: unknown)."""
 
 
 def silent(_stage: str, _done: int, _total: int) -> None:
-    """Progress that nobody wants to read."""
+    """No-op progress callback."""
 
 
 class Workers:
     """Threads of this process, or the workers of a Dask cluster; a context manager.
 
-    Results do not depend on which of them, nor on how many there are.
+    Results depend neither on the kind of workers nor on their number.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class Workers:
         Of a Dask scheduler (``tcp://host:8786``), whose workers see the photographs under the same paths and have
         skymosaic installed; None: threads.
     progress : callable
-        Told after each batch of calls.
+        Called after each batch of calls.
 
     Raises
     ------

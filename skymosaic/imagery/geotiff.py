@@ -68,9 +68,11 @@ def georeference(centres: Array, gps: Sequence[Position | None]) -> tuple[Georef
     reason : str
         Why there is none; empty if there is one.
     """
+    # Two photographs have no third position to check the fit with; the caller has to say so.
+    fewest = min(FEWEST_POSITIONS, max(len(gps), 2))
     known = [index for index, position in enumerate(gps) if position is not None]
-    if len(known) < FEWEST_POSITIONS:
-        return None, f"{len(known)} of {len(gps)} photographs have GPS; {FEWEST_POSITIONS} are needed"
+    if len(known) < fewest:
+        return None, f"{len(known)} of {len(gps)} photographs have GPS; {fewest} are needed"
     positions = [position for position in gps if position is not None]
     epsg, metres = _utm(positions)
     # Rows count downwards and north points up. A similarity cannot mirror, so y is negated before the fit.

@@ -127,8 +127,12 @@ class DecodedPhotographs:
                 return self._held[key]
         # Decoded outside the lock, so that threads decode different photographs at the same time.
         pixels = source.photograph(lens).pixels
+        self.keep(source, lens, pixels)
+        return pixels
+
+    def keep(self, source: Source, lens: Lens, pixels: Pixels) -> None:
+        """Keep straightened pixels of ``source`` that are decoded already, and drop others beyond the limit."""
         with self._lock:
-            self._held[key] = pixels
+            self._held[source.digest, lens.key] = pixels
             while self.held_bytes > self._limit_bytes:
                 self._held.popitem(last=False)
-        return pixels
