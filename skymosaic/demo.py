@@ -1,4 +1,4 @@
-"""The demonstration: a rendered flight with known poses, its mosaic, and its distance from the truth."""
+"""The demonstration: a rendered pair with known poses, its mosaic, and its error against the truth."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ from skymosaic.errors import RegistrationError
 from skymosaic.evaluation.hardware import compare
 from skymosaic.evaluation.metrics import grid_error
 from skymosaic.imagery.images import save
-from skymosaic.mosaicing import mosaic_of_pair
-from skymosaic.registration import WORKING_WIDTH_PX, register
+from skymosaic.mosaicing import mosaic
+from skymosaic.registration import WORKING_WIDTH_PX
 from skymosaic.reports import pair as pair_report
 
 LARGEST_ERROR_PX = 0.5
 
 
 def run_demo(folder: Path, seed: int, backend: str, console: Console) -> None:
-    """Render, register, blend and report into ``folder``; prints where everything is.
+    """Render a pair, make its mosaic and report in ``folder``, and print where they are.
 
-    Unless ``backend`` is ``"golden"``, the pair also runs through the hardware, which has to agree bit for bit.
+    Unless ``backend`` is ``"golden"``, the pair also runs through the simulated hardware, which has to match the
+    golden model bit for bit.
 
     Raises
     ------
@@ -36,13 +37,13 @@ def run_demo(folder: Path, seed: int, backend: str, console: Console) -> None:
         photographs = [folder / "left.png", folder / "right.png"]
         for path, image in zip(photographs, flight.images, strict=True):
             save(path, image)
-        status.update("registering")
-        pair = register(*photographs)
-        status.update("warping, blending and drawing")
-        mosaic = mosaic_of_pair(pair, blending="distance")
-        save(folder / "mosaic.png", mosaic.image)
-        page = pair_report.write_pair_report(folder / "report", pair, mosaic.image)
-    assert pair.homography is not None  # mosaic_of_pair refuses a pair without one
+        status.update("making the mosaic")
+        result = mosaic(photographs)
+        pair = result.pairs[0]
+        status.update("drawing")
+        save(folder / "mosaic.png", result.image)
+        page = pair_report.write_pair_report(folder / "report", pair, result.image)
+    assert pair.homography is not None  # mosaic() raises without one
     error_px = grid_error(pair.homography, flight.homography_between(0, 1), pair.left.size, pair.right.size)
     console.print(f"features {len(pair.features[0])} and {len(pair.features[1])}, inliers {len(pair.inliers)}")
     console.print(f"mean homography error {error_px:.3f} px")
@@ -57,7 +58,7 @@ def run_demo(folder: Path, seed: int, backend: str, console: Console) -> None:
 
 
 def _compare(photographs: list[Path], backend: str, console: Console) -> None:
-    """Hold the hardware against the golden model; without a compiler the demonstration goes without it, and says so."""
+    """Compare the hardware with the golden model; without a compiler, only print that it was not simulated."""
     with console.status("simulating the hardware") as status:
         try:
             result = compare(

@@ -11,161 +11,21 @@ from pathlib import Path
 from typing import Any
 
 from golden_model.arrays import Matrix, Pixels
-from golden_model.config import Config, preset_config
-from skymosaic.compositing.blend import METHODS
-from skymosaic.compositing.warp import CANVAS_LIMIT_PX
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.flight.cache import ResultCache
-from skymosaic.flight.composition import MEMORY_BYTES, Composition, compose, forget_decoded, keep_decoded
+from skymosaic.flight.composition import Composition, compose, forget_decoded, keep_decoded
 from skymosaic.flight.layout import Layout
 from skymosaic.flight.output import PREVIEW_WIDTH_PX, Delivery, deliver
 from skymosaic.flight.pair import flight_of_pair
 from skymosaic.flight.survey import Flight, survey
-from skymosaic.flight.view import Settings
 from skymosaic.flight.workers import Progress, Workers, silent
 from skymosaic.imagery import images as pictures
 from skymosaic.imagery.key_frames import flight_sources
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
-from skymosaic.registration import WORKING_WIDTH_PX, Pair, register_photographs, settled_method
+from skymosaic.mosaic_options import FLIGHT, PAIR, MosaicOptions
+from skymosaic.registration import Pair, register_photographs
 from skymosaic.stopwatch import Stopwatch
-
-USUAL_ESTIMATOR = "prosac"
-
-
-@dataclass(frozen=True)
-class Style:
-    """How photographs become one picture; see `skymosaic.flight.composition.compose` for the last three.
-
-    Attributes
-    ----------
-    blending : str
-        Default method.
-    equalise, seams, own_frame : bool
-    """
-
-    blending: str
-    equalise: bool
-    seams: bool
-    own_frame: bool
-
-
-PAIR = Style("distance", equalise=False, seams=False, own_frame=False)
-FLIGHT = Style("multiband", equalise=True, seams=True, own_frame=True)
-"""Averaging would blur many photographs, of which ten may show the same ground: flights are cut along seams."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class MosaicOptions:
-    """Every choice of a mosaic. Each one applies, or `check` refuses it with the reason.
-
-    Attributes
-    ----------
-    blending : {"average", "distance", "multiband"} or None
-        None: distance for two photographs, multiband along seams for more.
-    scale : float
-        Canvas pixels a pixel of the reference, more than 0 and at most 1. The reference is the right one of two
-        photographs, of more the most connected one, without its tilt.
-    canvas_limit_px : int
-        Largest canvas area that is accepted.
-    preset : str
-        ``"aerial"`` or ``"thesis"``; `config` overrides it.
-    config : Config or None
-    detector, descriptor : str or None
-        As `skymosaic.registration.register`; more than two photographs take Harris or FAST with ILBP.
-    estimator : str
-        Robust estimator, for two photographs; more take prosac.
-    backend : str
-        What computes the features, and of two photographs the matches: ``golden``, ``rtl``, ...
-    seed : int
-        Of the robust estimator.
-    working_width_px : int
-        Wider photographs are reduced by area for features and layout.
-    refine : bool
-        A second, guided pass, for two photographs.
-    lens : Lens or None
-        Distortion and mask that all photographs share, from `skymosaic.imagery.lens.load_lens`.
-    all_groups : bool
-        Write a mosaic of each group of photographs, for more than two.
-    scheduler : str or None
-        Address of a Dask scheduler; None: threads. Two photographs are registered here and blended there.
-    cache : Path or None
-        Folder that keeps features and links for the next run, for more than two photographs.
-    default_cache : Path or None
-        The same where `cache` is None; ignored for two photographs.
-    memory_bytes : int
-        Limit of the decoded photographs that are kept at once.
-    """
-
-    blending: str | None = None
-    scale: float = 1.0
-    canvas_limit_px: int = CANVAS_LIMIT_PX
-    preset: str = "aerial"
-    config: Config | None = None
-    detector: str | None = None
-    descriptor: str | None = None
-    estimator: str = USUAL_ESTIMATOR
-    backend: str = "golden"
-    seed: int = 0
-    working_width_px: int = WORKING_WIDTH_PX
-    refine: bool = False
-    lens: Lens | None = None
-    all_groups: bool = False
-    scheduler: str | None = None
-    cache: Path | None = None
-    default_cache: Path | None = None
-    memory_bytes: int = MEMORY_BYTES
-
-    def check(self, photographs: int) -> None:
-        """Refuse what cannot apply to so many photographs, before the long work begins.
-
-        Raises
-        ------
-        InputError
-            For an unknown name, an impossible value or combination, or an option that would have no effect.
-        """
-        if photographs < 2:
-            raise InputError(f"a mosaic takes at least two photographs, not {photographs}")
-        if not 0 < self.scale <= 1:
-            raise InputError(f"scale is {self.scale}; it must be more than 0 and at most 1")
-        if self.blending is not None and self.blending not in METHODS:
-            raise InputError(f"blending is {self.blending!r}; valid: {', '.join(METHODS)}")
-        for given, reason in self._without_effect(photographs):
-            if given:
-                raise InputError(reason)
-
-    def _without_effect(self, photographs: int) -> Iterator[tuple[object, str]]:
-        """Conditions under which an option has no effect, each with the message."""
-        method, _ = settled_method(self.usual_config, self.detector, self.descriptor, self.estimator, self.refine)
-        if photographs == 2:
-            yield self.all_groups, "all groups: two photographs make one mosaic; leave out --all-groups"
-            yield self.cache, "cache: two photographs are registered anew each time; leave out --cache"
-            return
-        few = "or leave two photographs"
-        yield (
-            not method.on_accelerator,
-            f"{method.detector} with {method.descriptor}: more than two photographs take Harris or FAST with ILBP, "
-            f"by which overlaps are found; choose these, {few}",
-        )
-        yield (
-            self.estimator != USUAL_ESTIMATOR,
-            f"estimator {self.estimator}: more than two photographs are linked by {USUAL_ESTIMATOR}, whose result "
-            f"the layout then refines; leave out --estimator, {few}",
-        )
-        yield (
-            self.refine,
-            f"refine: the layout of more than two photographs is refined by all links; leave out --refine, {few}",
-        )
-
-    @property
-    def usual_config(self) -> Config:
-        """The configuration, or that of the preset."""
-        return self.config or preset_config(self.preset)
-
-    def settings(self) -> Settings:
-        """Of a flight's features."""
-        _, config = settled_method(self.usual_config, self.detector, self.descriptor, self.estimator, refine=False)
-        return Settings(config, self.backend, self.working_width_px, self.lens or Lens())
 
 
 @dataclass(frozen=True)
@@ -242,10 +102,7 @@ def mosaic_of_pair(pair: Pair, **options: Any) -> Mosaic:
         As `mosaic`.
     """
     sources = [Source(side, photo.name, photo.pixels) for side, photo in enumerate((pair.left, pair.right))]
-    given = MosaicOptions(**options)
-    given.check(len(sources))
-    with Workers() as workers, _decoding():
-        plan = MosaicPlan(sources, given, workers)
+    with planned_sources(sources, MosaicOptions(**options)) as plan:
         plan.flight = flight_of_pair(pair, sources, Lens())
         return plan.mosaic(plan.layouts[0])
 
@@ -271,16 +128,20 @@ def planned(
     InputError
         For a folder without pictures, an unreadable video, unusable options, or an absent scheduler.
     """
-    with flight_sources(images, tell) as sources:
-        options.check(len(sources))
-        with Workers(options.scheduler, progress=progress) as workers, _decoding():
-            yield MosaicPlan(sources, options, workers)
+    progress("reading", 0, 0)
+    with flight_sources(images, tell) as sources, planned_sources(sources, options, progress) as plan:
+        yield plan
 
 
 @contextmanager
-def _decoding() -> Iterator[None]:
+def planned_sources(
+    sources: Sequence[Source], options: MosaicOptions, progress: Progress = silent
+) -> Iterator[MosaicPlan]:
+    """`planned` for photographs that are already listed."""
+    options.check(len(sources))
     try:
-        yield
+        with Workers(options.scheduler, progress=progress) as workers:
+            yield MosaicPlan(sources, options, workers)
     finally:
         forget_decoded()
 

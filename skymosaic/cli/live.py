@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -21,19 +21,33 @@ from skymosaic.cli.options import (
     console,
     tell,
 )
-from skymosaic.errors import RegistrationError
+from skymosaic.errors import InputError, RegistrationError
 from skymosaic.imagery import images
 from skymosaic.imagery.images import Photograph
 from skymosaic.imagery.live_frames import live_frames
 from skymosaic.live.mosaic import LiveMosaic, LiveUpdate
+from skymosaic.mosaic_options import MosaicOptions
 from skymosaic.registration import WORKING_WIDTH_PX
 
 PREVIEW_WIDTH_PX = 1280
 PREVIEW_SECONDS = 1.0
+NOT_LIVE = {
+    "blending": "--blend",
+    "detector": "--detector",
+    "descriptor": "--descriptor",
+    "estimator": "--estimator",
+    "refine": "--refine",
+    "lens": "--camera or --mask",
+    "all_groups": "--all-groups",
+    "scheduler": "--scheduler",
+    "cache": "--cache",
+    "memory_bytes": "--memory",
+}
+"""Options of a mosaic that a live mosaic does not have."""
 
 IdleOption = Annotated[
     float | None,
-    typer.Option("--idle-seconds", min=0, help="End a live mosaic when a folder got nothing new for so long."),
+    typer.Option("--idle-seconds", min=0, help="End a live mosaic when the folder got no new file for so long."),
 ]
 
 
@@ -51,10 +65,52 @@ def live(
     seed: SeedOption = 0,
 ) -> None:
     """Grow a mosaic frame by frame, with a preview beside it; Ctrl-C stops and writes it."""
+    options = MosaicOptions(
+        scale=scale,
+        config=configuration(preset, config),
+        backend=backend_at(backend, address),
+        seed=seed,
+        working_width_px=working_width_px,
+    )
+    _grow_and_write(source, output, options, idle_seconds)
+
+
+def grow_instead(
+    photographs: Sequence[str],
+    output: Path,
+    report_folder: Path | None,
+    options: MosaicOptions,
+    idle_seconds: float | None,
+) -> None:
+    """`live` for ``skymosaic mosaic --live``.
+
+    Raises
+    ------
+    InputError
+        For more than one source, or an option that has no effect on a live mosaic.
+    """
+    if len(photographs) != 1:
+        raise InputError(f"--live takes one folder, video or camera, not {len(photographs)}")
+    usual = MosaicOptions()
+    useless = [flag for name, flag in NOT_LIVE.items() if getattr(options, name) != getattr(usual, name)]
+    useless += ["--report"] if report_folder else []
+    if useless:
+        raise InputError(
+            f"{', '.join(useless)}: without effect on a live mosaic, which grows by one frame at a time; leave out "
+            f"{'it' if len(useless) == 1 else 'them'}, or leave out --live"
+        )
+    _grow_and_write(photographs[0], output, options, idle_seconds)
+
+
+def _grow_and_write(source: str, output: Path, options: MosaicOptions, idle_seconds: float | None) -> None:
     images.check_output(output, (source,))
-    computed_by = backend_at(backend, address)
     mosaic = LiveMosaic(
-        configuration(preset, config), computed_by, seed=seed, working_width_px=working_width_px, scale=scale
+        options.usual_config,
+        options.backend,
+        seed=options.seed,
+        working_width_px=options.working_width_px,
+        scale=options.scale,
+        canvas_limit_px=options.canvas_limit_px,
     )
     preview = output.with_suffix(".preview.jpg")
     frames = live_frames(source, idle_seconds=idle_seconds, tell=tell, made=(output, preview))
@@ -74,11 +130,11 @@ def live(
 
 
 def grow(mosaic: LiveMosaic, frames: Iterable[Photograph], preview: Path) -> None:
-    """Add frames as they come, tell of each, and keep the preview up to date."""
+    """Add frames as they come, print a line for each, and update the preview."""
     shown = 0.0
     for frame in frames:
         update = mosaic.add(frame.pixels)
-        tell(f"{update.number} {frame.name}: {_what_became(update)}")
+        tell(f"{update.number} {frame.name}: {_description(update)}")
         if not update.reason and time.monotonic() - shown >= PREVIEW_SECONDS:
             images.save(preview, images.reduced(mosaic.image, PREVIEW_WIDTH_PX)[0])
             shown = time.monotonic()
@@ -86,11 +142,11 @@ def grow(mosaic: LiveMosaic, frames: Iterable[Photograph], preview: Path) -> Non
         images.save(preview, images.reduced(mosaic.image, PREVIEW_WIDTH_PX)[0])
 
 
-def _what_became(update: LiveUpdate) -> str:
+def _description(update: LiveUpdate) -> str:
     if update.reason:
         return f"left out: {update.reason}"
     parts = f"; {update.submaps} separate parts" if update.submaps > 1 else ""
     if update.placement is None:
-        return f"begins a part{parts}"
+        return f"starts a separate mosaic{parts}"
     neighbours = ", ".join(map(str, update.placement.neighbours))
     return f"{update.placement.ties} ties to {neighbours}, median {update.placement.error_px:.2f} px{parts}"

@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.table import Table
 
 from golden_model.config import Config, load_config, preset_config
 from skymosaic.errors import InputError
@@ -16,17 +17,24 @@ from skymosaic.features.descriptors import DESCRIPTORS
 from skymosaic.features.detectors import DETECTORS
 from skymosaic.geometry.estimators import ESTIMATORS
 from skymosaic.imagery import images
+from skymosaic.registration import Pair
 
 console = Console(stderr=True)
 
 PresetOption = Annotated[str, typer.Option(help="aerial or thesis.")]
-BackendOption = Annotated[str, typer.Option(help="Who computes: golden, rtl, verilator, cxxrtl, pysim or board.")]
-AddressOption = Annotated[str | None, typer.Option(metavar="HOST[:PORT]", help="The board's, with --backend board.")]
+BackendOption = Annotated[
+    str, typer.Option(help="What computes features and matches: golden, rtl, verilator, cxxrtl, pysim or board.")
+]
+AddressOption = Annotated[
+    str | None, typer.Option(metavar="HOST[:PORT]", help="Address of the board, for --backend board.")
+]
 DetectorOption = Annotated[
-    str | None, typer.Option(help=f"{', '.join(DETECTORS)}; by default as configured, or what suits the descriptor.")
+    str | None,
+    typer.Option(help=f"{', '.join(DETECTORS)}; by default as configured, or the one that suits the descriptor."),
 ]
 DescriptorOption = Annotated[
-    str | None, typer.Option(help=f"{', '.join(DESCRIPTORS)}; by default as configured, or what suits the detector.")
+    str | None,
+    typer.Option(help=f"{', '.join(DESCRIPTORS)}; by default as configured, or the one that suits the detector."),
 ]
 EstimatorOption = Annotated[str, typer.Option(help=f"{', '.join(ESTIMATORS)}.")]
 ConfigOption = Annotated[Path | None, typer.Option("--config", help="TOML file that overrides the preset.")]
@@ -38,17 +46,17 @@ RefineOption = Annotated[bool, typer.Option("--refine", help="Second, guided pas
 
 
 def tell(line: str) -> None:
-    """Print a line as it is: names of files are neither markup nor numbers to colour."""
+    """Print a line without Rich's markup and colours, which would change names of files."""
     console.print(line, markup=False, highlight=False, soft_wrap=True)
 
 
 def plotting_module(name: str) -> ModuleType:
-    """A module that needs matplotlib, which is an extra and takes a second to import.
+    """Import a module that needs matplotlib, which is an extra and takes a second to import.
 
     Raises
     ------
     InputError
-        Where it is not installed.
+        If matplotlib is not installed.
     """
     try:
         return importlib.import_module(name)
@@ -57,18 +65,33 @@ def plotting_module(name: str) -> ModuleType:
 
 
 def backend_at(backend: str, address: str | None) -> str:
-    """The backend's name, a board's with its address: ``board:HOST[:PORT]``.
+    """The name of the backend; of a board with its address, ``board:HOST[:PORT]``.
 
     Raises
     ------
     InputError
-        For an address where there is no board.
+        For an address without the backend ``board``.
     """
     if address is None:
         return backend
     if backend != "board":
-        raise InputError(f"--address {address} is a board's; give --backend board, or leave it out")
+        raise InputError(f"--address {address} is for a board; add --backend board, or leave it out")
     return f"{backend}:{address}"
+
+
+def print_pair(pair: Pair) -> None:
+    """Print the method, the counts and the times of a registration."""
+    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+    summary = pair.summary()
+    table.add_row("method", f"{pair.method.detector} + {pair.method.descriptor}, {pair.estimator}")
+    table.add_row("features", "{} and {}".format(*summary["features"]))
+    for count in ("matches", "kept", "inliers"):
+        table.add_row(count, str(summary[count]))
+    table.add_row("seconds", ", ".join(f"{stage} {value:.3f}" for stage, value in summary["seconds"].items()))
+    for photograph in (pair.left, pair.right):
+        for note in photograph.notes:
+            table.add_row("note", f"{photograph.name}: {note}")
+    console.print(table)
 
 
 def configuration(preset: str, file: Path | None) -> Config:

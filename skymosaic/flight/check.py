@@ -1,4 +1,4 @@
-"""Is the flight complete? Overlap, blur, exposure, GPS and weak links, while one can still fly again."""
+"""Checks a flight before the pilot leaves: overlap, blur, exposure, GPS and weak links."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LITTLE_OVERLAP = 0.3
 """Best overlap with any other photograph below which a photograph is poorly tied."""
 WEAK_TIES = 40
 WEAK_OVERLAP = 0.2
-"""A link with fewer ties or less overlap is weak, if much hangs on it."""
+"""A link with fewer ties or less overlap is weak; it matters if no other joins the two sides."""
 
 
 @dataclass(frozen=True)
@@ -28,11 +28,11 @@ class PhotographCheck:
     links : int
         Photographs it is linked with.
     overlap : float
-        Best overlap with another one, as share of the smaller; 0 where it is not placed.
+        Best overlap with another one, as share of the smaller; 0 if it is in no mosaic.
     sharpness : float
-        Against those that show the same ground: 1 is as sharp as they are.
+        Relative to photographs of the same ground; 1 is as sharp as they are.
     clipped : float
-        Share of it that is black or white.
+        Share of its pixels that are black or white.
     gps : bool
     problems : tuple of str
     """
@@ -57,7 +57,7 @@ class FlightCheck:
     photographs : tuple of PhotographCheck
         In the order of the flight, without those that cannot be read.
     problems : tuple of str
-        Of the flight as a whole, each with what to do.
+        Of the whole flight, each with the remedy.
     """
 
     complete: bool
@@ -66,27 +66,27 @@ class FlightCheck:
 
 
 def check_flight(flight: Flight) -> FlightCheck:
-    """Judge a flight that was laid out."""
+    """Find the problems of a flight that was laid out."""
     overlaps = _best_overlaps(flight)
     ratios = sharpness_ratios(flight.views, flight.links)
     held = [link for link in flight.links if link.holds]
     photographs = []
-    for place, view in enumerate(flight.views):
-        links = sum(place in (link.left, link.right) for link in held)
-        problems = _problems(links, overlaps[place], float(ratios[place]), view.clipped)
+    for index, view in enumerate(flight.views):
+        links = sum(index in (link.left, link.right) for link in held)
+        problems = _problems(links, overlaps[index], float(ratios[index]), view.clipped)
         photographs.append(
             PhotographCheck(
                 name=view.name,
                 links=links,
-                overlap=overlaps[place],
-                sharpness=float(ratios[place]),
+                overlap=overlaps[index],
+                sharpness=float(ratios[index]),
                 clipped=view.clipped,
-                gps=view.place is not None,
+                gps=view.gps is not None,
                 problems=problems,
             )
         )
     whole = len(flight.layouts) == 1 and len(flight.layouts[0].members) == len(flight.views)
-    return FlightCheck(whole, tuple(photographs), tuple(_of_the_whole(flight)))
+    return FlightCheck(whole, tuple(photographs), tuple(_problems_of_all(flight)))
 
 
 def _overlaps(flight: Flight, layout: Layout) -> dict[Link, float]:
@@ -117,21 +117,21 @@ def _problems(links: int, best_overlap: float, sharpness: float, clipped: float)
     return tuple(found)
 
 
-def _of_the_whole(flight: Flight) -> Iterator[str]:
+def _problems_of_all(flight: Flight) -> Iterator[str]:
     unusable = len(flight.names) - len(flight.views)
     if unusable:
         yield f"{unusable} photographs cannot be used or repeat another"
     if len(flight.layouts) > 1:
         sizes = ", ".join(str(len(layout.members)) for layout in flight.layouts)
-        yield f"{len(flight.layouts)} groups that nothing links ({sizes} photographs): fly again between them"
+        yield f"{len(flight.layouts)} groups without a link between them ({sizes} photographs): fly again between them"
     for layout in flight.layouts:
-        yield from _weak_places(flight, layout)
-    with_gps = sum(view.place is not None for view in flight.views)
+        yield from _weakly_linked(flight, layout)
+    with_gps = sum(view.gps is not None for view in flight.views)
     if 0 < with_gps < len(flight.views):
         yield f"{len(flight.views) - with_gps} of {len(flight.views)} photographs have no GPS"
 
 
-def _weak_places(flight: Flight, layout: Layout) -> Iterator[str]:
+def _weakly_linked(flight: Flight, layout: Layout) -> Iterator[str]:
     """Parts of a layout that only weak links join to the rest."""
     overlaps = _overlaps(flight, layout)
     strong = [link for link in layout.links if link.ties >= WEAK_TIES and overlaps[link] >= WEAK_OVERLAP]
@@ -142,4 +142,4 @@ def _weak_places(flight: Flight, layout: Layout) -> Iterator[str]:
         best = max(across, key=lambda link: link.ties)
         left, right = (Path(flight.views[end].name).name for end in (best.left, best.right))
         shared = f"{best.ties} matches and {overlaps[best]:.0%} overlap"
-        yield f"{len(part)} photographs hang on {left} and {right} with {shared}: fly again there"
+        yield f"{len(part)} photographs are joined only by {left} and {right} with {shared}: fly again there"

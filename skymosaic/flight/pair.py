@@ -54,13 +54,13 @@ def _link(pair: Pair) -> Link:
     left_points, right_points = match_points(pair.kept)
     if pair.homography is None:
         return Link(0, 1, left_points[:0], right_points[:0], len(pair.inliers), near=0)
-    return link_of((0, 1), left_points, right_points, _in_working_px(pair), len(pair.inliers))
+    return link_of((0, 1), left_points, right_points, _in_working_px(pair, pair.homography), len(pair.inliers))
 
 
 def _layout(pair: Pair, link: Link) -> Layout:
     """The right photograph defines the ground: with two photographs nothing else tells what is level."""
     assert pair.homography is not None
-    homography = _in_working_px(pair)
+    homography = _in_working_px(pair, pair.homography)
     errors_px = np.linalg.norm(apply(homography, link.left_points) - link.right_points, axis=1)
     return Layout(
         members=(0, 1),
@@ -74,6 +74,6 @@ def _layout(pair: Pair, link: Link) -> Layout:
     )
 
 
-def _in_working_px(pair: Pair) -> Matrix:
+def _in_working_px(pair: Pair, homography: Matrix) -> Matrix:
     to_left, to_right = pair.to_original
-    return np.asarray(np.linalg.inv(to_right) @ pair.homography @ to_left)
+    return np.asarray(np.linalg.inv(to_right) @ homography @ to_left)

@@ -62,7 +62,7 @@ class Source:
             As in `skymosaic.imagery.images.load`.
         """
         decoded = load(self.content, self.name)
-        return Photograph(decoded.name, lens.straighten(decoded.pixels), decoded.notes)
+        return Photograph(self.name, lens.straighten(decoded.pixels), decoded.notes)
 
 
 def sources(images: Sequence[str | Path | Pixels]) -> list[Source]:

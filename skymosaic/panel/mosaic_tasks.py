@@ -11,36 +11,32 @@ import dataclasses
 import io
 import json
 import shlex
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 
-from golden_model.arrays import Array, Pixels
+from golden_model.arrays import Array
 from golden_model.config import to_toml
 from golden_model.formats import POSITION, decode_response
 from sim.backend import Progress
 from skymosaic.errors import RegistrationError
 from skymosaic.evaluation.hardware import compare
-from skymosaic.flight.cache import ResultCache
-from skymosaic.flight.check import check_flight
-from skymosaic.flight.composition import MEMORY_BYTES, compose
-from skymosaic.flight.output import deliver
-from skymosaic.flight.survey import Flight, survey
-from skymosaic.flight.view import Settings
-from skymosaic.flight.workers import Workers
+from skymosaic.flight.output import Delivery
+from skymosaic.flight.survey import Flight
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.images import save, save_bytes
 from skymosaic.imagery.photographs import Source
-from skymosaic.mosaicing import FLIGHT_BLENDING, PAIR_BLENDING, check_linked, mosaic_of_pair
+from skymosaic.mosaic_options import MosaicOptions
+from skymosaic.mosaicing import planned_sources
 from skymosaic.panel.explain import verdicts
 from skymosaic.panel.options import AUTOMATIC, Options
 from skymosaic.panel.results import HardwareResult, LinkView, MosaicResult, PairView, ShownMosaic, Size
 from skymosaic.registration import WORKING_WIDTH_PX, Pair, register
 from skymosaic.reports import pair as pair_report
-from skymosaic.reports.flight import write_flight_report
+from skymosaic.reports.flight import write_report
 
 SEED = 0
 """The command line's default, so that the command beside a result repeats it exactly."""
@@ -68,91 +64,87 @@ def make_mosaic(folder: Path, names: list[str], options: Options, views: Path, *
     RegistrationError
         If no two photographs of a flight can be linked. A pair that cannot be registered has a result that says why.
     """
-    make = _of_pair if len(names) == 2 else _of_flight
-    return make(folder, names, options, views, progress)
-
-
-def look_at_pair(folder: Path, result: MosaicResult, names: tuple[str, str], *, progress: Progress) -> MosaicResult:
-    """The result of a flight, with the matches of another of its pairs."""
-    return dataclasses.replace(result, pair=PairView.of(*_registered(folder, names, result.options, progress)))
-
-
-def _of_pair(folder: Path, names: list[str], options: Options, views: Path, progress: Progress) -> MosaicResult:
-    """The result of a pair; where registration fails, its matches and the reason instead of a mosaic."""
-    pair, numbers = _registered(folder, (names[0], names[1]), options, progress)
-    shown, reason, image = None, "", None
-    try:
-        progress("warping and blending")
-        mosaic = mosaic_of_pair(pair, blending=options.blending_or(PAIR_BLENDING))
-        image = mosaic.image
-        save(folder / MOSAIC, image)
-        photographs = (pair.left, pair.right)
-        outlines = {names[i]: _outline(photographs[i].size, mosaic.transforms[i]) for i in mosaic.placed}
-        shown = _shown(image, (image.shape[1], image.shape[0]), outlines, views / _picture_name(folder))
-    except RegistrationError as error:
-        reason = str(error)
+    # Reports and reasons name photographs as here, without the folder.
+    sources = [Source(index, name, folder / name) for index, name in enumerate(names)]
+    deliveries, reason = [], ""
+    with planned_sources(sources, mosaic_options(options, len(names)), _in_words(progress)) as plan:
+        try:
+            deliveries = plan.write(folder / MOSAIC, preview_width_px=SHOWN_SIDE_PX)
+        except RegistrationError as error:
+            if plan.flight.pair is None:
+                raise
+            reason = str(error)
     progress("writing")
-    pair_report.write_pair_report(folder / REPORT, pair, image)
-    view = PairView.of(pair, numbers)
+    # The report is read from the unpacked archive, where the mosaic lies beside it.
+    write_report(folder / REPORT, plan.flight, [dataclasses.replace(d, path=Path(MOSAIC)) for d in deliveries])
     words = command(names, options)
-    _write(folder, {"corners.csv": _corners_table(view), "matches.csv": _matches_table(view)})
-    _write(folder, {CONFIG: to_toml(pair.config), "command.txt": words + "\n"})
-    return MosaicResult(
+    _write(folder, {CONFIG: to_toml(plan.flight.settings.config), "command.txt": words + "\n"})
+    result = MosaicResult(
         folder=folder,
         options=options,
         working_pictures=tuple(views / f"{name}.png" for name in names),
-        pair=view,
-        mosaic=shown,
-        left_out=(),
+        pair=_pair_to_show(plan.flight, folder, options, progress),
+        mosaic=_shown(deliveries[0], views / _picture_name(folder)) if deliveries else None,
+        left_out=tuple(plan.flight.absent_from(deliveries[0].layout).values()) if deliveries else (),
         reason=reason,
         command=words,
-        seconds=pair.seconds,
+        seconds=plan.flight.seconds,
+    )
+    if plan.flight.pair is not None:
+        _write(folder, {"corners.csv": _corners_table(result.pair), "matches.csv": _matches_table(result.pair)})
+        return result
+    return _with_flight(result, plan.flight, deliveries[0])
+
+
+def mosaic_options(options: Options, photographs: int) -> MosaicOptions:
+    """The options of the page as those of the library."""
+    _, config = options.resolve(photographs)
+    return MosaicOptions(
+        blending=None if options.blending == AUTOMATIC else options.blending,
+        config=config,
+        detector=options.detector,
+        descriptor=options.descriptor,
+        estimator=options.estimator,
+        backend=options.backend,
+        seed=SEED,
+        refine=options.refine,
     )
 
 
-def _of_flight(folder: Path, names: list[str], options: Options, views: Path, progress: Progress) -> MosaicResult:
-    _, config = options.resolve(len(names))
-
+def _in_words(progress: Progress) -> Callable[[str, int, int], None]:
     def report_stage(stage: str, done: int, total: int) -> None:
-        progress(f"{stage}: {done} of {total}")
+        progress(f"{stage}: {done} of {total}" if total else stage)
 
-    progress("features")
-    # Reports and reasons name photographs as here, without the folder.
-    sources = [Source(index, name, folder / name) for index, name in enumerate(names)]
-    with Workers(progress=report_stage) as workers:
-        flight = survey(sources, Settings(config, options.backend), SEED, workers, ResultCache(None))
-        check_linked(flight)
-        layout = flight.layouts[0]
-        composition = compose(flight, layout, blending=options.blending_or(FLIGHT_BLENDING))
-        delivery = deliver(folder / MOSAIC, flight, layout, composition, workers=workers, memory_bytes=MEMORY_BYTES)
-    progress("writing")
-    # The report is read from the unpacked archive, where the mosaic lies beside it.
-    in_archive = dataclasses.replace(delivery, path=Path(MOSAIC))
-    write_flight_report(folder / REPORT, [in_archive], check_flight(flight))
-    words = command(names, options)
-    _write(folder, {CONFIG: to_toml(config), "command.txt": words + "\n"})
-    links = _links(flight)
+    return report_stage
+
+
+def _pair_to_show(flight: Flight, folder: Path, options: Options, progress: Progress) -> PairView:
+    """The pair; of a flight, the pair with the most inliers."""
+    if flight.pair is not None:
+        return PairView.of(flight.pair, pair_report.pair_numbers(flight.pair))
     # A flight keeps no match records, so the pair that is shown is registered again.
-    view = PairView.of(*_registered(folder, links[0].names, options, progress))
-    outlines = {p.source.name: _outline(p.size, p.transform) for p in composition.placements}
-    return MosaicResult(
-        folder=folder,
-        options=options,
-        working_pictures=tuple(views / f"{name}.png" for name in names),
-        pair=view,
-        mosaic=_shown(delivery.preview, composition.size, outlines, views / _picture_name(folder)),
-        left_out=tuple(flight.absent_from(layout).values()),
-        reason="",
-        command=words,
+    return PairView.of(*_registered(folder, _links(flight)[0].names, options, progress))
+
+
+def _with_flight(result: MosaicResult, flight: Flight, delivery: Delivery) -> MosaicResult:
+    """The result of more than two photographs, with their links and numbers."""
+    layout, links = delivery.layout, _links(flight)
+    return dataclasses.replace(
+        result,
         seconds=flight.seconds | {"blending and writing": delivery.seconds},
         links=links,
         facts={
-            "photographs placed": f"{len(layout.members)} of {len(names)}",
+            "photographs placed": f"{len(layout.members)} of {len(flight.names)}",
             "pairs linked": f"{len(links)} of {len(flight.links)} tried",
             "median error of the ties": f"{layout.median_error_px:.2f} px",
             "model": f"{layout.model}: {layout.reason}",
         },
     )
+
+
+def look_at_pair(folder: Path, result: MosaicResult, names: tuple[str, str], *, progress: Progress) -> MosaicResult:
+    """The result of a flight, with the matches of another of its pairs."""
+    return dataclasses.replace(result, pair=PairView.of(*_registered(folder, names, result.options, progress)))
 
 
 def _registered(
@@ -230,8 +222,13 @@ def _picture_name(folder: Path) -> str:
     return f"mosaic-{folder.name}.jpg"
 
 
-def _shown(image: Pixels, size: Size, outlines: dict[str, Array], picture: Path) -> ShownMosaic:
-    """Save a picture of the mosaic for the page; ``image`` is the mosaic of ``size``, or a preview of it."""
+def _shown(delivery: Delivery, picture: Path) -> ShownMosaic:
+    """Save a picture of the mosaic for the page."""
+    image, size, composition = delivery.preview, delivery.composition.size, delivery.composition
+    outlines = {
+        placement.source.name: _outline(placement.size, transform)
+        for placement, transform in zip(composition.placements, composition.transforms, strict=True)
+    }
     scale = min(1.0, SHOWN_SIDE_PX / max(image.shape))
     shown = max(round(image.shape[1] * scale), 1), max(round(image.shape[0] * scale), 1)
     save(picture, np.asarray(cv2.resize(image, shown, interpolation=cv2.INTER_AREA), dtype=np.uint8))

@@ -113,10 +113,6 @@ class Options:
         """What the slider sets."""
         return SCALES.get(self.detector, STRONGEST)
 
-    def blending_or(self, usual: str) -> str:
-        """The blending method; ``usual`` if it is automatic."""
-        return usual if self.blending == AUTOMATIC else self.blending
-
     def resolve(self, photographs: int = 2) -> tuple[Method, Config]:
         """The method and configuration that these options stand for.
 

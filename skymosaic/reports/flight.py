@@ -1,4 +1,4 @@
-"""The report of a flight: one page with its mosaics, the graph of its links, who is absent and why, and the numbers."""
+"""The report of a flight: one page with its mosaics, the graph of its links, the photographs left out, the numbers."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 
 from skymosaic.compositing.warp import Canvas
-from skymosaic.flight.check import FlightCheck
+from skymosaic.flight.check import FlightCheck, check_flight
 from skymosaic.flight.layout import Layout
-from skymosaic.flight.output import Delivery
+from skymosaic.flight.output import PREVIEW_WIDTH_PX, Delivery
 from skymosaic.flight.survey import Flight
 from skymosaic.geometry.homography import apply
-from skymosaic.imagery.images import save, save_bytes
-from skymosaic.reports.pair import PAGE, prepare
+from skymosaic.imagery.images import reduced, save, save_bytes
+from skymosaic.reports.pair import PAGE, prepare, write_pair_report
 
 FLAT = 0.05
 """A layout with a smaller share of matches off the plane counts as flat."""
@@ -27,6 +27,23 @@ _GRAPH_STYLE = (
     "<style>svg { width: 100%; background: #fafafa } polygon, line { vector-effect: non-scaling-stroke } "
     "polygon { fill: #3572b00d; stroke: #3572b0 }</style>"
 )
+
+
+def write_report(folder: Path, flight: Flight, deliveries: Sequence[Delivery]) -> None:
+    """Write the report of a mosaic: for two photographs that of a pair, for more that of a flight.
+
+    Parameters
+    ----------
+    folder : Path
+        Made where it is missing.
+    flight : Flight
+    deliveries : sequence of Delivery
+        Its mosaics, the largest first. None if it could not be linked: a pair's report then shows why.
+    """
+    if flight.pair is not None:
+        write_pair_report(folder, flight.pair, deliveries[0].preview if deliveries else None)
+    elif deliveries:
+        write_flight_report(folder, deliveries, check_flight(flight))
 
 
 def write_flight_report(folder: Path, deliveries: Sequence[Delivery], check: FlightCheck) -> Path:
@@ -43,7 +60,7 @@ def write_flight_report(folder: Path, deliveries: Sequence[Delivery], check: Fli
     """
     prepare(folder)
     for number, delivery in enumerate(deliveries, start=1):
-        save(folder / f"mosaic_{number}.jpg", delivery.preview)
+        save(folder / f"mosaic_{number}.jpg", reduced(delivery.preview, PREVIEW_WIDTH_PX)[0])
     numbers = flight_numbers(deliveries, check)
     save_bytes(folder / "report.json", (json.dumps(numbers, indent=1) + "\n").encode())
     save_bytes(folder / "index.html", _page(deliveries, check, numbers).encode())
@@ -51,7 +68,7 @@ def write_flight_report(folder: Path, deliveries: Sequence[Delivery], check: Fli
 
 
 def flight_numbers(deliveries: Sequence[Delivery], check: FlightCheck) -> dict[str, Any]:
-    """Everything of a flight that is a number or a word, ready for JSON."""
+    """All numbers and texts of the report, ready for JSON."""
     flight = deliveries[0].flight
     return {
         "photographs": len(flight.names),
@@ -68,12 +85,12 @@ def flight_numbers(deliveries: Sequence[Delivery], check: FlightCheck) -> dict[s
 
 
 def _mosaic_numbers(delivery: Delivery) -> dict[str, Any]:
-    layout, flight = delivery.layout, delivery.flight
+    layout, flight, composition = delivery.layout, delivery.flight, delivery.composition
     errors = np.concatenate(layout.errors_px)
-    place = delivery.place
+    on_map = delivery.georeference
     return {
         "file": str(delivery.path),
-        "size": list(delivery.composition.size),
+        "size": list(composition.size),
         "placed": len(layout.members),
         "reference": flight.views[layout.reference].name,
         "model": layout.model,
@@ -81,12 +98,15 @@ def _mosaic_numbers(delivery: Delivery) -> dict[str, Any]:
         "relief": round(layout.relief, 4),
         "median_error_px": round(layout.median_error_px, 4),
         "error_90_percent_px": round(float(np.percentile(errors, 90)), 4),
-        "transforms": {p.source.name: p.transform.tolist() for p in delivery.composition.placements},
+        "transforms": {
+            placement.source.name: transform.tolist()
+            for placement, transform in zip(composition.placements, composition.transforms, strict=True)
+        },
         "links": [_link_numbers(flight, layout, row) for row in range(len(layout.links))],
         "contradicting": [[flight.views[end].name for end in (x.left, x.right)] for x in layout.contradicting],
-        "epsg": place.epsg if place else None,
-        "canvas_to_map": place.to_map.tolist() if place else None,
-        "gps_residual_m": round(place.residual_m, 3) if place else None,
+        "epsg": on_map.epsg if on_map else None,
+        "canvas_to_map": on_map.to_map.tolist() if on_map else None,
+        "gps_residual_m": round(on_map.residual_m, 3) if on_map else None,
         "map_note": delivery.map_note,
         "seconds": round(delivery.seconds, 3),
     }
@@ -111,7 +131,7 @@ def _page(deliveries: Sequence[Delivery], check: FlightCheck, numbers: dict[str,
         ("pairs", f"{numbers['pairs_tried']} tried, {numbers['links']} linked"),
         ("seconds", ", ".join(f"{stage} {value:.1f}" for stage, value in flight.seconds.items())),
     ]
-    parts = [_list("Left out", flight.left_out.values()), _list("To look at before driving home", _advice(check))]
+    parts = [_list("Left out", flight.left_out.values()), _list("Check before you leave the site", _advice(check))]
     for number, delivery in enumerate(deliveries, start=1):
         parts += [f"<h2>Mosaic {number}</h2><table>{_rows(_mosaic_rows(delivery))}</table>"]
         parts += [_figure(f"<img src='mosaic_{number}.jpg' alt='mosaic {number}'>", "The mosaic, reduced")]
@@ -126,7 +146,7 @@ def _mosaic_rows(delivery: Delivery) -> list[tuple[str, str]]:
     layout, views = delivery.layout, delivery.flight.views
     errors = np.concatenate(layout.errors_px)
     width_px = max(views[member].working_size[0] for member in layout.members)
-    ground = "flat" if layout.relief < FLAT else "with relief: expect breaks where something stands out of the ground"
+    ground = "flat" if layout.relief < FLAT else "with relief: expect breaks at objects above the ground"
     ninety = f"90 % below {np.percentile(errors, 90):.2f} px,"
     rows = [
         ("file", f"{delivery.path}, {delivery.composition.size[0]}x{delivery.composition.size[1]}"),
@@ -137,11 +157,9 @@ def _mosaic_rows(delivery: Delivery) -> list[tuple[str, str]]:
         ("reprojection error", f"median {layout.median_error_px:.2f} px, {ninety} at {width_px} px wide"),
         ("blending and writing", f"{delivery.seconds:.1f} s"),
     ]
-    if delivery.place:
-        place = delivery.place
-        rows.append(
-            ("map", f"EPSG:{place.epsg}, {place.metres_a_pixel:.3f} m a pixel, GPS residual {place.residual_m:.2f} m")
-        )
+    if on_map := delivery.georeference:
+        residual = f"GPS residual {on_map.residual_m:.2f} m"
+        rows.append(("map", f"EPSG:{on_map.epsg}, {on_map.metres_a_pixel:.3f} m a pixel, {residual}"))
     return rows + ([("map note", delivery.map_note)] if delivery.map_note else [])
 
 
@@ -153,8 +171,13 @@ def _advice(check: FlightCheck) -> list[str]:
 def _graph(delivery: Delivery) -> str:
     """The outlines on the canvas and the links between their centres, as SVG."""
     layout, views, width_px = delivery.layout, delivery.flight.views, delivery.composition.size[0]
-    placements = dict(zip(layout.members, delivery.composition.placements, strict=True))
-    outlines = {m: apply(p.transform, Canvas(0, 0, *p.size).corners) for m, p in placements.items()}
+    composition = delivery.composition
+    outlines = {
+        member: apply(transform, Canvas(0, 0, *placement.size).corners)
+        for member, placement, transform in zip(
+            layout.members, composition.placements, composition.transforms, strict=True
+        )
+    }
     centres = {member: corners.mean(axis=0) for member, corners in outlines.items()}
     shapes = [
         f"<polygon points='{' '.join(f'{x:.0f},{y:.0f}' for x, y in corners)}'/>" for corners in outlines.values()

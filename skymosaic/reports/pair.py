@@ -1,4 +1,4 @@
-"""The report of a pair: a folder with pictures, the numbers as JSON, and one page that shows them."""
+"""The report of a pair: a folder with pictures, the numbers as JSON, and one page that shows both."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ table {{ border-collapse: collapse }} td, th {{ padding: .2rem .9rem .2rem 0; te
 {figures}
 </body></html>
 """
-"""Every report's page: ``title``, ``rows`` of a table, and ``figures``, all HTML."""
+"""Page of every report, with ``title``, ``rows`` of a table, and ``figures`` as HTML."""
 
 
 def prepare(folder: Path) -> None:
-    """Make the report's folder, before the long work begins."""
+    """Make the folder of a report before the long work begins, so that a wrong name is reported at once."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"{folder}: cannot be made ({error.strerror}); choose another place") from None
+        raise InputError(f"{folder}: cannot be made ({error.strerror}); choose another folder") from None
 
 
 def write_pair_report(folder: Path, pair: Pair, mosaic: Pixels | None) -> Path:
@@ -65,7 +65,7 @@ def write_pair_report(folder: Path, pair: Pair, mosaic: Pixels | None) -> Path:
 
 
 def pair_numbers(pair: Pair) -> dict[str, Any]:
-    """Everything of a pair that is a number or a word, ready for JSON."""
+    """All numbers and texts of the report, ready for JSON."""
     return {
         "left": _photograph(pair, 0),
         "right": _photograph(pair, 1),

@@ -1,0 +1,85 @@
+"""The command that checks a flight while it can still be flown again."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from sim.build_cache import cache_folder
+from skymosaic.cli.flight_options import CacheOption, CameraOption, MaskOption, PhotographsArgument, SchedulerOption
+from skymosaic.cli.options import (
+    AddressOption,
+    BackendOption,
+    ConfigOption,
+    PresetOption,
+    SeedOption,
+    WorkingWidthOption,
+    backend_at,
+    configuration,
+    console,
+    tell,
+)
+from skymosaic.cli.progress import progress_bars
+from skymosaic.errors import RegistrationError
+from skymosaic.flight.cache import ResultCache
+from skymosaic.flight.check import FlightCheck, check_flight
+from skymosaic.flight.survey import Flight, survey
+from skymosaic.flight.view import Settings
+from skymosaic.flight.workers import Workers
+from skymosaic.imagery.key_frames import flight_sources
+from skymosaic.imagery.lens import load_lens
+from skymosaic.registration import WORKING_WIDTH_PX
+
+
+def check(
+    *,
+    photographs: PhotographsArgument,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
+    preset: PresetOption = "aerial",
+    backend: BackendOption = "golden",
+    address: AddressOption = None,
+    config: ConfigOption = None,
+    working_width_px: WorkingWidthOption = WORKING_WIDTH_PX,
+    seed: SeedOption = 0,
+    camera: CameraOption = None,
+    mask: MaskOption = None,
+    scheduler: SchedulerOption = None,
+    cache: CacheOption = None,
+) -> None:
+    """Check overlap, blur, exposure, GPS and weak links of a flight before you leave the site.
+
+    The exit status is 3 if the photographs do not make one mosaic.
+    """
+    lens = load_lens(camera, mask)
+    settings = Settings(configuration(preset, config), backend_at(backend, address), working_width_px, lens)
+    kept = ResultCache(cache or cache_folder() / "flights")
+    with (
+        progress_bars() as progress,
+        flight_sources(photographs, tell) as sources,
+        Workers(scheduler, progress=progress) as workers,
+    ):
+        flight = survey(sources, settings, seed, workers, kept)
+    found = check_flight(flight)
+    if as_json:
+        typer.echo(json.dumps(dataclasses.asdict(found) | {"left_out": flight.left_out}))
+    else:
+        _print_check(flight, found)
+    if not found.complete:
+        raise RegistrationError("the photographs do not make one mosaic; fly again where links are missing")
+
+
+def _print_check(flight: Flight, found: FlightCheck) -> None:
+    table = Table("photograph", "links", "overlap", "sharpness", "clipped", "GPS", "problems", box=None)
+    for photo in found.photographs:
+        numbers = str(photo.links), f"{photo.overlap:.0%}", f"{photo.sharpness:.2f}", f"{photo.clipped:.0%}"
+        table.add_row(Path(photo.name).name, *numbers, "yes" if photo.gps else "no", ", ".join(photo.problems))
+    console.print(table)
+    for problem in (*flight.left_out.values(), *found.problems):
+        tell(problem)
+    if found.complete and not found.problems:
+        console.print("complete: the photographs make one mosaic")

@@ -1,0 +1,153 @@
+"""The command that makes a mosaic: of two photographs, of a flight, or of a flight while it lasts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from sim.build_cache import cache_folder
+from skymosaic.cli import flight_options
+from skymosaic.cli.flight_options import CacheOption, CameraOption, MaskOption, PhotographsArgument, SchedulerOption
+from skymosaic.cli.live import IdleOption, grow_instead
+from skymosaic.cli.options import (
+    AddressOption,
+    BackendOption,
+    ConfigOption,
+    DescriptorOption,
+    DetectorOption,
+    EstimatorOption,
+    PresetOption,
+    RefineOption,
+    SeedOption,
+    WorkingWidthOption,
+    backend_at,
+    configuration,
+    print_pair,
+    tell,
+)
+from skymosaic.cli.progress import progress_bars
+from skymosaic.compositing.warp import CANVAS_LIMIT_PX
+from skymosaic.errors import InputError, RegistrationError
+from skymosaic.flight.output import Delivery
+from skymosaic.imagery.lens import load_lens
+from skymosaic.mosaic_options import MosaicOptions
+from skymosaic.mosaicing import planned
+from skymosaic.registration import WORKING_WIDTH_PX
+from skymosaic.reports.flight import write_report
+from skymosaic.reports.pair import prepare
+
+MEGABYTE = 1 << 20
+MEGAPIXEL = 1_000_000
+
+
+def mosaic(
+    *,
+    photographs: PhotographsArgument,
+    output: Annotated[Path, typer.Option("-o", "--output", help="The mosaic: .png, .tif, .jpg ...")],
+    report_folder: Annotated[Path | None, typer.Option("--report", help="Folder for pictures and numbers.")] = None,
+    blending: Annotated[
+        str | None,
+        typer.Option("--blend", help="average, distance (default for two photographs) or multiband (for more)."),
+    ] = None,
+    scale: Annotated[float, typer.Option(help="Size of the mosaic against the photographs.")] = 1.0,
+    preset: PresetOption = "aerial",
+    detector: DetectorOption = None,
+    descriptor: DescriptorOption = None,
+    estimator: EstimatorOption = "prosac",
+    backend: BackendOption = "golden",
+    address: AddressOption = None,
+    config: ConfigOption = None,
+    working_width_px: WorkingWidthOption = WORKING_WIDTH_PX,
+    seed: SeedOption = 0,
+    refine: RefineOption = False,
+    camera: CameraOption = None,
+    mask: MaskOption = None,
+    all_groups: Annotated[
+        bool,
+        typer.Option(
+            "--all-groups", rich_help_panel=flight_options.MORE, help="A mosaic of each group that overlaps, numbered."
+        ),
+    ] = False,
+    memory_mb: Annotated[int, typer.Option("--memory", min=64, help="Megabytes of photographs kept decoded.")] = 1024,
+    canvas_mpx: Annotated[
+        int, typer.Option("--canvas-limit", min=1, help="Largest mosaic, megapixels.")
+    ] = CANVAS_LIMIT_PX // MEGAPIXEL,
+    scheduler: SchedulerOption = None,
+    cache: CacheOption = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Grow the mosaic while a folder fills, a video plays or a camera films.")
+    ] = False,
+    idle_seconds: IdleOption = None,
+) -> None:
+    """Make one mosaic of overlapping photographs: two, or a whole flight."""
+    options = MosaicOptions(
+        blending=blending,
+        scale=scale,
+        canvas_limit_px=canvas_mpx * MEGAPIXEL,
+        config=configuration(preset, config),
+        detector=detector,
+        descriptor=descriptor,
+        estimator=estimator,
+        backend=backend_at(backend, address),
+        seed=seed,
+        working_width_px=working_width_px,
+        refine=refine,
+        lens=load_lens(camera, mask) if camera or mask else None,
+        all_groups=all_groups,
+        scheduler=scheduler,
+        cache=cache,
+        default_cache=cache_folder() / "flights",
+        memory_bytes=memory_mb * MEGABYTE,
+    )
+    if live:
+        grow_instead(photographs, output, report_folder, options, idle_seconds)
+        return
+    if idle_seconds is not None:
+        raise InputError("--idle-seconds ends a live mosaic; add --live, or leave it out")
+    _print_made(_made(photographs, output, report_folder, options), report_folder)
+
+
+def _made(
+    photographs: Sequence[str], output: Path, report_folder: Path | None, options: MosaicOptions
+) -> list[Delivery]:
+    """Write the mosaics and their report; of a pair that cannot be registered, the report alone, which shows why."""
+    with progress_bars() as progress, planned(photographs, options, progress, tell) as plan:
+        if report_folder:
+            prepare(report_folder)
+        deliveries: list[Delivery] = []
+        try:
+            deliveries = plan.write(output)
+        except RegistrationError:
+            if report_folder:
+                write_report(report_folder, plan.flight, deliveries)
+            raise
+        if report_folder:
+            write_report(report_folder, plan.flight, deliveries)
+    return deliveries
+
+
+def _print_made(deliveries: Sequence[Delivery], report_folder: Path | None) -> None:
+    flight = deliveries[0].flight
+    if flight.pair is not None:
+        print_pair(flight.pair)
+    for delivery in deliveries:
+        layout, (width_px, height_px) = delivery.layout, delivery.composition.size
+        tell(
+            f"mosaic {delivery.path} ({width_px}x{height_px}), {len(layout.members)} photographs of {len(flight.names)}"
+        )
+        if flight.pair is None:
+            tell(f"{layout.model}, median reprojection error {layout.median_error_px:.2f} px; {layout.reason}")
+        if delivery.georeference:
+            tell(f"EPSG:{delivery.georeference.epsg}, GPS residual {delivery.georeference.residual_m:.2f} m")
+        if delivery.map_note and (delivery.georeference or flight.pair is None):
+            tell(f"note: {delivery.map_note}")
+    absent = flight.left_out if len(deliveries) == len(flight.layouts) else flight.absent_from(deliveries[0].layout)
+    for reason in absent.values():
+        tell(f"left out: {reason}")
+    if flight.pair is None:
+        tell("seconds: " + ", ".join(f"{stage} {value:.1f}" for stage, value in flight.seconds.items()))
+    if report_folder:
+        tell(f"report {report_folder / 'index.html'}")

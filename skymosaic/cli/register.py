@@ -1,0 +1,69 @@
+"""The command that registers a pair of photographs."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from skymosaic.cli.options import (
+    AddressOption,
+    BackendOption,
+    ConfigOption,
+    DescriptorOption,
+    DetectorOption,
+    EstimatorOption,
+    PresetOption,
+    RefineOption,
+    SeedOption,
+    WorkingWidthOption,
+    backend_at,
+    configuration,
+    console,
+    print_pair,
+)
+from skymosaic.errors import RegistrationError
+from skymosaic.registration import WORKING_WIDTH_PX
+from skymosaic.registration import register as register_pair
+
+
+def register(
+    *,
+    left: Annotated[Path, typer.Argument(help="Left photograph.")],
+    right: Annotated[Path, typer.Argument(help="Right photograph.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
+    preset: PresetOption = "aerial",
+    detector: DetectorOption = None,
+    descriptor: DescriptorOption = None,
+    estimator: EstimatorOption = "prosac",
+    backend: BackendOption = "golden",
+    address: AddressOption = None,
+    config: ConfigOption = None,
+    working_width_px: WorkingWidthOption = WORKING_WIDTH_PX,
+    seed: SeedOption = 0,
+    refine: RefineOption = False,
+) -> None:
+    """Print the homography that maps LEFT pixels to RIGHT pixels, and how it was found."""
+    with console.status("registering"):
+        pair = register_pair(
+            left,
+            right,
+            config=configuration(preset, config),
+            detector=detector,
+            descriptor=descriptor,
+            estimator=estimator,
+            backend=backend_at(backend, address),
+            seed=seed,
+            working_width_px=working_width_px,
+            refine=refine,
+        )
+    if as_json:
+        typer.echo(json.dumps(pair.summary()))
+    elif pair.homography is not None:
+        print_pair(pair)
+        for row in pair.homography:
+            typer.echo("  ".join(f"{value: .9e}" for value in row))
+    if not pair.accepted:
+        raise RegistrationError(f"{left} and {right} cannot be registered: {pair.reason}")
