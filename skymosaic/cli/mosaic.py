@@ -140,8 +140,8 @@ def _print_made(deliveries: Sequence[Delivery], report_folder: Path | None) -> N
         )
         if flight.pair is None:
             tell(f"{layout.model}, median reprojection error {layout.median_error_px:.2f} px; {layout.reason}")
-        if delivery.georeference:
-            tell(f"EPSG:{delivery.georeference.epsg}, GPS residual {delivery.georeference.residual_m:.2f} m")
+        if on_map := delivery.georeference:
+            tell(f"EPSG:{on_map.epsg}" + (f", GPS residual {on_map.residual_m:.2f} m" if flight.pair is None else ""))
         if delivery.map_note and (delivery.georeference or flight.pair is None):
             tell(f"note: {delivery.map_note}")
     absent = flight.left_out if len(deliveries) == len(flight.layouts) else flight.absent_from(deliveries[0].layout)

@@ -86,13 +86,13 @@ def deliver(
     pairs = zip(composition.transforms, composition.placements, strict=True)
     centres = [apply(t, (np.array(p.size) - 1) / 2) for t, p in pairs]
     position, note = georeference(np.array(centres), [flight.views[member].gps for member in layout.members])
-    if position is not None and len(layout.members) == 2:
-        note = "two GPS positions fit exactly, so that nothing checks them"
     preview = _Preview(min(1.0, preview_width_px / composition.size[0]))
     watched = preview.watch(bands)
     channels = 3 if composition.coloured else 1
     if position is not None and _is_tiff(path) and has_writer():
         write_cog(path, composition.size, channels, watched, position)
+        if len(layout.members) == 2:
+            note = "two GPS positions fit exactly, so that nothing checks them"
     else:
         note = note or _why_not_on_the_map(path)
         if flight.pair is not None:

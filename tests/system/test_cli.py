@@ -1,3 +1,4 @@
+import importlib
 import json
 import subprocess
 import sys
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 from sim.scene import pair as rendered_pair
-from skymosaic.cli import main
+from skymosaic.cli import COMMANDS, app, main
 from skymosaic.evaluation.metrics import grid_error
 
 SEED = 5
@@ -132,6 +133,77 @@ def test_bad_options_are_one_line(photographs, tmp_path: Path, options: tuple[st
     assert not (tmp_path / "m.png").exists()
 
 
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (("--all-groups",), "two photographs make one mosaic"),
+        (("--cache", "kept"), "two photographs are registered anew"),
+        (("--idle-seconds", "3"), "add --live"),
+        (("--live",), "--live takes one folder"),
+        (("--address", "192.0.2.7"), "--backend board"),
+        (("--detector", "sift", "--refine"), "refinement"),
+        (("--detector", "sift", "--backend", "rtl"), "leave out --backend"),
+    ],
+)
+def test_options_that_cannot_apply_to_two_photographs_are_one_line(
+    photographs, tmp_path: Path, options: tuple[str, ...], says: str
+) -> None:
+    result = skymosaic("mosaic", *photographs, "-o", "m.png", *options, cwd=tmp_path)
+    assert says in one_line_error(result, 2)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("options", "flag"),
+    [
+        (("--blend", "average"), "--blend"),
+        (("--refine",), "--refine"),
+        (("--memory", "100"), "--memory"),
+        (("--report", "r"), "--report"),
+    ],
+)
+def test_options_that_cannot_apply_to_a_live_mosaic_are_one_line(
+    tmp_path: Path, options: tuple[str, ...], flag: str
+) -> None:
+    result = skymosaic("mosaic", tmp_path, "-o", "m.png", "--live", *options, cwd=tmp_path)
+    assert f"{flag}: without effect on a live mosaic" in one_line_error(result, 2)
+
+
+def test_the_canvas_limit_applies_to_two_photographs(photographs, tmp_path: Path) -> None:
+    large = cv2.resize(cv2.imread(str(photographs[0])), None, fx=2, fy=2)
+    cv2.imwrite(str(tmp_path / "large.png"), large)
+    result = skymosaic("mosaic", "large.png", "large.png", "-o", "m.png", "--canvas-limit", "1", cwd=tmp_path)
+    assert "the limit is 1" in one_line_error(result, 3)
+
+
+def test_every_command_has_the_line_of_the_help(capsys) -> None:
+    with pytest.raises(SystemExit):
+        app(["--help"])
+    shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    for name, (module, summary) in COMMANDS.items():
+        assert callable(getattr(importlib.import_module(f"skymosaic.cli.{module}"), name))
+        assert summary in shown
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "import skymosaic; skymosaic.mosaic, skymosaic.register",
+        "import sys; sys.argv = ['skymosaic', '--help']; import skymosaic.cli; skymosaic.cli.main()",
+        "import sys; sys.argv = ['skymosaic', 'register', '--help']; import skymosaic.cli; skymosaic.cli.main()",
+        "import sys; sys.argv = ['skymosaic', 'mosaic', '--help']; import skymosaic.cli; skymosaic.cli.main()",
+    ],
+)
+def test_neither_the_library_nor_its_help_imports_the_hardware(code: str) -> None:
+    listing = f"import atexit, sys; atexit.register(lambda: print(*sys.modules, file=sys.stderr)); {code}"
+    result = subprocess.run([sys.executable, "-c", listing], capture_output=True, text=True, timeout=120, check=True)
+    loaded = set(result.stderr.split())
+    assert "skymosaic" in loaded
+    assert not {name for name in loaded if name.split(".")[0] in ("amaranth", "hdl")}
+    # The build cache is only a folder: the commands for flights keep features beside it.
+    assert {name for name in loaded if name.split(".")[0] == "sim"} <= {"sim", "sim.backend", "sim.build_cache"}
+
+
 def test_a_configuration_file_is_obeyed(photographs, tmp_path: Path) -> None:
     (tmp_path / "c.toml").write_text('[front_end]\nlevels = 1\ndescriptor = "ilbp-256"\n')
     result = skymosaic("mosaic", *photographs, "-o", "m.png", "--config", "c.toml", "--report", "r", cwd=tmp_path)
@@ -142,6 +214,7 @@ def test_a_configuration_file_is_obeyed(photographs, tmp_path: Path) -> None:
 
 def test_an_opencv_without_contrib_is_told_with_the_cure(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
     monkeypatch.delattr(cv2, "xfeatures2d")
+    monkeypatch.setattr(sys, "argv", ["skymosaic", "register", "left.png", "right.png"])
     with pytest.raises(SystemExit) as stopped:
         main()
     assert stopped.value.code == 2

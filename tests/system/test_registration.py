@@ -11,6 +11,8 @@ from sim.scene import pair as rendered_pair
 from skymosaic import mosaic, register
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.evaluation.metrics import grid_error
+from skymosaic.imagery.lens import Lens
+from skymosaic.mosaicing import mosaic_of_pair
 
 DATA = Path(os.environ.get("SKYMOSAIC_DATA", Path(__file__).parents[3] / "shared" / "data"))
 VGA = (640, 480)
@@ -84,6 +86,34 @@ def test_twenty_megapixels_are_registered_reduced_and_reported_in_their_own_pixe
 def test_a_canvas_beyond_the_limit_is_refused_with_its_size() -> None:
     with pytest.raises(RegistrationError, match="limit"):
         mosaic(list(rendered_pair(seed=1).images), canvas_limit_px=100_000)
+
+
+def test_two_photographs_share_a_lens() -> None:
+    images = list(rendered_pair(seed=1).images)
+    mask = np.full((480, 640), 255, np.uint8)
+    mask[:120] = 0
+    result = mosaic(images, lens=Lens(mask=mask))
+    pair = result.pairs[0]
+    assert pair.accepted
+    assert min(pair.matches["left_y"].min(), pair.matches["right_y"].min()) >= 16 * 120
+    # What only masked pixels would show stays empty.
+    assert not result.image[:100].any()
+    assert mosaic(images).image[:100].any()
+
+
+def test_a_pair_is_a_flight_with_one_link() -> None:
+    result = mosaic(list(rendered_pair(seed=1).images))
+    assert result.flight.pair is result.pairs[0]
+    assert [link.holds for link in result.flight.links] == [True]
+    assert result.flight.layouts[0].median_error_px < 1
+    shift = result.transforms[1] - np.eye(3)
+    assert np.all(shift[:, :2] == 0)
+    assert np.all(shift == np.rint(shift))
+
+
+def test_a_registered_pair_is_blended_to_the_same_mosaic() -> None:
+    images = list(rendered_pair(seed=1).images)
+    assert np.array_equal(mosaic_of_pair(register(*images)).image, mosaic(images).image)
 
 
 def test_scale_sets_the_size_of_the_mosaic() -> None:

@@ -81,7 +81,7 @@ def test_the_order_of_the_images_does_not_matter_for_where_they_lie(flight) -> N
     images = list(flight.images)
     shuffled = np.random.default_rng(0).permutation(IMAGES)
     result = mosaic([images[index] for index in shuffled])
-    found = {int(shuffled[place]): transform for place, transform in result.transforms.items()}
+    found = {int(shuffled[index]): transform for index, transform in result.transforms.items()}
     assert len(found) == IMAGES
     assert position_errors_px(found, flight).mean() < 1.0
 
@@ -103,7 +103,7 @@ def test_no_seam_shows_in_a_rendered_flight(folder, flight) -> None:
     assert (closest[shown] > 50).mean() < 0.01
 
 
-def test_what_cannot_be_used_is_left_out_and_named(folder, flight, tmp_path: Path) -> None:
+def test_unusable_photographs_are_left_out_with_their_names(folder, flight, tmp_path: Path) -> None:
     for path in folder.iterdir():
         (tmp_path / path.name).write_bytes(path.read_bytes())
     (tmp_path / "copy.png").write_bytes((folder / "3.png").read_bytes())
@@ -155,7 +155,7 @@ def test_two_flights_make_two_groups(folder, tmp_path: Path) -> None:
     assert "left out" not in both.stderr
 
 
-def test_nothing_that_links_is_one_line(flight, tmp_path: Path) -> None:
+def test_photographs_without_links_are_one_line(flight, tmp_path: Path) -> None:
     for index, image in enumerate((flight.images[0], *elsewhere(1), flight.images[IMAGES - 1])):
         cv2.imwrite(str(tmp_path / f"{index}.png"), image)
     result = skymosaic("mosaic", tmp_path, "-o", "m.png", "--cache", "cache", cwd=tmp_path)
@@ -210,10 +210,37 @@ def test_a_full_disk_is_one_line_and_leaves_no_mosaic(folder, tmp_path: Path) ->
     assert [path.name for path in tmp_path.iterdir()] == ["cache"]
 
 
-def test_options_of_a_pair_are_refused_for_a_flight(folder, tmp_path: Path) -> None:
-    result = skymosaic("mosaic", folder, "-o", "m.png", "--refine", cwd=tmp_path)
-    assert result.returncode == 2
-    assert "two photographs" in result.stderr
+def test_a_pair_with_gps_becomes_a_geotiff(flight, tmp_path: Path) -> None:
+    rasterio = pytest.importorskip("rasterio")
+    for index, east_m in ((0, 0.0), (1, 30.0)):
+        with_gps(tmp_path / f"{index}.jpg", flight.images[index], east_m, 0.0)
+    result = skymosaic("mosaic", "0.jpg", "1.jpg", "-o", "m.tif", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "nothing checks them" in result.stderr
+    with rasterio.open(tmp_path / "m.tif") as file:
+        assert file.crs.to_epsg() == 32615
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"refine": True}, "refined by all links"),
+        ({"estimator": "magsac"}, "leave out --estimator"),
+        ({"detector": "sift"}, "Harris or FAST with ILBP"),
+        ({"all_groups": True}, "mosaics()"),
+    ],
+)
+def test_options_that_cannot_apply_to_a_flight_are_refused(flight, options: dict[str, object], says: str) -> None:
+    with pytest.raises(InputError) as refused:
+        mosaic(list(flight.images), **options)
+    assert says in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_the_detector_applies_to_a_flight(flight) -> None:
+    result = mosaic(list(flight.images)[:3], detector="fast")
+    assert result.flight.settings.config.front_end.detector == "fast"
+    assert len(result.placed) == 3
 
 
 def test_report_and_geotiff_and_scale(folder, tmp_path: Path) -> None:

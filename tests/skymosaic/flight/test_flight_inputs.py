@@ -134,7 +134,7 @@ def test_a_view_survives_the_cache(tmp_path):
     np.testing.assert_array_equal(again.features, view.features)
     np.testing.assert_array_equal(again.thumbnail, view.thumbnail)
     assert again.features.dtype == view.features.dtype
-    assert (again.size, again.sharpness, again.place) == (view.size, view.sharpness, view.place)
+    assert (again.size, again.sharpness, again.gps) == (view.size, view.sharpness, view.gps)
     assert again.name == "renamed"
 
 
