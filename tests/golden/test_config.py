@@ -63,7 +63,7 @@ def test_given_cells_stay():
 
 
 @pytest.mark.parametrize("size_px", [(63, 480), (640, 5000)])
-def test_frame_size_out_of_range(size_px):
+def test_a_frame_size_out_of_range_is_refused(size_px):
     with pytest.raises(ValueError, match="it must be a whole number from 64 to 4096"):
         FrontEndConfig().for_size(*size_px)
 

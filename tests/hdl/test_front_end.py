@@ -130,13 +130,13 @@ def test_whole_frames_are_equal_and_follow_without_a_bubble(simulator, scene):
 
 @pytest.mark.parametrize("pauses", [NO_PAUSES, PAUSES], ids=["free", "pauses"])
 @pytest.mark.parametrize("size_px", [(64, 64), (65, 67), (127, 85), (641, 479)], ids=str)
-def test_any_size_back_to_back_with_extremes(aerial, scene, size_px, pauses):
+def test_frames_of_any_size_and_content_equal_the_golden_model(aerial, scene, size_px, pauses):
     frames = [gray(scene(0, size_px)), *extremes(size_px), gray(scene(1, size_px))]
     _, features = aerial.check(frames, pauses=pauses)
     assert features.size
 
 
-def test_thesis_preset(scene):
+def test_thesis_preset_equals_the_golden_model(scene):
     """Without smoothing, with a 3x3 tensor and without selection; and its descriptors of FAST's corners."""
     config = dataclasses.replace(THESIS, threshold=200_000)
     with compiled(verilator, config) as opened:

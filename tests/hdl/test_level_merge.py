@@ -112,7 +112,7 @@ CASES = {
 
 @pytest.mark.parametrize("pauses", [NO_PAUSES, Pauses(gaps=80, stalls=120, seed=5)], ids=["free", "pauses"])
 @pytest.mark.parametrize("frames", CASES.values(), ids=CASES)
-def test_order_index_and_status(frames, pauses):
+def test_features_are_ordered_and_indexed_and_a_status_ends_each_frame(frames, pauses):
     causes = [Cause(0)] * len(frames)
     for (features, status), (wanted, wanted_status) in zip(
         MergeBench(frames, causes, pauses).run(), expected(frames, causes), strict=True

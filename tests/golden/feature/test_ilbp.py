@@ -130,7 +130,7 @@ def test_window_is_the_neighbourhood_in_raster_order(image, positions):
         assert (window[n].reshape(3, 3) == image[y[n] - 1 : y[n] + 2, x[n] - 1 : x[n] + 2]).all()
 
 
-def test_no_features():
+def test_without_features_the_arrays_are_empty():
     nothing = np.zeros(0, dtype=np.int64)
     flat = np.zeros((64, 64), dtype=np.uint8)
     sector, descriptor = ilbp.describe(flat, flat, nothing, nothing, ILBP_128)

@@ -125,7 +125,7 @@ def test_fuzzy_inputs_are_scaled_scores_rounded_down():
     assert (raw_zssd == np.floor(correlation.zssd(left, right) / 9 * 4)).all()
 
 
-def test_no_candidates():
+def test_without_candidates_there_is_no_match():
     window = np.zeros((2, 9), dtype=np.uint8)
     assert [part.tolist() for part in correlation.best_matches(window, window[:0], "sad")] == [[], []]
     assert [part.tolist() for part in correlation.best_matches(window[:0], window, "ncc")] == [[], []]

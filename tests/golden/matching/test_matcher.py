@@ -160,7 +160,7 @@ def test_verdict_is_weight_above_the_limit(keep_above):
 @pytest.mark.parametrize(
     ("rule_base", "name"), [("aerial", "ilbp-128"), ("ilbp", "thesis-ilbp-4"), ("none", "ilbp-256")]
 )
-def test_no_features_no_matches(counts, rule_base, name):
+def test_without_features_there_are_no_matches(counts, rule_base, name):
     rng = np.random.default_rng(4)
     left, right = (random_features(rng, count, PATTERNS[name]) for count in counts)
     matches = matcher.match(left, right, PATTERNS[name], MatcherConfig(rule_base=rule_base))
@@ -200,7 +200,7 @@ def test_histogram_wraps_around_the_circle():
     )
 
 
-def test_circular_distance():
+def test_circular_distance_takes_the_short_way_round():
     turn, peak = np.meshgrid(np.arange(16, dtype=np.uint8), np.arange(16, dtype=np.uint8))
     expected = np.abs((turn.astype(int) - peak + 8) % 16 - 8)
     assert (matcher.circular_distance(turn, peak) == expected).all()

@@ -45,6 +45,6 @@ def test_a_suppressed_response_still_suppresses(ties, kept):
     np.testing.assert_array_equal(suppress(np.array([[7, 7, 7, 7, 7]], np.uint16), 3, ties), kept)
 
 
-def test_unknown_rule_of_ties():
+def test_an_unknown_tie_rule_is_refused():
     with pytest.raises(ValueError, match="ties is 'last'; valid: first, lose"):
         suppress(np.zeros((4, 4), np.uint16), 1, "last")

@@ -83,7 +83,7 @@ def test_scores_equal_the_golden_model(pauses):
 
 
 @pytest.mark.parametrize("block", [WindowCorrelation, FuzzyCorrelation])
-def test_latency(block):
+def test_a_result_takes_exactly_the_latency(block):
     dut = block()
 
     async def run(ctx):

@@ -85,7 +85,7 @@ PREVIOUS, HELD, TAKE = (0, 0), (1, 0), (0, 1)
 
 @pytest.mark.parametrize("pauses", [NO_PAUSES, Pauses(gaps=120, seed=4)], ids=["free", "gaps"])
 @pytest.mark.parametrize("name", ["ilbp-128", "thesis-ilbp-2"])
-def test_roles(name, pauses):
+def test_each_frame_takes_the_role_that_its_status_and_settings_give(name, pauses):
     """Frame by frame: which frames are left and right afterwards."""
     pattern = PATTERNS[name]
     steps = [

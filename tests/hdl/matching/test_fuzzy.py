@@ -62,20 +62,20 @@ def evaluated(system, value_bits, inputs):
     ],
     ids=["aerial-128", "aerial-24", "aerial_orientation-128", "aerial_orientation-256"],
 )
-def test_product_systems_over_their_whole_domain(system, value_bits):
+def test_product_systems_equal_the_golden_model_over_their_whole_domain(system, value_bits):
     inputs = list(itertools.product(*(distinct(variable) for variable in system.inputs)))
     np.testing.assert_array_equal(evaluated(system, value_bits, inputs), golden(system, inputs))
 
 
 @pytest.mark.parametrize("bits", [8, 32])
-def test_ilbp_over_its_whole_domain(bits):
+def test_ilbp_equals_the_golden_model_over_its_whole_domain(bits):
     system = fuzzy.ilbp(bits)
     distances, sads, _ = (distinct(variable) for variable in system.inputs)
     inputs = [(distance, sad, sad) for distance in distances for sad in [*sads, 9 * 255]]
     np.testing.assert_array_equal(evaluated(system, 12, inputs), golden(system, inputs))
 
 
-def test_correlation_over_a_grid():
+def test_correlation_equals_the_golden_model_over_a_grid():
     """Every combination of a set's core, two places on each ramp, and beyond the tables."""
     system = fuzzy.correlation()
     grids = [np.array(distinct(variable)) for variable in system.inputs]
@@ -86,7 +86,7 @@ def test_correlation_over_a_grid():
     np.testing.assert_array_equal(evaluated(system, 9, inputs), expected)
 
 
-def test_gaps_and_stalls():
+def test_results_do_not_depend_on_gaps_and_stalls():
     system = fuzzy.ilbp(8)
     inputs = [(distance, sad, 60) for distance in range(4) for sad in (0, 40, 80, 120)]
     dut = Sugeno(system=system, value_bits=8)
@@ -95,7 +95,7 @@ def test_gaps_and_stalls():
     np.testing.assert_array_equal([(result.weight, result.rule) for result in results], golden(system, inputs))
 
 
-def test_left_out_inputs_and_silent_rules():
+def test_a_rule_may_ignore_an_input_and_without_a_firing_rule_the_weight_is_0():
     """A rule may leave an input out; where nothing fires the weight is 0."""
     near = fuzzy.Variable("near", {"yes": np.array([256, 100, 0])})
     rules = (fuzzy.Rule(("yes", None), 0.9), fuzzy.Rule((None, "yes"), 0.3))
@@ -114,7 +114,7 @@ def test_product_of_too_many_inputs_is_refused():
         Sugeno(system=system, value_bits=1)
 
 
-def test_histogram_of_turns():
+def test_peak_of_the_orientation_histogram_equals_the_golden_model():
     bits, rng = 128, np.random.default_rng(4)
     system = fuzzy.aerial_orientation(bits)
     frames = []
@@ -143,7 +143,7 @@ def test_histogram_of_turns():
     assert len(set(peaks)) > 3
 
 
-def test_sum_of_absolute_differences():
+def test_sum_of_absolute_differences_equals_the_golden_model():
     rng = np.random.default_rng(5)
     windows = rng.integers(0, 256, (40, 2, 9), dtype=np.uint8)
     windows[0], windows[1, 0], windows[1, 1] = 255, 255, 0

@@ -48,7 +48,7 @@ def nearest(distance, empty):
 
 
 @pytest.mark.parametrize(("bits", "lanes"), [(3, 2), (8, 3), (24, 2), (32, 1), (128, 2), (256, 2)])
-def test_popcount(bits, lanes):
+def test_popcount_counts_the_ones_of_each_lane(bits, lanes):
     dut = Popcount(bits=bits, lanes=lanes)
     rng = np.random.default_rng(bits)
     inputs = rng.random((40, bits, lanes)) < rng.random((40, 1, lanes))
@@ -112,7 +112,7 @@ def searched(dut, pairs):
 
 @pytest.mark.parametrize("descriptors", [random_bits, some_equal, close_together, opposite], ids=lambda f: f.__name__)
 @pytest.mark.parametrize(("bits", "lanes", "max_features"), [(32, 4, 32), (8, 2, 21), (128, 8, 16)])
-def test_nearest_neighbours(bits, lanes, max_features, descriptors):
+def test_nearest_neighbours_equal_the_golden_distances(bits, lanes, max_features, descriptors):
     dut = NearestNeighbours(bits=bits, lanes=lanes, max_features=max_features)
     rng = np.random.default_rng(bits)
     sizes = [(max_features, max_features), (1, 1), (max_features - 1, 3), (2, max_features)]
@@ -146,7 +146,7 @@ def test_search_without_features_ends_at_once(sizes):
 @pytest.mark.parametrize(
     ("lanes", "max_features", "message"), [(3, 8, "lanes is 3"), (1, 8, "lanes is 1"), (16, 8, "lanes is 16")]
 )
-def test_search_refuses_lanes(lanes, max_features, message):
+def test_an_impossible_number_of_lanes_is_refused(lanes, max_features, message):
     with pytest.raises(ValueError, match=message):
         NearestNeighbours(bits=8, lanes=lanes, max_features=max_features)
 
@@ -188,7 +188,7 @@ def walked(dut, distance, pauses):
 @pytest.mark.parametrize("stalls", [0, 150])
 @pytest.mark.parametrize("descriptors", [random_bits, some_equal, close_together], ids=lambda f: f.__name__)
 @pytest.mark.parametrize("sizes", [(30, 32), (32, 7), (1, 1), (1, 2), (2, 1)])
-def test_mutual_matches(sizes, descriptors, stalls):
+def test_mutual_matches_equal_the_golden_model(sizes, descriptors, stalls):
     rng = np.random.default_rng(5)
     each = descriptors(rng, sum(sizes), 32)
     distance = hamming.distances(each[: sizes[0]], each[sizes[0] :])

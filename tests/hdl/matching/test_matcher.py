@@ -159,7 +159,7 @@ def assert_equal_to_golden(pattern, config, frames, reference, **bench):
 @pytest.mark.parametrize(
     ("reference", "pauses"), [("previous", NO_PAUSES), ("held", Pauses(gaps=60, stalls=200, seed=9))]
 )
-def test_sequences(reference, pauses):
+def test_records_of_a_sequence_equal_the_golden_model(reference, pauses):
     """Full, empty and bad frames, and frames of one feature."""
     frames = sequence(ILBP_128, (32, 30, 27, 1, 1, 0, 32, 32), bad=(2,))
     results = assert_equal_to_golden(ILBP_128, MatcherConfig(), frames, reference, pauses=pauses)
@@ -168,7 +168,7 @@ def test_sequences(reference, pauses):
 
 
 @pytest.mark.parametrize("config", [MatcherConfig(rule_base="ilbp", keep_above=127), MatcherConfig(rule_base="none")])
-def test_other_rule_bases(config):
+def test_records_of_other_rule_bases_equal_the_golden_model(config):
     frames = sequence(ILBP_32, (32, 29, 31))
     results = assert_equal_to_golden(ILBP_32, config, frames, "previous", pauses=Pauses(stalls=100, seed=1))
     assert len(results[1].matches) > 15
@@ -177,7 +177,7 @@ def test_other_rule_bases(config):
 
 @pytest.mark.parametrize("different", [1, 2, 5])
 @pytest.mark.parametrize("sizes", [(32, 32), (5, 32), (32, 3), (1, 1)])
-def test_ties(different, sizes):
+def test_equal_distances_are_resolved_as_in_the_golden_model(different, sizes):
     """Few different descriptors, so that distances tie everywhere; 1 and 2 tie at 0 and at all bits."""
     descriptors = np.random.default_rng(7).integers(0, 256, (different, 4), dtype=np.uint8)
     if different == 2:
@@ -190,7 +190,7 @@ def test_ties(different, sizes):
 
 
 @pytest.mark.parametrize("keep_above", [0, 255])
-def test_the_limit_of_the_weight(keep_above):
+def test_the_verdict_follows_the_limit_of_the_weight(keep_above):
     frames = sequence(ILBP_32, (32, 32))
     _, result = assert_equal_to_golden(ILBP_32, MatcherConfig(keep_above=keep_above), frames, "held")
     assert result.matches["verdict"].any() == (keep_above == 0)
@@ -210,7 +210,7 @@ def test_a_taken_reference_replaces_the_old_one():
     assert len(bench.taken) == 1
 
 
-def test_from_held_to_previous():
+def test_the_choice_of_reference_can_change_between_frames():
     frames = sequence(ILBP_32, (20, 20, 20, 20, 20))
     config = MatcherConfig()
     settings = settings_for(frames[:3], config, "held") + settings_for(frames[3:], config, "previous")
@@ -220,14 +220,14 @@ def test_from_held_to_previous():
 
 
 @pytest.mark.parametrize("interrupted", [(2, 0), (150, 0), (194, 40), (194, 300), (194, 700)])
-def test_reset_in_the_middle(interrupted):
+def test_reset_in_any_phase_leaves_nothing_behind(interrupted):
     """In a record, a frame, the search, the count of the turns, and the sending of the matches."""
     frames = sequence(ILBP_128, (24, 23))
     assert_equal_to_golden(ILBP_128, MatcherConfig(), frames, "previous", interrupted=interrupted)
 
 
 @pytest.mark.parametrize("sizes", [(32, 32, 32), (32, 32, 16), (31, 1, 31)])
-def test_cycles(sizes):
+def test_a_frame_takes_no_more_cycles_than_specified(sizes):
     """A frame takes left * right / lanes clocks, and a few for each match, feature and pass."""
     frames = sequence(ILBP_128, sizes)
     config = MatcherConfig()

@@ -56,7 +56,7 @@ def test_offset_columns_gives_columns_from_further_up_and_left(gray_frames, run_
 
 
 @pytest.mark.parametrize("gray_input", [0, 1])
-def test_gray(gray_frames, check_block, gray_input):
+def test_gray_equals_the_golden_model(gray_frames, check_block, gray_input):
     blue, green, red = gray_frames, gray_frames[1:] + gray_frames[:1], gray_frames[2:] + gray_frames[:2]
     colour = [np.stack(channels, axis=-1) for channels in zip(blue, green, red, strict=True)]
     frames = [{"data": frame.astype(int) @ (1 << 8, 1, 1 << 16)} for frame in colour]
@@ -65,7 +65,7 @@ def test_gray(gray_frames, check_block, gray_input):
 
 
 @pytest.mark.parametrize("shape", [(19, 23), (18, 24), (4, 4)])
-def test_half(gray_frames, pauses, shape):
+def test_half_equals_the_golden_model(gray_frames, pauses, shape):
     dut = Half(width_px=WIDTH_PX)
     frames = [np.resize(frame, shape) for frame in gray_frames]
     sent, received = run_beats(dut, [{"pixel": frame} for frame in frames], pauses=pauses)
@@ -79,20 +79,20 @@ def test_half(gray_frames, pauses, shape):
 @pytest.mark.parametrize(
     ("window_px", "model"), [(1, lambda frame: frame), (3, smooth.binomial3), (5, smooth.binomial5)]
 )
-def test_binomial(gray_frames, check_block, window_px, model):
+def test_binomial_equals_the_golden_model(gray_frames, check_block, window_px, model):
     frames = [{"column": columns(frame, window_px)} for frame in gray_frames]
     expected = {"pixel": [model(frame) for frame in gray_frames]}
     check_block(Binomial(window_px=window_px), frames, expected, margin_px=window_px - 1)
 
 
-def test_sobel(gray_frames, check_block):
+def test_sobel_equals_the_golden_model(gray_frames, check_block):
     planes = zip(*map(sobel.gradients, gray_frames), strict=True)
     expected = dict(zip(("gradient_x", "gradient_y"), planes, strict=True))
     check_block(Sobel(), [{"column": columns(frame, 3)} for frame in gray_frames], expected, margin_px=2)
 
 
 @pytest.mark.parametrize(("window_px", "smoothed"), [(3, False), (5, True)])
-def test_structure_tensor(gray_frames, check_block, window_px, smoothed):
+def test_structure_tensor_equals_the_golden_model(gray_frames, check_block, window_px, smoothed):
     planes = [gradients(frame, smoothed) for frame in gray_frames]
     pixels = np.frompyfunc(lambda x, y: {"x": x, "y": y}, 2, 1)
     frames = [{"column": columns(pixels(x, y), TENSOR_LINES)} for x, y in planes]
@@ -103,7 +103,7 @@ def test_structure_tensor(gray_frames, check_block, window_px, smoothed):
 
 @pytest.mark.parametrize("smoothed", [False, True])
 @pytest.mark.parametrize("detector", DETECTORS)
-def test_gradient_columns(gray_frames, run_block, smoothed, detector):
+def test_gradient_columns_equal_the_golden_model(gray_frames, run_block, smoothed, detector):
     dut = GradientColumns(smoothed=smoothed, width_px=WIDTH_PX)
     frames = [gray_frames[0], gray_frames[-1]]
     sent = [{"column": columns(frame, 3)} for frame in frames]
@@ -121,7 +121,7 @@ def test_gradient_columns(gray_frames, run_block, smoothed, detector):
 
 
 @pytest.mark.parametrize(("k_numerator", "k_shift"), [(1, 4), (5, 7), (11, 6), (0, 0)])
-def test_raw_response(gray_frames, check_block, k_numerator, k_shift):
+def test_raw_response_equals_the_golden_model(gray_frames, check_block, k_numerator, k_shift):
     tensors = [harris.structure_tensor(*gradients(frame, True), 5) for frame in gray_frames]
     frames = [dict(zip("abc", tensor, strict=True)) for tensor in tensors]
     expected = [harris.raw_response(*tensor, k_numerator, k_shift) for tensor in tensors]
@@ -129,7 +129,7 @@ def test_raw_response(gray_frames, check_block, k_numerator, k_shift):
 
 
 @pytest.mark.parametrize("threshold", [1, 1500, 70_000])
-def test_response_code(check_block, threshold):
+def test_response_code_equals_the_golden_model(check_block, threshold):
     rng = np.random.default_rng(5)
     around_powers = [(1 << k) + d for k in range(31) for d in (-1, 0, 1)]
     edges = np.resize([*around_powers, 0, -1, -(1 << 31), (1 << 31) - 1, threshold], (10, 11))
@@ -142,7 +142,7 @@ def test_response_code(check_block, threshold):
 
 @pytest.mark.parametrize("radius_px", [1, 3])
 @pytest.mark.parametrize("detector", DETECTORS)
-def test_suppression(check_block, radius_px, detector):
+def test_suppression_equals_the_golden_model(check_block, radius_px, detector):
     rng = np.random.default_rng(6)
     shape = (19, 23)
     twins = np.zeros(shape, int)

@@ -172,7 +172,7 @@ def test_raster_selection_keeps_everything(planes, pauses):
 
 
 @pytest.mark.parametrize("cells", [True, False])
-def test_latency(cells):
+def test_a_feature_leaves_after_exactly_the_latency(cells):
     if cells:
         dut, settings = CellSelection(pattern=PATTERN, width_px=WIDTH_PX), {"i_cell_log2": 5, "i_per_cell": 1}
     else:
@@ -191,7 +191,7 @@ def test_latency(cells):
     bench.run(play)
 
 
-def test_reset_in_the_middle_of_a_frame(planes):
+def test_reset_in_the_middle_of_a_frame_leaves_nothing_behind(planes):
     dut = CellSelection(pattern=PATTERN, width_px=WIDTH_PX)
     bench = SelectionBench(dut, pauses=FREE, settings={"i_cell_log2": 5, "i_per_cell": 4})
     broken = list(events(planes[4], 32))
