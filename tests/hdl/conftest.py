@@ -19,7 +19,7 @@ def pauses(request: pytest.FixtureRequest) -> Pauses:
 
 @pytest.fixture
 def gray_frames() -> list[NDArray[np.uint8]]:
-    """Changing content and the extremes, at an odd size."""
+    """Frames of different content, with the extremes, at an odd size."""
     noise = np.random.default_rng(11).integers(0, 256, (2, *SHAPE), dtype=np.uint8)
     black, white = np.zeros(SHAPE, np.uint8), np.full(SHAPE, 255, np.uint8)
     y, x = np.indices(SHAPE)
@@ -32,7 +32,7 @@ def gray_frames() -> list[NDArray[np.uint8]]:
 
 @pytest.fixture
 def run_block(pauses: Pauses) -> Callable[..., list[Beats]]:
-    """Send frames through a block that answers every beat after ``latency_cycles``; the answers of each frame."""
+    """Send frames through a block that answers each beat after ``latency_cycles``; returns its answers by frame."""
 
     def run(
         dut: wiring.Component,
@@ -48,7 +48,7 @@ def run_block(pauses: Pauses) -> Callable[..., list[Beats]]:
 
 @pytest.fixture
 def check_block(run_block: Callable[..., list[Beats]]) -> Callable[..., None]:
-    """Compare fields of a block's answers with one plane a frame, ``margin_px`` and more inside it."""
+    """Compare fields of a block's answers with one plane for each frame, except in a margin of ``margin_px``."""
 
     def check(
         dut: wiring.Component,

@@ -1,4 +1,4 @@
-"""The bench of the block tests fails where a block breaks the stream rules, hangs or sends the wrong payload."""
+"""The bench of the block tests fails if a block breaks the stream rules, hangs or sends a wrong payload."""
 
 import pytest
 from amaranth.hdl import Module
@@ -25,7 +25,7 @@ class CountingStream(wiring.Component):
 
 
 class Accumulator(wiring.Component):
-    """The sum of all ``i`` until the clock before."""
+    """``o`` is the sum of ``i`` over all earlier clocks."""
 
     def __init__(self):
         super().__init__({"i": In(8), "o": Out(8)})

@@ -1,4 +1,4 @@
-"""The door: positions of good frames, and what is made of bad ones."""
+"""Frame admission: pixels of good frames get their positions, and bad frames are reported with their causes."""
 
 import random
 
@@ -24,7 +24,7 @@ def frame(seed, *, drop=(), double=(), without_start=False):
 
 
 def admit(pixels, pauses=NO_PAUSES):
-    """Frames ``(causes, [(x, y, data), ...])`` that come out; ``pauses.stalls`` of them hold the door."""
+    """Frames ``(causes, [(x, y, data), ...])`` that come out; ``pauses.stalls`` hold the admission of pixels."""
     dut = FrameAdmission()
     frames, beats = [], []
 

@@ -1,5 +1,5 @@
 # amaranth: UnusedElaboratable=no
-"""The front end on whole frames, good and bad, against the golden model; compiled, since a frame has many clocks."""
+"""The front end equals the golden model on whole frames, good and bad; compiled, since a frame takes many clocks."""
 
 import contextlib
 import dataclasses
@@ -30,9 +30,9 @@ PAUSES = Pauses(gaps=90, stalls=210, seed=8)
 
 
 class FrontEndBench:
-    """A compiled front end just out of reset, and what the golden model makes of the same frames.
+    """A compiled front end after its reset, compared with the golden model on the same frames.
 
-    ``config`` of a call: another one that the same build serves.
+    ``config`` of a call replaces the configuration by another one of the same build.
     """
 
     def __init__(self, bench, config):
@@ -41,7 +41,7 @@ class FrontEndBench:
         self.frames = 0
 
     def run(self, beats, size_px, packets, *, config=None, pauses=NO_PAUSES, reset=False, gray_input=True, **settings):
-        """Stream beats; features and status of each packet, and the clocks at which starts of frame were admitted."""
+        """Stream beats; returns features and status of each packet, and the clocks of the admitted starts of frame."""
         settings = {**frame_settings(config or self.config, *size_px, gray_input=gray_input), **settings}
         data, flags = (np.concatenate(parts) for parts in zip(*beats, strict=True))
         limit = 4 * data.size + packets * 4 * self.config.max_features * self.record.record_bytes
@@ -56,7 +56,7 @@ class FrontEndBench:
         return words[:-status_words].view(self.record.dtype), status
 
     def check(self, frames, *, config=None, **options):
-        """Stream whole frames of one size and compare every field; the starts, and the features of all frames."""
+        """Stream whole frames of one size and compare every field; returns the starts and all features."""
         config = config or self.config
         height_px, width_px = frames[0].shape[:2]
         first = 0 if options.get("reset") else self.frames
@@ -92,7 +92,7 @@ def aerial():
 
 @pytest.fixture(scope="module")
 def scene():
-    """Two rendered views, one for each call at any size, with noise of its own."""
+    """``view(number, size_px)``: one of two rendered views at any size, with its own noise."""
     views = pair(seed=3).images
 
     def view(number, size_px):
@@ -137,7 +137,7 @@ def test_frames_of_any_size_and_content_equal_the_golden_model(aerial, scene, si
 
 
 def test_thesis_preset_equals_the_golden_model(scene):
-    """Without smoothing, with a 3x3 tensor and without selection; and its descriptors of FAST's corners."""
+    """No smoothing, a 3x3 tensor and no selection; then with corners of FAST instead of Harris."""
     config = dataclasses.replace(THESIS, threshold=200_000)
     with compiled(verilator, config) as opened:
         bench = FrontEndBench(opened, config)
@@ -151,7 +151,7 @@ def test_thesis_preset_equals_the_golden_model(scene):
 
 
 def test_fast_is_a_setting_beside_harris(aerial, scene):
-    """Whole frames by one build, back to back; then any size and content, and Harris again."""
+    """One build processes whole frames with FAST, then any size and content with FAST and Harris in turn."""
     size_px = (640, 480)
     starts, features = aerial.check([gray(scene(number, size_px)) for number in range(3)], config=FAST)
     np.testing.assert_array_equal(np.diff(starts)[1:], size_px[0] * size_px[1])

@@ -1,5 +1,5 @@
 # amaranth: UnusedElaboratable=no
-"""The golden order of emission, indices, and one status a frame."""
+"""Features leave in the golden model's order with their indices, and a status ends each frame."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ SIZE_PX = (640, 480)
 
 
 def frame(*levels):
-    """Features of a frame by level and cell row: each row a number of features."""
+    """Features of a frame; each level is given as the number of features of its cell rows."""
     features = [[np.zeros(count, RECORD.dtype) for count in rows] for rows in levels]
     for level, rows in enumerate(features):
         for row, records in enumerate(rows):
@@ -43,7 +43,7 @@ def expected(frames, causes):
 
 
 class MergeBench:
-    """Runs frames through a merge; a frame's pixels take 40 clocks, and its features come after its start."""
+    """Stream frames through a merge; the pixels of a frame take 40 clocks, and its features come after its start."""
 
     def __init__(self, frames, causes, pauses):
         self.dut = LevelMerge(record=RECORD, levels=len(frames[0]), max_features=MAX_FEATURES)

@@ -1,4 +1,4 @@
-"""Records in hardware lie as their NumPy dtypes do; beats wait in the skid buffer without loss."""
+"""Records have the same bytes in hardware as in NumPy; the skid buffer loses no payload."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ FEATURES = [feature_record(pattern.descriptor_bytes, pattern.window_bytes) for p
 
 @pytest.mark.parametrize("record", [MATCH, FRAME_STATUS, *FEATURES])
 @pytest.mark.parametrize("length_bytes", [None, 48])
-def test_record_layout_is_the_dtype(record, length_bytes):
+def test_record_layout_has_the_bytes_of_the_dtype(record, length_bytes):
     rng = np.random.default_rng(2)
     layout = record_layout(record, length_bytes)
     expected = np.zeros((), record.dtype_padded_to(length_bytes or record.record_bytes))
@@ -34,7 +34,7 @@ def test_record_layout_is_the_dtype(record, length_bytes):
 
 @pytest.mark.parametrize("gaps", [0, 128])
 @pytest.mark.parametrize("stalls", [0, 128])
-def test_skid_buffer_hands_everything_on(gaps, stalls):
+def test_skid_buffer_passes_every_payload_on(gaps, stalls):
     payloads = list(range(100, 200))
     pauses = Pauses(gaps=gaps, stalls=stalls, seed=4)
     assert run_streams(SkidBuffer(shape=8), {"i": payloads}, {"o": len(payloads)}, pauses=pauses)["o"] == payloads

@@ -20,7 +20,7 @@ def offset_of(field_name: str) -> int:
 
 
 async def write(ctx, bus, address: int, data: int, *, strobe: int = 15, rng: random.Random | None = None) -> int:
-    """A write whose address and data come in a random order, and whose response waits a little."""
+    """Write a register; ``rng`` chooses the order of address and data and delays the response."""
     waits = [rng.randrange(4) for _ in range(3)] if rng else [0, 0, 0]
     ctx.set(bus.awaddr, address)
     ctx.set(bus.wdata, data)

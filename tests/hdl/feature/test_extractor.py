@@ -1,4 +1,4 @@
-"""Ring window and features together: what the golden model says of corners at chosen places."""
+"""Ring window and features together equal the golden model, for corners at chosen positions."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ NEIGHBOURS = {"left": (-1, 0), "right": (1, 0), "up": (0, -1), "down": (0, 1)}
 
 
 class Describer(wiring.Component):
-    """Pixels and candidates of the same scan position in, features out, as beats."""
+    """Takes pixels and candidates of the same scan position as beats, and sends features as beats."""
 
     def __init__(self, *, pattern, spacing_cycles, level, width_px):
         self.window = RingWindow(pattern=pattern, width_px=width_px)
@@ -54,7 +54,7 @@ class Describer(wiring.Component):
 
 
 def golden_features(pixels, code, *, pattern, level, at):
-    """The features at (x, y) as `feature_layout` has them."""
+    """The features at (x, y), as bits of `feature_layout`."""
     x, y = at
     sector, descriptor = ilbp.describe(pixels, pixels, x, y, pattern)
     full_x, full_y = subpixel.refine(code, x, y, level)
@@ -87,7 +87,7 @@ def test_features_equal_the_golden_model(name, spacing_cycles, level, gaps, fram
         pixels = rng.integers(0, 256, shape, dtype=np.uint8)
         code = rng.integers(0, 8000, shape).astype(np.uint16)
         candidates = np.zeros(shape, bool)
-        # As dense as suppression allows, and in the line's first and last columns that have their ring.
+        # As dense as suppression allows, and in the first and last columns that have a complete ring.
         candidates[lag_px : height - lag_px : 2, lag_px : width - lag_px : spacing_cycles] = True
         candidates[lag_px + 2] = False
         candidates[lag_px + 2, [lag_px, width - lag_px - 1]] = True

@@ -1,5 +1,5 @@
 # amaranth: UnusedElaboratable=no
-"""Ring window, orientation and descriptor against the golden model."""
+"""Ring window, orientation and descriptor equal the golden model."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ PATCH_PX = 2 * CENTRE_PX + 1
 
 
 class RingBeats(wiring.Component):
-    """A ring window whose pixels leave as beats."""
+    """A ring window that sends its pixels as beats."""
 
     def __init__(self, *, pattern, width_px):
         self.window = RingWindow(pattern=pattern, width_px=width_px)
@@ -56,7 +56,7 @@ def test_ring_window_gives_the_pixels_of_the_rings(name, width_px, height_px, ga
 
 
 def patches(rng):
-    """Slopes in every direction, noise, ties and the extremes, one (H, W) patch a candidate."""
+    """Slopes in every direction, noise, ties and the extremes, one (H, W) patch for each candidate."""
     y, x = np.mgrid[-CENTRE_PX : CENTRE_PX + 1, -CENTRE_PX : CENTRE_PX + 1]
     turns = np.arange(48)[:, np.newaxis, np.newaxis] * 2 * np.pi / 48
     slopes = 128 + 3 * (x * np.cos(turns) + y * np.sin(turns)) + rng.normal(0, 8, (48, PATCH_PX, PATCH_PX))
@@ -68,7 +68,10 @@ def patches(rng):
 
 
 def run_descriptor(dut, rings, *, pause_cycles):
-    """Offer (N, rings * angles) pixels, other ones between them; the cycles, and what was found in which cycle."""
+    """Offer (N, rings * angles) pixels, with random ones in between.
+
+    Returns the cycles of the candidates, and ``(cycle, sector, descriptor)`` of each answer.
+    """
     pixels = [pixel for ring in dut.i_pixels for pixel in ring]
     garbage = np.random.default_rng(8)
     inputs, offered = [], []
@@ -101,7 +104,7 @@ def test_sector_and_descriptor_equal_the_golden_model(name, spacing_cycles, paus
     assert [value for *_, value in found] == [int.from_bytes(row.tobytes(), "little") for row in descriptors]
 
 
-def test_reset_forgets_the_candidates_under_way():
+def test_reset_drops_the_candidates_in_the_pipeline():
     dut = RingDescriptor(pattern=PATTERNS["ilbp-128"], spacing_cycles=4)
     bench = BlockBench(dut)
     valids = []

@@ -13,7 +13,7 @@ NEIGHBOURS = {"left": (-1, 0), "right": (1, 0), "up": (0, -1), "down": (0, 1)}
 
 
 def neighbourhoods(rng):
-    """Codes of candidates and their neighbours: none larger, many equal, far smaller or 0; and exact halves."""
+    """Codes of candidates and of neighbours that are equal, a little smaller, much smaller or 0; and exact halves."""
     largest = int(encode_response(np.array((1 << 30) - 1)))
     centre = rng.integers(1, largest + 1, CANDIDATES)
     centre[:40] = [1, 2, 1023, 1024, 1025, largest, largest - 1, 2047] * 5
@@ -32,7 +32,7 @@ def neighbourhoods(rng):
 
 
 def golden_positions(codes, x, y, level):
-    """Positions by the golden model, each candidate alone in its plane."""
+    """Positions from the golden model, with each candidate alone in its plane."""
     positions = []
     for candidate in range(CANDIDATES):
         plane = np.zeros((y[candidate] + 2, x[candidate] + 2), np.uint16)

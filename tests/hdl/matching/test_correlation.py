@@ -1,5 +1,5 @@
 # amaranth: UnusedElaboratable=no
-"""The correlation core and fuzzy correlation equal the golden ones, on any windows and on those of real matches."""
+"""Window correlation and fuzzy correlation equal the golden model, on random windows and on those of real matches."""
 
 import dataclasses
 import functools
@@ -24,7 +24,7 @@ PAUSES = Pauses(gaps=100, stalls=180, seed=4)
 
 
 def windows():
-    """Pairs of windows: any, alike, the extremes of every score, flat, black, single pixels."""
+    """Pairs of windows: random, similar, the extremes of every score, flat, black, single pixels."""
     rng = np.random.default_rng(5)
     any_pair = rng.integers(0, 256, (2, 40, PIXELS))
     near = rng.integers(0, 256, (40, PIXELS))
@@ -40,7 +40,7 @@ def windows():
 
 
 def graded_windows():
-    """Pairs whose scores lie where the rules' sets are: less and less alike, bright ones and, for NCC, dark ones."""
+    """Pairs of decreasing similarity whose scores cover the rules' sets: bright ones and, for NCC, dark ones."""
     rng = np.random.default_rng(6)
     spread = np.linspace(0, 24, 60)[:, np.newaxis]
     bright = rng.integers(60, 200, (60, PIXELS))
@@ -54,7 +54,7 @@ def graded_windows():
 
 @functools.cache
 def matched():
-    """Features of both sides of every mutual match between two rendered views."""
+    """The left and the right feature of every mutual match between two rendered views."""
     config = dataclasses.replace(PRESETS["thesis"].front_end, threshold=60_000)
     left, right = (extract(image, config).features for image in pair(seed=3).images)
     distance = distances(left["descriptor"], right["descriptor"])
@@ -122,7 +122,7 @@ def test_fuzzy_correlation_equals_the_golden_model(pauses):
 
 
 def test_fuzzy_correlation_of_matched_corners():
-    """The windows of the mutual matches of two views, good and false ones."""
+    """On the windows of the mutual matches of two views, true and false matches."""
     left, right = matched()
     left, right = left["window"][::3], right["window"][::3]
     expected = golden_weights(left, right)
@@ -133,7 +133,7 @@ def test_fuzzy_correlation_of_matched_corners():
 
 @pytest.mark.parametrize(("variable", "factor"), [(0, Fraction(16, 9)), (1, Fraction(4, 81))], ids=["sad", "zssd"])
 def test_scaling_is_exact_up_to_where_the_tables_end(variable, factor):
-    """Every score, by the numbers that the hardware multiplies with."""
+    """Check every score with the constants by which the hardware multiplies."""
     limit, multiplier, shift = scale_constants(factor)
     scores = np.arange(limit)
     scaled = scores * multiplier >> shift
@@ -142,7 +142,7 @@ def test_scaling_is_exact_up_to_where_the_tables_end(variable, factor):
 
 
 def test_fuzzy_ilbp_of_matched_corners():
-    """Distance and SAD of the same matches through the rules, as the fuzzy stage feeds them."""
+    """On distance and SAD of the same matches, the inputs that the fuzzy stage gives the rules."""
     left, right = matched()
     bits = PRESETS["thesis"].front_end.pattern.bits
     distance = np.bitwise_count(left["descriptor"] ^ right["descriptor"]).sum(axis=1, dtype=np.int64)

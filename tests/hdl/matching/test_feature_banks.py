@@ -1,4 +1,4 @@
-"""Roles, contents and counts of the feature banks, frame after frame."""
+"""Roles, contents and counts of the feature banks after each frame."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def status_of(features, good):
 
 
 class BanksBench:
-    """Sends frames, takes their status after a while, and reads both sides back while the next frame comes."""
+    """Send frames, take the status of each, and read both sides back while the next frame arrives."""
 
     def __init__(self, pattern, frames, pauses):
         self.dut = FeatureBanks(pattern=pattern, max_features=MAX_FEATURES)
@@ -67,7 +67,7 @@ class BanksBench:
 
 
 def contents(features, pattern):
-    """What the banks should give for the frame."""
+    """The entries that the banks should hold for the frame."""
     result = []
     for feature in features:
         entry = {"x": int(feature["x"]), "y": int(feature["y"]), "sector": 0, "window": 0}
@@ -86,7 +86,7 @@ PREVIOUS, HELD, TAKE = (0, 0), (1, 0), (0, 1)
 @pytest.mark.parametrize("pauses", [NO_PAUSES, Pauses(gaps=120, seed=4)], ids=["free", "gaps"])
 @pytest.mark.parametrize("name", ["ilbp-128", "thesis-ilbp-2"])
 def test_each_frame_takes_the_role_that_its_status_and_settings_give(name, pauses):
-    """Frame by frame: which frames are left and right afterwards."""
+    """The table says for each frame which frames are left and right after it."""
     pattern = PATTERNS[name]
     steps = [
         # features, good, settings, left, right

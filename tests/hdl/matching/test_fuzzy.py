@@ -18,18 +18,18 @@ from sim.recording import Pauses
 
 
 def distinct(variable):
-    """The first index of each different column of degrees, and one beyond the tables."""
+    """The first index of each distinct column of degrees, and one index beyond the tables."""
     columns = np.stack(list(variable.sets.values()))
     return [*np.sort(np.unique(columns, axis=1, return_index=True)[1]).tolist(), variable.entries + 3]
 
 
 def golden(system, inputs):
-    """Weight and rule of each input, one row an input."""
+    """Weight and rule, one row for each input."""
     return np.stack(system.evaluate(*np.array(inputs).T), axis=1)
 
 
 def evaluated(system, value_bits, inputs):
-    """The same from the hardware, in the latency it promises."""
+    """The same from the hardware, which must answer after exactly its latency."""
     dut = Sugeno(system=system, value_bits=value_bits)
     results = []
 
@@ -76,7 +76,7 @@ def test_ilbp_equals_the_golden_model_over_its_whole_domain(bits):
 
 
 def test_correlation_equals_the_golden_model_over_a_grid():
-    """Every combination of a set's core, two places on each ramp, and beyond the tables."""
+    """All combinations of 7 values for each input, from the cores and ramps of its sets to beyond its table."""
     system = fuzzy.correlation()
     grids = [np.array(distinct(variable)) for variable in system.inputs]
     inputs = list(itertools.product(*(grid[np.linspace(0, len(grid) - 1, 7).astype(int)].tolist() for grid in grids)))
@@ -96,7 +96,6 @@ def test_results_do_not_depend_on_gaps_and_stalls():
 
 
 def test_a_rule_may_ignore_an_input_and_without_a_firing_rule_the_weight_is_0():
-    """A rule may leave an input out; where nothing fires the weight is 0."""
     near = fuzzy.Variable("near", {"yes": np.array([256, 100, 0])})
     rules = (fuzzy.Rule(("yes", None), 0.9), fuzzy.Rule((None, "yes"), 0.3))
     system = fuzzy.SugenoSystem("two", inputs=(near, near), rules=rules, conjunction="minimum")
@@ -122,7 +121,7 @@ def test_peak_of_the_orientation_histogram_equals_the_golden_model():
         distance, margin = rng.integers(0, 30, count), rng.integers(0, 20, count)
         turn = rng.integers(0, 16, count) if count % 2 else (rng.normal(count, 1.5, count) % SECTORS).astype(np.int64)
         frames.append((turn, distance, margin))
-    # Equal bins apart: the first maximum wins.
+    # Two equal maxima: the first one wins.
     frames.append((np.array([12, 5, 3]), np.zeros(3, np.int64), np.full(3, 18)))
 
     dut = OrientationHistogram(max_matches=64)

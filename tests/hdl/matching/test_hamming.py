@@ -1,5 +1,5 @@
 # amaranth: UnusedElaboratable=no
-"""Counting, nearest neighbours and mutual matches equal the golden distances, ties included."""
+"""Bit counts, nearest neighbours and mutual matches equal the golden model, ties included."""
 
 import numpy as np
 import pytest
@@ -19,13 +19,13 @@ def some_equal(rng, count, bits):
 
 
 def close_together(rng, count, bits):
-    """One descriptor with a few bits changed: small distances, many of them equal."""
+    """One descriptor with a few bits changed: the distances are small, and many are equal."""
     flips = rng.random((count, bits)) < 2 / bits
     return rng.integers(0, 256, bits // 8, dtype=np.uint8) ^ np.packbits(flips, axis=1)
 
 
 def opposite(rng, count, bits):
-    """All equal or all bits apart: the largest distance is a nearest one too."""
+    """Descriptors of all zeros or all ones: the largest distance can also be the smallest."""
     return np.repeat(rng.choice([0, 255], (count, 1)), bits // 8, axis=1).astype(np.uint8)
 
 
@@ -62,7 +62,7 @@ def test_popcount_counts_the_ones_of_each_lane(bits, lanes):
     ]
     rows += [[]] * dut.latency_cycles  # the last planes stay at the inputs
     counts = run_clocks(dut, rows, dut.o_counts)[dut.latency_cycles :]
-    # A count stays where nothing follows it.
+    # A count stays until the next valid input.
     last_valid = np.maximum.accumulate(np.where(valid, np.arange(40), 0))
     np.testing.assert_array_equal(counts, inputs.sum(axis=1)[last_valid])
 
@@ -73,7 +73,7 @@ def test_popcount_refuses_too_few_bits():
 
 
 def searched(dut, pairs):
-    """Rows and columns of one search after the other, with the clocks each took."""
+    """Rows and columns of several searches, and how many clocks each took."""
     bench = BlockBench(dut)
     results, descriptors = [], [[], []]
 
@@ -128,7 +128,7 @@ def test_nearest_neighbours_equal_the_golden_distances(bits, lanes, max_features
 
 def test_search_cycles_are_those_of_the_lanes():
     dut = NearestNeighbours(bits=128, lanes=16, max_features=2048)
-    Fragment.get(dut, None)  # its parts must not go unused
+    Fragment.get(dut, None)  # otherwise Amaranth warns that its parts are unused
     for count in (320, 1856, 2048):
         assert dut.search_cycles(count, count) == count * count // 16 + dut.drain_cycles
     assert dut.drain_cycles < 32
@@ -152,7 +152,7 @@ def test_an_impossible_number_of_lanes_is_refused(lanes, max_features, message):
 
 
 def walked(dut, distance, pauses):
-    """The pairs of two walks over the results of a search."""
+    """The pairs and the clocks of two walks over the results of a search."""
     empty = (1 << dut.bits.bit_length()) - 1
     results = {"row": nearest(distance, empty), "column": nearest(distance.T, empty)}
     bench = BlockBench(dut, pauses=pauses, cycle_limit=2 * 400)
@@ -194,7 +194,7 @@ def test_mutual_matches_equal_the_golden_model(sizes, descriptors, stalls):
     distance = hamming.distances(each[: sizes[0]], each[sizes[0] :])
     expected = list(zip(*(column.tolist() for column in hamming.mutual_matches(distance, 32)), strict=True))
     dut = MutualNearestNeighbours(bits=32, max_features=32)
-    # A row a clock, the two reads, and two more clocks until a pair is taken.
+    # One clock for each row, the latency of two reads, and two more clocks until the last pair is taken.
     last_pair = expected[-1][0] if expected else 0
     walk_cycles = 2 * RESULT_CYCLES + max(sizes[0], last_pair + 3)
     for pairs, cycles in walked(dut, distance, Pauses(stalls=stalls, seed=3)):

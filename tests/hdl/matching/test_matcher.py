@@ -1,5 +1,5 @@
 # amaranth: UnusedElaboratable=no
-"""Match records of whole sequences equal the golden ones, word for word."""
+"""Match records of whole sequences equal the golden model word for word."""
 
 import numpy as np
 import pytest
@@ -41,7 +41,7 @@ def random_features(rng, number, pattern, descriptors=None):
 
 
 def seen_again(rng, features, number, pattern):
-    """Some of the features in another order, turned, and each disturbed by its own amount."""
+    """Some of the features in another order, rotated, and each with its own amount of noise."""
     again = features[rng.permutation(len(features))[:number]]
     again["index"] = np.arange(number)
     noise = rng.uniform(0, 0.4, (number, 1))
@@ -62,7 +62,7 @@ def frame_status(pattern, number, features, causes=0):
 
 
 def sequence(pattern, sizes, bad=(), descriptors=None):
-    """``(features, status)`` of frames: each the features of the one before seen again, as far as they reach."""
+    """``(features, status)`` of frames; each frame sees the features of the one before again, if that has enough."""
     rng = np.random.default_rng(sizes)
     frames, features = [], random_features(rng, MAX_FEATURES, pattern, descriptors)
     for number, size in enumerate(sizes):
@@ -88,7 +88,7 @@ def expected_packets(frames, pattern, matcher, reference):
 
 
 class MatcherBench:
-    """Streams frames through a matcher, each with its settings.
+    """Stream frames through a matcher, each with its settings.
 
     ``interrupted`` says how much to send before a reset, from which on the frames come: a number of words, and clocks
     to wait after them.
@@ -106,7 +106,7 @@ class MatcherBench:
         self.packets, self.ends, self.taken = [], [], []
 
     def run(self):
-        """Packets of words that leave after the reset."""
+        """Run the simulation; returns the packets of words that leave after the reset."""
         self.bench.run(self.sink, background=[self.source, self.watch])
         return self.packets
 
@@ -115,7 +115,7 @@ class MatcherBench:
         await self.send(ctx, self.words[:words])
         await ctx.tick().repeat(wait_cycles + 1)
         await self.bench.pulse(ctx, self.bench.reset)
-        # What was taken in the clock of the reset came before it.
+        # A word that is taken in the clock of the reset still belongs to what came before it.
         await ctx.tick()
         self.has_reset = True
         await self.send(ctx, self.words)
@@ -150,7 +150,7 @@ def settings_for(frames, config, reference):
 
 
 def assert_equal_to_golden(pattern, config, frames, reference, **bench):
-    """Returns the golden results."""
+    """Compare all packets; returns the golden results."""
     expected, results = expected_packets(frames, pattern, config, reference)
     assert MatcherBench(pattern, config, frames, settings_for(frames, config, reference), **bench).run() == expected
     return results
@@ -160,7 +160,7 @@ def assert_equal_to_golden(pattern, config, frames, reference, **bench):
     ("reference", "pauses"), [("previous", NO_PAUSES), ("held", Pauses(gaps=60, stalls=200, seed=9))]
 )
 def test_records_of_a_sequence_equal_the_golden_model(reference, pauses):
-    """Full, empty and bad frames, and frames of one feature."""
+    """With full, empty and bad frames, and frames of one feature."""
     frames = sequence(ILBP_128, (32, 30, 27, 1, 1, 0, 32, 32), bad=(2,))
     results = assert_equal_to_golden(ILBP_128, MatcherConfig(), frames, reference, pauses=pauses)
     assert sum(len(result.matches) for result in results) > 40
@@ -178,7 +178,7 @@ def test_records_of_other_rule_bases_equal_the_golden_model(config):
 @pytest.mark.parametrize("different", [1, 2, 5])
 @pytest.mark.parametrize("sizes", [(32, 32), (5, 32), (32, 3), (1, 1)])
 def test_equal_distances_are_resolved_as_in_the_golden_model(different, sizes):
-    """Few different descriptors, so that distances tie everywhere; 1 and 2 tie at 0 and at all bits."""
+    """Few different descriptors, so that most distances are equal; with 1 and 2 they are 0 or all bits."""
     descriptors = np.random.default_rng(7).integers(0, 256, (different, 4), dtype=np.uint8)
     if different == 2:
         descriptors[1] = ~descriptors[0]
@@ -203,7 +203,7 @@ def test_a_taken_reference_replaces_the_old_one():
     settings = settings_for(frames, config, "held")
     settings = [{**values, "i_take_reference": take} for values, take in zip(settings, taken, strict=True)]
     bench = MatcherBench(ILBP_32, config, frames, settings)
-    # The third frame is a reference like the first: as if a run began with it.
+    # The third frame becomes the reference, as if a new run began with it.
     before, _ = expected_packets(frames[:2], ILBP_32, config, "held")
     after, _ = expected_packets(frames[2:], ILBP_32, config, "held")
     assert bench.run() == before + after
@@ -235,7 +235,7 @@ def test_a_frame_takes_no_more_cycles_than_specified(sizes):
     matches = len(bench.run()[-1]) // 3 - 1
     left, right = sizes[-2:]
     search = NearestNeighbours(bits=ILBP_128.bits, lanes=LANES, max_features=MAX_FEATURES)
-    Fragment.get(search, None)  # its parts must not go unused
+    Fragment.get(search, None)  # otherwise Amaranth warns that its parts are unused
     cycles = bench.ends[-1] - bench.ends[-2] - search.search_cycles(left, right)
     assert 0 < cycles <= 2 * left + 42 * matches + 90
 

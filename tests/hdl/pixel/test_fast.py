@@ -1,5 +1,5 @@
 # amaranth: UnusedElaboratable=no
-"""FAST's segment test and score equal the golden model, which is OpenCV's."""
+"""FAST's segment test and score equal the golden model, which equals OpenCV."""
 
 import numpy as np
 import pytest
@@ -9,13 +9,13 @@ from hdl.pixel.fast import WINDOW_PX, Fast
 
 
 def columns(plane):
-    """For each pixel the seven above it, itself first; above the frame, whatever."""
+    """For each pixel, itself and the six above it, in this order; pixels above the frame are arbitrary."""
     above = np.pad(plane, ((WINDOW_PX - 1, 0), (0, 0)), mode="reflect")
     return np.stack([above[WINDOW_PX - 1 - n : len(above) - n] for n in range(WINDOW_PX)], axis=-1)
 
 
 def arcs():
-    """Circles with runs of brighter and of darker pixels around centres of any brightness, touching each other."""
+    """Touching circles with runs of brighter or darker pixels, around centres of any brightness."""
     rng = np.random.default_rng(3)
     tiles = []
     for run in (8, 9, 10, 16):

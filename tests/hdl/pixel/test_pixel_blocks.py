@@ -1,5 +1,5 @@
 # amaranth: UnusedElaboratable=no
-"""The blocks that turn planes into planes, each against its golden model."""
+"""The blocks that map planes to planes, each compared with its golden model."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ WIDTH_PX = 24
 
 
 def columns(plane, lines):
-    """For each pixel those above it, itself first; above the frame, whatever."""
+    """For each pixel, itself and the ``lines - 1`` above it, in this order; pixels above the frame are arbitrary."""
     above = np.pad(plane, ((lines - 1, 0), (0, 0)), mode="reflect")
     return np.stack([above[lines - 1 - n : len(above) - n] for n in range(lines)], axis=-1)
 

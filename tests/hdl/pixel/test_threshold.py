@@ -1,5 +1,5 @@
 # amaranth: UnusedElaboratable=no
-"""The adaptive threshold takes the golden model's steps."""
+"""The adaptive threshold changes exactly as in the golden model."""
 
 import random
 

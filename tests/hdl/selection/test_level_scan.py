@@ -1,5 +1,5 @@
 # amaranth: UnusedElaboratable=no
-"""Where features may be, and where cell rows and levels end."""
+"""Marks of pixels inside the border, and of the ends of cell rows and levels."""
 
 import numpy as np
 import pytest

@@ -10,7 +10,7 @@ from sim.recording import Pauses
 
 FEATURES = 40
 ENDS_AFTER = {11: [0], 12: [0, 1], 39: [1]}
-"""After which features a cell row ends, and whether it is the level's last."""
+"""Features after which a cell row ends; 1 if that row is the last of the level."""
 
 
 def random_records(rng, pattern, level):
@@ -37,7 +37,7 @@ def test_words_are_the_records(name, level, pauses):
         items.append({"feature": {field: int.from_bytes(record[field].tobytes(), "little") for field in known}})
         expected += [(word, 0, 0) for word in np.frombuffer(record.tobytes(), "<u8").tolist()]
         for ends_level in ENDS_AFTER.get(number, []):
-            # What else stands in the payload of an end does not matter.
+            # The other fields of an end's payload are ignored.
             items.append({**items[-1], "ends_row": 1, "ends_level": ends_level})
             expected.append((None, 1, ends_level))
 

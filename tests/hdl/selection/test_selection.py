@@ -1,5 +1,5 @@
 # amaranth: UnusedElaboratable=no
-"""Selection of one level against the golden model: which features, in which order, under any back-pressure."""
+"""Selection of one level keeps the golden model's features in its order, under any back-pressure."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ def candidate_plane(rng, responses):
 
 @pytest.fixture
 def planes():
-    """Few and many different responses, none at all, one, everything the same."""
+    """Planes with few or many different responses, with one candidate, with none, and with equal responses only."""
     rng = np.random.default_rng(31)
     shape = HEIGHT_PX, WIDTH_PX
     falling = np.arange(HEIGHT_PX * WIDTH_PX, 0, -1).reshape(shape)
@@ -46,7 +46,7 @@ def planes():
 
 
 def events(plane, cell_px):
-    """What the selection is told of a frame, in raster order: fields of its beats."""
+    """Fields of the beats that the selection gets for a frame, in raster order."""
     height, width = plane.shape
     for y in range(height):
         ends_level = y == height - 1
@@ -60,12 +60,12 @@ def events(plane, cell_px):
 
 
 def feature(plane, x, y):
-    """A feature that no other one equals."""
+    """A feature that differs from all others."""
     return {"response": int(plane[y, x]), "x": int(x), "y": int(y), "descriptor": int(x * 7 + y * 3) & 0xFF}
 
 
 def golden(plane, cell_px, per_cell):
-    """What must leave: features, and ``True`` or ``False`` for the end of a row that is or is not the last."""
+    """The expected output: features, and for the end of each row whether it is the last."""
     if cell_px is None:
         return [*(feature(plane, x, y) for x, y in zip(*selection.raster(plane), strict=True)), True]
     x, y = selection.best_of_cells(plane, cell_px, per_cell)
