@@ -1,9 +1,9 @@
-"""The two ways a request can fail; each carries one line for the user."""
+"""The two errors that a request can end with; each has a one-line message for the user."""
 
 
 class InputError(Exception):
-    """Something the user gave is unusable: the line names it, what is wrong and what to do (exit status 2)."""
+    """An input is unusable; the message names it and says what is wrong and what to do (exit status 2)."""
 
 
 class RegistrationError(Exception):
-    """The images are fine but no mosaic can be made of them: the line says why, with counts (exit status 3)."""
+    """The images are valid but no mosaic can be made of them; the message says why, with counts (exit status 3)."""

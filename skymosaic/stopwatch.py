@@ -12,7 +12,7 @@ class Stopwatch:
     Parameters
     ----------
     seconds : mapping of str to float, optional
-        Stages measured before.
+        Stages measured earlier, to which this stopwatch adds its own.
 
     Attributes
     ----------
@@ -25,7 +25,7 @@ class Stopwatch:
         self._last = time.perf_counter()
 
     def lap(self, stage: str) -> None:
-        """End ``stage``; the next one begins."""
+        """Record the time since the last call (or since construction) as that of ``stage``."""
         now = time.perf_counter()
         self.seconds[stage] = now - self._last
         self._last = now

@@ -1,1 +1,1 @@
-"""Mosaics that grow while frames arrive."""
+"""Live mosaics, which grow while frames arrive."""

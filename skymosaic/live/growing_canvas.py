@@ -1,4 +1,4 @@
-"""A mosaic that grows photograph by photograph, which are not kept: what was painted can only be moved."""
+"""A mosaic to which photographs are added one by one. They are not kept, so painted pixels can only be moved."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ from skymosaic.compositing.warp import CANVAS_LIMIT_PX, Canvas, backward, canvas
 
 FEATHER_PX = 16
 """Width over which one photograph fades into the other."""
-NOBODY = 65535
-"""In the place of a photograph's number where none shows anything."""
+UNPAINTED = 65535
+"""Stored instead of a photograph's number in pixels that no photograph covers."""
 SPARE_ROOM = 0.15
-"""Share of the mosaic's size that is allocated beyond each side, so that growing seldom copies."""
+"""Share of the mosaic's size that is allocated beyond each side, so that growth rarely has to copy the canvas."""
 GAIN_LIMITS = (0.5, 2.0)
+"""Limits of the factor that matches the brightness of two photographs."""
 
 
 class GrowingCanvas:
-    """Photographs painted on top of each other, each shown where its own border is farther away than the others'.
+    """Photographs painted on top of each other; each pixel shows the one whose border is farthest away.
 
-    Beside the colours, a distance and a photograph's number are kept: 9 bytes a pixel in all.
+    Each pixel stores its colour, the distance from that border and the photograph's number, 9 bytes in all.
 
     Parameters
     ----------
@@ -33,7 +34,7 @@ class GrowingCanvas:
     Attributes
     ----------
     extent : Canvas or None
-        The smallest rectangle of the reference frame that holds everything painted; None before the first.
+        The smallest rectangle of the reference frame that contains all photographs; None before the first.
     """
 
     def __init__(self, limit_px: int = CANVAS_LIMIT_PX) -> None:
@@ -45,33 +46,40 @@ class GrowingCanvas:
         self._number = np.zeros((0, 0), np.uint16)
 
     def paint(self, picture: Pixels, transform: Array, number: int) -> None:
-        """Paint photograph ``number`` (0 to 65534), (H, W) or (H, W, 3) BGR, which ``transform`` maps to the reference
-        frame; where it meets others, the brighter ones are darkened to match.
+        """Paint a photograph; where it overlaps others, the brighter side is darkened to match.
+
+        Parameters
+        ----------
+        picture : ndarray of uint8, shape (H, W) or (H, W, 3) BGR
+        transform : ndarray, shape (3, 3)
+            Its pixels to the reference frame.
+        number : int
+            Of the photograph, 0 to 65534.
 
         Raises
         ------
         CanvasError
-            If the canvas would exceed its limit, or the picture reaches behind the camera; nothing has changed.
+            If the canvas would exceed its limit, or the picture extends behind the camera; nothing has changed then.
         """
         coloured = picture if picture.ndim == 3 else cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)
         whole = np.full(picture.shape[:2], 255, np.uint8)
         self._paint([_Part(np.asarray(coloured, dtype=np.uint8), whole, transform, number)], matching=True)
 
     def take_over(self, other: GrowingCanvas, motions: Mapping[int, Array], *, matching: bool) -> None:
-        """Paint what each photograph shows on another canvas, moved by a transformation of the reference frame.
+        """Paint the pixels of another canvas, each photograph's moved by a transformation of the reference frame.
 
         Parameters
         ----------
         other : GrowingCanvas
         motions : mapping of int to (3, 3) ndarray
-            By the photograph's number; what others show is left out.
+            Transformation for each photograph's number; photographs without one are left out.
         matching : bool
-            Whether brightness is matched to what is met, as `paint` does.
+            Whether brightness is matched in overlaps, as in `paint`.
 
         Raises
         ------
         CanvasError
-            As `paint`.
+            As in `paint`.
         """
         kernel = np.ones((2 * FEATHER_PX + 1, 2 * FEATHER_PX + 1), np.uint8)
         bounds = Canvas(0, 0, other._room.width_px, other._room.height_px)
@@ -81,7 +89,7 @@ class GrowingCanvas:
             x, y, width, height = cv2.boundingRect(shown)
             if width == 0:
                 continue
-            # With a margin of what lies around, so that seams fade where they did and no gap opens.
+            # A margin of the neighbouring pixels is moved too, so that seams fade as before and no gaps open.
             margin = Canvas(x - FEATHER_PX, y - FEATHER_PX, width + 2 * FEATHER_PX, height + 2 * FEATHER_PX)
             around = margin.intersection(bounds) or bounds
             where = around.within(bounds)
@@ -95,12 +103,12 @@ class GrowingCanvas:
 
     @property
     def to_image(self) -> Array:
-        """The reference frame's pixels to those of `image`, (3, 3)."""
+        """Pixels of the reference frame to pixels of `image`, (3, 3)."""
         return np.eye(3) if self.extent is None else self.extent.translation
 
     @property
     def image(self) -> Pixels:
-        """What was painted, (H, W, 3) uint8; 0 where nothing was."""
+        """The painted pixels, (H, W, 3) uint8 BGR; 0 where there is none."""
         if self.extent is None:
             return self._pixels
         return self._pixels[self.extent.within(self._room)]
@@ -120,7 +128,7 @@ class GrowingCanvas:
             old, old_distance = self._pixels[where], self._distance[where]
             if matching:
                 gain = _gain(old, new, (old_distance > 0) & (new_distance > 0))
-                # Neither is ever made brighter: what is saturated would stay so.
+                # The darker side is never brightened, because saturated pixels cannot be corrected that way.
                 new *= np.minimum(gain, 1)
                 self._darken(np.maximum(gain, 1))
             share = np.clip((new_distance - old_distance) / FEATHER_PX + 0.5, 0, 1)
@@ -131,7 +139,7 @@ class GrowingCanvas:
             np.maximum(old_distance, new_distance, out=old_distance)
 
     def _reserve(self, parts: Sequence[_Part]) -> None:
-        """Make room for pictures, and some to spare where the allocated room is too small."""
+        """Extend the canvas to hold the pictures; if the allocated room is too small, allocate more than needed."""
         sizes = [(part.picture.shape[1], part.picture.shape[0]) for part in parts]
         transforms, old = [part.transform for part in parts], self.extent
         if old is not None:
@@ -149,7 +157,7 @@ class GrowingCanvas:
         )
         pixels = np.zeros((room.height_px, room.width_px, 3), np.uint8)
         distance = np.zeros(pixels.shape[:2], np.float32)
-        number = np.full(pixels.shape[:2], NOBODY, np.uint16)
+        number = np.full(pixels.shape[:2], UNPAINTED, np.uint16)
         if old is not None:
             pixels[old.within(room)] = self._pixels[old.within(self._room)]
             distance[old.within(room)] = self._distance[old.within(self._room)]
@@ -158,7 +166,7 @@ class GrowingCanvas:
 
 
 class _Part(NamedTuple):
-    """A picture (H, W, 3), where it shows something (H, W), its way to the reference frame, and its number."""
+    """A picture (H, W, 3), its mask (H, W; 255 where valid), its transformation to the reference frame, its number."""
 
     picture: Pixels
     mask: Pixels
@@ -167,15 +175,15 @@ class _Part(NamedTuple):
 
 
 def _distance(mask: Pixels, transform: Array, part: Canvas) -> Float32:
-    """Distance of each pixel of a part of the reference frame to the next that the picture does not show."""
+    """Distance of each pixel in a part of the reference frame to the nearest pixel that the picture does not cover."""
     shown = np.asarray(backward(*shrunk(mask, transform), part) == 255, dtype=np.uint8)
-    # What lies around the part shows nothing either.
+    # The pixels around the part count as not covered, too.
     framed = cv2.copyMakeBorder(shown, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
     return np.asarray(cv2.distanceTransform(framed, cv2.DIST_L2, 5)[1:-1, 1:-1], dtype=np.float32)
 
 
 def _gain(old: Pixels, new: Float32, common: Mask) -> Float32:
-    """Factors that give the channels of the new pixels the means of the old ones where they meet, (3,)."""
+    """Factors (3,) that give the new pixels the channel means of the old ones where both cover the canvas."""
     if not common.any():
         return np.ones(3, dtype=np.float32)
     gain = old[common].mean(axis=0) / np.maximum(new[common].mean(axis=0), 1)

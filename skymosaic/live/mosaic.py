@@ -1,9 +1,9 @@
-"""A mosaic while the camera is still in the air: every frame is placed when it comes, and then let go.
+"""A mosaic made during the flight: every frame is registered and painted when it arrives, and then released.
 
-Of past frames only the features are kept. A new frame is registered against several of those it overlaps, not the
-last one only, so that parallel legs of a flight hold each other. Now and then all frames are laid out anew, and what
-was painted moves along. Frames that show nothing known begin a submap of their own, which joins the others once a
-frame shows both.
+Only the features of past frames are kept. A new frame is registered against several frames that it overlaps, not only
+against the last one, so that parallel legs of a flight constrain each other. From time to time the layout of all frames
+is recomputed and the painted pixels are moved accordingly. A frame that matches nothing starts a separate submap, which
+is merged with another one when a later frame overlaps both.
 """
 
 from __future__ import annotations
@@ -25,26 +25,27 @@ from skymosaic.live.submap import Frame, Placement, Submap
 from skymosaic.registration import WORKING_WIDTH_PX, extract_within_capacity
 
 LATEST = 3
+"""A new frame is first matched with this many of the latest frames."""
 MOST_ALIKE = 4
-"""Placed frames that a new one is tried with: the latest ones, then those with the most similar features."""
+"""If these fail, it is matched with this many of the older frames, those with the most similar features."""
 FEWEST_FEATURES = 50
-"""A frame with fewer does not begin a submap."""
+"""A frame with fewer features does not start a submap."""
 
 
 @dataclass(frozen=True, eq=False)
 class LiveUpdate:
-    """What became of one frame.
+    """Result of adding one frame.
 
     Attributes
     ----------
     number : int
-        Of the frame, from 0.
+        The frame's number, from 0.
     placement : Placement or None
-        Where it was registered and against which frames; None where it begins a submap or was left out.
+        Its registration; None if it started a submap or was left out.
     reason : str
-        Why it was left out; empty where it was painted.
+        Why it was left out; empty if it was painted.
     submaps : int
-        Separate parts of the mosaic after this frame.
+        Number of submaps after this frame.
     """
 
     number: int
@@ -54,30 +55,30 @@ class LiveUpdate:
 
 
 class LiveMosaic:
-    """Places frames as they come and paints them.
+    """Registers and paints frames as they arrive.
 
-    The mosaic is the submap with the most frames. Its reference frame is that of its first frame, but for the tilt,
-    with pixels multiplied by ``scale``.
+    The mosaic is the submap with the most frames. Its reference frame is that of its first frame without the tilt,
+    with pixel coordinates multiplied by ``scale``.
 
     Parameters
     ----------
     config : Config
         Front end and matcher.
     backend : str
-        Who computes the features.
+        Name of the backend that computes the features.
     seed : int
-        Of the robust estimator.
+        Seed of the robust estimator.
     working_width_px : int
         Wider frames are reduced by area for registration.
     scale : float
-        Pixels of the mosaic a pixel of the first frame, more than 0 and at most 1.
+        Pixels of the mosaic per pixel of the first frame, more than 0 and at most 1.
     canvas_limit_px : int
         Largest area of the mosaic; a frame that would exceed it is left out.
 
     Raises
     ------
     InputError
-        For an impossible scale.
+        For a scale out of range.
     """
 
     def __init__(
@@ -103,30 +104,34 @@ class LiveMosaic:
 
     @property
     def image(self) -> Pixels:
-        """The mosaic so far, (H, W, 3) uint8 BGR; 0 where nothing was painted, and without a pixel before the first."""
+        """The mosaic so far, (H, W, 3) uint8 BGR; 0 where nothing was painted; empty before the first frame."""
         return self._mosaic.canvas.image
 
     @property
     def transforms(self) -> dict[int, Array]:
-        """By number, each frame's own pixels to those of `image`, (3, 3)."""
+        """For each frame's number, the transformation (3, 3) from its original pixels to those of `image`."""
         return {frame.number: self._mosaic.canvas.to_image @ frame.from_original for frame in self._mosaic.frames}
 
     @property
     def left_out(self) -> dict[int, str]:
-        """By number, the frames that are not in the mosaic, with the reason."""
+        """Numbers of the frames that are not in the mosaic, with the reasons."""
         inside = {frame.number for frame in self._mosaic.frames}
-        apart = "shows nothing that the mosaic shows"
+        apart = "does not overlap the mosaic"
         return {number: reason or apart for number, reason in enumerate(self._reasons) if number not in inside}
 
     def add(self, pixels: Pixels, features: Records | None = None) -> LiveUpdate:
-        """Place and paint the next frame.
+        """Register and paint the next frame.
 
         Parameters
         ----------
         pixels : ndarray of uint8, shape (H, W) or (H, W, 3) BGR
         features : structured ndarray, optional
-            Its features, where a front end has computed them already (a camera's, in sequence mode), of the frame
-            reduced to the working width.
+            Its features, if a front end has already computed them (such as a camera's, in sequence mode), from the
+            frame reduced to the working width.
+
+        Returns
+        -------
+        LiveUpdate
         """
         frame = self._described(pixels, features)
         placement, reason = None, ""
@@ -148,12 +153,12 @@ class LiveMosaic:
         return LiveUpdate(frame.number, placement, reason, len(self._submaps))
 
     def finish(self) -> None:
-        """Lay out the mosaic once more, when no frame will follow."""
+        """Recompute the layout after the last frame."""
         self._mosaic.settle(at_last=True)
 
     @property
     def _mosaic(self) -> Submap:
-        """The submap with the most frames; an empty one before the first frame."""
+        """The submap with the most frames; an empty submap before the first frame."""
         empty = Submap(self._estimator, self._canvas_limit_px)
         return max(self._submaps, key=lambda submap: len(submap.frames), default=empty)
 
@@ -166,16 +171,16 @@ class LiveMosaic:
         return Frame(len(self._reasons), size, features, to_original, resize_matrix(self._scale) @ to_original)
 
     def _found(self, frame: Frame, submaps: list[Submap]) -> tuple[Submap, Placement] | None:
-        """A submap that shows some of what the frame shows, and where the frame lies in it."""
+        """A submap that the frame overlaps, and the frame's placement in it; None if there is none."""
         for submap, other in self._candidates(frame, submaps):
             tied = submap.tied(other, frame)
-            placement = tied and submap.place(frame, tied)
+            placement = tied and submap.register(frame, tied)
             if placement:
                 return submap, placement
         return None
 
     def _candidates(self, frame: Frame, submaps: list[Submap]) -> Iterator[tuple[Submap, Frame]]:
-        """Placed frames, the likeliest first: the latest, then those that resemble the new one."""
+        """Registered frames to match with a new one, likeliest first: the latest, then those that resemble it."""
         placed = [(submap, other) for submap in submaps for other in submap.frames]
         placed.sort(key=lambda pair: -pair[1].number)
         yield from placed[:LATEST]
@@ -186,7 +191,10 @@ class LiveMosaic:
                 yield older[index]
 
     def _join(self, submap: Submap, frame: Frame) -> Submap:
-        """Unite a submap with another one that its newest frame shows too; raises CanvasError as `Submap.add`."""
+        """Merge a submap with another one that its newest frame also overlaps; raises CanvasError as `Submap.add`.
+
+        The smaller submap is absorbed by the larger one, which is returned.
+        """
         found = self._found(frame, [other for other in self._submaps if other is not submap])
         if found is None:
             return submap

@@ -1,4 +1,4 @@
-"""A growing mosaic and the frames that hold each other in it."""
+"""A connected part of a live mosaic: registered frames and their painted pixels."""
 
 from __future__ import annotations
 
@@ -21,31 +21,33 @@ from skymosaic.geometry.prosac import MIN_INLIERS
 from skymosaic.live.growing_canvas import GrowingCanvas
 
 MOST_NEIGHBOURS = 4
+"""A new frame is registered against at most this many frames."""
 LEAST_USE = 0.1
-"""Placed frames that a new one is registered against, and the least share of it that each adds to the others."""
+"""Each of them must overlap at least this share of the new frame that the others do not."""
 GROWTH = 2
-"""A submap is laid out anew when it has so many times the frames it had the last time."""
+"""The layout is recomputed when the number of frames has grown by this factor."""
 WORTH_MOVING_PX = 1.0
-"""What is painted is moved if a frame's corner goes farther, in pixels of the reference frame."""
+"""Painted pixels are moved only if a frame's corner moves farther than this, in pixels of the reference frame."""
 LEVELLING = (0.2, 0.1, 0.05)
+"""Shares of its stretch and tilt of which each frame loses the largest whose cost is at most `LEVELLING_COST_PX`.
+Homographies alone bend a growing mosaic more and more; similarities do not fit a camera that sways."""
 LEVELLING_COST_PX = 0.2
-"""Every frame gives up the largest of these shares of its stretch and tilt that costs no more than this much median
-error. Homographies alone bend a growing mosaic more and more; similarities do not fit a camera that sways."""
+"""Increase of the median error that is accepted for a flatter mosaic."""
 
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """What is kept of a frame.
+    """The data kept for a frame; its pixels are not.
 
     Attributes
     ----------
     number : int
     size : (int, int)
-        Of the working image, px.
+        Width and height of the working image, px.
     features : structured ndarray
-        Its feature records.
+        Feature records of the working image.
     to_original : ndarray of float64, shape (3, 3)
-        Working pixels to the frame's own.
+        Working pixels to the frame's original pixels.
     transform : ndarray of float64, shape (3, 3)
         Working pixels to the submap's reference frame.
     """
@@ -58,7 +60,7 @@ class Frame:
 
     @cached_property
     def compact(self) -> Records:
-        """Its strongest features, to find what it resembles."""
+        """The strongest features, to find frames that resemble this one."""
         return compact(self.features)
 
     @cached_property
@@ -68,21 +70,24 @@ class Frame:
 
     @property
     def from_original(self) -> Array:
-        """The frame's own pixels to the reference frame, (3, 3)."""
+        """Original pixels to the reference frame, (3, 3)."""
         return np.asarray(self.transform @ np.linalg.inv(self.to_original), dtype=np.float64)
 
     def overlap(self, other: Frame) -> float:
-        """Share of its area that the other shows too."""
+        """Share of this frame's area that the other one also shows."""
         common, _ = cv2.intersectConvexConvex(self.outline, other.outline)
         return float(common) / float(cv2.contourArea(self.outline))
 
     def moved(self, transform: Array) -> Frame:
-        """The same at another place."""
+        """The same frame with another transformation to the reference frame."""
         return dataclasses.replace(self, transform=transform)
 
 
 class Tied(NamedTuple):
-    """What a new frame has in common with a placed one: (N, 2) in the placed one's pixels and in the new one's."""
+    """Common points of a registered frame and a new one: ``placed`` (N, 2) and ``points`` (N, 2) in working pixels.
+
+    ``placed`` are pixels of the registered ``frame``, ``points`` of the new one.
+    """
 
     frame: Frame
     placed: Array
@@ -95,7 +100,7 @@ class Tied(NamedTuple):
 
 
 class _Link(NamedTuple):
-    """The same, with the numbers of both frames."""
+    """Common points (N, 2) of two frames in working pixels, and the frames' numbers."""
 
     left: int
     right: int
@@ -104,7 +109,12 @@ class _Link(NamedTuple):
 
 
 class Placement(NamedTuple):
-    """Where a new frame lies, which frames hold it, by how many ties, and their median error in working pixels."""
+    """Registration of a new frame.
+
+    ``transform`` (3, 3) maps working pixels to the reference frame. ``neighbours`` are the numbers of the frames it was
+    registered against, ``ties`` counts the common points that agree, ``error_px`` is the median error of all common
+    points in working pixels.
+    """
 
     transform: Array
     neighbours: tuple[int, ...]
@@ -113,9 +123,9 @@ class Placement(NamedTuple):
 
 
 class Submap:
-    """Frames in one reference frame, and what they show.
+    """Frames in a common reference frame, and the canvas they are painted on.
 
-    Each time their number has doubled, all frames are laid out anew, and what is painted moves along.
+    Each time the number of frames has doubled, their layout is recomputed and the painted pixels are moved.
 
     Attributes
     ----------
@@ -133,16 +143,19 @@ class Submap:
         self._laid_out = 2
 
     def tied(self, other: Frame, frame: Frame) -> Tied | None:
-        """The points that a placed frame has in common with a new one; None where they show no common ground."""
+        """Common points of a registered frame ``other`` and a new one; None if they do not match."""
         link = verify(self._estimator, (other.number, frame.number), other.features, frame.features)
         return Tied(other, link.left_points, link.right_points) if link.holds else None
 
-    def place(self, frame: Frame, first: Tied) -> Placement | None:
-        """Register a frame against those it overlaps, given what it has in common with one of them."""
+    def register(self, frame: Frame, first: Tied) -> Placement | None:
+        """Register a frame against those that it overlaps, given its common points with one of them.
+
+        None if too few of the common points agree.
+        """
         guess = frame.moved(estimate(first.points, first.ground, model="similarity"))
         others = (self.tied(other, frame) for other in self._neighbours(guess, first.frame))
         tied = [first, *filter(None, others)]
-        # Neighbours that contradict each other hold nothing: then the first must do.
+        # If the neighbours contradict each other, too few ties agree; then only the first neighbour is used.
         for group in (tied, tied[:1]):
             transform, error_px = _fitted(guess, group)
             ties = int(np.count_nonzero(error_px <= TIE_PX))
@@ -153,27 +166,27 @@ class Submap:
         return None
 
     def add(self, frame: Frame, pixels: Pixels) -> None:
-        """Paint a frame where its transform says, and keep it.
+        """Paint a frame by its transform and add it to the submap.
 
         Raises
         ------
         CanvasError
-            If the canvas would become too large; nothing has changed.
+            If the canvas would become too large; nothing has changed then.
         """
         self.canvas.paint(pixels, frame.from_original, frame.number)
         self.frames.append(frame)
 
     def absorb(self, other: Submap, to_this: Array) -> None:
-        """Take over all that another submap holds, moved by ``to_this``; raises as `add` does."""
+        """Add all frames and pixels of another submap, moved by ``to_this`` (3, 3); raises CanvasError as `add`."""
         self.canvas.take_over(other.canvas, {frame.number: to_this for frame in other.frames}, matching=True)
         moved = [frame.moved(scaled(to_this @ frame.transform)) for frame in other.frames]
         self.frames = sorted([*self.frames, *moved], key=lambda frame: frame.number)
         self._links += other._links
 
     def settle(self, *, at_last: bool = False) -> None:
-        """Lay all frames out anew if there are twice as many as the last time, or ``at_last``.
+        """Recompute the layout if the number of frames has doubled since the last time, or if ``at_last``.
 
-        What is painted is moved where that makes a difference; each time costs a little sharpness.
+        Painted pixels are only moved if the layout changes noticeably, because every move costs some sharpness.
         """
         if len(self.frames) < (3 if at_last else GROWTH * self._laid_out):
             return
@@ -183,13 +196,13 @@ class Submap:
             return
         motions = {f.number: t @ np.linalg.inv(f.transform) for f, t in zip(self.frames, transforms, strict=True)}
         canvas = GrowingCanvas(self._limit_px)
-        with contextlib.suppress(CanvasError):  # Then all stays as it is.
+        with contextlib.suppress(CanvasError):  # If the new layout does not fit, the old one is kept.
             canvas.take_over(self.canvas, motions, matching=False)
             self.canvas = canvas
             self.frames = [frame.moved(t) for frame, t in zip(self.frames, transforms, strict=True)]
 
     def _layout(self) -> list[Array]:
-        """Transformations of all frames, fitted to all their ties at once; the first frame keeps place and scale."""
+        """Transformations of all frames, fitted to all ties together; position and scale of the first stay fixed."""
         row = {frame.number: index for index, frame in enumerate(self.frames)}
         to_unit = [normalisation(frame.size) for frame in self.frames]
         ties = [
@@ -212,7 +225,7 @@ class Submap:
         return float(max(moves))
 
     def _neighbours(self, frame: Frame, first: Frame) -> list[Frame]:
-        """Further placed frames that overlap much with a new one and little with each other."""
+        """More registered frames that overlap much of a new one and little of each other."""
         use = {other: frame.overlap(other) for other in self.frames if other is not first}
         chosen = [first]
         while use and len(chosen) < MOST_NEIGHBOURS:
@@ -231,16 +244,16 @@ def _similar(transform: Array) -> Array:
 
 
 def _fitted(guess: Frame, tied: list[Tied]) -> tuple[Array, Array]:
-    """A frame's transformation by what it has in common with placed ones, and the error of each tie in its pixels.
+    """Fit a frame's transformation to its ties; returns it and the error of each tie in the frame's pixels.
 
-    A homography is fitted, gives up some of its stretch and tilt, and is fitted again by a similarity.
+    A homography is fitted, loses some of its stretch and tilt, and is then adjusted by a similarity.
     """
     width, height = guess.size
     unit_px = float(np.hypot(width, height)) / 2
     to_unit = np.array([[1, 0, (1 - width) / 2], [0, 1, (1 - height) / 2], [0, 0, unit_px]])
     unit_to_reference = guess.transform @ np.linalg.inv(to_unit)
     reference_to_unit = np.linalg.inv(unit_to_reference).astype(np.float64)
-    # The network's two views are the reference frame, as the guess shows it, and the frame.
+    # The network has two views: the reference frame, seen as the guess sees it, and the new frame.
     ground = apply(reference_to_unit, np.concatenate([each.ground for each in tied]))
     points = apply(to_unit, np.concatenate([each.points for each in tied]))
     network = Network([Ties(0, 1, ground, points)], [unit_px] * 2, reference=0)

@@ -1,4 +1,4 @@
-"""The diagrams of the page, as SVG. They need matplotlib, which the extra ``plots`` installs."""
+"""The page's diagrams as SVG. Needs matplotlib, which the extra ``plots`` installs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ CORNER_TICKS = (300, 1000, 3000, 10000)
 
 
 def corners(m: Measurements) -> bytes:
-    """Corners against the threshold, published and measured."""
+    """Number of corners against the threshold, published and measured."""
     figure, (plot,) = _plots(1)
     _, ours = tables.calibrated_corners(m)
     thresholds = list(published.CORNERS)
@@ -49,7 +49,7 @@ def windows(m: Measurements) -> bytes:
 
 
 def rings(m: Measurements) -> bytes:
-    """Good matches and the share of false ones against the rings of the ILBP."""
+    """Good matches and the share of false matches against the number of the ILBP's rings."""
     figure, (good, false) = _plots(2)
     counts = list(published.ILBP)
     good.plot(counts, [figures[1] for figures in published.ILBP.values()], label="thesis", **THESIS)
@@ -62,15 +62,15 @@ def rings(m: Measurements) -> bytes:
 
 
 def fuzzy_ransac(m: Measurements) -> bytes:
-    """How many matches pass each check of fuzzy RANSAC, as shares of the matched."""
+    """Matches that pass each check of fuzzy RANSAC, as shares of all matches."""
     figure, (plot,) = _plots(1)
     columns = ("matched", "bidirectional", "RANSAC", "inliers")
     series = {"thesis, mean of five": np.mean(list(published.FUZZY_RANSAC.values()), axis=0)[2:]}
     series |= {f"here, {name}": np.array([m.mean("IV-4", name, c) for c in columns]) for name in DESCRIPTORS}
     colors = ("#9a9a9a", "#d99a2b", "#2a7f62", "#33658a")
     for index, ((name, counts), color) in enumerate(zip(series.items(), colors, strict=True)):
-        places = np.arange(len(columns)) + 0.2 * (index - 1.5)
-        bars = plot.bar(places, counts / counts[0], 0.19, label=name, color=color)
+        centres = np.arange(len(columns)) + 0.2 * (index - 1.5)
+        bars = plot.bar(centres, counts / counts[0], 0.19, label=name, color=color)
         plot.bar_label(bars, [f"{count:.0f}" for count in counts], fontsize=8)
     plot.set_xticks(range(len(columns)), ("matched", "bidirectional check", "RANSAC ≤ τ", "inliers: both"))
     plot.set(ylabel="share of the matched", ylim=(0, 1.08))
@@ -78,7 +78,7 @@ def fuzzy_ransac(m: Measurements) -> bytes:
 
 
 def errors(m: Measurements) -> bytes:
-    """RMSE of every registered pair, beside the published ones."""
+    """RMSE of every registered pair, beside the published values."""
     figure, (plot,) = _plots(1)
     every = [value for values in published.RMSE_PX.values() for value in values]
     series = {"thesis and literature": every} | {name: m.values("IV-5", name, "RMSE") for name in (*DESCRIPTORS, OURS)}
@@ -93,7 +93,7 @@ def errors(m: Measurements) -> bytes:
 
 
 def stages(m: Measurements) -> bytes:
-    """Share of good matches before and after each fuzzy stage, and the share of good ones it kept."""
+    """Share of good matches before and after each fuzzy stage, and the share of good matches that it kept."""
     names = m.settings("stages")
     figure = Figure(figsize=(WIDTH_IN, 0.36 * len(names) + 1.2), layout="constrained")
     plot = figure.subplots()

@@ -1,4 +1,4 @@
-"""Harris corners as the thesis has them: by threshold (Table IV-1), by number, and by the quality of their matches."""
+"""Harris corners selected by threshold (Table IV-1), by number, and by the quality of their matches."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from skymosaic.thesis.dataset import DatasetPair
 from skymosaic.thesis.measurements import Line
 
 CORNERS = 300
-"""Corners an image, where experiments need a number: the mean of the published 358 and 239."""
+"""Corners per image if an experiment needs a number: about the mean of the published 358 and 239."""
 BORDER_PX = 16
 """The largest window's support, so that every experiment sees the same corners."""
 THRESHOLDS = [round(2 ** (step / 2)) for step in range(8, 61)]
-"""Half octaves of our measure; the scale of the published thresholds is not stated."""
+"""Thresholds of our measure, in steps of half an octave; the thesis does not state the scale of its thresholds."""
 QUALITY_WINDOW = "window-10"
 QUALITY_TARGET = 0.8
 LOWEST_THRESHOLD = 2**12
 FEWEST_CORNERS = 50
 
 FRONT_END = dataclasses.replace(PRESETS["thesis"].front_end, border_px=BORDER_PX, max_features=4096)
-"""The preset's corners, farther from the border, and as many as a bank can hold."""
+"""The thesis preset with a wider border and as many corners as a feature bank can hold."""
 
 
 def strongest(image: Pixels, count: int = CORNERS, descriptor: str = FRONT_END.descriptor) -> Records:
@@ -44,19 +44,19 @@ def strongest(image: Pixels, count: int = CORNERS, descriptor: str = FRONT_END.d
 
 
 def threshold_of(image: Pixels, count: int = CORNERS) -> int:
-    """The threshold that leaves ``count`` corners (more where several are equal, or all there are)."""
+    """The threshold that leaves ``count`` corners: more if several are equal, all if there are fewer."""
     falling = np.sort(responses(image))[::-1]
     return int(falling[min(count, len(falling)) - 1]) if len(falling) else 1
 
 
 def responses(image: Pixels) -> NDArray[np.int32]:
-    """The measure of every corner that suppression leaves, (N,)."""
+    """The Harris measure of every corner after non-maximum suppression, (N,)."""
     candidates = trace(image, _front_end(1)).levels[0]["candidates"].values
     return decode_response(candidates[candidates > 0])
 
 
 def by_threshold(pair: DatasetPair) -> Iterator[Line]:
-    """For Table IV-1: corners of both images above each of `THRESHOLDS`."""
+    """For Table IV-1: number of corners in both images above each of `THRESHOLDS`."""
     found = [responses(gray) for gray in pair.grays]
     for threshold in THRESHOLDS:
         left, right = (int(np.count_nonzero(each >= threshold)) for each in found)
@@ -64,7 +64,7 @@ def by_threshold(pair: DatasetPair) -> Iterator[Line]:
 
 
 def by_quality(pair: DatasetPair) -> Iterator[Line]:
-    """The adaptive threshold where it begins and where it ends, with what became of number and repeatability."""
+    """The adaptive threshold's first and last value, with the number of corners and their repeatability at each."""
     rounds = raised_threshold(pair.grays)
     for setting, last in (("lowest threshold", rounds[0]), ("threshold reached", rounds[-1])):
         left, right = map(feature_points, last.features)
@@ -83,7 +83,7 @@ def by_quality(pair: DatasetPair) -> Iterator[Line]:
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """One threshold of the adaptive search: the features of both images above it, and the quality of their matches."""
+    """One threshold of the adaptive search, the features of both images above it, and the quality of their matches."""
 
     threshold: int
     features: tuple[Records, Records]
@@ -93,13 +93,13 @@ class Round:
 def raised_threshold(grays: tuple[Pixels, Pixels], target: float = QUALITY_TARGET) -> list[Round]:
     """The adaptive threshold (sections II.2.1.2 and III.6.1.1): start low, double until the matches are good enough.
 
-    The quality of matches, which the thesis calls their recall, is the share of mutual SAD matches of 10x10 windows
-    that agree with the homography RANSAC finds among them: no truth is needed.
+    The quality of matches, which the thesis calls recall, is the share of mutual SAD matches of 10x10 windows that
+    agree with the homography that RANSAC finds among them. This needs no true homography.
 
     Returns
     -------
     list of Round
-        At least one. The last one reached ``target``, or its successor would have too few corners.
+        At least one. The last one reached ``target``, or the next threshold would leave too few corners.
     """
     rounds: list[Round] = []
     threshold = LOWEST_THRESHOLD

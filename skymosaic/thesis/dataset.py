@@ -1,4 +1,4 @@
-"""What the experiments run on: the user's pairs, or a rendered flight, at the size the thesis worked with."""
+"""The dataset of the experiments: the user's pairs, or a rendered flight, at the image size of the thesis."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from skymosaic.evaluation.metrics import grid_error
 from skymosaic.imagery.images import load, reduced
 
 WORKING_WIDTH_PX = 640
-"""Larger photographs are reduced to it (thesis, section IV.6.2.1)."""
+"""Wider photographs are reduced to this width (thesis, section IV.6.2.1)."""
 RENDERED_IMAGES = 12
 RENDERED_SIZE = (WORKING_WIDTH_PX, 480)
 RENDERED_SEED = 4
@@ -38,7 +38,7 @@ class DatasetPair:
     Raises
     ------
     skymosaic.errors.InputError
-        If they do not overlap under it.
+        If the images do not overlap under the true homography.
     """
 
     name: str
@@ -55,18 +55,18 @@ class DatasetPair:
 
     @cached_property
     def grays(self) -> tuple[Pixels, Pixels]:
-        """Both in gray."""
+        """Both images in gray."""
         return to_gray(self.left), to_gray(self.right)
 
     @property
     def sizes(self) -> tuple[tuple[int, int], tuple[int, int]]:
-        """Width and height of both."""
+        """Width and height of both images, px."""
         left, right = ((image.shape[1], image.shape[0]) for image in (self.left, self.right))
         return left, right
 
 
 Source = Callable[[], DatasetPair]
-"""Loads or renders a pair when it is its turn."""
+"""Loads or renders a pair when it is needed."""
 
 
 def sources(data: Path | None) -> Sequence[Source]:
@@ -75,7 +75,7 @@ def sources(data: Path | None) -> Sequence[Source]:
     Raises
     ------
     skymosaic.errors.InputError
-        For a list that cannot be used.
+        For a list that is missing or malformed.
     """
     if data is not None:
         return [partial(_photographs, pair) for pair in read_pairs(data)]

@@ -1,4 +1,4 @@
-"""Good and false matches: against the correlation window (Table IV-2) and the rings of the ILBP (Table IV-3)."""
+"""Good and false matches as functions of the correlation window (Table IV-2) and of the ILBP's rings (Table IV-3)."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ REGISTERED_PX = 5.0
 
 
 def by_window(pair: DatasetPair) -> Iterator[Line]:
-    """Table IV-2: mutual SAD matches of windows of each size, and what fuzzy correlation keeps of them.
+    """Table IV-2: mutual SAD matches of windows of each size, and the matches that fuzzy correlation keeps.
 
-    The time is that of cutting the windows and of the golden model's best SAD match for each left one.
+    The time covers cutting out the windows and finding the golden model's best SAD match for each left window.
     """
     key_points = [from_features(strongest(gray)) for gray in pair.grays]
     for name, size_px in WINDOWS_PX.items():
@@ -45,7 +45,7 @@ def by_window(pair: DatasetPair) -> Iterator[Line]:
 
 
 def by_rings(pair: DatasetPair) -> Iterator[Line]:
-    """Table IV-3: mutual Hamming matches of the ILBP of each length, and what fuzzy ILBP keeps of them."""
+    """Table IV-3: mutual Hamming matches of the ILBP of each length, and the matches that fuzzy ILBP keeps."""
     for rings in published.ILBP:
         name = f"thesis-ilbp-{rings}"
         features = [strongest(gray, descriptor=name) for gray in pair.grays]
@@ -66,7 +66,7 @@ def _counted(pair: DatasetPair, matches: Records, seconds: float) -> dict[str, f
 
 
 def filtered(stage: str, pair: DatasetPair, points: tuple[Points, Points], kept: Mask) -> Line:
-    """What a fuzzy stage made of matches, and whether RANSAC registers the pair with all of them and with the kept."""
+    """Confusion counts of a fuzzy stage, and whether RANSAC registers the pair with all and with the kept matches."""
     counts = confusion(kept, correct_matches(*points, pair.truth))
     return (
         "stages",
@@ -83,5 +83,5 @@ def filtered(stage: str, pair: DatasetPair, points: tuple[Points, Points], kept:
 
 
 def is_registered(H: Array | None, pair: DatasetPair) -> bool:
-    """Whether the mean error over the overlap is small."""
+    """Whether the mean error over the overlap is below `REGISTERED_PX`."""
     return grid_error(H, pair.truth, *pair.sizes) < REGISTERED_PX

@@ -1,4 +1,4 @@
-"""What the experiments measured: one line for each table, setting and pair."""
+"""Results of the experiments: one line for each table, setting and pair."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Line = tuple[str, str, Mapping[str, float]]
 
 @dataclass(frozen=True)
 class Measurement:
-    """Values of one setting of a table (a row of it) on one pair; what could not be measured is left out."""
+    """Values of one setting (a row of a table) on one pair; values that could not be measured are left out."""
 
     table: str
     setting: str
@@ -26,7 +26,7 @@ class Measurement:
 
 @dataclass(frozen=True)
 class Measurements:
-    """All of them, in the order they were made."""
+    """All measurements, in the order they were made."""
 
     lines: Sequence[Measurement]
 
@@ -35,7 +35,7 @@ class Measurements:
         return list(dict.fromkeys(line.setting for line in self.lines if line.table == table))
 
     def values(self, table: str, setting: str, column: str, group: str | None = None) -> list[float]:
-        """One column, over the pairs (of a group) where it was measured."""
+        """The values of one column, for all pairs (of a group) on which it was measured."""
         return [
             line.values[column]
             for line in self.lines
@@ -43,12 +43,12 @@ class Measurements:
         ]
 
     def mean(self, table: str, setting: str, column: str, group: str | None = None) -> float:
-        """Its mean; NaN where it was measured nowhere."""
+        """Mean of `values`; NaN if there are none."""
         found = self.values(table, setting, column, group)
         return float(np.mean(found)) if found else float("nan")
 
     def ratio(self, table: str, setting: str, part: str, whole: str) -> float:
-        """Sum of one column over sum of another: a share pooled over all pairs; NaN where the whole is 0."""
+        """Sum of one column divided by the sum of another, over all pairs; NaN if the divisor is 0."""
         total = sum(self.values(table, setting, whole))
         return sum(self.values(table, setting, part)) / total if total else float("nan")
 

@@ -1,4 +1,4 @@
-"""Table IV-7: seconds from two decoded images to their mosaic."""
+"""Table IV-7: time from two decoded images to their mosaic."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ PRESETS = {"thesis preset": "thesis", "aerial preset": "aerial"}
 
 
 def by_preset(pair: DatasetPair) -> Iterator[Line]:
-    """Seconds of a mosaic by either preset, where there is one, and of its stages."""
+    """Seconds for a mosaic and for each of its stages, by either preset, if the pair can be registered."""
     for setting, preset in PRESETS.items():
         try:
             result = mosaic([pair.left, pair.right], preset=preset)

@@ -1,4 +1,4 @@
-"""The page: what the thesis shows, what the same experiment gives here, and why the two differ."""
+"""The HTML page: what the thesis shows, what the same experiment gives here, and why the two differ."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ summary { cursor: pointer; color: #33658a }
 
 @dataclass(frozen=True)
 class Section:
-    """One experiment: its question, its tables and diagram, and the remark on how and why ours differs."""
+    """One experiment: its question, its tables and diagram, and a remark on how and why our results differ."""
 
     title: str
     question: str
@@ -59,12 +59,13 @@ class Section:
 SECTIONS = (
     Section(
         "Table IV-1: Harris corners against the threshold",
-        "How many corners does each threshold leave? Measure (III-7) with k = 0.04, 3x3 window and suppression.",
+        "How many corners does each threshold leave? Harris measure (III-7) with k = 0.04, 3x3 window and suppression.",
         (tables.corners,),
-        "The thesis does not state the scale of its measure; ours is multiplied so that both columns have as many "
-        "corners at 5000, and the comparison is one of shapes. The published counts stop at about 730 although the "
-        "threshold falls on; ours keep growing, because every local maximum of a 3x3 window counts. A limit on the "
-        "number or a larger suppression window would bend the curve so, but the thesis names neither.",
+        "The thesis does not state the scale of its measure. Our thresholds are scaled so that both columns agree at "
+        "5000, so only the shapes of the curves can be compared. The published counts level off at about 730 although "
+        "the threshold falls further; ours keep growing, because every local maximum of a 3x3 window counts. A limit "
+        "on the number of corners or a larger suppression window would explain the difference, but the thesis "
+        "mentions neither.",
         charts.corners,
     ),
     Section(
@@ -72,21 +73,22 @@ SECTIONS = (
         "The threshold starts low and doubles until the quality of matches (here: the share of mutual SAD matches of "
         f"10x10 windows within 4 px of the homography that RANSAC finds) reaches {QUALITY_TARGET:.0%}.",
         (tables.adaptive,),
-        "Where views are turned against each other, windows never match and the threshold rises until few corners "
-        "are left: there it costs corners and gains nothing. Repeatability at the lowest threshold is flattered by "
-        "chance: with thousands of corners some lie near any place. The accelerator's own adaptive threshold holds the "
-        "number of features near a target instead, which needs no matching.",
+        "If views are rotated against each other, windows never match, and the threshold rises until few corners are "
+        "left: the method then loses corners without any gain. Repeatability at the lowest threshold is too high by "
+        "chance: with thousands of corners, some lie near any position. The accelerator's own adaptive threshold keeps "
+        "the number of features near a target instead, which needs no matching.",
     ),
     Section(
         "Table IV-2: SAD against the size of the window",
         f"Mutual best SAD matches between the {CORNERS} strongest corners of each image; good means within 3 px of the "
         "true homography.",
         (tables.windows,),
-        "The thesis does not say how it judged a match to be good, nor how many corners it matched here. The time is "
-        "that of the golden model (NumPy, one direction) against MATLAB on another machine: compare how it grows, not "
-        "the seconds. Beyond about 22 px the gain ends here as it does in the thesis (24 at 30x30): a larger window "
-        "tells more corners apart, but also holds more of what perspective, rotation and relief move. Correlation "
-        "knows no rotation: turned pairs give next to nothing at any size (see the groups).",
+        "The thesis does not say how it decided that a match is good, nor how many corners it matched here. Our time "
+        "is that of the golden model (NumPy, one direction), the thesis's that of MATLAB on another machine: compare "
+        "their growth, not the seconds. Beyond about 22 px there is no further gain, as in the thesis (24 at 30x30): "
+        "a larger window distinguishes more corners, but perspective, rotation and relief change more of it. "
+        "Correlation is not invariant to rotation: rotated pairs give hardly any good match at any size (see the "
+        "groups).",
         charts.windows,
         ("IV-2", "px"),
     ),
@@ -95,91 +97,95 @@ SECTIONS = (
         f"Mutual nearest neighbours in Hamming distance between the {CORNERS} strongest corners of each image.",
         (tables.rings,),
         "More rings give more good matches and a smaller share of false ones, as published. The number of matches "
-        "behaves differently: the thesis's falls with N, ours first rises. One ring has only 256 possible values for "
-        f"{CORNERS} corners: many are equal, and of equal ones only the first can be mutual. The thesis does not say "
-        "how it treats them. The level is lower here wherever views are turned, scaled or differently exposed: the "
-        "descriptor compares unsmoothed pixels in upright rings and follows none of that.",
+        "behaves differently: the thesis's falls with N, ours rises at first. One ring has only 256 possible values "
+        f"for {CORNERS} corners, so many are equal, and of equal ones only the first can be a mutual match. The thesis "
+        "does not say how it treats them. We find fewer good matches in views that are rotated, scaled or differently "
+        "exposed: the descriptor compares unsmoothed pixels in upright rings and is not invariant to these changes.",
         charts.rings,
         ("IV-3", "rings"),
     ),
     Section(
         "Table IV-4: fuzzy RANSAC",
-        f"{KEY_POINTS} SIFT key points an image, a descriptor, and the ratio test at 0.8 with one match for each "
-        "feature of image 2 (II-7). Then the bidirectional check, and RANSAC with τ = 4 px, each on every match by "
-        "itself. The last column is what the six rules of Table III-3 accept.",
+        f"{KEY_POINTS} SIFT key points per image, a descriptor, and the ratio test at 0.8 with one match for each "
+        "feature of image 2 (II-7). Then the bidirectional check and RANSAC with τ = 4 px, each on every match by "
+        "itself. The last column counts the matches that the six rules of Table III-3 accept.",
         (tables.fuzzy_ransac,),
         "Counts are means over all pairs. The thesis's own combination, SIFT key points with upright, unsmoothed ILBP, "
-        "passes far fewer matches here than published, and hardly any on turned views. ILBP-128, which is smoothed and "
-        "turned to the key point's orientation, passes the checks in nearly the published proportions. On good matches "
-        "the two checks agree and the rules change little; they matter where matches are bad.",
+        "gives far fewer matches here than published, and hardly any on rotated views. With ILBP-128, which is "
+        "smoothed and follows the key point's orientation, nearly the published proportions of matches pass the checks. If most "
+        "matches are good, the two checks agree and the rules change little; they matter where many matches are bad.",
         charts.fuzzy_ransac,
     ),
     Section(
         "Table IV-5: RMSE",
         "The root mean square distance of the inliers under the estimated homography, as in (IV-3) to (IV-5), on pairs "
-        "that were registered: mean error over the overlap below 5 px. Beside it the distance from the truth, which "
-        "the thesis could not know.",
+        "that were registered, that is, with a mean error over the overlap below 5 px. The last column is the distance "
+        "from the true homography, which the thesis did not have.",
         (tables.errors,),
-        "RMSE over a method's own inliers says how tightly they agree, not how right the homography is: it falls when "
-        "a stricter tolerance rejects more, and the homography may get worse. The aerial preset keeps many more "
-        "inliers, from two image sizes, so its RMSE is not the smallest; compare its distance from the truth. "
-        "Photographs of ground with relief have a floor of about one pixel that no homography removes.",
+        "RMSE over a method's own inliers measures how well they agree, not how accurate the homography is: a stricter "
+        "tolerance lowers it by rejecting more matches, and the homography may still get worse. The aerial preset "
+        "keeps many more inliers, from two image scales, so its RMSE is not the smallest; compare its distance from "
+        "the truth. On photographs of ground with relief, about one pixel remains that no homography can remove.",
         charts.errors,
     ),
     Section(
         "Table IV-6: recall and precision",
-        "Good matches kept of all good ones found (IV-6), and false ones of all kept (IV-7), pooled over all pairs.",
+        "Share of the good matches that were kept (IV-6), and share of false ones among the kept (IV-7), over all "
+        "pairs together.",
         (tables.recall,),
-        "The published recalls of scenes and tests are Table IV-4's inliers divided by its matched pairs (83 of 110 is "
-        "0.75): every match counts as one that ought to be kept, so that rejecting a false one lowers the value. The "
-        "first column repeats that. The others take good and false from the true homography, at 3 px; inliers of a "
-        "wrong homography are false.",
+        "The published recall of scenes and tests is Table IV-4's inliers divided by its matches (83 of 110 is 0.75). "
+        "This counts every match as correct, so that rejecting a false match lowers the value. The first column is "
+        "computed in the same way. In the others, a match is good if it agrees with the true homography within 3 px; "
+        "inliers of a wrong homography are false.",
     ),
     Section(
         "What the fuzzy stages do",
-        "Every stage against the true homography: true and false positives and negatives (means over the pairs), "
-        "shares pooled over the pairs, and how many pairs RANSAC registers with all the matches, and with those kept.",
+        "Every stage compared with the true homography: true and false positives and negatives (means over the pairs), "
+        "shares over all pairs together, and the number of pairs that RANSAC registers with all matches and with the "
+        "kept ones.",
         (tables.stages,),
-        "A gain is a dot right of its square; a loss is a cross far from 1, or fewer pairs registered. Fuzzy "
-        "correlation keeps almost only good matches once the window is 10x10 or larger, but throws most of the good "
-        "ones away, and with them pairs. Nine in ten of those have a good NCC and a bad ZSSD: Table III-1 calls "
-        "differences with a standard deviation above 7 gray levels bad (50 squared), and on textured ground a "
-        "displacement of half a pixel is enough for that. Fuzzy ILBP raises the share of good matches; what it loses "
-        "grows with the difference in exposure, through its SAD. The aerial rules keep nearly every good match.",
+        "A stage helps if its dot lies to the right of its square; it costs matches if its cross lies far below 1, or "
+        "if fewer pairs are registered. With windows of 10x10 or larger, fuzzy correlation keeps almost only good "
+        "matches, but it rejects most of the good ones, so that some pairs can no longer be registered. Nine in ten of "
+        "the rejected good matches have a good NCC and a bad ZSSD: Table III-1 calls a ZSSD above 50 bad, that is, "
+        "differences with a standard deviation above 7 gray levels, and on textured ground a displacement of half a "
+        "pixel is enough for that. Fuzzy ILBP raises the share of good matches; it loses more good ones the more the "
+        "exposures differ, because of its SAD inputs. The aerial rules keep nearly every good match.",
         charts.stages,
     ),
     Section(
         "Figure IV-6: repeatability against scale",
-        "The left picture of each pair is reduced by area; of the reduced picture's key points, how many lie within "
-        f"1.5 px of one found in the full picture? As many key points an area in both, {CORNERS} in the full picture.",
+        "The left picture of each pair is reduced by area. How many of the reduced picture's key points lie within "
+        "1.5 px of one in the full picture? Both have the same number of key points per area of the scene, "
+        f"{CORNERS} in the full picture.",
         (),
-        "SIFT's key points have a scale and are found again; Harris has one scale and loses them. The dotted lines are "
-        "the same measure with the reduced picture shifted by 12 px: what chance alone gives.",
+        "SIFT's key points have a scale and are found again; Harris corners have only one scale and are lost. The "
+        "dotted lines are the same measure after shifting the reduced picture by 12 px: the agreement by chance.",
         charts.scales,
     ),
     Section(
         "Table IV-7: time for a mosaic",
-        "From two decoded images to their mosaic, distance-weighted blending, where the pair could be registered.",
+        "Time from two decoded images to their mosaic with distance-weighted blending, for pairs that were registered.",
         (tables.seconds,),
-        "The published times are of MATLAB on an i7 with 4 GB; here NumPy and OpenCV on one core of this machine. The "
-        "pairs, sizes and machines differ: the order of magnitude is all that can be compared. The thesis preset has "
-        "no cells, so it first looks for a threshold that leaves at most 2048 corners.",
+        "The published times are for MATLAB on an i7 with 4 GB, ours for NumPy and OpenCV on one core of this machine. "
+        "Pairs, sizes and machines differ, so only the order of magnitude can be compared. The thesis preset does not "
+        "select corners by cells, so it first searches a threshold that leaves at most 2048 corners.",
     ),
 )
 
 
 def compose(m: Measurements, source: str, pictures: Iterable[tuple[str, Pixels]], pair: str) -> str:
-    """The whole page as one HTML file with everything in it.
+    """The whole page as one self-contained HTML file.
 
     Parameters
     ----------
     m : Measurements
     source : str
-        Where the pairs come from, in words.
+        Origin of the pairs, as text.
     pictures : iterable of (str, ndarray)
         Captions and pictures of one pair.
     pair : str
-        Its name.
+        The name of that pair.
     """
     groups = ", ".join(f"{group} ({_pairs_of(m, group)})" for group in m.groups)
     parts = [
@@ -188,7 +194,7 @@ def compose(m: Measurements, source: str, pictures: Iterable[tuple[str, Pixels]]
         f"{len(m.pairs)} pairs: {_text(source)}. Groups: {_text(groups)}. Images are at most {WORKING_WIDTH_PX} px "
         "wide.</p>",
         "<p>Gray rows and dashed lines are the published figures; the others were measured for this page. The thesis's "
-        "scenes are not public, so figures cannot be expected to agree: trends can.</p>",
+        "scenes are not public, so the figures cannot be expected to agree, but the trends can.</p>",
         _trends(m),
         *(_section(section, m) for section in SECTIONS),
         "<h2>The fuzzy systems</h2>",

@@ -1,4 +1,4 @@
-"""Fuzzy RANSAC on SIFT key points: how many matches pass each check, RMSE, recall and precision (IV-4 to IV-6)."""
+"""Fuzzy RANSAC on SIFT key points: matches that pass each check, RMSE, recall and precision (tables IV-4 to IV-6)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from skymosaic.thesis.matches import filtered, is_registered
 from skymosaic.thesis.measurements import Line
 
 KEY_POINTS = 300
-"""SIFT key points an image; the thesis had 152 to 403."""
+"""SIFT key points per image; the thesis had 152 to 403."""
 DESCRIPTORS = {"SIFT + ILBP, N = 4": "thesis-ilbp-4", "SIFT + ILBP-128": "ilbp-128", "SIFT + SIFT": "sift"}
 """The thesis's combination, the same with our descriptor, and with SIFT's own."""
 STAGES = {name: f"fuzzy RANSAC, {name}" for name in DESCRIPTORS}
@@ -27,7 +27,7 @@ OURS = "aerial preset"
 
 
 def by_fuzzy_ransac(pair: DatasetPair) -> Iterator[Line]:
-    """Tables IV-4 to IV-6: every check of fuzzy RANSAC on every match, behind each descriptor."""
+    """Tables IV-4 to IV-6: every check of fuzzy RANSAC on every match, for each descriptor."""
     base = PRESETS["aerial"]
     base = dataclasses.replace(
         base,
@@ -58,14 +58,14 @@ def by_fuzzy_ransac(pair: DatasetPair) -> Iterator[Line]:
 
 
 def by_aerial_preset(pair: DatasetPair) -> Iterator[Line]:
-    """The same measures of the project's own preset."""
+    """The same measures for the project's own preset."""
     found = register(pair.left, pair.right)
     yield filtered(f"{OURS}, 8 rules", pair, match_points(found.matches), found.matches["verdict"] == 1)
     yield _error(OURS, pair, found.homography, match_points(found.inliers))
 
 
 def _error(setting: str, pair: DatasetPair, H: Array | None, inliers: tuple[Points, Points]) -> Line:
-    """RMSE over the inliers as the thesis takes it, and the distance from the truth, where the pair was registered."""
+    """RMSE over the inliers as in the thesis, and the mean distance from the truth, if the pair was registered."""
     if H is None or not is_registered(H, pair):
         return "IV-5", setting, {"registered": 0}
     error_px = grid_error(H, pair.truth, *pair.sizes)

@@ -1,4 +1,4 @@
-"""Figure IV-6: how many key points of a reduced picture are those of the full one."""
+"""Figure IV-6: how many key points of a reduced picture are also found in the full one."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from skymosaic.thesis.measurements import Line
 
 REDUCTIONS = (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0)
 TOLERANCE_PX = 1.5
-"""Of the reduced picture (Schmid, Mohr and Bauckhage, 2000)."""
+"""Largest distance of corresponding key points, in pixels of the reduced picture (Schmid, Mohr and Bauckhage, 2000)."""
 CHANCE_SHIFT_PX = 12.0
-"""Key points that agree when the reduced picture is moved by so much agree by chance."""
+"""Key points that agree after the reduced picture is shifted by this distance agree by chance."""
 
 
 def _sift(gray: Pixels, count: int) -> NDArray[np.floating]:
@@ -36,10 +36,10 @@ FINDERS: dict[str, Callable[[Pixels, int], NDArray[np.floating]]] = {"SIFT": _si
 
 
 def by_reduction(pair: DatasetPair) -> Iterator[Line]:
-    """Figure IV-6: repeatability of the left image's key points against the factor of its reduction by area.
+    """Figure IV-6: repeatability of the left image's key points as a function of its reduction by area.
 
-    The query features of equation IV-2 are the reduced picture's. Both pictures have equally many key points an
-    area: 300 in the full one.
+    The query features of equation IV-2 are those of the reduced picture. Both pictures have the same number of key
+    points per area of the scene: 300 in the full one.
     """
     gray = pair.grays[0]
     height, width = gray.shape

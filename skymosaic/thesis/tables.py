@@ -1,4 +1,4 @@
-"""The tables of the page: published figures beside the measured means, and whether the published trends hold."""
+"""The page's tables: published figures beside the measured means, and whether the published trends hold."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from skymosaic.thesis.rejection import DESCRIPTORS, OURS, STAGES
 
 MISSING = "-"
 LARGEST_TREND_WINDOW_PX = 25
-"""The published good matches grow up to it."""
+"""The published number of good matches rises up to this window and falls beyond."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Sheet:
 
 @dataclass(frozen=True)
 class Trend:
-    """Something the thesis shows, whether the measurements show it too, and the numbers."""
+    """A trend that the thesis shows, whether the measurements show it too, and their numbers."""
 
     statement: str
     holds: bool
@@ -35,16 +35,15 @@ class Trend:
 
 
 def calibrated_corners(m: Measurements) -> tuple[float, dict[int, tuple[float, float]]]:
-    """The factor from published to our thresholds, and our mean corners of both images at each published one.
+    """The factor from published thresholds to ours, and our mean corners in both images at each published threshold.
 
-    The factor gives as many corners at the highest published threshold as the thesis has there, on average of both
-    images.
+    The factor is chosen so that the mean number of corners at the highest published threshold is that of the thesis.
     """
     logs = np.log(THRESHOLDS)
     left, right = ([m.mean("IV-1", str(t), side) for t in THRESHOLDS] for side in ("left", "right"))
     highest = max(published.CORNERS)
     both = (np.array(left) + right) / 2
-    # Counts fall as thresholds rise; interpolation wants rising ones.
+    # Counts fall as thresholds rise, but np.interp needs rising values: hence the reversed order.
     factor = float(np.exp(np.interp(np.mean(published.CORNERS[highest]), both[::-1], logs[::-1]))) / highest
     ours = {
         t: (float(np.interp(np.log(factor * t), logs, left)), float(np.interp(np.log(factor * t), logs, right)))
@@ -64,7 +63,7 @@ def corners(m: Measurements) -> Sheet:
 
 
 def adaptive(m: Measurements) -> Sheet:
-    """The adaptive threshold, where it begins and where it ends."""
+    """The first and last value of the adaptive threshold."""
     rows = [
         (
             setting,
@@ -116,7 +115,7 @@ def rings(m: Measurements) -> Sheet:
 
 
 def by_group(m: Measurements, table: str, unit: str) -> Sheet:
-    """Good matches and share of false ones of a table, group by group."""
+    """Good matches and all matches of a table, for each group of pairs."""
     rows = [
         (
             f"{setting} {unit}",
@@ -185,11 +184,11 @@ def seconds(m: Measurements) -> Sheet:
         )
         for name in m.settings("IV-7")
     ]
-    return Sheet(("", "seconds for a mosaic", "pairs that became one"), rows)
+    return Sheet(("", "seconds for a mosaic", "pairs registered"), rows)
 
 
 def stages(m: Measurements) -> Sheet:
-    """What each fuzzy stage made of the matches before it."""
+    """The matches that each fuzzy stage kept and rejected, correctly and wrongly."""
     rows = [
         (
             stage,
@@ -217,24 +216,24 @@ def stages(m: Measurements) -> Sheet:
 
 
 def right_before(m: Measurements, stage: str) -> float:
-    """Share of good matches before a stage, pooled over the pairs."""
+    """Share of good matches before a stage, over all pairs together."""
     counts = {name: sum(m.values("stages", stage, name)) for name in ("TP", "FP", "TN", "FN")}
     total = sum(counts.values())
     return (counts["TP"] + counts["FN"]) / total if total else float("nan")
 
 
 def kept_right(m: Measurements, stage: str) -> float:
-    """Share of good ones among the kept, pooled: the precision."""
+    """Share of good matches among the kept ones, over all pairs together: the precision."""
     return _share(m, stage, "TP", "FP")
 
 
 def recalled(m: Measurements, stage: str) -> float:
-    """Share of the good ones that were kept, pooled: the recall (equation IV-6)."""
+    """Share of the good matches that were kept, over all pairs together: the recall (equation IV-6)."""
     return _share(m, stage, "TP", "FN")
 
 
 def trends(m: Measurements) -> list[Trend]:
-    """The thesis's trends, looked for in the means over all pairs."""
+    """Check the thesis's trends in the means over all pairs."""
     _, found = calibrated_corners(m)
     corner_counts = [sum(found[t]) / 2 for t in sorted(found, reverse=True)]
     sizes = [str(size) for size in published.CORRELATION if size <= LARGEST_TREND_WINDOW_PX]
@@ -250,10 +249,14 @@ def trends(m: Measurements) -> list[Trend]:
         Trend("25x25 windows give more good matches than 3x3 (IV-2)", good[-1] > good[0], _arrows(good, "{:.1f}")),
         Trend("larger windows take more time (IV-2)", _rises(took), _arrows(took, "{:.3f}") + " s"),
         Trend("more rings give more good matches (IV-3)", _rises(ring_good), _arrows(ring_good, "{:.1f}")),
-        Trend("and a smaller share of false ones (IV-3)", _rises(ring_false[::-1]), _arrows(ring_false, "{:.0%}")),
+        Trend(
+            "more rings give a smaller share of false matches (IV-3)",
+            _rises(ring_false[::-1]),
+            _arrows(ring_false, "{:.0%}"),
+        ),
         Trend("fuzzy ILBP raises the share of good matches", _rises(shares), _arrows(shares, "{:.0%}")),
         Trend(
-            "SIFT repeats better than Harris in a picture reduced by 4 (figure IV-6)",
+            "SIFT is more repeatable than Harris in a picture reduced by 4 (figure IV-6)",
             _rises([harris, sift]),
             f"{sift:.2f} against {harris:.2f}",
         ),

@@ -1,1 +1,1 @@
-"""Following an object's outline through a video."""
+"""Tracks an object's outline through a video."""

@@ -1,4 +1,4 @@
-"""What tracking leaves behind: the outline drawn into the frames, and the corners as a table."""
+"""Output of tracking: frames with the object's outline, and a table of its corners."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _SUBPIXEL_SHIFT = 4
 
 @dataclass(frozen=True)
 class TrackedCorners:
-    """One frame's row: corners (x, y) clockwise from the template's top left, None where it was lost."""
+    """One row of the table: corners (x, y) clockwise from the template's top left, None if it was lost."""
 
     frame: int
     seconds: float
@@ -35,7 +35,7 @@ class TrackedCorners:
 
 
 def outlined(frame: TrackedFrame) -> Pixels:
-    """The frame with the template's corners as a green quadrilateral; as it is where the template was lost."""
+    """A copy of the frame with the template's outline in green; without an outline if the template was lost."""
     picture = frame.pixels.copy()
     if frame.corners is not None:
         corners = np.rint(frame.corners * (1 << _SUBPIXEL_SHIFT)).astype(np.int32)
@@ -44,7 +44,7 @@ def outlined(frame: TrackedFrame) -> Pixels:
 
 
 def row(frame: TrackedFrame, frame_rate: Fraction) -> TrackedCorners:
-    """The numbers of a frame, without its pixels."""
+    """The table row of a frame; corners are rounded to 0.001 px."""
     seconds = round(float(frame.number / frame_rate), 6)
     if frame.corners is None or frame.pose is None:
         return TrackedCorners(frame.number, seconds, None, "", 0)
@@ -53,7 +53,7 @@ def row(frame: TrackedFrame, frame_rate: Fraction) -> TrackedCorners:
 
 
 def save_corners(path: Path, rows: Sequence[TrackedCorners]) -> None:
-    """Write the rows as CSV or JSON, as the suffix says."""
+    """Write the rows as CSV or JSON, according to the suffix."""
     text = _json(rows) if path.suffix.lower() == ".json" else _csv(rows)
     save_bytes(path, text.encode())
 

@@ -1,9 +1,8 @@
-"""What is tracked, as the front end sees it, and where it is in a frame.
+"""The tracked object: how the front end sees it, and how it is found in a frame.
 
-A small object has few corners at its own size, and none within the border that descriptors need. So the front end is
-shown a *view*: the object enlarged, in its surroundings, whose features are masked. A frame is warped into the same
-view by the pose in which the object is expected; matching against the held reference then measures the remaining
-error of the expectation.
+A small object has few corners at its own size, and none within the border that descriptors need. So the front end
+processes a *view*: the object enlarged, with its surroundings, whose features are ignored. A frame is warped into the
+same view by the expected pose of the object; matching with the held reference then measures the error of this pose.
 """
 
 from __future__ import annotations
@@ -26,9 +25,9 @@ from skymosaic.geometry.model_selection import TOLERANCE_PX, fit, similarity
 
 SMALLEST_SIDE_PX = 128
 LARGEST_SIDE_PX = 256
-"""Side, as the root of the area, to which the view enlarges or reduces the object."""
+"""Limits of the object's side in the view, measured as the square root of its area; the object is resized to them."""
 MARGIN_PX = 64
-"""Surroundings in the view: the front end's border at half size (40 px), and what the expectation may be off."""
+"""Surroundings in the view: the front end's border at half size (40 px) and the possible error of the expected pose."""
 
 
 class Roi(NamedTuple):
@@ -43,9 +42,9 @@ class Roi(NamedTuple):
 class TemplatePose(NamedTuple):
     """Where the template is in a frame.
 
-    ``homography`` (3, 3) maps template pixels to frame pixels; ``model`` says what was estimated, "similarity" or
-    "projective"; ``features`` are the indices of the template's features that agree within 3 view pixels, and
-    ``inliers`` counts those of them that were trusted.
+    ``homography`` (3, 3) maps template pixels to frame pixels; ``model`` is the estimated model, "similarity" or
+    "projective"; ``features`` are the indices of the template's features that agree within 3 view pixels; ``inliers``
+    counts the trusted ones among them.
     """
 
     homography: Array
@@ -56,17 +55,17 @@ class TemplatePose(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Template:
-    """A rectangle of a picture, and the front end that finds it elsewhere.
+    """A rectangle of a picture, and the front end that finds it in frames.
 
     Attributes
     ----------
     picture : ndarray of uint8, shape (H, W) or (H, W, 3)
     roi : Roi
-        The part that is the template; its first pixel is the origin of template coordinates.
+        The rectangle that is the template; its first pixel is the origin of template coordinates.
     front_end : Backend
-        Matches, with the template's view as the held reference.
+        Computes the matches, with the template's view as the held reference.
     config : Config
-        What it computes.
+        The front end's configuration.
     """
 
     picture: Pixels
@@ -87,15 +86,15 @@ class Template:
 
     @cached_property
     def zoom(self) -> float:
-        """View pixels a template pixel."""
+        """View pixels per template pixel."""
         side_px = float(np.sqrt(self.roi.width_px * self.roi.height_px))
         return float(np.clip(side_px, SMALLEST_SIDE_PX, LARGEST_SIDE_PX)) / side_px
 
     @cached_property
     def weight(self) -> Array:
-        """Weight of each feature of the view, (F,): it falls from the middle outwards, and is 0 for surroundings.
+        """Weight of each feature of the view, (F,): it falls from the centre outwards, and is 0 outside the template.
 
-        A rectangle drawn around an object shows the object in its middle and more and more of the ground outwards.
+        A rectangle drawn around an object contains more of the ground towards its edges.
         """
         features = self.front_end.run([self._reference], self.config)[0].features
         points = feature_points(features)
@@ -107,19 +106,24 @@ class Template:
     def near(
         self, frame: Pixels, expected: Array, weight: Array, *, fewest: int, rng: np.random.Generator
     ) -> TemplatePose | None:
-        """The template within about a quarter of its size from where it is expected.
+        """Find the template within about a quarter of its size from the expected pose.
 
         Parameters
         ----------
         frame : ndarray of uint8
         expected : ndarray, shape (3, 3)
-            Template to frame pixels.
+            Expected pose, template to frame pixels.
         weight : ndarray, shape (F,)
-            Of the template's features; 0 for those not to be trusted.
+            Weight of the template's features; 0 for features that are not trusted.
         fewest : int
             Inliers needed.
         rng : numpy.random.Generator
-            Of the robust estimator.
+            Source of the robust estimator's samples.
+
+        Returns
+        -------
+        TemplatePose or None
+            None if the template is not found.
         """
         index, left, right = self._matches(self._view(frame, expected))
         trusted = weight[index] > 0
@@ -131,9 +135,9 @@ class Template:
         return TemplatePose(homography / homography[2, 2], found.model, found.inliers, index[agreeing])
 
     def within(self, frame: Pixels, part: Canvas, zoom: float, weight: Array, *, fewest: int) -> Array | None:
-        """A guess, template to frame pixels, from a part of the frame after magnification by ``zoom``.
+        """Guess the template's pose (3, 3) from a part of the frame magnified by ``zoom``; None if it is not found.
 
-        It takes ``fewest`` inliers of a similarity; chance finds up to 3.
+        A similarity needs ``fewest`` inliers; up to 3 matches agree by chance.
         """
         magnified = resize_matrix(zoom)
         index, left, right = self._matches(warped(frame, magnified, part))
@@ -159,9 +163,10 @@ class Template:
         return warped(frame, self._to_view @ np.linalg.inv(pose), Canvas(0, 0, width, height))
 
     def _matches(self, shown: Pixels) -> tuple[NDArray[np.intp], Array, Array]:
-        """Index of the template's feature, and positions in view and picture, of all mutual matches but the masked.
+        """Mutual matches of the template's features: feature index (N,) and positions (N, 2) in view and ``shown``.
 
-        The fuzzy stage's verdicts are not asked: the turn that most matches agree on may be the surroundings'.
+        Matches of the surroundings are left out. The fuzzy stage's verdicts are ignored, because the relative
+        orientation that most matches agree on may be that of the surroundings.
         """
         matches = self.front_end.run([self._reference, shown], self.config, reference="held")[1].matches
         matches = matches[self.weight[matches["left_index"]] > 0]
@@ -169,5 +174,5 @@ class Template:
 
 
 def warped(frame: Pixels, transform: Array, canvas: Canvas) -> Pixels:
-    """Part of a frame after ``transform``, averaged where it is reduced; its border goes on beyond it."""
+    """Warp a frame into ``canvas``, averaged by area where it shrinks; its border pixels are repeated beyond it."""
     return backward(*shrunk(frame, transform), canvas, border=cv2.BORDER_REPLICATE)

@@ -1,8 +1,8 @@
 """Tracks an object through a video: its four corners in every frame (thesis, section IV.6.3).
 
-The template's features are held as the reference, so that errors do not add up. In each frame the template is looked
-for where it is expected (constant velocity), enlarged; where it is not there, in one part of the frame after the
-other, nearest first, one a frame.
+The template's features remain the reference in all frames, so that errors do not accumulate. Each frame is searched at
+the expected pose (constant velocity), enlarged. While the template is lost, one other part of each frame is searched,
+the nearest parts first.
 """
 
 from __future__ import annotations
@@ -28,32 +28,35 @@ from skymosaic.tracking.template import Roi, Template, TemplatePose
 
 SMALLEST_ROI_PX = 16
 FEWEST_FEATURES = 12
-"""A template with fewer cannot be told from chance."""
+"""A template with fewer features cannot be distinguished from chance."""
 FEWEST_TO_STAY = 6
-"""Inliers that keep a track. Where the object is hidden, or somewhere else, at most 3 matches agree by chance."""
+"""Inliers that continue a track. If the object is hidden or elsewhere, at most 3 matches agree by chance."""
 FEWEST_TO_BEGIN = 8
-"""Inliers that begin a track, or take it up again."""
+"""Inliers that start or resume a track."""
 FEWEST_TO_GUESS = 4
+"""Inliers of a guessed pose, which is then verified with `FEWEST_TO_BEGIN`."""
 POSITION_GAIN, VELOCITY_GAIN = 0.85, 0.4
-"""Of the alpha-beta filter: shares of what was measured beyond what was expected."""
+"""Gains of the alpha-beta filter: shares of the prediction error that correct position and velocity."""
 COASTED_FRAMES = 10
-"""For so long the template is also looked for where its last velocity would have taken it."""
+"""For this many frames after losing the template, it is still searched where its last velocity would have taken it."""
 LEARNING_FRAMES = 5
+"""Frames after which features are judged by how often they followed the object."""
 TRUSTED_SHARE = 0.15
-"""After so many frames, only features that followed the object in this share of them are trusted: a rectangle in the
-first frame holds some of the ground too, which is found again where the object is not."""
+"""Only features that followed the object in at least this share of the frames are trusted: a rectangle in the first
+frame also contains some ground, which matches where the object is not."""
 PART_PX = (1280, 960)
+"""Largest part (width, height) of a magnified frame that is searched at once."""
 PART_OVERLAP_PX = 192
-"""Largest part of a magnified frame that is searched at once, and how far neighbours overlap."""
+"""Overlap of neighbouring parts."""
 SEARCH_SCALES: tuple[float, ...] = (1.0, 0.7, 1.4, 0.5, 2.0)
-"""Sizes of the object against the template that are tried in turn, until its size is known."""
+"""Sizes of the object relative to the template that are tried in turn until its size is known."""
 LARGEST_CHANGE = 2.0
 """Reject poses whose area differs from the expected one by more than this factor."""
 
 
 @dataclass(frozen=True, eq=False)
 class TrackedFrame:
-    """What is known after one frame.
+    """Result of tracking in one frame.
 
     Attributes
     ----------
@@ -62,9 +65,9 @@ class TrackedFrame:
     pixels : ndarray of uint8, shape (H, W, 3)
         The frame.
     corners : ndarray of float64, shape (4, 2), or None
-        The template's corners in frame pixels, smoothed; from its top left clockwise. None where it is lost.
+        The template's corners in frame pixels, smoothed, clockwise from its top left; None if it is lost.
     pose : TemplatePose or None
-        The homography as measured in this frame, its model and inliers.
+        The homography measured in this frame, with model and inliers; None if the template was not found.
     """
 
     number: int
@@ -89,14 +92,21 @@ def track(
     template : path, array or Roi
         A picture of the object, or its rectangle in the first frame.
     frames : iterable of ndarray of uint8, shape (H, W) or (H, W, 3) BGR
-        Of one size; one at a time is held.
+        All of one size; only one is held in memory at a time.
     preset, config, backend, seed
         As in `skymosaic.register`.
+
+    Yields
+    ------
+    TrackedFrame
+        One for each frame.
 
     Raises
     ------
     InputError
         For a template that cannot be read, or a rectangle that is too small or not inside the frame.
+    RegistrationError
+        For a template with too few features.
     """
     remaining = iter(frames)
     first = next(remaining, None)
@@ -109,7 +119,7 @@ def track(
         picture = load(template, "template").pixels
         roi = Roi(0, 0, picture.shape[1], picture.shape[0])
     front_end = load_backend(backend)
-    # Without cell selection, a threshold that the first frame fits; with it, nothing changes.
+    # Without cell selection, the threshold is raised until the first frame fits; with it, nothing changes.
     _, config = extract_within_capacity(front_end, [first], config or preset_config(preset))
     tracker = _Tracker(Template(picture, roi, front_end, config), np.random.default_rng(seed))
     if isinstance(template, Roi):
@@ -125,16 +135,16 @@ def _check_roi(roi: Roi, frame: Pixels) -> None:
     if min(roi.width_px, roi.height_px) < SMALLEST_ROI_PX:
         raise InputError(f"roi {text}: too small; give at least {SMALLEST_ROI_PX}x{SMALLEST_ROI_PX} pixels")
     if min(roi) < 0 or roi.x_px + roi.width_px > width or roi.y_px + roi.height_px > height:
-        raise InputError(f"roi {text}: reaches out of the first frame, {width}x{height} pixels; give x,y,width,height")
+        raise InputError(f"roi {text}: not inside the first frame, {width}x{height} pixels; give x,y,width,height")
 
 
 class _Tracker:
-    """Where the template is expected, what of it is trusted, and what to do when it is not there."""
+    """State of a track: the expected position, the trusted features, and the search for a lost template."""
 
     def __init__(self, template: Template, rng: np.random.Generator) -> None:
         self.template = template
         self.corners: Array | None = None
-        """The corners (4, 2) in the last frame, smoothed; where they were expected, if the template was lost."""
+        """The smoothed corners (4, 2) in the last frame; the expected ones if the template was lost."""
         self._rng = rng
         self._velocity = np.zeros((4, 2))
         self._is_steady = False
@@ -154,34 +164,34 @@ class _Tracker:
         self._is_steady = False
 
     def follow(self, frame: Pixels) -> TemplatePose | None:
-        """The pose in the next frame; None where it is not found."""
+        """The pose in the next frame; None if the template is not found."""
         pose = self._expected(frame) or self._searched(frame)
         if pose is None:
-            # What is not seen keeps its shape and only moves on.
+            # While the template is not seen, it is assumed to keep its shape and to move uniformly.
             self._velocity[:] = self._velocity.mean(axis=0)
         self._lost_frames = 0 if pose else self._lost_frames + 1
         return pose
 
     @property
     def _weight(self) -> Array:
-        """Weight of the template's features by what was learned of them."""
+        """Weight of the template's features, by how often each followed the object so far."""
         if self._followed_frames < LEARNING_FRAMES:
             return self.template.weight
         share = self._followed / self._followed_frames
         return np.where(share >= TRUSTED_SHARE, share * self.template.weight, 0)
 
     def _expected(self, frame: Pixels) -> TemplatePose | None:
-        """Look where the template is expected, and move what is expected by one step of the alpha-beta filter."""
+        """Search at the expected pose, and update the expectation by one step of the alpha-beta filter."""
         if self.corners is None or self._lost_frames > COASTED_FRAMES:
             return None
         self.corners = self.corners + self._velocity
         pose = self._verified(frame, dlt(self.template.corners, self.corners), FEWEST_TO_STAY)
         if pose is not None:
-            beyond = apply(pose.homography, self.template.corners) - self.corners
+            error = apply(pose.homography, self.template.corners) - self.corners
             # A new track takes its first step as its velocity.
             position_gain, velocity_gain = (POSITION_GAIN, VELOCITY_GAIN) if self._is_steady else (1.0, 1.0)
-            self.corners = self.corners + position_gain * beyond
-            self._velocity = self._velocity + velocity_gain * beyond
+            self.corners = self.corners + position_gain * error
+            self._velocity = self._velocity + velocity_gain * error
             self._is_steady = True
             self._followed[pose.features] += 1
             self._followed_frames += 1
@@ -201,7 +211,7 @@ class _Tracker:
         return pose if plausible else None
 
     def _searched(self, frame: Pixels) -> TemplatePose | None:
-        """Look into one part of the frame for the object at one size; parts and sizes take turns."""
+        """Search one part of the frame for the object at one size; successive frames try other parts and sizes."""
         looks = self._looks((frame.shape[1], frame.shape[0]))
         zoom, part = looks[self._lost_frames % len(looks)]
         guess = self.template.within(frame, part, zoom, self._weight, fewest=FEWEST_TO_GUESS)
@@ -211,7 +221,7 @@ class _Tracker:
         return pose
 
     def _looks(self, size: tuple[int, int]) -> list[tuple[float, Canvas]]:
-        """Magnifications of the frame, each with a part of the magnified frame; the likeliest first."""
+        """Magnifications of the frame, each with a part of the magnified frame, in the order of the search."""
         middle, scales = np.array(size) / 2, SEARCH_SCALES
         if self.corners is not None:
             middle = self.corners.mean(axis=0)
@@ -222,7 +232,7 @@ class _Tracker:
 
 
 def _parts(size: tuple[int, int], zoom: float, middle: Array) -> list[Canvas]:
-    """Overlapping parts of a magnified frame, nearest to ``middle`` (in pixels of the frame) first."""
+    """Overlapping parts of a magnified frame, sorted by distance from ``middle`` (in pixels of the frame)."""
     spans = []
     for side, part_px in zip(size, PART_PX, strict=True):
         whole = round(side * zoom)

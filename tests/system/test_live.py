@@ -141,7 +141,7 @@ def test_what_shows_nothing_known_stays_apart_and_flat_frames_are_left_out(frame
     for frame in (*frames[:2], grain, np.full((360, 480, 3), 90, np.uint8)):
         live.add(frame)
     assert set(live.left_out) == {2, 3}
-    assert "shows nothing that the mosaic shows" in live.left_out[2]
+    assert "does not overlap the mosaic" in live.left_out[2]
     assert "too few features" in live.left_out[3]
 
 

@@ -140,7 +140,7 @@ def test_an_object_that_never_shows_is_an_exit_status(short_video: Path, tmp_pat
     ("roi_text", "says"),
     [
         ("1,2,3", "four whole numbers"),
-        ("600,400,100,100", "reaches out of the first frame"),
+        ("600,400,100,100", "not inside the first frame"),
         ("10,10,8,8", "too small"),
         (None, "TEMPLATE and VIDEO"),
     ],
