@@ -24,7 +24,7 @@ def match_points(matches: Records) -> tuple[Points, Points]:
 def raw_positions(points: NDArray[np.floating]) -> NDArray[np.uint16]:
     """Points (N, 2) in px as the records store them (`golden_model.formats.POSITION`): 1/16 px, halves rounded up.
 
-    What lies outside the format's range is moved to its nearest end.
+    Positions outside the format's range are clipped to it.
     """
     raw = np.floor(points * POSITION.one + 0.5)
     return np.asarray(np.clip(raw, POSITION.min_raw, POSITION.max_raw), dtype=np.uint16)

@@ -36,10 +36,10 @@ def scaled(H: Array) -> Array:
 
 
 def resize_matrix(factor_x: float, factor_y: float | None = None) -> Matrix:
-    """The (3, 3) scaling that resizing an image by these factors does to its pixel coordinates.
+    """The transformation (3, 3) of pixel coordinates when an image is resized by ``factor_x`` and ``factor_y``.
 
-    ``factor_y`` is ``factor_x`` where it is not given. The outer corner of pixel (0, 0), which lies at (-0.5, -0.5),
-    stays where it is, so that pixel centres are at integers before and after.
+    ``factor_y`` defaults to ``factor_x``. The outer corner of pixel (0, 0), at (-0.5, -0.5), keeps its position, so
+    that pixel centres are at integers before and after.
     """
     factor_y = factor_x if factor_y is None else factor_y
     return np.array([[factor_x, 0, (factor_x - 1) / 2], [0, factor_y, (factor_y - 1) / 2], [0, 0, 1]])

@@ -23,7 +23,7 @@ from skymosaic.live.growing_canvas import GrowingCanvas
 MOST_NEIGHBOURS = 4
 """A new frame is registered against at most this many frames."""
 LEAST_USE = 0.1
-"""Each of them must overlap at least this share of the new frame that the others do not."""
+"""Least share of the new frame's area that each of them must overlap in addition to the others."""
 GROWTH = 2
 """The layout is recomputed when the number of frames has grown by this factor."""
 WORTH_MOVING_PX = 1.0

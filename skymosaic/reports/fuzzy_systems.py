@@ -54,8 +54,8 @@ PLOTTED_SYSTEMS = {
         "Fuzzy correlation (Tables III-1 and III-2)",
         fuzzy.correlation,
         (
-            Axis("SAD, gray levels a pixel", _SAD),
-            Axis("ZSSD, squared gray levels a pixel", _ZSSD),
+            Axis("SAD, gray levels per pixel", _SAD),
+            Axis("ZSSD, squared gray levels per pixel", _ZSSD),
             Axis("NCC", _NCC),
         ),
         surface=(0, 2),
@@ -66,8 +66,8 @@ PLOTTED_SYSTEMS = {
         lambda: fuzzy.ilbp(_THESIS_BITS),
         (
             Axis("Hamming distance, share of bits", _THESIS_BITS),
-            Axis("SAD of region 1, gray levels a pixel", 9),
-            Axis("SAD of region 2, gray levels a pixel", 9),
+            Axis("SAD of region 1, gray levels per pixel", 9),
+            Axis("SAD of region 2, gray levels per pixel", 9),
         ),
         surface=(0, 1),
         held=(("region 2 belongs", 0), ("region 2 in doubt", 86), ("region 2 does not belong", 153)),

@@ -91,6 +91,6 @@ def _photographs(pair: KnownPair) -> DatasetPair:
 
 def _rendered(flight: Flight, index: int) -> DatasetPair:
     left, right = flight.images[index], flight.images[index + 1]
-    turn_deg = abs(flight.poses[index + 1].heading_deg - flight.poses[index].heading_deg)
-    group = "along a leg" if turn_deg < 90 else "turned round"
+    rotation_deg = abs(flight.poses[index + 1].heading_deg - flight.poses[index].heading_deg)
+    group = "along a leg" if rotation_deg < 90 else "turned round"
     return DatasetPair(f"rendered {index}-{index + 1}", group, left, right, flight.homography_between(index, index + 1))

@@ -68,16 +68,16 @@ def test_ilbp_of_harris_corners_is_the_front_ends_own(gray: np.ndarray) -> None:
 @pytest.mark.parametrize("descriptor", [name for name in DESCRIPTORS if name not in ("akaze", "klt")])
 def test_what_a_descriptor_drops_at_the_border_stays_in_step(gray: np.ndarray, descriptor: str) -> None:
     height, width = gray.shape
-    places = list(itertools.product(range(0, width, 40), range(0, height, 40)))
-    points = [cv2.KeyPoint(x, y, 7, 0, 1 + index) for index, (x, y) in enumerate(places)]
+    pixels = list(itertools.product(range(0, width, 40), range(0, height, 40)))
+    points = [cv2.KeyPoint(x, y, 7, 0, 1 + index) for index, (x, y) in enumerate(pixels)]
     records = describe(gray, points, descriptor)
     if descriptor != "sift":
         assert 0 < len(records) < len(points)
-    assert set(zip(records["x"] // 16, records["y"] // 16, strict=True)) <= set(places)
+    assert set(zip(records["x"] // 16, records["y"] // 16, strict=True)) <= set(pixels)
     # Each survivor alone has the descriptor that it had among the others.
     for index in (0, len(records) // 2, len(records) - 1):
-        place = int(records["x"][index]) // 16, int(records["y"][index]) // 16
-        alone = describe(gray, [points[places.index(place)]], descriptor)
+        pixel = int(records["x"][index]) // 16, int(records["y"][index]) // 16
+        alone = describe(gray, [points[pixels.index(pixel)]], descriptor)
         np.testing.assert_array_equal(alone["descriptor"][0], records["descriptor"][index])
 
 
