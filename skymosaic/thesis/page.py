@@ -112,7 +112,7 @@ SECTIONS = (
         (tables.fuzzy_ransac,),
         "Counts are means over all pairs. The thesis's own combination, SIFT key points with upright, unsmoothed ILBP, "
         "gives far fewer matches here than published, and hardly any on rotated views. With ILBP-128, which is "
-        "smoothed and follows the key point's orientation, nearly the published proportions of matches pass the checks. "
+        "smoothed and follows the key point's orientation, nearly the published proportions pass the checks. "
         "If most matches are good, the two checks agree and the rules change little; they matter where many matches "
         "are bad.",
         charts.fuzzy_ransac,
