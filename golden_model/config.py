@@ -107,7 +107,7 @@ class FrontEndConfig:
     def _check_selection(self) -> None:
         _one_of("selection", self.selection, (True, False))
         if not self.selection and self.levels == 2:
-            raise ValueError("selection is False, which leaves the order of two levels open; set levels = 1")
+            raise ValueError("selection is False, but the features of two levels are ordered by cell; set levels = 1")
         if not self.selection and (self.cell_px or self.per_cell):
             raise ValueError("selection is False, but cell_px or per_cell is set; leave them out")
         _in_range("max_features", self.max_features, 16, 4096)
@@ -154,7 +154,7 @@ class FrontEndConfig:
         _in_range("frame height", height_px, MIN_FRAME_PX, MAX_FRAME_PX)
         if not self.selection:
             return self
-        # 3 a cell spreads the features well enough; a cell size that the user chose may hold fewer.
+        # The rule asks for 3 per cell; a cell size or a count that the user sets takes precedence.
         fewest = self.per_cell or (1 if self.cell_px else 3)
         for cell_px in (self.cell_px,) if self.cell_px else CELL_SIZES_PX:
             fitting = self.max_features // self.cells(width_px, height_px, cell_px)

@@ -101,7 +101,7 @@ def in_words(system: fuzzy.SugenoSystem) -> list[str]:
 
 
 def common_orientation(
-    turn: NDArray[np.uint8], distance: NDArray[np.uint16], margin: NDArray[np.uint16], bits: int
+    orientation: NDArray[np.uint8], distance: NDArray[np.uint16], margin: NDArray[np.uint16], bits: int
 ) -> int:
     """The most common relative orientation: peak of the weighted, smoothed histogram of sector differences.
 
@@ -111,7 +111,7 @@ def common_orientation(
 
     Parameters
     ----------
-    turn : (M,) uint8
+    orientation : (M,) uint8
         Relative orientations, 0..15 sixteenths of a full circle.
     distance, margin : (M,) uint16
         As `golden_model.matching.hamming.mutual_matches` returns them.
@@ -120,13 +120,13 @@ def common_orientation(
     """
     weight, _ = fuzzy.aerial_orientation(bits).evaluate(distance, margin)
     histogram = np.zeros(SECTORS, dtype=np.int64)
-    np.add.at(histogram, turn, weight.astype(np.int64) ** 2)
+    np.add.at(histogram, orientation, weight.astype(np.int64) ** 2)
     return int(np.argmax(4 * histogram + 3 * np.roll(histogram, 1) + 3 * np.roll(histogram, -1)))
 
 
-def circular_distance(turn: NDArray[np.uint8], peak: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def circular_distance(orientation: NDArray[np.uint8], peak: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Distance between two relative orientations around the circle, 0..8 sectors."""
-    ahead = (turn - peak) % SECTORS
+    ahead = (orientation - peak) % SECTORS
     distance: NDArray[np.uint8] = np.minimum(ahead, SECTORS - ahead)
     return distance
 
