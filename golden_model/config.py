@@ -107,7 +107,7 @@ class FrontEndConfig:
     def _check_selection(self) -> None:
         _one_of("selection", self.selection, (True, False))
         if not self.selection and self.levels == 2:
-            raise ValueError("selection is False, but the features of two levels are ordered by cell; set levels = 1")
+            raise ValueError("selection is False, but two levels are ordered by cells; set levels = 1")
         if not self.selection and (self.cell_px or self.per_cell):
             raise ValueError("selection is False, but cell_px or per_cell is set; leave them out")
         _in_range("max_features", self.max_features, 16, 4096)

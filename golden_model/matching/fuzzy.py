@@ -107,9 +107,8 @@ class SugenoSystem:
     rules : tuple of Rule
         At most 32.
     conjunction : {"product", "minimum"}
-        The operation for AND. With the product, the strengths must sum to one for every input, so that no division is
-        needed; the constructor checks this for all inputs. With the minimum, the result is divided by the sum of the
-        strengths.
+        The operation for AND. Product: the strengths must sum to one for every input, so that no division is needed;
+        the constructor checks all inputs. Minimum: the result is divided by the sum of the strengths.
 
     Attributes
     ----------
@@ -298,14 +297,12 @@ def ilbp(bits: int) -> SugenoSystem:
     The thesis gives neither the corners of the sets nor which SAD determines which belonging. Our reading: both
     belongings follow from the SAD (equation III-1) between the 3x3 gray windows of the two features, taken as the raw
     sum over 9 pixels. The SAD is symmetric, so r1 = r2 = r. Rules 3 and 4, which require one belonging without the
-    other, therefore fire only for 0 < r < 1. At a low distance and r up to one half, rules 1 and 3 have equal strength
-    and the weight is 1/2.
+    other, therefore fire only for 0 < r < 1. At low distance and r <= 1/2, rules 1 and 3 balance: weight 1/2.
 
     The sigmoid is centred at 9.5 gray levels per pixel, midway between the SAD that Table III-1 calls surely good (6)
     and surely bad (13), where it is .95 and .05. The distance is low up to 1/8 of ``bits`` and high from 3/8. The two
     sets cross at 1/4, which is 2.8 standard deviations below the mean distance of unrelated descriptors of 32
-    independent bits; the mean itself (1/2) is entirely high. Match is 1, no match 0; where no rule fires the answer is
-    no match.
+    independent bits; the mean itself (1/2) is entirely high. Match is 1, no match 0, also where no rule fires.
     """
     window_px, good, bad = 9, 6.0, 13.0
     slope = 2 * math.log(0.95 / 0.05) / ((bad - good) * window_px)
@@ -333,9 +330,8 @@ def correlation() -> SugenoSystem:
     """The thesis's fuzzy correlation (Tables III-1, III-2): minimum, 27 rules over SAD, ZSSD and NCC.
 
     Inputs are scaled by `golden_model.matching.correlation.fuzzy_inputs`. Sets ramp where the ranges of the table
-    overlap. The thesis does not give the lower edge of the medium NCC; here it ramps from .25 to .3. Outputs: good
-    match 1, medium .5, bad 0. Any bad input gives a bad match, two or three good inputs a good match, everything else a
-    medium match.
+    overlap. The thesis does not give the lower edge of the medium NCC; here it ramps from .25 to .3. Any bad input
+    gives a bad match (0), two or three good inputs a good match (1), everything else a medium match (.5).
     """
     sad = _good_medium_bad("SAD", np.array([4, 6, 13, 15]) * SAD_PER_PIXEL.one)
     zssd = _good_medium_bad("ZSSD", np.array([20, 30, 45, 50]) * ZSSD_PER_PIXEL.one)

@@ -79,7 +79,7 @@ def test_a_frame_size_out_of_range_is_refused(size_px):
         ({"threshold": 2.5}, "threshold is 2.5; it must be a whole number from 1 to 1073741823"),
         ({"detector": "fast", "threshold": 255}, "threshold is 255; it must be a whole number from 1 to 254"),
         ({"border_px": 19}, "border_px is 19; it must be a whole number from 20 to 255"),
-        ({"selection": False}, "selection is False, but the features of two levels are ordered by cell; set levels = 1"),
+        ({"selection": False}, "selection is False, but two levels are ordered by cells; set levels = 1"),
         ({"selection": False, "levels": 1, "per_cell": 3}, "selection is False, but cell_px or per_cell is set"),
     ],
 )
