@@ -32,13 +32,16 @@ CXX_FLAGS = (
     "-std=c++17", "-march=native", "-fPIC", "-fvisibility=hidden", "-fno-gnu-unique", "-DCXXRTL_NDEBUG", "-w",
 )  # fmt: skip
 
+QUICK_COMPILE = "SKYMOSAIC_QUICK_COMPILE"
+"""Environment variable: if it is set, compiling is quick and simulating slow, for tests of a few frames."""
+
 
 def identity() -> str:
     """The part of a library's cache key that does not depend on its design: compiler, machine, flags and harness."""
     # -### prints the compiler's version and what -march=native means on this machine.
     command = [_compiler(), "-###", "-march=native", "-E", "-x", "c++", os.devnull]
     compiler = subprocess.run(command, capture_output=True, text=True, check=True).stderr
-    return digest(compiler, " ".join(CXX_FLAGS), digest_files(HARNESS.iterdir()))
+    return digest(compiler, " ".join((*CXX_FLAGS, _optimisation())), digest_files(HARNESS.iterdir()))
 
 
 @dataclass(frozen=True)
@@ -54,13 +57,16 @@ class Sources:
     each_cycle : tuple of Path
         C++ files that run in each cycle; compiled with full optimisation, which is slow.
     others : tuple of Path
-        C++ files that run only at the start or rarely.
+        C++ files that run rarely.
+    once : tuple of Path
+        C++ files that run once, when a simulation opens; compiled without optimisation.
     """
 
     model: str
     includes: tuple[Path, ...]
     each_cycle: tuple[Path, ...] = ()
     others: tuple[Path, ...] = ()
+    once: tuple[Path, ...] = ()
 
 
 def compile_library(folder: Path, sources: Sources, *, waves: bool, progress: Progress) -> None:
@@ -74,8 +80,11 @@ def compile_library(folder: Path, sources: Sources, *, waves: bool, progress: Pr
     flags = [*CXX_FLAGS, f'-DMODEL="{sources.model}"', *(f"-I{path}" for path in (HARNESS, *sources.includes))]
     if waves:
         flags += ["-DWAVES", "-DVM_TRACE=1", "-DVM_TRACE_VCD=1"]
-    jobs = [(path, "-O3") for path in (HARNESS / "harness.cpp", *sources.each_cycle)]
+    jobs = [(path, _optimisation()) for path in (HARNESS / "harness.cpp", *sources.each_cycle)]
     jobs += [(path, "-O1") for path in sources.others]
+    jobs += [(path, "-O0") for path in sources.once]
+    # The largest first: the cores end together.
+    jobs.sort(key=lambda job: job[0].stat().st_size, reverse=True)
     objects = [folder / f"{path.stem}.o" for path, _ in jobs]
 
     def compile_one(job: tuple[Path, str], target: Path) -> None:
@@ -88,6 +97,10 @@ def compile_library(folder: Path, sources: Sources, *, waves: bool, progress: Pr
     run_tool([_compiler(), "-shared", "-o", str(folder / LIBRARY_NAME), *map(str, objects)])
     for made in objects:
         made.unlink()
+
+
+def _optimisation() -> str:
+    return "-O1" if os.environ.get(QUICK_COMPILE) else "-O3"
 
 
 def _compiler() -> str:

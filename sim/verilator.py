@@ -42,7 +42,8 @@ def shared_library(design: Design, *, waves: bool = False, progress: Progress = 
             model="verilator.hpp",
             includes=(folder, root / "include", root / "include" / "vltstd"),
             each_cycle=tuple(path for path in made if not path.stem.endswith("__Slow")),
-            others=(*(path for path in made if path.stem.endswith("__Slow")), *(root / "include" / n for n in runtime)),
+            others=tuple(root / "include" / name for name in runtime),
+            once=tuple(path for path in made if path.stem.endswith("__Slow")),
         )
         compiled.compile_library(folder, sources, waves=waves, progress=progress)
 

@@ -97,4 +97,4 @@ class _Framing(Elaboratable):
 
 
 def test_frames_are_cut_from_transfers(tmp_path: Path) -> None:
-    prove(_Framing(), tmp_path, depth_cycles=13)
+    prove(_Framing(), tmp_path)
