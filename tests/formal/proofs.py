@@ -219,3 +219,7 @@ def _run(command: Sequence[str], folder: Path) -> subprocess.CompletedProcess[st
 
 def _tool(name: str) -> str:
     return str(Path(sys.executable).parent / name)
+
+
+if __name__ == "__main__":
+    compile_yosys(print)

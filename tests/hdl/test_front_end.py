@@ -136,6 +136,7 @@ def test_frames_of_any_size_and_content_equal_the_golden_model(aerial, scene, si
     assert features.size
 
 
+@pytest.mark.slow  # The preset's whole frames are compared in tests/system/test_accelerator.py, too.
 def test_thesis_preset_equals_the_golden_model(scene):
     """No smoothing, a 3x3 tensor and no selection; then with corners of FAST instead of Harris."""
     config = dataclasses.replace(THESIS, threshold=200_000)

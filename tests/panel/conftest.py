@@ -9,7 +9,7 @@ from playwright.sync_api import Browser, ConsoleMessage, Page
 
 from sim.scene import pair as rendered_pair
 from skymosaic.panel.jobs import prepare_workers
-from tests.panel.visit import CHROMIUM, WINDOW, chromium, running_panel
+from tests.panel.visit import CHROMIUM, LONG_MS, WINDOW, chromium, running_panel
 
 
 @pytest.fixture(scope="session")
@@ -43,6 +43,7 @@ def is_complaint(message: ConsoleMessage) -> bool:
 def page(browser: Browser, panel: str) -> Iterator[Page]:
     """The panel's page in a new session; any error that the browser reports fails the test."""
     context = browser.new_context(viewport=WINDOW)
+    context.set_default_timeout(LONG_MS)
     opened = context.new_page()
     complaints: list[str] = []
     opened.on("pageerror", lambda error: complaints.append(str(error)))

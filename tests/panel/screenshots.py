@@ -19,8 +19,6 @@ import numpy as np
 from playwright.sync_api import Page, expect
 
 from tests.panel.visit import (
-    FIRST_BUILD_MS,
-    LONG_MS,
     WINDOW,
     chromium,
     load_built_in_pair,
@@ -62,7 +60,7 @@ def visit_pair(page: Page, folder: Path) -> None:
     shoot(page, folder, "matches")
     open_tab(page, "Hardware")
     page.get_by_role("button", name="Compare with the golden model").click()
-    expect(page.get_by_text("Equal, bit for bit")).to_be_visible(timeout=FIRST_BUILD_MS)
+    expect(page.get_by_text("Equal, bit for bit")).to_be_visible()
     shoot(page, folder, "hardware")
 
 
@@ -76,7 +74,7 @@ def move_threshold(page: Page, _: Path) -> None:
 def visit_flight(page: Page, folder: Path) -> None:
     """Make the built-in flight's mosaic and show the outlines."""
     page.get_by_role("button", name="Load the built-in flight").click()
-    expect(photographs_loaded(page)).to_have_count(9, timeout=LONG_MS)
+    expect(photographs_loaded(page)).to_have_count(9)
     make_mosaic(page)
     page.get_by_role("switch", name="Outlines").click()
     shoot(page, folder, "flight")
@@ -86,9 +84,9 @@ def visit_tracking(page: Page, folder: Path) -> None:
     """Track the car through the built-in film."""
     page.get_by_role("link", name="Tracking").click()
     page.get_by_role("button", name="Try the built-in film").click()
-    expect(page.get_by_role("list", name="Video loaded").locator("li")).to_have_count(1, timeout=LONG_MS)
+    expect(page.get_by_role("list", name="Video loaded").locator("li")).to_have_count(1)
     page.get_by_role("button", name="Follow the object").click()
-    expect(page.get_by_text("Found in")).to_be_visible(timeout=LONG_MS)
+    expect(page.get_by_text("Found in")).to_be_visible()
     shoot(page, folder, "tracking")
 
 

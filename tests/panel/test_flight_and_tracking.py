@@ -57,9 +57,10 @@ def unpacked(page: Page, folder: Path, name: str) -> Path:
 def flight(browser: Browser, panel: str) -> Iterator[Page]:
     """A page of a session that has made the mosaic of the built-in flight."""
     page = browser.new_page(viewport=WINDOW)
+    page.set_default_timeout(LONG_MS)
     page.goto(panel)
     page.get_by_role("button", name="Load the built-in flight").click()
-    expect(photographs_loaded(page)).to_have_count(PHOTOGRAPHS, timeout=LONG_MS)
+    expect(photographs_loaded(page)).to_have_count(PHOTOGRAPHS)
     make_mosaic(page)
     yield page
     page.close()
@@ -80,7 +81,7 @@ def test_the_matches_of_any_pair_of_a_flight_can_be_shown(flight: Page) -> None:
     flight.get_by_role("combobox", name="Pair of the flight").click()
     flight.get_by_role("option").last.click()
     flight.get_by_role("button", name="Look at it").click()
-    expect(panel.locator("image").last).not_to_have_attribute("href", before, timeout=LONG_MS)
+    expect(panel.locator("image").last).not_to_have_attribute("href", before)
     flight.get_by_role("button", name="Next match").click()
     expect(flight.locator(".explanation")).to_contain_text("px from the homography")
     open_tab(flight, "Mosaic")
@@ -123,12 +124,13 @@ def test_the_mosaic_stays_when_photographs_are_removed(flight: Page) -> None:
 def tracked(browser: Browser, panel: str) -> Iterator[Page]:
     """A page of a session that has followed the car through the built-in film."""
     page = browser.new_page(viewport=WINDOW)
+    page.set_default_timeout(LONG_MS)
     page.goto(panel)
     page.get_by_role("link", name="Tracking").click()
     page.get_by_role("button", name="Try the built-in film").click()
-    expect(page.get_by_role("list", name="Video loaded").locator("li")).to_have_count(1, timeout=LONG_MS)
+    expect(page.get_by_role("list", name="Video loaded").locator("li")).to_have_count(1)
     page.get_by_role("button", name="Follow the object").click()
-    expect(page.get_by_text("Found in")).to_be_visible(timeout=LONG_MS)
+    expect(page.get_by_text("Found in")).to_be_visible()
     yield page
     page.close()
 
@@ -170,10 +172,10 @@ def test_an_object_is_accepted_and_files_that_are_no_video_are_refused(page: Pag
     picture, video = tmp_path / "car.png", tmp_path / "film.mp4"
     cv2.imwrite(str(picture), np.random.default_rng(1).integers(0, 256, (80, 120), np.uint8))
     page.get_by_label("Choose object").set_input_files(picture)
-    expect(page.get_by_role("list", name="Object loaded").locator("li")).to_have_count(1, timeout=LONG_MS)
+    expect(page.get_by_role("list", name="Object loaded").locator("li")).to_have_count(1)
     for body, reason in ((b"#EXTM3U\nfile:///etc/passwd\n", "is not a video"), (b"\0\0\0\x20ftypisom", "cut off")):
         video.write_bytes(body)
         page.get_by_label("Choose video").set_input_files(video)
-        expect(page.get_by_text(re.compile(f"film.*{reason}"))).to_be_visible(timeout=LONG_MS)
+        expect(page.get_by_text(re.compile(f"film.*{reason}"))).to_be_visible()
     expect(page.get_by_role("list", name="Video loaded").locator("li")).to_have_count(0)
     expect(page.get_by_role("button", name="Follow the object")).to_be_disabled()

@@ -16,6 +16,7 @@ import pytest
 
 from skymosaic.panel.archive import zipped
 from skymosaic.panel.jobs import Job, JobCancelledError, JobFailedError
+from tests.panel.visit import LONG_MS
 
 pytestmark = pytest.mark.usefixtures("workers")
 
@@ -66,7 +67,7 @@ def alive(process: int) -> bool:
 
 
 def eventually(condition: Callable[[], bool]) -> bool:
-    deadline = time.monotonic() + 20
+    deadline = time.monotonic() + LONG_MS / 1000
     while time.monotonic() < deadline and not condition():
         time.sleep(0.02)
     return condition()
@@ -92,17 +93,15 @@ def test_a_failure_is_one_line_that_names_files_relative_to_the_folder(
 def test_cancelling_ends_the_task_and_every_process_it_started(tasks: ModuleType, tmp_path: Path) -> None:
     job = Job("long", tasks.last_long, tmp_path)
 
-    async def cancel_under_way() -> float:
+    async def cancel_under_way() -> None:
         running = asyncio.create_task(job.run(asyncio.Semaphore(1)))
         while job.line != "under way":
             await asyncio.sleep(0.02)
-        started = time.monotonic()
         job.cancel()
         with pytest.raises(JobCancelledError):
             await running
-        return time.monotonic() - started
 
-    assert asyncio.run(cancel_under_way()) < 5
+    asyncio.run(cancel_under_way())
     processes = [int(word) for word in (tmp_path / "processes").read_text().split()]
     assert os.getpid() not in processes
     assert eventually(lambda: not any(map(alive, processes)))

@@ -19,7 +19,7 @@ def status(address: str, method: str, path: str, *, host: object = OWN, origin: 
         lines.append(f"Origin: {f'http://{authority}' if origin is OWN else origin}")
     lines += [f"{name.replace('_', '-')}: {value}" for name, value in headers.items()]
     name, port = authority.split(":")
-    with socket.create_connection((name, int(port)), timeout=10) as connection:
+    with socket.create_connection((name, int(port))) as connection:
         connection.sendall("\r\n".join([*lines, "", ""]).encode())
         return int(connection.recv(64).split()[1])
 

@@ -32,7 +32,7 @@ def run_in_loop(monkeypatch: pytest.MonkeyPatch) -> Callable[[Scenario], None]:
     def run(scenario: Scenario) -> None:
         async def with_limit() -> None:
             monkeypatch.setattr(nicegui.core, "loop", asyncio.get_running_loop())
-            await asyncio.wait_for(scenario(), timeout=120)
+            await scenario()
 
         asyncio.run(with_limit())
 

@@ -19,7 +19,7 @@ class Client:
     """A browser without a screen: it has the session's cookie and sends the page's own Origin."""
 
     def __init__(self, panel: str) -> None:
-        self.http = httpx.Client(base_url=panel, headers={"origin": panel}, timeout=60)
+        self.http = httpx.Client(base_url=panel, headers={"origin": panel}, timeout=None)
         self.http.get("/")
 
     def upload(self, name: str, body: bytes | Iterator[bytes], slot: str = "photograph") -> httpx.Response:

@@ -18,10 +18,9 @@ CHROMIUM_FLAGS = (
     "--disable-component-update", "--no-first-run",
 )  # fmt: skip
 WINDOW = {"width": 1280, "height": 720}
-LONG_MS = 60_000
+LONG_MS = 600_000
+"""A panel that hangs; a busy machine takes its time for whatever a visitor waits for."""
 MOST_CONTROLS = 100
-FIRST_BUILD_MS = 600_000
-"""The accelerator takes a minute to compile."""
 
 
 @contextmanager
@@ -40,13 +39,14 @@ def running_panel(folder: Path, *options: str) -> Iterator[str]:
                 assert server.poll() is None, log.read_text()
             finally:
                 server.terminate()
-                server.wait(timeout=20)
+                server.wait(timeout=LONG_MS / 1000)
     assert "Traceback" not in log.read_text(), log.read_text()
 
 
 @contextmanager
 def chromium() -> Iterator[Browser]:
     """The machine's Chromium, without a window."""
+    expect.set_options(timeout=LONG_MS)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(CHROMIUM_FLAGS))
         yield browser
@@ -67,12 +67,12 @@ def photographs_loaded(page: Page) -> Locator:
 
 def load_built_in_pair(page: Page) -> None:
     page.get_by_role("button", name="Try the built-in pair").click()
-    expect(corner_counts(page)).to_contain_text("corners", timeout=LONG_MS)
+    expect(corner_counts(page)).to_contain_text("corners")
 
 
 def make_mosaic(page: Page) -> None:
     page.get_by_role("button", name="Make the mosaic").click()
-    expect(mosaic_viewer(page)).to_be_visible(timeout=LONG_MS)
+    expect(mosaic_viewer(page)).to_be_visible()
 
 
 def open_tab(page: Page, name: str) -> None:

@@ -1,6 +1,7 @@
 """The cache of slow builds: once for all processes, never half a build, one clear line when it cannot work."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -20,7 +21,8 @@ from sim.build_cache import cached
 def build(folder):
     with Path(sys.argv[1]).open("a") as log:
         log.write("build\\n")
-    time.sleep(float(sys.argv[2]))
+    while not Path(sys.argv[1] + ".end").exists():
+        time.sleep(0.01)
     (folder / "result").write_text("complete")
 
 folder = cached("slow", build, what="the slow thing", progress=lambda line: print(line, flush=True))
@@ -34,8 +36,9 @@ def cache(tmp_path, monkeypatch):
     return cache_folder()
 
 
-def start_slow_build(log, seconds):
-    command = [sys.executable, "-c", SLOW_BUILD, str(log), str(seconds)]
+def start_slow_build(log):
+    """A process that builds until there is a file beside ``log`` that ends in ``.end``."""
+    command = [sys.executable, "-c", SLOW_BUILD, str(log)]
     environment = {**os.environ, "PYTHONPATH": str(Path.cwd())}
     return subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
 
@@ -52,28 +55,32 @@ def test_builds_once_and_says_how_long_it_took():
     lines = []
     folder = cached("thing", write_result, what="the thing", progress=lines.append)
     assert (folder / "result").read_text() == "complete"
-    assert lines == [f"building the thing (once; later runs find it in {cache_folder()})", "built the thing in 0 s"]
+    assert lines[0] == f"building the thing (once; later runs find it in {cache_folder()})"
+    assert re.fullmatch(r"built the thing in \d+ s", lines[1])
     assert cached("thing", refuse, what="the thing", progress=refuse) == folder
 
 
 def test_two_processes_build_once(tmp_path):
     log = tmp_path / "log"
-    processes = [start_slow_build(log, 1.0) for _ in range(2)]
-    outputs = [process.communicate(timeout=30)[0] for process in processes]
-    assert [process.returncode for process in processes] == [0, 0]
+    first = start_slow_build(log)
+    assert first.stdout.readline().startswith("building")
+    second = start_slow_build(log)
+    assert second.stdout.readline().startswith("waiting")
+    log.with_name("log.end").touch()
+    for process in (first, second):
+        process.communicate()
+        assert process.returncode == 0
     assert log.read_text() == "build\n"
-    assert sorted(output.splitlines()[0].split()[0] for output in outputs) == ["building", "waiting"]
 
 
 def test_killed_build_leaves_no_trace(tmp_path):
     log = tmp_path / "log"
-    process = start_slow_build(log, 60)
+    process = start_slow_build(log)
     assert process.stdout.readline().startswith("building")
-    deadline = time.monotonic() + 20
-    while not log.exists() and time.monotonic() < deadline:
+    while not log.exists() and process.poll() is None:
         time.sleep(0.01)
     process.send_signal(signal.SIGKILL)
-    process.communicate(timeout=30)
+    process.communicate()
     assert list(cache_folder().glob("slow.*.part")), "the killed build was to leave its folder behind"
 
     folder = cached("slow", write_result, what="the slow thing", progress=silent)

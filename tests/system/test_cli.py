@@ -11,13 +11,9 @@ import pytest
 from sim.scene import pair as rendered_pair
 from skymosaic.cli import COMMANDS, app, main
 from skymosaic.evaluation.metrics import grid_error
+from tests.system.command_line import skymosaic
 
 SEED = 5
-
-
-def skymosaic(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "skymosaic", *map(str, arguments)]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=120, check=False)
 
 
 def one_line_error(result: subprocess.CompletedProcess[str], status: int) -> str:
@@ -196,7 +192,7 @@ def test_every_command_has_the_line_of_the_help(capsys) -> None:
 )
 def test_neither_the_library_nor_its_help_imports_the_hardware(code: str) -> None:
     listing = f"import atexit, sys; atexit.register(lambda: print(*sys.modules, file=sys.stderr)); {code}"
-    result = subprocess.run([sys.executable, "-c", listing], capture_output=True, text=True, timeout=120, check=True)
+    result = subprocess.run([sys.executable, "-c", listing], capture_output=True, text=True, check=True)
     loaded = set(result.stderr.split())
     assert "skymosaic" in loaded
     assert not {name for name in loaded if name.split(".")[0] in ("amaranth", "hdl")}

@@ -1,10 +1,8 @@
 """Mosaics that grow: frames of a rendered flight as they come, from a folder that fills, from videos."""
 
 import itertools
-import subprocess
-import sys
-import threading
-import time
+import os
+from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
 
@@ -22,6 +20,7 @@ from skymosaic.geometry.homography import apply, estimate
 from skymosaic.imagery.live_frames import live_frames
 from skymosaic.imagery.video import writing
 from skymosaic.live.mosaic import LiveMosaic
+from tests.system.command_line import skymosaic
 
 IMAGES, SIZE = 9, (480, 360)
 CONFIG = preset_config("aerial")
@@ -59,11 +58,6 @@ def pair_errors_px(transforms, flight, least_overlap: float = 0.2) -> np.ndarray
             common = ((true >= 0) & (true < SIZE)).all(axis=1)
             errors.append(np.linalg.norm(found - true, axis=1)[common].mean())
     return np.array(errors)
-
-
-def skymosaic(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "skymosaic", *map(str, arguments)]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=120, check=False)
 
 
 def test_every_frame_is_placed_when_it_comes(flight, frames) -> None:
@@ -158,25 +152,43 @@ def test_a_scale_beyond_one_is_refused() -> None:
         LiveMosaic(CONFIG, scale=2)
 
 
-def test_a_folder_that_fills_is_followed_to_its_end(frames, flight, tmp_path: Path) -> None:
-    """Photographs arrive one by one, one of them in two halves, one damaged."""
+class FolderClock:
+    """Time for whoever watches a folder: it passes, and files arrive, only while they sleep."""
+
+    def __init__(self, arriving: Iterator[Path]) -> None:
+        self._arriving = arriving
+        self._now_ns = 0
+
+    def monotonic(self) -> float:
+        return self._now_ns / 1e9
+
+    def time_ns(self) -> int:
+        return self._now_ns
+
+    def sleep(self, seconds: float) -> None:
+        self._now_ns += int(seconds * 1e9)
+        for path in itertools.islice(self._arriving, 1):
+            os.utime(path, ns=(self._now_ns, self._now_ns))
+
+
+def test_a_folder_that_fills_is_followed_to_its_end(frames, flight, tmp_path: Path, monkeypatch) -> None:
+    """Photographs arrive one by one, each in two halves, the last one damaged."""
     encoded = [cv2.imencode(".png", frame)[1].tobytes() for frame in frames[:4]]
 
-    def copy() -> None:
+    def arriving() -> Iterator[Path]:
         for index, data in enumerate(encoded):
             path = tmp_path / f"{index}.png"
-            path.write_bytes(data[: len(data) // 2])
-            time.sleep(0.1)
-            path.write_bytes(data)
+            for part in (data[: len(data) // 2], data):
+                path.write_bytes(part)
+                yield path
         (tmp_path / "9.png").write_bytes(encoded[0][:3000])
+        yield tmp_path / "9.png"
 
+    monkeypatch.setattr("skymosaic.imagery.live_frames.time", FolderClock(arriving()))
     told: list[str] = []
     live, preview = LiveMosaic(CONFIG), tmp_path / "preview.jpg"
-    copier = threading.Thread(target=copy)
-    copier.start()
     # The preview lies among the photographs and is none of them.
     grow(live, live_frames(str(tmp_path), idle_seconds=2.0, tell=told.append, made=[preview]), preview)
-    copier.join()
     assert preview.exists()
     assert len(live.transforms) == 4
     assert pair_errors_px(live.transforms, flight).max() < 1.0

@@ -2,8 +2,6 @@
 
 import csv
 import json
-import subprocess
-import sys
 from fractions import Fraction
 from pathlib import Path
 
@@ -21,6 +19,7 @@ from skymosaic.geometry.homography import apply
 from skymosaic.imagery.video import VideoReader, writing
 from skymosaic.tracking.template import Roi
 from skymosaic.tracking.tracker import track
+from tests.system.command_line import skymosaic
 
 IMAGES = 48
 RATE = Fraction(25)
@@ -69,11 +68,6 @@ def true_corners(film, roi: Roi) -> np.ndarray:
     outline = np.array([(x, y), (x + roi.width_px, y), (x + roi.width_px, y + roi.height_px), (x, y + roi.height_px)])
     from_first = np.linalg.inv(film.car_to_images[0])
     return np.stack([apply(to_image @ from_first, outline) for to_image in film.car_to_images])
-
-
-def skymosaic(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "skymosaic", *map(str, arguments)]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=120, check=False)
 
 
 def test_a_car_is_followed_and_taken_up_again_behind_a_bridge(film, frames, roi) -> None:

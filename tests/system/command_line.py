@@ -1,0 +1,11 @@
+"""The command line in a process of its own."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+
+def skymosaic(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """Run ``skymosaic`` in ``cwd``. Without a time limit: a busy machine must not fail a test."""
+    command = [sys.executable, "-m", "skymosaic", *map(str, arguments)]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
