@@ -12,7 +12,7 @@ from sim import front_end_top
 
 def test_the_settings_load_without_amaranth() -> None:
     script = "import hdl.settings, sys; sys.exit('amaranth' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", script], check=False, timeout=60).returncode == 0
+    assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0
 
 
 def test_every_setting_has_one_register_field_that_holds_its_values() -> None:

@@ -47,9 +47,7 @@ def unpacked(page: Page, folder: Path, name: str) -> Path:
             path.rename(run / path.name)
     program, *arguments = (run / "command.txt").read_text().split()
     assert program == "skymosaic"
-    subprocess.run(
-        [sys.executable, "-m", "skymosaic", *arguments], cwd=run, check=True, timeout=120, capture_output=True
-    )
+    subprocess.run([sys.executable, "-m", "skymosaic", *arguments], cwd=run, check=True, capture_output=True)
     return run
 
 
