@@ -1,4 +1,4 @@
-"""Configurations: sizes, validation, TOML in and out."""
+"""Configurations: sizes, validation, reading and writing TOML."""
 
 import dataclasses
 

@@ -1,4 +1,4 @@
-"""Fixed-point formats and the response code against plain Python integers."""
+"""Fixed-point formats and the response code equal Python integers."""
 
 import numpy as np
 import pytest

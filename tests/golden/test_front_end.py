@@ -1,4 +1,4 @@
-"""The composed front end: features against the planes of their stages, and what must not change them."""
+"""The whole front end: its features agree with the planes of its stages, and with what must not change them."""
 
 import dataclasses
 
@@ -22,13 +22,13 @@ CONFIGS = pytest.mark.parametrize("config", [AERIAL, FAST, THESIS], ids=["aerial
 
 
 def level_positions(features, level):
-    """Level pixels of features of one level; offsets are at most half a pixel, so rounding must be told the sign."""
+    """Positions of features in their level, 1/16 px; not rounded, since an offset can be exactly half a pixel."""
     fine = np.stack((features["x"], features["y"])).astype(np.int64)
     return fine if level == 0 else (fine - 8) // 2
 
 
 def near(plane, fine):
-    """Position of the candidate at most 8/16 px from each fine position in x and y."""
+    """Pixel of the only candidate within 8/16 px of each fine position, in x and in y."""
     rows, columns = np.nonzero(plane)
     distance = np.abs(np.stack((columns, rows))[:, None, :] * 16 - fine[:, :, None]).max(axis=0)
     assert ((distance <= 8).sum(axis=1) == 1).all()
@@ -96,7 +96,7 @@ def test_fast_candidates_are_opencvs(texture):
 
 
 def test_of_equal_harris_corners_the_first_in_raster_order_stays():
-    # The responses around a symmetrical dot are symmetrical, too: its four pixels tie.
+    # Around a symmetrical dot the responses are symmetrical too, so its four pixels have equal responses.
     image = np.zeros((100, 100), np.uint8)
     image[50:52, 50:52] = 255
     candidates = trace(image, AERIAL).levels[0]["candidates"].values
@@ -105,7 +105,7 @@ def test_of_equal_harris_corners_the_first_in_raster_order_stays():
 
 @CONFIGS
 def test_planes_are_specified_up_to_their_margin(texture, config):
-    """What lies beyond a frame's border may not reach further in than each stage's margin."""
+    """Pixels beyond a frame's border must not influence a stage inside its margin."""
     image = texture(160, 200)
     whole, part = trace(image, config), trace(image[32:140, 48:190], config)
     for level, (around, planes) in enumerate(zip(whole.levels, part.levels, strict=True)):

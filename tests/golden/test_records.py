@@ -1,4 +1,4 @@
-"""Records: lengths, alignment, and that a record's bytes are what its fields say."""
+"""Records: lengths, alignment, and the bytes of their fields."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Ring descriptors against per-bit loops written from the definitions, and the orientation against float atan2."""
+"""Ring descriptors equal per-bit loops written from the definitions; the orientation equals atan2 in floating point."""
 
 import math
 
@@ -12,7 +12,7 @@ from golden_model.feature.ilbp import ILBP_128, ILBP_256, PATTERNS, thesis_ilbp
 
 @pytest.fixture(scope="module")
 def image() -> np.ndarray:
-    """Smooth random structure, so that ties, all orientations and both bit values occur."""
+    """A smooth random image, in which ties, all orientations and both bit values occur."""
     rng = np.random.default_rng(1)
     return cv2.GaussianBlur(rng.integers(0, 256, (121, 121), dtype=np.uint8), (0, 0), 1.5)
 
@@ -24,7 +24,7 @@ def positions() -> tuple[np.ndarray, np.ndarray]:
 
 
 def naive_descriptor(plane, x, y, pattern, sector) -> list[int]:
-    """The bits of one descriptor, each from its own trigonometry."""
+    """The bits of one descriptor, each computed with its own sine and cosine."""
 
     def pixel(ring, angle):
         turn = 2 * math.pi * (angle % pattern.angles) / pattern.angles
@@ -50,7 +50,7 @@ def test_descriptor_equals_per_bit_definition(image, positions, name):
 
 @pytest.mark.parametrize("rings", [1, 2, 3, 4])
 def test_thesis_pattern_is_the_local_binary_pattern(image, positions, rings):
-    """Equation III-4 on the unsmoothed image: one byte a ring, neighbour - centre >= 0."""
+    """Equation III-4 on the unsmoothed image: one byte for each ring, neighbour - centre >= 0."""
     x, y = positions
     poison = np.zeros_like(image)
     sector, descriptor = ilbp.describe(image, poison, x, y, thesis_ilbp(rings))
@@ -64,7 +64,7 @@ def test_thesis_pattern_is_the_local_binary_pattern(image, positions, rings):
 
 
 def test_sector_equals_atan2_but_at_its_borders():
-    """The integer tangents are within 0.033 % of the true ones: less than 1e-4 rad from a border may differ."""
+    """The integer tangents differ by up to 0.033 %, so angles within 1e-4 rad of a border may differ."""
     mx, my = np.random.default_rng(3).integers(-8_000_000, 8_000_001, (2, 200_000), dtype=np.int32)
     turn = 16 * np.arctan2(my.astype(float), mx) / (2 * np.pi)
     near_border = np.abs(turn - np.floor(turn) - 0.5) < 1e-4 * 16 / (2 * np.pi)
@@ -98,7 +98,7 @@ def test_moments_equal_their_definition_and_fit_24_bits():
 
 
 def test_turning_the_rings_by_a_sector_keeps_the_descriptor():
-    """Ring pixels moved on by one angle: the sector follows by one, the descriptor stays."""
+    """If the ring pixels move by one angle, the sector grows by one and the descriptor stays the same."""
     rng = np.random.default_rng(5)
     # A bright side along angle 0 with noise, so that the orientation is far from a sector border.
     ring_values = 128 + 90 * np.cos(2 * np.pi * np.arange(16) / 16) + rng.integers(-30, 31, (7, 16))

@@ -1,4 +1,4 @@
-"""Sub-pixel positions against exact fractions, a float parabola and the geometry of the levels."""
+"""Sub-pixel positions equal exact fractions, a parabola in floating point, and the geometry of the levels."""
 
 from fractions import Fraction
 from math import floor

@@ -1,4 +1,4 @@
-"""Window scores against the printed equations in floating point; best matches against exhaustive fractions."""
+"""Window scores equal the printed equations in floating point; best matches equal an exhaustive search in fractions."""
 
 from fractions import Fraction
 
@@ -14,7 +14,7 @@ SIZES_PX = [1, 2, 3, 10, 22, 25, 30, 38]
 
 
 def window_pairs(size_px: int, count: int = 40) -> tuple[np.ndarray, np.ndarray]:
-    """Related and unrelated windows, and the extremes."""
+    """Similar and unrelated windows, and the extremes."""
     rng = np.random.default_rng(size_px)
     left = rng.integers(0, 256, (count, size_px**2), dtype=np.uint8)
     right = np.clip(left + rng.normal(0, rng.uniform(0, 60, (count, 1)), left.shape), 0, 255).astype(np.uint8)
@@ -88,7 +88,7 @@ def test_best_matches_equal_exhaustive_search(measure, pixels, counts, levels, s
 
 
 def test_ncc_decides_between_values_that_a_float_cannot_tell_apart():
-    """Two quotients equal as float64 (found by search), ordered as integers: the second is larger."""
+    """Two quotients that are equal as float64 (found by search), although the second is larger."""
     pixels = 38 * 38
     left = np.full((1, pixels), 255, dtype=np.uint8)
     candidates = np.full((2, pixels), 120, dtype=np.uint8)

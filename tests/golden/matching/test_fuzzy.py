@@ -1,4 +1,4 @@
-"""The fixed-point Sugeno systems against `simpful` built anew, in real numbers, from the published corners."""
+"""The fixed-point Sugeno systems equal `simpful` systems in real numbers, built from the published corners."""
 
 import itertools
 import math
@@ -23,7 +23,10 @@ def rising(start, end, domain):
 
 
 def reference(variables, outputs, rules, operators=None):
-    """A `simpful` system; ``variables`` maps input to set to points or a function, ``rules`` are (sets, output)."""
+    """A `simpful` system.
+
+    ``variables`` maps each input to its sets, and each set to points or a function; ``rules`` are (sets, output).
+    """
     system = simpful.FuzzySystem(operators=operators, show_banner=False, verbose=False)
     for name, sets in variables.items():
         fuzzy_sets = [
@@ -54,12 +57,14 @@ def infer(system, names, grid):
 
 
 def assert_close(system, grid, weight, strengths, outputs):
-    """Within the propagated rounding of degrees, singletons and weight; loudest rule as loud as the reference's.
+    """The weight is within the propagated rounding of degrees, singletons and weight.
+
+    The dominant rule is as strong as the strongest rule of the reference, up to that rounding.
 
     A product system is multilinear with slopes of at most 1 in each degree. A minimum system divides by the sum of
     strengths, so each strength's error enters with (output - weight) / sum.
     """
-    got, loudest = system.evaluate(*grid.T)
+    got, dominant = system.evaluate(*grid.T)
     error = np.abs(np.where(got == 255, 1.0, got / 256) - weight)
     if system.conjunction == "product":
         tolerance = np.full(len(grid), (len(system.inputs) + 2) * HALF_STEP)
@@ -71,7 +76,7 @@ def assert_close(system, grid, weight, strengths, outputs):
     # 255 may stand for anything from 254.5 / 256 on.
     tolerance = np.where(got == 255, tolerance + 2 * HALF_STEP, tolerance)
     assert (error <= tolerance).all(), grid[np.argmax(error - tolerance)]
-    chosen = strengths[np.arange(len(grid)), loudest]
+    chosen = strengths[np.arange(len(grid)), dominant]
     assert (chosen >= strengths.max(axis=1) - 2 * len(system.inputs) * HALF_STEP).all()
 
 
@@ -121,7 +126,7 @@ def test_aerial_orientation_equals_simpful():
 
 @pytest.mark.parametrize("bits", [8, 32])
 def test_ilbp_equals_simpful(bits):
-    """The sigmoid falls through .95 at 6 gray levels a pixel and .05 at 13 (window of 9 pixels)."""
+    """The sigmoid falls to 0.95 at 6 gray levels per pixel and to 0.05 at 13 (window of 9 pixels)."""
     slope = 2 * math.log(19) / (9 * (13 - 6))
     belongs = {"yes": simpful.InvSigmoid_MF(c=9 * 9.5, a=slope), "no": simpful.Sigmoid_MF(c=9 * 9.5, a=slope)}
     variables = {
@@ -144,7 +149,7 @@ def test_ilbp_equals_simpful(bits):
 
 
 def test_ilbp_says_no_match_where_no_rule_fires():
-    """High distance but both belong: none of the four rules covers it."""
+    """None of the four rules covers a large distance with two windows that agree."""
     system = fuzzy.ilbp(32)
     assert not system.strengths(np.array([20]), np.array([0]), np.array([0])).any()
     weight, rule = system.evaluate(np.array([20]), np.array([0]), np.array([0]))
@@ -152,7 +157,7 @@ def test_ilbp_says_no_match_where_no_rule_fires():
 
 
 def test_correlation_equals_simpful():
-    """Tables III-1 and III-2, in units of gray levels a pixel; the engine sees 1/16, 1/4 and 1/256 of them."""
+    """Tables III-1 and III-2, in gray levels per pixel; the engine's units are 1/16, 1/4 and 1/256 of them."""
     variables = {
         "s": {
             "good": falling(4, 6, 99),
@@ -188,7 +193,7 @@ def test_correlation_equals_simpful():
 
 
 def test_aerial_constants_are_the_nearest_integers():
-    """Finer than the tolerance above: the very numbers hardware is built with."""
+    """Finer than the tolerance above, since the hardware is built with exactly these numbers."""
     system = fuzzy.aerial(128)
     assert [rule.singleton for rule in system.rules] == [256, 38, 154, 13, 154, 5, 51, 0]
     assert system.inputs[2].sets["common"].tolist() == [256, 256, 154, 51, 0]
@@ -196,7 +201,7 @@ def test_aerial_constants_are_the_nearest_integers():
 
 
 def test_third_input_folds_into_constants():
-    """Hardware may replace the turn by four constants a (distance, margin) corner: exactly the same weight."""
+    """Hardware may replace the relative orientation by four constants, one for each corner of distance and margin."""
     system = fuzzy.aerial(128)
     distance, margin, turn = grid_of(range(129), range(0, 129, 3), range(9)).T
     low, big, common = (

@@ -1,4 +1,4 @@
-"""Distances and mutual matches against loops and OpenCV's cross-checked brute-force matcher."""
+"""Distances and mutual matches equal naive loops and OpenCV's brute-force matcher with cross-check."""
 
 import cv2
 import numpy as np

@@ -1,4 +1,4 @@
-"""The matcher against the whole rule written as loops over real numbers."""
+"""The matcher equals its definition, written as loops over real numbers."""
 
 import cv2
 import numpy as np
@@ -10,7 +10,7 @@ from golden_model.matching import fuzzy, matcher
 from golden_model.records import MATCH, Tag, feature_record
 
 TOLERANCE = 7 / 512
-"""Rounding of three degrees, a singleton and the weight to 8 fraction bits, and 1 stored as 255/256."""
+"""Tolerance: rounding of three degrees, a singleton and the weight to 8 fraction bits, and 1 stored as 255/256."""
 
 
 def random_features(rng: np.random.Generator, count: int, pattern: DescriptorPattern) -> np.ndarray:
@@ -26,7 +26,7 @@ def random_features(rng: np.random.Generator, count: int, pattern: DescriptorPat
 
 
 def seen_again(rng: np.random.Generator, left: np.ndarray, pattern: DescriptorPattern, turn: int) -> np.ndarray:
-    """The features shuffled, turned and disturbed: each by its own amount, so that every rule speaks."""
+    """The features, shuffled and rotated, each with its own amount of noise, so that every rule fires."""
     right = left[rng.permutation(len(left))]
     noise = rng.uniform(0, 0.5, (len(left), 1))
     right["descriptor"] ^= np.packbits(rng.random((len(left), pattern.bits)) < noise, axis=1)
@@ -178,7 +178,7 @@ def test_rules_are_named_by_the_index_a_match_carries():
 
 
 def test_first_maximum_of_the_histogram_wins():
-    """Two turns with equal support: the smaller."""
+    """Of two relative orientations with equal support, the smaller one wins."""
     turn = np.array([12, 4, 12, 4], dtype=np.uint8)
     assert (
         matcher.common_orientation(turn, np.zeros(4, dtype=np.uint16), np.full(4, 30, dtype=np.uint16), bits=128) == 4
@@ -186,14 +186,14 @@ def test_first_maximum_of_the_histogram_wins():
 
 
 def test_histogram_counts_squared_weights():
-    """Three matches of weight .5 against one of weight 1: 3 * .25 < 1."""
+    """Three matches of weight 0.5 lose against one of weight 1: 3 * 0.25 < 1."""
     turn = np.array([3, 3, 3, 9], dtype=np.uint8)
     distance = np.array([60, 60, 60, 0], dtype=np.uint16)
     assert matcher.common_orientation(turn, distance, np.full(4, 30, dtype=np.uint16), bits=128) == 9
 
 
 def test_histogram_wraps_around_the_circle():
-    """15 and 1 support 0 between them: 3 + 3 beats 4 of either alone."""
+    """Sectors 15 and 1 both support sector 0, which lies between them: 3 + 3 beats 4."""
     turn = np.array([15, 1], dtype=np.uint8)
     assert (
         matcher.common_orientation(turn, np.zeros(2, dtype=np.uint16), np.full(2, 30, dtype=np.uint16), bits=128) == 0

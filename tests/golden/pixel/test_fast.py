@@ -1,4 +1,4 @@
-"""FAST against cv2.FastFeatureDetector TYPE_9_16, exactly: the corner set at every threshold, and the scores."""
+"""FAST equals cv2.FastFeatureDetector TYPE_9_16 exactly: the corners at every threshold, and the scores."""
 
 import cv2
 import numpy as np
@@ -11,7 +11,7 @@ from golden_model.pixel.nms import suppress
 
 
 def opencv_corners(gray, threshold, *, suppressed):
-    """Plane of cv2's corners: their score where suppressed, else 1."""
+    """Plane of cv2's corners: their scores with suppression, 1 without."""
     kind = cv2.FAST_FEATURE_DETECTOR_TYPE_9_16
     plane = np.zeros(gray.shape, np.int64)
     for corner in cv2.FastFeatureDetector_create(threshold, suppressed, kind).detect(gray):

@@ -1,4 +1,4 @@
-"""Gray and half level against their written definitions."""
+"""Gray and the half level equal their definitions."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Harris against an exact integer definition, cv2.cornerHarris, and the proof of its bounds."""
+"""Harris equals its definition in exact integers, follows cv2.cornerHarris, and stays within its proven bounds."""
 
 import cv2
 import numpy as np
@@ -58,7 +58,7 @@ def test_response_follows_corner_harris(texture):
 
 
 def largest_gradient(smoothed):
-    """Largest gradient of any image: for each direction the image that is white where the kernel is positive."""
+    """Largest gradient of any image, from the image that is white where the kernel is positive."""
     kernel, rounding = SOBEL.astype(float), 0.0
     if smoothed:
         kernel = np.outer(np.convolve([1, 2, 1], [1, 2, 1]), np.convolve([-1, 0, 1], [1, 2, 1])) / 16

@@ -1,4 +1,4 @@
-"""Suppression against a loop over pixels."""
+"""Suppression equals a loop over pixels."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Binomial smoothing and Sobel against integer correlation (SciPy) and cv2.Sobel; both exact inside the margin."""
+"""Binomial smoothing equals integer correlation (SciPy) and Sobel equals cv2.Sobel, exactly inside the margin."""
 
 import cv2
 import numpy as np

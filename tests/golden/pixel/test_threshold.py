@@ -1,4 +1,4 @@
-"""The adaptive threshold: its steps, its limits, and that it settles."""
+"""The adaptive threshold has the defined steps and limits, and settles near its target."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Cell selection against a streaming insertion, and the order of emission against the nested loops it stands for."""
+"""Cell selection equals a streaming insertion; the order of emission equals the nested loops that define it."""
 
 import itertools
 
@@ -15,7 +15,7 @@ sparse_codes = st.tuples(st.integers(1, 40), st.integers(1, 40)).flatmap(
 
 
 def naive_best(candidates, cell_px, per_cell):
-    """Insert in raster order into a sorted list of each cell; equal responses never overtake."""
+    """Insert in raster order into the sorted list of each cell; of equal responses the earlier one stays ahead."""
     cells = {}
     for y, x in itertools.product(*map(range, candidates.shape)):
         code = int(candidates[y, x])
