@@ -1,4 +1,4 @@
-"""Simulation by Amaranth's own simulator: a few thousand cycles a second, enough for tiny frames."""
+"""Simulation by Amaranth's own simulator: a few thousand cycles per second, enough for tiny frames."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Registers: what each kind of field does, accesses that are refused, and the interrupt."""
+"""Registers: the behaviour of each kind of field, refused accesses, and the interrupt."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from sim.cocotb.runner import CONFIG, LANES, MAX_SIZE_PX
 
 KNOWN_ADDRESSES = {register.offset for register in REGISTERS}
 UNKNOWN_ADDRESSES = sorted({*range(0, max(KNOWN_ADDRESSES) + 8, 4), 0x200, 0xFFC} - KNOWN_ADDRESSES)
-"""Between and behind the registers."""
+"""Addresses between and after the registers."""
 SMALL_PX = (64, 64)
 READ_ONLY = (Access.CONSTANT, Access.STATUS)
 EVENTS = ("frame_done", "matches_done", "frame_bad")
 
 
 def _settings(register: Register) -> int:
-    """The bits that can be written and read back."""
+    """The bits of a register that can be written and read back."""
     return sum(field.mask for field in register.fields if field.access == Access.SETTING)
 
 
@@ -66,7 +66,7 @@ async def settings_are_kept_byte_by_byte(dut: Any) -> None:
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def what_cannot_be_written_or_does_not_exist_is_refused(dut: Any) -> None:
-    """SLVERR, and nothing changes."""
+    """Accesses to other addresses are answered with SLVERR and change nothing."""
     bench = Bench(dut)
     await bench.start()
     before = {register.offset: await bench.read_word(register.offset) for register in REGISTERS}
@@ -81,7 +81,7 @@ async def what_cannot_be_written_or_does_not_exist_is_refused(dut: Any) -> None:
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def the_interrupt_is_high_while_a_masked_event_is_set(dut: Any) -> None:
-    """Events are set without their mask, too; each is cleared by writing 1 to it alone."""
+    """Events are set even if they are masked; writing 1 to an event clears it and no other."""
     bench = Bench(dut)
     await bench.start()
     image = scene(SMALL_PX, gray=True)[0]
@@ -106,7 +106,7 @@ async def the_interrupt_is_high_while_a_masked_event_is_set(dut: Any) -> None:
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def the_interrupt_tells_the_end_of_a_packet(dut: Any) -> None:
-    """It rises when the frame's last word has been taken, not before."""
+    """The interrupt rises when the last word of the frame has been taken, not before."""
     bench = Bench(dut)
     await bench.start()
     image = scene(SMALL_PX, gray=True)[0]

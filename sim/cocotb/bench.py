@@ -1,4 +1,4 @@
-"""What the benches share: the AXI agents around the accelerator, frames in, results out."""
+"""The part that all benches share: AXI agents around the accelerator, frames in, results out."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class Bench:
         await ClockCycles(self.dut.aclk, RESET_CYCLES)
 
     def pause_at_random(self, seed: int) -> None:
-        """Gaps and stalls on every channel; and a word that waits at an output must stay as it is."""
+        """Pause every channel at random, and check that a word that waits at an output does not change."""
         write, read = self.registers.write_if, self.registers.read_if
         control = (write.aw_channel, write.w_channel, write.b_channel, read.ar_channel, read.r_channel)
         for number, channel in enumerate((self.video, *self.sinks.values(), *control)):
@@ -93,7 +93,7 @@ class Bench:
             waiting = None if ready.value else offered
 
     async def write_word(self, address: int, data: bytes) -> AxiResp:
-        """Write the bytes from ``address`` on; others of the word are not strobed."""
+        """Write ``data`` from ``address`` on; the strobes of the word's other bytes are 0."""
         return (await self.registers.write(address, data)).resp
 
     async def read_word(self, address: int) -> tuple[AxiResp, int]:
@@ -102,7 +102,7 @@ class Bench:
         return answer.resp, int.from_bytes(answer.data, "little")
 
     async def write(self, **values: int) -> None:
-        """Write fields; other fields of their registers are as after a reset."""
+        """Write fields; the other fields of their registers get their reset values."""
         for address, word in register_writes(values):
             assert await self.write_word(address, word.to_bytes(REGISTER_BYTES, "little")) == AxiResp.OKAY
 
@@ -115,7 +115,7 @@ class Bench:
         return value
 
     async def configure(self, image: Pixels, *, reference: Reference = "held", **values: int) -> None:
-        """Settings for frames like ``image``; both outputs are on."""
+        """Write the settings for frames like ``image``, with both outputs enabled."""
         height_px, width_px = image.shape[:2]
         settings = {
             **matched_frame_settings(CONFIG, width_px, height_px, gray_input=image.ndim == 2),
@@ -125,33 +125,33 @@ class Bench:
         await self.write(**settings | values)
 
     async def packet(self, name: str) -> NDArray[np.uint64]:
-        """The next packet of an output."""
+        """Receive the next packet of an output."""
         packet = await self.sinks[name].recv(compact=False)
         assert all(packet.tkeep)
         return np.frombuffer(bytes(packet.tdata), np.uint64)
 
     async def results(self, frames: int) -> list[FrameResult]:
-        """The next frames at both outputs."""
+        """Receive the next frames at both outputs."""
         packets = [(await self.packet(FEATURES), await self.packet(MATCHES)) for _ in range(frames)]
         return [frame_result(*both, CONFIG, cycles=None) for both in packets]
 
 
 def _pauses(seed: int) -> Iterator[bool]:
-    """Runs of pauses and of none, of up to 8 clocks each."""
+    """Random runs of pauses and of activity, up to 8 clocks each."""
     rng = random.Random(seed)
     while True:
         yield from [rng.random() < 0.4] * rng.randint(1, 8)
 
 
 def lines(image: Pixels) -> list[AxiStreamFrame]:
-    """A frame as AXI4-Stream video: a packet a line, TUSER with the first pixel."""
+    """A frame as AXI4-Stream video: one packet for each line, TUSER with the first pixel."""
     data, _ = flat_frame(image)
     rows = [row.tolist() for row in data.reshape(image.shape[:2])]
     return [AxiStreamFrame(row, tuser=[int(y == 0 and x == 0) for x in range(len(row))]) for y, row in enumerate(rows)]
 
 
 def transfer(images: Sequence[Pixels]) -> AxiStreamFrame:
-    """Frames as a DMA sends them: four gray pixels a beat, each frame filled up to whole beats; or RGBX."""
+    """Frames as a DMA sends them: four gray pixels in each beat, with each frame padded to whole beats; or RGBX."""
     beats: list[int] = []
     for image in images:
         if image.ndim == 2:
@@ -179,6 +179,6 @@ def golden(images: Mapping[int, Pixels], reference: Reference) -> list[FrameResu
 
 
 def assert_golden(results: Sequence[FrameResult], images: Mapping[int, Pixels], reference: Reference = "held") -> None:
-    """Of all frames since reset, the good ones, which show ``images``, equal the golden model's."""
+    """Check that the good frames equal the golden model; ``images`` has the good ones by number since reset."""
     mismatch = first_mismatch(golden(images, reference), [results[number] for number in images])
     assert mismatch is None, str(mismatch)

@@ -1,4 +1,4 @@
-"""Malformed frames: told with their cause, without matches; and the frames around them are as if nothing had been."""
+"""Malformed frames are reported with their cause and without matches, and do not change the frames around them."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ async def _assert_only_second_bad(
 
 @cocotb.test(timeout_time=3, timeout_unit="ms")
 async def malformed_video(dut: Any) -> None:
-    """Each fault between two good frames, without a pause."""
+    """Each fault occurs between two good frames, without a pause."""
     bench = Bench(dut)
     await bench.start()
     left, right = scene(SIZE_PX, gray=True)
@@ -98,7 +98,7 @@ async def malformed_video(dut: Any) -> None:
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def a_transfer_that_ends_early(dut: Any) -> None:
-    """In memory mode, the next transfer starts a frame."""
+    """In memory mode, the next transfer starts a new frame."""
     bench = Bench(dut)
     await bench.start()
     left, right = scene(SIZE_PX, gray=True)
@@ -111,7 +111,7 @@ async def a_transfer_that_ends_early(dut: Any) -> None:
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def more_features_than_fit(dut: Any) -> None:
-    """Noise, with more features a cell than was planned for."""
+    """Noise fills every cell, and the setting allows more features per cell than fit in total."""
     bench = Bench(dut)
     await bench.start()
     left, right = scene(MAX_SIZE_PX, gray=True)
@@ -126,7 +126,7 @@ async def more_features_than_fit(dut: Any) -> None:
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def clear_in_mid_frame(dut: Any) -> None:
-    """What had come is forgotten, the reference too; settings stay. The DMAs are reset with it."""
+    """Clearing drops the frame in progress and the reference but keeps the settings; the DMAs are reset with it."""
     bench = Bench(dut)
     await bench.start()
     left, right = scene(SIZE_PX, gray=True)

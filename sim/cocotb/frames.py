@@ -23,7 +23,7 @@ QUIET_CYCLES = 500
 async def _run(
     dut: Any, images: list[Pixels], *, memory_mode: bool, reference: Reference = "held", seed: int | None = None
 ) -> None:
-    """All frames without a pause between them, or with random ones everywhere; nothing comes out but their packets."""
+    """Stream all frames without pauses, or with random ones on every channel; only their packets may come out."""
     bench = Bench(dut)
     await bench.start()
     if seed is not None:
@@ -48,32 +48,32 @@ async def _run(
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def colour_video_back_to_back(dut: Any) -> None:
-    """TUSER and TLAST; each frame is matched with the one before it."""
+    """Video mode, with TUSER and TLAST; each frame is matched with the one before it."""
     left, right = scene(MAX_SIZE_PX, gray=False)
     await _run(dut, [left, right, left], memory_mode=False, reference="previous")
 
 
 @cocotb.test(timeout_time=2, timeout_unit="ms")
 async def gray_video_with_random_stalls(dut: Any) -> None:
-    """Every channel pauses, the registers' too."""
+    """Every channel pauses at random, those of the registers too."""
     await _run(dut, scene(MAX_SIZE_PX, gray=True), memory_mode=False, seed=100)
 
 
 @cocotb.test(timeout_time=2, timeout_unit="ms")
 async def gray_memory_of_an_odd_size_with_random_stalls(dut: Any) -> None:
-    """Two frames in one transfer; what is left of the last beat of each is dropped."""
+    """Two frames in one transfer; the padding in the last beat of each is dropped."""
     await _run(dut, scene(ODD_SIZE_PX, gray=True), memory_mode=True, seed=200)
 
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def colour_memory(dut: Any) -> None:
-    """RGBX; nobody looks at X."""
+    """RGBX pixels; the X byte is ignored."""
     await _run(dut, scene(MAX_SIZE_PX, gray=False), memory_mode=True)
 
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def an_output_that_is_off_discards(dut: Any) -> None:
-    """Nobody serves it, and the other one goes on; outputs change between frames."""
+    """A disabled output does not block the other one; outputs can be enabled and disabled between frames."""
     bench = Bench(dut)
     await bench.start()
     left, right = scene(MAX_SIZE_PX, gray=True)

