@@ -33,7 +33,7 @@ class _StreamState:
 
 
 class BlockBench:
-    """Runs testbenches around one block; the testbenches talk to its streams through the methods here.
+    """Runs testbenches around one block; they send and receive its streams with the methods here.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ class BlockBench:
         raise CycleLimitError(f"not done within {self._cycle_limit} cycles")
 
     async def stream_put(self, ctx: Any, port: Any, payload: Any) -> None:
-        """Offer ``payload`` until it is taken, after a gap if there is one; between payloads the port has random bits.
+        """Offer ``payload`` until it is taken, perhaps after a gap, in which the payload's bits are random.
 
         Parameters
         ----------
