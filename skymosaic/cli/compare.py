@@ -1,4 +1,4 @@
-"""The command that holds the hardware against the golden model."""
+"""The command that compares the hardware with the golden model."""
 
 from __future__ import annotations
 

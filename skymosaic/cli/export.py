@@ -30,5 +30,5 @@ def export(
         except ValueError as error:
             raise InputError(str(error)) from None
         except OSError as error:
-            raise InputError(f"{output}: cannot be written ({error.strerror}); choose another place") from None
+            raise InputError(f"{output}: cannot be written ({error.strerror}); choose another folder") from None
     console.print(f"wrote {output}; its README.md tells the next steps")

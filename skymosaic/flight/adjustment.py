@@ -1,11 +1,11 @@
 """Global refinement of a flight: one transformation a view, fitted to the ties of all links at once.
 
 Views and the ground are related by homographies (projective transformations, eight parameters). Each is refined
-by small motions of the view's own pixels: moving, turning, scaling (these four make a similarity), stretching two
-ways (with them, affine) and tilting two ways. Coordinates are normalised: centred, in half diagonals of the view.
+by small motions of the view's own pixels: two translations, rotation, scale (these four make a similarity), two
+stretches (with them, affine) and two tilts. Coordinates are normalised: centred, in half diagonals of the view.
 
-What the ties leave open, above all a bending of the whole mosaic, a prior decides: over flat ground a camera that
-looks down sees a similarity, but for a little tilt and the stretch that goes with it. The stretch and tilt of all
+The ties alone leave some motions open, above all a bending of the whole mosaic. A prior decides these: over flat
+ground a camera that looks down sees a similarity, except for a little tilt and the stretch that follows from it. The stretch and tilt of all
 views thereby define the ground plane.
 """
 
@@ -60,7 +60,7 @@ class Network:
     units_px : sequence of float
         Half diagonal of each view, in working px.
     reference : int
-        The view whose place, turn and scale stay as they are.
+        The view whose position, rotation and scale stay fixed.
     """
 
     def __init__(self, ties: Sequence[Ties], units_px: Sequence[float], reference: int) -> None:

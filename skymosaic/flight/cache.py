@@ -1,4 +1,4 @@
-"""Results kept on disk under a key of all they were computed from: a run that was ended goes on where it was."""
+"""Results on disk under a key of all their inputs, so that an interrupted run continues where it stopped."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Photographs that are blurred or badly exposed, told from those that show the same ground."""
+"""Finds blurred photographs by comparison with others of the same ground, and badly exposed ones."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ CLIPPED = 0.2
 def sharpness_ratios(views: Sequence[View], links: Sequence[Link]) -> Array:
     """Sharpness of each view against the median of those it is linked with, or of all where it has no link, (V,).
 
-    What is shown matters more for sharpness than the lens: only views of the same ground compare.
+    Sharpness depends more on the ground than on the lens, so only views of the same ground are compared.
     """
     neighbours: list[list[float]] = [[] for _ in views]
     for link in links:
