@@ -5,8 +5,8 @@ by small motions of the view's own pixels: two translations, rotation, scale (th
 stretches (with them, affine) and two tilts. Coordinates are normalised: centred, in half diagonals of the view.
 
 The ties alone leave some motions open, above all a bending of the whole mosaic. A prior decides these: over flat
-ground a camera that looks down sees a similarity, except for a little tilt and the stretch that follows from it. The stretch and tilt of all
-views thereby define the ground plane.
+ground a camera that looks down sees a similarity, except for a little tilt and the stretch that follows from it.
+The stretch and tilt of all views thereby define the ground plane.
 """
 
 from __future__ import annotations
