@@ -16,25 +16,19 @@ settings.load_profile("reproducible")
 os.environ[QUICK_COMPILE] = "1"
 
 ROOT = Path(__file__).parents[1]
-GROUPS = {
-    "tests/hdl/test_front_end.py": "front end",
-    "tests/system/test_accelerator.py": "accelerator",
-    "tests/system/test_sequence_rtl.py": "accelerator",
-    "tests/system/test_board.py": "accelerator",
-    "tests/system/test_cocotb.py": "cocotb",
-    "tests/formal/test_banks.py": "proof of banks",
-}
-"""Files whose tests run in one process, since they share a build, or a proof that takes long; the longest first."""
+LONG_FILES = (
+    "tests/hdl/test_front_end.py",
+    "tests/system/test_accelerator.py",
+    "tests/system/test_cocotb.py",
+    "tests/formal/test_banks.py",
+    "tests/system/test_sequence_rtl.py",
+    "tests/system/test_board.py",
+)
+"""Files that compile a simulator or prove for long. They run first, so that no process is left with one at the end; the
+first two need different builds, and the last two that of the accelerator's test."""
 
 
-@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Run long files first, so that no process is left with one at the end, and each file in one process."""
-    order = list(GROUPS)
-
-    def file(item: pytest.Item) -> str:
-        return item.path.relative_to(ROOT).as_posix()
-
-    for item in items:
-        item.add_marker(pytest.mark.xdist_group(GROUPS.get(file(item), file(item))))
-    items.sort(key=lambda item: order.index(file(item)) if file(item) in GROUPS else len(order))
+    """Put `LONG_FILES` first; `make test` gives whole files to its processes in this order."""
+    ranks = {ROOT / file: rank for rank, file in enumerate(LONG_FILES)}
+    items.sort(key=lambda item: ranks.get(item.path, len(ranks)))
