@@ -1,9 +1,22 @@
-"""The two errors that a request can end with; each has a one-line message for the user."""
+"""The errors that a request can end with; each has a one-line message for the user."""
+
+from golden_model.text import one_line
 
 
-class InputError(Exception):
+class _OneLineError(Exception):
+    """An error whose message is one printable line, whatever the names of files in it contain."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(one_line(message))
+
+
+class InputError(_OneLineError):
     """An input is unusable; the message names it and says what is wrong and what to do (exit status 2)."""
 
 
-class RegistrationError(Exception):
+class DamagedError(InputError):
+    """A photograph whose file is damaged in a part of its picture; it can be decoded all the same."""
+
+
+class RegistrationError(_OneLineError):
     """The images are valid but no mosaic can be made of them; the message says why, with counts (exit status 3)."""

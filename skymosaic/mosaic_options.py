@@ -12,6 +12,7 @@ from skymosaic.compositing.warp import CANVAS_LIMIT_PX
 from skymosaic.errors import InputError
 from skymosaic.flight.composition import MEMORY_BYTES
 from skymosaic.flight.view import Settings
+from skymosaic.imagery.images import keeps_damaged
 from skymosaic.imagery.lens import Lens
 from skymosaic.registration import WORKING_WIDTH_PX, settled_method
 
@@ -68,6 +69,8 @@ class MosaicOptions:
         Wider photographs are reduced by area for features and layout.
     refine : bool
         A second, guided pass, for two photographs.
+    damaged : {"refuse", "keep"}
+        Refuse a damaged JPEG (a flight of more than two photographs leaves it out), or use what can be decoded of it.
     lens : Lens or None
         Distortion and mask that all photographs share, from `skymosaic.imagery.lens.load_lens`.
     all_groups : bool
@@ -94,6 +97,7 @@ class MosaicOptions:
     seed: int = 0
     working_width_px: int = WORKING_WIDTH_PX
     refine: bool = False
+    damaged: str = "refuse"
     lens: Lens | None = None
     all_groups: bool = False
     scheduler: str | None = None
@@ -115,6 +119,7 @@ class MosaicOptions:
             raise InputError(f"scale is {self.scale}; it must be more than 0 and at most 1")
         if self.blending is not None and self.blending not in METHODS:
             raise InputError(f"blending is {self.blending!r}; valid: {', '.join(METHODS)}")
+        keeps_damaged(self.damaged)
         for given, reason in self._without_effect(photographs):
             if given:
                 raise InputError(reason)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -22,6 +23,7 @@ from skymosaic.flight.workers import Progress, Workers, silent
 from skymosaic.imagery import images as pictures
 from skymosaic.imagery.key_frames import flight_sources
 from skymosaic.imagery.lens import Lens
+from skymosaic.imagery.own_outputs import remember
 from skymosaic.imagery.photographs import Source
 from skymosaic.mosaic_options import FLIGHT, PAIR, MosaicOptions
 from skymosaic.registration import Pair, register_photographs
@@ -139,6 +141,7 @@ def planned_sources(
 ) -> Iterator[MosaicPlan]:
     """`planned` for photographs that are already listed."""
     options.check(len(sources))
+    sources = [dataclasses.replace(source, keep_damaged=options.damaged == "keep") for source in sources]
     try:
         with Workers(options.scheduler, progress=progress) as workers:
             yield MosaicPlan(sources, options, workers)
@@ -240,10 +243,14 @@ class MosaicPlan:
         layouts = self.layouts if self.options.all_groups else self.layouts[:1]
         compositions = [self.composition(layout) for layout in layouts]
         paths = [output, *(output.with_stem(f"{output.stem}_{number}") for number in range(2, len(layouts) + 1))]
-        return [
+        deliveries = [
             deliver(path, self.flight, layout, composition, self.bands(composition), preview_width_px=preview_width_px)
             for path, layout, composition in zip(paths, layouts, compositions, strict=True)
         ]
+        photographs = [source.content for source in self.sources if isinstance(source.content, Path)]
+        for path in paths:
+            remember(path, photographs)
+        return deliveries
 
     def _registered(self) -> Flight:
         """Two photographs, registered as a pair."""

@@ -23,7 +23,7 @@ from skymosaic.features.positions import match_points
 from skymosaic.geometry.estimators import ESTIMATORS, FUZZY_RANSAC, estimate
 from skymosaic.geometry.homography import apply
 from skymosaic.geometry.prosac import INLIER_PX, MIN_INLIERS
-from skymosaic.imagery.images import Photograph, load, reduced
+from skymosaic.imagery.images import Photograph, keeps_damaged, load, reduced_for_front_end
 from skymosaic.imagery.lens import Lens
 from skymosaic.stopwatch import Stopwatch
 
@@ -123,6 +123,7 @@ def register(
     seed: int = 0,
     working_width_px: int = WORKING_WIDTH_PX,
     refine: bool = False,
+    damaged: str = "refuse",
     progress: Progress = silent,
 ) -> Pair:
     """Find the homography between two photographs.
@@ -146,6 +147,8 @@ def register(
         Wider photographs are reduced by area for registration; the result is in original pixels.
     refine : bool
         A second, guided pass: about twice the inliers and half the error.
+    damaged : {"refuse", "keep"}
+        Whether a damaged JPEG is an error, or used as far as it can be decoded.
     progress : callable
         Receives lines about the first build of a simulation.
 
@@ -160,7 +163,11 @@ def register(
         For a photograph that cannot be used, an unknown name or an impossible combination.
     """
     clock = Stopwatch()
-    photographs = load(left, "left image"), load(right, "right image")
+    keep = keeps_damaged(damaged)
+    photographs = (
+        load(left, "left image", keep_damaged=keep),
+        load(right, "right image", keep_damaged=keep),
+    )
     clock.lap("reading")
     return register_photographs(
         photographs,
@@ -198,7 +205,9 @@ def register_photographs(
     """
     clock = Stopwatch(seconds)
     method, config = settled_method(config, detector, descriptor, estimator, refine)
-    (left, to_left), (right, to_right) = (reduced(photo.pixels, working_width_px) for photo in photographs)
+    (left, to_left), (right, to_right) = (
+        reduced_for_front_end(photo.pixels, working_width_px, photo.name) for photo in photographs
+    )
     results, config = extract_within_capacity(backend_of(method, backend, progress), [left, right], config)
     features = results[0].features, results[1].features
     matches = results[1].matches

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import sys
 from typing import Any
@@ -11,7 +12,9 @@ from rich.console import Console
 from typer.core import TyperGroup
 from typer.main import get_command
 
+from golden_model.text import one_line
 from sim.backend import BackendError
+from skymosaic.cli.terminal import abandon_output, ended_by_signals, without_library_messages
 from skymosaic.errors import InputError, RegistrationError
 
 COMMANDS = {
@@ -63,12 +66,39 @@ for _name, (_, _summary) in COMMANDS.items():
 
 def main() -> None:
     """Run the command line; every expected failure is one line and an exit status."""
+    # The panel's log shows what its workers report.
+    quiet = contextlib.nullcontext() if sys.argv[1:2] == ["panel"] else without_library_messages()
+    with quiet, ended_by_signals():
+        status = _run()
+    sys.exit(status)
+
+
+def _run() -> int | str | None:
     try:
-        app()
-    except (InputError, BackendError, RegistrationError) as error:
-        console = Console(stderr=True)
-        console.print(f"error: {error}", style="red", markup=False, highlight=False, soft_wrap=True)
-        sys.exit(3 if isinstance(error, RegistrationError) else 2)
+        try:
+            app()
+        finally:
+            # Now rather than at Python's end, where a full disk would be a traceback.
+            sys.stdout.flush()
+    except SystemExit as end:
+        return end.code
+    except (InputError, BackendError) as error:
+        return _failed(str(error), 2)
+    except RegistrationError as error:
+        return _failed(str(error), 3)
+    except MemoryError:
+        return _failed("not enough memory; reduce the photographs, --memory or --scale", 2)
+    except OSError as error:
+        abandon_output()
+        where = f"{error.filename}: " if error.filename else ""
+        return _failed(f"{where}{error.strerror or error}; check the disk and its permissions", 2)
+    return 0
+
+
+def _failed(reason: str, status: int) -> int:
+    console = Console(stderr=True)
+    console.print(f"error: {one_line(reason)}", style="red", markup=False, highlight=False, soft_wrap=True)
+    return status
 
 
 def _check_opencv() -> None:

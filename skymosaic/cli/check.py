@@ -9,7 +9,9 @@ from typing import Annotated
 
 import typer
 from rich.table import Table
+from rich.text import Text
 
+from golden_model.text import one_line
 from sim.build_cache import cache_folder
 from skymosaic.cli.flight_options import CacheOption, CameraOption, MaskOption, PhotographsArgument, SchedulerOption
 from skymosaic.cli.options import (
@@ -77,7 +79,8 @@ def _print_check(flight: Flight, found: FlightCheck) -> None:
     table = Table("photograph", "links", "overlap", "sharpness", "clipped", "GPS", "problems", box=None)
     for photo in found.photographs:
         numbers = str(photo.links), f"{photo.overlap:.0%}", f"{photo.sharpness:.2f}", f"{photo.clipped:.0%}"
-        table.add_row(Path(photo.name).name, *numbers, "yes" if photo.gps else "no", ", ".join(photo.problems))
+        name = Text(one_line(Path(photo.name).name))
+        table.add_row(name, *numbers, "yes" if photo.gps else "no", ", ".join(photo.problems))
     console.print(table)
     for problem in (*flight.left_out.values(), *found.problems):
         tell(problem)

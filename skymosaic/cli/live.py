@@ -25,6 +25,8 @@ from skymosaic.errors import InputError, RegistrationError
 from skymosaic.imagery import images
 from skymosaic.imagery.images import Photograph
 from skymosaic.imagery.live_frames import live_frames
+from skymosaic.imagery.own_outputs import remember
+from skymosaic.imagery.photographs import is_folder
 from skymosaic.live.mosaic import LiveMosaic, LiveUpdate
 from skymosaic.mosaic_options import MosaicOptions
 from skymosaic.registration import WORKING_WIDTH_PX
@@ -37,6 +39,7 @@ NOT_LIVE = {
     "descriptor": "--descriptor",
     "estimator": "--estimator",
     "refine": "--refine",
+    "damaged": "--damaged",
     "lens": "--camera or --mask",
     "all_groups": "--all-groups",
     "scheduler": "--scheduler",
@@ -123,6 +126,9 @@ def _grow_and_write(source: str, output: Path, options: MosaicOptions, idle_seco
         raise RegistrationError(f"{source}: no frame could be used")
     with console.status("writing"):
         images.save(output, mosaic.image)
+    if is_folder(Path(source)):
+        for made in (output, preview):
+            remember(made, [Path(source) / made.name])
     height_px, width_px = mosaic.image.shape[:2]
     tell(f"mosaic {output} ({width_px}x{height_px}): {len(mosaic.transforms)} frames, {len(mosaic.left_out)} left out")
     for number, reason in mosaic.left_out.items():

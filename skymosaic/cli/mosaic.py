@@ -16,6 +16,7 @@ from skymosaic.cli.options import (
     AddressOption,
     BackendOption,
     ConfigOption,
+    DamagedOption,
     DescriptorOption,
     DetectorOption,
     EstimatorOption,
@@ -63,6 +64,7 @@ def mosaic(
     working_width_px: WorkingWidthOption = WORKING_WIDTH_PX,
     seed: SeedOption = 0,
     refine: RefineOption = False,
+    damaged: DamagedOption = "refuse",
     camera: CameraOption = None,
     mask: MaskOption = None,
     all_groups: Annotated[
@@ -95,6 +97,7 @@ def mosaic(
         seed=seed,
         working_width_px=working_width_px,
         refine=refine,
+        damaged=damaged,
         lens=load_lens(camera, mask) if camera or mask else None,
         all_groups=all_groups,
         scheduler=scheduler,

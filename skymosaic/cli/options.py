@@ -10,8 +10,10 @@ from typing import Annotated
 import typer
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from golden_model.config import Config, load_config, preset_config
+from golden_model.text import one_line
 from skymosaic.errors import InputError
 from skymosaic.features.descriptors import DESCRIPTORS
 from skymosaic.features.detectors import DETECTORS
@@ -44,10 +46,17 @@ WorkingWidthOption = Annotated[
 SeedOption = Annotated[int, typer.Option(min=0, help="Seed of the robust estimator.")]
 RefineOption = Annotated[bool, typer.Option("--refine", help="Second, guided pass: about half the error.")]
 
+DamagedOption = Annotated[
+    str,
+    typer.Option(
+        help="A damaged JPEG: refuse (a flight leaves it out), or keep what can be decoded.", metavar="refuse|keep"
+    ),
+]
+
 
 def tell(line: str) -> None:
     """Print a line without Rich's markup and colours, which would change names of files."""
-    console.print(line, markup=False, highlight=False, soft_wrap=True)
+    console.print(one_line(line), markup=False, highlight=False, soft_wrap=True)
 
 
 def plotting_module(name: str) -> ModuleType:
@@ -90,7 +99,7 @@ def print_pair(pair: Pair) -> None:
     table.add_row("seconds", ", ".join(f"{stage} {value:.3f}" for stage, value in summary["seconds"].items()))
     for photograph in (pair.left, pair.right):
         for note in photograph.notes:
-            table.add_row("note", f"{photograph.name}: {note}")
+            table.add_row("note", Text(one_line(f"{photograph.name}: {note}")))
     console.print(table)
 
 

@@ -12,6 +12,7 @@ from skymosaic.cli.options import (
     AddressOption,
     BackendOption,
     ConfigOption,
+    DamagedOption,
     DescriptorOption,
     DetectorOption,
     EstimatorOption,
@@ -44,6 +45,7 @@ def register(
     working_width_px: WorkingWidthOption = WORKING_WIDTH_PX,
     seed: SeedOption = 0,
     refine: RefineOption = False,
+    damaged: DamagedOption = "refuse",
 ) -> None:
     """Print the homography that maps LEFT pixels to RIGHT pixels, and how it was found."""
     with console.status("registering"):
@@ -58,6 +60,7 @@ def register(
             seed=seed,
             working_width_px=working_width_px,
             refine=refine,
+            damaged=damaged,
         )
     if as_json:
         typer.echo(json.dumps(pair.summary()))

@@ -15,10 +15,11 @@ from golden_model.arrays import Array, Pixels, Records
 from golden_model.config import Config
 from golden_model.pixel.gray import to_gray
 from sim.backend import load_backend
+from skymosaic.errors import InputError
 from skymosaic.features.positions import feature_points
 from skymosaic.flight.cache import Arrays, key_of
 from skymosaic.imagery.exif import Position, position
-from skymosaic.imagery.images import Photograph, reduced
+from skymosaic.imagery.images import Photograph, reduced, reduced_for_front_end
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
 from skymosaic.registration import WORKING_WIDTH_PX, extract_within_capacity, on_the_ground
@@ -117,7 +118,7 @@ class Settings:
     def key(self, source: Source) -> str:
         """Cache key of the view that `describe` makes of ``source``."""
         how = self.lens.key, self.config.front_end, self.backend, self.working_width_px
-        return key_of("view", source.digest, *how)
+        return key_of("view", source.digest, source.keep_damaged, *how)
 
     def second_look(self) -> Settings | None:
         """Twice the features and descriptor bits, by the golden model; None if the preset cannot have more."""
@@ -137,8 +138,12 @@ def describe(source: Source, settings: Settings) -> View:
         For a photograph that cannot be used.
     """
     photograph = source.photograph(settings.lens)
-    working, to_original = reduced(photograph.pixels, settings.working_width_px)
-    results, _ = extract_within_capacity(load_backend(settings.backend), [working], settings.config)
+    working, to_original = reduced_for_front_end(photograph.pixels, settings.working_width_px, source.name)
+    backend = load_backend(settings.backend)
+    try:
+        results, _ = extract_within_capacity(backend, [working], settings.config)
+    except ValueError as error:  # for instance, more cells than features
+        raise InputError(f"{source.name}: the front end cannot take it: {error}") from None
     features = results[0].features
     visible = settings.lens.visible((working.shape[1], working.shape[0]))
     features = features[on_the_ground(feature_points(features), visible)]

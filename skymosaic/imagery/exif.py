@@ -46,7 +46,8 @@ def position(path: Path) -> Position | None:
         latitude = _degrees(gps[_LATITUDE], gps.get(_LATITUDE_SIGN), negative="S")
         longitude = _degrees(gps[_LONGITUDE], gps.get(_LONGITUDE_SIGN), negative="W")
         altitude = float(gps.get(_ALTITUDE, 0.0)) * (-1 if gps.get(_ALTITUDE_SIGN) in (1, b"\x01") else 1)
-    except (OSError, KeyError, TypeError, ValueError, ZeroDivisionError):
+    # EXIF data of unknown origin: Pillow raises SyntaxError, struct.error and others beside the expected ones.
+    except Exception:
         return None
     # Cameras without GPS reception write zeros or values out of range.
     known = math.isfinite(latitude + longitude + altitude) and (latitude, longitude) != (0, 0)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import os
 import tempfile
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,24 +12,20 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image as PillowImage
-from PIL import UnidentifiedImageError
 
 from golden_model.arrays import Array, Pixels
+from golden_model.config import MAX_FRAME_PX
 from skymosaic.errors import InputError
 from skymosaic.geometry.homography import resize_matrix
+from skymosaic.imagery.decoding import SMALLEST_SIDE_PX, UPRIGHT, check_size, decode, read_header
 
-SMALLEST_SIDE_PX = 64
-LARGEST_AREA_PX = 89_000_000
-"""Just below the limit of Pillow, which reads the header first."""
 OUTPUT_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
-_ORIENTATION_TAG = 0x0112
-_UPRIGHT = 1
+DAMAGED = ("refuse", "keep")
+"""What may be done with a damaged photograph. A flight leaves out what is refused."""
 _TAIL_PERCENT = 0.1
 """Share of pixels at each end of the range that is saturated when an image is mapped to 8 bits."""
-
-# Pillow only warns about images beyond its limit; as an error, `_check_header` can turn it into our own message.
-warnings.filterwarnings("error", category=PillowImage.DecompressionBombWarning)
+_BAND_VALUES = 1 << 22
+"""Values that are mapped to 8 bits at a time."""
 
 
 @dataclass(frozen=True)
@@ -57,87 +52,39 @@ class Photograph:
         return self.pixels.shape[1], self.pixels.shape[0]
 
 
-def load(source: str | Path | Pixels, name: str = "image") -> Photograph:
+def load(source: str | Path | Pixels, name: str = "image", *, keep_damaged: bool = False) -> Photograph:
     """Read a file, or check an array of pixels.
+
+    Parameters
+    ----------
+    source : str, Path or ndarray
+    name : str
+        Of an array, for messages.
+    keep_damaged : bool
+        Accept a damaged JPEG with a note, as far as it can be decoded.
 
     Raises
     ------
     InputError
-        Missing, empty, truncated, not an image, of an unsupported depth, or of an unsupported size.
+        Missing, empty, truncated, damaged, not an image, of an unsupported depth, or of an unsupported size.
     """
     if isinstance(source, str | Path):
-        return _read(Path(source))
+        return _read(Path(source), keep_damaged=keep_damaged)
     if source.dtype != np.uint8 or source.ndim not in (2, 3) or (source.ndim == 3 and source.shape[2] != 3):
         raise InputError(
             f"{name}: an array of {source.dtype}, shape {source.shape}; give uint8 of shape (H, W) or (H, W, 3) BGR"
         )
-    _check_size(name, source.shape[1], source.shape[0])
+    check_size(name, source.shape[1], source.shape[0])
     return Photograph(name, source)
 
 
-def _read(path: Path) -> Photograph:
-    name = str(path)
-    orientation = _check_header(path)
-    encoded = np.fromfile(path, dtype=np.uint8)
-    if _is_truncated(encoded.tobytes()):
-        raise InputError(f"{name}: the file is truncated; copy it again from the camera")
-    with contextlib.suppress(cv2.error):
-        decoded = cv2.imdecode(encoded, cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH)
-        if decoded is not None:
-            pixels, mapping = to_8_bit(decoded, name)
-            turned = ("turned upright by its EXIF orientation",) if orientation != _UPRIGHT else ()
-            return Photograph(name, pixels, turned + mapping)
-    raise InputError(f"{name}: damaged or of an unsupported kind; convert it to PNG, JPEG or TIFF")
-
-
-def _check_header(path: Path) -> int:
-    """Check a file's size and kind before anything is decoded; returns the EXIF orientation."""
-    if not path.exists():
-        raise InputError(f"{path}: no such file; check the path")
-    if not path.is_file():
-        raise InputError(f"{path}: not a file; name an image")
-    try:
-        if path.stat().st_size == 0:
-            raise InputError(f"{path}: the file is empty; copy it again from the camera")
-        with PillowImage.open(path) as header:
-            _check_size(str(path), *header.size)
-            return int(header.getexif().get(_ORIENTATION_TAG, _UPRIGHT))
-    except UnidentifiedImageError:
-        raise InputError(f"{path}: not an image that can be read; give PNG, JPEG or TIFF") from None
-    except (PillowImage.DecompressionBombError, PillowImage.DecompressionBombWarning):
-        raise InputError(f"{path}: larger than {LARGEST_AREA_PX // 1_000_000} megapixels; reduce it first") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error}); check the file") from None
-
-
-def _check_size(name: str, width_px: int, height_px: int) -> None:
-    if min(width_px, height_px) < SMALLEST_SIDE_PX:
-        raise InputError(
-            f"{name}: {width_px}x{height_px} pixels is too small; at least {SMALLEST_SIDE_PX}x{SMALLEST_SIDE_PX} needed"
-        )
-    if width_px * height_px > LARGEST_AREA_PX:
-        raise InputError(
-            f"{name}: {width_px}x{height_px} is larger than {LARGEST_AREA_PX // 1_000_000} megapixels; reduce it first"
-        )
-
-
-def _is_truncated(data: bytes) -> bool:
-    """Whether a JPEG or PNG lacks its end; OpenCV would silently fill the missing part with gray."""
-    if data.startswith(b"\x89PNG"):
-        return b"IEND" not in data[-64:] and b"IEND" not in data
-    if data.startswith(b"\xff\xd8"):
-        return data.find(b"\xff\xd9", _jpeg_scan_start(data)) < 0
-    return False
-
-
-def _jpeg_scan_start(data: bytes) -> int:
-    """Offset of the first scan; the end marker of an embedded thumbnail lies before it and must not be counted."""
-    offset = 2
-    while offset + 4 <= len(data) and data[offset] == 0xFF:
-        if data[offset + 1] == 0xDA:
-            return offset
-        offset += 2 + int.from_bytes(data[offset + 2 : offset + 4], "big")
-    return len(data)
+def _read(path: Path, *, keep_damaged: bool) -> Photograph:
+    header = read_header(path)
+    decoded, damage = decode(path, header, keep_damaged=keep_damaged)
+    pixels, mapping = to_8_bit(decoded, str(path))
+    turned = ("turned upright by its EXIF orientation",) if header.orientation != UPRIGHT else ()
+    kept = (f"kept although {damage.removeprefix(f'{path}: ')}",) if damage else ()
+    return Photograph(str(path), pixels, turned + mapping + kept)
 
 
 def to_8_bit(decoded: NDArray[np.generic], name: str) -> tuple[Pixels, tuple[str, ...]]:
@@ -164,17 +111,49 @@ def to_8_bit(decoded: NDArray[np.generic], name: str) -> tuple[Pixels, tuple[str
         return decoded.astype(np.uint8, copy=False), ()
     if decoded.dtype not in (np.uint16, np.float32):
         raise InputError(f"{name}: pixels of {decoded.dtype} are not supported; convert to 8 or 16 bit")
-    finite = decoded[np.isfinite(decoded)] if decoded.dtype == np.float32 else decoded
+    low, high = _range(decoded, name)
+    scale = 255.0 / max(high - low, 1e-12)
+    pixels = np.empty(decoded.shape, np.uint8)
+    # A few rows at a time: each step makes a copy of four bytes a value, and whole photographs would need gigabytes.
+    for rows in _bands(decoded):
+        levels = (decoded[rows].astype(np.float32) - np.float32(low)) * np.float32(scale)
+        np.nan_to_num(levels, copy=False, posinf=255, neginf=0)
+        pixels[rows] = np.clip(np.rint(levels), 0, 255)
+    return pixels, (f"{decoded.dtype}: {low:g}..{high:g} mapped to 0..255",)
+
+
+def _range(decoded: NDArray[np.generic], name: str) -> tuple[float, float]:
+    """The values between which all but the tails lie, as ``np.percentile`` finds them."""
+    tails = np.array((_TAIL_PERCENT, 100 - _TAIL_PERCENT))
+    if decoded.dtype == np.uint16:
+        # From a histogram: sorting would need further copies of the photograph.
+        counts = np.zeros(1 << 16, np.int64)
+        for rows in _bands(decoded):
+            counts += np.bincount(decoded[rows].ravel(), minlength=1 << 16)
+        positions = tails / 100 * (decoded.size - 1)
+        lower = np.searchsorted(counts.cumsum(), np.floor(positions), side="right").astype(np.float64)
+        upper = np.searchsorted(counts.cumsum(), np.ceil(positions), side="right")
+        share = positions % 1
+        # NumPy interpolates from the nearer side.
+        low, high = np.where(share < 0.5, lower + (upper - lower) * share, upper - (upper - lower) * (1 - share))
+        return float(low), float(high)
+    finite = decoded[np.isfinite(decoded)]
     if finite.size == 0:
         raise InputError(f"{name}: no pixel has a finite value; export it again")
-    low, high = np.percentile(finite, (_TAIL_PERCENT, 100 - _TAIL_PERCENT))
-    scale = 255.0 / max(float(high - low), 1e-12)
-    levels = np.nan_to_num((decoded.astype(np.float32) - np.float32(low)) * np.float32(scale), posinf=255, neginf=0)
-    return np.clip(np.rint(levels), 0, 255).astype(np.uint8), (f"{decoded.dtype}: {low:g}..{high:g} mapped to 0..255",)
+    low, high = np.percentile(finite, tails, overwrite_input=True)
+    return float(low), float(high)
+
+
+def _bands(pixels: NDArray[np.generic]) -> list[slice]:
+    rows = max(_BAND_VALUES // max(pixels[0].size, 1), 1)
+    return [slice(top, top + rows) for top in range(0, len(pixels), rows)]
 
 
 def reduced(pixels: Pixels, width_px: int) -> tuple[Pixels, Array]:
     """Reduce an image by area averaging to at most ``width_px``; a narrower one stays as it is.
+
+    An image more than twice as high as ``width_px`` is reduced to that height instead, and always to the height that
+    the front end takes.
 
     Returns
     -------
@@ -183,11 +162,32 @@ def reduced(pixels: Pixels, width_px: int) -> tuple[Pixels, Array]:
         Maps reduced pixels to original ones, with pixel centres at integers.
     """
     height, width = pixels.shape[:2]
-    if width <= width_px:
+    height_px = min(2 * width_px, MAX_FRAME_PX)
+    if width <= width_px and height <= height_px:
         return pixels, np.eye(3)
     size = (width_px, max(round(height * width_px / width), 1))
+    if size[1] > height_px:
+        size = (max(round(width * height_px / height), 1), height_px)
     to_original = resize_matrix(width / size[0], height / size[1])
     return cv2.resize(pixels, size, interpolation=cv2.INTER_AREA).astype(np.uint8, copy=False), to_original
+
+
+def reduced_for_front_end(original: Pixels, width_px: int, name: str) -> tuple[Pixels, Array]:
+    """`reduced`, but checks that the front end takes the result; ``name`` is for the message.
+
+    Raises
+    ------
+    InputError
+        If a side becomes shorter than the front end takes.
+    """
+    pixels, to_original = reduced(original, width_px)
+    height, width = pixels.shape[:2]
+    if min(width, height) < SMALLEST_SIDE_PX:
+        raise InputError(
+            f"{name}: {original.shape[1]}x{original.shape[0]} is reduced to {width}x{height}; both sides need "
+            f"{SMALLEST_SIDE_PX} pixels: raise the working width, or crop the picture"
+        )
+    return pixels, to_original
 
 
 def check_output(path: Path, inputs: tuple[str, ...] = (), suffixes: tuple[str, ...] = OUTPUT_SUFFIXES) -> None:
@@ -225,6 +225,13 @@ def save(path: Path, pixels: Pixels) -> None:
             f"{path}: {pixels.shape[1]}x{pixels.shape[0]} cannot be stored as {path.suffix}; use .png or .tif"
         )
     save_bytes(path, encoded.tobytes())
+
+
+def keeps_damaged(choice: str) -> bool:
+    """Whether damaged photographs are kept, by the option of that name; raises InputError for another choice."""
+    if choice not in DAMAGED:
+        raise InputError(f"damaged is {choice!r}; valid: {', '.join(DAMAGED)}")
+    return choice == "keep"
 
 
 def save_bytes(path: Path, data: bytes) -> None:

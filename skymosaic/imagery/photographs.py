@@ -15,6 +15,7 @@ from golden_model.arrays import Pixels
 from skymosaic.errors import InputError
 from skymosaic.imagery.images import Photograph, load
 from skymosaic.imagery.lens import Lens
+from skymosaic.imagery.own_outputs import without_own_outputs
 
 PHOTOGRAPH_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp")
 
@@ -30,11 +31,14 @@ class Source:
     name : str
         The file as given, or ``"image N"``.
     content : Path or ndarray of uint8, shape (H, W) or (H, W, 3) BGR
+    keep_damaged : bool
+        Use what can be decoded of a damaged file.
     """
 
     index: int
     name: str
     content: Path | Pixels
+    keep_damaged: bool = False
 
     @cached_property
     def digest(self) -> str:
@@ -61,7 +65,7 @@ class Source:
         InputError
             As in `skymosaic.imagery.images.load`.
         """
-        decoded = load(self.content, self.name)
+        decoded = load(self.content, self.name, keep_damaged=self.keep_damaged)
         return Photograph(self.name, lens.straighten(decoded.pixels), decoded.notes)
 
 
@@ -78,17 +82,28 @@ def sources(images: Sequence[str | Path | Pixels]) -> list[Source]:
         if not isinstance(image, str | Path):
             found.append(image)
         else:
-            found += _pictures(Path(image)) if Path(image).is_dir() else [Path(image)]
+            found += _pictures(Path(image)) if is_folder(Path(image)) else [Path(image)]
     return [
         Source(index, str(content) if isinstance(content, Path) else f"image {index}", content)
         for index, content in enumerate(found)
     ]
 
 
+def is_folder(path: Path) -> bool:
+    """Whether a path names a folder; False for a name that the file system cannot have."""
+    try:
+        return path.is_dir()
+    except (OSError, ValueError):
+        return False
+
+
 def _pictures(folder: Path) -> list[Path]:
-    pictures = [path for path in folder.iterdir() if path.suffix.lower() in PHOTOGRAPH_SUFFIXES and path.is_file()]
+    try:
+        pictures = [path for path in folder.iterdir() if path.suffix.lower() in PHOTOGRAPH_SUFFIXES and path.is_file()]
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be read ({error.strerror}); check its permissions") from None
     # File systems and unfinished copies leave files whose names start with a dot.
-    pictures = [path for path in pictures if not path.name.startswith(".")]
+    pictures = without_own_outputs(folder, [path for path in pictures if not path.name.startswith(".")])
     if not pictures:
         raise InputError(f"{folder}: contains no pictures ({', '.join(PHOTOGRAPH_SUFFIXES)}); choose another folder")
     return sorted(pictures, key=lambda path: _natural(path.name))
@@ -110,7 +125,7 @@ class DecodedPhotographs:
 
     def __init__(self, limit_bytes: int) -> None:
         self._limit_bytes = limit_bytes
-        self._held: OrderedDict[tuple[str, str], Pixels] = OrderedDict()
+        self._held: OrderedDict[tuple[str, str, bool], Pixels] = OrderedDict()
         self._lock = Lock()
 
     @property
@@ -120,7 +135,7 @@ class DecodedPhotographs:
 
     def pixels(self, source: Source, lens: Lens) -> Pixels:
         """The straightened pixels of ``source``."""
-        key = source.digest, lens.key
+        key = source.digest, lens.key, source.keep_damaged
         with self._lock:
             if key in self._held:
                 self._held.move_to_end(key)
@@ -133,6 +148,6 @@ class DecodedPhotographs:
     def keep(self, source: Source, lens: Lens, pixels: Pixels) -> None:
         """Keep straightened pixels of ``source`` that are decoded already, and drop others beyond the limit."""
         with self._lock:
-            self._held[source.digest, lens.key] = pixels
+            self._held[source.digest, lens.key, source.keep_damaged] = pixels
             while self.held_bytes > self._limit_bytes:
                 self._held.popitem(last=False)

@@ -16,6 +16,7 @@ from av.error import FFmpegError
 
 from golden_model.arrays import Pixels
 from skymosaic.errors import InputError
+from skymosaic.imagery.decoding import LARGEST_AREA_PX, check_file
 from skymosaic.imagery.images import reduced, replacing
 
 VIDEO_SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".avi", ".ts", ".mts", ".m2ts", ".webm", ".wmv", ".mpg", ".mpeg")
@@ -32,6 +33,15 @@ FLOW_WIDTH_PX = 320
 """Frames are reduced to this width to compute their optical flow."""
 FLOW_CORNERS = 200
 FEWEST_CORNERS = 12
+
+
+FILE_OPTIONS = {
+    "protocol_whitelist": "file",
+    "format_whitelist": "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,mpeg,mpegvideo,asf",
+}
+"""FFmpeg recognises formats by content, among them play lists, which open other files and addresses."""
+STREAM_OPTIONS = {"protocol_whitelist": "rtsp,rtp,udp,tcp,tls,http,https,httpproxy,rtmp,rtmps,srt,crypto"}
+"""A stream must not name local files."""
 
 
 class VideoReader:
@@ -61,11 +71,12 @@ class VideoReader:
     def __init__(self, path: str | Path) -> None:
         self.name = str(path)
         self.notes: list[str] = []
-        if "://" not in self.name:
-            _check_file(Path(path))
+        is_stream = "://" in self.name
+        if not is_stream:
+            check_file(Path(path), "a video")
         try:
-            self._container = av.open(self.name)
-        except (FFmpegError, OSError):
+            self._container = av.open(self.name, options=STREAM_OPTIONS if is_stream else FILE_OPTIONS)
+        except (FFmpegError, OSError, ValueError):
             raise InputError(
                 f"{self.name}: not a readable video, or a recording cut off before its index was written; "
                 "give another file or repair it"
@@ -77,39 +88,47 @@ class VideoReader:
             raise InputError(f"{self.name}: a video without frames; give another file")
         self._stream = streams[0]
         self._stream.thread_type = "AUTO"
+        self._stream.codec_context.options = {"max_pixels": str(LARGEST_AREA_PX)}
         self.frame_rate = self._stream.average_rate or self._stream.guessed_rate or DEFAULT_RATE
 
     def __iter__(self) -> Iterator[Pixels]:
-        quarter_turns, frames = 0, 0
+        quarter_turns, frames, other_size = 0, 0, 0
+        first: tuple[int, ...] = ()
         with self._container:
-            for frame in self._decoded():
-                quarter_turns = round(frame.rotation / 90) % 4
+            for turns, stored in self._decoded():
+                pixels = np.ascontiguousarray(np.rot90(stored, turns), dtype=np.uint8)
+                first = first or pixels.shape
+                # Optical flow, tracking and the encoder need frames of one size.
+                if pixels.shape != first:
+                    other_size += 1
+                    continue
+                quarter_turns = turns
                 frames += 1
-                yield np.ascontiguousarray(np.rot90(frame.to_ndarray(format="bgr24"), quarter_turns), dtype=np.uint8)
+                yield pixels
         if not frames:
             raise InputError(f"{self.name}: no frame of the video can be decoded; give another file")
         if quarter_turns:
             self.notes.append("turned upright by its rotation tag")
-        if frames < self._stream.frames:
+        if other_size:
+            self.notes.append(f"the size changes; {other_size} frames that are not {first[1]}x{first[0]} are left out")
+        if frames + other_size < self._stream.frames:
             self.notes.append(f"{frames} of {self._stream.frames} frames can be decoded; the others are left out")
 
-    def _decoded(self) -> Iterator[av.VideoFrame]:
+    def _decoded(self) -> Iterator[tuple[int, Pixels]]:
+        """The quarter turns and the pixels of each frame, as they are stored."""
         packets = self._container.demux(self._stream)
         # The demuxer raises an error if the file ends in the middle of a packet.
         with contextlib.suppress(FFmpegError):
             for packet in packets:
                 if not packet.is_corrupt:
-                    with contextlib.suppress(FFmpegError):
-                        yield from packet.decode()
+                    yield from _frames_of(packet)
 
 
-def _check_file(path: Path) -> None:
-    if not path.exists():
-        raise InputError(f"{path}: no such file; check the path")
-    if not path.is_file():
-        raise InputError(f"{path}: not a file; name a video")
-    if path.stat().st_size == 0:
-        raise InputError(f"{path}: the file is empty; copy it again from the camera")
+def _frames_of(packet: av.Packet) -> list[tuple[int, Pixels]]:
+    # Besides FFmpeg's own errors, PyAV raises ValueError for a pixel format that it cannot convert.
+    with contextlib.suppress(FFmpegError, ValueError):
+        return [(round(frame.rotation / 90) % 4, frame.to_ndarray(format="bgr24")) for frame in packet.decode()]
+    return []
 
 
 @contextlib.contextmanager

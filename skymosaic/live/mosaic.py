@@ -20,7 +20,7 @@ from skymosaic.compositing.warp import CANVAS_LIMIT_PX, Canvas, CanvasError
 from skymosaic.errors import InputError
 from skymosaic.flight.links import FEWEST_VOTES, PairEstimator, votes
 from skymosaic.geometry.homography import apply, estimate, resize_matrix
-from skymosaic.imagery.images import reduced
+from skymosaic.imagery.images import reduced_for_front_end
 from skymosaic.live.submap import Frame, Placement, Submap
 from skymosaic.registration import WORKING_WIDTH_PX, extract_within_capacity
 
@@ -133,8 +133,12 @@ class LiveMosaic:
         -------
         LiveUpdate
         """
-        frame = self._described(pixels, features)
         placement, reason = None, ""
+        try:
+            frame = self._described(pixels, features)
+        except InputError as error:
+            self._reasons.append(str(error))
+            return LiveUpdate(len(self._reasons) - 1, None, str(error), len(self._submaps))
         try:
             found = self._found(frame, self._submaps)
             if found is not None:
@@ -163,7 +167,7 @@ class LiveMosaic:
         return max(self._submaps, key=lambda submap: len(submap.frames), default=empty)
 
     def _described(self, pixels: Pixels, features: Records | None) -> Frame:
-        working, to_original = reduced(pixels, self._working_width_px)
+        working, to_original = reduced_for_front_end(pixels, self._working_width_px, "frame")
         if features is None:
             results, _ = extract_within_capacity(self._front_end, [working], self._config)
             features = results[0].features

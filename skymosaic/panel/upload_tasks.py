@@ -13,7 +13,8 @@ from sim.backend import Progress
 from sim.scene import lawnmower, pursuit
 from sim.scene import pair as rendered_pair
 from skymosaic.errors import InputError
-from skymosaic.imagery.images import LARGEST_AREA_PX, load, reduced, save
+from skymosaic.imagery.decoding import LARGEST_AREA_PX
+from skymosaic.imagery.images import load, reduced, save
 from skymosaic.imagery.video import DEFAULT_RATE, VideoReader, writing
 from skymosaic.panel.results import Upload
 from skymosaic.registration import WORKING_WIDTH_PX

@@ -22,7 +22,8 @@ from sim.backend import load_backend
 from skymosaic.compositing.warp import Canvas
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.geometry.homography import DegenerateError, apply, dlt
-from skymosaic.imagery.images import SMALLEST_SIDE_PX, load
+from skymosaic.imagery.decoding import SMALLEST_SIDE_PX
+from skymosaic.imagery.images import load
 from skymosaic.registration import extract_within_capacity
 from skymosaic.tracking.template import Roi, Template, TemplatePose
 

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from skymosaic.flight.cache import ResultCache, key_of
 from skymosaic.flight.view import Settings, describe, unpacked
 from skymosaic.imagery.exif import Position, position
 from skymosaic.imagery.lens import Lens, load_lens
+from skymosaic.imagery.own_outputs import remember
 from skymosaic.imagery.photographs import DecodedPhotographs, Source, sources
 
 
@@ -149,3 +152,40 @@ def test_a_damaged_cache_file_counts_as_missing(tmp_path):
 def test_keys_change_with_every_part():
     assert key_of("view", 1, "a") == key_of("view", 1, "a")
     assert len({key_of("view", 1, "a"), key_of("view", 1, "b"), key_of("view", "1", "a")}) == 3
+
+
+def test_a_folder_does_not_give_an_earlier_mosaic(tmp_path):
+    for name in ("IMG_1.png", "IMG_2.png", "mosaic.png"):
+        (tmp_path / name).write_bytes(name.encode())
+    remember(tmp_path / "mosaic.png", [tmp_path / "IMG_1.png"])
+    assert [source.name.rsplit("/")[-1] for source in sources([tmp_path])] == ["IMG_1.png", "IMG_2.png"]
+    (tmp_path / "mosaic.png").write_bytes(b"a photograph of that name")
+    assert len(sources([tmp_path])) == 3
+
+
+def test_other_folders_of_outputs_stay_as_they_are(tmp_path):
+    (tmp_path / "mosaic.png").write_bytes(b"x")
+    remember(tmp_path / "mosaic.png", [tmp_path / "photographs" / "IMG_1.png"])
+    assert [path.name for path in tmp_path.iterdir()] == ["mosaic.png"]
+
+
+def test_an_unreadable_folder_is_one_line(tmp_path, monkeypatch):
+    def refuse(_path):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "iterdir", refuse)
+    with pytest.raises(InputError, match="Permission denied"):
+        sources([tmp_path])
+
+
+@pytest.mark.parametrize(("size", "width_px"), [((700, 16000), 1280), ((300, 400), 64)])
+def test_a_photograph_that_cannot_be_reduced_is_named(size, width_px):
+    source = Source(0, "pano", np.zeros(size, np.uint8))
+    with pytest.raises(InputError, match=r"pano: .* is reduced to"):
+        describe(source, Settings(preset_config("aerial"), working_width_px=width_px))
+
+
+def test_a_tall_photograph_can_be_described():
+    rng = np.random.default_rng(1)
+    source = Source(0, "tall", rng.integers(0, 256, (4200, 500), dtype=np.uint8))
+    assert describe(source, Settings(preset_config("aerial"))).working_size == (305, 2560)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from PIL import Image as PillowImage
 
-from skymosaic.errors import InputError
-from skymosaic.imagery import images
+from skymosaic.errors import DamagedError, InputError
+from skymosaic.imagery import decoding, images
 
 
 def photograph(height: int = 96, width: int = 128) -> np.ndarray:
@@ -134,3 +134,94 @@ def test_an_unwritable_output_is_refused_before_the_work(tmp_path: Path, name: s
 def test_an_input_is_never_overwritten(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="one of the inputs"):
         images.check_output(tmp_path / "a.png", (str(tmp_path / "a.png"),))
+
+
+def test_a_jpeg_damaged_in_its_middle_is_refused_and_kept_on_request(tmp_path: Path) -> None:
+    data = bytearray(cv2.imencode(".jpg", photograph(480, 640))[1].tobytes())
+    middle = len(data) // 2
+    data[middle : middle + 400] = bytes(400)
+    path = tmp_path / "damaged.jpg"
+    path.write_bytes(data)
+    with pytest.raises(DamagedError, match="JPEG is damaged"):
+        images.load(path)
+    kept = images.load(path, keep_damaged=True)
+    assert kept.size == (640, 480)
+    assert "damaged" in kept.notes[-1]
+
+
+def test_padding_before_the_end_marker_is_no_damage(tmp_path: Path) -> None:
+    data = cv2.imencode(".jpg", photograph())[1].tobytes()
+    (tmp_path / "plain.jpg").write_bytes(data)
+    (tmp_path / "padded.jpg").write_bytes(data[:-2] + bytes(50) + data[-2:] + b"preview of the camera")
+    plain, padded = (images.load(tmp_path / f"{name}.jpg") for name in ("plain", "padded"))
+    assert np.array_equal(plain.pixels, padded.pixels)
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+@pytest.mark.parametrize("mode", ["RGB", "L", "CMYK"])
+def test_jpeg_pixels_are_those_of_opencv(tmp_path: Path, orientation: int, mode: str) -> None:
+    exif = PillowImage.Exif()
+    exif[0x0112] = orientation
+    path = tmp_path / "p.jpg"
+    PillowImage.fromarray(photograph()).convert(mode).save(path, exif=exif, quality=90)
+    assert np.array_equal(images.load(path).pixels, cv2.imread(str(path), cv2.IMREAD_ANYCOLOR))
+
+
+def test_a_jpeg_of_many_scans_is_refused_before_decoding(tmp_path: Path) -> None:
+    PillowImage.fromarray(photograph()).save(tmp_path / "p.jpg", progressive=True)
+    data = (tmp_path / "p.jpg").read_bytes()
+    images.load(tmp_path / "p.jpg")
+    last = data.rindex(b"\xff\xda")
+    (tmp_path / "p.jpg").write_bytes(data[:-2] + data[last:-2] * 200 + data[-2:])
+    with pytest.raises(InputError, match="scans"):
+        images.load(tmp_path / "p.jpg")
+
+
+def test_the_decoded_size_has_a_limit_in_bytes(tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "t.tif"), np.zeros((64, 64, 4), np.uint16), [cv2.IMWRITE_TIFF_COMPRESSION, 1])
+    data = (tmp_path / "t.tif").read_bytes()
+    assert decoding.read_header(tmp_path / "t.tif").decoded_bytes == 64 * 64 * 8
+    for tag in (256, 257):
+        entry = data.index(tag.to_bytes(2, "little") + b"\x03\0\x01\0\0\0")
+        data = data[: entry + 8] + (9000).to_bytes(2, "little") + data[entry + 10 :]
+    (tmp_path / "t.tif").write_bytes(data)
+    with pytest.raises(InputError, match="MB when decoded"):
+        images.load(tmp_path / "t.tif")
+
+
+def test_the_range_of_16_bit_pixels_is_the_percentiles() -> None:
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        deep = rng.integers(0, 1 << 16, (rng.integers(70, 100), 83), dtype=np.uint16)
+        _, (note,) = images.to_8_bit(deep, "deep")
+        low, high = np.percentile(deep, (0.1, 99.9))
+        assert note == f"uint16: {low:g}..{high:g} mapped to 0..255"
+
+
+@pytest.mark.parametrize("value", ["text", (0, 0), float("nan"), 99])
+def test_an_invalid_orientation_counts_as_upright(tmp_path: Path, value: object, monkeypatch) -> None:
+    PillowImage.fromarray(photograph()).save(tmp_path / "p.jpg")
+    monkeypatch.setattr(PillowImage.Exif, "get", lambda *_: value)
+    assert decoding.read_header(tmp_path / "p.jpg").orientation == 1
+
+
+def test_a_tall_image_is_reduced_by_its_height() -> None:
+    small, to_original = images.reduced(np.zeros((4200, 500), np.uint8), 1280)
+    assert small.shape == (2560, 305)
+    assert np.allclose(to_original[1] @ [0, 2559.5, 1], 4199.5)
+
+
+def test_an_image_that_becomes_too_narrow_is_named() -> None:
+    with pytest.raises(InputError, match=r"pano\.jpg: 16000x700 is reduced to 1280x56"):
+        images.reduced_for_front_end(np.zeros((700, 16000), np.uint8), 1280, "pano.jpg")
+
+
+def test_names_cannot_write_to_the_terminal(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        images.load(tmp_path / "a\n\x1b[31m\u202ename.jpg")
+    assert str(caught.value).endswith("a\\n\\x1b[31m\\u202ename.jpg: no such file; check the path")
+
+
+def test_a_name_that_is_too_long_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="too long"):
+        images.load(tmp_path / ("x" * 300 + ".jpg"))

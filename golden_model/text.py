@@ -1,0 +1,20 @@
+"""Text from outside (file names, a peer's messages), made safe to print."""
+
+from __future__ import annotations
+
+import unicodedata
+
+_UNSAFE = {"Cc", "Cf", "Cs", "Zl", "Zp"}
+"""Unicode categories that end a line, move the cursor, reverse the direction of writing, or cannot be encoded."""
+LONGEST_LINE = 2000
+
+
+def one_line(text: str) -> str:
+    r"""``text`` on one line: control characters are written as ``\x1b`` and the like, and a long text is cut.
+
+    Names of files may contain newlines and terminal sequences, which would forge or hide parts of a message.
+    """
+    shown = text if len(text) <= LONGEST_LINE else f"{text[: LONGEST_LINE // 2]} ... {text[-LONGEST_LINE // 2 :]}"
+    return "".join(
+        char.encode("unicode_escape").decode() if unicodedata.category(char) in _UNSAFE else char for char in shown
+    )

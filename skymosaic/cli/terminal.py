@@ -1,0 +1,66 @@
+"""What the command line owes to the terminal and to whoever ends it: our lines only, and no files left behind."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from types import FrameType
+from typing import TextIO
+
+
+@contextlib.contextmanager
+def without_library_messages() -> Iterator[None]:
+    """Keep messages that C libraries write to standard error from the terminal.
+
+    libpng, libtiff and others print a line for each fault of a file; ours already names it. Python's ``sys.stderr``
+    goes on to the terminal. Does nothing where ``sys.stderr`` has been replaced.
+    """
+    if not _is_descriptor(sys.stderr, 2):
+        yield
+        return
+    ours = sys.stderr
+    terminal = os.dup(2)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    os.close(nowhere)
+    try:
+        with os.fdopen(terminal, "w", 1, ours.encoding, "backslashreplace", closefd=False) as sys.stderr:
+            yield
+    finally:
+        sys.stderr = ours
+        os.dup2(terminal, 2)
+        os.close(terminal)
+
+
+@contextlib.contextmanager
+def ended_by_signals() -> Iterator[None]:
+    """Turn SIGTERM and SIGHUP into SystemExit, so that contexts remove their temporary files as after Ctrl-C."""
+
+    def end(number: int, _frame: FrameType | None) -> None:
+        raise SystemExit(128 + number)
+
+    names = [name for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    before = {name: signal.signal(getattr(signal, name), end) for name in names}
+    try:
+        yield
+    finally:
+        for name, handler in before.items():
+            signal.signal(getattr(signal, name), handler)
+
+
+def abandon_output() -> None:
+    """Discard what standard output still holds: Python would try again at its end, and print a traceback."""
+    if _is_descriptor(sys.stdout, 1):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, 1)
+        os.close(nowhere)
+
+
+def _is_descriptor(stream: TextIO, number: int) -> bool:
+    try:
+        return stream.fileno() == number
+    except (AttributeError, OSError, ValueError):
+        return False

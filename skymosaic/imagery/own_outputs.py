@@ -1,0 +1,54 @@
+"""Remembers which pictures in a folder of photographs are mosaics, so that a later run does not use them as input."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+from collections.abc import Collection, Iterable
+from pathlib import Path
+
+from skymosaic.imagery.images import save_bytes
+
+RECORD_NAME = ".skymosaic-outputs"
+"""In the folder: a line for each mosaic, with its SHA-256 and its name."""
+
+
+def remember(output: Path, inputs: Iterable[Path]) -> None:
+    """Record a mosaic that was written into a folder with photographs; other folders need no record.
+
+    Parameters
+    ----------
+    output : Path
+        The mosaic, complete.
+    inputs : iterable of Path
+        The photographs.
+    """
+    folder = output.resolve().parent
+    if not any(path.resolve().parent == folder for path in inputs):
+        return
+    record = {name: digest for name, digest in _recorded(folder).items() if (folder / name).exists()}
+    record[output.name] = _digest(output)
+    text = "".join(f"{digest} {name}\n" for name, digest in sorted(record.items()))
+    save_bytes(folder / RECORD_NAME, text.encode("utf-8", "surrogateescape"))
+
+
+def without_own_outputs(folder: Path, pictures: Collection[Path]) -> list[Path]:
+    """The pictures of ``folder`` without recorded mosaics; a file that has changed since is no mosaic any more."""
+    record = _recorded(folder)
+    return [path for path in pictures if path.name not in record or _digest(path) != record[path.name]]
+
+
+def _recorded(folder: Path) -> dict[str, str]:
+    with contextlib.suppress(OSError):
+        text = (folder / RECORD_NAME).read_bytes().decode("utf-8", "surrogateescape")
+        fields = (line.partition(" ") for line in text.split("\n") if line)
+        return {name: digest for digest, _, name in fields}
+    return {}
+
+
+def _digest(path: Path) -> str:
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError:
+        return ""

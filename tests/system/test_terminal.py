@@ -1,0 +1,66 @@
+"""The command line as a process: full devices, signals and noisy libraries."""
+
+import io
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image as PillowImage
+
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+
+
+def command(*words: object) -> list[str]:
+    return [sys.executable, "-m", "skymosaic", *map(str, words)]
+
+
+@pytest.fixture
+def noisy(tmp_path: Path) -> Path:
+    """A PNG for which libpng prints a warning, and so flat that no mosaic comes of it."""
+    file = io.BytesIO()
+    PillowImage.fromarray(np.full((100, 100, 3), 90, np.uint8)).save(file, "PNG", icc_profile=b"none" * 20)
+    (tmp_path / "noisy.png").write_bytes(file.getvalue())
+    return tmp_path / "noisy.png"
+
+
+def test_messages_of_libraries_stay_off_the_terminal(noisy: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert cv2.imread(str(noisy)) is not None
+    assert "libpng" in capfd.readouterr().err
+    done = subprocess.run(
+        command("register", noisy, noisy), check=False, capture_output=True, text=True, env=ENVIRONMENT
+    )
+    assert done.returncode == 3
+    assert len(done.stderr.splitlines()) == 1
+    assert "too few features" in done.stderr
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no /dev/full")
+def test_a_full_standard_output_is_one_line() -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            command("--help"), check=False, stdout=full, stderr=subprocess.PIPE, text=True, env=ENVIRONMENT
+        )
+    assert done.returncode == 2
+    assert done.stderr.splitlines() == ["error: No space left on device; check the disk and its permissions"]
+
+
+@pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
+def test_a_signal_leaves_no_temporary_files(tmp_path: Path, end: signal.Signals) -> None:
+    for name in ("photographs", "out", "temp"):
+        (tmp_path / name).mkdir()
+    environment = {**ENVIRONMENT, "TMPDIR": str(tmp_path / "temp")}
+    words = command("live", tmp_path / "photographs", "-o", tmp_path / "out" / "mosaic.png")
+    process = subprocess.Popen(words, stderr=subprocess.PIPE, text=True, env=environment)
+    time.sleep(3)
+    process.send_signal(end)
+    _, errors = process.communicate(timeout=30)
+    assert process.returncode != 0
+    assert "Traceback" not in errors
+    assert not list((tmp_path / "temp").iterdir())
+    assert not list((tmp_path / "out").iterdir())
