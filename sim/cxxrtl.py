@@ -15,6 +15,8 @@ from sim.hardware import HardwareBackend
 
 def shared_library(design: Design, *, waves: bool = False, progress: Progress = silent) -> Path:
     """Return the design as a shared library, compiled the first time; raises what `sim.compiled.simulate` raises."""
+    # First, so that a missing compiler is noticed before the design is converted for minutes.
+    compiler = compiled.identity()
     model = design.cxxrtl(progress, debug=waves)
     ports = compiled.ports_header(design.ports, _mangle)
 
@@ -29,7 +31,7 @@ def shared_library(design: Design, *, waves: bool = False, progress: Progress = 
         sources = compiled.Sources("cxxrtl.hpp", includes, each_cycle=tuple(evaluation), others=(rest,))
         compiled.compile_library(folder, sources, waves=waves, progress=progress)
 
-    key = digest(model, digest_files([Path(cxxrtl_units.__file__)]), ports, str(waves), compiled.identity())
+    key = digest(model, digest_files([Path(cxxrtl_units.__file__)]), ports, str(waves), compiler)
     folder = cached(f"cxxrtl-{key}", build, what=f"{design.name} for CXXRTL", progress=progress)
     return folder / compiled.LIBRARY_NAME
 

@@ -25,6 +25,8 @@ RUNTIME_SOURCES = ("verilated.cpp", "verilated_threads.cpp")
 def shared_library(design: Design, *, waves: bool = False, progress: Progress = silent) -> Path:
     """Return the design as a shared library, compiled the first time; raises what `sim.compiled.simulate` raises."""
     root = package_folder()
+    # First, so that a missing compiler is noticed before the design is converted for minutes.
+    compiler = compiled.identity()
     # With waves the modules are kept, since a viewer shows them as a tree.
     verilog, ports = design.verilog(progress, flat=not waves), compiled.ports_header(design.ports, str)
     flags = (*VERILATOR_FLAGS, *(("--trace-vcd",) if waves else ()))
@@ -47,7 +49,7 @@ def shared_library(design: Design, *, waves: bool = False, progress: Progress = 
         )
         compiled.compile_library(folder, sources, waves=waves, progress=progress)
 
-    key = digest(verilog, ports, " ".join(flags), version("verilator"), compiled.identity())
+    key = digest(verilog, ports, " ".join(flags), version("verilator"), compiler)
     folder = cached(f"verilator-{key}", build, what=f"{design.name} for Verilator", progress=progress)
     return folder / compiled.LIBRARY_NAME
 

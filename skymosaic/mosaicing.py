@@ -123,7 +123,7 @@ def planned(
     images, options, progress
         As `mosaic`.
     tell : callable
-        Receives a line for each video that is cut off, for instance.
+        Receives a line for each video that is cut off, or if the cache cannot be written.
 
     Raises
     ------
@@ -131,20 +131,23 @@ def planned(
         For a folder without pictures, an unreadable video, unusable options, or an absent scheduler.
     """
     progress("reading", 0, 0)
-    with flight_sources(images, tell) as sources, planned_sources(sources, options, progress) as plan:
+    with flight_sources(images, tell) as sources, planned_sources(sources, options, progress, tell) as plan:
         yield plan
 
 
 @contextmanager
 def planned_sources(
-    sources: Sequence[Source], options: MosaicOptions, progress: Progress = silent
+    sources: Sequence[Source],
+    options: MosaicOptions,
+    progress: Progress = silent,
+    tell: Callable[[str], None] = lambda _line: None,
 ) -> Iterator[MosaicPlan]:
     """`planned` for photographs that are already listed."""
     options.check(len(sources))
     sources = [dataclasses.replace(source, keep_damaged=options.damaged == "keep") for source in sources]
     try:
         with Workers(options.scheduler, progress=progress) as workers:
-            yield MosaicPlan(sources, options, workers)
+            yield MosaicPlan(sources, options, workers, tell)
     finally:
         forget_decoded()
 
@@ -159,9 +162,18 @@ class MosaicPlan:
     options : MosaicOptions
         Checked for so many.
     workers : Workers
+    tell : callable
+        Receives a line if the cache cannot be written.
     """
 
-    def __init__(self, sources: Sequence[Source], options: MosaicOptions, workers: Workers) -> None:
+    def __init__(
+        self,
+        sources: Sequence[Source],
+        options: MosaicOptions,
+        workers: Workers,
+        tell: Callable[[str], None] = lambda _line: None,
+    ) -> None:
+        self._tell = tell
         self.sources = sources
         self.options = options
         self._workers = workers
@@ -173,7 +185,7 @@ class MosaicPlan:
         if len(self.sources) == 2:
             return self._registered()
         options = self.options
-        cache = ResultCache(options.cache or options.default_cache)
+        cache = ResultCache(options.cache or options.default_cache, required=options.cache is not None, tell=self._tell)
         return survey(self.sources, options.settings(), options.seed, self._workers, cache)
 
     @property

@@ -59,7 +59,7 @@ def check(
     """
     lens = load_lens(camera, mask)
     settings = Settings(configuration(preset, config), backend_at(backend, address), working_width_px, lens)
-    kept = ResultCache(cache or cache_folder() / "flights")
+    kept = ResultCache(cache or cache_folder() / "flights", required=cache is not None, tell=tell)
     with (
         progress_bars() as progress,
         flight_sources(photographs, tell) as sources,

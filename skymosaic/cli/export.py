@@ -8,8 +8,9 @@ from typing import Annotated
 import typer
 
 from hdl import export as hardware_export
-from skymosaic.cli.options import ConfigOption, PresetOption, configuration, console
+from skymosaic.cli.options import ConfigOption, PresetOption, configuration, console, tell
 from skymosaic.errors import InputError
+from skymosaic.temporary import temporary_folder
 
 
 def export(
@@ -26,9 +27,20 @@ def export(
     build = {"lanes": lanes, "max_width_px": max_width_px, "max_height_px": max_height_px}
     with console.status("writing Verilog"):
         try:
-            hardware_export.export(output, board=board, config=configuration(preset, config), **build)
+            # Complete, or not at all: written beside the folder and then moved into it.
+            with temporary_folder(_existing(output.absolute().parent)) as folder:
+                made = folder / "export"
+                hardware_export.export(made, board=board, config=configuration(preset, config), **build)
+                for path in sorted(path for path in made.rglob("*") if path.is_file()):
+                    target = output / path.relative_to(made)
+                    target.parent.mkdir(parents=True, exist_ok=True)
+                    path.replace(target)
         except ValueError as error:
             raise InputError(str(error)) from None
         except OSError as error:
             raise InputError(f"{output}: cannot be written ({error.strerror}); choose another folder") from None
-    console.print(f"wrote {output}; its README.md tells the next steps")
+    tell(f"wrote {output}; its README.md tells the next steps")
+
+
+def _existing(folder: Path) -> Path:
+    return folder if folder.exists() else _existing(folder.parent)

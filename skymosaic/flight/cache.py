@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import io
 import zipfile
+from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 
@@ -14,62 +16,105 @@ from numpy.typing import NDArray
 from skymosaic.errors import InputError
 from skymosaic.imagery.images import save_bytes
 
-VERSION = version("skymosaic")
+PACKAGES = ("skymosaic", "numpy", "opencv-contrib-python-headless", "scipy", "simplejpeg")
+"""Packages whose versions are part of every key."""
+SOURCES = (
+    "golden_model",
+    "hdl",
+    "sim",
+    *(f"skymosaic/{name}" for name in ("features", "flight", "geometry", "imagery", "registration.py")),
+)
+"""The code that computes what is kept; its text is part of every key, because results change within a version too."""
 Arrays = dict[str, NDArray[np.generic]]
 
 
 class ResultCache:
-    """Named arrays by key, one file each.
+    """Named arrays by key, one file each, with a checksum.
+
+    The cache never prevents a result: entries that are damaged count as missing, and a cache that cannot be written
+    keeps nothing.
 
     Parameters
     ----------
     folder : Path or None
         Made where it is missing; None keeps nothing.
+    required : bool
+        Whether it is an error if the folder cannot be made: the user asked for it.
+    tell : callable
+        Receives a line if nothing can be kept from now on.
 
     Raises
     ------
     InputError
-        If the folder cannot be made.
+        If a required folder cannot be made.
     """
 
-    def __init__(self, folder: Path | None) -> None:
+    def __init__(
+        self, folder: Path | None, *, required: bool = False, tell: Callable[[str], None] = lambda _line: None
+    ) -> None:
         self._folder = folder
+        self._writable = folder is not None
+        self._tell = tell
         if folder is not None:
             try:
                 folder.mkdir(parents=True, exist_ok=True)
             except OSError as error:
-                raise InputError(f"{folder}: cannot be made ({error.strerror}); choose another cache") from None
+                if required:
+                    raise InputError(f"{folder}: cannot be made ({error.strerror}); choose another cache") from None
+                self._give_up(f"{folder}: cannot be made ({error.strerror})")
 
     def load(self, key: str) -> Arrays | None:
-        """What was saved under ``key``; None where nothing was, or the file is damaged."""
+        """What was saved under ``key``; None if nothing was, or the entry is damaged."""
         if self._folder is None:
             return None
         try:
-            # Opened here: NumPy leaves a file it cannot read open.
-            with self._path(self._folder, key).open("rb") as file, np.load(file, allow_pickle=False) as arrays:
+            entry = self._path(self._folder, key).read_bytes()
+            stored, data = entry[: hashlib.sha256().digest_size], entry[hashlib.sha256().digest_size :]
+            if stored != _checksum(key, data):
+                return None
+            with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
                 return dict(arrays)
-        except (OSError, ValueError, EOFError, zipfile.BadZipFile):
+        except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile):
             return None
 
     def save(self, key: str, arrays: Arrays) -> None:
-        """Keep ``arrays`` under ``key``, whole or not at all.
-
-        Raises
-        ------
-        InputError
-            If the file cannot be written, on a full disk for instance.
-        """
-        if self._folder is None:
+        """Keep ``arrays`` under ``key``, whole or not at all."""
+        if self._folder is None or not self._writable:
             return
         buffer = io.BytesIO()
         np.savez(buffer, allow_pickle=False, **arrays)
-        save_bytes(self._path(self._folder, key), buffer.getvalue())
+        data = buffer.getvalue()
+        try:
+            save_bytes(self._path(self._folder, key), _checksum(key, data) + data)
+        except InputError as error:
+            self._give_up(str(error))
+
+    def _give_up(self, reason: str) -> None:
+        self._writable = False
+        self._tell(f"note: features and links are not kept for the next run: {reason}")
 
     @staticmethod
     def _path(folder: Path, key: str) -> Path:
-        return folder / f"{key}.npz"
+        return folder / f"{key}.entry"
+
+
+def _checksum(key: str, data: bytes) -> bytes:
+    """SHA-256 of an entry; it covers the key, so that a renamed entry is not taken for another."""
+    return hashlib.sha256(key.encode() + data).digest()
+
+
+@functools.cache
+def _code() -> str:
+    """A digest of the code that computes results, and of the packages it uses."""
+    root = Path(__file__).parents[2]
+    state = hashlib.sha256(repr([version(package) for package in PACKAGES]).encode())
+    for name in SOURCES:
+        path = root / name
+        for source in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
+            state.update(source.relative_to(root).as_posix().encode() + b"\0" + source.read_bytes())
+    return state.hexdigest()
 
 
 def key_of(*parts: object) -> str:
-    """A file name for what was computed from ``parts`` (by their ``repr``) by this version of the package."""
-    return hashlib.sha256(repr((VERSION, *parts)).encode()).hexdigest()[:32]
+    """A file name for what this code computes from ``parts`` (by their ``repr``)."""
+    return hashlib.sha256(repr((_code(), *parts)).encode()).hexdigest()[:32]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import math
-import tempfile
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +18,7 @@ from skymosaic.errors import InputError
 from skymosaic.geometry.homography import DegenerateError, apply, estimate
 from skymosaic.imagery.exif import Position
 from skymosaic.imagery.images import replacing
+from skymosaic.temporary import temporary_folder
 
 EQUATOR_RADIUS_M = 6_378_137.0
 FLATTENING = 1 / 298.257223563
@@ -144,8 +144,8 @@ def write_cog(
     }  # fmt: skip
     # GDAL's COG driver only copies finished data sets: it needs all pixels before it lays out the overviews.
     try:
-        with replacing(path) as finished, tempfile.TemporaryDirectory(dir=path.parent, prefix=".geotiff.") as folder:
-            plain = Path(folder) / "plain.tif"
+        with replacing(path) as finished, temporary_folder(path.parent) as folder:
+            plain = folder / "plain.tif"
             with rasterio.open(plain, "w", **profile) as file:
                 top = 0
                 for band in bands:

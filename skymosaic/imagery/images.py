@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +17,7 @@ from golden_model.config import MAX_FRAME_PX
 from skymosaic.errors import InputError
 from skymosaic.geometry.homography import resize_matrix
 from skymosaic.imagery.decoding import SMALLEST_SIDE_PX, UPRIGHT, check_size, decode, read_header
+from skymosaic.temporary import temporary_file
 
 OUTPUT_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
 DAMAGED = ("refuse", "keep")
@@ -249,19 +249,14 @@ def replacing(path: Path) -> Iterator[Path]:
     InputError
         If writing fails: no permission, a full disk.
     """
-    temporary = None
     try:
-        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as file:
-            temporary = Path(file.name)
-        yield temporary
-        # Temporary files are created for their owner only; give the result the usual permissions.
-        temporary.chmod(0o666 & ~_umask())
-        temporary.replace(path)
+        with temporary_file(path.parent) as temporary:
+            yield temporary
+            # Temporary files are created for their owner only; give the result the usual permissions.
+            temporary.chmod(0o666 & ~_umask())
+            temporary.replace(path)
     except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror}); choose another folder") from None
-    finally:
-        if temporary:
-            temporary.unlink(missing_ok=True)
+        raise InputError(f"{path}: cannot be written ({error.strerror or error}); choose another folder") from None
 
 
 def _umask() -> int:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,6 +11,7 @@ from golden_model.arrays import Pixels
 from skymosaic.imagery.images import save
 from skymosaic.imagery.photographs import Source, sources
 from skymosaic.imagery.video import VIDEO_SUFFIXES, VideoReader, key_frames
+from skymosaic.temporary import temporary_folder
 
 
 def is_video(image: str | Path | Pixels) -> bool:
@@ -39,11 +39,11 @@ def flight_sources(
     InputError
         As in `sources`; also for a video that cannot be read, or a full disk.
     """
-    with tempfile.TemporaryDirectory(prefix="skymosaic-") as folder:
+    with temporary_folder() as folder:
         found: list[Source] = []
         for image in images:
             if is_video(image):
-                frames = Path(folder) / str(len(found))
+                frames = folder / str(len(found))
                 frames.mkdir()
                 found += _key_frames(Path(str(image)), frames, tell)
             else:

@@ -95,15 +95,62 @@ def test_failed_build_leaves_nothing():
 
     with pytest.raises(BackendError, match="the compiler failed"):
         cached("thing", fail, what="the thing", progress=silent)
-    assert [path.name for path in cache_folder().iterdir()] == ["thing.lock"]
+    assert {path.name for path in cache_folder().iterdir()} <= {"thing.lock"}
     cached("thing", write_result, what="the thing", progress=silent)
 
 
-def test_unwritable_cache_is_one_clear_line(tmp_path, monkeypatch):
-    (tmp_path / "file").touch()
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
-    with pytest.raises(BackendError, match=r"cannot write the cache .*: Not a directory; set XDG_CACHE_HOME"):
-        cached("thing", refuse, what="the thing", progress=silent)
+@pytest.mark.parametrize("damage", [lambda data: data[:-1], lambda data: b"C" + data[1:], lambda _data: b""])
+@pytest.mark.parametrize("name", ["result", "checksums"])
+def test_damaged_folder_is_built_again(damage, name):
+    folder = cached("thing", write_result, what="the thing", progress=silent)
+    (folder / name).write_bytes(damage((folder / name).read_bytes()))
+    lines = []
+    assert cached("thing", write_result, what="the thing", progress=lines.append) == folder
+    assert (folder / "result").read_text() == "complete"
+    assert len(lines) == 2
+    assert cached("thing", refuse, what="the thing", progress=refuse) == folder
+    assert not list(cache_folder().glob("*.part"))
+
+
+def test_missing_file_is_built_again():
+    folder = cached("thing", write_result, what="the thing", progress=silent)
+    (folder / "result").unlink()
+    assert (cached("thing", write_result, what="the thing", progress=silent) / "result").exists()
+
+
+def test_left_overs_of_other_builds_are_removed_unless_they_run(tmp_path):
+    (cache_folder() / "old.abc.part").mkdir(parents=True)
+    process = start_slow_build(tmp_path / "log")
+    assert process.stdout.readline().startswith("building")
+    cached("thing", write_result, what="the thing", progress=silent)
+    names = [path.name.split(".")[0] for path in cache_folder().glob("*.part")]
+    assert names == ["slow"]
+    process.kill()
+    process.communicate(timeout=30)
+
+
+@pytest.mark.parametrize("reason", ["no folder", "full"])
+def test_unwritable_cache_costs_the_cache_only(tmp_path, monkeypatch, reason):
+    if reason == "no folder":
+        (tmp_path / "file").touch()
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+
+    def build(folder):
+        if folder.is_relative_to(cache_folder()):
+            raise OSError(28, "No space left on device")
+        write_result(folder)
+
+    lines = []
+    folder = cached(f"thing-{reason}", build, what="the thing", progress=lines.append)
+    assert (folder / "result").read_text() == "complete"
+    assert "is built for this run only" in " ".join(lines)
+    assert cached(f"thing-{reason}", build, what="the thing", progress=silent) == folder
+
+
+def test_imports_without_fcntl():
+    code = "import sys; sys.modules['fcntl'] = None; import skymosaic, skymosaic.cli.mosaic, sim.verilator, sim.board"
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    subprocess.run([sys.executable, "-c", code], check=True, env=environment)
 
 
 def test_default_folder(monkeypatch, tmp_path):

@@ -271,11 +271,11 @@ def test_check_tells_whether_the_flight_is_complete(folder, tmp_path: Path) -> N
 def test_a_killed_run_goes_on_and_ends_the_same(folder, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "skymosaic", "mosaic", str(folder), "-o", "m.png", "--cache", "cache"]
     first = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    while len(list(tmp_path.glob("cache/*.npz"))) < 3 and first.poll() is None:
+    while len(list(tmp_path.glob("cache/*.entry"))) < 3 and first.poll() is None:
         time.sleep(0.02)
     first.send_signal(signal.SIGKILL)
     first.wait()
-    assert list(tmp_path.glob("cache/*.npz"))
+    assert list(tmp_path.glob("cache/*.entry"))
     resumed = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert resumed.returncode == 0, resumed.stderr
     fresh = mosaic([folder])

@@ -1,3 +1,6 @@
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import cv2
@@ -8,6 +11,7 @@ from PIL.ExifTags import IFD
 
 from golden_model.config import preset_config
 from sim.scene import pair as rendered_pair
+from skymosaic import temporary
 from skymosaic.errors import InputError
 from skymosaic.flight.cache import ResultCache, key_of
 from skymosaic.flight.view import Settings, describe, unpacked
@@ -144,9 +148,52 @@ def test_a_view_survives_the_cache(tmp_path):
 def test_a_damaged_cache_file_counts_as_missing(tmp_path):
     cache = ResultCache(tmp_path)
     cache.save("key", {"values": np.arange(1000)})
-    path = tmp_path / "key.npz"
-    path.write_bytes(path.read_bytes()[:200])
+    path = tmp_path / "key.entry"
+    whole = path.read_bytes()
+    for damaged in (b"", whole[:200], whole[:2000] + b"\xff" + whole[2001:], whole + b"more"):
+        path.write_bytes(damaged)
+        assert cache.load("key") is None
+    (tmp_path / "other.entry").write_bytes(whole)
+    assert cache.load("other") is None
+    cache.save("key", {"values": np.arange(1000)})
+    np.testing.assert_array_equal(cache.load("key")["values"], np.arange(1000))
+
+
+def test_a_cache_that_cannot_be_written_keeps_nothing(tmp_path, monkeypatch):
+    (tmp_path / "file").touch()
+    lines = []
+    cache = ResultCache(tmp_path / "file" / "cache", tell=lines.append)
+    cache.save("key", {"values": np.arange(3)})
     assert cache.load("key") is None
+    with pytest.raises(InputError, match="choose another cache"):
+        ResultCache(tmp_path / "file" / "cache", required=True)
+
+    def full(_path, _data):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    cache = ResultCache(tmp_path / "cache", required=True, tell=lines.append)
+    cache.save("key", {"values": np.arange(3)})
+    cache.save("other", {"values": np.arange(3)})
+    assert len(lines) == 2
+    assert "No space left" in lines[1]
+
+
+def test_left_overs_of_killed_processes_are_removed(tmp_path):
+    machine = temporary_name(tmp_path).rsplit("-", 2)[0]
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    for name in (f"{machine}-{ended.pid}-x", f"{machine}-{os.getpid()}-y", f".skymosaic-elsewhere-{ended.pid}-z"):
+        (tmp_path / name).touch()
+    temporary.remove_left_overs.cache_clear()
+    with temporary.temporary_file(tmp_path):
+        pass
+    assert sorted(path.name.rsplit("-")[-1] for path in tmp_path.iterdir()) == ["y", "z"]
+
+
+def temporary_name(folder):
+    with temporary.temporary_file(folder) as path:
+        return path.name
 
 
 def test_keys_change_with_every_part():
