@@ -9,6 +9,7 @@ from pathlib import Path
 from golden_model.config import Config, preset_config
 from skymosaic.compositing.blend import METHODS
 from skymosaic.compositing.warp import CANVAS_LIMIT_PX
+from skymosaic.effort import settled_effort
 from skymosaic.errors import InputError
 from skymosaic.flight.composition import MEMORY_BYTES
 from skymosaic.flight.view import Settings
@@ -17,6 +18,8 @@ from skymosaic.imagery.lens import Lens
 from skymosaic.registration import WORKING_WIDTH_PX, settled_method
 
 USUAL_ESTIMATOR = "prosac"
+
+WARPS = ("homography", "mesh", "auto")
 
 
 @dataclass(frozen=True)
@@ -61,6 +64,10 @@ class MosaicOptions:
         As `skymosaic.registration.register`; more than two photographs take Harris or FAST with ILBP.
     estimator : str
         Robust estimator, for two photographs; more take prosac.
+    effort : {"fast", "normal", "thorough"} or None
+        How many frames are tried, for two photographs; see `skymosaic.effort`.
+    warp : {"homography", "mesh", "auto"}
+        mesh: bend the left one of two photographs to follow the relief; auto: only if held-out matches gain by it.
     backend : str
         What computes the features, and of two photographs the matches: ``golden``, ``rtl``, ...
     seed : int
@@ -93,6 +100,8 @@ class MosaicOptions:
     detector: str | None = None
     descriptor: str | None = None
     estimator: str = USUAL_ESTIMATOR
+    effort: str | None = None
+    warp: str = "homography"
     backend: str = "golden"
     seed: int = 0
     working_width_px: int = WORKING_WIDTH_PX
@@ -120,6 +129,8 @@ class MosaicOptions:
         if self.blending is not None and self.blending not in METHODS:
             raise InputError(f"blending is {self.blending!r}; valid: {', '.join(METHODS)}")
         keeps_damaged(self.damaged)
+        if self.warp not in WARPS:
+            raise InputError(f"warp is {self.warp!r}; valid: {', '.join(WARPS)}")
         for given, reason in self._without_effect(photographs):
             if given:
                 raise InputError(reason)
@@ -128,6 +139,12 @@ class MosaicOptions:
         """Conditions under which an option has no effect, each with the message."""
         method, _ = settled_method(self.usual_config, self.detector, self.descriptor, self.estimator, self.refine)
         if photographs == 2:
+            settled_effort(self.effort, method, self.estimator)
+            masked = self.lens is not None and self.lens.mask is not None
+            yield (
+                masked and self.warp != "homography",
+                "warp: a mask would not be bent with the photograph; leave one out",
+            )
             yield self.all_groups, "all groups: two photographs make one mosaic; leave out --all-groups"
             yield self.cache, "cache: two photographs are registered anew each time; leave out --cache"
             return
@@ -141,6 +158,11 @@ class MosaicOptions:
             self.estimator != USUAL_ESTIMATOR,
             f"estimator {self.estimator}: more than two photographs are linked by {USUAL_ESTIMATOR}, whose result "
             f"the layout then refines; leave out --estimator, {few}",
+        )
+        yield self.effort, f"effort: the links of a flight take one pass each; leave out --effort, {few}"
+        yield (
+            self.warp != "homography",
+            f"warp {self.warp}: more than two photographs are laid out by homographies; leave out --warp, {few}",
         )
         yield (
             self.refine,

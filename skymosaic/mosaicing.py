@@ -12,7 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from golden_model.arrays import Matrix, Pixels
+from skymosaic.compositing.mesh import better_mesh, fit_mesh
 from skymosaic.errors import InputError, RegistrationError
+from skymosaic.features.positions import match_points
 from skymosaic.flight.cache import ResultCache
 from skymosaic.flight.composition import Composition, compose, forget_decoded, keep_decoded
 from skymosaic.flight.layout import Layout
@@ -270,8 +272,6 @@ class MosaicPlan:
         self._workers.progress("registering", 0, 0)
         clock = Stopwatch()
         left, right = (source.photograph(lens) for source in self.sources)
-        for source, photograph in zip(self.sources, (left, right), strict=True):
-            keep_decoded(source, lens, photograph.pixels, options.memory_bytes)
         clock.lap("reading")
         pair = register_photographs(
             (left, right),
@@ -279,6 +279,7 @@ class MosaicPlan:
             detector=options.detector,
             descriptor=options.descriptor,
             estimator=options.estimator,
+            effort=options.effort,
             backend=options.backend,
             seed=options.seed,
             working_width_px=options.working_width_px,
@@ -287,4 +288,28 @@ class MosaicPlan:
             seconds=clock.seconds,
             progress=lambda line: self._workers.progress(line, 0, 0),
         )
+        bend = bend_of(pair, options.warp)
+        if bend is not None:
+            self.sources = [dataclasses.replace(self.sources[0], bend=bend), self.sources[1]]
+            left = dataclasses.replace(left, pixels=bend(left.pixels))
+        for source, photograph in zip(self.sources, (left, right), strict=True):
+            keep_decoded(source, lens, photograph.pixels, options.memory_bytes)
         return flight_of_pair(pair, self.sources, lens)
+
+
+def bend_of(pair: Pair, warp: str) -> Callable[[Pixels], Pixels] | None:
+    """What bends the left photograph of a pair as ``warp`` says; None where nothing does.
+
+    Parameters
+    ----------
+    pair : Pair
+    warp : {"homography", "mesh", "auto"}
+        auto: a grid of residuals, if held-out matches gain by it.
+    """
+    if warp == "homography" or pair.working_homography is None:
+        return None
+    left, right = match_points(pair.kept)
+    size = pair.working[0].shape[1], pair.working[0].shape[0]
+    given = pair.working_homography, left, right, size
+    mesh = better_mesh(*given) if warp == "auto" else fit_mesh(*given)
+    return None if mesh is None else mesh.bend

@@ -5,31 +5,32 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
-from golden_model.arrays import Mask, Matrix, Pixels, Points, Records
+from golden_model.arrays import Mask, Matrix, Pixels, Records
 from golden_model.config import LARGEST_THRESHOLD, Config, preset_config
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.records import Cause
 from sim.backend import Backend, FrameResult, Progress, silent
+from skymosaic.confidence import Confidence, assess
+from skymosaic.effort import Evidence, Search, settled_effort, why_not
 from skymosaic.errors import InputError
 from skymosaic.features.guided_matching import refine_pair
+from skymosaic.features.masks import matches_on_the_ground
 from skymosaic.features.methods import Method, backend_of, choose
 from skymosaic.features.positions import match_points
 from skymosaic.geometry.estimators import ESTIMATORS, FUZZY_RANSAC, estimate
 from skymosaic.geometry.homography import apply
-from skymosaic.geometry.prosac import INLIER_PX, MIN_INLIERS
+from skymosaic.geometry.prosac import INLIER_PX
 from skymosaic.imagery.images import Photograph, keeps_damaged, load, reduced_for_front_end
 from skymosaic.imagery.lens import Lens
 from skymosaic.stopwatch import Stopwatch
 
 WORKING_WIDTH_PX = 1280
-MASK_MARGIN_PX = 40
-"""Features keep this distance from masked pixels, in working px: farther away no descriptor reads the mask."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +63,10 @@ class Pair:
         Detector and descriptor.
     estimator : str
         Robust estimator.
+    effort : str
+        One of `skymosaic.effort.EFFORTS`.
+    passes : int
+        Pairs of frames that were matched; 1 where the first pass was enough.
     backend : str
         Name of the backend that computed features and matches.
     seconds : dict
@@ -82,6 +87,8 @@ class Pair:
     config: Config
     method: Method
     estimator: str
+    effort: str
+    passes: int
     backend: str
     seconds: dict[str, float]
 
@@ -89,6 +96,20 @@ class Pair:
     def accepted(self) -> bool:
         """Whether the homography can be trusted (at least 12 inliers at 2 px)."""
         return self.homography is not None
+
+    @property
+    def working_homography(self) -> Matrix | None:
+        """The homography between the working images, (3, 3); None where not accepted."""
+        if self.homography is None:
+            return None
+        return np.asarray(np.linalg.inv(self.to_original[1]) @ self.homography @ self.to_original[0])
+
+    @cached_property
+    def confidence(self) -> Confidence | None:
+        """How far to trust the homography; computed when first asked for. None where not accepted."""
+        if self.working_homography is None:
+            return None
+        return assess(self.working, self.working_homography, *match_points(self.kept))
 
     def summary(self) -> dict[str, Any]:
         """The pair in plain numbers, as ``register --json`` prints it."""
@@ -101,12 +122,15 @@ class Pair:
             "inliers": len(self.inliers),
             "refined_inliers": self.refined_inliers,
             "reason": self.reason,
+            "confidence": None if self.confidence is None else self.confidence.summary(),
             "seconds": {stage: round(value, 4) for stage, value in self.seconds.items()},
             "backend": self.backend,
             "preset": self.config.preset,
             "detector": self.method.detector,
             "descriptor": self.method.descriptor,
             "estimator": self.estimator,
+            "effort": self.effort,
+            "passes": self.passes,
         }
 
 
@@ -119,7 +143,8 @@ def register(
     detector: str | None = None,
     descriptor: str | None = None,
     estimator: str = "prosac",
-    backend: str = "golden",
+    effort: str | None = None,
+    backend: str | Backend = "golden",
     seed: int = 0,
     working_width_px: int = WORKING_WIDTH_PX,
     refine: bool = False,
@@ -139,7 +164,10 @@ def register(
         the one that suits the other, or as configured.
     estimator : str
         One of `skymosaic.geometry.estimators.ESTIMATORS`.
-    backend : str
+    effort : {"fast", "normal", "thorough"} or None
+        How many frames are tried, see `skymosaic.effort`. None: normal where the method allows it (an oriented ILBP
+        descriptor with the estimator ``prosac``), else fast.
+    backend : str or Backend
         What computes features and matches: ``golden``, ``rtl``, ...
     seed : int
         Of the robust estimator.
@@ -175,6 +203,7 @@ def register(
         detector=detector,
         descriptor=descriptor,
         estimator=estimator,
+        effort=effort,
         backend=backend,
         seed=seed,
         working_width_px=working_width_px,
@@ -188,7 +217,7 @@ def register_photographs(
     photographs: tuple[Photograph, Photograph],
     *,
     config: Config,
-    backend: str,
+    backend: str | Backend,
     seed: int,
     working_width_px: int,
     refine: bool,
@@ -196,6 +225,7 @@ def register_photographs(
     detector: str | None = None,
     descriptor: str | None = None,
     estimator: str = "prosac",
+    effort: str | None = None,
     lens: Lens | None = None,
     progress: Progress = silent,
 ) -> Pair:
@@ -205,56 +235,53 @@ def register_photographs(
     """
     clock = Stopwatch(seconds)
     method, config = settled_method(config, detector, descriptor, estimator, refine)
+    effort = settled_effort(effort, method, estimator)
     (left, to_left), (right, to_right) = (
         reduced_for_front_end(photo.pixels, working_width_px, photo.name) for photo in photographs
     )
-    results, config = extract_within_capacity(backend_of(method, backend, progress), [left, right], config)
-    features = results[0].features, results[1].features
-    matches = results[1].matches
-    if lens is not None:
-        masks = tuple(lens.visible((image.shape[1], image.shape[0])) for image in (left, right))
-        on_ground = [on_the_ground(points, mask) for points, mask in zip(match_points(matches), masks, strict=True)]
-        matches = matches[on_ground[0] & on_ground[1]]
+    front_end = backend_of(method, backend, progress) if isinstance(backend, str) else backend
+    results, config = extract_within_capacity(front_end, [left, right], config)
+    masks = [lens.visible((image.shape[1], image.shape[0])) if lens else None for image in (left, right)]
+    matches = matches_on_the_ground(results[1].matches, masks)
     clock.lap("features and matches")
-
-    verified = matches["verdict"] == 1
-    left_points, right_points = match_points(matches)
-    homography, inliers = estimate(
-        estimator,
-        left_points,
-        right_points,
-        matches["weight"].astype(np.float64),
-        verified,
-        rng=np.random.default_rng(seed),
-    )
-    refined_inliers = 0
+    rng = np.random.default_rng(seed)
+    search = Search(front_end, (left, right), config, rng, lambda matches: matches_on_the_ground(matches, masks))
+    first = Evidence((results[0].features, results[1].features), matches)
+    found = search.run(effort, search.judged(first, *_estimated(estimator, matches, rng), passes=1))
     clock.lap("homography")
+    homography, refined_inliers, inliers, matches = found.homography, 0, found.inliers, found.evidence.matches
     if refine and homography is not None:
-        refined, found = refine_pair(left, right, features, homography, config)
-        # Over strong relief the upright search may find fewer matches: then keep the result of the first pass.
-        if found >= inliers.sum():
-            homography, refined_inliers = refined, found
+        homography, refined_inliers = refine_pair(left, right, homography, config)
+        if refined_inliers:
+            left_points, right_points = match_points(matches)
             near = np.linalg.norm(apply(homography, left_points) - right_points, axis=1) <= INLIER_PX
-            inliers = verified & near
+            inliers = (matches["verdict"] == 1) & near
         clock.lap("refinement")
     return Pair(
         left=photographs[0],
         right=photographs[1],
         to_original=(to_left, to_right),
         working=(left, right),
-        features=features,
+        features=found.evidence.features,
         matches=matches,
-        kept=matches[verified],
+        kept=found.evidence.kept,
         inliers=matches[inliers],
         refined_inliers=refined_inliers,
         homography=None if homography is None else _in_originals(homography, to_left, to_right),
-        reason="" if homography is not None else _why_not(results, matches, int(verified.sum()), int(inliers.sum())),
+        reason="" if homography is not None else why_not(found),
         config=config,
         method=method,
         estimator=estimator,
-        backend=backend,
+        effort=effort,
+        passes=found.passes,
+        backend=backend if isinstance(backend, str) else type(backend).__name__,
         seconds=clock.seconds,
     )
+
+
+def _estimated(estimator: str, matches: Records, rng: np.random.Generator) -> tuple[Matrix | None, Mask]:
+    left, right = match_points(matches)
+    return estimate(estimator, left, right, matches["weight"].astype(np.float64), matches["verdict"] == 1, rng=rng)
 
 
 def extract_within_capacity(
@@ -273,23 +300,6 @@ def extract_within_capacity(
             return results, config
         raised = dataclasses.replace(config.front_end, threshold=min(2 * threshold, limit))
         config = dataclasses.replace(config, front_end=raised)
-
-
-def on_the_ground(points: Points, visible: Pixels | None) -> Mask:
-    """Whether each point (N, 2), in working px, is far enough from masked pixels to count, (N,).
-
-    Parameters
-    ----------
-    points : ndarray of float64, shape (N, 2)
-    visible : ndarray of uint8, shape (H, W), or None
-        255 where the working image shows ground, else 0; None: everywhere.
-    """
-    if visible is None:
-        return np.ones(len(points), dtype=np.bool_)
-    kernel = np.ones((2 * MASK_MARGIN_PX + 1, 2 * MASK_MARGIN_PX + 1), np.uint8)
-    inside = cv2.erode(visible, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=255)
-    x, y = np.rint(points).astype(np.intp).clip(0, np.subtract(visible.shape[::-1], 1)).T
-    return np.asarray(inside[y, x] == 255)
 
 
 def _in_originals(homography: Matrix, to_left: Matrix, to_right: Matrix) -> Matrix:
@@ -317,15 +327,3 @@ def settled_method(
     if refine and method.descriptor not in PATTERNS:
         raise InputError(f"refinement describes the images again by ILBP, not by {method.descriptor}; leave one out")
     return method, config
-
-
-def _why_not(results: Sequence[FrameResult], matches: Records, kept: int, inliers: int) -> str:
-    features = [len(result.features) for result in results]
-    counts = f"features {features[0]} and {features[1]}, matches {len(matches)}, kept {kept}, inliers {inliers}"
-    if min(features) < MIN_INLIERS:
-        cause = "too few features (flat or blurred image?)"
-    elif kept < MIN_INLIERS:
-        cause = "too few matches (do the images overlap?)"
-    else:
-        cause = f"too few inliers, {MIN_INLIERS} needed (do the images overlap?)"
-    return f"{cause}: {counts}"

@@ -19,6 +19,7 @@ from skymosaic.cli.options import (
     DamagedOption,
     DescriptorOption,
     DetectorOption,
+    EffortOption,
     EstimatorOption,
     PresetOption,
     RefineOption,
@@ -58,6 +59,10 @@ def mosaic(
     detector: DetectorOption = None,
     descriptor: DescriptorOption = None,
     estimator: EstimatorOption = "prosac",
+    effort: EffortOption = None,
+    warp: Annotated[
+        str, typer.Option(help="homography, mesh (bends the left photograph over relief) or auto; two photographs.")
+    ] = "homography",
     backend: BackendOption = "golden",
     address: AddressOption = None,
     config: ConfigOption = None,
@@ -93,6 +98,8 @@ def mosaic(
         detector=detector,
         descriptor=descriptor,
         estimator=estimator,
+        effort=effort,
+        warp=warp,
         backend=backend_at(backend, address),
         seed=seed,
         working_width_px=working_width_px,

@@ -44,7 +44,15 @@ WorkingWidthOption = Annotated[
     int, typer.Option("--working-width", min=images.SMALLEST_SIDE_PX, max=4096, help="Pixels wide during registration.")
 ]
 SeedOption = Annotated[int, typer.Option(min=0, help="Seed of the robust estimator.")]
-RefineOption = Annotated[bool, typer.Option("--refine", help="Second, guided pass: about half the error.")]
+RefineOption = Annotated[
+    bool, typer.Option("--refine", help="Second, guided pass; its result counts only if it fits unseen matches better.")
+]
+EffortOption = Annotated[
+    str | None,
+    typer.Option(
+        help="fast: one pass; normal (default): more frames where that is weak; thorough: three scales always."
+    ),
+]
 
 DamagedOption = Annotated[
     str,
@@ -96,6 +104,9 @@ def print_pair(pair: Pair) -> None:
     table.add_row("features", "{} and {}".format(*summary["features"]))
     for count in ("matches", "kept", "inliers"):
         table.add_row(count, str(summary[count]))
+    table.add_row("passes", f"{pair.passes} ({pair.effort})")
+    if pair.confidence is not None:
+        table.add_row("confidence", f"{pair.confidence.verdict}: {pair.confidence.reason}")
     table.add_row("seconds", ", ".join(f"{stage} {value:.3f}" for stage, value in summary["seconds"].items()))
     for photograph in (pair.left, pair.right):
         for note in photograph.notes:

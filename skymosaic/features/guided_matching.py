@@ -1,45 +1,44 @@
-"""The optional second pass: matching guided by the first homography, then matching of the warped right image.
+"""The optional second pass: the right image is warped onto the left one and matched again, at three scales.
 
-Warping the right image onto the left one removes rotation, scale and perspective. The same corners are then found in
-both at the same sub-pixel phase, and upright descriptors distinguish them better than rotated ones.
+Warping removes rotation, scale and perspective. The same corners are then found in both images at the same sub-pixel
+phase, and upright descriptors distinguish them better than rotated ones. The second result replaces the first only if
+it fits matches better that neither has seen.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import cv2
 import numpy as np
-from scipy.spatial.distance import cdist
+from scipy.spatial import KDTree
 
-from golden_model.arrays import Array, Matrix, Pixels, Records
+from golden_model.arrays import Array, Mask, Matrix, Pixels, Points, Records
 from golden_model.config import Config, FrontEndConfig
 from golden_model.front_end import extract
-from golden_model.matching.hamming import distances, mutual_matches
+from skymosaic.features.frames import Change, changed
 from skymosaic.features.positions import feature_points
 from skymosaic.geometry.homography import DegenerateError, apply
 from skymosaic.geometry.prosac import INLIER_PX
 from skymosaic.geometry.refinement import refine_robustly
 
-GUIDED_RADIUS_PX = 8.0
-"""Search radius around the position that the first homography predicts."""
-WARPED_RADIUS_PX = 4.0
-"""Search radius between the left and the warped right image."""
+SEARCH_PX = 6.0
+"""Search radius between the left and the warped right image: the first homography may be a few pixels off."""
+SCALES = (1.0, math.sqrt(0.5), math.sqrt(2))
 LARGEST_DISTANCE = 0.34
 """Share of differing bits at which the rule base begins to call a distance high."""
+BLOCK_PX = 32.0
+"""Matches are held out in blocks of this side, so that the same corner found at two scales is on one side only."""
 
 
-def refine_pair(
-    left: Pixels, right: Pixels, features: tuple[Records, Records], homography: Matrix, config: Config
-) -> tuple[Matrix, int]:
+def refine_pair(left: Pixels, right: Pixels, homography: Matrix, config: Config) -> tuple[Matrix, int]:
     """Refine an accepted homography of two working images.
 
     Parameters
     ----------
     left, right : ndarray of uint8
         The images that the front end processed.
-    features : tuple of structured arrays
-        Their feature records.
     homography : ndarray, shape (3, 3)
         Left to right, from the first pass.
     config : Config
@@ -48,44 +47,98 @@ def refine_pair(
     Returns
     -------
     homography : ndarray, shape (3, 3)
+        The refined one, or the first where it fits held-out matches at least as well.
     inliers : int
-        Matches of the last search within 2 px of it.
+        Matches of the second pass within 2 px of it; 0 where the first homography stands.
     """
-    left_points, right_points = _guided_matches(*features, homography, GUIDED_RADIUS_PX)
-    guided = _fit(homography, left_points, right_points)
+    left_points, warped_points = upright_matches(left, right, homography, config.front_end)
+    correction = _fit(left_points, warped_points)
+    if correction is None or not _better_on_held_out(left_points, warped_points):
+        return homography, 0
+    residual_px = np.linalg.norm(apply(correction, left_points) - warped_points, axis=1)
+    refined = homography @ correction
+    return refined / refined[2, 2], int((residual_px <= INLIER_PX).sum())
+
+
+def upright_matches(left: Pixels, right: Pixels, homography: Matrix, config: FrontEndConfig) -> tuple[Points, Points]:
+    """Positions (N, 2) of matches in the left image and in the right one warped onto it, px of the left image."""
     size = (left.shape[1], left.shape[0])
     to_left_grid = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    warped = cv2.warpPerspective(right, guided, size, flags=to_left_grid)
-    covered = cv2.warpPerspective(np.full(right.shape[:2], 255, np.uint8), guided, size, flags=to_left_grid)
-
-    front_end = _upright(config.front_end)
-    border_px = front_end.border_px << (front_end.levels - 1)
-    warped_features = _well_inside(extract(warped.astype(np.uint8), front_end).features, covered, border_px)
-    left_features = extract(left, front_end).features
-    left_points, warped_points = _guided_matches(left_features, warped_features, np.eye(3), WARPED_RADIUS_PX)
-    correction = _fit(np.eye(3), left_points, warped_points)
-    residual = np.linalg.norm(apply(correction, left_points) - warped_points, axis=1)
-    refined = guided @ correction
-    return refined / refined[2, 2], int((residual <= INLIER_PX).sum())
+    warped = np.asarray(cv2.warpPerspective(right, homography, size, flags=to_left_grid), dtype=np.uint8)
+    covered = cv2.warpPerspective(np.full(right.shape[:2], 255, np.uint8), homography, size, flags=to_left_grid)
+    config = _upright(config)
+    found = [_matches_at(Change(scale), left, warped, covered, config) for scale in SCALES]
+    left_points, warped_points = (np.concatenate(points) for points in zip(*found, strict=True))
+    return left_points, warped_points
 
 
-def _guided_matches(left: Records, right: Records, homography: Matrix, radius_px: float) -> tuple[Array, Array]:
-    """Mutual nearest descriptors among the features within ``radius_px`` of the position the homography predicts."""
-    left_points, right_points = feature_points(left), feature_points(right)
+def _matches_at(
+    change: Change, left: Pixels, warped: Pixels, covered: Pixels, config: FrontEndConfig
+) -> tuple[Points, Points]:
+    frames = changed(left, change), changed(warped, change)
+    if frames[0] is None or frames[1] is None:
+        return np.zeros((0, 2)), np.zeros((0, 2))
+    to_image = frames[0].to_image
+    of_left, of_warped = (extract(frame.pixels, config).features for frame in frames if frame)
+    radius = math.ceil((config.border_px << (config.levels - 1)) * to_image[0, 0])
+    of_warped = of_warped[_well_inside(apply(to_image, feature_points(of_warped)), covered, radius)]
+    left_index, right_index = guided_matches(of_left, of_warped, np.eye(3), SEARCH_PX / to_image[0, 0])
+    left_points, warped_points = feature_points(of_left)[left_index], feature_points(of_warped)[right_index]
+    return apply(to_image, left_points), apply(to_image, warped_points)
+
+
+def guided_matches(left: Records, right: Records, homography: Matrix, radius_px: float) -> tuple[Array, Array]:
+    """Mutual nearest descriptors among the features within ``radius_px`` of the position the homography predicts.
+
+    Returns the indices (M,) of left and right features, in rising left index; ties go to the lowest index.
+    """
+    if not len(left) or not len(right):
+        return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)
+    expected = apply(homography, feature_points(left))
+    expected[~np.isfinite(expected).all(axis=1)] = -1e9
+    near = KDTree(expected).sparse_distance_matrix(KDTree(feature_points(right)), radius_px, output_type="ndarray")
+    i, j = near["i"], near["j"]
     bits = 8 * left["descriptor"].shape[1]
-    distance = distances(left["descriptor"], right["descriptor"]).astype(np.uint16)
-    # All bits differ: such pairs are never the nearest, and far above LARGEST_DISTANCE.
-    distance[cdist(apply(homography, left_points), right_points) > radius_px] = bits
-    left_index, right_index, best, _ = mutual_matches(distance, bits)
-    near = best < LARGEST_DISTANCE * bits
-    return left_points[left_index[near]], right_points[right_index[near]]
+    distance = np.bitwise_count(left["descriptor"][i] ^ right["descriptor"][j]).sum(axis=1, dtype=np.int64)
+    nearest_right = _nearest(i, j, distance, len(left))
+    nearest_left = _nearest(j, i, distance, len(right))
+    mutual = (nearest_right[i] == j) & (nearest_left[j] == i) & (distance < LARGEST_DISTANCE * bits)
+    order = np.argsort(i[mutual])
+    return i[mutual][order], j[mutual][order]
 
 
-def _fit(start: Matrix, left: Array, right: Array) -> Matrix:
+def _nearest(one: Array, other: Array, distance: Array, count: int) -> Array:
+    """For each of ``count`` features the candidate with the smallest distance, then the lowest index; else -1."""
+    nearest = np.full(count, -1)
+    # Assignments later in the order overwrite earlier ones, so the best candidate comes last.
+    order = np.lexsort((-other, -distance))
+    nearest[one[order]] = other[order]
+    return nearest
+
+
+def _better_on_held_out(left: Points, warped: Points) -> bool:
+    """Whether a fit to half of the matches agrees better with the other half than no correction at all."""
+    block = np.floor(left / BLOCK_PX).astype(np.int64).sum(axis=1) % 2 == 0
+    first, second = 0.0, 0.0
+    for held_out in (block, ~block):
+        correction = _fit(left[~held_out], warped[~held_out])
+        if correction is None:
+            return False
+        first += _agreement(np.eye(3), left[held_out], warped[held_out])
+        second += _agreement(correction, left[held_out], warped[held_out])
+    return second > first
+
+
+def _agreement(correction: Matrix, left: Points, warped: Points) -> float:
+    squared_px = ((apply(correction, left) - warped) ** 2).sum(axis=1)
+    return float(np.maximum(0, 1 - squared_px / INLIER_PX**2).sum())
+
+
+def _fit(left: Points, warped: Points) -> Matrix | None:
     try:
-        return refine_robustly(start, left, right)
+        return refine_robustly(np.eye(3), left, warped)
     except (DegenerateError, ValueError):
-        return start
+        return None
 
 
 def _upright(config: FrontEndConfig) -> FrontEndConfig:
@@ -94,10 +147,9 @@ def _upright(config: FrontEndConfig) -> FrontEndConfig:
     return dataclasses.replace(config, descriptor=f"{config.descriptor}-upright")
 
 
-def _well_inside(features: Records, covered: Pixels, border_px: int) -> Records:
-    """The features whose whole descriptor support lies inside the warped image."""
-    kernel = np.ones((2 * border_px + 1, 2 * border_px + 1), np.uint8)
+def _well_inside(points: Points, covered: Pixels, radius_px: int) -> Mask:
+    """Which points (N, 2) see nothing but the warped image within ``radius_px``, (N,) bool."""
+    kernel = np.ones((2 * radius_px + 1, 2 * radius_px + 1), np.uint8)
     interior = cv2.erode(covered, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0)
-    points = np.rint(feature_points(features)).astype(np.intp)
-    inside: Records = features[interior[points[:, 1], points[:, 0]] == 255]
-    return inside
+    x, y = np.clip(np.rint(points).astype(np.intp), 0, np.array(covered.shape[::-1]) - 1).T
+    return np.asarray(interior[y, x] == 255)

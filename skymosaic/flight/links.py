@@ -113,7 +113,9 @@ def verify(estimator: PairEstimator, pair: Candidate, left: Records, right: Reco
     left_points, right_points = match_points(kept)
     weight = kept["weight"].astype(np.float64)
     rng = np.random.default_rng(estimator.seed)
-    estimate = estimate_homography(left_points, right_points, weight, rng=rng, max_samples=estimator.max_samples)
+    estimate = estimate_homography(
+        left_points, right_points, weight, rng=rng, max_samples=estimator.max_samples, restarts=1
+    )
     inliers = int(np.count_nonzero(estimate.inliers))
     if estimate.homography is None:
         return Link(*pair, left_points[:0], right_points[:0], inliers, 0)

@@ -16,13 +16,14 @@ from golden_model.config import Config
 from golden_model.pixel.gray import to_gray
 from sim.backend import load_backend
 from skymosaic.errors import InputError
+from skymosaic.features.masks import on_the_ground
 from skymosaic.features.positions import feature_points
 from skymosaic.flight.cache import Arrays, key_of
 from skymosaic.imagery.exif import Position, position
 from skymosaic.imagery.images import Photograph, reduced, reduced_for_front_end
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
-from skymosaic.registration import WORKING_WIDTH_PX, extract_within_capacity, on_the_ground
+from skymosaic.registration import WORKING_WIDTH_PX, extract_within_capacity
 
 THUMBNAIL_WIDTH_PX = 320
 _ARRAYS = ("to_original", "to_thumbnail", "features", "thumbnail")

@@ -52,7 +52,7 @@ def fit(left: Array, right: Array, weight: Array, *, fewest: int, rng: np.random
         None with fewer inliers.
     """
     fits = [similarity(left, right, weight, fewest=fewest)]
-    projective = estimate_homography(left, right, weight, rng=rng).homography
+    projective = estimate_homography(left, right, weight, rng=rng, restarts=1).homography
     if projective is not None:
         inliers = int((_squared_error(projective, left, right) <= TOLERANCE_PX**2).sum())
         fits.append(Fit(projective, "projective", inliers))

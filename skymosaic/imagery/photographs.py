@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -33,12 +33,15 @@ class Source:
     content : Path or ndarray of uint8, shape (H, W) or (H, W, 3) BGR
     keep_damaged : bool
         Use what can be decoded of a damaged file.
+    bend : callable or None
+        Applied to the straightened pixels, for instance `skymosaic.compositing.mesh.Mesh.bend`; keeps their shape.
     """
 
     index: int
     name: str
     content: Path | Pixels
     keep_damaged: bool = False
+    bend: Callable[[Pixels], Pixels] | None = None
 
     @cached_property
     def digest(self) -> str:
@@ -66,7 +69,8 @@ class Source:
             As in `skymosaic.imagery.images.load`.
         """
         decoded = load(self.content, self.name, keep_damaged=self.keep_damaged)
-        return Photograph(self.name, lens.straighten(decoded.pixels), decoded.notes)
+        pixels = lens.straighten(decoded.pixels)
+        return Photograph(self.name, pixels if self.bend is None else self.bend(pixels), decoded.notes)
 
 
 def sources(images: Sequence[str | Path | Pixels]) -> list[Source]:

@@ -85,6 +85,8 @@ def _quality(view: PairView) -> str:
         else "no second pass",
         "computed by": view.numbers["backend"],
     }
+    if confidence := view.numbers["confidence"]:
+        rows |= {"confidence": f"{confidence['verdict']}: {confidence['reason']}"}
     return f'{_table(rows)}<p class="hint">Correct: within {CORRECT_PX:g} px of the homography.</p>'
 
 

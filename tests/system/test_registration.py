@@ -34,7 +34,9 @@ def test_the_refined_pass_is_closer_to_the_truth() -> None:
     plain = [error_px(register(*flight.images), flight) for flight in flights]
     refined = [register(*flight.images, refine=True) for flight in flights]
     assert np.mean([error_px(*both) for both in zip(refined, flights, strict=True)]) < np.mean(plain)
-    assert all(pair.refined_inliers > len(pair.inliers) for pair in refined)
+    # Where held-out matches do not gain, the first result stands and no refined inliers are reported.
+    assert all(pair.refined_inliers == 0 or pair.refined_inliers > len(pair.inliers) for pair in refined)
+    assert any(pair.refined_inliers for pair in refined)
 
 
 def test_the_result_is_the_same_on_every_run() -> None:

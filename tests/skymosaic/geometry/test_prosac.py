@@ -53,7 +53,7 @@ def test_same_rng_same_result_and_order_of_matches_is_free():
 
 
 def test_easy_pairs_stop_early_and_good_weights_make_hard_ones_easy():
-    assert estimated(*matches(200, 0.9, seed=4)[:3]).samples == prosac.BATCH
+    assert estimated(*matches(200, 0.9, seed=4)[:3]).samples == prosac.RESTARTS * prosac.BATCH
     left, right, weight, correct = matches(400, 0.06, seed=5)
     telling = np.where(correct, weight + 200, weight)
     blind, told = (estimated(left, right, w, max_samples=256) for w in (weight, telling))
@@ -69,7 +69,7 @@ def test_unrelated_images_are_refused():
         assert not estimate.accepted
         assert estimate.homography is None
         assert estimate.inliers.sum() < MIN_INLIERS
-        assert estimate.samples == MAX_SAMPLES
+        assert estimate.samples == prosac.RESTARTS * MAX_SAMPLES
 
 
 @pytest.mark.parametrize(("correct", "accepted"), [(11, False), (12, True)])

@@ -1,0 +1,120 @@
+"""Changed copies of an image for further passes of the front end: other scales, and simulated tilts.
+
+The front end describes two octaves of an image. Copies at other scales fill the gaps between octaves and extend
+their range; copies compressed in one direction imitate a camera that looks from the side (Morel and Yu, ASIFT: a new
+framework for fully affine invariant image comparison, 2009). Front end and matcher see them as ordinary frames.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from golden_model.arrays import Matrix, Pixels, Records
+from golden_model.records import MATCH
+from skymosaic.features.positions import feature_points, match_points, raw_positions
+from skymosaic.geometry.homography import apply, resize_matrix
+
+SIDES_PX = (64, 4096)
+"""Shortest and longest side of a frame that the front end takes."""
+TILT_BLUR = 0.8
+"""Blur before a compression by t, in sqrt(t² - 1) px (ASIFT's value): the aliasing limit of a camera's own blur."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """What is done to an image: resized by ``scale``, then compressed by ``tilt`` along ``direction_deg``."""
+
+    scale: float = 1.0
+    tilt: float = 1.0
+    direction_deg: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """A changed image, and the affine map (3, 3) from its pixels to those of the image it was made of."""
+
+    pixels: Pixels
+    to_image: Matrix
+
+
+def changed(image: Pixels, change: Change) -> Frame | None:
+    """The changed image; None where a side would leave the front end's range."""
+    height_px, width_px = image.shape[:2]
+    size = round(width_px * change.scale), round(height_px * change.scale)
+    if not all(SIDES_PX[0] <= side_px <= SIDES_PX[1] for side_px in size):
+        return None
+    pixels, to_image = image, np.eye(3)
+    if size != (width_px, height_px):
+        filtering = cv2.INTER_AREA if change.scale < 1 else cv2.INTER_CUBIC
+        pixels = np.asarray(cv2.resize(image, size, interpolation=filtering), dtype=np.uint8)
+        to_image = resize_matrix(width_px / size[0], height_px / size[1])
+    if change.tilt == 1:
+        return Frame(pixels, to_image)
+    compressed = _compressed(pixels, change.tilt, math.radians(change.direction_deg))
+    if min(compressed.pixels.shape[:2]) < SIDES_PX[0]:
+        return None
+    return Frame(compressed.pixels, to_image @ compressed.to_image)
+
+
+def _compressed(image: Pixels, tilt: float, direction_rad: float) -> Frame:
+    """The image compressed by ``tilt`` along a direction, in the smallest frame that holds it.
+
+    The image is blurred along the direction first. Outside the image the frame shows its reflection, so that its
+    edges make no corners; `in_image` drops the features that lie out there.
+    """
+    cosine, sine = math.cos(direction_rad), math.sin(direction_rad)
+    turn = np.array([[cosine, sine], [-sine, cosine]])
+    linear = turn.T @ np.diag([1 / tilt, 1.0]) @ turn
+    height_px, width_px = image.shape[:2]
+    corners = np.array([[0, 0], [width_px - 1, 0], [width_px - 1, height_px - 1], [0, height_px - 1]]) @ linear.T
+    low = np.floor(corners.min(axis=0))
+    width, height = (np.ceil(corners.max(axis=0) - low) + 1).astype(int).tolist()
+    forward = np.eye(3)
+    forward[:2, :2], forward[:2, 2] = linear, -low
+    blurred = cv2.filter2D(image, -1, _line_blur(tilt, cosine, sine), borderType=cv2.BORDER_REFLECT)
+    pixels = cv2.warpAffine(
+        blurred, forward[:2], (width, height), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT
+    )
+    return Frame(np.asarray(pixels, dtype=np.uint8), np.asarray(np.linalg.inv(forward)))
+
+
+def _line_blur(tilt: float, cosine: float, sine: float) -> Matrix:
+    """A Gaussian kernel along a direction, one pixel wide across it."""
+    along_px, across_px = TILT_BLUR * math.sqrt(tilt**2 - 1), 0.35
+    radius = math.ceil(3 * along_px)
+    y, x = np.mgrid[-radius : radius + 1, -radius : radius + 1]
+    along, across = x * cosine + y * sine, y * cosine - x * sine
+    kernel = np.exp(-0.5 * ((along / along_px) ** 2 + (across / across_px) ** 2))
+    return np.asarray(kernel / kernel.sum())
+
+
+def in_image(features: Records, to_image: Matrix) -> Records:
+    """Feature records of a frame with the positions of the image it was made of."""
+    moved = features.copy()
+    moved["x"], moved["y"] = raw_positions(apply(to_image, feature_points(features))).T
+    return moved
+
+
+def matches_in_images(matches: Records, frames: tuple[Frame, Frame], images: tuple[Pixels, Pixels]) -> Records:
+    """Match records of two frames with the positions of the images; without those outside the images."""
+    moved = matches.copy()
+    inside = np.ones(len(matches), dtype=bool)
+    for side, frame, image, points in zip(("left", "right"), frames, images, match_points(matches), strict=True):
+        mapped = apply(frame.to_image, points)
+        inside &= ((mapped >= 0) & (mapped <= np.array(image.shape[1::-1]) - 1)).all(axis=1)
+        moved[f"{side}_x"], moved[f"{side}_y"] = raw_positions(mapped).T
+    return moved[inside]
+
+
+def swapped(matches: Records) -> Records:
+    """The same matches with left and right exchanged."""
+    other = np.zeros(len(matches), dtype=MATCH.dtype)
+    for name in matches.dtype.names or ():
+        side, _, rest = name.partition("_")
+        source = {"left": f"right_{rest}", "right": f"left_{rest}"}.get(side, name)
+        other[name] = matches[source]
+    return other

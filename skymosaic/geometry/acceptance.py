@@ -1,0 +1,73 @@
+"""When a homography may be believed: enough different matches agree with it, and not all in one corner.
+
+Matches of several frames show the same corner again and again, so they are counted by place. Twelve places that lie
+close together fix no homography of a whole image: a union of scales once gave 15 inliers on 4 % of an image and an
+error of 27 px.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from golden_model.arrays import Array, Matrix, Points
+from skymosaic.geometry.homography import apply
+
+Size = tuple[int, int]
+"""Width and height of an image, px."""
+
+CELL_PX = 4.0
+"""Matches in one cell of this side count once."""
+SMALLEST_SHARE_OF_OVERLAP = 0.10
+SMALLEST_SHARE_OF_IMAGE = 0.08
+
+
+def count_places(left: Points, right: Points) -> int:
+    """How many matches show different places: the number of cells they occupy, in the image where that is less."""
+    return min(len(np.unique(np.floor(points / CELL_PX), axis=0)) for points in (left, right))
+
+
+def overlap(homography: Matrix, left_size: Size, right_size: Size) -> Points:
+    """The part of the left image that the right one shows, as a convex polygon (N, 2); N = 0 where they do not meet.
+
+    Empty too where the homography folds the image over the horizon: such a polygon would not be convex.
+    """
+    nothing = np.zeros((0, 2))
+    corners = _corners(left_size)
+    depth = corners @ homography[2, :2] + homography[2, 2]
+    if depth.min() * depth.max() <= 0:
+        return nothing
+    mapped = apply(homography, corners)
+    if np.abs(mapped).max() > 1e6:
+        return nothing
+    area, common = cv2.intersectConvexConvex(mapped.astype(np.float32), _corners(right_size).astype(np.float32))
+    if area <= 0 or common is None:
+        return nothing
+    return apply(np.asarray(np.linalg.inv(homography)), common.reshape(-1, 2))
+
+
+def hull_area(points: Points) -> float:
+    """Area of the convex hull, px²; 0 for fewer than three points."""
+    if len(points) < 3:
+        return 0.0
+    return float(cv2.contourArea(cv2.convexHull(np.asarray(points, dtype=np.float32))))
+
+
+def hull_share(homography: Matrix, points: Points, left_size: Size, right_size: Size) -> float:
+    """Area of the hull of left points / area of the overlap, at most 1; 0 where there is no overlap."""
+    area = hull_area(overlap(homography, left_size, right_size))
+    return min(hull_area(points) / area, 1.0) if area > 0 else 0.0
+
+
+def spread_enough(homography: Matrix, left: Points, right: Points, left_size: Size, right_size: Size) -> bool:
+    """Whether the hull of the inliers covers a tenth of the overlap, or 8 % of the smaller image."""
+    if hull_share(homography, left, left_size, right_size) >= SMALLEST_SHARE_OF_OVERLAP:
+        return True
+    areas = [width * height for width, height in (left_size, right_size)]
+    smaller = int(np.argmin(areas))
+    return hull_area((left, right)[smaller]) >= SMALLEST_SHARE_OF_IMAGE * areas[smaller]
+
+
+def _corners(size: Size) -> Array:
+    right, bottom = size[0] - 0.5, size[1] - 0.5
+    return np.array([[-0.5, -0.5], [right, -0.5], [right, bottom], [-0.5, bottom]])

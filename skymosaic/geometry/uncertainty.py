@@ -1,0 +1,153 @@
+"""How far off a fitted homography may be, from the matches it was fitted to.
+
+The covariance of the fit tells how well its inliers fix it, if their errors are independent. With relief they are not:
+neighbouring matches deviate together. So the fit is also repeated without a part of the image, and the held-out matches
+show how well a homography describes the scene at all.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from golden_model.arrays import Array, Mask, Matrix, Points
+from skymosaic.geometry.acceptance import CELL_PX, Size, hull_share, overlap
+from skymosaic.geometry.homography import DegenerateError, apply, normalisation, scaled
+from skymosaic.geometry.prosac import INLIER_PX
+from skymosaic.geometry.refinement import refine_robustly, transfer
+
+NEAR_PX = 12.0
+"""Matches this close to the homography are taken for right ones, which relief may have displaced."""
+NOISE_PX = 0.3
+"""Smallest standard deviation that a match is credited with, in each direction."""
+FOLDS = 2
+GRID_POINTS = 12
+BLOCKS = 6
+"""Blocks across the extent of the matches, which are held out like the fields of a chessboard."""
+
+
+@dataclass(frozen=True)
+class FitQuality:
+    """What the matches of a homography say about it.
+
+    Attributes
+    ----------
+    covariance_px : float
+        Expected error of the fit over the overlap, from its covariance: mean standard deviation.
+    instability_px : float
+        Mean distance, over the overlap, between fits that each lack a part of the matches and the fit to all.
+    held_out_share : float
+        Share of the held-out matches within 12 px that lie within 2 px, 0..1.
+    held_out_px : float
+        90th percentile of the errors of the held-out matches within 12 px.
+    hull_share : float
+        Area of the hull of the inliers / area of the overlap, 0..1.
+    inliers : int
+        Different matches within 2 px.
+    """
+
+    covariance_px: float
+    instability_px: float
+    held_out_share: float
+    held_out_px: float
+    hull_share: float
+    inliers: int
+
+
+def fit_quality(homography: Matrix, left: Points, right: Points, left_size: Size, right_size: Size) -> FitQuality:
+    """Judge a homography by matches (N, 2) to (N, 2), of which some may be wrong; N >= 4 of them within 12 px.
+
+    Parameters
+    ----------
+    homography : (3, 3) ndarray
+        Left to right.
+    left, right : (N, 2) ndarray
+        Matches of unguided passes, px.
+    left_size, right_size : (int, int)
+        Of the images, px.
+    """
+    left, right = _one_a_place(left, right)
+    error_px = np.linalg.norm(apply(homography, left) - right, axis=1)
+    near, inlier = error_px <= NEAR_PX, error_px <= INLIER_PX
+    grid = _grid(overlap(homography, left_size, right_size))
+    held_out_px, fits = _cross_validated(homography, left[near], right[near])
+    distances = [np.linalg.norm(apply(fit, grid) - apply(homography, grid), axis=1).mean() for fit in fits]
+    return FitQuality(
+        covariance_px=_covariance_error(homography, left[inlier], right[inlier], grid),
+        instability_px=float(np.mean(distances)) if distances else NEAR_PX,
+        held_out_share=float(np.mean(held_out_px <= INLIER_PX)) if len(held_out_px) else 0.0,
+        held_out_px=float(np.percentile(held_out_px, 90)) if len(held_out_px) else NEAR_PX,
+        hull_share=hull_share(homography, left[inlier], left_size, right_size),
+        inliers=int(np.count_nonzero(inlier)),
+    )
+
+
+def covariance(homography: Matrix, left: Points, right: Points) -> Array:
+    """Covariance (8, 8) of h11 ... h32 with h33 = 1, from the transfer errors of N inliers and their Jacobian.
+
+    Raises
+    ------
+    DegenerateError
+        If the points do not determine a homography.
+    """
+    residuals, jacobian = transfer(scaled(homography).ravel()[:8], left, right)
+    rows = jacobian.reshape(-1, 8)
+    variance = max(float((residuals**2).sum()) / max(rows.shape[0] - 8, 1), NOISE_PX**2)
+    information = rows.T @ rows
+    if np.linalg.matrix_rank(information, hermitian=True) < 8:
+        raise DegenerateError("the points do not determine a homography")
+    return np.asarray(variance * np.linalg.inv(information))
+
+
+def _covariance_error(homography: Matrix, left: Points, right: Points, grid: Points) -> float:
+    """Mean standard deviation of the mapped grid; 12 px where the inliers determine nothing."""
+    if len(left) < 5 or not len(grid):
+        return NEAR_PX
+    # In normalised coordinates of the left image; the elements of h differ by six orders of magnitude otherwise.
+    to_left = normalisation(left, np.ones(len(left)))
+    try:
+        H = scaled(homography @ np.linalg.inv(to_left))
+        sigma = covariance(H, apply(to_left, left), right)
+    except (DegenerateError, np.linalg.LinAlgError):
+        return NEAR_PX
+    points = apply(to_left, grid)
+    _, jacobian = transfer(H.ravel()[:8], points, points)
+    variance = np.einsum("nij,jk,nik->n", jacobian, sigma, jacobian)
+    return float(np.sqrt(np.maximum(variance, 0)).mean())
+
+
+def _cross_validated(homography: Matrix, left: Points, right: Points) -> tuple[Array, list[Matrix]]:
+    """Errors of all matches under fits that have not seen them, and these fits."""
+    if len(left) < 8:
+        return np.zeros(0), []
+    low, high = left.min(axis=0), left.max(axis=0)
+    block = np.floor((left - low) / np.maximum(high - low, 1) * BLOCKS).astype(np.int64).sum(axis=1)
+    error_px, fits = np.full(len(left), np.nan), []
+    for fold in range(FOLDS):
+        held_out: Mask = block % FOLDS == fold
+        try:
+            fit = refine_robustly(homography, left[~held_out], right[~held_out])
+        except (DegenerateError, ValueError, np.linalg.LinAlgError):
+            continue
+        fits.append(fit)
+        error_px[held_out] = np.linalg.norm(apply(fit, left[held_out]) - right[held_out], axis=1)
+    return error_px[np.isfinite(error_px)], fits
+
+
+def _one_a_place(left: Points, right: Points) -> tuple[Points, Points]:
+    """The first match of each cell: frames at several scales show the same corner again."""
+    _, first = np.unique(np.floor(left / CELL_PX), axis=0, return_index=True)
+    return left[first], right[first]
+
+
+def _grid(polygon: Points) -> Points:
+    """Points inside a convex polygon (N, 2), on a grid over its bounding box; none where it is empty."""
+    if len(polygon) < 3:
+        return np.zeros((0, 2))
+    axes = [np.linspace(*bounds, GRID_POINTS) for bounds in zip(polygon.min(axis=0), polygon.max(axis=0), strict=True)]
+    points = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
+    sides = np.roll(polygon, -1, axis=0) - polygon
+    offsets = points[:, None] - polygon
+    turns = sides[:, 0] * offsets[..., 1] - sides[:, 1] * offsets[..., 0]
+    return np.asarray(points[(turns >= -1e-9).all(axis=1) | (turns <= 1e-9).all(axis=1)])
