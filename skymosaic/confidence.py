@@ -27,13 +27,12 @@ RELIEF_SHARE = 0.75
 HIGH_PASS_SIGMA_PX = 3.0
 SMALLEST_OVERLAP_PX = 400
 """Pixels of a correlation that means something."""
-INTERCEPT = 0.0
+INTERCEPT = 2.749
 COEFFICIENTS = {
-    "log_covariance": 0.4,
-    "log_instability": 0.4,
-    "log_missed": 0.3,
-    "log_uncovered": 0.2,
-    "correlation": -1.0,
+    "log_instability": 0.367,
+    "log_missed": 0.584,
+    "log_uncovered": 0.485,
+    "correlation": -0.647,
 }
 """Logarithm of the predicted error (px): intercept plus coefficients times `measures`."""
 
@@ -96,7 +95,6 @@ def assess(images: tuple[Pixels, Pixels], homography: Matrix, left: Points, righ
 def measures(quality: FitQuality, correlation: float) -> dict[str, float]:
     """What the predicted error is a function of, by the names of `COEFFICIENTS`."""
     return {
-        "log_covariance": float(np.log(max(quality.covariance_px, 0.01))),
         "log_instability": float(np.log(max(quality.instability_px, 0.01))),
         "log_missed": float(np.log(1.02 - quality.held_out_share)),
         "log_uncovered": float(np.log(1.05 - quality.hull_share)),
