@@ -1,0 +1,80 @@
+import numpy as np
+import pytest
+
+from golden_model.config import preset_config
+from golden_model.front_end import extract
+from sim.golden import GoldenBackend
+from sim.scene import pair as rendered_pair
+from skymosaic.features.frames import Change, changed, in_image, matches_in_images, swapped
+from skymosaic.features.guided_matching import guided_matches
+from skymosaic.features.positions import feature_points, match_points
+from skymosaic.geometry.homography import apply
+
+CONFIG = preset_config("aerial")
+SIZE = (320, 240)
+
+
+@pytest.fixture(scope="module")
+def image():
+    return rendered_pair(seed=1, size=SIZE).images[0][..., 1].copy()
+
+
+@pytest.mark.parametrize("change", [Change(2.0), Change(0.5), Change(1.0, 2**0.5, 60.0)])
+def test_a_changed_frame_matches_its_image_in_place(image, change):
+    frame = changed(image, change)
+    matches = GoldenBackend().run([image, frame.pixels], CONFIG)[1].matches
+    identity = changed(image, Change())
+    left, right = match_points(matches_in_images(matches, (identity, frame), (image, image)))
+    close = np.linalg.norm(left - right, axis=1) < 1.5
+    assert close.sum() >= 12
+    assert np.median(np.linalg.norm(left - right, axis=1)[close]) < 0.6
+
+
+def test_frames_outside_the_range_of_the_front_end_are_refused(image):
+    assert changed(image, Change(0.2)) is None
+    assert changed(image, Change(20.0)) is None
+
+
+def test_features_and_matches_lie_where_the_image_has_them(image):
+    frame = changed(image, Change(0.5))
+    features = extract(frame.pixels, CONFIG.front_end).features
+    moved = in_image(features, frame.to_image)
+    np.testing.assert_allclose(
+        feature_points(moved), apply(frame.to_image, feature_points(features)), atol=0.5 / 16 + 1e-9
+    )
+
+
+def test_a_tilt_compresses_along_its_direction(image):
+    frame = changed(image, Change(1.0, 2.0, 0.0))
+    assert frame.pixels.shape == (SIZE[1], SIZE[0] // 2 + 1)
+    np.testing.assert_allclose(frame.to_image[:2, :2], [[2, 0], [0, 1]], atol=1e-12)
+
+
+def test_swapping_twice_changes_nothing(image):
+    matches = GoldenBackend().run([image, image[:200]], CONFIG)[1].matches
+    assert len(matches) > 20
+    other = swapped(matches)
+    np.testing.assert_array_equal(other["left_x"], matches["right_x"])
+    np.testing.assert_array_equal(swapped(other), matches)
+
+
+def test_guided_matches_equal_an_exhaustive_search():
+    """The KD-tree must find the same pairs as the table of all distances."""
+    rng = np.random.default_rng(0)
+    left = np.zeros(150, extract(np.zeros((64, 64), np.uint8), CONFIG.front_end).features.dtype)
+    right = left.copy()
+    for side in (left, right):
+        side["x"], side["y"] = rng.integers(0, 60 * 16, (2, 150))
+        side["descriptor"] = rng.integers(0, 4, side["descriptor"].shape)  # many equal distances
+    i, j = guided_matches(left, right, np.eye(3), 8.0)
+    distance = np.bitwise_count(left["descriptor"][:, None] ^ right["descriptor"][None]).sum(axis=2).astype(int)
+    far = np.linalg.norm(feature_points(left)[:, None] - feature_points(right)[None], axis=2) > 8.0
+    distance[far] = 128
+    nearest_right, nearest_left = distance.argmin(axis=1), distance.argmin(axis=0)
+    expected = [
+        (row, nearest_right[row])
+        for row in range(150)
+        if nearest_left[nearest_right[row]] == row and distance[row, nearest_right[row]] < 0.34 * 128
+    ]
+    assert len(expected) > 20
+    assert list(zip(i.tolist(), j.tolist(), strict=True)) == expected
