@@ -10,6 +10,8 @@ object with the same methods that runs a simulation.
     frames = accelerator.run([left, right], settings, hold_reference=True)
 """
 
+import itertools
+
 import numpy as np
 
 import skymosaic_map as the_map
@@ -111,26 +113,28 @@ class Accelerator:
 
         Parameters
         ----------
-        frames : list of uint8 ndarray, shape (H, W) or (H, W, 3) BGR
-            All of one shape.
+        frames : iterable of uint8 ndarray, shape (H, W) or (H, W, 3) BGR
+            At least one, all of one shape; taken one at a time, so that a server need not hold them all.
         settings : dict
             Values of the register fields in `skymosaic_map.REQUESTED`.
         hold_reference : bool
             Match every frame with the first; otherwise each with the previous one.
         """
+        frames = iter(frames)
+        first = next(frames)
         # The DMAs first: one that waits for the rest of a packet would take it from the next frame.
         self.bus.stop()
         self.write(enable=0, clear=1)
         self.write(
             **settings,
             memory_mode=1,
-            gray_input=int(frames[0].ndim == 2),
+            gray_input=int(first.ndim == 2),
             features_enable=1,
             matches_enable=1,
             hold_reference=int(hold_reference),
             enable=1,
         )
-        return [self._run_one(frame) for frame in frames]
+        return [self._run_one(frame) for frame in itertools.chain([first], frames)]
 
     def _run_one(self, frame):
         words = as_words(frame)

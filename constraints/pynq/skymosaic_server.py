@@ -1,56 +1,143 @@
 """Serves the accelerator to one client at a time over TCP. Needs the standard library, numpy and the driver.
 
-A request is a line of JSON. If it is valid, the server answers with an empty JSON object, the client sends the bytes
-of the frames, and the server answers with a line of JSON and the bytes of the packets. There is no authentication:
-use a private network only.
+A request is a line of JSON. If it is valid, the server answers with a JSON object, the client sends the bytes of the
+frames, and the server answers with a line of JSON and the bytes of the packets.
+
+A server with a key first answers with a ``challenge``. The client then sends the SHA-256 of its frames and the
+HMAC-SHA256, with the key, of the challenge, the request's line and that SHA-256; only then are frames accepted. This
+keeps others from using the board; nothing is encrypted.
 """
 
+import hashlib
+import hmac
+import ipaddress
+import itertools
 import json
+import secrets
 import socketserver
+import time
 
 import numpy as np
 import skymosaic_map as the_map
-from skymosaic_driver import AcceleratorError
 
-MAX_HEADER_BYTES = 65536
+MAX_LINE_BYTES = 65536
 MAX_FRAMES = 64
-CLIENT_TIMEOUT_SECONDS = 30
+IDLE_SECONDS = 30
+REQUEST_SECONDS = 120
+"""Longest time that the server waits for one client in all: the others wait meanwhile."""
+CHUNK_BYTES = 1 << 16
 
 
-class Handler(socketserver.StreamRequestHandler):
+class ClientGoneError(Exception):
+    """The client closed the connection, or was too slow; there is nobody to answer."""
+
+
+class Client:
+    """The connection to a client, with limits on the time that is spent waiting for it.
+
+    Parameters
+    ----------
+    connection : socket
+    idle_seconds, request_seconds : float
+        Longest wait for the next bytes, and for all bytes of a request; the accelerator's time does not count.
+    """
+
+    def __init__(self, connection, idle_seconds, request_seconds):
+        self._connection = connection
+        self._idle_seconds = idle_seconds
+        self._seconds_left = request_seconds
+        self._received = b""
+
+    def line(self):
+        """The next line, without its end."""
+        while b"\n" not in self._received:
+            if len(self._received) > MAX_LINE_BYTES:
+                raise ValueError(f"the request is malformed: its line is longer than {MAX_LINE_BYTES} bytes")
+            more = self._waited(self._connection.recv, CHUNK_BYTES)
+            if not more:
+                # What is left may be a request without its end.
+                return self._take(len(self._received))
+            self._received += more
+        found = self._take(self._received.index(b"\n") + 1)
+        return found[:-1]
+
+    def bytes(self, length):
+        """The next ``length`` bytes, in a new array."""
+        data = bytearray(length)
+        have = self._take(min(length, len(self._received)))
+        data[: len(have)] = have
+        view, filled = memoryview(data), len(have)
+        while filled < length:
+            count = self._waited(self._connection.recv_into, view[filled : filled + CHUNK_BYTES])
+            if not count:
+                raise ClientGoneError
+            filled += count
+        return np.frombuffer(data, np.uint8)
+
+    def answer(self, header, *parts):
+        """Send a line of JSON and bytes."""
+        for part in (json.dumps(header).encode() + b"\n", *parts):
+            self._waited(self._connection.sendall, part)
+
+    def _take(self, length):
+        found, self._received = self._received[:length], self._received[length:]
+        return found
+
+    def _waited(self, call, argument):
+        self._connection.settimeout(max(min(self._idle_seconds, self._seconds_left), 0.001))
+        started = time.monotonic()
+        try:
+            return call(argument)
+        except OSError:
+            raise ClientGoneError from None
+        finally:
+            self._seconds_left -= time.monotonic() - started
+
+
+class Handler(socketserver.BaseRequestHandler):
     """One request, one answer."""
-
-    timeout = CLIENT_TIMEOUT_SECONDS
 
     def handle(self):
         """Read, check, run, answer. An error is sent to the client as one line, and the server goes on."""
+        server = self.server
+        self.client = Client(self.request, server.idle_seconds, server.request_seconds)
+        self.frames_left, self.frame_bytes = 0, 0
         try:
-            frames, settings, hold_reference = self._request()
-            results = self.server.accelerator.run(frames, settings, hold_reference)
-        except (AcceleratorError, ValueError) as error:
-            self._answer({"error": str(error)})
+            self._serve()
+        except ClientGoneError:
             return
-        except OSError:
-            return
+        # Any error of the accelerator's software must not end the server, nor be lost.
+        except Exception as error:
+            self._refuse(str(error) or type(error).__name__)
+
+    def _serve(self):
+        line = self.client.line()
+        shape, count, settings, hold_reference = self._parsed(line)
+        # Before the frames are sent: a client that is still sending would not read the error.
+        self._check(shape, count, settings)
+        announced = self._authenticated(line) if self.server.key else None
+        self.client.answer({})
+        self.frames_left, self.frame_bytes = count, int(np.prod(shape))
+        sent = hashlib.sha256()
+        frames = (self._frame(shape, sent) for _ in range(count))
+        results = self.server.accelerator.run(frames, settings, hold_reference)
+        if announced is not None and not hmac.compare_digest(announced, sent.hexdigest()):
+            raise ValueError("the frames are not those that were announced")
         parts = [
             part for frame in results for part in (frame.features, frame.status, frame.matches, frame.match_status)
         ]
-        self._answer({"lengths": [part.nbytes for part in parts]}, *(part.tobytes() for part in parts))
+        self.client.answer({"lengths": [part.nbytes for part in parts]}, *(part.tobytes() for part in parts))
 
-    def _request(self):
-        header = self.rfile.readline(MAX_HEADER_BYTES)
+    def _parsed(self, line):
         try:
-            request = json.loads(header)
-            shape, count = tuple(map(int, request["shape"])), int(request["frames"])
-            settings = {name: int(request["settings"][name]) for name in the_map.REQUESTED}
-            hold_reference = bool(request["hold_reference"])
-        except (KeyError, TypeError, ValueError) as error:
+            request = json.loads(line)
+            shape, count = tuple(map(_whole, request["shape"])), _whole(request["frames"])
+            settings = {name: _whole(request["settings"][name]) for name in the_map.REQUESTED}
+            hold_reference = _typed(request["hold_reference"], bool)
+        # RecursionError: JSON that is nested thousands of times.
+        except (KeyError, TypeError, ValueError, RecursionError) as error:
             raise ValueError(f"the request is malformed: {error}") from None
-        # Before the frames are sent: a client that is still sending would not read the error.
-        self._check(shape, count, settings)
-        self._answer({})
-        length = int(np.prod(shape))
-        return [self._frame(length).reshape(shape) for _ in range(count)], settings, hold_reference
+        return shape, count, settings, hold_reference
 
     def _check(self, shape, count, settings):
         accelerator = self.server.accelerator
@@ -68,22 +155,87 @@ class Handler(socketserver.StreamRequestHandler):
                 raise ValueError(f"frames are {size_px} px {extent}; {smallest_px} to {built_px} were built")
         if (settings["width_px"], settings["height_px"]) != (shape[1], shape[0]):
             raise ValueError("width_px and height_px differ from the frames' shape")
+        for name, value in settings.items():
+            smallest, largest = the_map.WRITABLE[name]
+            if not smallest <= value <= largest:
+                raise ValueError(f"{name} is {value}; it must be {smallest} to {largest}")
 
-    def _frame(self, length_bytes):
-        data = self.rfile.read(length_bytes)
-        if len(data) != length_bytes:
-            raise ValueError(f"a frame ended after {len(data)} of {length_bytes} bytes")
-        return np.frombuffer(data, np.uint8)
+    def _authenticated(self, line):
+        """Check that the client knows the key; returns the SHA-256 of the frames that it announces."""
+        challenge = secrets.token_hex(32)
+        self.client.answer({"challenge": challenge})
+        try:
+            proof = json.loads(self.client.line())
+            announced, code = str(proof["frames"]), str(proof["hmac"])
+        except (KeyError, TypeError, ValueError, RecursionError):
+            announced, code = "", ""
+        if not hmac.compare_digest(code.encode(), authentication(self.server.key, challenge, line, announced).encode()):
+            raise ValueError("the key is missing or wrong")
+        return announced
 
-    def _answer(self, header, *parts):
-        self.wfile.write(json.dumps(header).encode() + b"\n" + b"".join(parts))
+    def _frame(self, shape, sent):
+        data = self.client.bytes(self.frame_bytes)
+        self.frames_left -= 1
+        sent.update(data)
+        return data.reshape(shape)
+
+    def _refuse(self, reason):
+        try:
+            # A client that is still sending would not read the answer.
+            for _ in itertools.repeat(None, self.frames_left):
+                self.client.bytes(self.frame_bytes)
+            self.client.answer({"error": reason})
+        except ClientGoneError:
+            return
+
+
+def _whole(value):
+    return _typed(value, int)
+
+
+def _typed(value, kind):
+    # Not isinstance, for which True is a whole number.
+    if type(value) is not kind:
+        raise TypeError(f"{value!r:.40} is not of type {kind.__name__}")
+    return value
+
+
+def authentication(key, challenge, line, frames_digest):
+    """HMAC-SHA256 that proves to know the key, as hexadecimal digits."""
+    return hmac.new(key, challenge.encode() + line + frames_digest.encode(), hashlib.sha256).hexdigest()
 
 
 class Server(socketserver.TCPServer):
-    """Serves one client after the other, because there is only one accelerator."""
+    """Serves one client after the other, because there is only one accelerator.
+
+    Parameters
+    ----------
+    address : (str, int)
+        Host and port to listen on.
+    accelerator : skymosaic_driver.Accelerator
+    key : bytes or None
+        Shared with the clients; needed unless the host is this machine's loopback.
+    idle_seconds, request_seconds : float
+        See `Client`.
+
+    Raises
+    ------
+    ValueError
+        Without a key where others could reach the server.
+    """
 
     allow_reuse_address = True
 
-    def __init__(self, address, accelerator):
-        self.accelerator = accelerator
+    def __init__(self, address, accelerator, key=None, idle_seconds=IDLE_SECONDS, request_seconds=REQUEST_SECONDS):
+        if not key and not _is_loopback(address[0]):
+            raise ValueError(f"others could use the board at {address[0]!r}; give --key FILE, or --host 127.0.0.1")
+        self.accelerator, self.key = accelerator, key
+        self.idle_seconds, self.request_seconds = idle_seconds, request_seconds
         super().__init__(address, Handler)
+
+
+def _is_loopback(host):
+    try:
+        return host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False

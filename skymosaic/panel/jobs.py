@@ -8,12 +8,15 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import importlib
+import importlib.util
 import multiprocessing
 import os
 import signal
 import time
 import traceback
 from collections.abc import Callable
+from dataclasses import dataclass
 from multiprocessing import forkserver
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
@@ -31,6 +34,25 @@ Task = Callable[..., Any]
 
 Arguments and result are pickled, so they must be importable and picklable.
 """
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a worker may use.
+
+    Attributes
+    ----------
+    processor_seconds : int
+        Of all its threads.
+    seconds : float
+        From its start to its result.
+    memory_bytes : int
+        Address space beyond what it has at its start.
+    """
+
+    processor_seconds: int
+    seconds: float
+    memory_bytes: int
 
 
 class JobFailedError(Exception):
@@ -61,6 +83,8 @@ class Job:
         Where the task reads and writes; its first argument. Failure messages name files relative to it.
     *arguments
         Further arguments of ``task``.
+    limits : Limits or None
+        None: until it is cancelled.
 
     Attributes
     ----------
@@ -68,11 +92,13 @@ class Job:
         The latest line of progress.
     """
 
-    def __init__(self, title: str, task: Task, folder: Path, *arguments: object) -> None:
+    def __init__(self, title: str, task: Task, folder: Path, *arguments: object, limits: Limits | None = None) -> None:
         self.title = title
         self.line = "waiting for a free worker"
-        self._call = (task, folder, arguments)
+        self._call = (limits, task, folder, arguments)
+        self._limits = limits
         self._process: BaseProcess | None = None
+        self._has_result = False
         self._created = time.monotonic()
         self._cancelled = asyncio.Event()
 
@@ -105,8 +131,15 @@ class Job:
                 if self._cancelled.is_set():
                     self.cancel()
                 try:
-                    return await self._receive_result(receiver)
+                    seconds = self._limits.seconds if self._limits else None
+                    async with asyncio.timeout(seconds):
+                        return await self._receive_result(receiver)
+                except TimeoutError:
+                    raise JobFailedError(f"it takes more than {seconds:g} s; try a smaller file") from None
                 finally:
+                    # Only a worker that has ended by itself outlives this line, for a moment.
+                    if process.exitcode is None and not self._has_result:
+                        self.cancel()
                     await asyncio.to_thread(process.join)
 
     def cancel(self) -> None:
@@ -133,16 +166,42 @@ class Job:
             except EOFError:
                 if self._cancelled.is_set():
                     raise JobCancelledError from None
-                raise JobFailedError("the worker died (out of memory?); try smaller photographs") from None
+                raise JobFailedError(await self._why_it_died()) from None
+            self._has_result = kind != "progress"
             if kind == "done":
                 return value
             if kind == "failed":
                 raise JobFailedError(value)
             self.line = value
 
+    async def _why_it_died(self) -> str:
+        assert self._process is not None
+        await asyncio.to_thread(self._process.join)
+        if self._limits and self._process.exitcode == -getattr(signal, "SIGXCPU", 0):
+            return f"it takes more than {self._limits.processor_seconds} s of processor time; try a smaller file"
+        return "the worker died (out of memory?); try smaller photographs"
 
-def _run_in_worker(sender: Connection, task: Task, folder: Path, arguments: tuple[object, ...]) -> None:
+
+def _confine(limits: Limits) -> None:
+    """Set limits that the system enforces, where it knows them."""
+    if importlib.util.find_spec("resource") is None:
+        return
+    resource = importlib.import_module("resource")
+    # One second more for the signal that cannot be ignored.
+    resource.setrlimit(resource.RLIMIT_CPU, (limits.processor_seconds, limits.processor_seconds + 1))
+    with contextlib.suppress(OSError):
+        # The libraries that are loaded already have reserved far more than they use.
+        pages = int(Path("/proc/self/statm").read_text().split()[0])
+        most = pages * resource.getpagesize() + limits.memory_bytes
+        resource.setrlimit(resource.RLIMIT_AS, (most, most))
+
+
+def _run_in_worker(
+    sender: Connection, limits: Limits | None, task: Task, folder: Path, arguments: tuple[object, ...]
+) -> None:
     os.setsid()
+    if limits is not None:
+        _confine(limits)
 
     def progress(line: str) -> None:
         sender.send(("progress", line))
@@ -152,6 +211,8 @@ def _run_in_worker(sender: Connection, task: Task, folder: Path, arguments: tupl
     except (InputError, RegistrationError, BackendError) as error:
         # The page shows the message: it must not reveal where on this machine the file lies.
         message = "failed", str(error).replace(f"{folder}{os.sep}", "")
+    except MemoryError:
+        message = "failed", "it needs more memory than one file may take; try a smaller one"
     except Exception as error:
         traceback.print_exc()
         message = "failed", f"unexpected {type(error).__name__}: {error}; the traceback is in the panel's terminal"

@@ -13,6 +13,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocketClose
 
 SAFE_METHODS = ("GET", "HEAD")
+HTTP_PORT = 80
 SOCKET_PATH = "/_nicegui_ws"
 # NiceGUI compiles its templates in the browser, which needs 'unsafe-eval'; nothing is loaded from other servers.
 CONTENT_POLICY = (
@@ -40,7 +41,10 @@ class OriginCheck:
 
     def __init__(self, app: ASGIApp, port: int) -> None:
         self.app = app
-        self._hosts = {f"{name}:{port}" for name in ("127.0.0.1", "localhost", "[::1]")}
+        names = ("127.0.0.1", "localhost", "[::1]")
+        self._hosts = {f"{name}:{port}" for name in names}
+        # Browsers leave out the port that is HTTP's own.
+        self._hosts |= set(names) if port == HTTP_PORT else set()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a foreign request with 403 and pass on every other."""
@@ -51,7 +55,7 @@ class OriginCheck:
         if reason and scope["type"] == "websocket":
             await WebSocketClose(reason=reason)(scope, receive, send)
         elif reason:
-            await PlainTextResponse(f"refused: {reason}\n", status_code=403)(scope, receive, send)
+            await PlainTextResponse(f"refused: {reason}\n", status_code=403, headers=HEADERS)(scope, receive, send)
         else:
             await self.app(scope, receive, _with_headers(send))
 

@@ -12,6 +12,7 @@ from fastapi import FastAPI, Request
 from nicegui import app as page_app
 from nicegui import ui
 from starlette.middleware.sessions import SessionMiddleware
+from starlette.requests import ClientDisconnect
 from starlette.responses import FileResponse, PlainTextResponse, Response, StreamingResponse
 
 from skymosaic.errors import InputError
@@ -20,11 +21,13 @@ from skymosaic.panel.jobs import prepare_workers
 from skymosaic.panel.origin_check import OriginCheck
 from skymosaic.panel.page import build_mosaic_page
 from skymosaic.panel.sessions import Session, Sessions
+from skymosaic.panel.storage import BUSY
 from skymosaic.panel.tracking_page import build_tracking_page
 from skymosaic.panel.uploads import UploadRefusedError
 
 HOST = "127.0.0.1"
 SECONDS_TO_CLOSE = 2
+SECONDS_TO_RETRY = 10
 
 
 def serve(port: int, boards: tuple[str, ...], announce: Callable[[str], None]) -> None:
@@ -74,6 +77,11 @@ def _listen(port: int) -> socket.socket:
     return listener
 
 
+def _refusal_headers(status: int) -> dict[str, str]:
+    closing = {"connection": "close"}
+    return closing | {"retry-after": str(SECONDS_TO_RETRY)} if status == BUSY else closing
+
+
 def _application(sessions: Sessions, port: int) -> FastAPI:
     """The application: the routes for files, and the pages, which NiceGUI serves."""
     app = FastAPI(openapi_url=None)
@@ -93,10 +101,13 @@ def _application(sessions: Sessions, port: int) -> FastAPI:
         if session is None:
             return PlainTextResponse("open the panel's page first", status_code=403)
         try:
-            await session.upload(slot, request.stream(), name)
+            await session.upload(slot, request.stream(), name, request.is_disconnected)
+        except ClientDisconnect:
+            # Nobody reads this answer; without it, the log would have a traceback.
+            return Response(status_code=400)
         except UploadRefusedError as error:
             # Close the connection instead of reading the rest of a body that may be too large.
-            return PlainTextResponse(str(error), status_code=error.status, headers={"connection": "close"})
+            return PlainTextResponse(str(error), status_code=error.status, headers=_refusal_headers(error.status))
         return Response(status_code=204)
 
     @app.get("/picture/{key}")

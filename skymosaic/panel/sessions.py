@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import asyncio
 import shutil
-import tempfile
+import time
 from collections.abc import AsyncIterator, Callable, Iterable, Sequence
-from dataclasses import dataclass, field
 from functools import wraps
 from pathlib import Path
 from typing import Any, Concatenate, ParamSpec
@@ -16,33 +14,18 @@ from nicegui import Event, background_tasks
 from nicegui.binding import BindableProperty
 
 from skymosaic.panel import mosaic_tasks, tracking_tasks, upload_tasks
+from skymosaic.panel.intake import IsGone, JobQueues, never_gone, take_in
 from skymosaic.panel.jobs import Job, JobCancelledError, JobFailedError, Task
 from skymosaic.panel.options import Options
 from skymosaic.panel.results import HardwareResult, MosaicResult, TrackingResult, Upload
-from skymosaic.panel.uploads import PHOTOGRAPH, VIDEO, UploadRefusedError, receive
+from skymosaic.panel.storage import Storage, bytes_in
+from skymosaic.panel.uploads import UploadRefusedError
 
-MOST_KEPT = 16
-"""Sessions whose files are kept; beyond it, the oldest session without a running job loses its files."""
 MOST_PHOTOGRAPHS = 60
 MOST_BYTES = 4 << 30
 """Limit of all files of one session, results included."""
 
-SLOTS = {
-    "photograph": (PHOTOGRAPH, upload_tasks.inspect),
-    "template": (PHOTOGRAPH, upload_tasks.inspect),
-    "video": (VIDEO, upload_tasks.inspect_video),
-}
-"""What a file may be uploaded as: the kind of file, and the task that reads it."""
-
 _Arguments = ParamSpec("_Arguments")
-
-
-@dataclass(frozen=True)
-class JobQueues:
-    """Limits on how many workers run at once; uploads have a queue of their own and never wait for long jobs."""
-
-    long: asyncio.Semaphore = field(default_factory=lambda: asyncio.Semaphore(2))
-    uploads: asyncio.Semaphore = field(default_factory=lambda: asyncio.Semaphore(2))
 
 
 def _only_while_idle(
@@ -81,12 +64,14 @@ class Session:
 
     job = BindableProperty()
 
-    def __init__(self, make_folder: Callable[[Session], Path], queues: JobQueues, boards: tuple[str, ...]) -> None:
+    def __init__(self, storage: Storage, queues: JobQueues, boards: tuple[str, ...]) -> None:
         self.boards = boards
-        self._make_folder = make_folder
+        self._storage = storage
         self._queues = queues
         self._root: Path | None = None
         self._names_given = 0
+        self._uploads: dict[object, str] = {}
+        self.last_active = time.monotonic()
         self.photographs: list[Upload] = []
         self.options = Options.of_preset("aerial")
         self.mosaic_result: MosaicResult | None = None
@@ -106,33 +91,53 @@ class Session:
         """The folders of the archive, by their names in it."""
         return {name: result.folder for name, result in self._results().items()}
 
-    async def upload(self, slot: str, body: AsyncIterator[bytes], name: str) -> None:
+    @property
+    def is_busy(self) -> bool:
+        """Whether a job or an upload is running."""
+        return self.job is not None or bool(self._uploads)
+
+    @property
+    def stored_bytes(self) -> int:
+        """Size of the session's files."""
+        return bytes_in(self._root) if self._root else 0
+
+    async def upload(self, slot: str, body: AsyncIterator[bytes], name: str, is_gone: IsGone = never_gone) -> None:
         """Receive a file, check its kind and decode it.
 
         Parameters
         ----------
         slot : str
-            A key of `SLOTS`.
+            A key of `skymosaic.panel.intake.SLOTS`.
         body : async iterator of bytes
         name : str
             The file's name in the browser.
+        is_gone : callable
+            Asked, once the body has been received, whether the browser has gone: then the worker is ended.
 
         Raises
         ------
         UploadRefusedError
             If the file is refused; it is removed completely.
         """
-        kind, task = SLOTS[slot]
-        if slot == "photograph" and len(self.photographs) >= MOST_PHOTOGRAPHS:
+        # Those that are under way count too: ten uploads at once must not pass the limit together.
+        photographs = len(self.photographs) + list(self._uploads.values()).count("photograph")
+        if slot == "photograph" and photographs >= MOST_PHOTOGRAPHS:
             raise UploadRefusedError(f"no more than {MOST_PHOTOGRAPHS} photographs can be loaded; remove some", 413)
-        path = await receive(body, name, kind, self._folder("uploads") / self._new_number(), self._bytes_left())
-        job = Job(f"Reading {path.name}", task, path.parent, path.name, self._folder("views"))
+        ticket = object()
+        self._queues.admit(ticket)
+        self._uploads[ticket] = slot
         try:
-            uploaded = await job.run(self._queues.uploads)
-        except JobFailedError as error:
-            # A file that cannot be decoded must not stay among the uploads.
-            path.unlink()
-            raise UploadRefusedError(str(error)) from None
+            self._storage.make_room()
+            target, views = self._folder("uploads") / self._new_number(), self._folder("views")
+            room_bytes, queue = MOST_BYTES - self.stored_bytes, self._queues.uploads
+            file = slot, body, name
+            uploaded = await take_in(
+                *file, target=target, views=views, room_bytes=room_bytes, queue=queue, is_gone=is_gone
+            )
+        finally:
+            self._queues.uploading.discard(ticket)
+            del self._uploads[ticket]
+            self.last_active = time.monotonic()
         if slot == "photograph":
             self.photographs.append(uploaded)
         elif slot == "template":
@@ -228,6 +233,7 @@ class Session:
         self.cancel()
         if self._root is not None:
             shutil.rmtree(self._root, ignore_errors=True)
+            self._storage.forget(self)
             self._root, self.photographs, self.template, self.video = None, [], None, None
             self.mosaic_result = self.hardware_result = self.tracking_result = None
 
@@ -245,7 +251,7 @@ class Session:
         except JobFailedError as error:
             self.fault = str(error)
         finally:
-            self.job = None
+            self.job, self.last_active = None, time.monotonic()
             self.changed.emit()
 
     def _replace_mosaic(self, result: MosaicResult) -> None:
@@ -278,7 +284,7 @@ class Session:
 
     def _folder(self, name: str) -> Path:
         if self._root is None:
-            self._root = self._make_folder(self)
+            self._root = self._storage.make_folder(self)
         folder = self._root / name
         folder.mkdir(parents=True, exist_ok=True)
         return folder
@@ -300,10 +306,6 @@ class Session:
         self._names_given += 1
         return f"{self._names_given:02}"
 
-    def _bytes_left(self) -> int:
-        files = self._root.rglob("*") if self._root else ()
-        return MOST_BYTES - sum(path.stat().st_size for path in files if path.is_file())
-
 
 class Sessions:
     """All sessions, by the identifier in their signed cookie.
@@ -318,30 +320,19 @@ class Sessions:
 
     def __init__(self, boards: tuple[str, ...] = ()) -> None:
         self._boards = boards
-        self._folder = tempfile.TemporaryDirectory(prefix="skymosaic-panel-")
+        self._storage = Storage()
         self._open: WeakValueDictionary[str, Session] = WeakValueDictionary()
-        self._with_files: list[Session] = []
         self._queues = JobQueues()
 
     def get(self, identifier: str) -> Session:
         """The session with this identifier; a new one if there is none."""
         session = self._open.get(identifier)
         if session is None:
-            session = self._open[identifier] = Session(self._make_folder, self._queues, self._boards)
+            session = self._open[identifier] = Session(self._storage, self._queues, self._boards)
         return session
 
     def close(self) -> None:
         """Cancel every job and remove every file."""
         for session in list(self._open.values()):
             session.close()
-        self._folder.cleanup()
-
-    def _make_folder(self, session: Session) -> Path:
-        """A folder for a session's files; removes the oldest idle session's files if too many sessions have some."""
-        idle = [kept for kept in self._with_files if kept.job is None]
-        if len(self._with_files) >= MOST_KEPT and idle:
-            self._with_files.remove(idle[0])
-            idle[0].close()
-            idle[0].changed.emit()
-        self._with_files.append(session)
-        return Path(tempfile.mkdtemp(dir=self._folder.name))
+        self._storage.close()

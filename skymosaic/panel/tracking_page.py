@@ -18,7 +18,7 @@ CORNERS = ("top left", "top right", "bottom right", "bottom left")
 
 @dataclass(frozen=True)
 class _Slot:
-    """An upload area for one file: its name in `skymosaic.panel.sessions.SLOTS`, and its texts on the page."""
+    """An upload area for one file: its name in `skymosaic.panel.intake.SLOTS`, and its texts on the page."""
 
     name: str
     number: str

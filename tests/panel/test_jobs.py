@@ -15,7 +15,7 @@ from types import ModuleType
 import pytest
 
 from skymosaic.panel.archive import zipped
-from skymosaic.panel.jobs import Job, JobCancelledError, JobFailedError
+from skymosaic.panel.jobs import Job, JobCancelledError, JobFailedError, Limits
 from tests.panel.visit import LONG_MS
 
 pytestmark = pytest.mark.usefixtures("workers")
@@ -36,6 +36,13 @@ def raise_key_error(folder, *, progress):
 
 def die(folder, *, progress):
     os.abort()
+
+def compute(folder, *, progress):
+    while True:
+        pass
+
+def fill_memory(folder, *, progress):
+    return len(bytearray(3 << 30))
 
 def last_long(folder, *, progress):
     child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
@@ -105,6 +112,21 @@ def test_cancelling_ends_the_task_and_every_process_it_started(tasks: ModuleType
     processes = [int(word) for word in (tmp_path / "processes").read_text().split()]
     assert os.getpid() not in processes
     assert eventually(lambda: not any(map(alive, processes)))
+
+
+@pytest.mark.parametrize(
+    ("name", "limits", "says"),
+    [
+        ("compute", Limits(1, 600, 1 << 30), "more than 1 s of processor time"),
+        ("last_long", Limits(60, 0.5, 1 << 30), "more than 0.5 s"),
+        ("fill_memory", Limits(60, 600, 1 << 30), "more memory"),
+    ],
+)
+def test_a_worker_beyond_its_limits_is_ended(
+    tasks: ModuleType, tmp_path: Path, name: str, limits: Limits, says: str
+) -> None:
+    with pytest.raises(JobFailedError, match=says):
+        run(Job(name, getattr(tasks, name), tmp_path, limits=limits))
 
 
 def test_a_job_cancelled_while_it_waits_never_starts(tasks: ModuleType, tmp_path: Path) -> None:

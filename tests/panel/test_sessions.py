@@ -9,6 +9,7 @@ import nicegui.core
 import numpy as np
 import pytest
 
+from skymosaic.panel import intake, storage
 from skymosaic.panel import sessions as sessions_module
 from skymosaic.panel.sessions import Session, Sessions
 from skymosaic.panel.uploads import UploadRefusedError
@@ -143,7 +144,8 @@ def test_uploads_beyond_a_limit_are_refused(
 def test_the_oldest_idle_session_makes_room(
     sessions: Sessions, run_in_loop: Callable[[Scenario], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sessions_module, "MOST_KEPT", 2)
+    monkeypatch.setattr(storage, "MOST_SESSIONS", 2)
+    monkeypatch.setattr(storage, "IDLE_SECONDS", 0)
     three = [sessions.get(number) for number in ("one", "two", "three")]
 
     async def scenario() -> None:
@@ -157,6 +159,59 @@ def test_the_oldest_idle_session_makes_room(
         assert seen == [[]]
         await idle(three[0])
         assert len(three[0].photographs) == 2
+
+    run_in_loop(scenario)
+
+
+def test_an_active_session_keeps_its_files(
+    sessions: Sessions, run_in_loop: Callable[[Scenario], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(storage, "MOST_BYTES", 1)
+    one, two = sessions.get("one"), sessions.get("two")
+
+    async def scenario() -> None:
+        await one.upload("photograph", body(picture(1)), "field.png")
+        with pytest.raises(UploadRefusedError, match="no space") as refused:
+            await two.upload("photograph", body(picture(2)), "field.png")
+        assert refused.value.status == 503
+        assert len(one.photographs) == 1
+        one.last_active -= 2 * storage.IDLE_SECONDS
+        await two.upload("photograph", body(picture(2)), "field.png")
+        assert (one.photographs, len(two.photographs)) == ([], 1)
+
+    run_in_loop(scenario)
+
+
+def test_the_limit_of_photographs_holds_for_uploads_at_once(
+    sessions: Sessions, run_in_loop: Callable[[Scenario], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sessions_module, "MOST_PHOTOGRAPHS", 3)
+    session = sessions.get("one")
+
+    async def scenario() -> None:
+        uploads = (session.upload("photograph", body(picture(seed)), "field.png") for seed in range(8))
+        results = await asyncio.gather(*uploads, return_exceptions=True)
+        assert [result for result in results if result is None] == [None] * 3
+        assert len(session.photographs) == 3
+        assert len(files(session, "uploads")) == 3
+        monkeypatch.setattr(intake, "MOST_UPLOADS", 0)
+        with pytest.raises(UploadRefusedError, match="too many files"):
+            await session.upload("template", body(picture(9)), "car.png")
+        assert not session.is_busy
+
+    run_in_loop(scenario)
+
+
+def test_a_visitor_who_goes_ends_the_worker(sessions: Sessions, run_in_loop: Callable[[Scenario], None]) -> None:
+    session = sessions.get("one")
+
+    async def gone() -> bool:
+        return True
+
+    async def scenario() -> None:
+        with pytest.raises(UploadRefusedError, match="cancelled"):
+            await session.upload("photograph", body(picture(1)), "field.png", gone)
+        assert files(session, "uploads") == set()
 
     run_in_loop(scenario)
 

@@ -78,6 +78,7 @@ def driver(tmp_path_factory: pytest.TempPathFactory) -> Iterator[object]:
     (folder / "skymosaic_map.py").write_text(driver_map(CONFIG, lanes=LANES, **size))
     names = ("skymosaic_map", "skymosaic_driver", "skymosaic_server")
     sys.path[:0] = [str(folder), str(PYNQ)]
+    importlib.import_module("skymosaic_driver")
     yield importlib.import_module("skymosaic_server")
     del sys.path[:2]
     for name in names:

@@ -1,0 +1,101 @@
+"""The board's server as it is exported, with a stand-in for the accelerator: no simulator is needed."""
+
+import importlib
+import socket
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+
+import numpy as np
+import pytest
+
+from golden_model.config import Config, FrontEndConfig
+from golden_model.records import FRAME_STATUS, MATCH, Tag, feature_record
+from hdl.export import driver_map
+
+PYNQ = Path(__file__).parents[2] / "constraints" / "pynq"
+CONFIG = Config(front_end=FrontEndConfig(max_features=256))
+PATTERN = CONFIG.front_end.pattern
+FEATURE = feature_record(PATTERN.descriptor_bytes, PATTERN.window_bytes).dtype
+
+
+class StandIn:
+    """Answers each frame at once with three features and no matches; `change` alters a status before it is sent."""
+
+    max_width_px, max_height_px = 192, 160
+
+    def __init__(self) -> None:
+        self.frames = 0
+        self.change: dict[str, int] = {}
+
+    def run(self, frames, settings: dict[str, int], hold_reference: bool) -> list[SimpleNamespace]:
+        return [self._result(frame) for frame in frames]
+
+    def _result(self, frame: np.ndarray) -> SimpleNamespace:
+        status = np.zeros((), FRAME_STATUS.dtype)
+        status["tag"], status["good"], status["frame"] = Tag.FRAME_STATUS, 1, self.frames
+        status["height"], status["width"], status["features"] = *frame.shape[:2], 3
+        for name, value in self.change.items():
+            status[name] = value
+        self.frames += 1
+        features, matches = np.zeros(3, FEATURE), np.zeros(0, MATCH.dtype)
+        return SimpleNamespace(features=features, matches=matches, status=status, match_status=status)
+
+
+@pytest.fixture(scope="module")
+def server_module(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ModuleType]:
+    folder = tmp_path_factory.mktemp("pynq")
+    (folder / "skymosaic_map.py").write_text(driver_map(CONFIG, lanes=16, max_width_px=192, max_height_px=160))
+    sys.path[:0] = [str(folder), str(PYNQ)]
+    yield importlib.import_module("skymosaic_server")
+    del sys.path[:2]
+    for name in ("skymosaic_map", "skymosaic_driver", "skymosaic_server"):
+        sys.modules.pop(name, None)
+
+
+Serve = Callable[..., AbstractContextManager[tuple[StandIn, str]]]
+
+
+@pytest.fixture
+def serve(server_module: ModuleType) -> Serve:
+    """Context of a running server: its accelerator and its address."""
+
+    @contextmanager
+    def served(**options: object) -> Iterator[tuple[StandIn, str]]:
+        device = StandIn()
+        with server_module.Server(("127.0.0.1", 0), device, **options) as server:
+            thread = threading.Thread(target=server.serve_forever, args=(0.05,))
+            thread.start()
+            yield device, f"127.0.0.1:{server.server_address[1]}"
+            server.shutdown()
+            thread.join()
+
+    return served
+
+
+@pytest.fixture
+def answering() -> Callable[[bytes], AbstractContextManager[str]]:
+    """Context of a peer that accepts one connection and sends fixed bytes, whatever it receives; its address."""
+
+    @contextmanager
+    def peer(answer: bytes) -> Iterator[str]:
+        with socket.create_server(("127.0.0.1", 0)) as listening:
+
+            def talk() -> None:
+                connection, _ = listening.accept()
+                with connection:
+                    connection.recv(1 << 16)
+                    connection.sendall(answer)
+                    connection.shutdown(socket.SHUT_WR)
+                    while connection.recv(1 << 16):
+                        pass
+
+            thread = threading.Thread(target=talk)
+            thread.start()
+            yield f"127.0.0.1:{listening.getsockname()[1]}"
+            thread.join()
+
+    return peer
