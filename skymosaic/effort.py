@@ -30,7 +30,9 @@ EFFORTS = ("fast", "normal", "thorough")
 """fast: one pass; normal: more where the first is weak; thorough: three scales always, more where they are weak."""
 STRONG_INLIERS = 60
 STRONG_SHARE = 0.25
-"""A pass with so many inliers, spread over so much of the overlap, needs no other."""
+STRONG_AGREEMENT = 0.25
+"""A pass with so many inliers, spread over so much of the overlap, and such a share of the kept matches needs no other.
+Where fewer of the kept matches agree, relief divides them, and more matches settle which plane counts."""
 FURTHER_SAMPLES = 1000
 """Samples of the search in one further pass; there are up to ten."""
 FEWEST_PLACES = 12
@@ -209,6 +211,8 @@ class Search:
 
     def _strong(self, found: Found) -> bool:
         if found.homography is None or found.places < STRONG_INLIERS:
+            return False
+        if np.count_nonzero(found.inliers) < STRONG_AGREEMENT * len(found.evidence.kept):
             return False
         left, _ = match_points(found.evidence.matches[found.inliers])
         return acceptance.hull_share(found.homography, left, *self._sizes) >= STRONG_SHARE

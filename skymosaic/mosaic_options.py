@@ -159,7 +159,10 @@ class MosaicOptions:
             f"estimator {self.estimator}: more than two photographs are linked by {USUAL_ESTIMATOR}, whose result "
             f"the layout then refines; leave out --estimator, {few}",
         )
-        yield self.effort, f"effort: the links of a flight take one pass each; leave out --effort, {few}"
+        yield (
+            self.effort,
+            f"effort {self.effort}: more than two photographs are linked by one pass each; leave out --effort, {few}",
+        )
         yield (
             self.warp != "homography",
             f"warp {self.warp}: more than two photographs are laid out by homographies; leave out --warp, {few}",

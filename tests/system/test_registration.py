@@ -155,3 +155,25 @@ def test_rotated_photographs_are_all_registered_within_a_pixel() -> None:
         pair = register(folder / row["left"], folder / row["right"])
         assert pair.accepted, row["name"]
         assert grid_error(pair.homography, truth, pair.left.size, pair.right.size) < 1.0, row["name"]
+
+
+def test_warp_bends_the_left_photograph_only_where_asked() -> None:
+    images = list(rendered_pair(seed=1).images)
+    plain, bent, chosen = (mosaic(images, warp=warp).image for warp in ("homography", "mesh", "auto"))
+    assert plain.shape == bent.shape
+    assert np.abs(plain.astype(int) - bent).max() > 0
+    assert np.array_equal(plain, chosen)  # flat ground
+    with pytest.raises(InputError, match="homography, mesh, auto"):
+        mosaic(images, warp="rubber")
+    with pytest.raises(InputError, match="more than two"):
+        mosaic([*images, images[0]], warp="mesh")
+    with pytest.raises(InputError, match="more than two"):
+        mosaic([*images, images[0]], effort="thorough")
+
+
+def test_the_summary_tells_effort_and_confidence() -> None:
+    summary = register(*rendered_pair(seed=1).images).summary()
+    assert summary["effort"] == "normal"
+    assert summary["passes"] == 1
+    assert summary["confidence"]["verdict"] == "good"
+    assert summary["confidence"]["held_out_share"] > 0.9
