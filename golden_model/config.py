@@ -259,7 +259,8 @@ def load_config(path: str | Path, preset: str = "aerial") -> Config:
         return _changed_preset(tables.pop("preset", preset), tables)
     except OSError as error:
         raise ValueError(f"{path}: cannot be read ({error.strerror}); give a TOML file") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    # RecursionError: arrays that are nested hundreds of times.
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise ValueError(f"{path}: not valid TOML: {error}") from error
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error

@@ -22,7 +22,8 @@ SOURCES = (
     "golden_model",
     "hdl",
     "sim",
-    *(f"skymosaic/{name}" for name in ("features", "flight", "geometry", "imagery", "registration.py")),
+    *(f"skymosaic/{name}" for name in ("features", "flight", "geometry", "imagery")),
+    *(f"skymosaic/{name}.py" for name in ("effort", "registration")),
 )
 """The code that computes what is kept; its text is part of every key, because results change within a version too."""
 Arrays = dict[str, NDArray[np.generic]]

@@ -108,17 +108,22 @@ def load_lens(camera: Path | None, mask: Path | None) -> Lens:
     )
 
 
+LARGEST_NUMBER = 1e9
+"""Of a camera file; excludes what is not finite, and integers that no float can hold."""
+
+
 def _numbers(path: Path) -> dict[str, float]:
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); give a TOML file") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    # RecursionError: arrays that are nested hundreds of times.
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(f"{path}: not valid TOML: {error}") from None
     for key, value in table.items():
         if key not in _REQUIRED + _DISTORTION:
             raise InputError(f"{path}: unknown key {key}; valid: {', '.join(_REQUIRED + _DISTORTION)}")
-        if isinstance(value, bool) or not isinstance(value, int | float):
+        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < LARGEST_NUMBER:
             raise InputError(f"{path}: {key} is {value!r}; it must be a number")
     missing = [key for key in _REQUIRED if key not in table]
     if missing:

@@ -1,0 +1,77 @@
+"""Seeded changes to bytes and text, as faulty cards, interrupted copies and hostile senders make them."""
+
+import numpy as np
+
+
+def flip_bits(data: bytes, rng: np.random.Generator) -> bytes:
+    changed = bytearray(data)
+    for place in rng.integers(0, len(data), rng.integers(1, 20)):
+        changed[place] ^= 1 << int(rng.integers(8))
+    return bytes(changed)
+
+
+def zero_run(data: bytes, rng: np.random.Generator) -> bytes:
+    start, length = int(rng.integers(len(data))), int(rng.integers(1, 600))
+    return data[:start] + bytes(len(data[start : start + length])) + data[start + length :]
+
+
+def truncate(data: bytes, rng: np.random.Generator) -> bytes:
+    return data[: int(rng.integers(len(data)))]
+
+
+def extreme_integer(data: bytes, rng: np.random.Generator) -> bytes:
+    """Overwrite two or four bytes, most often near the start, by a number that headers rarely hold."""
+    reach = len(data) if rng.random() < 0.3 else min(len(data), 300)
+    start, size = int(rng.integers(reach)), int(rng.choice([2, 4]))
+    number = int(rng.choice([0, 1, 0x7F, 0x80, 0xFF, 0x7FFF, 0xFFFF, 0x7FFFFFFF, 0xFFFFFFFF])) & ((1 << 8 * size) - 1)
+    order = "big" if rng.random() < 0.5 else "little"
+    return (data[:start] + number.to_bytes(size, order) + data[start + size :])[: len(data)]
+
+
+def repeat_slice(data: bytes, rng: np.random.Generator) -> bytes:
+    start, length = int(rng.integers(len(data))), int(rng.integers(1, 200))
+    return data[: start + length] + data[start : start + length] * int(rng.integers(1, 50)) + data[start + length :]
+
+
+def insert_noise(data: bytes, rng: np.random.Generator) -> bytes:
+    start = int(rng.integers(len(data)))
+    return data[:start] + rng.bytes(int(rng.integers(1, 300))) + data[start:]
+
+
+def swap_halves(data: bytes, rng: np.random.Generator) -> bytes:
+    middle = int(rng.integers(len(data)))
+    return data[middle:] + data[:middle]
+
+
+MUTATORS = (flip_bits, zero_run, truncate, extreme_integer, extreme_integer, repeat_slice, insert_noise, swap_halves)
+
+
+def mutated(data: bytes, rng: np.random.Generator) -> bytes:
+    """``data`` after one to three changes."""
+    for _ in range(rng.integers(1, 4)):
+        if data:
+            data = MUTATORS[rng.integers(len(MUTATORS))](data, rng)
+    return data
+
+
+WORDS = ("nan", "-1", "0", "1e999", "true", "'text'", "[]", "{}", "99999999999999999999", "2024-01-01", '"\\u0000"')
+
+
+def mutated_text(text: str, rng: np.random.Generator) -> bytes:
+    """A TOML file with values replaced, lines removed, repeated or put in another order, or with damaged bytes."""
+    lines = text.splitlines()
+    for _ in range(rng.integers(1, 4)):
+        place, choice = int(rng.integers(len(lines))), int(rng.integers(5))
+        key = lines[place].partition("=")[0]
+        if choice == 0:
+            lines[place] = f"{key}= {rng.choice(WORDS)}"
+        elif choice == 1:
+            lines.insert(place, lines[place])
+        elif choice == 2:
+            lines[place] = lines[place].replace("_", "-")
+        elif choice == 3:
+            rng.shuffle(lines)
+        else:
+            lines[place] = f"{key}= {'[' * int(rng.integers(1, 5000))}"
+    data = "\n".join(lines).encode()
+    return mutated(data, rng) if rng.random() < 0.3 else data
