@@ -157,6 +157,11 @@ def _print_made(deliveries: Sequence[Delivery], report_folder: Path | None) -> N
     absent = flight.left_out if len(deliveries) == len(flight.layouts) else flight.absent_from(deliveries[0].layout)
     for reason in absent.values():
         tell(f"left out: {reason}")
+    if (lens := flight.calibration) is not None:
+        tell(
+            f"lens: k1 {lens.k1:.4f} (focal length {lens.focal_px:.0f} px); median error of held-out ties "
+            f"{lens.before_px:.2f} px without it, {lens.after_px:.2f} px with it"
+        )
     if flight.pair is None:
         tell("seconds: " + ", ".join(f"{stage} {value:.1f}" for stage, value in flight.seconds.items()))
     if report_folder:

@@ -6,10 +6,11 @@ from collections.abc import Iterator, Sequence
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from golden_model.arrays import Array, Float32, Mask, Pixels
 from skymosaic.compositing.layer import Layer
+from skymosaic.compositing.tone import NEUTRAL, Tone
 from skymosaic.compositing.warp import Canvas, shrunk
 
 METHODS = ("average", "distance", "multiband")
@@ -23,7 +24,7 @@ def blend(
     canvas: Canvas,
     *,
     method: str = "distance",
-    gains: ArrayLike | None = None,
+    tones: Sequence[Tone] | None = None,
 ) -> Pixels:
     """Warp images onto a canvas and blend them where they overlap.
 
@@ -40,9 +41,8 @@ def blend(
         III-10), which fades every image out towards its border; or in each pixel the image with the largest
         distance, blended in frequency bands (Burt and Adelson 1983), which keeps detail where the registration is
         not perfect.
-    gains : (N,) or (N, 3) array_like, optional
-        Factor on each image's intensities, or on each of its channels, from
-        `skymosaic.compositing.exposure.exposure_gains`; default 1.
+    tones : sequence of Tone, optional
+        From `skymosaic.compositing.exposure.exposure_tones`; by default the intensities stay as they are.
 
     Returns
     -------
@@ -54,8 +54,7 @@ def blend(
     ValueError
         For an unknown method.
     """
-    factors = np.ones(len(images)) if gains is None else np.asarray(gains, dtype=np.float64)
-    return blend_layers(layers_of(images, transforms, factors), canvas, method=method)
+    return blend_layers(layers_of(images, transforms, tones or [NEUTRAL] * len(images)), canvas, method=method)
 
 
 def blend_layers(layers: Sequence[Layer], canvas: Canvas, *, method: str = "distance") -> Pixels:
@@ -72,7 +71,7 @@ def blend_layers(layers: Sequence[Layer], canvas: Canvas, *, method: str = "dist
 
 
 def layers_of(
-    images: Sequence[Pixels], transforms: Sequence[Array], gains: Array, *, coloured: bool | None = None
+    images: Sequence[Pixels], transforms: Sequence[Array], tones: Sequence[Tone], *, coloured: bool | None = None
 ) -> list[Layer]:
     """Prepare images for blending: all gray or all BGR, reduced by area where the transformation shrinks them.
 
@@ -80,16 +79,16 @@ def layers_of(
     ----------
     images, transforms
         As in `blend`.
-    gains : (N,) or (N, 3) float64 ndarray
+    tones : sequence of Tone
     coloured : bool or None
         Whether the layers are BGR; None: BGR if any image is.
     """
     if coloured is None:
         coloured = any(image.ndim == 3 for image in images)
     layers = []
-    for image, transform, gain in zip(images, transforms, gains.reshape(len(images), -1), strict=True):
+    for image, transform, tone in zip(images, transforms, tones, strict=True):
         pixels, matrix = shrunk(image, transform)
-        layers.append(Layer(_as_bgr(pixels) if coloured else pixels, matrix, tuple(gain.tolist())))
+        layers.append(Layer(_as_bgr(pixels) if coloured else pixels, matrix, tone))
     return layers
 
 

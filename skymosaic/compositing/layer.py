@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Array, Float32, Mask, Pixels
+from skymosaic.compositing.tone import NEUTRAL, Tone, radius_of
 from skymosaic.compositing.warp import Canvas, backward, footprint, source_window, warp_tile
 from skymosaic.geometry.homography import apply, resize_matrix
 
@@ -63,8 +64,8 @@ class Layer:
     image : ndarray of uint8, shape (H, W) or (H, W, 3)
     transform : ndarray of float64, shape (3, 3)
         Image pixels to reference pixels.
-    gain : tuple of float
-        Factor on the intensities: one, or one per channel.
+    tone : Tone
+        What makes its intensities agree with those of its neighbours.
     visible : ndarray of uint8, shape (H, W), or None
         255 where the image shows the ground, else 0; None: everywhere.
     favour : float
@@ -75,7 +76,7 @@ class Layer:
 
     image: Pixels
     transform: Array
-    gain: tuple[float, ...] = (1.0,)
+    tone: Tone = NEUTRAL
     visible: Pixels | None = None
     favour: float = 1.0
     seam: SeamMask | None = None
@@ -95,19 +96,19 @@ class Layer:
         return part if part is None or self.seam is None or self.seam.covers_some_of(part) else None
 
     def pixels(self, part: Canvas) -> Pixels:
-        """The warped intensities times the gain; the image's border pixels are repeated beyond it."""
-        warped = backward(self.image, self.transform, part, border=cv2.BORDER_REPLICATE)
-        if all(gain == 1 for gain in self.gain):
-            return warped
-        # OpenCV's scalars have four channels.
-        factors = (self.gain * 4 if len(self.gain) == 1 else (*self.gain, 0.0))[:4]
-        return np.asarray(cv2.multiply(warped, np.array(factors)), dtype=np.uint8)
+        """The warped and toned intensities; the image's border pixels are repeated beyond it."""
+        warped = backward(self.image, self.transform, part, border=cv2.BORDER_REPLICATE, interpolation=cv2.INTER_CUBIC)
+        return self.tone.applied(warped, self.radius(part) if self.tone.needs_radius else None)
+
+    def radius(self, part: Canvas) -> Float32:
+        """Distance of each pixel of ``part`` from the image centre, in half diagonals of the image."""
+        return radius_of(self.size, part, np.linalg.inv(self.transform).astype(np.float64))
 
     def border_distance(self, part: Canvas) -> Float32:
         """Distance of each pixel from the border of the image's visible part, in image pixels; 0 outside."""
         # Warping interpolates: with 1 added to the distance, values below 1 are mixed with the outside.
         source = source_window(self.size, self.transform, part)
-        plus_one = warp_tile(self._plus_one(source), self.transform, source, part, cv2.BORDER_CONSTANT)
+        plus_one = warp_tile(self._plus_one(source), self.transform, source, part, border=cv2.BORDER_CONSTANT)
         inside = plus_one > 1 - SMALLEST_WEIGHT
         return np.where(inside, np.maximum(plus_one - 1, SMALLEST_WEIGHT), 0).astype(np.float32)
 

@@ -50,5 +50,5 @@ def seam_masks(thumbnails: Sequence[Layer], scale: float) -> list[SeamMask]:
         layer.pixels(canvas).astype(np.float32) for layer, canvas in zip(thumbnails, canvases, strict=True)
     ]
     corners = [(canvas.x_px, canvas.y_px) for canvas in canvases]
-    found = cv2.detail.DpSeamFinder("COLOR").find(pixels, corners, allowed)
+    found = cv2.detail.DpSeamFinder("COLOR_GRAD").find(pixels, corners, allowed)
     return [SeamMask(mask.get(), canvas, scale) for mask, canvas in zip(found, canvases, strict=True)]

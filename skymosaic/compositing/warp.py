@@ -24,8 +24,8 @@ TILE_PX = 1024
 """Side of the tiles that are warped at once: they fit the processor's cache and OpenCV's size limit of 32767 px."""
 ROUNDING_PX = 1e-6
 """A corner this close to a pixel counts as on it, because composed transformations have rounding errors."""
-SUPPORT_PX = 2
-"""Pixels around a source position that bilinear interpolation may read, including rounding."""
+SUPPORT_PX = 3
+"""Pixels around a source position that bicubic interpolation may read, including rounding."""
 
 
 class CanvasError(ValueError):
@@ -131,16 +131,20 @@ def footprint(size: tuple[int, int], transform: Array) -> Canvas:
     return Canvas(int(first[0]), int(first[1]), int(last[0] - first[0]) + 1, int(last[1] - first[1]) + 1)
 
 
+def magnification(size: tuple[int, int], transform: Array) -> float:
+    """Pixels of the reference frame for each pixel of an image of ``size`` (width, height), at its centre."""
+    x, y = (np.array(size) - 1) / 2
+    along_x, along_y = apply(transform, [(x + 1, y), (x, y + 1)]) - apply(transform, (x, y))
+    return math.sqrt(abs(along_x[0] * along_y[1] - along_x[1] * along_y[0]))
+
+
 def shrunk(image: Pixels, transform: Array) -> tuple[Pixels, Array]:
     """Reduce an image by area if its transformation shrinks it to half or less; returns image and transformation.
 
     Bilinear interpolation reads only four pixels, so an image that becomes much smaller must be averaged first.
     """
     height, width = image.shape[:2]
-    x, y = (width - 1) / 2, (height - 1) / 2
-    along_x, along_y = apply(transform, [(x + 1, y), (x, y + 1)]) - apply(transform, (x, y))
-    scale = math.sqrt(abs(along_x[0] * along_y[1] - along_x[1] * along_y[0]))
-    factor = min(int(1 / max(scale, 1e-6) + 1e-6), width, height)
+    factor = min(int(1 / max(magnification((width, height), transform), 1e-6) + 1e-6), width, height)
     if factor < 2:
         return image, transform
     small = (width // factor, height // factor)
@@ -164,8 +168,15 @@ def source_window(size: tuple[int, int], transform: Array, tile: Canvas) -> Canv
     return Canvas(x, y, last_x - x + 1, last_y - y + 1)
 
 
-def backward(image: Pixels, transform: Array, canvas: Canvas, *, border: int = cv2.BORDER_CONSTANT) -> Pixels:
-    """Backward warping x = H^-1 x', bilinear (thesis, equation II-17).
+def backward(
+    image: Pixels,
+    transform: Array,
+    canvas: Canvas,
+    *,
+    border: int = cv2.BORDER_CONSTANT,
+    interpolation: int = cv2.INTER_LINEAR,
+) -> Pixels:
+    """Backward warping x = H^-1 x' (thesis, equation II-17).
 
     Parameters
     ----------
@@ -177,6 +188,8 @@ def backward(image: Pixels, transform: Array, canvas: Canvas, *, border: int = c
         The rectangle to fill, of any size.
     border : int
         OpenCV's border mode: by default 0 outside the image; or ``cv2.BORDER_REPLICATE``.
+    interpolation : int
+        OpenCV's interpolation: bilinear as in the thesis, or ``cv2.INTER_CUBIC``, which keeps fine detail.
 
     Returns
     -------
@@ -188,12 +201,22 @@ def backward(image: Pixels, transform: Array, canvas: Canvas, *, border: int = c
     for tile in canvas.tiles():
         source = source_window(whole_size, transform, tile)
         part = image[source.within(Canvas(0, 0, *whole_size))]
-        warped[tile.within(canvas)] = warp_tile(part, transform, source, tile, border)
+        warped[tile.within(canvas)] = warp_tile(
+            part, transform, source, tile, border=border, interpolation=interpolation
+        )
     return warped
 
 
-def warp_tile(part: NDArray[np.generic], transform: Array, source: Canvas, tile: Canvas, border: int) -> Pixels:
+def warp_tile(
+    part: NDArray[np.generic],
+    transform: Array,
+    source: Canvas,
+    tile: Canvas,
+    *,
+    border: int,
+    interpolation: int = cv2.INTER_LINEAR,
+) -> Pixels:
     """Warp ``part``, the pixels of an image inside ``source``, into one tile."""
     matrix = tile.translation @ transform @ np.linalg.inv(source.translation)
     size = (tile.width_px, tile.height_px)
-    return np.asarray(cv2.warpPerspective(part, matrix, size, flags=cv2.INTER_LINEAR, borderMode=border))
+    return np.asarray(cv2.warpPerspective(part, matrix, size, flags=interpolation, borderMode=border))

@@ -13,9 +13,10 @@ import numpy as np
 
 from golden_model.arrays import Array, Pixels
 from skymosaic.compositing.blend import blend_layers, layers_of
-from skymosaic.compositing.exposure import exposure_gains
+from skymosaic.compositing.exposure import exposure_tones
 from skymosaic.compositing.layer import Layer, SeamMask
 from skymosaic.compositing.seams import seam_masks
+from skymosaic.compositing.tone import NEUTRAL, Tone
 from skymosaic.compositing.warp import (
     CANVAS_LIMIT_PX,
     TILE_PX,
@@ -23,12 +24,12 @@ from skymosaic.compositing.warp import (
     CanvasError,
     canvas_of,
     footprint,
+    magnification,
 )
 from skymosaic.errors import RegistrationError
 from skymosaic.flight.layout import Layout
 from skymosaic.flight.sharpness import BLURRED, sharpness_ratios
 from skymosaic.flight.survey import Flight
-from skymosaic.flight.view import View
 from skymosaic.flight.workers import Workers
 from skymosaic.geometry.homography import resize_matrix
 from skymosaic.imagery.lens import Lens
@@ -52,8 +53,8 @@ class Placement:
         Width and height, px.
     transform : ndarray of float64, shape (3, 3)
         Its pixels to pixels of the reference frame.
-    gain : tuple of float
-        Factor on its intensities, by channel.
+    tone : Tone
+        What makes its intensities agree with those of its neighbours.
     favour : float
         Below 1 for a blurred photograph, which shows only where no other does.
     seam : SeamMask or None
@@ -63,7 +64,7 @@ class Placement:
     source: Source
     size: tuple[int, int]
     transform: Array
-    gain: tuple[float, ...] = (1.0,)
+    tone: Tone = NEUTRAL
     favour: float = 1.0
     seam: SeamMask | None = None
 
@@ -163,7 +164,7 @@ def compose(
     seams: bool = True,
     own_frame: bool = True,
 ) -> Composition:
-    """Prepare the picture of one layout: canvas, exposure gains and seams, from thumbnails alone.
+    """Prepare the picture of one layout: canvas, exposure and seams, from thumbnails alone.
 
     Parameters
     ----------
@@ -173,7 +174,7 @@ def compose(
     blending : {"average", "distance", "multiband"}
         As `skymosaic.compositing.blend.blend`.
     scale : float
-        Canvas pixels a pixel of the reference photograph.
+        Canvas pixels a pixel of the median photograph; of two photographs, a pixel of the right one.
     canvas_limit_px : int
         Largest canvas area that is accepted.
     equalise : bool
@@ -188,18 +189,17 @@ def compose(
     RegistrationError
         If the canvas would be too large, or a photograph reaches behind the horizon.
     """
-    views = [flight.views[member] for member in layout.members]
     composition = _arranged(flight, layout, blending, scale, canvas_limit_px)
     if own_frame:
         composition = composition.in_own_frame()
     if equalise:
         ratios = sharpness_ratios(flight.views, flight.links)[list(layout.members)]
         composition = composition.changed(favour=[BLURRED_FAVOUR if ratio < BLURRED else 1.0 for ratio in ratios])
-    thumbnails, reduction = _thumbnails(views, composition.placements, composition.lens, scale)
+    thumbnails, reduction = _thumbnails(flight, layout, composition.placements, scale)
     if equalise:
-        composition = composition.changed(gain=[tuple(gain.tolist()) for gain in _gains(thumbnails)])
+        composition = composition.changed(tone=exposure_tones(thumbnails))
     if seams and blending == "multiband":
-        toned = [replace(layer, gain=p.gain) for layer, p in zip(thumbnails, composition.placements, strict=True)]
+        toned = [replace(layer, tone=p.tone) for layer, p in zip(thumbnails, composition.placements, strict=True)]
         composition = composition.changed(seam=seam_masks(toned, reduction))
     return composition
 
@@ -207,7 +207,11 @@ def compose(
 def _arranged(flight: Flight, layout: Layout, blending: str, scale: float, canvas_limit_px: int) -> Composition:
     """The photographs of a layout on a canvas in the reference's frame."""
     views = [flight.views[member] for member in layout.members]
-    transforms = list(layout.to_reference(flight.views, scale).values())
+    transforms = list(layout.to_reference(flight.views).values())
+    # The reference may have flown lower or higher than most: neither invent detail nor lose it.
+    usual = float(np.median([magnification(view.size, each) for view, each in zip(views, transforms, strict=True)]))
+    resize = resize_matrix(scale if layout.originals is not None else scale / usual)
+    transforms = [resize @ transform for transform in transforms]
     try:
         canvas = canvas_of([view.size for view in views], transforms, limit_px=canvas_limit_px)
     except CanvasError as error:
@@ -217,19 +221,22 @@ def _arranged(flight: Flight, layout: Layout, blending: str, scale: float, canva
         for member, view, transform in zip(layout.members, views, transforms, strict=True)
     )
     coloured = any(view.thumbnail.ndim == 3 for view in views)
-    return Composition(placements, canvas, coloured, blending, flight.settings.lens)
+    return Composition(placements, canvas, coloured, blending, flight.lens)
 
 
 def _thumbnails(
-    views: Sequence[View], placements: Sequence[Placement], lens: Lens, scale: float
+    flight: Flight, layout: Layout, placements: Sequence[Placement], scale: float
 ) -> tuple[list[Layer], float]:
     """The thumbnails as layers of a reduced canvas, in colour, and the reduction."""
+    views, lens = [flight.views[member] for member in layout.members], flight.lens
     widest = max(views, key=lambda view: view.size[0])
     reduction = widest.thumbnail.shape[1] / widest.size[0] / scale
     layers = []
     for view, placement in zip(views, placements, strict=True):
         from_thumbnail = view.to_original @ np.linalg.inv(view.to_thumbnail)
         pixels = view.thumbnail if view.thumbnail.ndim == 3 else cv2.cvtColor(view.thumbnail, cv2.COLOR_GRAY2BGR)
+        if flight.calibration is not None:
+            pixels = lens.straighten(np.asarray(pixels, dtype=np.uint8))
         layers.append(
             Layer(
                 image=np.asarray(pixels, dtype=np.uint8),
@@ -239,14 +246,6 @@ def _thumbnails(
             )
         )
     return layers, reduction
-
-
-def _gains(thumbnails: Sequence[Layer]) -> Array:
-    """Exposure gains by channel, (N, 3)."""
-    transforms = [layer.transform for layer in thumbnails]
-    canvas = canvas_of([layer.size for layer in thumbnails], transforms)
-    channels = [[layer.image[..., channel] for layer in thumbnails] for channel in range(3)]
-    return np.stack([exposure_gains(images, transforms, canvas) for images in channels], axis=1)
 
 
 @lru_cache(maxsize=1)
@@ -272,8 +271,8 @@ def _render(composition: Composition, tile: Canvas, memory_bytes: int) -> Pixels
         channels = (3,) if composition.coloured else ()
         return np.zeros((tile.height_px, tile.width_px, *channels), dtype=np.uint8)
     images = [_decoded(memory_bytes).pixels(placement.source, lens) for placement in placements]
-    gains = np.array([placement.gain for placement in placements])
-    layers = layers_of(images, [placement.transform for placement in placements], gains, coloured=composition.coloured)
+    tones = [placement.tone for placement in placements]
+    layers = layers_of(images, [placement.transform for placement in placements], tones, coloured=composition.coloured)
     dressed = [
         replace(layer, favour=placement.favour, seam=placement.seam, visible=lens.visible(layer.size))
         for layer, placement in zip(layers, placements, strict=True)

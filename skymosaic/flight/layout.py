@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -108,7 +108,7 @@ def lay_out(views: Sequence[View], members: Sequence[int], links: Sequence[Link]
     """
     if len(members) == 1:
         return Layout(tuple(members), members[0], {members[0]: np.eye(3)})
-    group = _Group(views, members, links)
+    group = LinkedGroup(views, members, links)
     model, reason, start = _choose_model(group)
     network = group.network(slice(None))
     refined = network.adjust(start, model)
@@ -132,11 +132,11 @@ def lay_out(views: Sequence[View], members: Sequence[int], links: Sequence[Link]
 
 def rough_transforms(views: Sequence[View], members: Sequence[int], links: Sequence[Link]) -> dict[int, Array]:
     """Similarities, as `Layout.transforms`, exact enough to predict which views overlap."""
-    group = _Group(views, members, links)
+    group = LinkedGroup(views, members, links)
     return group.to_ground(group.network(slice(None)).adjust(group.start, "similarity", max_steps=ROUGH_STEPS))
 
 
-class _Group:
+class LinkedGroup:
     """Linked views, renumbered from 0, and their ties in normalised coordinates."""
 
     def __init__(self, views: Sequence[View], members: Sequence[int], links: Sequence[Link]) -> None:
@@ -153,9 +153,12 @@ class _Group:
         self.reference = int(np.argmax((weights + weights.T).sum(axis=0)))
         self.start = _spanning_start(self._ties, weights, self.reference)
 
-    def network(self, chosen: slice) -> Network:
-        """The network of every link's ties, or of a subset of them."""
-        ties = [Ties(t.left, t.right, t.left_points[chosen], t.right_points[chosen]) for t in self._ties]
+    def network(self, chosen: slice, straighten: Callable[[Array], Array] = np.asarray) -> Network:
+        """The network of every link's ties, or of a subset of them, as ``straighten`` moves their normalised points."""
+        ties = [
+            Ties(tie.left, tie.right, straighten(tie.left_points[chosen]), straighten(tie.right_points[chosen]))
+            for tie in self._ties
+        ]
         return Network(ties, [1 / float(matrix[0, 0]) for matrix in self._normalised], self.reference)
 
     def to_ground(self, transforms: Array) -> dict[int, Array]:
@@ -222,7 +225,7 @@ def _spanning_start(ties: Sequence[Ties], weights: csr_array, reference: int) ->
     return transforms
 
 
-def _choose_model(group: _Group) -> tuple[str, str, Array]:
+def _choose_model(group: LinkedGroup) -> tuple[str, str, Array]:
     """The simplest model that is about as good as the best, the reason, and its transformations.
 
     Every second tie is fitted; the error is measured on the others.

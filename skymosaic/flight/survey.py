@@ -14,9 +14,11 @@ from skymosaic.flight import view as flight_view
 from skymosaic.flight.cache import ResultCache, key_of
 from skymosaic.flight.layout import Layout, groups, lay_out, predicted, rough_transforms
 from skymosaic.flight.links import Candidate, Link, PairEstimator, verify
+from skymosaic.flight.self_calibration import Calibration, calibrate, straightened_links
 from skymosaic.flight.view import Settings, View, describe
 from skymosaic.flight.workers import Workers
 from skymosaic.geometry.prosac import MIN_INLIERS
+from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
 from skymosaic.registration import Pair
 from skymosaic.stopwatch import Stopwatch
@@ -50,6 +52,9 @@ class Flight:
         Wall time of each stage.
     pair : Pair or None
         The registration of two photographs, see `skymosaic.flight.pair`.
+    calibration : Calibration or None
+        What the ties told about the lens. Links and layouts are then those of straightened photographs; features and
+        thumbnails of the views are as the camera saw them.
     """
 
     names: tuple[str, ...]
@@ -61,6 +66,12 @@ class Flight:
     settings: Settings
     seconds: dict[str, float]
     pair: Pair | None = None
+    calibration: Calibration | None = None
+
+    @property
+    def lens(self) -> Lens:
+        """What straightens the photographs: the lens that was given, or the one that the ties told."""
+        return self.settings.lens if self.calibration is None else self.calibration.lens
 
     def absent_from(self, layout: Layout) -> dict[int, str]:
         """Photographs that are not in a layout, by their index among those given, with the reason."""
@@ -179,12 +190,27 @@ def survey(sources: Sequence[Source], settings: Settings, seed: int, workers: Wo
     clock.lap("pairs")
     held = _held(links)
     parts = groups(len(of), held)
+    calibration = None
+    if settings.lens.matrix is None:
+        calibration = calibrate(of, parts[0], held, settings.lens.mask)
+    if calibration is not None:
+        held = straightened_links(held, of, calibration.distortion)
     layouts = tuple(lay_out(of, members, held) for members in parts if len(members) > 1)
     clock.lap("layout")
     alone = (members[0] for members in parts if len(members) == 1)
     left_out |= {tuple(seen)[view].index: _why_alone(view, of, links.values()) for view in alone}
     names = tuple(source.name for source in sources)
-    return Flight(names, tuple(seen), of, tuple(links.values()), layouts, left_out, settings, clock.seconds)
+    return Flight(
+        names=names,
+        sources=tuple(seen),
+        views=of,
+        links=tuple(links.values()),
+        layouts=layouts,
+        left_out=left_out,
+        settings=settings,
+        seconds=clock.seconds,
+        calibration=calibration,
+    )
 
 
 def _distinct(sources: Sequence[Source]) -> tuple[list[Source], dict[int, str]]:

@@ -76,11 +76,25 @@ def flight_numbers(deliveries: Sequence[Delivery], check: FlightCheck) -> dict[s
         "pairs_tried": len(flight.links),
         "links": sum(link.holds for link in flight.links),
         "seconds": {stage: round(value, 3) for stage, value in flight.seconds.items()},
+        "lens": _lens_numbers(flight),
         "mosaics": [_mosaic_numbers(delivery) for delivery in deliveries],
         "check": dataclasses.asdict(check),
         "backend": flight.settings.backend,
         "working_width_px": flight.settings.working_width_px,
         "configuration": dataclasses.asdict(flight.settings.config),
+    }
+
+
+def _lens_numbers(flight: Flight) -> dict[str, float] | None:
+    """What the ties told about the lens; None where it was given, or straight as far as they tell."""
+    found = flight.calibration
+    if found is None:
+        return None
+    return {
+        "k1": found.k1,
+        "focal_px": found.focal_px,
+        "held_out_before_px": round(found.before_px, 3),
+        "held_out_after_px": round(found.after_px, 3),
     }
 
 

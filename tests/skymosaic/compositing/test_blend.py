@@ -117,11 +117,6 @@ def test_images_off_the_canvas_are_skipped():
         np.testing.assert_array_equal(mosaic, image)
 
 
-def test_bright_gain_saturates():
-    image = np.full((64, 64), 200, np.uint8)
-    assert (blend([image], [np.eye(3)], Canvas(0, 0, 64, 64), gains=[1.5]) == 255).all()
-
-
 def test_unknown_method_names_the_valid_ones():
     with pytest.raises(ValueError, match=r"'feather'.*multiband"):
         blend([np.zeros((64, 64), np.uint8)], [np.eye(3)], footprint((64, 64), np.eye(3)), method="feather")

@@ -2,49 +2,86 @@ import cv2
 import numpy as np
 import pytest
 
-from skymosaic.compositing.blend import blend
-from skymosaic.compositing.exposure import exposure_gains
-from skymosaic.compositing.warp import canvas_of
+from skymosaic.compositing.exposure import exposure_tones
+from skymosaic.compositing.layer import Layer
+from skymosaic.compositing.tone import NEUTRAL, Tone
+
+SIZE_PX = (320, 240)
 
 
-def shift(x, y):
-    return np.array([[1.0, 0, x], [0, 1, y], [0, 0, 1]])
+def scene(width_px=900, height_px=500, seed=1):
+    noise = np.random.default_rng(seed).integers(0, 256, (height_px // 8, width_px // 8, 3), dtype=np.uint8)
+    return cv2.normalize(cv2.resize(noise, (width_px, height_px)), None, 40, 190, cv2.NORM_MINMAX)
 
 
-def smooth_image(height, width, *channels, seed=0):
-    noise = np.random.default_rng(seed).integers(0, 256, (height, width, *channels), dtype=np.uint8)
-    return cv2.normalize(cv2.GaussianBlur(noise, (0, 0), 5), None, 20, 180, cv2.NORM_MINMAX)
+def strip(exposures, falloff=0.0, step_px=90, noise=1.0, seed=2):
+    """Photographs along two rows of a scene, each times its exposure and darker towards its corners."""
+    ground, layers = scene(), []
+    rng = np.random.default_rng(seed)
+    y, x = np.indices(SIZE_PX[::-1])
+    radius = np.hypot(x - (SIZE_PX[0] - 1) / 2, y - (SIZE_PX[1] - 1) / 2) / (np.hypot(*SIZE_PX) / 2)
+    for number, exposure in enumerate(exposures):
+        left, top = step_px * (number // 2), 120 * (number % 2)
+        window = ground[top : top + SIZE_PX[1], left : left + SIZE_PX[0]]
+        seen = window * np.asarray(exposure) * np.exp(-falloff * radius**2)[..., None] + rng.normal(
+            0, noise, window.shape
+        )
+        layers.append(
+            Layer(np.rint(np.clip(seen, 0, 255)).astype(np.uint8), np.array([[1.0, 0, left], [0, 1, top], [0, 0, 1]]))
+        )
+    return layers
 
 
-def two_views(*channels):
-    """Two crops of one scene, 60 px apart, with the canvas that holds both: the scene itself."""
-    scene = smooth_image(120, 260, *channels)
-    images, transforms = [scene[:, :200], scene[:, 60:]], [np.eye(3), shift(60, 0)]
-    return scene, images, transforms, canvas_of([(200, 120), (200, 120)], transforms)
+def gains(tones):
+    return np.array([tone.gain for tone in tones])
 
 
-def test_gains_equalise_the_overlap():
-    scene, images, transforms, canvas = two_views(3)
-    darker = (images[1] * 0.7).astype(np.uint8)
-    gains = exposure_gains([images[0], darker], transforms, canvas)
-    assert gains[1] / gains[0] == pytest.approx(1 / 0.7, rel=0.03)
-    assert gains[0] < 1 < gains[1]
-    mosaic = blend([images[0], darker], transforms, canvas, gains=gains)
-    np.testing.assert_allclose(mosaic / mosaic.mean(), scene / scene.mean(), rtol=0.07)
+def test_ratios_of_exposures_are_found_and_the_median_photograph_keeps_its_brightness():
+    exposures = np.array([1.0, 0.8, 1.1, 0.7, 0.9, 1.2, 0.75])
+    found = gains(exposure_tones(strip(exposures[:, None])))
+    relative = found.mean(axis=1) * exposures
+    np.testing.assert_allclose(relative / relative.mean(), 1, atol=0.02)
+    assert np.median(found.mean(axis=1)) == pytest.approx(1, abs=0.02)
 
 
-def test_gains_of_equal_and_of_separate_images_are_one():
-    _, images, transforms, canvas = two_views()
-    np.testing.assert_allclose(exposure_gains(images, transforms, canvas), 1, atol=1e-6)
-    apart = [np.eye(3), shift(500, 0)]
-    bright_and_dark = [np.full((64, 64), value, np.uint8) for value in (40, 200)]
-    np.testing.assert_allclose(exposure_gains(bright_and_dark, apart, canvas_of([(64, 64)] * 2, apart)), 1)
+def test_darkness_is_not_favoured():
+    """Every second photograph is 40 % darker: least squares on gains would darken all, logarithms do not."""
+    found = gains(exposure_tones(strip(np.array([1.0, 0.6] * 4)[:, None]))).mean(axis=1)
+    assert np.exp(np.log(found).mean()) == pytest.approx(1, abs=0.3)
+    np.testing.assert_allclose(found[1::2] / found[::2], 1 / 0.6, rtol=0.03)
 
 
-def test_gains_come_from_a_reduced_canvas():
-    rng = np.random.default_rng(3)
-    scene = cv2.resize(rng.integers(60, 160, (40, 100), dtype=np.uint8), (5000, 2000), interpolation=cv2.INTER_LINEAR)
-    images, transforms = [scene[:, :3500], (scene[:, 1500:] * 0.8).astype(np.uint8)], [np.eye(3), shift(1500, 0)]
-    canvas = canvas_of([(3500, 2000)] * 2, transforms)
-    gains = exposure_gains(images, transforms, canvas)
-    assert gains[1] / gains[0] == pytest.approx(1.25, rel=0.02)
+def test_white_balance_follows_the_overlaps_by_channel():
+    exposures = np.ones((6, 3))
+    exposures[2] = 0.95, 1.0, 1.05
+    found = gains(exposure_tones(strip(exposures)))
+    assert found[2, 0] / found[2, 2] == pytest.approx(1.05 / 0.95, rel=0.03)
+    np.testing.assert_allclose(np.delete(found, 2, axis=0), 1, atol=0.03)
+
+
+def test_a_common_falloff_of_the_lens_is_found():
+    tones = exposure_tones(strip(np.array([1.0, 0.8, 1.1, 0.9, 1.2, 1.0])[:, None], falloff=0.35))
+    first, second = tones[0].falloff
+    assert {tone.falloff for tone in tones} == {(first, second)}
+    assert first + second == pytest.approx(0.35, abs=0.05)
+
+
+def test_a_lens_without_falloff_gets_none():
+    assert exposure_tones(strip(np.ones((6, 1))))[0].falloff == pytest.approx((0, 0), abs=0.02)
+
+
+def test_moving_things_do_not_count():
+    layers = strip(np.ones((6, 1)))
+    images = [layer.image.copy() for layer in layers]
+    images[1][60:140, 100:220] = 45
+    tones = exposure_tones([Layer(image, layer.transform) for image, layer in zip(images, layers, strict=True)])
+    np.testing.assert_allclose(gains(tones), 1, atol=0.02)
+
+
+def test_a_photograph_without_overlap_stays_as_it_is():
+    layers = strip(np.array([1.0, 0.7, 1.0, 0.7])[:, None])
+    far = Layer(layers[0].image, np.array([[1.0, 0, 5000], [0, 1, 0], [0, 0, 1]]))
+    tones = exposure_tones([*layers, far])
+    assert tones[-1].gain == pytest.approx((1, 1, 1))
+    assert exposure_tones([far]) == [Tone((1.0, 1.0, 1.0))]
+    assert not NEUTRAL.needs_radius

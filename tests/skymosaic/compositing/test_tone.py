@@ -1,0 +1,54 @@
+import numpy as np
+import pytest
+
+from skymosaic.compositing.tone import NEUTRAL, SHOULDER_START, Tone, radius_of
+from skymosaic.compositing.warp import Canvas
+
+RAMP = np.arange(256, dtype=np.uint8)[None]
+
+
+def test_neutral_tone_returns_the_same_pixels():
+    assert NEUTRAL.applied(RAMP) is RAMP
+
+
+@pytest.mark.parametrize("gain", [0.5, 0.8, 1.2, 1.6, 2.5])
+def test_below_the_shoulder_a_gain_is_a_factor(gain):
+    toned = Tone((gain,)).applied(RAMP)
+    straight = gain * RAMP < SHOULDER_START
+    np.testing.assert_allclose(toned[straight], (gain * RAMP)[straight], atol=0.51)
+
+
+@pytest.mark.parametrize("gain", [0.8, 1.2, 1.6, 2.5])
+def test_highlights_rise_to_white_and_nothing_else_becomes_white(gain):
+    toned = Tone((gain,)).applied(RAMP)[0].astype(int)
+    assert toned[255] == 255
+    assert (np.diff(toned) >= 0).all()
+    # Rounding may lift the last gray levels before white, but nothing that is clearly darker than white.
+    assert toned[240] < 255
+
+
+def test_a_strong_darkening_has_no_highlights():
+    assert Tone((0.5,)).applied(RAMP)[0, 255] == 128
+
+
+def test_channels_have_their_own_gains():
+    pixels = np.full((4, 5, 3), 100, np.uint8)
+    np.testing.assert_array_equal(Tone((0.5, 1.0, 1.5)).applied(pixels)[2, 2], [50, 100, 150])
+
+
+def test_falloff_brightens_the_corners_as_given():
+    part = Canvas(0, 0, 401, 301)
+    radius = radius_of((401, 301), part)
+    toned = Tone((1.0,), (0.2, 0.1)).applied(np.full((301, 401), 100, np.uint8), radius)
+    assert toned[150, 200] == 100
+    assert toned[0, 0] == pytest.approx(100 * np.exp(0.3), abs=1.5)
+
+
+def test_radius_is_the_distance_from_the_centre_of_the_source_image():
+    turned = np.array([[0.0, -2.0, 900.0], [2.0, 0.0, 40.0], [1e-5, 2e-5, 1.0]])
+    part = Canvas(30, 70, 333, 222)
+    radius = radius_of((640, 480), part, turned)
+    for x, y in ((0, 0), (332, 221), (100, 57)):
+        mapped = turned @ [part.x_px + x, part.y_px + y, 1]
+        exact = np.hypot(*(mapped[:2] / mapped[2] - [319.5, 239.5])) / 400
+        assert radius[y, x] == pytest.approx(exact, abs=2e-3)

@@ -1,0 +1,84 @@
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from skymosaic.flight.adjustment import FOCAL_HALF_DIAGONALS
+from skymosaic.flight.layout import lay_out, normalisation
+from skymosaic.flight.links import Link
+from skymosaic.flight.self_calibration import calibrate, straightened, straightened_links
+from skymosaic.geometry.homography import apply
+
+SIZE_PX = (1280, 960)
+
+
+def bent(points, distortion):
+    return points * (1 + distortion * (points**2).sum(axis=1, keepdims=True))
+
+
+def lawnmower(distortion, rows=3, columns=5, noise_px=0.3, seed=0):
+    """Views of flat ground by a slightly tilted camera with a bending lens, and the links between neighbours."""
+    rng = np.random.default_rng(seed)
+    unit = normalisation(SIZE_PX)
+    half_px = 1 / unit[0, 0]
+    poses = []
+    for row in range(rows):
+        for column in range(columns):
+            turn, (tilt_x, tilt_y) = rng.normal(0, 0.03), rng.normal(0, 0.02, 2)
+            scale = 1 + rng.normal(0, 0.02)
+            cos, sin = scale * np.cos(turn), scale * np.sin(turn)
+            poses.append(np.array([[cos, -sin, 0.45 * column], [sin, cos, 0.5 * row], [tilt_x, tilt_y, 1]]))
+    ground = rng.uniform((-1.2, -1.2), (0.45 * columns + 1, 0.5 * rows + 1), (6000, 2))
+    limits = np.array(SIZE_PX) / 2 / half_px
+    seen = []
+    for pose in poses:
+        points = bent(apply(np.linalg.inv(pose), ground), distortion)
+        inside = (np.abs(points) < limits).all(axis=1)
+        seen.append((inside, apply(np.linalg.inv(unit), points) + rng.normal(0, noise_px, points.shape)))
+    links = []
+    for left in range(len(poses)):
+        for right in range(left + 1, len(poses)):
+            both = np.flatnonzero(seen[left][0] & seen[right][0])
+            if len(both) > 150:
+                chosen = rng.choice(both, 150, replace=False)
+                links.append(Link(left, right, seen[left][1][chosen], seen[right][1][chosen], 150, 150))
+    return [SimpleNamespace(size=SIZE_PX, working_size=SIZE_PX) for _ in poses], links
+
+
+def test_straightening_undoes_the_bending():
+    points = np.random.default_rng(1).uniform(-0.7, 0.7, (100, 2))
+    np.testing.assert_allclose(straightened(bent(points, -0.2), -0.2), points, atol=1e-4)
+
+
+@pytest.mark.parametrize("distortion", [-0.08, -0.03, 0.05])
+def test_distortion_is_found_within_five_percent(distortion):
+    views, links = lawnmower(distortion)
+    found = calibrate(views, range(len(views)), links)
+    assert found.distortion == pytest.approx(distortion, rel=0.05)
+    assert found.k1 == pytest.approx(distortion * FOCAL_HALF_DIAGONALS**2, rel=0.05)
+    assert found.after_px < found.before_px
+
+
+def test_a_straight_lens_is_left_alone():
+    views, links = lawnmower(0.0)
+    assert calibrate(views, range(len(views)), links) is None
+
+
+def test_straightened_links_fit_as_well_as_those_of_a_straight_lens():
+    views, links = lawnmower(-0.06)
+    _, straight_links = lawnmower(0.0)
+    found = calibrate(views, range(len(views)), links)
+    members = list(range(len(views)))
+    after = lay_out(views, members, straightened_links(links, views, found.distortion)).median_error_px
+    assert after < 1.2 * lay_out(views, members, straight_links).median_error_px
+    assert after < lay_out(views, members, links).median_error_px
+
+
+def test_different_cameras_and_few_views_are_left_alone():
+    views, links = lawnmower(-0.06)
+    assert (
+        calibrate([*views[:-1], SimpleNamespace(size=(640, 480), working_size=SIZE_PX)], range(len(views)), links)
+        is None
+    )
+    few, few_links = lawnmower(-0.1, rows=1, columns=4)
+    assert calibrate(few, range(len(few)), few_links) is None
