@@ -34,8 +34,12 @@ def main(arguments: list[str]) -> None:
     print(f"{'mosaic':32} {'photos':>6} {'kept':>18} {'burnt':>7} {'misfit':>7} {'NCC':>11} {'sharp':>6}")
     for mosaic_path, report_path in zip(arguments[::2], arguments[1::2], strict=True):
         mosaic = cv2.imread(mosaic_path)
-        transforms = json.loads(Path(report_path).read_text())["mosaics"][0]["transforms"]
-        rows = [row for name, matrix in transforms.items() if (row := measured(mosaic, name, np.array(matrix)))]
+        report = json.loads(Path(report_path).read_text())
+        transforms = report["mosaics"][0]["transforms"]
+        photographs = (
+            (straightened(cv2.imread(name), report.get("lens")), matrix) for name, matrix in transforms.items()
+        )
+        rows = [row for photograph, matrix in photographs if (row := measured(mosaic, photograph, np.array(matrix)))]
         kept, burnt, misfit, ncc, sharp = np.array(rows).T
         print(
             f"{Path(mosaic_path).name:32} {len(rows):6} {np.median(kept):6.2f} {kept.min():5.2f} {kept.max():5.2f}"
@@ -44,9 +48,17 @@ def main(arguments: list[str]) -> None:
         )
 
 
-def measured(mosaic: NDArray[np.uint8], name: str, to_mosaic: Array) -> tuple[float, ...] | None:
+def straightened(photograph: NDArray[np.uint8], lens: dict[str, float] | None) -> NDArray[np.uint8]:
+    """The photograph without the distortion that the report names."""
+    if lens is None:
+        return photograph
+    x, y = (photograph.shape[1] - 1) / 2, (photograph.shape[0] - 1) / 2
+    matrix = np.array([[lens["focal_px"], 0, x], [0, lens["focal_px"], y], [0, 0, 1]])
+    return cv2.undistort(photograph, matrix, np.array([lens["k1"], 0, 0, 0, 0]))
+
+
+def measured(mosaic: NDArray[np.uint8], photograph: NDArray[np.uint8], to_mosaic: Array) -> tuple[float, ...] | None:
     """The measures of one photograph; None where the mosaic shows less than half of it."""
-    photograph = cv2.imread(name)
     scale = COMPARED_WIDTH_PX / photograph.shape[1]
     small = cv2.resize(photograph, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     to_small = np.array([[scale, 0, (scale - 1) / 2], [0, scale, (scale - 1) / 2], [0, 0, 1]])

@@ -50,12 +50,12 @@ class Lens:
             state.update(b"none" if part is None else repr(part.shape).encode() + part.tobytes())
         return state.hexdigest()
 
-    def straighten(self, pixels: Pixels) -> Pixels:
+    def straighten(self, pixels: Pixels, interpolation: int = cv2.INTER_CUBIC) -> Pixels:
         """The photograph without distortion, as a pinhole camera with the same matrix would have taken it."""
         if self.matrix is None:
             return pixels
         maps = self._maps((pixels.shape[1], pixels.shape[0]))
-        return np.asarray(cv2.remap(pixels, *maps, cv2.INTER_LINEAR), dtype=np.uint8)
+        return np.asarray(cv2.remap(pixels, *maps, interpolation), dtype=np.uint8)
 
     def visible(self, size: tuple[int, int]) -> Pixels | None:
         """255 where a straightened photograph of ``size`` (width, height) shows ground, else 0; None if everywhere."""
@@ -64,7 +64,7 @@ class Lens:
         mask = np.full(size[::-1], 255, np.uint8)
         if self.mask is not None:
             mask = np.asarray(cv2.resize(self.mask, size, interpolation=cv2.INTER_NEAREST), dtype=np.uint8)
-        straight = self.straighten(mask)
+        straight = self.straighten(mask, cv2.INTER_LINEAR)
         return np.where(straight == 255, straight, 0).astype(np.uint8)
 
     def _maps(self, size: tuple[int, int]) -> tuple[NDArray[np.generic], NDArray[np.generic]]:
