@@ -37,16 +37,18 @@ def unrelated_pairs(flights: list[Path], count: int) -> list[tuple[Path, Path]]:
 
 
 def main(
+    *,
     flights: Annotated[list[Path], typer.Argument(help="Folders of photographs, one for each flight.")],
     pairs: Annotated[int, typer.Option(min=1, help="Pairs to try.")] = 1000,
     part: Annotated[str, typer.Option(help="PART/PARTS: only every PARTS-th pair, from PART on.")] = "1/1",
+    skip: Annotated[int, typer.Option(min=0, help="Leave out so many of them, for going on after a break.")] = 0,
     effort: Annotated[list[str] | None, typer.Option(help="Only these; by default all.")] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write every outcome here.")] = None,
 ) -> None:
     """Print how many were accepted."""
     cv2.setNumThreads(1)
     number, parts = map(int, part.split("/"))
-    tried = unrelated_pairs(flights, pairs)[number - 1 :: parts]
+    tried = unrelated_pairs(flights, pairs)[number - 1 :: parts][skip:]
     images = {
         path: reduced(load(path).pixels, WIDTH_PX)[0]
         for path in track(sorted({path for pair in tried for path in pair}), description="reading")

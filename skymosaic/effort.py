@@ -34,7 +34,8 @@ STRONG_AGREEMENT = 0.25
 """A pass with so many inliers, spread over so much of the overlap, and such a share of the kept matches needs no other.
 Where fewer of the kept matches agree, relief divides them, and more matches settle which plane counts."""
 FURTHER_SAMPLES = 1000
-"""Samples of the search in one further pass; there are up to ten."""
+"""Samples of the one search in a further pass; there are up to ten passes, and most pairs that need so many are
+unrelated."""
 FEWEST_PLACES = 12
 FAR_OCTAVES = 0.19
 """Two octaves of each frame meet best where the zoom is a power of two; farther from it another ratio is tried."""
@@ -154,7 +155,7 @@ class Search:
         evidence, passes, starts = found.evidence, found.passes, []
         for single in self._passes(runs):
             passes += 1
-            alone = self._judged(single, self._estimate(single, max_samples=FURTHER_SAMPLES), 1)
+            alone = self._judged(single, self._estimate(single, max_samples=FURTHER_SAMPLES, restarts=1), 1)
             if alone.homography is not None:
                 starts.append(alone.homography)
                 evidence = evidence.with_pass(*single.features, single.matches)
