@@ -143,6 +143,8 @@ def _print_made(deliveries: Sequence[Delivery], report_folder: Path | None) -> N
     flight = deliveries[0].flight
     if flight.pair is not None:
         print_pair(flight.pair)
+        if flight.sources[0].bend is not None:
+            tell("warp: a mesh bends the left photograph to follow the relief")
     for delivery in deliveries:
         layout, (width_px, height_px) = delivery.layout, delivery.composition.size
         tell(
