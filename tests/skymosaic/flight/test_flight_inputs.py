@@ -1,3 +1,4 @@
+import dataclasses
 import os
 import subprocess
 import sys
@@ -236,3 +237,16 @@ def test_a_tall_photograph_can_be_described():
     rng = np.random.default_rng(1)
     source = Source(0, "tall", rng.integers(0, 256, (4200, 500), dtype=np.uint8))
     assert describe(source, Settings(preset_config("aerial"))).working_size == (305, 2560)
+
+
+def test_a_flight_leaves_a_damaged_photograph_out_unless_it_is_kept(tmp_path):
+    data = bytearray(cv2.imencode(".jpg", rendered_pair(seed=1).images[0])[1].tobytes())
+    data[len(data) // 2 : len(data) // 2 + 400] = bytes(400)
+    (tmp_path / "damaged.jpg").write_bytes(data)
+    (source,) = sources([tmp_path])
+    settings = Settings(preset_config("aerial"))
+    with pytest.raises(InputError, match=r"damaged\.jpg: the JPEG is damaged"):
+        describe(source, settings)
+    kept = dataclasses.replace(source, keep_damaged=True)
+    assert settings.key(kept) != settings.key(source)
+    assert "kept although" in describe(kept, settings).notes[0]
