@@ -99,8 +99,7 @@ def grow_instead(
     useless += ["--report"] if report_folder else []
     if useless:
         raise InputError(
-            f"{', '.join(useless)}: without effect on a live mosaic, which grows by one frame at a time; leave out "
-            f"{'it' if len(useless) == 1 else 'them'}, or leave out --live"
+            f"{', '.join(useless)}: no effect with --live, which adds one frame at a time; leave out either"
         )
     _grow_and_write(photographs[0], output, options, idle_seconds)
 

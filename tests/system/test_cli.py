@@ -162,7 +162,7 @@ def test_options_that_cannot_apply_to_a_live_mosaic_are_one_line(
     tmp_path: Path, options: tuple[str, ...], flag: str
 ) -> None:
     result = skymosaic("mosaic", tmp_path, "-o", "m.png", "--live", *options, cwd=tmp_path)
-    assert f"{flag}: without effect on a live mosaic" in one_line_error(result, 2)
+    assert f"{flag}: no effect with --live" in one_line_error(result, 2)
 
 
 def test_the_canvas_limit_applies_to_two_photographs(photographs, tmp_path: Path) -> None:

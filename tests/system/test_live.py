@@ -227,4 +227,4 @@ def test_a_video_cut_off_in_a_frame_still_makes_a_mosaic(video: Path, tmp_path: 
 def test_live_takes_one_source_and_no_report(video: Path, tmp_path: Path) -> None:
     result = skymosaic("mosaic", video, "--live", "--report", "r", "-o", "m.png", cwd=tmp_path)
     assert result.returncode == 2
-    assert "--live takes one" in result.stderr
+    assert "--report: no effect with --live" in result.stderr

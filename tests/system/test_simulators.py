@@ -181,4 +181,4 @@ def test_missing_verilator_is_one_clear_line(monkeypatch):
 
 def test_unknown_backend_names_the_valid_ones():
     with pytest.raises(BackendError, match="unknown backend 'fpga'; valid: golden, rtl, verilator, cxxrtl, pysim"):
-        backend.create("fpga")
+        backend.load_backend("fpga")
