@@ -14,11 +14,10 @@ from golden_model.records import FRAME_STATUS, MATCH, Tag, feature_record
 from hdl.accelerator import Accelerator, AcceleratorTop
 from hdl.axi import register_docs
 from hdl.axi.register_map import REGISTERS, Access, Field, built_constants, fields
+from hdl.boards import BOARDS, SOURCES
 from hdl.netlist import to_verilog
 from hdl.settings import FLAG, REQUESTED, SETTINGS
 
-SOURCES = Path(__file__).parents[1] / "constraints"
-BOARDS = tuple(sorted(path.stem for path in (SOURCES / "boards").glob("*.tcl")))
 TOP = "skymosaic"
 _WRITABLE = (Access.SETTING, Access.REQUEST, Access.COMMAND)
 
@@ -39,7 +38,7 @@ def export(
     folder : Path
         Created if missing; files of the same names are replaced.
     board : str
-        One of `BOARDS`.
+        One of `hdl.boards.BOARDS`.
     config, lanes, max_width_px, max_height_px
         See `hdl.accelerator.Accelerator`.
 

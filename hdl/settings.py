@@ -84,7 +84,7 @@ SETTINGS = {
     for setting in (
         *FRONT_END,
         KEEP_ABOVE,
-        Setting("enable", FLAG, 0, "Pixels are taken in; 0 lets them wait at the door."),
+        Setting("enable", FLAG, 0, "Pixels are taken in; 0 lets them wait at the input."),
         Setting("memory_mode", FLAG, 0, "Frames by SIZE from a plain stream; 0: by TUSER and TLAST (UG934)."),
         Setting("features_enable", FLAG, 0, "Features leave; 0: they are discarded at the output."),
         Setting("matches_enable", FLAG, 0, "Matches leave; 0: they are discarded at the output."),

@@ -131,7 +131,7 @@ def _build_in_place(folder: Path, build: Callable[[Path], None], what: str, prog
 
 
 def _remove_left_overs(folder: Path) -> None:
-    """Remove what killed builds left, of ``folder``, whose lock we hold, and of others that nobody builds now."""
+    """Remove what killed builds left: of ``folder``, whose lock we hold, and of folders that are not being built."""
     for left_over in folder.parent.glob("*.part"):
         built = folder.with_name(left_over.name.partition(".")[0])
         if built == folder:

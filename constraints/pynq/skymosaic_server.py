@@ -29,7 +29,7 @@ CHUNK_BYTES = 1 << 16
 
 
 class ClientGoneError(Exception):
-    """The client closed the connection, or was too slow; there is nobody to answer."""
+    """The client closed the connection, or was too slow, so no answer can be sent."""
 
 
 class Client:

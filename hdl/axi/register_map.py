@@ -165,7 +165,7 @@ REGISTERS = (
         0x40,
         "Now.",
         (
-            Field("video_waiting", 0, 1, _STATUS, "A pixel waits at the door."),
+            Field("video_waiting", 0, 1, _STATUS, "A pixel waits at the input."),
             Field("features_waiting", 1, 1, _STATUS, "A word waits for its DMA on the features' stream."),
             Field("matches_waiting", 2, 1, _STATUS, "A word waits for its DMA on the matches' stream."),
         ),

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import importlib
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from hdl import export as hardware_export
+from hdl.boards import BOARDS
 from skymosaic.cli.options import ConfigOption, PresetOption, configuration, console, tell
 from skymosaic.errors import InputError
 from skymosaic.temporary import temporary_folder
@@ -15,7 +16,7 @@ from skymosaic.temporary import temporary_folder
 
 def export(
     *,
-    board: Annotated[str, typer.Option(help=", ".join(hardware_export.BOARDS) + ".")],
+    board: Annotated[str, typer.Option(help=", ".join(BOARDS) + ".")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")],
     preset: PresetOption = "aerial",
     config: ConfigOption = None,
@@ -30,7 +31,10 @@ def export(
             # Complete, or not at all: written beside the folder and then moved into it.
             with temporary_folder(_existing(output.absolute().parent)) as folder:
                 made = folder / "export"
-                hardware_export.export(made, board=board, config=configuration(preset, config), **build)
+                # Loads Amaranth, which --help need not wait for.
+                importlib.import_module("hdl.export").export(
+                    made, board=board, config=configuration(preset, config), **build
+                )
                 for path in sorted(path for path in made.rglob("*") if path.is_file()):
                     target = output / path.relative_to(made)
                     target.parent.mkdir(parents=True, exist_ok=True)

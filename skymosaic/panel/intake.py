@@ -101,7 +101,7 @@ async def take_in(
 
 
 async def _cancel_once(is_gone: IsGone, job: Job) -> None:
-    """End a job as soon as nobody waits for it."""
+    """End a job as soon as no request waits for it."""
     while not await is_gone():
         await asyncio.sleep(POLL_SECONDS)
     job.cancel()

@@ -103,7 +103,7 @@ def _application(sessions: Sessions, port: int) -> FastAPI:
         try:
             await session.upload(slot, request.stream(), name, request.is_disconnected)
         except ClientDisconnect:
-            # Nobody reads this answer; without it, the log would have a traceback.
+            # The client has left; without an answer, the log would have a traceback.
             return Response(status_code=400)
         except UploadRefusedError as error:
             # Close the connection instead of reading the rest of a body that may be too large.

