@@ -219,20 +219,25 @@ class Search:
         return acceptance.hull_share(found.homography, left, *self._sizes) >= STRONG_SHARE
 
 
-def settled_effort(effort: str | None, method: Method, estimator: str) -> str:
+def settled_effort(effort: str | None, method: Method, estimator: str, backend: str) -> str:
     """The effort that was asked for, or the default of the method.
 
     Raises
     ------
     InputError
-        For an unknown effort, or more than one pass with a method that is not made for it.
+        For an unknown effort, or more than one pass with a method or a backend that is not made for it.
     """
+    if effort not in (None, *EFFORTS):
+        raise InputError(f"effort is {effort!r}; valid: {', '.join(EFFORTS)}")
+    if backend.partition(":")[0] == "board":
+        # A run on the board has frames of one size, which those of the further passes are not.
+        if effort not in (None, "fast"):
+            raise InputError(f"effort {effort} needs frames of several sizes, a board takes one; choose fast")
+        return "fast"
     # Other methods have scale spaces of their own, and the thesis's descriptor is to be seen as it is.
     possible = method.descriptor in PATTERNS and PATTERNS[method.descriptor].oriented and estimator == "prosac"
     if effort is None:
         return "normal" if possible else "fast"
-    if effort not in EFFORTS:
-        raise InputError(f"effort is {effort!r}; valid: {', '.join(EFFORTS)}")
     if effort != "fast" and not possible:
         raise InputError(
             f"effort {effort} needs an oriented ILBP descriptor and the estimator prosac, "

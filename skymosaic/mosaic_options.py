@@ -139,7 +139,7 @@ class MosaicOptions:
         """Conditions under which an option has no effect, each with the message."""
         method, _ = settled_method(self.usual_config, self.detector, self.descriptor, self.estimator, self.refine)
         if photographs == 2:
-            settled_effort(self.effort, method, self.estimator)
+            settled_effort(self.effort, method, self.estimator, self.backend)
             masked = self.lens is not None and self.lens.mask is not None
             yield (
                 masked and self.warp != "homography",

@@ -235,7 +235,7 @@ def register_photographs(
     """
     clock = Stopwatch(seconds)
     method, config = settled_method(config, detector, descriptor, estimator, refine)
-    effort = settled_effort(effort, method, estimator)
+    effort = settled_effort(effort, method, estimator, backend if isinstance(backend, str) else "")
     (left, to_left), (right, to_right) = (
         reduced_for_front_end(photo.pixels, working_width_px, photo.name) for photo in photographs
     )

@@ -89,6 +89,7 @@ def test_the_seed_hardly_matters(near, far):
         ({"effort": "heroic"}, "fast, normal, thorough"),
         ({"effort": "thorough", "preset": "thesis"}, "oriented ILBP"),
         ({"effort": "normal", "estimator": "magsac"}, "magsac"),
+        ({"effort": "normal", "backend": "board:somewhere"}, "a board takes one"),
     ],
 )
 def test_an_effort_that_cannot_apply_is_refused(near, options, message):
