@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from golden_model.arrays import Array, Float32
 from skymosaic.compositing.layer import Layer
-from skymosaic.compositing.tone import Tone, radius_of
+from skymosaic.compositing.tone import NEUTRAL, Tone, radius_of
 from skymosaic.compositing.warp import Canvas, footprint
 
 CELL_PX = 8
@@ -34,6 +34,10 @@ CELLS_OF_PRIOR = 4
 """The weight of these expectations, in cells: enough for photographs without an overlap, too little to bend a strip."""
 FALLOFF_SIGMA = 0.3
 ROUNDS = 5
+NEARLY_WHITE, MORE_WHITE = 240, 0.01
+"""Gray level from which ground looks white, and the share of pixels that may become so."""
+DARKER_STEP, DARKER_STEPS = 0.04, 4
+"""How far all photographs are darkened for that: 15 % at most, then the shoulder of the tones has to do."""
 HELD_OUT_GAIN = 0.99
 """A lens falloff is used if it lowers the median difference in overlaps it was not fitted to below this share."""
 
@@ -70,7 +74,8 @@ def exposure_tones(thumbnails: Sequence[Layer]) -> list[Tone]:
     Returns
     -------
     list of Tone
-        Scaled so that the median photograph keeps its brightness. Neutral for photographs that overlap no other.
+        Scaled so that the median photograph keeps its brightness, or up to 15 % less where ground would turn white.
+        Neutral for photographs that overlap no other.
     """
     cells = [_cells(layer) for layer in thumbnails]
     overlaps = _overlaps(cells)
@@ -82,7 +87,28 @@ def exposure_tones(thumbnails: Sequence[Layer]) -> list[Tone]:
     kept = [_brightness_kept(layer, tone) for layer, tone in zip(thumbnails, tones, strict=True)]
     logs -= np.log(np.median(np.delete(kept, apart))) if len(apart) < len(cells) else 0
     logs[apart] = 0
-    return _tones(logs, falloff)
+    return _without_burning(thumbnails, logs, falloff)
+
+
+def _without_burning(thumbnails: Sequence[Layer], logs: Array, falloff: Array) -> list[Tone]:
+    """The tones, darkened a little together where they would turn more ground white than the photographs show.
+
+    A camera that exposes for bright ground makes it as dark as the rest; its gain then lifts it beyond white.
+    """
+    unchanged = np.mean([_white_share(layer, NEUTRAL) for layer in thumbnails])
+    tones = _tones(logs, falloff)
+    for _ in range(DARKER_STEPS):
+        white = np.mean([_white_share(layer, tone) for layer, tone in zip(thumbnails, tones, strict=True)])
+        if white <= unchanged + MORE_WHITE:
+            break
+        logs = logs - DARKER_STEP
+        tones = _tones(logs, falloff)
+    return tones
+
+
+def _white_share(layer: Layer, tone: Tone) -> float:
+    toned = tone.applied(layer.image, radius_of(layer.size, Canvas(0, 0, *layer.size)))
+    return float((toned.min(axis=2) >= NEARLY_WHITE).mean())
 
 
 def _tones(logs: Array, falloff: Array) -> list[Tone]:

@@ -85,3 +85,20 @@ def test_a_photograph_without_overlap_stays_as_it_is():
     assert tones[-1].gain == pytest.approx((1, 1, 1))
     assert exposure_tones([far]) == [Tone((1.0, 1.0, 1.0))]
     assert not NEUTRAL.needs_radius
+
+
+def test_bright_ground_of_an_automatic_exposure_darkens_all_a_little():
+    """Every photograph has the same mean, over ground that is four times as bright at one end of the strip."""
+    layers = strip(np.ones((8, 1)))
+    ramp = np.linspace(0.5, 2, 900)
+    images = []
+    for layer in layers:
+        left = int(layer.transform[0, 2])
+        seen = layer.image * ramp[left : left + SIZE_PX[0], None]
+        images.append(np.clip(seen * (110 / seen.mean()), 0, 255).astype(np.uint8))
+    layers = [Layer(image, layer.transform) for image, layer in zip(images, layers, strict=True)]
+    kept = [
+        tone.applied(layer.image).mean() / layer.image.mean() for tone, layer in zip(exposure_tones(layers), layers)
+    ]
+    assert 0.83 < np.median(kept) < 1.01
+    assert kept[0] < kept[-1]
