@@ -98,7 +98,8 @@ def test_bright_ground_of_an_automatic_exposure_darkens_all_a_little():
         images.append(np.clip(seen * (110 / seen.mean()), 0, 255).astype(np.uint8))
     layers = [Layer(image, layer.transform) for image, layer in zip(images, layers, strict=True)]
     kept = [
-        tone.applied(layer.image).mean() / layer.image.mean() for tone, layer in zip(exposure_tones(layers), layers)
+        tone.applied(layer.image).mean() / layer.image.mean()
+        for tone, layer in zip(exposure_tones(layers), layers, strict=True)
     ]
     assert 0.83 < np.median(kept) < 1.01
     assert kept[0] < kept[-1]
