@@ -81,13 +81,13 @@ def _setting(name: str, low: int) -> Field:
 
 
 REGISTERS = (
-    Register("ID", 0x00, "What this is.", (Field("identity", 0, 32, _CONSTANT, '"SKYM" in ASCII.'),)),
+    Register("ID", 0x00, "Identifies the accelerator.", (Field("identity", 0, 32, _CONSTANT, '"SKYM" in ASCII.'),)),
     Register(
         "VERSION",
         0x04,
         "Version of the register map and the records.",
         (
-            Field("version_patch", 0, 8, _CONSTANT, "Nothing seen from software changed."),
+            Field("version_patch", 0, 8, _CONSTANT, "Changes that software cannot see."),
             Field("version_minor", 8, 8, _CONSTANT, "Registers or fields were added."),
             Field("version_major", 16, 8, _CONSTANT, "Software must be changed."),
         ),
@@ -98,7 +98,7 @@ REGISTERS = (
         "What was built.",
         (
             Field("built_levels", 0, 2, _CONSTANT, "Pyramid levels."),
-            Field("built_detectors", 2, 2, _CONSTANT, f"What can be chosen, a bit each: {', '.join(DETECTORS)}."),
+            Field("built_detectors", 2, 2, _CONSTANT, f"Detectors to choose from, a bit each: {', '.join(DETECTORS)}."),
             Field("built_rule_base", 4, 2, _CONSTANT, "Index into " + ", ".join(RULE_BASES) + "."),
             Field("built_selection", 6, 1, _CONSTANT, "Whether corners are selected by cells."),
             Field("built_descriptor_bytes", 8, 8, _CONSTANT, "Length of a descriptor."),
@@ -119,7 +119,7 @@ REGISTERS = (
         0x10,
         "Capacity and lengths of records.",
         (
-            Field("built_max_features", 0, 16, _CONSTANT, "Features a frame may have."),
+            Field("built_max_features", 0, 16, _CONSTANT, "Most features of a frame."),
             Field(
                 "built_feature_bytes", 16, 8, _CONSTANT, "Bytes of a Feature record and of its stream's FrameStatus."
             ),
@@ -129,7 +129,7 @@ REGISTERS = (
     Register(
         "CONTROL",
         0x20,
-        "What runs. SIZE and the settings below it take effect at the next start of a frame.",
+        "What is switched on. SIZE and the settings below it take effect at the next start of a frame.",
         (
             _setting("enable", 0),
             _setting("memory_mode", 1),
@@ -163,7 +163,7 @@ REGISTERS = (
     Register(
         "STATUS",
         0x40,
-        "Now.",
+        "What waits at the moment.",
         (
             Field("video_waiting", 0, 1, _STATUS, "A pixel waits at the input."),
             Field("features_waiting", 1, 1, _STATUS, "A word waits for its DMA on the features' stream."),
@@ -171,36 +171,36 @@ REGISTERS = (
         ),
     ),
     Register("FRAMES", 0x44, "Frames seen since clear.", (Field("frames", 0, 32, _STATUS, "Good and bad ones."),)),
-    Register("BAD_FRAMES", 0x48, "Bad ones of them.", (Field("bad_frames", 0, 32, _STATUS, "Features void."),)),
-    Register("CAUSES", 0x4C, "Of the last bad frame.", (Field("causes", 0, 16, _STATUS, f"{_BAD}."),)),
+    Register("BAD_FRAMES", 0x48, "Bad frames since clear.", (Field("bad_frames", 0, 32, _STATUS, "Void frames."),)),
+    Register("CAUSES", 0x4C, "Why the last bad frame was bad.", (Field("causes", 0, 16, _STATUS, f"{_BAD}."),)),
     Register(
         "LAST_FEATURES",
         0x50,
-        "Of the last frame.",
+        "Features and threshold of the last frame.",
         (
-            Field("last_features", 0, 16, _STATUS, "Features."),
-            Field("last_threshold", 16, 15, _STATUS, "Threshold code it was made with."),
+            Field("last_features", 0, 16, _STATUS, "Number of features."),
+            Field("last_threshold", 16, 15, _STATUS, "Threshold code the frame was detected with."),
         ),
     ),
     Register(
         "LAST_MATCHES",
         0x54,
-        "Of the last frame that was matched.",
+        "Matches of the last frame that was matched.",
         (
-            Field("last_matches", 0, 16, _STATUS, "Mutual matches."),
-            Field("last_kept", 16, 16, _STATUS, "Kept ones."),
+            Field("last_matches", 0, 16, _STATUS, "Number of mutual matches."),
+            Field("last_kept", 16, 16, _STATUS, "Number of matches that the fuzzy weight kept."),
         ),
     ),
     Register(
         "LAST_CYCLES",
         0x58,
-        "Of the last frame.",
-        (Field("last_cycles", 0, 32, _STATUS, "First pixel to last word."),),
+        "Duration of the last frame.",
+        (Field("last_cycles", 0, 32, _STATUS, "Clock cycles from the first pixel to the last word."),),
     ),
     Register(
         "IRQ_STATUS",
         0x60,
-        "What happened; the interrupt is high while an event is set whose mask is.",
+        "Events; the interrupt is high while any event is set that IRQ_MASK enables.",
         (
             Field("frame_done", 0, 1, Access.EVENT, "A frame's features have left."),
             Field("matches_done", 1, 1, Access.EVENT, "A frame's matches have left."),
