@@ -6,7 +6,9 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import time
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -21,16 +23,27 @@ UPLOADS = 2
 
 
 @pytest.fixture
-def panel(tmp_path: Path):
-    """A panel whose temporary files are below ``tmp_path / "temp"``; yields its process and its address."""
-    (tmp_path / "temp").mkdir()
-    environment = {**os.environ, "TMPDIR": str(tmp_path / "temp"), "PYTHONPATH": str(Path(__file__).parents[2])}
+def temp() -> Iterator[Path]:
+    """The panel's temporary files; a short path, because the workers' sockets below it take 107 characters at most."""
+    with tempfile.TemporaryDirectory(prefix="panel") as folder:
+        yield Path(folder)
+
+
+@pytest.fixture
+def panel(tmp_path: Path, temp: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """A panel whose temporary files are below ``temp``; yields its process and its address."""
+    environment = {**os.environ, "TMPDIR": str(temp), "PYTHONPATH": str(Path(__file__).parents[2])}
     words = [sys.executable, "-u", "-m", "skymosaic", "panel", "--port", "0"]
-    with (tmp_path / "log").open("w") as log:
-        process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=log, text=True, env=environment)
-    yield process, re.search(r"http://127\.0\.0\.1:\d+", process.stdout.readline())[0]
-    process.kill()
-    process.communicate()
+    log = tmp_path / "log"
+    with log.open("w") as output:
+        process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=output, text=True, env=environment)
+    with process:
+        try:
+            address = re.search(r"http://127\.0\.0\.1:\d+", process.stdout.readline())
+            assert address, log.read_text()
+            yield process, address.group()
+        finally:
+            process.kill()
 
 
 def visit(address: str, number: int) -> list[int]:
@@ -57,7 +70,7 @@ def abort(address: str, cookie: str) -> None:
         time.sleep(0.2)
 
 
-def test_a_crowd_is_served_and_nothing_is_left(panel, tmp_path: Path) -> None:
+def test_a_crowd_is_served_and_nothing_is_left(panel, tmp_path: Path, temp: Path) -> None:
     process, address = panel
     with ThreadPoolExecutor(VISITORS) as pool:
         statuses = [status for found in pool.map(visit, [address] * VISITORS, range(VISITORS)) for status in found]
@@ -75,4 +88,4 @@ def test_a_crowd_is_served_and_nothing_is_left(panel, tmp_path: Path) -> None:
     process.send_signal(signal.SIGTERM)
     process.wait()
     assert "Traceback" not in (tmp_path / "log").read_text()
-    assert [path.name for path in (tmp_path / "temp").iterdir()] == []
+    assert [path.name for path in temp.iterdir()] == []
