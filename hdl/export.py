@@ -91,7 +91,7 @@ def driver_map(config: Config, *, lanes: int, max_width_px: int, max_height_px: 
         max_height_px=max_height_px,
     )
     pattern = config.front_end.pattern
-    places = {f.name: (r.offset, f.low, f.bits) for r in REGISTERS for f in r.fields}
+    positions = {f.name: (r.offset, f.low, f.bits) for r in REGISTERS for f in r.fields}
     writable = {f.name: _valid(f) for f in sorted(fields(*_WRITABLE), key=lambda field: field.name)}
     records = {
         "FEATURE": feature_record(pattern.descriptor_bytes, pattern.window_bytes).dtype,
@@ -103,7 +103,7 @@ def driver_map(config: Config, *, lanes: int, max_width_px: int, max_height_px: 
         "",
         "import numpy as np",
         "",
-        *_dictionary("FIELDS", places, "Field: (byte offset of its register, lowest bit, bits)"),
+        *_dictionary("FIELDS", positions, "Field: (byte offset of its register, lowest bit, bits)"),
         *_dictionary("WRITABLE", writable, "Field that can be written: (smallest, largest valid value)"),
         "# What a request to the server sets.",
         f"REQUESTED = {REQUESTED!r}",

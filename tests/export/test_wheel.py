@@ -30,6 +30,15 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "environment"
 
 
+def test_the_wheel_carries_every_package_with_its_types_and_the_data_of_the_export(environment: Path) -> None:
+    (packages,) = (environment / "lib").glob("python*/site-packages")
+    shipped = ["golden_model", "hdl", "sim", "skymosaic", "constraints"]
+    listed = ["git", "ls-files", *shipped]
+    tracked = subprocess.run(listed, cwd=CLONE, capture_output=True, text=True, check=True).stdout.split()
+    assert [path for path in tracked if not (packages / path).is_file()] == []
+    assert all((packages / package / "py.typed").is_file() for package in shipped[:-1])
+
+
 def test_the_demo_runs_outside_the_clone(environment: Path, tmp_path: Path) -> None:
     python = str(environment / "bin" / "python")
     where = subprocess.run(
