@@ -6,12 +6,7 @@ import pytest
 
 from golden_model.pixel import fast
 from hdl.pixel.fast import WINDOW_PX, Fast
-
-
-def columns(plane):
-    """For each pixel, itself and the six above it, in this order; pixels above the frame are arbitrary."""
-    above = np.pad(plane, ((WINDOW_PX - 1, 0), (0, 0)), mode="reflect")
-    return np.stack([above[WINDOW_PX - 1 - n : len(above) - n] for n in range(WINDOW_PX)], axis=-1)
+from tests.hdl.pixel.columns import columns
 
 
 def arcs():
@@ -39,7 +34,7 @@ def test_scores_equal_the_golden_model(gray_frames, check_block, threshold):
     assert scores[scores > 0].min() == threshold
     check_block(
         Fast(),
-        [{"column": columns(frame)} for frame in frames],
+        [{"column": columns(frame, WINDOW_PX)} for frame in frames],
         {"code": expected},
         margin_px=fast.MARGIN_PX,
         settings={"i_threshold_code": threshold},

@@ -17,14 +17,9 @@ from hdl.pixel.smooth import Binomial
 from hdl.pixel.sobel import Sobel
 from hdl.pixel.window import LineBuffer, OffsetColumns, Window
 from sim.drivers import run_beats
+from tests.hdl.pixel.columns import columns
 
 WIDTH_PX = 24
-
-
-def columns(plane, lines):
-    """For each pixel, itself and the ``lines - 1`` above it, in this order; pixels above the frame are arbitrary."""
-    above = np.pad(plane, ((lines - 1, 0), (0, 0)), mode="reflect")
-    return np.stack([above[lines - 1 - n : len(above) - n] for n in range(lines)], axis=-1)
 
 
 def gradients(frame, smoothed):
