@@ -27,7 +27,7 @@ from sim.build_cache import cached
 CPU_SECONDS_LIMIT = 900
 """Processor time of each tool, whatever else the machine does; ten times what the longest proof takes."""
 COVER_CYCLES = 30
-"""In so many clocks every cover is reached."""
+"""Every cover is reached within this many clocks."""
 # Down to single bits: the solvers are many times faster than with words.
 BITS = ("prep -top top", "flatten", "memory_map", "opt -full", "techmap", "opt -full", "dffunmap", "opt_clean -purge")
 # What SymbiYosys does before it calls ABC.

@@ -15,7 +15,7 @@ RECORD = feature_record(descriptor_bytes=8)
 RECORD_WORDS = RECORD.record_bytes // WORD_BYTES
 CAPACITY_WORDS = MAX_FEATURES * RECORD_WORDS
 WATCHED_BIT = 8
-"""Of every word of a record; neither of the index nor of the frame number."""
+"""The bit of every record word that is compared; neither the index nor the frame number contains it."""
 LOW_BIT = {field.name: 8 * offset for field, offset in FRAME_STATUS.offsets()}
 
 

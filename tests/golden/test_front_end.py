@@ -158,7 +158,7 @@ def test_half_turn_mirrors_the_features(texture):
     assert len(expected) > 300
 
 
-def test_both_levels_see_a_square_at_the_same_place():
+def test_both_levels_find_a_square_at_the_same_position():
     image = np.zeros((160, 160), np.uint8)
     image[64:96, 64:96] = 200  # its corners, between pixels, are at 63.5 and 95.5
     features = extract(cv2.GaussianBlur(image, (0, 0), 2), AERIAL).features

@@ -19,7 +19,7 @@ CHROMIUM_FLAGS = (
 )  # fmt: skip
 WINDOW = {"width": 1280, "height": 720}
 LONG_MS = 600_000
-"""A panel that hangs; a busy machine takes its time for whatever a visitor waits for."""
+"""Limit of every wait: only a panel that hangs exceeds it, even on a busy machine."""
 MOST_CONTROLS = 100
 
 

@@ -172,7 +172,7 @@ def test_the_canvas_limit_applies_to_two_photographs(photographs, tmp_path: Path
     assert "the limit is 1" in one_line_error(result, 3)
 
 
-def test_every_command_has_the_line_of_the_help(capsys) -> None:
+def test_every_command_exists_and_is_listed_in_the_help(capsys) -> None:
     with pytest.raises(SystemExit):
         app(["--help"])
     shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
@@ -217,7 +217,7 @@ def test_a_configuration_file_is_obeyed(photographs, tmp_path: Path) -> None:
     assert (configured["levels"], configured["descriptor"]) == (1, "ilbp-256")
 
 
-def test_an_opencv_without_contrib_is_told_with_the_cure(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+def test_an_opencv_without_contrib_is_an_error_that_names_the_fix(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
     monkeypatch.delattr(cv2, "xfeatures2d")
     monkeypatch.setattr(sys, "argv", ["skymosaic", "register", "left.png", "right.png"])
     with pytest.raises(SystemExit) as stopped:

@@ -60,7 +60,7 @@ def pair_errors_px(transforms, flight, least_overlap: float = 0.2) -> np.ndarray
     return np.array(errors)
 
 
-def test_every_frame_is_placed_when_it_comes(flight, frames) -> None:
+def test_every_frame_is_registered_on_arrival(flight, frames) -> None:
     live = LiveMosaic(CONFIG)
     updates = [live.add(frame) for frame in frames]
     assert [update.number for update in updates] == list(range(IMAGES))
@@ -82,7 +82,7 @@ def test_every_frame_is_placed_when_it_comes(flight, frames) -> None:
         assert np.median(np.abs(shown[inside].astype(int) - live.image[inside])) < 12
 
 
-def test_features_of_a_camera_in_sequence_mode_are_taken_as_they_are(frames) -> None:
+def test_given_features_make_the_same_mosaic_as_computed_ones(frames) -> None:
     results = load_backend("golden").run(frames[:4], CONFIG, reference="previous")
     given, computed = LiveMosaic(CONFIG), LiveMosaic(CONFIG)
     for frame, result in zip(frames, results, strict=False):
@@ -91,8 +91,8 @@ def test_features_of_a_camera_in_sequence_mode_are_taken_as_they_are(frames) -> 
     np.testing.assert_array_equal(given.image, computed.image)
 
 
-def test_laid_out_anew_the_mosaic_is_as_flat_as_the_ground(flight, frames) -> None:
-    """Placed one after the other, the same frames end more than a pixel from where they belong."""
+def test_the_final_adjustment_brings_all_frames_within_a_third_of_a_pixel(flight, frames) -> None:
+    """Without it, errors add up from frame to frame to more than a pixel."""
     live = LiveMosaic(CONFIG)
     for frame in frames:
         live.add(frame)
@@ -106,7 +106,7 @@ def test_laid_out_anew_the_mosaic_is_as_flat_as_the_ground(flight, frames) -> No
 
 
 @pytest.mark.slow
-def test_the_hardware_in_sequence_mode_is_a_source(frames) -> None:
+def test_features_of_the_hardware_in_sequence_mode_make_a_live_mosaic(frames) -> None:
     """Compiles the accelerator the first time."""
     results = {name: load_backend(name).run(frames[:3], CONFIG, reference="previous") for name in ("golden", "rtl")}
     for wanted, got in zip(*results.values(), strict=True):
@@ -117,7 +117,7 @@ def test_the_hardware_in_sequence_mode_is_a_source(frames) -> None:
     assert all(update.placement for update in updates[1:])
 
 
-def test_parts_join_once_a_frame_shows_both(flight, frames) -> None:
+def test_submaps_join_once_a_frame_overlaps_both(flight, frames) -> None:
     live = LiveMosaic(CONFIG)
     order = [0, 2, 1]  # 0 and 2 share next to nothing; 1 shows both
     submaps = [live.add(frames[index]).submaps for index in order]
@@ -129,7 +129,7 @@ def test_parts_join_once_a_frame_shows_both(flight, frames) -> None:
     assert pair_errors_px(placed, flight).max() < 1.0
 
 
-def test_what_shows_nothing_known_stays_apart_and_flat_frames_are_left_out(frames) -> None:
+def test_frames_without_overlap_and_flat_frames_are_left_out(frames) -> None:
     grain = cv2.GaussianBlur(np.random.default_rng(1).integers(0, 256, (360, 480, 3), dtype=np.uint8), (0, 0), 2)
     live = LiveMosaic(CONFIG)
     for frame in (*frames[:2], grain, np.full((360, 480, 3), 90, np.uint8)):
@@ -171,7 +171,7 @@ class FolderClock:
             os.utime(path, ns=(self._now_ns, self._now_ns))
 
 
-def test_a_folder_that_fills_is_followed_to_its_end(frames, flight, tmp_path: Path, monkeypatch) -> None:
+def test_a_folder_is_watched_until_no_more_frames_arrive(frames, flight, tmp_path: Path, monkeypatch) -> None:
     """Photographs arrive one by one, each in two halves, the last one damaged."""
     encoded = [cv2.imencode(".png", frame)[1].tobytes() for frame in frames[:4]]
 
@@ -195,7 +195,7 @@ def test_a_folder_that_fills_is_followed_to_its_end(frames, flight, tmp_path: Pa
     assert any("9.png" in line and "truncated" in line for line in told)
 
 
-def test_the_commands_make_the_same_of_a_video(video: Path, tmp_path: Path) -> None:
+def test_both_commands_make_the_same_mosaic_of_a_video(video: Path, tmp_path: Path) -> None:
     for command in (("live", video), ("mosaic", video, "--live")):
         result = skymosaic(*command, "-o", f"{command[0]}.png", cwd=tmp_path)
         assert result.returncode == 0, result.stderr

@@ -42,7 +42,7 @@ def test_equal_results_have_no_mismatch(results):
     assert first_mismatch(results, results) is None
 
 
-def test_a_feature_that_differs_is_named_with_its_place(results):
+def test_a_feature_that_differs_is_named_with_its_position(results):
     feature = results[1].features[77]
     found = first_mismatch(
         results, changed(results, 1, "features", "sector", row=77, value=(feature["sector"] + 1) % 16)

@@ -70,7 +70,7 @@ def true_corners(film, roi: Roi) -> np.ndarray:
     return np.stack([apply(to_image @ from_first, outline) for to_image in film.car_to_images])
 
 
-def test_a_car_is_followed_and_taken_up_again_behind_a_bridge(film, frames, roi) -> None:
+def test_a_car_is_tracked_and_found_again_after_a_bridge_hides_it(film, frames, roi) -> None:
     truth = true_corners(film, roi)
     tracked = list(track(roi, frames))
     found = np.array([each.corners is not None for each in tracked])
@@ -111,7 +111,7 @@ def test_the_command_writes_video_and_corners(film, roi, video: Path, tmp_path: 
         assert (patch[..., 1] - patch[..., [0, 2]].max(axis=2)).max() > 80, "no green edge"
 
 
-def test_a_picture_taken_closer_is_found(film, frames, roi, tmp_path: Path) -> None:
+def test_a_template_of_larger_scale_is_found(film, frames, roi, tmp_path: Path) -> None:
     cut = frames[0][roi.y_px : roi.y_px + roi.height_px, roi.x_px : roi.x_px + roi.width_px]
     cv2.imwrite(str(tmp_path / "car.png"), cv2.resize(cut, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC))
     truth = true_corners(film, roi)[3:]
@@ -121,7 +121,7 @@ def test_a_picture_taken_closer_is_found(film, frames, roi, tmp_path: Path) -> N
     assert np.mean(errors) < 2.0
 
 
-def test_an_object_that_never_shows_is_an_exit_status(short_video: Path, tmp_path: Path) -> None:
+def test_an_object_that_never_appears_exits_with_3(short_video: Path, tmp_path: Path) -> None:
     grain = np.random.default_rng(3).integers(0, 256, (90, 120, 3), dtype=np.uint8)
     cv2.imwrite(str(tmp_path / "grain.png"), cv2.GaussianBlur(grain, (0, 0), 2))
     result = skymosaic("track", "grain.png", short_video, "-o", "out.mp4", cwd=tmp_path)
@@ -139,7 +139,7 @@ def test_an_object_that_never_shows_is_an_exit_status(short_video: Path, tmp_pat
         (None, "TEMPLATE and VIDEO"),
     ],
 )
-def test_bad_requests_are_told_and_leave_nothing(short_video: Path, tmp_path: Path, roi_text, says: str) -> None:
+def test_bad_requests_are_one_line_and_leave_no_files(short_video: Path, tmp_path: Path, roi_text, says: str) -> None:
     with pytest.raises(InputError, match=says):
         track_command(inputs=[short_video], output=tmp_path / "out.mp4", roi=roi_text)
     assert list(tmp_path.iterdir()) == []
@@ -152,7 +152,7 @@ def test_a_flat_template_is_refused(frames) -> None:
         list(track(np.zeros((10, 10), np.uint16), frames[:1]))
 
 
-def test_corners_as_json(short_video: Path, roi, tmp_path: Path) -> None:
+def test_corners_are_written_as_json(short_video: Path, roi, tmp_path: Path) -> None:
     text = ",".join(map(str, roi))
     track_command(inputs=[short_video], output=tmp_path / "out.mkv", roi=text, corners=tmp_path / "c.json")
     assert (tmp_path / "out.mkv").exists()
@@ -175,7 +175,7 @@ class Recorded:
 
 
 @pytest.mark.slow
-def test_the_hardware_holding_its_reference_tracks_the_same(frames, roi, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_hardware_with_a_held_reference_tracks_the_same_corners(frames, roi, monkeypatch: pytest.MonkeyPatch) -> None:
     """Compiles the accelerator the first time."""
     tracked, recorded = {}, {}
     for backend in ("golden", "rtl"):

@@ -28,7 +28,7 @@ def test_every_estimator_finds_the_homography_among_wrong_matches(name: str) -> 
 
 
 @pytest.mark.parametrize("name", ESTIMATORS)
-def test_unverified_matches_are_no_inliers(name: str) -> None:
+def test_unverified_matches_are_not_inliers(name: str) -> None:
     left, right, good = matches()
     verified = good & (np.arange(len(left)) % 2 == 0)
     _, inliers = estimate(name, left, right, np.ones(len(left)), verified, rng=np.random.default_rng(0))
@@ -56,7 +56,7 @@ def test_fuzzy_ransac_accepts_what_its_rules_accept() -> None:
     assert H is not None
 
 
-def test_nothing_comes_of_three_matches() -> None:
+def test_three_matches_give_no_homography() -> None:
     left, right, _ = matches(good=3, bad=0)
     assert ransac(left, right) is None
     assert magsac(left, right) is None

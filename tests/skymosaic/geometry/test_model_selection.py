@@ -29,11 +29,11 @@ def test_eight_right_matches_among_thirty_wrong_ones_are_enough(seed):
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_chance_alone_is_no_place(seed):
+def test_chance_matches_are_refused(seed):
     assert similarity(*matches(SIMILAR, 0, 40, seed), fewest=6) is None
 
 
-def test_the_model_follows_what_the_matches_say():
+def test_the_matches_decide_between_similarity_and_homography():
     for truth, model in ((SIMILAR, "similarity"), (TILTED, "projective")):
         found = fit(*matches(truth, 60, 20), fewest=6, rng=np.random.default_rng(1))
         assert found.model == model
@@ -46,5 +46,5 @@ def test_few_matches_never_make_a_homography():
 
 
 @pytest.mark.parametrize("count", [0, 1])
-def test_too_few_matches_are_no_place(count):
+def test_too_few_matches_are_refused(count):
     assert similarity(*matches(SIMILAR, count, 0), fewest=1) is None
