@@ -23,7 +23,7 @@ LARGEST_THRESHOLD = {"harris": (1 << 30) - 1, "fast": 254}
 
 
 def _one_of(what: str, value: object, allowed: tuple[object, ...]) -> None:
-    if not any(type(value) is type(choice) and value == choice for choice in allowed):  # True is not 1, nor is 1.0
+    if not any(type(value) is type(choice) and value == choice for choice in allowed):  # True == 1 == 1.0
         raise ValueError(f"{what} is {value!r}; valid: {', '.join(str(choice).lower() for choice in allowed)}")
 
 

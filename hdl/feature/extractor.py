@@ -1,4 +1,4 @@
-"""From candidates to features: position, orientation sector and descriptor."""
+"""Turns candidates into features: position, orientation sector and descriptor."""
 
 from __future__ import annotations
 

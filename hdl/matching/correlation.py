@@ -33,7 +33,7 @@ SCORES = data.StructLayout(
         "ncc": range(NCC.one + 1),
     }
 )
-"""In the units of `golden_model.matching.correlation`: ``sad``, ``zssd`` (9 times equation III-2), ``ncc`` (UQ1.8)."""
+"""Units as in `golden_model.matching.correlation`: ``sad``, ``zssd`` (9 times equation III-2), ``ncc`` (UQ1.8)."""
 
 
 class SumOfAbsoluteDifferences(wiring.Component):

@@ -73,7 +73,7 @@ class Distances(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Operand registers, exclusive or, count. Shifting a plane by one moves each bit to the next lane."""
+        """Operand registers, exclusive or, count."""
         m = Module()
         m.submodules.popcount = popcount = self._popcount
         left_valid, right_valid, entered = Signal(self.lanes), Signal(self.lanes), Signal(self.lanes)
@@ -82,6 +82,7 @@ class Distances(wiring.Component):
         m.d.sync += [right_valid.eq(entered), counting.eq(entered.any())]
         with m.If(self.i_load):
             m.d.sync += left_valid.bit_select(self.i_lane, 1).eq(self.i_left_valid)
+        # Plane n holds bit n of every lane: shifting it by one moves each right descriptor to the next lane.
         for n, unequal in enumerate(popcount.i_planes):
             left, right = (Signal(self.lanes, name=f"{name}{n}", reset_less=True) for name in ("left", "right"))
             with m.If(self.i_run):
@@ -181,6 +182,7 @@ class Lane(wiring.Component):
         with m.If(self.i_valid):
             with m.If(position.first | (distance < row.best)):
                 m.d.sync += [row.best.eq(distance), row.index.eq(position.right)]
+                # The row still holds the last group's result: its second must not become this group's.
                 m.d.sync += row.second.eq(Mux(position.first, ~0, row.best))
             with m.Elif(distance < row.second):
                 m.d.sync += row.second.eq(distance)

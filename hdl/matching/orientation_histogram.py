@@ -74,6 +74,7 @@ class OrientationHistogram(wiring.Component):
                     m.next = "Add"
             with m.State("Add"):
                 m.d.comb += [read.addr.eq(orientation), write.addr.eq(orientation), write.data.eq(read.data + square)]
+                # A match is taken only when its square is ready, so a bin is never read before the last sum is written.
                 m.d.comb += [write.en.eq(self.i.ready), self.i.ready.eq(self.i.valid & (step == SQUARE_CYCLES))]
                 with m.If(~self.i.valid | self.i.ready):
                     m.d.sync += step.eq(0)
@@ -82,6 +83,7 @@ class OrientationHistogram(wiring.Component):
                     m.next = "Find"
             with m.State("Find"):
                 m.d.comb += [self.o_busy.eq(1), read.addr.eq(step - 1)]
+                # Strictly larger: of equal peaks the smallest orientation wins, as in the golden model.
                 with m.If(is_bin & (smoothed > height)):
                     m.d.sync += [height.eq(smoothed), self.o_peak.eq(step - FIND_CYCLES)]
                 with m.If(step == SECTORS + FIND_CYCLES - 1):

@@ -1,4 +1,4 @@
-"""What the command line owes to the terminal and to whoever ends it: our lines only, and no files left behind."""
+"""Keeps libraries' messages off the terminal, and removes temporary files when a signal ends the program."""
 
 from __future__ import annotations
 

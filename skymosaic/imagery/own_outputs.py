@@ -10,7 +10,7 @@ from pathlib import Path
 from skymosaic.imagery.images import save_bytes
 
 RECORD_NAME = ".skymosaic-outputs"
-"""In the folder: a line for each mosaic, with its SHA-256 and its name."""
+"""File in the folder of photographs: a line for each mosaic, with its SHA-256 and its name."""
 
 
 def remember(output: Path, inputs: Iterable[Path]) -> None:

@@ -19,7 +19,7 @@ from skymosaic.panel.explain import Input
 from skymosaic.panel.results import PairView
 
 GAP_PX = 12
-"""Between the left and the right picture."""
+"""Gap between the left and the right picture."""
 _TICK_PX = 7.0
 _PLOT = (210, 54)
 _PLOT_MARGIN = (16, 6, 8, 14)

@@ -11,7 +11,7 @@ from skymosaic.panel.drawings import membership
 from skymosaic.panel.explain import Explanation, FiredRule, Input
 
 MOST_RULES = 8
-"""Of a larger rule base only the rules that fire are shown."""
+"""Rule bases with more rules are shown with only the rules that fire."""
 
 
 def markup(explanation: Explanation) -> str:
