@@ -41,13 +41,14 @@ def test_the_wheel_carries_every_package_with_its_types_and_the_data_of_the_expo
 
 def test_the_demo_runs_outside_the_clone(environment: Path, tmp_path: Path) -> None:
     python = str(environment / "bin" / "python")
+    # Isolated (-I): a PYTHONPATH that names the clone would hide the wheel.
     where = subprocess.run(
-        [python, "-c", "import skymosaic; print(skymosaic.__file__)"],
+        [python, "-I", "-c", "import skymosaic; print(skymosaic.__file__)"],
         cwd=tmp_path, capture_output=True, text=True, check=True,
     )  # fmt: skip
     assert str(environment) in where.stdout
     demo = subprocess.run(
-        [python, "-m", "skymosaic", "demo", "-o", "out", "--backend", "golden"],
+        [python, "-I", "-m", "skymosaic", "demo", "-o", "out", "--backend", "golden"],
         cwd=tmp_path, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert demo.returncode == 0, demo.stderr
