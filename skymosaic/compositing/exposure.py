@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from golden_model.arrays import Array, Float32
+from golden_model.arrays import Array, Float32, Pixels
 from skymosaic.compositing.layer import Layer
 from skymosaic.compositing.tone import NEUTRAL, Tone, radius_of
 from skymosaic.compositing.warp import Canvas, footprint
@@ -107,8 +107,12 @@ def _without_burning(thumbnails: Sequence[Layer], logs: Array, falloff: Array) -
 
 
 def _white_share(layer: Layer, tone: Tone) -> float:
-    toned = tone.applied(layer.image, radius_of(layer.size, Canvas(0, 0, *layer.size)))
-    return float((toned.min(axis=2) >= NEARLY_WHITE).mean())
+    return float((_toned(layer, tone).min(axis=2) >= NEARLY_WHITE).mean())
+
+
+def _toned(layer: Layer, tone: Tone) -> Pixels:
+    """The whole photograph with a tone."""
+    return tone.applied(layer.image, radius_of(layer.size, Canvas(0, 0, *layer.size)))
 
 
 def _tones(logs: Array, falloff: Array) -> list[Tone]:
@@ -233,6 +237,4 @@ def _solved(
 
 def _brightness_kept(layer: Layer, tone: Tone) -> float:
     """Mean intensity of the toned photograph against the photograph's."""
-    canvas = Canvas(0, 0, *layer.size)
-    toned = tone.applied(layer.image, radius_of(layer.size, canvas))
-    return float(toned.mean() / max(layer.image.mean(), 1e-6))
+    return float(_toned(layer, tone).mean() / max(layer.image.mean(), 1e-6))
