@@ -9,7 +9,7 @@ PYTEST := $(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder
 .PHONY: demo test test-slow test-fuzz tools lint clean
 
 demo: $(VENV)/installed
-	$(BIN)/skymosaic demo -o demo
+	$(BIN)/skymosaic demo -o demo --overwrite
 
 test: $(VENV)/installed lint tools
 	$(PYTEST) -m "not slow"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -243,17 +244,34 @@ class MosaicPlan:
             flight=self.flight,
         )
 
-    def write(self, output: Path, *, preview_width_px: int = PREVIEW_WIDTH_PX) -> list[Delivery]:
+    def check_outputs(self, output: Path, *, overwrite: bool = False) -> None:
+        """Check that `write` could write there, before anything is computed.
+
+        Raises
+        ------
+        InputError
+            For an output that cannot be written, is one of the photographs, or exists and must not be overwritten.
+        """
+        pictures.check_output(output, tuple(source.name for source in self.sources), overwrite=overwrite)
+        if self.options.all_groups:
+            numbered = re.compile(re.escape(output.stem) + r"_\d+" + re.escape(output.suffix))
+            for path in sorted(output.parent.iterdir()):
+                if numbered.fullmatch(path.name):
+                    pictures.check_unused(path, overwrite=overwrite)
+
+    def write(
+        self, output: Path, *, preview_width_px: int = PREVIEW_WIDTH_PX, overwrite: bool = False
+    ) -> list[Delivery]:
         """Write the mosaic of the largest group; with ``all_groups`` those of the others too, numbered from 2.
 
         Raises
         ------
         InputError
-            For an output that cannot be written, before anything is computed.
+            As `check_outputs`.
         RegistrationError
             As `layouts`.
         """
-        pictures.check_output(output, tuple(source.name for source in self.sources))
+        self.check_outputs(output, overwrite=overwrite)
         layouts = self.layouts if self.options.all_groups else self.layouts[:1]
         compositions = [self.composition(layout) for layout in layouts]
         paths = [output, *(output.with_stem(f"{output.stem}_{number}") for number in range(2, len(layouts) + 1))]

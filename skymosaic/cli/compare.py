@@ -11,6 +11,7 @@ import typer
 from skymosaic.cli.options import (
     AddressOption,
     ConfigOption,
+    OverwriteOption,
     PresetOption,
     WorkingWidthOption,
     backend_at,
@@ -18,6 +19,7 @@ from skymosaic.cli.options import (
     console,
 )
 from skymosaic.evaluation.hardware import compare as compare_pair
+from skymosaic.imagery.images import check_unused
 from skymosaic.registration import WORKING_WIDTH_PX
 
 
@@ -34,8 +36,11 @@ def compare(
     waves: Annotated[
         Path | None, typer.Option(help="VCD file of the simulated run: tens of kilobytes a clock, for small frames.")
     ] = None,
+    overwrite: OverwriteOption = False,
 ) -> None:
     """Run a pair through the golden model and the hardware; every field of every record has to be equal."""
+    if waves:
+        check_unused(waves, overwrite=overwrite)
     with console.status("comparing") as status:
         result = compare_pair(
             left,

@@ -7,14 +7,16 @@ from typing import Annotated
 
 import typer
 
-from skymosaic.cli.options import console
+from skymosaic.cli.options import OverwriteOption, console
 from skymosaic.demo import run_demo
+from skymosaic.imagery.images import check_unused
 
 
 def demo(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for mosaic, pictures and report.")] = Path(
         "demo"
     ),
+    overwrite: OverwriteOption = False,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the rendered landscape.")] = 9,
     backend: Annotated[str, typer.Option(help="Hardware to compare with: rtl, cxxrtl ...; golden: none.")] = "rtl",
 ) -> None:
@@ -22,4 +24,5 @@ def demo(
 
     The simulated hardware is compared with the golden model bit for bit.
     """
+    check_unused(output, overwrite=overwrite)
     run_demo(output, seed, backend, console)

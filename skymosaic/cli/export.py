@@ -9,8 +9,9 @@ from typing import Annotated
 import typer
 
 from hdl.boards import BOARDS
-from skymosaic.cli.options import ConfigOption, PresetOption, configuration, console, tell
+from skymosaic.cli.options import ConfigOption, OverwriteOption, PresetOption, configuration, console, tell
 from skymosaic.errors import InputError
+from skymosaic.imagery.images import check_unused
 from skymosaic.temporary import temporary_folder
 
 
@@ -18,6 +19,7 @@ def export(
     *,
     board: Annotated[str, typer.Option(help=", ".join(BOARDS) + ".")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")],
+    overwrite: OverwriteOption = False,
     preset: PresetOption = "aerial",
     config: ConfigOption = None,
     lanes: Annotated[int, typer.Option(help="Descriptors compared at a time, a power of two.")] = 16,
@@ -25,6 +27,7 @@ def export(
     max_height_px: Annotated[int, typer.Option("--max-height", help="Highest frame.")] = 1080,
 ) -> None:
     """Write Verilog, Vivado scripts, constraints, register map and board driver for a Xilinx kit."""
+    check_unused(output, overwrite=overwrite)
     build = {"lanes": lanes, "max_width_px": max_width_px, "max_height_px": max_height_px}
     with console.status("writing Verilog"):
         try:

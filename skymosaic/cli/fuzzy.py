@@ -9,9 +9,9 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from skymosaic.cli.options import console, plotting_module
+from skymosaic.cli.options import OverwriteOption, console, plotting_module
 from skymosaic.errors import InputError
-from skymosaic.imagery.images import save_bytes
+from skymosaic.imagery.images import check_unused, save_bytes
 from skymosaic.reports import pair as pair_report
 from skymosaic.reports.fuzzy_systems import PLOTTED_SYSTEMS, PlottedSystem
 
@@ -23,12 +23,15 @@ def fuzzy(
     ] = None,
     plot: Annotated[bool, typer.Option("--plot", help="Draw membership curves and rule surfaces.")] = False,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the pictures.")] = Path("fuzzy"),
+    overwrite: OverwriteOption = False,
 ) -> None:
     """Print the rules of the fuzzy systems; with --plot, draw their membership curves and rule surfaces."""
     names = systems or list(PLOTTED_SYSTEMS)
     unknown = [name for name in names if name not in PLOTTED_SYSTEMS]
     if unknown:
         raise InputError(f"no fuzzy system {', '.join(unknown)}; valid: {', '.join(PLOTTED_SYSTEMS)}")
+    if plot:
+        check_unused(output, overwrite=overwrite)
     for name in names:
         Console().print(_rules(name, PLOTTED_SYSTEMS[name]))
     if plot:

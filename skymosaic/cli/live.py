@@ -13,6 +13,7 @@ from skymosaic.cli.options import (
     AddressOption,
     BackendOption,
     ConfigOption,
+    OverwriteOption,
     PresetOption,
     SeedOption,
     WorkingWidthOption,
@@ -58,6 +59,7 @@ def live(
     *,
     source: Annotated[str, typer.Argument(help="A folder that fills, a video or its address, a camera's number.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="The mosaic, written at the end: .png, .tif ...")],
+    overwrite: OverwriteOption = False,
     idle_seconds: IdleOption = None,
     scale: Annotated[float, typer.Option(help="Size of the mosaic against the frames.")] = 1.0,
     preset: PresetOption = "aerial",
@@ -75,7 +77,7 @@ def live(
         seed=seed,
         working_width_px=working_width_px,
     )
-    _grow_and_write(source, output, options, idle_seconds)
+    _grow_and_write(source, output, options, idle_seconds, overwrite=overwrite)
 
 
 def grow_instead(
@@ -84,6 +86,8 @@ def grow_instead(
     report_folder: Path | None,
     options: MosaicOptions,
     idle_seconds: float | None,
+    *,
+    overwrite: bool,
 ) -> None:
     """`live` for ``skymosaic mosaic --live``.
 
@@ -101,11 +105,15 @@ def grow_instead(
         raise InputError(
             f"{', '.join(useless)}: no effect with --live, which adds one frame at a time; leave out either"
         )
-    _grow_and_write(photographs[0], output, options, idle_seconds)
+    _grow_and_write(photographs[0], output, options, idle_seconds, overwrite=overwrite)
 
 
-def _grow_and_write(source: str, output: Path, options: MosaicOptions, idle_seconds: float | None) -> None:
-    images.check_output(output, (source,))
+def _grow_and_write(
+    source: str, output: Path, options: MosaicOptions, idle_seconds: float | None, *, overwrite: bool
+) -> None:
+    images.check_output(output, (source,), overwrite=overwrite)
+    preview = output.with_suffix(".preview.jpg")
+    images.check_unused(preview, overwrite=overwrite)
     mosaic = LiveMosaic(
         options.usual_config,
         options.backend,
@@ -114,7 +122,6 @@ def _grow_and_write(source: str, output: Path, options: MosaicOptions, idle_seco
         scale=options.scale,
         canvas_limit_px=options.canvas_limit_px,
     )
-    preview = output.with_suffix(".preview.jpg")
     frames = live_frames(source, idle_seconds=idle_seconds, tell=tell, made=(output, preview))
     try:
         grow(mosaic, frames, preview)

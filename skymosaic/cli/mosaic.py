@@ -21,6 +21,7 @@ from skymosaic.cli.options import (
     DetectorOption,
     EffortOption,
     EstimatorOption,
+    OverwriteOption,
     PresetOption,
     RefineOption,
     SeedOption,
@@ -34,6 +35,7 @@ from skymosaic.cli.progress import progress_bars
 from skymosaic.compositing.warp import CANVAS_LIMIT_PX
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.flight.output import Delivery
+from skymosaic.imagery.images import check_unused
 from skymosaic.imagery.lens import load_lens
 from skymosaic.mosaic_options import MosaicOptions
 from skymosaic.mosaicing import planned
@@ -50,6 +52,7 @@ def mosaic(
     photographs: PhotographsArgument,
     output: Annotated[Path, typer.Option("-o", "--output", help="The mosaic: .png, .tif, .jpg ...")],
     report_folder: Annotated[Path | None, typer.Option("--report", help="Folder for pictures and numbers.")] = None,
+    overwrite: OverwriteOption = False,
     blending: Annotated[
         str | None,
         typer.Option("--blend", help="average, distance (default for two photographs) or multiband (for more)."),
@@ -113,23 +116,25 @@ def mosaic(
         memory_bytes=memory_mb * MEGABYTE,
     )
     if live:
-        grow_instead(photographs, output, report_folder, options, idle_seconds)
+        grow_instead(photographs, output, report_folder, options, idle_seconds, overwrite=overwrite)
         return
     if idle_seconds is not None:
         raise InputError("--idle-seconds ends a live mosaic; add --live, or leave it out")
-    _print_made(_made(photographs, output, report_folder, options), report_folder)
+    _print_made(_made(photographs, output, report_folder, options, overwrite=overwrite), report_folder)
 
 
 def _made(
-    photographs: Sequence[str], output: Path, report_folder: Path | None, options: MosaicOptions
+    photographs: Sequence[str], output: Path, report_folder: Path | None, options: MosaicOptions, *, overwrite: bool
 ) -> list[Delivery]:
     """Write the mosaics and their report; of a pair that cannot be registered, the report alone, which shows why."""
     with progress_bars() as progress, planned(photographs, options, progress, tell) as plan:
+        plan.check_outputs(output, overwrite=overwrite)
         if report_folder:
+            check_unused(report_folder, overwrite=overwrite)
             prepare(report_folder)
         deliveries: list[Delivery] = []
         try:
-            deliveries = plan.write(output)
+            deliveries = plan.write(output, overwrite=overwrite)
         except RegistrationError:
             if report_folder:
                 write_report(report_folder, plan.flight, deliveries)

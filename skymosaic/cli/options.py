@@ -54,6 +54,9 @@ EffortOption = Annotated[
     ),
 ]
 
+OverwriteOption = Annotated[
+    bool, typer.Option("--overwrite", help="Replace files that exist; without it they are refused.")
+]
 DamagedOption = Annotated[
     str,
     typer.Option(

@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 from rich.progress import track
 
-from skymosaic.cli.options import console, plotting_module
-from skymosaic.imagery.images import save_bytes
+from skymosaic.cli.options import OverwriteOption, console, plotting_module
+from skymosaic.imagery.images import check_unused, save_bytes
 from skymosaic.reports import pair as pair_report
 from skymosaic.thesis import dataset, pictures, tables
 from skymosaic.thesis.experiments import measure, most_inliers
@@ -23,10 +23,12 @@ def thesis(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the page and the measurements.")] = Path(
         "thesis"
     ),
+    overwrite: OverwriteOption = False,
 ) -> None:
     """Repeat the thesis's experiments, tables IV-1 to IV-7 and figure IV-6, beside the published figures."""
     page = plotting_module("skymosaic.thesis.page")
     sources = dataset.sources(data)
+    check_unused(output, overwrite=overwrite)
     pair_report.prepare(output)
     measurements = measure(track(sources, description="pairs", console=console))
     save_bytes(output / "measurements.csv", measurements.as_csv().encode())

@@ -13,6 +13,7 @@ from skymosaic.cli.options import (
     AddressOption,
     BackendOption,
     ConfigOption,
+    OverwriteOption,
     PresetOption,
     SeedOption,
     backend_at,
@@ -37,6 +38,7 @@ def track(
         str | None, typer.Option(metavar="X,Y,W,H", help="The object's rectangle in the first frame; no TEMPLATE then.")
     ] = None,
     corners: Annotated[Path | None, typer.Option(help="The corners in every frame: .csv or .json.")] = None,
+    overwrite: OverwriteOption = False,
     preset: PresetOption = "aerial",
     backend: BackendOption = "golden",
     address: AddressOption = None,
@@ -46,9 +48,9 @@ def track(
     """Follow an object: its outline in every frame of a video, and its corners as numbers."""
     template, video = _template_and_video(inputs, roi)
     names = tuple(map(str, inputs))
-    images.check_output(output, names, OUTPUT_SUFFIXES)
+    images.check_output(output, names, OUTPUT_SUFFIXES, overwrite=overwrite)
     if corners:
-        images.check_output(corners, names, TABLE_SUFFIXES)
+        images.check_output(corners, names, TABLE_SUFFIXES, overwrite=overwrite)
     computed_by = backend_at(backend, address)
     reader = VideoReader(video)
     frames = track_frames(template, reader, config=configuration(preset, config), backend=computed_by, seed=seed)

@@ -190,13 +190,20 @@ def reduced_for_front_end(original: Pixels, width_px: int, name: str) -> tuple[P
     return pixels, to_original
 
 
-def check_output(path: Path, inputs: tuple[str, ...] = (), suffixes: tuple[str, ...] = OUTPUT_SUFFIXES) -> None:
+def check_output(
+    path: Path,
+    inputs: tuple[str, ...] = (),
+    suffixes: tuple[str, ...] = OUTPUT_SUFFIXES,
+    *,
+    overwrite: bool = False,
+) -> None:
     """Check that an output file can be written, before the computation starts.
 
     Raises
     ------
     InputError
-        For an unknown suffix, a folder that is missing or not writable, or one of the ``inputs``.
+        For an unknown suffix, a folder that is missing or not writable, one of the ``inputs``, or a file that exists
+        and must not be overwritten.
     """
     if path.suffix.lower() not in suffixes:
         raise InputError(f"{path}: unknown kind of file; end the name in one of {', '.join(suffixes)}")
@@ -206,6 +213,24 @@ def check_output(path: Path, inputs: tuple[str, ...] = (), suffixes: tuple[str, 
         raise InputError(f"{path}: cannot be written; choose another folder")
     if any(Path(source).resolve() == path.resolve() for source in inputs):
         raise InputError(f"{path}: is one of the inputs; choose another name")
+    check_unused(path, overwrite=overwrite)
+
+
+def check_unused(path: Path, *, overwrite: bool) -> None:
+    """Check that nothing is overwritten: ``path`` does not exist, is an empty folder, or may be overwritten.
+
+    Raises
+    ------
+    InputError
+        If it would be, or if the folder cannot be read.
+    """
+    try:
+        taken = any(path.iterdir()) if path.is_dir() else os.path.lexists(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); choose another folder") from None
+    if taken and not overwrite:
+        kind = "is a folder with files in it" if path.is_dir() else "exists"
+        raise InputError(f"{path}: {kind}; choose another name, or add --overwrite to replace what is there")
 
 
 def save(path: Path, pixels: Pixels) -> None:

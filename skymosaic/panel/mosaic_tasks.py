@@ -207,7 +207,7 @@ def command(names: list[str], options: Options) -> str:
         words += ["--detector", options.detector, "--descriptor", options.descriptor]
         words += ["--estimator", options.estimator, *(["--refine"] if options.refine else [])]
     words += [] if options.blending == AUTOMATIC else ["--blend", options.blending]
-    return shlex.join([*words, "--backend", options.backend, "--report", REPORT, "-o", MOSAIC])
+    return shlex.join([*words, "--backend", options.backend, "--report", REPORT, "-o", MOSAIC, "--overwrite"])
 
 
 def _outline(size: Size, transform: Array) -> Array:

@@ -43,7 +43,7 @@ def follow(
             raise RegistrationError(f"{video}: the object was found in none of {len(rows)} frames")
     seconds = time.perf_counter() - started
     save_corners(folder / CORNERS, rows)
-    words = ["skymosaic", "track", template, video, "-o", VIDEO, "--corners", CORNERS]
+    words = ["skymosaic", "track", template, video, "-o", VIDEO, "--corners", CORNERS, "--overwrite"]
     command = shlex.join([*words, "--preset", options.preset, "--backend", options.backend])
     save_bytes(folder / "command.txt", f"{command}\n".encode())
     # Browsers cache what they have shown, so each run's video needs a name of its own.

@@ -1,0 +1,59 @@
+"""No command replaces what is there unless it is told to."""
+
+from pathlib import Path
+
+import cv2
+import pytest
+from typer.testing import CliRunner
+
+from sim.scene import pair as rendered_pair
+from skymosaic.cli import app
+from skymosaic.errors import InputError
+
+COMMANDS = {
+    "mosaic": ("mosaic", "left.png", "right.png", "-o", "taken.png"),
+    "report": ("mosaic", "left.png", "right.png", "-o", "new.png", "--report", "folder"),
+    "groups": ("mosaic", "left.png", "right.png", "left.png", "-o", "group.png", "--all-groups"),
+    "live": ("live", "photographs", "-o", "taken.png"),
+    "live preview": ("live", "photographs", "-o", "grown.png"),
+    "track": ("track", "left.png", "film.mkv", "-o", "taken.mp4"),
+    "corners": ("track", "left.png", "film.mkv", "-o", "new.mp4", "--corners", "taken.csv"),
+    "waves": ("compare", "left.png", "right.png", "--waves", "taken.vcd"),
+    "demo": ("demo", "-o", "folder", "--backend", "golden"),
+    "thesis": ("thesis", "-o", "folder"),
+    "fuzzy": ("fuzzy", "ransac", "--plot", "-o", "folder"),
+    "export": ("export", "--board", "pynq_z2", "-o", "folder"),
+}
+TAKEN = ("taken.png", "taken.mp4", "taken.csv", "taken.vcd", "grown.preview.jpg", "group_2.png", "folder/README.md")
+
+
+@pytest.fixture
+def full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder, with two photographs and a file under each name of `TAKEN`."""
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "photographs").mkdir()
+    for name, image in zip(("left.png", "right.png"), rendered_pair(seed=5, size=(320, 240)).images, strict=True):
+        cv2.imwrite(str(tmp_path / name), image)
+    for name in TAKEN:
+        (tmp_path / name).write_text("somebody's work")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_what_exists_is_kept_and_nothing_else_is_written(full: Path, name: str) -> None:
+    before = sorted(full.rglob("*"))
+    result = CliRunner().invoke(app, COMMANDS[name])
+    assert isinstance(result.exception, InputError)
+    assert "--overwrite" in str(result.exception)
+    assert sorted(full.rglob("*")) == before
+    assert {(full / taken).read_text() for taken in TAKEN} == {"somebody's work"}
+
+
+@pytest.mark.parametrize("name", ["mosaic", "report", "fuzzy"])
+def test_overwrite_replaces_it(full: Path, name: str) -> None:
+    result = CliRunner().invoke(app, [*COMMANDS[name], "--overwrite"])
+    assert result.exception is None
+    made = {"mosaic": "taken.png", "report": "folder/mosaic.jpg", "fuzzy": "folder/ransac.png"}[name]
+    assert cv2.imread(str(full / made)) is not None
+    assert (full / "folder" / "README.md").read_text() == "somebody's work"
