@@ -5,6 +5,7 @@ Every input must end in a result or in the one-line error of its reader. What a 
 
 import argparse
 import contextlib
+import functools
 import io
 import itertools
 import json
@@ -47,7 +48,7 @@ centre_x_px = 319.5
 centre_y_px = 239.5
 k1 = -0.2
 """
-Target = Callable[[np.random.Generator], str]
+Target = Callable[[Path, np.random.Generator], str]
 
 
 @dataclass
@@ -82,6 +83,7 @@ def _scene() -> np.ndarray:
     return cv2.GaussianBlur(rng.integers(0, 256, (96, 128, 3), dtype=np.uint8), (0, 0), 1.5)
 
 
+@functools.cache
 def _encoded() -> list[tuple[str, bytes]]:
     """One small photograph in every format and depth that is read."""
     scene = _scene()
@@ -105,6 +107,13 @@ def _exif() -> PillowImage.Exif:
     return exif
 
 
+@functools.cache
+def _photograph_with_exif() -> bytes:
+    file = io.BytesIO()
+    PillowImage.fromarray(_scene()).save(file, "JPEG", exif=_exif())
+    return file.getvalue()
+
+
 def _read_photograph(path: Path, rng: np.random.Generator) -> str:
     position(path)
     photograph = images.load(path, keep_damaged=bool(rng.integers(2)))
@@ -113,70 +122,64 @@ def _read_photograph(path: Path, rng: np.random.Generator) -> str:
     return "read"
 
 
-def _targets(folder: Path) -> dict[str, Target]:
+def _photographs(folder: Path, rng: np.random.Generator) -> str:
     encoded = _encoded()
-    file = io.BytesIO()
-    PillowImage.fromarray(_scene()).save(file, "JPEG", exif=_exif())
-    with_exif = file.getvalue()
-    start, end = with_exif.index(b"Exif\0\0") + 6, with_exif.index(b"\xff\xdb")
-    config = to_toml(preset_config("aerial"))
+    suffix, data = encoded[rng.integers(len(encoded))]
+    path = folder / f"photograph{suffix}"
+    path.write_bytes(mutated(data, rng))
+    return _read_photograph(path, rng)
+
+
+def _exif_of_a_photograph(folder: Path, rng: np.random.Generator) -> str:
+    whole = _photograph_with_exif()
+    start, end = whole.index(b"Exif\0\0") + 6, whole.index(b"\xff\xdb")
+    changed = mutated(whole[start:end], rng)[: end - start].ljust(end - start, b"\0")
+    path = folder / "exif.jpg"
+    path.write_bytes(whole[:start] + changed + whole[end:])
+    return _read_photograph(path, rng)
+
+
+def _toml(folder: Path, rng: np.random.Generator) -> str:
+    path = folder / "file.toml"
+    if rng.random() < 0.5:
+        path.write_bytes(mutated_text(CAMERA, rng))
+        load_lens(path, None)
+        return "read"
+    path.write_bytes(mutated_text(to_toml(preset_config("aerial")), rng))
+    try:
+        load_config(path)
+    except ValueError as error:
+        return "refused" if str(path) in str(error) else "refused without a name"
+    return "read"
+
+
+def _cache_entries(folder: Path, rng: np.random.Generator) -> str:
     cache = ResultCache(folder / "cache")
     arrays = {"values": np.arange(300.0), "facts": np.array("text")}
-
-    def photographs(rng: np.random.Generator) -> str:
-        suffix, data = encoded[rng.integers(len(encoded))]
-        path = folder / f"photograph{suffix}"
-        path.write_bytes(mutated(data, rng))
-        return _read_photograph(path, rng)
-
-    def exif(rng: np.random.Generator) -> str:
-        changed = mutated(with_exif[start:end], rng)[: end - start].ljust(end - start, b"\0")
-        path = folder / "exif.jpg"
-        path.write_bytes(with_exif[:start] + changed + with_exif[end:])
-        return _read_photograph(path, rng)
-
-    def toml(rng: np.random.Generator) -> str:
-        path = folder / "file.toml"
-        if rng.random() < 0.5:
-            path.write_bytes(mutated_text(CAMERA, rng))
-            load_lens(path, None)
-            return "read"
-        path.write_bytes(mutated_text(config, rng))
-        try:
-            load_config(path)
-        except ValueError as error:
-            return "refused" if str(path) in str(error) else "refused without a name"
-        return "read"
-
-    def cache_entries(rng: np.random.Generator) -> str:
-        cache.save("entry", arrays)
-        path = folder / "cache" / "entry.entry"
-        whole = path.read_bytes()
-        path.write_bytes(mutated(whole, rng))
-        found = cache.load("entry")
-        if found is None:
-            return "refused"
-        assert path.read_bytes() == whole or all(np.array_equal(found[name], arrays[name]) for name in arrays)
-        return "read"
-
-    def builds(rng: np.random.Generator) -> str:
-        def build(made: Path) -> None:
-            (made / "library").write_bytes(b"compiled " * 100)
-
-        made = cached("thing", build, what="the thing", progress=silent)
-        path = made / str(rng.choice(["library", "checksums"]))
-        path.write_bytes(mutated(path.read_bytes(), rng))
-        made = cached("thing", build, what="the thing", progress=silent)
-        assert (made / "library").read_bytes() == b"compiled " * 100
-        return "read"
-
-    return {
-        "photographs": photographs, "EXIF": exif, "TOML": toml, "cache entries": cache_entries, "builds": builds,
-        "records": _records,
-    }  # fmt: skip
+    cache.save("entry", arrays)
+    path = folder / "cache" / "entry.entry"
+    whole = path.read_bytes()
+    path.write_bytes(mutated(whole, rng))
+    found = cache.load("entry")
+    if found is None:
+        return "refused"
+    assert path.read_bytes() == whole or all(np.array_equal(found[name], arrays[name]) for name in arrays)
+    return "read"
 
 
-def _records(rng: np.random.Generator) -> str:
+def _builds(_folder: Path, rng: np.random.Generator) -> str:
+    def build(made: Path) -> None:
+        (made / "library").write_bytes(b"compiled " * 100)
+
+    made = cached("thing", build, what="the thing", progress=silent)
+    path = made / str(rng.choice(["library", "checksums"]))
+    path.write_bytes(mutated(path.read_bytes(), rng))
+    made = cached("thing", build, what="the thing", progress=silent)
+    assert (made / "library").read_bytes() == b"compiled " * 100
+    return "read"
+
+
+def _records(_folder: Path, rng: np.random.Generator) -> str:
     """The answer of a board, after the server has accepted the request."""
     config = preset_config("aerial").front_end
     feature = feature_record(config.pattern.descriptor_bytes, config.pattern.window_bytes).dtype
@@ -192,15 +195,24 @@ def _records(rng: np.random.Generator) -> str:
     return "read"
 
 
+TARGETS: dict[str, Target] = {
+    "photographs": _photographs,
+    "EXIF": _exif_of_a_photograph,
+    "TOML": _toml,
+    "cache entries": _cache_entries,
+    "builds": _builds,
+    "records": _records,
+}
+
+
 def fuzz(count: int, seed: int = 0) -> Report:
     """Feed ``count`` inputs to the targets in turn; input ``n`` depends on the seed and ``n`` alone."""
     report = Report()
     with tempfile.TemporaryDirectory() as folder, _cache_in(Path(folder)):
-        targets = itertools.cycle(_targets(Path(folder)).items())
-        for number, (name, target) in zip(range(count), targets, strict=False):
+        for number, (name, target) in zip(range(count), itertools.cycle(TARGETS.items()), strict=False):
             started = time.process_time()
             try:
-                outcome = target(np.random.default_rng((seed, number)))
+                outcome = target(Path(folder), np.random.default_rng((seed, number)))
             except EXPECTED as error:
                 outcome = "refused" if "\n" not in str(error) else "refused in two lines"
             except Exception:
