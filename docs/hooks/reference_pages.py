@@ -1,0 +1,86 @@
+"""Reference pages that are written from the code they describe: commands, records, presets, and the blocks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+from typer.cli import get_docs_for_click
+from typer.main import get_command
+
+from golden_model.config import PRESETS, to_toml
+from golden_model.feature.ilbp import PATTERNS
+from golden_model.records import FRAME_STATUS, MATCH, Record, feature_record
+from skymosaic.cli import app
+
+TOP = Path(__file__).parents[2]
+BLOCK_PACKAGES = {"golden_model": "golden_model.md", "hdl": "hardware.md"}
+"""The packages whose modules are all documented, and their pages."""
+DOCUMENTED_ELSEWHERE = ("golden_model.config",)
+"""Modules with a page of their own, `docs/reference/configuration.md`."""
+_TITLES = {"golden_model": "Golden model", "hdl": "Hardware"}
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the generated pages below ``reference/``."""
+    pages = {"command_line.md": commands(), "records.md": records(), "presets.md": presets()}
+    pages |= {page: blocks(package) for package, page in BLOCK_PACKAGES.items()}
+    for name, text in pages.items():
+        files.append(File.generated(config, f"reference/{name}", content=text))
+    return files
+
+
+def commands() -> str:
+    """Every command with its arguments and options, as ``--help`` has them."""
+    group = get_command(app)
+    context = click.Context(group, info_name="skymosaic")
+    parts = ["# Command line\n", f"{group.help}\n"]
+    for name in group.list_commands(context):
+        _, command, _ = group.resolve_command(context, [name])
+        assert command is not None
+        text = get_docs_for_click(obj=command, ctx=context, name=f"skymosaic {name}")
+        # One heading a command: it would otherwise be the first of the page again.
+        parts.append(text.replace("# `", "## `", 1))
+    return "\n".join(parts)
+
+
+def records() -> str:
+    """The fields of every record, with their offsets."""
+    descriptor_bytes = PATTERNS["ilbp-128"].bits // 8
+    shown = {
+        "Feature": (feature_record(descriptor_bytes), "with the descriptor `ilbp-128`"),
+        "Match": (MATCH, "one for each mutual match"),
+        "Frame status": (FRAME_STATUS, "one at the end of each frame"),
+    }
+    parts = [
+        "# Records\n",
+        "The accelerator sends records: little-endian, a whole number of 64-bit words, the first byte tells the kind. "
+        "[`golden_model.records`](golden_model.md#golden_model.records) declares them; the hardware's layouts, the "
+        "NumPy dtypes and the board's driver follow from it.\n",
+    ]
+    for title, (record, words) in shown.items():
+        parts += [f"## {title}\n", f"{words[0].upper()}{words[1:]}: {record.record_bytes} bytes.\n", _fields(record)]
+    return "\n".join(parts)
+
+
+def _fields(record: Record) -> str:
+    rows = [f"| 0 | `tag` | 8 | {record.tag.value} |"]
+    rows += [f"| {offset} | `{field.name}` | {field.bits} | |" for field, offset in record.offsets()]
+    return "\n".join(("| byte | field | bits | value |", "|---|---|---|---|", *rows, ""))
+
+
+def presets() -> str:
+    """The two presets as the files that `--config` reads."""
+    parts = ["# Presets\n", "Each preset, as a file for `--config`. What the keys mean: [Keys](configuration.md).\n"]
+    for name, config in PRESETS.items():
+        parts += [f"## {name}\n", f"```toml\n{to_toml(config)}```\n"]
+    return "\n".join(parts)
+
+
+def blocks(package: str) -> str:
+    """A directive for every module of a package; mkdocstrings fills it from the docstrings."""
+    modules = sorted(".".join(path.relative_to(TOP).with_suffix("").parts) for path in (TOP / package).rglob("*.py"))
+    named = [module for module in modules if not module.endswith("__init__") and module not in DOCUMENTED_ELSEWHERE]
+    return "\n\n".join([f"# {_TITLES[package]}", *(f"::: {module}" for module in named)]) + "\n"

@@ -1,0 +1,67 @@
+"""What the tutorials and how-to pages show is what a reader gets."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from skymosaic.cli import COMMANDS
+from tests.docs.page_runner import FENCE, run_page
+
+DOCS = Path(__file__).parents[2] / "docs"
+SLOW = {"change_a_rule.md", "export_to_a_kit.md", "flight_to_map.md"}
+"""Pages whose commands take seconds to start, or write the Verilog of a whole accelerator."""
+FOREIGN = re.compile(r'<(?:script|img|iframe|link)\b[^>]*\b(?:src|href)="(?:https?:)?//[^"]*"')
+"""What a page loads from another server."""
+RUN = {"pycon", "console"}
+"""Languages of the blocks that are run."""
+
+
+def with_blocks_to_run() -> list[Path]:
+    pages = sorted([*DOCS.glob("tutorials/*.md"), *DOCS.glob("how-to/*.md")])
+    return [page for page in pages if RUN & {fence["language"] for fence in FENCE.finditer(page.read_text())}]
+
+
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(page, id=page.stem, marks=[pytest.mark.slow] * (page.name in SLOW)) for page in with_blocks_to_run()],
+)
+def test_the_page_prints_what_it_shows(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    # A command in a page must find the modules of this clone, not of an installed one.
+    monkeypatch.setenv("PYTHONPATH", str(DOCS.parent))
+    before = set(sys.modules)
+    assert run_page(page) > 0
+    for name in set(sys.modules) - before:
+        if str(tmp_path) in str(getattr(sys.modules[name], "__file__", "")):
+            del sys.modules[name]
+
+
+def test_every_tutorial_is_run() -> None:
+    tutorials = {path.name for path in DOCS.glob("tutorials/*.md")} - {"index.md"}
+    assert len(tutorials) == 7
+    assert tutorials <= {path.name for path in with_blocks_to_run()}
+
+
+def test_a_wrong_output_fails(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("```pycon\n>>> 1 + 1\n3\n\n```\n")
+    with pytest.raises(AssertionError, match=r"Expected:\n\s+3\nGot:\n\s+2"):
+        run_page(page)
+
+
+@pytest.mark.slow
+def test_the_site_builds_strictly(tmp_path: Path) -> None:
+    """Every link, page and reference exists; nothing is loaded from another server."""
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path / "site")]
+    done = subprocess.run(command, cwd=DOCS.parent, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    pages = list((tmp_path / "site").rglob("*.html"))
+    assert len(pages) > 30
+    assert [found for page in pages for found in FOREIGN.findall(page.read_text(encoding="utf-8"))] == []
+    commands = (tmp_path / "site" / "reference" / "command_line.html").read_text(encoding="utf-8")
+    for name in COMMANDS:
+        assert f"skymosaic {name}" in commands
