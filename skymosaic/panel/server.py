@@ -17,13 +17,13 @@ from starlette.responses import FileResponse, PlainTextResponse, Response, Strea
 
 from skymosaic.errors import InputError
 from skymosaic.panel.archive import zipped
-from skymosaic.panel.jobs import prepare_workers
 from skymosaic.panel.origin_check import OriginCheck
-from skymosaic.panel.page import build_mosaic_page
+from skymosaic.panel.pages.mosaic_page import build_mosaic_page
+from skymosaic.panel.pages.tracking_page import build_tracking_page
 from skymosaic.panel.sessions import Session, Sessions
-from skymosaic.panel.storage import BUSY
-from skymosaic.panel.tracking_page import build_tracking_page
-from skymosaic.panel.uploads import UploadRefusedError
+from skymosaic.panel.tasks.jobs import prepare_workers
+from skymosaic.panel.uploads.received import UploadRefusedError
+from skymosaic.panel.uploads.storage import BUSY
 
 HOST = "127.0.0.1"
 SECONDS_TO_CLOSE = 2

@@ -13,13 +13,13 @@ from weakref import WeakValueDictionary
 from nicegui import Event, background_tasks
 from nicegui.binding import BindableProperty
 
-from skymosaic.panel import mosaic_tasks, tracking_tasks, upload_tasks
-from skymosaic.panel.intake import IsGone, JobQueues, never_gone, take_in
-from skymosaic.panel.jobs import Job, JobCancelledError, JobFailedError, Task
 from skymosaic.panel.options import Options
 from skymosaic.panel.results import HardwareResult, MosaicResult, TrackingResult, Upload
-from skymosaic.panel.storage import Storage, bytes_in
-from skymosaic.panel.uploads import UploadRefusedError
+from skymosaic.panel.tasks import mosaic_tasks, tracking_tasks, upload_tasks
+from skymosaic.panel.tasks.jobs import Job, JobCancelledError, JobFailedError, Task
+from skymosaic.panel.uploads.intake import IsGone, JobQueues, never_gone, take_in
+from skymosaic.panel.uploads.received import UploadRefusedError
+from skymosaic.panel.uploads.storage import Storage, bytes_in
 
 MOST_PHOTOGRAPHS = 60
 MOST_BYTES = 4 << 30
@@ -107,7 +107,7 @@ class Session:
         Parameters
         ----------
         slot : str
-            A key of `skymosaic.panel.intake.SLOTS`.
+            A key of `skymosaic.panel.uploads.intake.SLOTS`.
         body : async iterator of bytes
         name : str
             The file's name in the browser.

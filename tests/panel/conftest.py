@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import Browser, ConsoleMessage, Page
 
 from sim.scene import pair as rendered_pair
-from skymosaic.panel.jobs import prepare_workers
+from skymosaic.panel.tasks.jobs import prepare_workers
 from tests.panel.visit import CHROMIUM, LONG_MS, WINDOW, chromium, running_panel
 
 

@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 from sim.backend import silent
 from sim.scene import pair as rendered_pair
 from skymosaic.cli import app
-from skymosaic.panel.mosaic_tasks import make_mosaic
 from skymosaic.panel.options import Options
+from skymosaic.panel.tasks.mosaic_tasks import make_mosaic
 
 OPTIONS = {
     "preset": {},

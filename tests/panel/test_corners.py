@@ -8,8 +8,8 @@ import pytest
 
 from sim.backend import load_backend
 from sim.scene import pair as rendered_pair
-from skymosaic.panel.corners_tab import detect
 from skymosaic.panel.options import Options
+from skymosaic.panel.pages.corners_tab import detect
 
 
 @pytest.fixture(scope="module")

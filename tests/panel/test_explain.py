@@ -6,9 +6,9 @@ import pytest
 from golden_model.config import preset_config
 from sim.scene import pair as rendered_pair
 from skymosaic import register
-from skymosaic.panel import drawings
 from skymosaic.panel.explain import HIGHEST_WEIGHT, explain, verdicts
-from skymosaic.panel.explanation import markup
+from skymosaic.panel.pages import drawings
+from skymosaic.panel.pages.explanation import markup
 from skymosaic.panel.results import PairView
 from skymosaic.reports import pair as pair_report
 

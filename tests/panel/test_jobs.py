@@ -15,7 +15,7 @@ from types import ModuleType
 import pytest
 
 from skymosaic.panel.archive import zipped
-from skymosaic.panel.jobs import Job, JobCancelledError, JobFailedError, Limits
+from skymosaic.panel.tasks.jobs import Job, JobCancelledError, JobFailedError, Limits
 from tests.panel.visit import LONG_MS
 
 pytestmark = pytest.mark.usefixtures("workers")

@@ -9,10 +9,10 @@ import nicegui.core
 import numpy as np
 import pytest
 
-from skymosaic.panel import intake, storage
 from skymosaic.panel import sessions as sessions_module
 from skymosaic.panel.sessions import Session, Sessions
-from skymosaic.panel.uploads import UploadRefusedError
+from skymosaic.panel.uploads import intake, storage
+from skymosaic.panel.uploads.received import UploadRefusedError
 
 Scenario = Callable[[], Awaitable[None]]
 

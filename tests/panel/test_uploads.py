@@ -12,7 +12,7 @@ import httpx
 import numpy as np
 import pytest
 
-from skymosaic.panel.uploads import PHOTOGRAPH, VIDEO, safe_stem
+from skymosaic.panel.uploads.received import PHOTOGRAPH, VIDEO, safe_stem
 
 
 class Client:

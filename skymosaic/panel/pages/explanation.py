@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from html import escape
 
-from skymosaic.panel.drawings import membership
 from skymosaic.panel.explain import Explanation, FiredRule, Input
+from skymosaic.panel.pages.drawings import membership
 
 MOST_RULES = 8
 """Rule bases with more rules are shown with only the rules that fire."""

@@ -7,11 +7,11 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from skymosaic.panel import upload_tasks
-from skymosaic.panel.jobs import Job, JobCancelledError, JobFailedError, Limits
 from skymosaic.panel.results import Upload
-from skymosaic.panel.storage import BUSY
-from skymosaic.panel.uploads import PHOTOGRAPH, VIDEO, UploadRefusedError, receive
+from skymosaic.panel.tasks import upload_tasks
+from skymosaic.panel.tasks.jobs import Job, JobCancelledError, JobFailedError, Limits
+from skymosaic.panel.uploads.received import PHOTOGRAPH, VIDEO, UploadRefusedError, receive
+from skymosaic.panel.uploads.storage import BUSY
 
 SLOTS = {
     "photograph": (PHOTOGRAPH, upload_tasks.inspect),
@@ -59,7 +59,7 @@ async def take_in(
     queue: asyncio.Semaphore,
     is_gone: IsGone,
 ) -> Upload:
-    """Receive a file beside ``target``, as `skymosaic.panel.uploads.receive`, and decode it.
+    """Receive a file beside ``target``, as `skymosaic.panel.uploads.received.receive`, and decode it.
 
     Parameters
     ----------

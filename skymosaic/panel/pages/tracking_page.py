@@ -6,19 +6,19 @@ from dataclasses import dataclass
 
 from nicegui import ui
 
-from skymosaic.panel.drop_zone import DropZone
-from skymosaic.panel.page_layout import command_line, page_layout
+from skymosaic.panel.pages.page_layout import command_line, page_layout
+from skymosaic.panel.pages.sidebar import RunCard, enabled_while_idle, heading, option_select
 from skymosaic.panel.results import TrackingResult, Upload
 from skymosaic.panel.sessions import Session
-from skymosaic.panel.sidebar import RunCard, enabled_while_idle, heading, option_select
-from skymosaic.panel.uploads import MEBIBYTE, PHOTOGRAPH, VIDEO, Kind
+from skymosaic.panel.uploads.received import MEBIBYTE, PHOTOGRAPH, VIDEO, Kind
+from skymosaic.panel.widgets.drop_zone import DropZone
 
 CORNERS = ("top left", "top right", "bottom right", "bottom left")
 
 
 @dataclass(frozen=True)
 class _Slot:
-    """An upload area for one file: its name in `skymosaic.panel.intake.SLOTS`, and its texts on the page."""
+    """An upload area for one file: its name in `skymosaic.panel.uploads.intake.SLOTS`, and its texts on the page."""
 
     name: str
     number: str

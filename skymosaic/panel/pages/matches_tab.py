@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from nicegui import ui
 
-from skymosaic.panel import drawings
 from skymosaic.panel.explain import explain, verdicts
-from skymosaic.panel.explanation import markup
+from skymosaic.panel.pages import drawings
+from skymosaic.panel.pages.explanation import markup
 from skymosaic.panel.results import PairView
-from skymosaic.panel.viewer import Pointer, Viewer, side_by_side
+from skymosaic.panel.widgets.viewer import Pointer, Viewer, side_by_side
 
 KINDS = {"inlier": "kept, on the homography", "outlier": "kept, off it", "rejected": "rejected by the rules"}
 REACH_SCREEN_PX = 10

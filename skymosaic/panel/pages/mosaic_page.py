@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from nicegui import ui
 
-from skymosaic.panel.corners_tab import CornersTab
-from skymosaic.panel.hardware_tab import HardwareTab
-from skymosaic.panel.matches_tab import MatchesTab
-from skymosaic.panel.mosaic_tab import build_mosaic_tab
-from skymosaic.panel.numbers_tab import build_numbers_tab
 from skymosaic.panel.options import fault_of
-from skymosaic.panel.page_layout import page_layout
+from skymosaic.panel.pages.corners_tab import CornersTab
+from skymosaic.panel.pages.hardware_tab import HardwareTab
+from skymosaic.panel.pages.matches_tab import MatchesTab
+from skymosaic.panel.pages.mosaic_tab import build_mosaic_tab
+from skymosaic.panel.pages.numbers_tab import build_numbers_tab
+from skymosaic.panel.pages.page_layout import page_layout
+from skymosaic.panel.pages.sidebar import OptionsCard, PhotographsCard, RunCard, enabled_while_idle
 from skymosaic.panel.results import MosaicResult
 from skymosaic.panel.sessions import Session
-from skymosaic.panel.sidebar import OptionsCard, PhotographsCard, RunCard, enabled_while_idle
 
 STEPS = (
     ("grain", "Corners", "appear as soon as photographs are loaded, and follow the threshold as you move it."),

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from nicegui import ui
 
-from skymosaic.panel import drawings
+from skymosaic.panel.pages import drawings
 from skymosaic.panel.results import MosaicResult
-from skymosaic.panel.viewer import Picture, Viewer
+from skymosaic.panel.widgets.viewer import Picture, Viewer
 
 
 def build_mosaic_tab(result: MosaicResult) -> None:

@@ -66,7 +66,11 @@ class JobCancelledError(Exception):
 def prepare_workers() -> None:
     """Start the helper process that workers are forked from, so that the first job does not wait for its imports."""
     _processes.set_forkserver_preload(
-        ["skymosaic.panel.mosaic_tasks", "skymosaic.panel.tracking_tasks", "skymosaic.panel.upload_tasks"]
+        [
+            "skymosaic.panel.tasks.mosaic_tasks",
+            "skymosaic.panel.tasks.tracking_tasks",
+            "skymosaic.panel.tasks.upload_tasks",
+        ]
     )
     forkserver.ensure_running()
 

@@ -10,7 +10,7 @@ import numpy as np
 from nicegui import ui
 
 from skymosaic.evaluation.metrics import confusion
-from skymosaic.panel.page_layout import command_line
+from skymosaic.panel.pages.page_layout import command_line
 from skymosaic.panel.results import MosaicResult, PairView
 
 CORRECT_PX = 3.0

@@ -14,11 +14,11 @@ from nicegui import background_tasks, ui
 
 from golden_model.arrays import Pixels, Records
 from skymosaic.features.methods import backend_of
-from skymosaic.panel import drawings
 from skymosaic.panel.options import Options, fault_of
+from skymosaic.panel.pages import drawings
 from skymosaic.panel.results import Upload
 from skymosaic.panel.sessions import Session
-from skymosaic.panel.viewer import Viewer, side_by_side
+from skymosaic.panel.widgets.viewer import Viewer, side_by_side
 from skymosaic.registration import extract_within_capacity
 
 _AFFECTED_BY = ("preset", "detector", "descriptor", "position")

@@ -8,12 +8,12 @@ from functools import partial
 from nicegui import ui
 from nicegui.elements.mixins.disableable_element import DisableableElement
 
-from skymosaic.panel.drop_zone import DropZone
 from skymosaic.panel.options import OPTION_VALUES, fault_of
 from skymosaic.panel.results import Upload
 from skymosaic.panel.sessions import Session
-from skymosaic.panel.slider import Slider
-from skymosaic.panel.uploads import MEBIBYTE, PHOTOGRAPH
+from skymosaic.panel.uploads.received import MEBIBYTE, PHOTOGRAPH
+from skymosaic.panel.widgets.drop_zone import DropZone
+from skymosaic.panel.widgets.slider import Slider
 
 BUILT_IN = {"Pair": 2, "Flight": 9}
 """Number of photographs in each built-in example."""

@@ -12,7 +12,7 @@ from typing import Protocol
 
 from nicegui import Event
 
-from skymosaic.panel.uploads import UploadRefusedError
+from skymosaic.panel.uploads.received import UploadRefusedError
 from skymosaic.temporary import temporary_folder
 
 MOST_BYTES = 16 << 30

@@ -1,0 +1,1 @@
+"""Long tasks and the processes they run in."""

@@ -1,0 +1,1 @@
+"""Files from browsers: received, checked, decoded, and kept within limits."""
