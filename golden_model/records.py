@@ -32,6 +32,7 @@ class Cause(enum.IntFlag):
     EARLY_END = 4
     MISSING_START = 8
     TOO_MANY_FEATURES = 16
+    INVALID_SETTINGS = 32
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from amaranth import ClockDomain, ClockSignal, Module, ResetInserter, ResetSignal, Signal, Value
-from amaranth.lib import stream, wiring
+from amaranth.lib import data, fifo, stream, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.config import Config
@@ -14,12 +14,19 @@ from hdl.axi.axi_lite import AxiLiteInterface, AxiLiteSignature
 from hdl.axi.packet_gate import PacketGate
 from hdl.axi.register_map import ADDRESS_BITS, built_constants
 from hdl.axi.registers import RegisterFile
-from hdl.axi.video_input import VideoInput, VideoPayload
+from hdl.axi.video_input import VideoPayload
 from hdl.front_end import FrontEnd
 from hdl.lib.skid_buffer import SkidBuffer
+from hdl.lib.views import view_signal
 from hdl.matching.matcher import Matcher
-from hdl.settings import FRONT_END
+from hdl.settings import FRONT_END, KEEP_ABOVE
 from hdl.streams import WordPayload
+
+MATCHING_SETTINGS = data.StructLayout({KEEP_ABOVE.name: KEEP_ABOVE.bits, "hold_reference": 1, "take_reference": 1})
+"""Settings and request that the matcher obeys; each frame has its own."""
+ENDED_FRAMES = 4
+"""At least as many as can have ended before the matcher takes the first: one in a bank, one in the front end, and a
+status without features in the buffers between them."""
 
 
 class Accelerator(wiring.Component):
@@ -63,7 +70,6 @@ class Accelerator(wiring.Component):
         self._registers = RegisterFile(
             constants=built_constants(front_end=config.front_end, matcher=config.matcher, lanes=lanes, **size)
         )
-        self._input = VideoInput()
         self._front_end = FrontEnd(config=config.front_end, **size)
         self._matcher = Matcher(
             config=config.matcher,
@@ -96,20 +102,43 @@ class Accelerator(wiring.Component):
         return m
 
     def _data_path(self) -> Module:
-        """Video input, front end, matcher, and the two outputs."""
+        """Front end, matcher, and the two outputs."""
         m = Module()
-        m.submodules.video_input = self._input
         m.submodules.front_end = self._front_end
         m.submodules.matcher = self._matcher
-        wiring.connect(m, wiring.flipped(self.i_video), self._input.i)
-        wiring.connect(m, self._input.o, self._front_end.i_pixels)
+        video, enable = self._front_end.i_video, self._registers.o_enable
+        m.d.comb += [
+            video.valid.eq(self.i_video.valid & enable),
+            video.payload.eq(self.i_video.payload),
+            self.i_video.ready.eq(video.ready & enable),
+        ]
         branches = (self._output(m, "features", self._feature_gate, self.o_features), SkidBuffer(shape=WordPayload))
         m.submodules.to_matcher = branches[1]
         wiring.connect(m, branches[1].o, self._matcher.i_features)
         self._fork(m, self._front_end.o_features, *(branch.i for branch in branches))
         matches = self._output(m, "matches", self._match_gate, self.o_matches)
         wiring.connect(m, self._matcher.o_matches, matches.i)
+        self._matching_settings(m)
         return m
+
+    def _matching_settings(self, m: Module) -> None:
+        """Sample what the matcher needs at the start of each frame, and keep it until the frame is matched."""
+        registers, front_end, matcher = self._registers, self._front_end, self._matcher
+        running = view_signal(MATCHING_SETTINGS, reset_less=True)
+        with m.If(front_end.o_frame_starts):
+            m.d.sync += [running[name].eq(getattr(registers, f"o_{name}")) for name, _ in MATCHING_SETTINGS]
+        m.submodules.ended = ended = fifo.SyncFIFO(width=MATCHING_SETTINGS.size, depth=ENDED_FRAMES)
+        sampled = data.View(MATCHING_SETTINGS, ended.r_data)
+        m.d.comb += [
+            ended.w_en.eq(front_end.o_frame_ends),
+            ended.w_data.eq(running),
+            ended.r_en.eq(matcher.o_frame_taken),
+            matcher.i_keep_above.eq(sampled.keep_above),
+            matcher.i_hold_reference.eq(sampled.hold_reference),
+            # A frame that started before an earlier one obeyed the request does not obey it again.
+            matcher.i_take_reference.eq(sampled.take_reference & registers.o_take_reference),
+            registers.i_take_reference.eq(matcher.o_reference_taken),
+        ]
 
     @staticmethod
     def _output(m: Module, name: str, gate: PacketGate, output: stream.Interface) -> SkidBuffer:
@@ -136,18 +165,9 @@ class Accelerator(wiring.Component):
 
     def _settings(self, m: Module) -> None:
         """From the registers to the blocks."""
-        registers, video, matcher = self._registers, self._input, self._matcher
+        registers = self._registers
         m.d.comb += [
-            video.i_enable.eq(registers.o_enable),
-            video.i_memory_mode.eq(registers.o_memory_mode),
-            video.i_gray_input.eq(registers.o_gray_input),
-            video.i_width_px.eq(registers.o_width_px),
-            video.i_height_px.eq(registers.o_height_px),
             *(self._front_end.settings[each.name].eq(getattr(registers, f"o_{each.name}")) for each in FRONT_END),
-            matcher.i_keep_above.eq(registers.o_keep_above),
-            matcher.i_hold_reference.eq(registers.o_hold_reference),
-            matcher.i_take_reference.eq(registers.o_take_reference),
-            registers.i_take_reference.eq(matcher.o_reference_taken),
             self._feature_gate.i_enable.eq(registers.o_features_enable),
             self._match_gate.i_enable.eq(registers.o_matches_enable),
         ]

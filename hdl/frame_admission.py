@@ -1,12 +1,12 @@
-"""Frame admission: tags pixels with (x, y) and flags frames of the wrong size."""
+"""Frame admission: tags pixels with (x, y), flags frames of the wrong size, and refuses settings that were not built."""
 
 from __future__ import annotations
 
-from amaranth import Module, Mux, Signal, Value
+from amaranth import Cat, Module, Mux, Signal, Value
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
-from golden_model.config import MAX_FRAME_PX
+from golden_model.config import MAX_FRAME_PX, MIN_FRAME_PX
 from golden_model.records import FRAME_STATUS, Cause
 from hdl.lib.delay import delayed
 from hdl.streams import COORDINATE, PixelPayload, beat
@@ -17,19 +17,37 @@ CAUSES = next(field.bits for field in FRAME_STATUS.fields if field.name == "caus
 class FrameAdmission(wiring.Component):
     """Admits pixels, numbers them, and checks ``first`` and ``last`` against the configured size.
 
-    Later blocks always see whole frames. A bad frame continues with whatever pixels come; if the next frame starts
-    before it is complete, that start waits until the bad frame has been padded with zeros. After a bad frame, pixels
-    are dropped until the next start. Pixels outside of any frame are reported as a bad frame without beats.
+    In video mode a frame starts with ``first``, and each line ends with ``last``. In memory mode nothing marks frames
+    or lines: a frame starts where the previous one has ended, and ``last`` ends a transfer.
+
+    Every frame that starts also ends. A bad frame continues with whatever pixels come. If it ends early (at the next
+    ``first``, or at the end of a transfer), zeros complete its line, and then only the ends of its last lines, which
+    close the levels: the next frame waits for a line and ``closing_lines`` times ``closing_px`` clocks at most.
+
+    Pixels outside of any frame are dropped. They are reported as a bad frame without beats (`Cause.MISSING_START`):
+    at once after a good frame; after a bad frame, whose own pixels may be left over, once they make up a frame's lines.
+    A frame whose settings are not acceptable has no beats either (`Cause.INVALID_SETTINGS`): its first pixel reports
+    it, and pixels are dropped up to the next start or, in memory mode, the end of the transfer.
 
     Throughput is a pixel a clock, unless an input below forbids it.
+
+    Parameters
+    ----------
+    closing_lines : int
+        Number of last lines that the levels need in order to close.
+    closing_px : int
+        How much of each of these lines they need.
 
     Members
     -------
     i : In(stream(PixelPayload))
+    i_memory_mode : In(1)
     i_width_px, i_height_px : In
-        At least 4. Must be stable 2 clocks before a frame is admitted.
+        At least 4.
+    i_acceptable : In(1)
+        The settings are within what was built. Like size and mode, stable 2 clocks before ``i_may_start``.
     i_may_start : In(1)
-        A frame may start.
+        A frame may start; pixels outside of a frame may be dropped.
     i_may_end : In(1)
         A frame may end from the next clock on. Ignored in the clock of ``o_end`` and the one before.
     i_hold : In(1)
@@ -38,6 +56,8 @@ class FrameAdmission(wiring.Component):
         One clock after the pixel.
     o_running : Out(1)
         A frame has started and has not ended.
+    o_frame_ends : Out(1)
+        The next beat will be the last of its frame.
     o_start, o_end : Out(1)
         With the first beat of a frame, and with its last.
     o_causes : Out(16)
@@ -45,28 +65,36 @@ class FrameAdmission(wiring.Component):
     """
 
     i: stream.Interface
+    i_memory_mode: Signal
     i_width_px: Signal
     i_height_px: Signal
+    i_acceptable: Signal
     i_may_start: Signal
     i_may_end: Signal
     i_hold: Signal
     o: data.View
     o_running: Signal
+    o_frame_ends: Signal
     o_start: Signal
     o_end: Signal
     o_causes: Signal
 
-    def __init__(self) -> None:
+    def __init__(self, *, closing_lines: int, closing_px: int = MIN_FRAME_PX) -> None:
+        self.closing_lines = closing_lines
+        self.closing_px = closing_px
         super().__init__(
             {
                 "i": In(stream.Signature(PixelPayload)),
+                "i_memory_mode": In(1),
                 "i_width_px": In(range(MAX_FRAME_PX + 1)),
                 "i_height_px": In(range(MAX_FRAME_PX + 1)),
+                "i_acceptable": In(1),
                 "i_may_start": In(1),
                 "i_may_end": In(1),
                 "i_hold": In(1),
                 "o": Out(beat(data=24)),
                 "o_running": Out(1),
+                "o_frame_ends": Out(1),
                 "o_start": Out(1),
                 "o_end": Out(1),
                 "o_causes": Out(CAUSES),
@@ -76,63 +104,104 @@ class FrameAdmission(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Decide whether a beat is admitted, count it, and check its flags."""
         m = Module()
-        pixel = self.i.payload
-        emits, ends, resynchronising, padding, may_end = (Signal() for _ in range(5))
-        line_ends, frame_ends = self._count(m, emits)
-        m.d.sync += may_end.eq(self.i_may_end & ~self.o_end & ~ends)
+        pixel, memory = self.i.payload, self.i_memory_mode
+        padding, may_end, resynchronising, refusing, owes_status = (Signal() for _ in range(5))
+        starts, emits, ends, dropped_line = (Signal() for _ in range(4))
+        line_ends, is_last_line = self._count(m, starts, emits, padding, dropped_line)
+        frame_ends = line_ends & is_last_line
+        first = Mux(memory, ~refusing, pixel.first)
+        waits = self.i.valid & ~self.o_running & self.i_may_start
+        refused, stray = waits & first & ~self.i_acceptable, waits & ~first
+        # After a bad frame, only a whole frame's lines are certain to be more than what it left over.
+        is_missed = ~resynchronising | (owes_status & pixel.last & is_last_line & self.i_acceptable)
+        missed = stray & ~memory & is_missed
+        reported, dropped = (refused | missed) & may_end, stray & ~missed
         allowed = ~self.i_hold & (may_end | ~frame_ends)
-        starts = self.i.valid & pixel.first & ~self.o_running & self.i_may_start & allowed
-        proceeds = self.i.valid & ~pixel.first & self.o_running & ~padding & allowed
-        stray = self.i.valid & ~pixel.first & ~self.o_running
-        reported = stray & ~resynchronising & may_end
+        proceeds = self.i.valid & (memory | ~pixel.first) & self.o_running & ~padding & allowed
+        m.d.sync += may_end.eq(self.i_may_end & ~self.o_end & ~ends)
         m.d.comb += [
+            starts.eq(waits & first & self.i_acceptable & allowed),
             emits.eq(starts | proceeds | (padding & allowed)),
             ends.eq((emits & frame_ends) | reported),
-            self.i.ready.eq(starts | proceeds | reported | (stray & resynchronising)),
+            dropped_line.eq(~memory & (dropped | (missed & reported)) & pixel.last),
+            self.i.ready.eq(starts | proceeds | reported | dropped),
+            self.o_frame_ends.eq(frame_ends),
         ]
-
-        cause = Signal(CAUSES)
-        with m.If(padding):
-            m.d.comb += cause.eq(Cause.EARLY_END)
-        with m.Elif(pixel.last & ~line_ends):
-            m.d.comb += cause.eq(Cause.SHORT_LINE)
-        with m.Elif(~pixel.last & line_ends):
-            m.d.comb += cause.eq(Cause.LONG_LINE)
-
         m.d.sync += [
             self.o.valid.eq(emits),
             self.o.data.eq(Mux(padding, 0, pixel.data)),
             self.o_start.eq(starts),
             self.o_end.eq(ends),
         ]
-        # The next frame's first pixel stays at the input until zeros have completed this frame.
-        with m.If(self.i.valid & pixel.first & self.o_running):
+
+        # In video mode the next frame's first pixel stays at the input until zeros have completed this frame.
+        cut_off = Mux(memory, (starts | proceeds) & pixel.last, self.i.valid & pixel.first & self.o_running)
+        with m.If(cut_off):
             m.d.sync += padding.eq(1)
+        with m.If(~memory):
+            m.d.sync += refusing.eq(0)
+        with m.Elif(self.i.ready & (refused | dropped)):
+            m.d.sync += refusing.eq(~pixel.last)
+        with m.If(dropped_line & is_last_line):
+            m.d.sync += owes_status.eq(1)
         with m.If(reported):
-            m.d.sync += [self.o_causes.eq(Cause.MISSING_START), resynchronising.eq(1)]
+            cause = Mux(refused, Cause.INVALID_SETTINGS, Cause.MISSING_START)
+            m.d.sync += [self.o_causes.eq(cause), resynchronising.eq(1)]
+            with m.If(~resynchronising | refused):
+                m.d.sync += owes_status.eq(0)
         with m.If(emits):
-            causes = Mux(starts | ~self.o_causes.any(), cause, self.o_causes)
-            m.d.sync += [
-                self.o_causes.eq(causes),
-                self.o_running.eq(1),
-            ]
+            causes = Mux(starts | ~self.o_causes.any(), self._fault(m, padding, line_ends), self.o_causes)
+            m.d.sync += [self.o_causes.eq(causes), self.o_running.eq(1)]
             with m.If(frame_ends):
-                m.d.sync += [self.o_running.eq(0), padding.eq(0), resynchronising.eq(causes.any())]
+                m.d.sync += [
+                    self.o_running.eq(0),
+                    padding.eq(0),
+                    resynchronising.eq(causes.any()),
+                    owes_status.eq(causes.any()),
+                ]
         return m
 
-    def _count(self, m: Module, emits: Value) -> tuple[Value, Value]:
-        """Number the beats. Returns whether the next beat ends its line, and whether it ends its frame.
+    def _fault(self, m: Module, padding: Value, line_ends: Value) -> Value:
+        """What is wrong with the beat that is admitted in this clock, or 0."""
+        cause, last = Signal(CAUSES), self.i.payload.last
+        with m.If(padding):
+            m.d.comb += cause.eq(Cause.EARLY_END)
+        with m.Elif(~self.i_memory_mode & last & ~line_ends):
+            m.d.comb += cause.eq(Cause.SHORT_LINE)
+        with m.Elif(~self.i_memory_mode & ~last & line_ends):
+            m.d.comb += cause.eq(Cause.LONG_LINE)
+        return cause
 
-        Both are registered one clock early, because admission depends on them.
+    def _count(
+        self, m: Module, starts: Value, emits: Value, padding: Value, dropped_line: Value
+    ) -> tuple[Value, Value]:
+        """Number the beats. Returns whether the next beat ends its line, and whether that is the frame's last line.
+
+        Both are registered one clock early, because admission depends on them. Between frames ``y`` counts the lines
+        that are dropped.
         """
-        x, y, last_but_one_x, last_y = (Signal(COORDINATE) for _ in range(4))
-        line_ends, is_last_line = Signal(), Signal()
-        m.d.sync += [last_but_one_x.eq(self.i_width_px - 2), last_y.eq(self.i_height_px - 1)]
+        x, y, last_but_one_x, last_y, closing_x, closing_y = (Signal(COORDINATE) for _ in range(6))
+        line_ends, is_last_line, skips = Signal(), Signal(), Signal()
+        m.d.sync += [
+            last_but_one_x.eq(self.i_width_px - 2),
+            last_y.eq(self.i_height_px - 1),
+            closing_x.eq(_even(self.i_width_px, self.closing_px)),
+            closing_y.eq(_even(self.i_height_px, self.closing_lines)),
+        ]
         with m.If(emits):
-            m.d.sync += [x.eq(Mux(line_ends, 0, x + 1)), line_ends.eq(x == last_but_one_x)]
+            following = Mux(padding & ~is_last_line, closing_x, 0)
+            m.d.sync += [x.eq(Mux(line_ends, following, x + 1)), line_ends.eq(x == last_but_one_x)]
         # The line counter runs a clock behind admission: y is the line of the beat at the output.
-        with m.If(delayed(m, emits & line_ends, 1, reset_less=False)):
-            m.d.sync += y.eq(Mux(is_last_line, 0, y + 1))
-        m.d.sync += [self.o.x.eq(x), is_last_line.eq(y == last_y)]
+        with m.If(delayed(m, emits & line_ends, 1, reset_less=False) | dropped_line):
+            m.d.sync += y.eq(Mux(is_last_line, 0, Mux(skips, closing_y, y + 1)))
+        with m.If(starts):
+            m.d.sync += y.eq(0)
+        m.d.sync += [self.o.x.eq(x), is_last_line.eq(y == last_y), skips.eq(padding & (y < closing_y))]
         m.d.comb += self.o.y.eq(y)
-        return line_ends, line_ends & is_last_line
+        return line_ends, is_last_line
+
+
+def _even(size_px: Value, distance_px: int) -> Value:
+    """The coordinate ``distance_px`` before the end of a side, or just before it: even, since level 1 halves it."""
+    coordinate = Mux(size_px > distance_px, size_px - distance_px, 0)
+    return Cat(0, coordinate[1:])

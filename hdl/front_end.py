@@ -1,4 +1,4 @@
-"""The front end: takes pixels, gives feature records and one status per frame."""
+"""The front end: takes a video stream, gives feature records and one status per frame."""
 
 from __future__ import annotations
 
@@ -8,15 +8,18 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.config import MAX_FRAME_PX, MIN_FRAME_PX, FrontEndConfig
 from golden_model.records import feature_record
+from hdl.axi.video_input import VideoInput, VideoPayload
 from hdl.frame_admission import FrameAdmission
 from hdl.level import Level
 from hdl.level_merge import LevelMerge
+from hdl.lib.delay import delayed
 from hdl.lib.skid_buffer import SkidBuffer
 from hdl.lib.views import view_signal
 from hdl.pixel.gray import Gray
 from hdl.pixel.half import Half
 from hdl.pixel.threshold import AdaptiveThreshold
-from hdl.streams import FRONT_END_SETTINGS, PixelPayload, WordPayload
+from hdl.settings import FRONT_END
+from hdl.streams import FRONT_END_SETTINGS, WordPayload
 
 
 class FrontEnd(wiring.Component):
@@ -35,9 +38,12 @@ class FrontEnd(wiring.Component):
 
     Members
     -------
-    i_pixels : In(stream(PixelPayload))
+    i_video : In(stream(VideoPayload))
     settings : In(FRONT_END_SETTINGS)
-        Sampled where a frame may start. A change takes effect after the frame before it has left completely.
+        Sampled where a frame may start. A change takes effect after the frame before it has left completely. A frame
+        whose settings are out of their range, or beyond what was built, is refused (`Cause.INVALID_SETTINGS`).
+    o_frame_starts, o_frame_ends : Out(1)
+        A frame has been admitted; it has ended. A frame without pixels only ends.
     o_features : Out(stream(WordPayload))
         Feature records in the golden order of emission, then the frame's FrameStatus.
 
@@ -51,8 +57,10 @@ class FrontEnd(wiring.Component):
         For an impossible size.
     """
 
-    i_pixels: stream.Interface
+    i_video: stream.Interface
     settings: data.View
+    o_frame_starts: Signal
+    o_frame_ends: Signal
     o_features: stream.Interface
 
     def __init__(self, *, config: FrontEndConfig, max_width_px: int, max_height_px: int) -> None:
@@ -67,8 +75,10 @@ class FrontEnd(wiring.Component):
         )
         super().__init__(
             {
-                "i_pixels": In(stream.Signature(PixelPayload)),
+                "i_video": In(stream.Signature(VideoPayload)),
                 "settings": In(FRONT_END_SETTINGS),
+                "o_frame_starts": Out(1),
+                "o_frame_ends": Out(1),
                 "o_features": Out(stream.Signature(WordPayload)),
             }
         )
@@ -76,21 +86,32 @@ class FrontEnd(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Admission, gray, levels and merge; settings and threshold, which change only between frames."""
         m = Module()
-        m.submodules.skid_buffer = skid_buffer = SkidBuffer(shape=PixelPayload)
-        m.submodules.admission = admission = FrameAdmission()
+        m.submodules.skid_buffer = skid_buffer = SkidBuffer(shape=VideoPayload)
+        m.submodules.video_input = video_input = VideoInput()
+        m.submodules.admission = admission = FrameAdmission(
+            closing_lines=max(level.closing_lines for level in self.levels)
+        )
         m.submodules.gray = gray = Gray()
         m.submodules.merge = merge = self._merge()
-        wiring.connect(m, wiring.flipped(self.i_pixels), skid_buffer.i)
-        wiring.connect(m, skid_buffer.o, admission.i)
+        wiring.connect(m, wiring.flipped(self.i_video), skid_buffer.i)
+        wiring.connect(m, skid_buffer.o, video_input.i)
+        wiring.connect(m, video_input.o, admission.i)
         wiring.connect(m, merge.o, wiring.flipped(self.o_features))
         under_way = admission.o_running | admission.o_end | merge.o_pending
         active, load, may_start = self._settings(m, under_way)
-        threshold_code = self._threshold(m, admission, active.detector, load)
+        threshold_code = self._threshold(m, admission, active, load)
         # Registered, to keep the paths from the levels to the admission short; `INGRESS_CYCLES` allows for it.
         m.d.sync += admission.i_hold.eq(Cat(level.o_hold for level in self.levels).any())
         m.d.comb += [
+            video_input.i_memory_mode.eq(active.memory_mode),
+            video_input.i_gray_input.eq(active.gray_input),
+            video_input.i_frame_ends.eq(admission.o_frame_ends),
+            self.o_frame_starts.eq(admission.o_start),
+            self.o_frame_ends.eq(admission.o_end),
+            admission.i_memory_mode.eq(active.memory_mode),
             admission.i_width_px.eq(active.width_px),
             admission.i_height_px.eq(active.height_px),
+            admission.i_acceptable.eq(self._acceptable(m, active)),
             admission.i_may_start.eq(may_start),
             admission.i_may_end.eq(~merge.o_pending),
             gray.i.eq(admission.o),
@@ -140,16 +161,28 @@ class FrontEnd(wiring.Component):
             m.d.sync += active.eq(self.settings)
         return active, load, settled & ~changing
 
-    def _threshold(self, m: Module, admission: FrameAdmission, detector: Value, load: Value) -> Value:
+    def _acceptable(self, m: Module, active: data.View) -> Value:
+        """Whether every setting in use is in its range and was built."""
+        built_px = {"width_px": self.max_width_px, "height_px": self.max_height_px}
+        checks = []
+        for setting in FRONT_END:
+            value, most = active[setting.name], built_px.get(setting.name, setting.values[-1])
+            if setting.values[0]:
+                checks.append(value >= setting.values[0])
+            if most < (1 << setting.bits) - 1:
+                checks.append(value <= most)
+        return delayed(m, Cat(checks).all(), 1)
+
+    def _threshold(self, m: Module, admission: FrameAdmission, active: data.View, load: Value) -> Value:
         m.submodules.threshold = threshold = AdaptiveThreshold(max_features=self.config.max_features)
         m.d.comb += [
-            threshold.i_detector.eq(detector),
+            threshold.i_detector.eq(active.detector),
             threshold.i_load.eq(load),
             threshold.i_code.eq(self.settings.threshold_code),
             threshold.i_added.eq(sum(level.o_added for level in self.levels)),
             threshold.i_frame_ends.eq(admission.o_end),
             # A bad frame says nothing about the number of features that the scene has.
-            threshold.i_adapt.eq(self.settings.adaptive & ~admission.o_causes.any()),
-            threshold.i_target.eq(self.settings.target_features),
+            threshold.i_adapt.eq(active.adaptive & ~admission.o_causes.any()),
+            threshold.i_target.eq(active.target_features),
         ]
         return threshold.o_code

@@ -61,6 +61,8 @@ class Level(wiring.Component):
         From the scan position to the candidate's pixel.
     latency_cycles : int
         From a beat to the arrival of its feature at the selection.
+    closing_lines : int
+        Lines at the bottom of the full frame that this level needs in order to close.
     """
 
     i: data.View
@@ -79,6 +81,8 @@ class Level(wiring.Component):
         # Corners need lines below the pixel as well as above it, and so does the descriptor: the larger lag decides.
         self.lag_px = max(self._corners.lag_px, pattern.support_px)
         self._scan = LevelScan(lag_px=self.lag_px, border_px=config.border_px, cells=config.selection)
+        # Half-size lines are two lines, and an odd last line belongs to none.
+        self.closing_lines = (self._scan.closing_lines << level) + level
         # Corners of FAST may be 2 px apart in a line. A half-size pixel takes two clocks, hence twice the distance.
         self._features = CandidateFeatures(pattern=pattern, spacing_cycles=2 << level, level=level, lag_px=self.lag_px)
         self._gray_for_corners = OffsetColumns(shape=8, rows=3, distance_px=self.lag_px - self._corners.lag_px)

@@ -18,6 +18,9 @@ from hdl.streams import FRONT_END_SETTINGS, WORD, RowPayload, WordPayload, recor
 ROW_LEVELS = (0, 0, 1)
 """Levels of the cell rows in the order in which they are sent, repeated: two of the full size, one of the half size."""
 
+WITHOUT_PIXELS = Cause.MISSING_START | Cause.INVALID_SETTINGS
+"""Causes of frames that the levels never see."""
+
 
 class LevelMerge(wiring.Component):
     """Sends two cell rows of level 0, then one of level 1, and so on; then the FrameStatus.
@@ -40,7 +43,7 @@ class LevelMerge(wiring.Component):
     i_starts : In(1)
         The first pixel of a frame has been admitted.
     i_ends : In(1)
-        The last pixel of a frame has been admitted, or a frame without pixels (`Cause.MISSING_START`) must be reported.
+        The last pixel of a frame has been admitted, or a frame without pixels (`WITHOUT_PIXELS`) must be reported.
     i_causes, i_threshold_code : In
         Valid with ``i_ends``: the causes that make the frame bad, and its threshold.
     o_pending : Out(1)
@@ -160,7 +163,7 @@ class LevelMerge(wiring.Component):
         clock, start, frame = Signal(32), Signal(32), Signal(32)
         end = view_signal(data.StructLayout({"causes": CAUSES, "threshold_code": RESPONSE_CODE.bits, "start": 32}))
         cycles = Signal(32)
-        without_pixels = end.causes == Cause.MISSING_START
+        without_pixels = (end.causes & WITHOUT_PIXELS).any()
         m.d.sync += clock.eq(clock + 1)
         # Stops with the last feature, so that the time in which the status waits is not counted.
         with m.If(passing):

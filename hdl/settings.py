@@ -70,6 +70,7 @@ FRONT_END = (
         2,
         "As a response code (FAST: in gray levels); where it starts, if adaptive.",
     ),
+    Setting("memory_mode", FLAG, 0, "Frames by SIZE from a plain stream; 0: by TUSER and TLAST (UG934)."),
     Setting("gray_input", FLAG, 0, "A beat carries 8-bit gray in its low byte; 0: colour."),
     Setting("adaptive", FLAG, 0, "The threshold moves towards TARGET between frames."),
     # Wide enough for 4096, the largest bank of features.
@@ -85,7 +86,6 @@ SETTINGS = {
         *FRONT_END,
         KEEP_ABOVE,
         Setting("enable", FLAG, 0, "Pixels are taken in; 0 lets them wait at the input."),
-        Setting("memory_mode", FLAG, 0, "Frames by SIZE from a plain stream; 0: by TUSER and TLAST (UG934)."),
         Setting("features_enable", FLAG, 0, "Features leave; 0: they are discarded at the output."),
         Setting("matches_enable", FLAG, 0, "Matches leave; 0: they are discarded at the output."),
         Setting("hold_reference", FLAG, 0, "Frames are matched with a held one; 0: each with the last."),
@@ -120,6 +120,7 @@ def frame_settings(config: FrontEndConfig, width_px: int, height_px: int, *, gra
         "per_cell": config.per_cell or 1,
         "detector": DETECTORS.index(config.detector),
         "threshold_code": int(encode_response(np.array(config.threshold))),
+        "memory_mode": 0,
         "gray_input": int(gray_input),
         "adaptive": 0,
         "target_features": config.max_features - 1,

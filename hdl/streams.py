@@ -48,13 +48,13 @@ def carry_scan(m: Module, source: data.View, sink: data.View, cycles: int) -> No
 
 
 class PixelPayload(data.Struct):
-    """A pixel at the input of frame admission, as AXI4-Stream video carries it (UG934).
+    """A pixel at the input of frame admission.
 
     Members
     -------
     data : G in bits 7..0, B in 15..8, R in 23..16 (the order of UG934); or gray in 7..0.
-    first : first pixel of a frame.
-    last : last pixel of a line.
+    first : first pixel of a frame; without meaning in memory mode.
+    last : last pixel of a line; in memory mode of a transfer.
     """
 
     data: unsigned(24)

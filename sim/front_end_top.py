@@ -87,16 +87,16 @@ class FrontEndTop(wiring.Component):
         m = Module()
         m.domains.sync = ClockDomain()
         m.submodules.front_end = inner = self._front_end
-        pixels, words = inner.i_pixels, inner.o_features
+        video, words = inner.i_video, inner.o_features
         m.d.comb += [
             ClockSignal().eq(self.aclk),
             ResetSignal().eq(~self.aresetn),
             *(inner.settings[name].eq(getattr(self, name)) for name in SETTINGS),
-            pixels.valid.eq(self.s_axis_video_tvalid),
-            pixels.payload.data.eq(self.s_axis_video_tdata),
-            pixels.payload.first.eq(self.s_axis_video_tuser),
-            pixels.payload.last.eq(self.s_axis_video_tlast),
-            self.s_axis_video_tready.eq(pixels.ready),
+            video.valid.eq(self.s_axis_video_tvalid),
+            video.payload.data.eq(self.s_axis_video_tdata),
+            video.payload.first.eq(self.s_axis_video_tuser),
+            video.payload.last.eq(self.s_axis_video_tlast),
+            self.s_axis_video_tready.eq(video.ready),
             self.m_axis_features_tvalid.eq(words.valid),
             self.m_axis_features_tdata.eq(words.payload.data),
             self.m_axis_features_tlast.eq(words.payload.last),
@@ -114,4 +114,4 @@ class FrontEndTop(wiring.Component):
         return m
 
 
-_VIDEO = {"tdata": 24, "tuser": 1, "tlast": 1, "tvalid": 1}
+_VIDEO = {"tdata": 32, "tuser": 1, "tlast": 1, "tvalid": 1}

@@ -50,12 +50,14 @@ class Matcher(wiring.Component):
     o_matches : Out(stream of WordPayload)
         Match records in rising left index, then the FrameStatus with the numbers of matches and of kept matches;
         ``last`` marks its last word.
+    o_frame_taken : Out(1)
+        High for the clock in which the next frame, good or bad, is accepted and its settings are sampled.
     i_hold_reference, i_take_reference : In(1)
-        See `FeatureBanks`; sampled when a good frame is accepted.
+        See `FeatureBanks`.
     o_reference_taken : Out(1)
         High for the clock in which ``i_take_reference`` took effect.
     i_keep_above : In(8)
-        A match is kept if its weight is larger.
+        A match of the frame is kept if its weight is larger.
 
     Raises
     ------
@@ -66,6 +68,7 @@ class Matcher(wiring.Component):
 
     i_features: stream.Interface
     o_matches: stream.Interface
+    o_frame_taken: Signal
     i_hold_reference: Signal
     i_take_reference: Signal
     o_reference_taken: Signal
@@ -86,6 +89,7 @@ class Matcher(wiring.Component):
             {
                 "i_features": In(word_stream),
                 "o_matches": Out(word_stream),
+                "o_frame_taken": Out(1),
                 "i_hold_reference": In(1),
                 "i_take_reference": In(1),
                 "o_reference_taken": Out(1),
@@ -104,10 +108,13 @@ class Matcher(wiring.Component):
         self._connect_results(m)
         sending, status, closes = Signal(), view_signal(STATUS_LAYOUT), Signal()
         weighed, has_match, verdict = self._weigher.o, Signal(), Signal()
+        keep_above = Signal.like(self.i_keep_above, reset_less=True)
         m.d.comb += weighed.ready.eq(closes & has_match)
+        with m.If(self.o_frame_taken):
+            m.d.sync += keep_above.eq(self.i_keep_above)
         # The comparison with the limit takes a clock of its own.
         m.d.sync += has_match.eq(weighed.valid & ~weighed.ready)
-        m.d.sync += verdict.eq(self.keeps_all | (weighed.payload.weight > self.i_keep_above))
+        m.d.sync += verdict.eq(self.keeps_all | (weighed.payload.weight > keep_above))
         with m.If(weighed.ready):
             m.d.sync += [status.matches.eq(status.matches + 1), status.kept.eq(status.kept + verdict)]
         record = Mux(sending, status.as_value(), self._match(m, verdict).as_value())
@@ -186,7 +193,7 @@ class Matcher(wiring.Component):
                     m.next = "Take-Frame"
             # Accepting the status makes the banks exchange roles, so it must not happen before the matcher is idle.
             with m.State("Take-Frame"):
-                m.d.comb += arrived.ready.eq(1)
+                m.d.comb += [arrived.ready.eq(1), self.o_frame_taken.eq(1)]
                 m.next = "Send-Status"
                 with m.If(status.good):
                     m.d.comb += self.o_reference_taken.eq(self.i_take_reference)

@@ -48,6 +48,8 @@ class LevelScan(wiring.Component):
     Attributes
     ----------
     latency_cycles : int
+    closing_lines : int
+        Lines from the one that ends the level to the last.
 
     Raises
     ------
@@ -72,6 +74,8 @@ class LevelScan(wiring.Component):
         self.lag_px = lag_px
         self.border_px = border_px
         self.cells = cells
+        # As far above the last line as possible without losing a feature; the limit keeps it inside the smallest level.
+        self.closing_lines = min(border_px - lag_px, SMALLEST_LEVEL_PX - 1) + 1
         super().__init__(
             {
                 "i": In(beat(pixel=8)),
@@ -98,9 +102,7 @@ class LevelScan(wiring.Component):
             warning_x.eq(self.i_width_px - 1 - WARNING_PX),
             right_px.eq(Mux(self.i_width_px > spare_px, self.i_width_px - spare_px, 0)),
             bottom_px.eq(Mux(self.i_height_px > spare_px, self.i_height_px - spare_px, 0)),
-            # As far above the last line as possible without losing a feature; the limit keeps it inside the smallest
-            # level.
-            lowest_y.eq(self.i_height_px - 1 - min(spare_px, SMALLEST_LEVEL_PX - 1)),
+            lowest_y.eq(self.i_height_px - self.closing_lines),
             cell_mask.eq((1 << self.i_cell_log2) - 1),
         ]
         x, y, first_px = self.i.x, self.i.y, self.border_px + self.lag_px

@@ -9,7 +9,9 @@ from hdl.frame_admission import FrameAdmission
 from sim.block_bench import BlockBench
 from sim.recording import NO_PAUSES, Pauses
 
-WIDTH_PX, HEIGHT_PX = 5, 4
+WIDTH_PX, HEIGHT_PX = 7, 6
+CLOSING_LINES, CLOSING_PX = 2, 4
+CLOSING_X, CLOSING_Y = 2, 4
 GAPS_AND_HOLDS = Pauses(gaps=90, stalls=60, seed=3)
 
 
@@ -23,15 +25,23 @@ def frame(seed, *, drop=(), double=(), without_start=False):
     return pixels
 
 
-def admit(pixels, pauses=NO_PAUSES):
+def transfer(seed, pixels=WIDTH_PX * HEIGHT_PX):
+    """The first pixels of a frame in memory mode: only the last one is marked."""
+    return [(data, 0, int(n == pixels - 1)) for n, (data, _, _) in enumerate(frame(seed)[:pixels])]
+
+
+def admit(pixels, pauses=NO_PAUSES, **inputs):
     """Frames ``(causes, [(x, y, data), ...])`` that come out; ``pauses.stalls`` hold the admission of pixels."""
-    dut = FrameAdmission()
+    dut = FrameAdmission(closing_lines=CLOSING_LINES, closing_px=CLOSING_PX)
     frames, beats = [], []
 
     async def testbench(ctx):
         ctx.set(dut.i_width_px, WIDTH_PX)
         ctx.set(dut.i_height_px, HEIGHT_PX)
         ctx.set(dut.i_may_start, 1)
+        ctx.set(dut.i_acceptable, 1)
+        for name, value in inputs.items():
+            ctx.set(getattr(dut, name), value)
         waiting, cycle, last_taken = list(pixels), 0, 0
         await ctx.tick().repeat(2)
         while waiting or cycle < last_taken + 2 * WIDTH_PX * HEIGHT_PX:
@@ -54,7 +64,7 @@ def admit(pixels, pauses=NO_PAUSES):
                 beats.clear()
             cycle += 1
 
-    BlockBench(dut, cycle_limit=2000).run(testbench)
+    BlockBench(dut, cycle_limit=4000).run(testbench)
     return frames
 
 
@@ -68,33 +78,76 @@ def test_good_frames_get_their_positions(pauses):
     assert admit(first + second, pauses) == [good(first), good(second)]
 
 
+def early_end(pixels):
+    """A frame of which only ``pixels`` came: black completes the line, and the ends of the last lines."""
+    missing = -len(pixels) % WIDTH_PX
+    lines = (len(pixels) + missing) // WIDTH_PX
+    beats = good(pixels + [(0, 0, 0)] * missing)[1]
+    rest = [(x, y, 0) for y in range(max(lines, CLOSING_Y), HEIGHT_PX) for x in range(CLOSING_X, WIDTH_PX)]
+    return Cause.EARLY_END, beats + rest
+
+
+MISSED = (Cause.MISSING_START, [])
+
+
 @pytest.mark.parametrize("pauses", [NO_PAUSES, GAPS_AND_HOLDS], ids=["back_to_back", "gaps_and_holds"])
 @pytest.mark.parametrize(
     ("bad", "cause"),
     [
-        (frame(3, drop={7}), Cause.SHORT_LINE),
-        (frame(3, drop={0}, without_start=True), Cause.MISSING_START),
-        (frame(3, double={7}), Cause.LONG_LINE),
-        (frame(3, drop={9}), Cause.LONG_LINE),
-        (frame(3, drop=range(10, 20)), Cause.EARLY_END),
-        (frame(3, drop=range(12, 20)), Cause.EARLY_END),
-        (frame(3, drop=range(1, 20)), Cause.EARLY_END),
+        (frame(3, drop={9}), Cause.SHORT_LINE),
+        (frame(3, double={9}), Cause.LONG_LINE),
+        (frame(3, drop={13}), Cause.LONG_LINE),
+        (frame(3, drop=range(16, 42)), Cause.EARLY_END),
+        (frame(3, drop=range(39, 42)), Cause.EARLY_END),
+        (frame(3, drop=range(1, 42)), Cause.EARLY_END),
         (frame(3, without_start=True), Cause.MISSING_START),
-        (frame(3) + frame(4, without_start=True), Cause.MISSING_START),
+        (frame(3, drop={0}, without_start=True), Cause.MISSING_START),
     ],
 )
 def test_a_bad_frame_is_reported_once_and_the_next_one_is_clean(bad, cause, pauses):
     before, after = frame(1), frame(2)
-    frames = admit(before + bad + after, pauses)
-    assert frames[0] == good(before)
-    assert frames[-1] == good(after)
-    assert [causes for causes, _ in frames[1:-1]][-1:] == [cause]
-    for causes, beats in frames[1:-1]:
-        whole = [] if causes == Cause.MISSING_START else [position for *position, _ in good(after)[1]]
-        assert [position for *position, _ in beats] == whole
+    first, (found, beats), last = admit(before + bad + after, pauses)
+    assert (first, found, last) == (good(before), cause, good(after))
+    if cause == Cause.EARLY_END:
+        assert beats == early_end(bad)[1]
+    else:
+        assert [position for *position, _ in beats] == (
+            [] if cause == Cause.MISSING_START else [position for *position, _ in good(after)[1]]
+        )
 
 
-def test_an_early_end_is_filled_with_black():
-    bad = frame(3, drop=range(10, 20))
-    (_, beats), _ = admit(bad + frame(2))
-    assert [data for *_, data in beats] == [data for data, _, _ in bad] + [0] * 10
+@pytest.mark.parametrize("pauses", [NO_PAUSES, GAPS_AND_HOLDS], ids=["back_to_back", "gaps_and_holds"])
+@pytest.mark.parametrize("before", [frame(1), frame(1, double={9}), frame(1, drop={9})], ids=["good", "long", "short"])
+def test_each_frame_without_start_is_reported_whatever_came_before(before, pauses):
+    """After a bad frame the pixels of the next ones could be its own, which must not hide them."""
+    frames = admit(before + 3 * frame(2, without_start=True) + frame(3), pauses)
+    assert frames[1:] == [MISSED, MISSED, MISSED, good(frame(3))]
+
+
+@pytest.mark.parametrize("at", [1, 10, 14, 40])
+def test_a_spurious_start_costs_a_line_and_the_closing_lines_at_most(at):
+    spoilt = frame(1)
+    spoilt[at] = (spoilt[at][0], 1, spoilt[at][2])
+    first, second, last = admit(spoilt + frame(2))
+    assert (first[0], last) == (Cause.EARLY_END, good(frame(2)))
+    # The rest of the frame counts its lines from the spurious start, so that most of them seem to be too short.
+    assert second[0] in (Cause.EARLY_END, Cause.SHORT_LINE)
+    for (_, beats), pixels in ((first, spoilt[:at]), (second, spoilt[at:])):
+        assert len(beats) - len(pixels) <= WIDTH_PX + CLOSING_LINES * (WIDTH_PX - CLOSING_X)
+
+
+@pytest.mark.parametrize("pauses", [NO_PAUSES, GAPS_AND_HOLDS], ids=["back_to_back", "gaps_and_holds"])
+def test_memory_mode_counts_frames_and_ends_them_with_their_transfer(pauses):
+    """Two frames in one transfer; a transfer that ends early is closed without waiting for the next one."""
+    both = [(data, 0, 0) for data, _, _ in frame(1)] + transfer(2)
+    frames = admit(both + transfer(3, pixels=11) + transfer(4) + transfer(5, pixels=1), pauses, i_memory_mode=1)
+    expected = [good(frame(1)), good(frame(2)), early_end(frame(3)[:11]), good(frame(4)), early_end(frame(5)[:1])]
+    assert frames == expected
+
+
+@pytest.mark.parametrize("pauses", [NO_PAUSES, GAPS_AND_HOLDS], ids=["back_to_back", "gaps_and_holds"])
+def test_frames_with_impossible_settings_are_refused(pauses):
+    refused = (Cause.INVALID_SETTINGS, [])
+    video = frame(1) + frame(2)
+    assert admit(video, pauses, i_acceptable=0) == [refused, refused]
+    assert admit(transfer(1) + transfer(2), pauses, i_acceptable=0, i_memory_mode=1) == [refused, refused]
