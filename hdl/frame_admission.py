@@ -1,4 +1,4 @@
-"""Frame admission: tags pixels with (x, y), flags frames of the wrong size, and refuses settings that were not built."""
+"""Frame admission: tags pixels with (x, y), flags frames of the wrong size, and refuses impossible settings."""
 
 from __future__ import annotations
 

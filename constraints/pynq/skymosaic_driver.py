@@ -93,15 +93,21 @@ class Accelerator:
         offset, low, bits = the_map.FIELDS[field]
         return self.bus.read(offset) >> low & (1 << bits) - 1
 
-    def write(self, **fields):
-        """Set register fields; other fields of the same registers keep their values."""
-        words = {}
+    def check(self, fields):
+        """Check that every field can be written, and that its value is valid and was built."""
         for name, value in fields.items():
             if name not in the_map.WRITABLE:
                 raise AcceleratorError(f"{name} cannot be written; valid: {', '.join(sorted(the_map.WRITABLE))}")
             smallest, largest = the_map.WRITABLE[name]
+            largest = min(largest, the_map.BUILT.get("built_" + name, largest))
             if not smallest <= value <= largest:
                 raise AcceleratorError(f"{name} is {value}; it must be {smallest} to {largest}")
+
+    def write(self, **fields):
+        """Set register fields; other fields of the same registers keep their values."""
+        self.check(fields)
+        words = {}
+        for name, value in fields.items():
             offset, low, bits = the_map.FIELDS[name]
             word = words.get(offset, self.bus.read(offset))
             words[offset] = word & ~((1 << bits) - 1 << low) | value << low
@@ -120,6 +126,7 @@ class Accelerator:
         hold_reference : bool
             Match every frame with the first; otherwise each with the previous one.
         """
+        self.check(settings)
         frames = iter(frames)
         first = next(frames)
         # The DMAs first: one that waits for the rest of a packet would take it from the next frame.
@@ -134,14 +141,15 @@ class Accelerator:
             hold_reference=int(hold_reference),
             enable=1,
         )
-        return [self._run_one(frame) for frame in itertools.chain([first], frames)]
+        size_px = settings["width_px"], settings["height_px"]
+        return [self._run_one(frame, size_px) for frame in itertools.chain([first], frames)]
 
-    def _run_one(self, frame):
-        words = as_words(frame)
-        if words.nbytes > self._sent.nbytes:
+    def _run_one(self, frame, size_px):
+        if frame.shape[1::-1] != size_px:
             raise AcceleratorError(
-                f"a frame of {frame.shape[1]}x{frame.shape[0]} exceeds {self.max_width_px}x{self.max_height_px}"
+                f"a frame has {frame.shape[1]}x{frame.shape[0]} px; SIZE is {size_px[0]}x{size_px[1]}"
             )
+        words = as_words(frame)
         self._sent[: words.nbytes] = words.view(np.uint8)
         # Receive before send: the outputs stall the accelerator until their DMAs are ready.
         for channel in CHANNELS:

@@ -129,7 +129,10 @@ REGISTERS = (
     Register(
         "CONTROL",
         0x20,
-        "What is switched on. SIZE and the settings below it take effect at the next start of a frame.",
+        "What is switched on. A frame keeps the settings with which it started, those below included, until it has "
+        "been matched; `enable` takes effect at once, `features_enable` and `matches_enable` with the next "
+        "packet. A frame whose settings are out of range, or larger than what was built, is refused: its pixels are "
+        "dropped, and its status is bad.",
         (
             _setting("enable", 0),
             _setting("memory_mode", 1),
@@ -151,7 +154,15 @@ REGISTERS = (
         "REFERENCE",
         0x24,
         "The held reference.",
-        (Field("take_reference", 0, 1, Access.REQUEST, "The next good frame becomes the reference, unmatched."),),
+        (
+            Field(
+                "take_reference",
+                0,
+                1,
+                Access.REQUEST,
+                "The next good frame to start becomes the reference, unmatched.",
+            ),
+        ),
     ),
     Register("SIZE", 0x28, "Size of the frames.", (_setting("width_px", 0), _setting("height_px", 16))),
     Register("SELECTION", 0x2C, "Selection by cells.", (_setting("cell_log2", 0), _setting("per_cell", 8))),

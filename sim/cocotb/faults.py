@@ -50,7 +50,8 @@ FAULTS = {
 }
 
 
-def _assert_bad(result: FrameResult, number: int, cause: Cause) -> None:
+def assert_bad(result: FrameResult, number: int, cause: Cause) -> None:
+    """Check that both statuses of a frame tell its cause, and that it has no matches."""
     for status in (result.status, result.match_status):
         assert not status["good"]
         assert status["causes"] == cause
@@ -69,7 +70,7 @@ async def _assert_counted(bench: Bench, results: Sequence[FrameResult], bad: int
 async def _assert_only_second_bad(
     bench: Bench, results: Sequence[FrameResult], good: tuple[Pixels, Pixels], cause: Cause
 ) -> None:
-    _assert_bad(results[1], 1, cause)
+    assert_bad(results[1], 1, cause)
     assert_golden(results, {0: good[0], 2: good[1]})
     await _assert_counted(bench, results, 1, cause)
 
@@ -91,7 +92,7 @@ async def malformed_video(dut: Any) -> None:
         await bench.video.send(packet)
     results = await bench.results(len(good) + len(bad))
     for number, cause in bad.items():
-        _assert_bad(results[number], number, cause)
+        assert_bad(results[number], number, cause)
     assert_golden(results, good)
     await _assert_counted(bench, results, len(bad), cause)
 

@@ -19,7 +19,7 @@ CONFIG = Config(front_end=FrontEndConfig(max_features=80))
 MAX_SIZE_PX = (160, 128)
 LANES = 4
 TOP = "top"
-CASES = ("access", "frames", "faults")
+CASES = ("access", "frames", "faults", "settings")
 SIMULATORS = ("verilator", "icarus")
 SEED = 1
 TIMESCALE = ("1ns", "1ps")

@@ -22,7 +22,7 @@ RUNS = [
 @pytest.mark.parametrize(("simulator", "cases"), RUNS)
 def test_every_case_passes(tmp_path: Path, simulator: str, cases: str) -> None:
     results = runner.run(f"sim.cocotb.{cases}", tmp_path, simulator=simulator, progress=print)
-    assert len(list(ElementTree.parse(results).iter("testcase"))) >= 4
+    assert len(list(ElementTree.parse(results).iter("testcase"))) >= 3
 
 
 def test_a_case_that_fails_is_found_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

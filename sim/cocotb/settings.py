@@ -1,0 +1,104 @@
+"""Every frame keeps the settings with which it started, and impossible settings give no good frame."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cocotb
+import numpy as np
+from cocotb.triggers import ClockCycles
+
+from golden_model.records import Cause
+from hdl.settings import RUNNING
+from sim.accelerator_designs import MATCHES
+from sim.cocotb.bench import Bench, assert_golden, golden, lines, scene, transfer
+from sim.cocotb.faults import assert_bad
+from sim.cocotb.runner import MAX_SIZE_PX
+
+SIZE_PX, OTHER_SIZE_PX = (112, 80), (96, 72)
+MID_FRAME_CYCLES = 3000
+QUIET_CYCLES = 500
+
+
+@cocotb.test(timeout_time=1, timeout_unit="ms")
+async def size_and_mode_written_in_mid_frame(dut: Any) -> None:
+    """The running frame is unaffected; the next one is cut from the stream by the new size and mode."""
+    bench = Bench(dut)
+    await bench.start()
+    (left, right), (small, _) = scene(SIZE_PX, gray=True), scene(OTHER_SIZE_PX, gray=True)
+    colour, _ = scene(OTHER_SIZE_PX, gray=False)
+    await bench.configure(left, memory_mode=1)
+    await bench.video.send(transfer([left]))
+    await ClockCycles(dut.aclk, MID_FRAME_CYCLES)
+    await bench.configure(small, memory_mode=1)
+    await bench.video.send(transfer([small]))
+    await ClockCycles(dut.aclk, left.size)
+    await bench.configure(colour, memory_mode=1)
+    await bench.video.send(transfer([colour]))
+    await ClockCycles(dut.aclk, small.size)
+    await bench.configure(right)
+    for packet in lines(right):
+        await bench.video.send(packet)
+    assert_golden(await bench.results(4), {0: left, 1: small, 2: colour, 3: right})
+
+
+@cocotb.test(timeout_time=1, timeout_unit="ms")
+async def limit_and_reference_written_after_the_last_pixel(dut: Any) -> None:
+    """What is written while a frame is matched or waits for it takes effect with the next frame."""
+    bench = Bench(dut)
+    await bench.start()
+    left, right = scene(SIZE_PX, gray=True)
+    images = {0: left, 1: right, 2: right, 3: right}
+    expected = golden(images, "held")
+    bench.sinks[MATCHES].pause = True
+    await bench.configure(left, memory_mode=1)
+    await bench.video.send(transfer([left, right, right]))
+    await bench.video.wait()
+    await ClockCycles(dut.aclk, QUIET_CYCLES)
+    await bench.configure(left, reference="previous", memory_mode=1, keep_above=255, take_reference=0)
+    bench.sinks[MATCHES].pause = False
+    await bench.video.send(transfer([right]))
+    results = await bench.results(4)
+    assert_golden(results[:3], {number: images[number] for number in range(3)})
+    # The last frame alone is matched with the one before it, and keeps nothing.
+    last = results[3].match_status
+    assert (last["matches"], last["kept"]) == (len(results[3].features), 0)
+    assert len(expected[3].matches) < last["matches"]
+
+
+@cocotb.test(timeout_time=3, timeout_unit="ms")
+async def impossible_settings_are_refused_and_counted(dut: Any) -> None:
+    """Larger than built, or out of range: a bad frame with its cause in either mode; the next valid one is good."""
+    bench = Bench(dut)
+    await bench.start()
+    left, right = scene(SIZE_PX, gray=True)
+    wide = np.zeros((64, MAX_SIZE_PX[0] + 32), np.uint8)
+    impossible = [
+        (wide, {}),
+        (left, {"height_px": MAX_SIZE_PX[1] + 1}),
+        (left, {"width_px": 0}),
+        (left, {"per_cell": 9}),
+        (left, {"per_cell": 0}),
+        (left, {"cell_log2": 4}),
+    ]
+    number = 0
+    for memory_mode in (0, 1):
+        for image, values in impossible:
+            await bench.configure(image, memory_mode=memory_mode, **values)
+            for packet in [transfer([image])] if memory_mode else lines(image):
+                await bench.video.send(packet)
+            (result,) = await bench.results(1)
+            assert_bad(result, number, Cause.INVALID_SETTINGS)
+            number += 1
+        await bench.video.wait()
+        assert await bench.read("bad_frames") == len(impossible) * (1 + memory_mode)
+        await bench.configure(left, memory_mode=memory_mode, reference="previous")
+        for packet in [transfer([right])] if memory_mode else lines(left):
+            await bench.video.send(packet)
+        (good,) = await bench.results(1)
+        number += 1
+        assert good.status["good"]
+        assert not good.status["causes"]
+    assert len(good.matches) == golden({0: left, 1: right}, "previous")[1].match_status["matches"]
+    assert await bench.read("frames") == number
+    assert await bench.read("enable") == RUNNING["enable"]
