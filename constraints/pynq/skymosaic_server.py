@@ -155,7 +155,10 @@ class Handler(socketserver.BaseRequestHandler):
                 raise ValueError(f"frames are {size_px} px {extent}; {smallest_px} to {built_px} were built")
         if (settings["width_px"], settings["height_px"]) != (shape[1], shape[0]):
             raise ValueError("width_px and height_px differ from the frames' shape")
-        accelerator.check(settings)
+        for name, value in settings.items():
+            smallest, largest = the_map.WRITABLE[name]
+            if not smallest <= value <= largest:
+                raise ValueError(f"{name} is {value}; it must be {smallest} to {largest}")
 
     def _authenticated(self, line):
         """Check that the client knows the key; returns the SHA-256 of the frames that it announces."""

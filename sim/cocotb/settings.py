@@ -84,7 +84,7 @@ async def impossible_settings_are_refused_and_counted(dut: Any) -> None:
     number = 0
     for memory_mode in (0, 1):
         for image, values in impossible:
-            await bench.configure(image, memory_mode=memory_mode, **values)
+            await bench.configure(image, reference="held", memory_mode=memory_mode, **values)
             for packet in [transfer([image])] if memory_mode else lines(image):
                 await bench.video.send(packet)
             (result,) = await bench.results(1)
