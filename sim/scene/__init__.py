@@ -2,7 +2,7 @@
 
 from sim.scene.camera import Camera, CameraPose, Photometry, project, render_view
 from sim.scene.flight import Flight, lawnmower, pair
-from sim.scene.ground import render_ground
+from sim.scene.ground import render_ground, render_heights
 from sim.scene.target import Pursuit, pursuit
 
 __all__ = [
@@ -16,5 +16,6 @@ __all__ = [
     "project",
     "pursuit",
     "render_ground",
+    "render_heights",
     "render_view",
 ]

@@ -1,4 +1,4 @@
-"""The camera: exact homographies of a pinhole over flat ground, rendering, and effects of light, lens and sensor."""
+"""The camera: exact homographies over flat ground, rendering, and effects of light, lens and sensor."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 _RESAMPLING_MARGIN_PX = 4
+_MARCH_PX = 0.5
+"""Steps of a ray over the ground while it is followed to the surface."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,6 +24,9 @@ class Camera:
         Size of its images.
     focal_px : float
         Focal length in image pixels.
+    k1 : float
+        Radial distortion as OpenCV defines it: a ray that a pinhole would see at distance r from the centre, in focal
+        lengths, appears at r (1 + k1 r²). Homographies are those of the pinhole.
 
     Raises
     ------
@@ -32,11 +37,12 @@ class Camera:
     width_px: int
     height_px: int
     focal_px: float
+    k1: float = 0.0
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if value <= 0:
-                raise ValueError(f"camera {name} is {value}; it must be positive")
+        for name in ("width_px", "height_px", "focal_px"):
+            if getattr(self, name) <= 0:
+                raise ValueError(f"camera {name} is {getattr(self, name)}; it must be positive")
 
     @property
     def matrix(self) -> NDArray[np.float64]:
@@ -49,6 +55,20 @@ class Camera:
         """Outer corners of the image, shape (4, 2), clockwise from the top left."""
         right, bottom = self.width_px - 0.5, self.height_px - 0.5
         return np.array([[-0.5, -0.5], [right, -0.5], [right, bottom], [-0.5, bottom]])
+
+    @property
+    def seen_corners(self) -> NDArray[np.float64]:
+        """Where a pinhole would see what the corners show, shape (4, 2)."""
+        return self.undistorted(self.corners)
+
+    def undistorted(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Where a pinhole would see what appears at ``points``, (N, 2)."""
+        if self.k1 == 0:
+            return points
+        accurate = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-9)
+        distortion = np.array([self.k1, 0, 0, 0])
+        moved = cv2.undistortPoints(points[:, None], self.matrix, distortion, P=self.matrix, criteria=accurate)
+        return np.asarray(moved[:, 0], dtype=np.float64)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,7 +134,7 @@ class CameraPose:
 
     def footprint(self, camera: Camera) -> NDArray[np.float64]:
         """Ground positions of the corners of the image, shape (4, 2), clockwise from the image's top left."""
-        return project(np.linalg.inv(self.homography(camera)), camera.corners)
+        return project(np.linalg.inv(self.homography(camera)), camera.seen_corners)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,8 +142,8 @@ class Photometry:
     """Effects of lens, exposure and sensor on a picture; the defaults change nothing.
 
     They apply in this order: Gaussian blur; ``255 * clip(gain * falloff * value / 255, 0, 1) ** gamma``, where the
-    falloff is 1 in the centre and ``1 - vignetting`` in the corners; Gaussian noise in gray levels, independent in each
-    channel.
+    falloff is 1 in the centre and ``1 - vignetting`` in the corners, and ``balance`` multiplies the gain of each
+    channel; Gaussian noise in gray levels, independent in each channel.
     """
 
     gain: float = 1.0
@@ -131,6 +151,7 @@ class Photometry:
     blur_sigma_px: float = 0.0
     noise_sigma: float = 0.0
     vignetting: float = 0.0
+    balance: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
     def apply(self, image: NDArray[np.uint8] | NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.uint8]:
         """Return the picture as the camera takes it; ``image`` has shape (H, W, 3) and is not modified."""
@@ -139,8 +160,9 @@ class Photometry:
         height, width = image.shape[:2]
         x, y = np.linspace(-1, 1, width, dtype=np.float32), np.linspace(-1, 1, height, dtype=np.float32)
         falloff = 1 - np.float32(self.vignetting / 2) * (x[np.newaxis, :] ** 2 + y[:, np.newaxis] ** 2)
-        value = image * (falloff * np.float32(self.gain / 255))[..., np.newaxis]
-        value = 255 * np.clip(value, 0, 1) ** np.float32(self.gamma)
+        gains = np.array(self.balance, dtype=np.float32) * np.float32(self.gain / 255)
+        exposed = np.clip(np.asarray(image * (falloff[..., np.newaxis] * gains), dtype=np.float32), 0, 1)
+        value: NDArray[np.float32] = 255 * exposed ** np.float32(self.gamma)
         if self.noise_sigma > 0:
             value += np.float32(self.noise_sigma) * rng.standard_normal(value.shape, dtype=np.float32)
         return np.clip(np.rint(value), 0, 255).astype(np.uint8)
@@ -170,6 +192,7 @@ def render_view(
     rng: np.random.Generator,
     *,
     origin: tuple[int, int] = (0, 0),
+    heights: NDArray[np.float16] | None = None,
 ) -> NDArray[np.uint8]:
     """Render one picture of the ground.
 
@@ -183,12 +206,15 @@ def render_view(
         Source of the sensor noise.
     origin : (int, int)
         Ground coordinates of the pixel ``ground[0, 0]``.
+    heights : ndarray or None
+        Shape (H, W): what stands above the ground, in pixels; it leans away from the point under the camera and hides
+        what is behind it. None: the ground is flat.
 
     Returns
     -------
     ndarray
-        Shape (camera.height_px, camera.width_px, 3), uint8. Its geometry is ``pose.homography(camera)``, up to the
-        1/32 px to which OpenCV rounds sampling positions.
+        Shape (camera.height_px, camera.width_px, 3), uint8. Its geometry, where the ground is flat and the lens
+        straight, is ``pose.homography(camera)``, up to the 1/32 px to which OpenCV rounds sampling positions.
     """
     left, top, width, height = visible_box(pose, camera)
     x, y = max(left - origin[0], 0), max(top - origin[1], 0)
@@ -202,5 +228,32 @@ def render_view(
         seen = cv2.GaussianBlur(seen, (0, 0), 0.5 * np.sqrt(reduction**2 - 1))
     shift = np.array([[1, 0, x + origin[0]], [0, 1, y + origin[1]], [0, 0, 1]])
     size = (camera.width_px, camera.height_px)
-    image = cv2.warpPerspective(seen, pose.homography(camera) @ shift, size, flags=cv2.INTER_CUBIC)
-    return photometry.apply(image, rng)
+    if heights is None and camera.k1 == 0:
+        image = cv2.warpPerspective(seen, pose.homography(camera) @ shift, size, flags=cv2.INTER_CUBIC)
+        return photometry.apply(image, rng)
+    pixels = np.stack(np.meshgrid(np.arange(size[0]), np.arange(size[1])), axis=-1).reshape(-1, 2).astype(np.float64)
+    at = project(np.linalg.inv(pose.homography(camera) @ shift), camera.undistorted(pixels)).astype(np.float32)
+    at = at.reshape(size[1], size[0], 2)
+    if heights is not None:
+        window = heights[y : y + seen.shape[0], x : x + seen.shape[1]].astype(np.float32)
+        under = np.array([pose.x_px, pose.y_px]) - (x + origin[0], y + origin[1])
+        at = _first_hit(at, window, under.astype(np.float32), pose.altitude_px)
+    return photometry.apply(cv2.remap(seen, at, None, cv2.INTER_CUBIC), rng)
+
+
+def _first_hit(
+    at: NDArray[np.float32], heights: NDArray[np.float32], under: NDArray[np.float32], altitude_px: float
+) -> NDArray[np.float32]:
+    """Where the rays that would reach the flat ground at positions ``at`` (H, W, 2) meet the surface first.
+
+    A ray to ``at`` from above ``under`` is at height t over ``at + (under - at) t / altitude``.
+    """
+    towards = (under - at) / np.float32(altitude_px)
+    reach = float(np.linalg.norm(towards, axis=-1).max())
+    highest = float(heights.max())
+    found = np.zeros(at.shape[:2], np.float32)
+    for height in np.linspace(0, highest, max(round(highest * reach / _MARCH_PX), 1) + 1).astype(np.float32):
+        # From the ground upwards: the last hit is the one nearest to the camera.
+        hit = cv2.remap(heights, at + towards * height, None, cv2.INTER_NEAREST) >= height
+        found[hit] = height
+    return np.asarray(at + towards * found[..., np.newaxis], dtype=np.float32)

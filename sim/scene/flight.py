@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.scene.camera import Camera, CameraPose, Photometry, project, render_view, visible_box
-from sim.scene.ground import render_ground
+from sim.scene.ground import render_ground, render_heights
 from sim.scene.noise import Stream, random_stream
 
 FOCAL_WIDTHS = 0.8
@@ -32,12 +32,15 @@ class Flight:
         One for each picture, in order of time.
     photometries : tuple of Photometry
         One for each picture.
+    relief : bool
+        Whether buildings, trees and crops stand above the ground; otherwise they are painted on it.
     """
 
     seed: int
     camera: Camera
     poses: tuple[CameraPose, ...]
     photometries: tuple[Photometry, ...]
+    relief: bool = False
 
     @property
     def images(self) -> Sequence[NDArray[np.uint8]]:
@@ -46,7 +49,7 @@ class Flight:
 
     @property
     def homographies(self) -> tuple[NDArray[np.float64], ...]:
-        """Ground pixels to pixels of each picture."""
+        """Ground pixels to pixels of each picture, as a lens without distortion would have taken it."""
         return tuple(pose.homography(self.camera) for pose in self.poses)
 
     def homography_between(self, left: int, right: int) -> NDArray[np.float64]:
@@ -68,7 +71,8 @@ class Flight:
         left, top, width_px, height_px = visible_box(pose, self.camera)
         ground = render_ground(self.seed, width_px, height_px, (left, top))
         rng = random_stream(self.seed, Stream.SENSOR, number)
-        return render_view(ground, pose, self.camera, photometry, rng, origin=(left, top))
+        heights = render_heights(self.seed, width_px, height_px, (left, top)) if self.relief else None
+        return render_view(ground, pose, self.camera, photometry, rng, origin=(left, top), heights=heights)
 
 
 class RenderedImages(Sequence[NDArray[np.uint8]]):
@@ -152,11 +156,17 @@ def lawnmower(
     size: tuple[int, int] = (1600, 1200),
     forward_overlap: float = 0.75,
     side_overlap: float = 0.6,
+    *,
+    k1: float = 0.0,
+    vignetting: float = 0.1,
+    exposure_step: float = 0.02,
+    balance_sigma: float = 0.0,
+    relief: bool = False,
 ) -> Flight:
     """A survey in parallel legs over a roughly square area, turning round at the end of each leg.
 
     Position, heading, altitude, tilt and exposure vary a little, as those of a drone do. Pictures are rendered on
-    demand; memory is bounded by one picture and the cached tiles of `sim.scene.ground` (144 MiB), whatever the length.
+    demand; memory is bounded by one picture and the cached tiles of `sim.scene.ground` (240 MiB), whatever the length.
 
     Parameters
     ----------
@@ -168,6 +178,14 @@ def lawnmower(
         Width and height of the pictures; one of their pixels is about one ground pixel (0.15 m).
     forward_overlap, side_overlap : float
         Overlap of successive pictures of a leg, and of neighbouring legs, 0..1; the variation above changes both.
+    k1, vignetting : float
+        Of the lens, see `Camera` and `Photometry`.
+    exposure_step : float
+        Standard deviation of the change of the gain from one picture to the next.
+    balance_sigma : float
+        Standard deviation of the gain of each channel.
+    relief : bool
+        See `Flight`.
 
     Returns
     -------
@@ -179,7 +197,7 @@ def lawnmower(
     if images < 1:
         raise ValueError(f"images is {images}; a flight has at least 1")
     rng = random_stream(seed, Stream.LAWNMOWER)
-    camera = Camera(width_px=size[0], height_px=size[1], focal_px=FOCAL_WIDTHS * size[0])
+    camera = Camera(width_px=size[0], height_px=size[1], focal_px=FOCAL_WIDTHS * size[0], k1=k1)
     side_px, forward_px = (1 - side_overlap) * size[0], (1 - forward_overlap) * size[1]
     leg_images = max(1, round(np.sqrt(images * side_px / forward_px)))
     leg, along = np.divmod(np.arange(images), leg_images)
@@ -195,9 +213,13 @@ def lawnmower(
     }
     rows = np.column_stack([*wandering.values()]).tolist()
     poses = [CameraPose(**dict(zip(wandering, values, strict=True))) for values in rows]
-    gains = np.clip(1 + np.cumsum(rng.normal(0, 0.02, images)), 0.85, 1.15).tolist()
-    photometries = [Photometry(gain=gain, blur_sigma_px=0.4, noise_sigma=1.5, vignetting=0.1) for gain in gains]
-    return Flight(seed, camera, tuple(poses), tuple(photometries))
+    gains = np.clip(1 + np.cumsum(rng.normal(0, exposure_step, images)), 0.85, 1.15).tolist()
+    balances = (1 + balance_sigma * rng.standard_normal((images, 3))).tolist()
+    photometries = [
+        Photometry(gain=gain, blur_sigma_px=0.4, noise_sigma=1.5, vignetting=vignetting, balance=tuple(balance))
+        for gain, balance in zip(gains, balances, strict=True)
+    ]
+    return Flight(seed, camera, tuple(poses), tuple(photometries), relief)
 
 
 def _check_overlap(name: str, share: float) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Any
 
 import cv2
 import numpy as np
@@ -16,7 +17,7 @@ from sim.scene.surface import paint_parcels, paint_ponds, paint_roads
 
 TILE_PX = 1024
 CACHED_TILES = 48
-"""Number of tiles in the cache, 3 MiB each."""
+"""Number of tiles in the cache, 3 MiB of colours and 2 MiB of heights each."""
 
 _EDGE = cv2.BORDER_REPLICATE
 _MARGIN_PX = 96
@@ -45,20 +46,30 @@ def render_ground(seed: int, width_px: int, height_px: int, origin: tuple[int, i
     ndarray
         Shape (height_px, width_px, 3), uint8, BGR. Parts that overlap agree exactly.
     """
+    return _assembled(0, np.empty((height_px, width_px, 3), np.uint8), seed, origin)
+
+
+def render_heights(seed: int, width_px: int, height_px: int, origin: tuple[int, int] = (0, 0)) -> NDArray[np.float16]:
+    """Height of the surface of that landscape over the plane, in pixels, (height_px, width_px); arguments the same."""
+    return _assembled(1, np.empty((height_px, width_px), np.float16), seed, origin)
+
+
+def _assembled(part: int, whole: NDArray[Any], seed: int, origin: tuple[int, int]) -> NDArray[Any]:
+    """``whole`` filled from one part of the tiles, 0 the colours or 1 the heights."""
     left, top = origin
-    ground = np.empty((height_px, width_px, 3), np.uint8)
+    height_px, width_px = whole.shape[:2]
     for row in range(top // TILE_PX, (top + height_px - 1) // TILE_PX + 1):
         for column in range(left // TILE_PX, (left + width_px - 1) // TILE_PX + 1):
             x, y = column * TILE_PX - left, row * TILE_PX - top
-            tile = _tile(seed, column, row)[max(-y, 0) : height_px - y, max(-x, 0) : width_px - x]
+            tile = _tile(seed, column, row)[part][max(-y, 0) : height_px - y, max(-x, 0) : width_px - x]
             x, y = max(x, 0), max(y, 0)
-            ground[y : y + tile.shape[0], x : x + tile.shape[1]] = tile
-    return ground
+            whole[y : y + tile.shape[0], x : x + tile.shape[1]] = tile
+    return whole
 
 
 @lru_cache(maxsize=CACHED_TILES)
-def _tile(seed: int, column: int, row: int) -> NDArray[np.uint8]:
-    """Paint and light one tile with its margin, and cut the margin off."""
+def _tile(seed: int, column: int, row: int) -> tuple[NDArray[np.uint8], NDArray[np.float16]]:
+    """Colours and heights of one tile: painted and lit with its margin, which is then cut off."""
     x_px, y_px = column * TILE_PX - _MARGIN_PX, row * TILE_PX - _MARGIN_PX
     size = TILE_PX + 2 * _MARGIN_PX
     noise = noise_bands(seed, x_px, y_px, size, size)
@@ -71,9 +82,11 @@ def _tile(seed: int, column: int, row: int) -> NDArray[np.uint8]:
     paint_boxes(canvas, [box for section in sections for box in section.boxes])
     paint_plants(canvas, np.concatenate([section.plants for section in sections]))
     lit = _light(canvas, random_stream(seed, Stream.SUN))
-    tile = lit[_MARGIN_PX:-_MARGIN_PX, _MARGIN_PX:-_MARGIN_PX].copy()
-    tile.flags.writeable = False
-    return tile
+    inside = slice(_MARGIN_PX, -_MARGIN_PX)
+    colours, heights = lit[inside, inside].copy(), canvas.relief[inside, inside].astype(np.float16)
+    for part in (colours, heights):
+        part.flags.writeable = False
+    return colours, heights
 
 
 def _light(canvas: Canvas, rng: np.random.Generator) -> NDArray[np.uint8]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from itertools import pairwise
 
 import cv2
@@ -107,25 +108,59 @@ def planted_dots():
     return cv2.merge([np.rint(picture).astype(np.uint8)] * 3), dots
 
 
+def offsets_of_dots(view, expected, scale):
+    """How far the dots in a view are from where they are expected, px; of those that it shows whole."""
+    reach = round(10 * scale)
+    down, across = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    offsets = []
+    for x, y in expected:
+        column, row = round(x), round(y)
+        if reach <= column < CAMERA.width_px - reach and reach <= row < CAMERA.height_px - reach:
+            weight = view[row - reach : row + reach + 1, column - reach : column + reach + 1]
+            centre = column + np.average(across, weights=weight), row + np.average(down, weights=weight)
+            offsets.append(np.subtract(centre, (x, y)))
+    return offsets
+
+
 @pytest.mark.parametrize("pose", POSES.values(), ids=POSES.keys())
 @pytest.mark.parametrize("origin", [(0, 0), (-1030, 70)])
 def test_rendered_dots_lie_where_the_homography_says(pose, origin, rng):
     picture, dots = planted_dots()
     pose = CameraPose(**{**vars(pose), "x_px": pose.x_px + origin[0], "y_px": pose.y_px + origin[1]})
     view = render_view(picture, pose, CAMERA, UNTOUCHED, rng, origin=origin)[..., 0].astype(np.float64)
-    expected = project(pose.homography(CAMERA), dots + origin)
-    reach = round(10 * CAMERA.focal_px / pose.altitude_px)
-    down, across = np.mgrid[-reach : reach + 1, -reach : reach + 1]
-    errors = []
-    for x, y in expected:
-        column, row = round(x), round(y)
-        if reach <= column < CAMERA.width_px - reach and reach <= row < CAMERA.height_px - reach:
-            weight = view[row - reach : row + reach + 1, column - reach : column + reach + 1]
-            centre = column + np.average(across, weights=weight), row + np.average(down, weights=weight)
-            errors.append(np.subtract(centre, (x, y)))
+    errors = offsets_of_dots(view, project(pose.homography(CAMERA), dots + origin), CAMERA.focal_px / pose.altitude_px)
     assert len(errors) >= 9
     # Bicubic sampling at 1/32 px, gray levels of 1/230, and a dot's centroid under perspective: together below 0.05 px.
     assert np.abs(errors).max() < 0.05
+
+
+def test_a_bending_lens_moves_the_dots_as_opencv_says(rng):
+    picture, dots = planted_dots()
+    pose, camera = POSES["full scale, tilted"], replace(CAMERA, k1=-0.15)
+    view = render_view(picture, pose, camera, UNTOUCHED, rng)[..., 0].astype(np.float64)
+    pinhole = project(pose.homography(camera), dots)
+    # The polynomial bends what is far outside back into the picture.
+    pinhole = pinhole[np.linalg.norm(pinhole - camera.matrix[:2, 2], axis=1) < camera.width_px]
+    rays = np.column_stack([pinhole, np.ones(len(pinhole))]) @ np.linalg.inv(camera.matrix).T
+    seen, _ = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), camera.matrix, np.array([camera.k1, 0, 0, 0]))
+    errors = offsets_of_dots(view, seen[:, 0], camera.focal_px / pose.altitude_px)
+    assert len(errors) >= 9
+    assert np.abs(errors).max() < 0.1  # the lens also bends the dots themselves
+
+
+def test_what_stands_above_the_ground_leans_outwards(rng):
+    picture, heights = np.full((500, 500, 3), 40, np.uint8), np.zeros((500, 500), np.float16)
+    heights[130:210, 110:190] = 30
+    cv2.circle(picture, (150, 170), 5, (230, 230, 230), -1)
+    pose = CameraPose(x_px=250, y_px=250, altitude_px=300)
+    view = render_view(picture, pose, CAMERA, UNTOUCHED, rng, heights=heights)[..., 0].astype(np.float64) - 40
+    middle = np.array([(CAMERA.width_px - 1) / 2, (CAMERA.height_px - 1) / 2])
+    on_the_roof = middle - np.array([100, 80]) * CAMERA.focal_px / (pose.altitude_px - 30)
+    down, across = np.indices(view.shape)
+    centre = [np.average(axis, weights=np.maximum(view, 0)) for axis in (across, down)]
+    np.testing.assert_allclose(centre, on_the_roof, atol=0.5)
+    flat = render_view(picture, pose, CAMERA, UNTOUCHED, rng, heights=np.zeros_like(heights))
+    np.testing.assert_allclose(flat, render_view(picture, pose, CAMERA, UNTOUCHED, rng), atol=6)
 
 
 def test_upright_camera_is_a_similarity():
