@@ -82,12 +82,18 @@ def exposure_tones(thumbnails: Sequence[Layer]) -> list[Tone]:
     exposure, falloff = _exposures(overlaps, len(cells))
     balance = _balance(overlaps, len(cells))
     logs = exposure[:, None] + balance
-    apart = np.setdiff1d(np.arange(len(cells)), np.concatenate((overlaps.i, overlaps.j)))
-    tones = _tones(logs, falloff)
-    kept = [_brightness_kept(layer, tone) for layer, tone in zip(thumbnails, tones, strict=True)]
-    logs -= np.log(np.median(np.delete(kept, apart))) if len(apart) < len(cells) else 0
-    logs[apart] = 0
-    return _without_burning(thumbnails, logs, falloff)
+    joined = np.unique(np.concatenate((overlaps.i, overlaps.j))).tolist()
+    tones = [NEUTRAL] * len(cells)
+    if joined:
+        for index, tone in zip(joined, _agreeing([thumbnails[k] for k in joined], logs[joined], falloff), strict=True):
+            tones[index] = tone
+    return tones
+
+
+def _agreeing(thumbnails: Sequence[Layer], logs: Array, falloff: Array) -> list[Tone]:
+    """The tones with these logarithms of the gains (V, 3), scaled together."""
+    kept = [_brightness_kept(layer, tone) for layer, tone in zip(thumbnails, _tones(logs, falloff), strict=True)]
+    return _without_burning(thumbnails, logs - np.log(np.median(kept)), falloff)
 
 
 def _without_burning(thumbnails: Sequence[Layer], logs: Array, falloff: Array) -> list[Tone]:
