@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import importlib
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from functools import partial
 from types import TracebackType
 from typing import Any, TypeVar
 
-from dask import threaded
-from dask.base import compute
-from dask.delayed import delayed
 from dask.system import CPU_COUNT
 
 from skymosaic.errors import InputError
 
 CALLS_A_WORKER = 8
-"""Calls for each worker in one graph: enough to keep it busy, few enough to bound the memory of pending results."""
+"""Calls ahead of the one whose result is awaited, for each worker: enough to keep all of them busy while the caller
+writes what is done, few enough to bound the memory of finished results."""
 CONNECT_TIMEOUT_S = 10
 
 Result = TypeVar("Result")
@@ -39,7 +39,7 @@ class Workers:
         Of a Dask scheduler (``tcp://host:8786``), whose workers see the photographs under the same paths and have
         skymosaic installed; None: threads.
     progress : callable
-        Called after each batch of calls.
+        Called after each call.
 
     Raises
     ------
@@ -49,27 +49,40 @@ class Workers:
 
     def __init__(self, address: str | None = None, *, progress: Progress = silent) -> None:
         self._client = _connected(address) if address else None
+        self._executor: Executor = (
+            self._client.get_executor(pure=False) if self._client is not None else ThreadPoolExecutor(CPU_COUNT)
+        )
         self.progress = progress
 
     def __enter__(self) -> Workers:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, _: TracebackType | None) -> None:
+        self._executor.shutdown()
         if self._client is not None:
             self._client.close()
 
     def run(
         self, stage: str, function: Callable[..., Result], arguments: Sequence[tuple[Any, ...]]
     ) -> Iterator[Result]:
-        """``function(*each)`` for each of ``arguments``, in their order, as batches of them are done."""
-        # Named "threads", the scheduler would first import the whole package for clusters.
-        scheduler = self._client or threaded.get
-        batch = CALLS_A_WORKER * self._count()
-        for start in range(0, len(arguments), batch):
-            # Bound beforehand: Dask looks for its own objects inside the arguments of a call, which takes long.
-            calls = [delayed(partial(function, *each), pure=False)() for each in arguments[start : start + batch]]
-            yield from compute(*calls, scheduler=scheduler)
-            self.progress(stage, min(start + batch, len(arguments)), len(arguments))
+        """``function(*each)`` for each of ``arguments``, in order; workers go on while the caller uses a result."""
+        pending: deque[Future[Result]] = deque()
+        ahead = CALLS_A_WORKER * self._count()
+        try:
+            for each in arguments[:ahead]:
+                pending.append(self._submit(function, each))
+            for done in range(1, len(arguments) + 1):
+                yield pending.popleft().result()
+                if ahead + done <= len(arguments):
+                    pending.append(self._submit(function, arguments[ahead + done - 1]))
+                self.progress(stage, done, len(arguments))
+        finally:
+            for future in pending:
+                future.cancel()
+
+    def _submit(self, function: Callable[..., Result], arguments: tuple[Any, ...]) -> Future[Result]:
+        # Bound beforehand: Dask looks for its own objects inside the arguments of a call, which takes long.
+        return self._executor.submit(partial(function, *arguments))
 
     def _count(self) -> int:
         return sum(self._client.nthreads().values()) if self._client is not None else CPU_COUNT

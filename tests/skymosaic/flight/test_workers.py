@@ -1,0 +1,44 @@
+import threading
+
+import pytest
+
+from skymosaic.flight import workers as flight_workers
+from skymosaic.flight.workers import Workers
+
+
+def test_results_come_in_order_while_further_calls_run(monkeypatch):
+    monkeypatch.setattr(flight_workers, "CPU_COUNT", 2)
+    started, fourth = [], threading.Event()
+
+    def call(number):
+        started.append(number)
+        if number == 3:
+            fourth.set()
+        return number
+
+    steps = []
+    with Workers(progress=lambda *step: steps.append(step)) as workers:
+        results = workers.run("stage", call, [(number,) for number in range(100)])
+        assert next(results) == 0
+        assert fourth.wait(timeout=60)  # while the first result is still in use
+        assert [0, *results] == list(range(100))
+    assert sorted(started) == list(range(100))
+    assert steps[-1] == ("stage", 100, 100)
+
+
+def test_calls_run_only_so_far_ahead(monkeypatch):
+    monkeypatch.setattr(flight_workers, "CPU_COUNT", 1)
+    started = []
+    with Workers() as workers:
+        results = workers.run("stage", started.append, [(number,) for number in range(100)])
+        next(results)
+        results.close()
+    assert len(started) <= flight_workers.CALLS_A_WORKER
+
+
+def test_an_error_of_a_call_is_raised_where_its_result_is_due():
+    def divided(number):
+        return 1 // number
+
+    with Workers() as workers, pytest.raises(ZeroDivisionError):
+        list(workers.run("stage", divided, [(1,), (0,), (1,)]))
