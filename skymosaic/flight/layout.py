@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
-from scipy.spatial import KDTree
 
 from golden_model.arrays import Array
 from skymosaic.compositing.warp import Canvas
 from skymosaic.flight.adjustment import MODELS, Network, Ties
-from skymosaic.flight.links import Candidate, Link
+from skymosaic.flight.links import Link
 from skymosaic.flight.view import View
 from skymosaic.geometry.homography import apply, estimate, resize_matrix
 
@@ -24,9 +23,8 @@ GOOD_ENOUGH = 1.05
 FALSE_LINK_PX = 10.0
 """A link whose median error stays above this contradicts the others."""
 ROUGH_STEPS = 4
-MOST_PREDICTED = 8
-LEAST_OVERLAP = 0.1
-"""Partners that each view proposes at most for a further look, and the smallest overlap that counts."""
+TIES_A_LINK = 200
+"""More ties of a link than these change a layout by less than it is off, but take longer."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,36 +151,31 @@ class LinkedGroup:
         self.reference = int(np.argmax((weights + weights.T).sum(axis=0)))
         self.start = _spanning_start(self._ties, weights, self.reference)
 
-    def network(self, chosen: slice, straighten: Callable[[Array], Array] = np.asarray) -> Network:
-        """The network of every link's ties, or of a subset of them, as ``straighten`` moves their normalised points."""
-        ties = [
-            Ties(tie.left, tie.right, straighten(tie.left_points[chosen]), straighten(tie.right_points[chosen]))
-            for tie in self._ties
-        ]
-        return Network(ties, [1 / float(matrix[0, 0]) for matrix in self._normalised], self.reference)
+    def network(self, chosen: slice, most: int = TIES_A_LINK, distortion: float = 0.0) -> Network:
+        """The network of every link's ties, or of some of them.
+
+        Parameters
+        ----------
+        chosen : slice
+            Of the ties that are considered.
+        most : int
+            Ties of a link that are considered, spread evenly.
+        distortion : float
+            Of the lens, see `skymosaic.flight.distortion.straightened`.
+        """
+        ties = []
+        for tie in self._ties:
+            count = len(tie.left_points)
+            rows = np.linspace(0, count - 1, min(count, most)).astype(np.intp)[chosen]
+            ties.append(Ties(tie.left, tie.right, tie.left_points[rows], tie.right_points[rows]))
+        units_px = [1 / float(matrix[0, 0]) for matrix in self._normalised]
+        return Network(ties, units_px, self.reference, distortion)
 
     def to_ground(self, transforms: Array) -> dict[int, Array]:
         """Transformations (V, 3, 3) of normalised coordinates, converted to pixels, by view."""
         to_pixels = np.linalg.inv(self._normalised[self.reference])
         rows = zip(self._members, transforms, self._normalised, strict=True)
         return {member: to_pixels @ transform @ normalised for member, transform, normalised in rows}
-
-
-def predicted(views: Sequence[View], transforms: dict[int, Array], tried: Collection[Candidate]) -> set[Candidate]:
-    """Pairs not tried yet that overlap according to the transformations: each view proposes its best few."""
-    outlines = {member: outline(views[member], transform) for member, transform in transforms.items()}
-    centres = np.array([corners.mean(axis=0) for corners in outlines.values()])
-    radii = [np.linalg.norm(o - c, axis=1).max() for o, c in zip(outlines.values(), centres, strict=True)]
-    near = KDTree(centres).query_pairs(2 * max(radii), output_type="ndarray")
-    proposals: dict[int, list[tuple[float, Candidate]]] = {member: [] for member in transforms}
-    for left, right in np.array(list(transforms))[near].tolist():
-        if (left, right) in tried:
-            continue
-        share = overlap(outlines[left], outlines[right])
-        if share >= LEAST_OVERLAP:
-            proposals[left].append((share, (left, right)))
-            proposals[right].append((share, (left, right)))
-    return {pair for offers in proposals.values() for _, pair in sorted(offers, reverse=True)[:MOST_PREDICTED]}
 
 
 def outline(view: View, transform: Array) -> Array:

@@ -1,22 +1,16 @@
-"""Which photographs of a flight may overlap, and which of these pairs do."""
+"""Links of a flight: pairs of photographs that show the same ground, with their common points."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from golden_model.arrays import Matrix, Points, Records
 from golden_model.config import Config
-from golden_model.feature.ilbp import SECTORS
-from golden_model.matching.hamming import distances, mutual_matches
 from golden_model.matching.matcher import match
 from skymosaic.features.positions import match_points
 from skymosaic.flight.cache import Arrays
-from skymosaic.flight.view import View
 from skymosaic.geometry.homography import apply
 from skymosaic.geometry.prosac import estimate_homography
 
@@ -24,15 +18,6 @@ TIE_PX = 3.0
 """Matches this close to a pair's homography tie the two views together, in working pixels."""
 RELIEF_PX = 12.0
 """Matches this close to the homography, but farther than a tie, show objects above the ground plane."""
-NEXT_IN_ORDER = 2
-NEAREST_BY_GPS = 6
-MOST_ALIKE = 6
-"""Number of partners that each view proposes by order, by GPS, and by similarity."""
-COMPACT_FEATURES = 256
-CLOSE_BITS = 0.22
-"""Share of differing bits below which two features may be the same point."""
-FEWEST_VOTES = 9
-"""Views without common ground get 2 to 11 votes (measured)."""
 FIRST_LOOK_SAMPLES = 1000
 """A third of the samples of a single pair: most candidates overlap well or not at all."""
 
@@ -138,43 +123,3 @@ def link_of(pair: Candidate, left_points: Points, right_points: Points, homograp
     error_px = np.linalg.norm(apply(homography, left_points) - right_points, axis=1)
     ties = error_px <= TIE_PX
     return Link(*pair, left_points[ties], right_points[ties], inliers, int(np.count_nonzero(error_px <= RELIEF_PX)))
-
-
-def first_candidates(views: Sequence[View], votes: NDArray[np.int64]) -> set[Candidate]:
-    """Pairs to try before a layout exists: by order, by GPS, and by `votes`."""
-    pairs = [(i, i + step) for step in range(1, NEXT_IN_ORDER + 1) for i in range(len(views) - step)]
-    pairs += _nearest_by_gps(views)
-    for i, row in enumerate(votes):
-        alike = np.argsort(-row, kind="stable")[:MOST_ALIKE]
-        pairs += [(i, int(j)) for j in alike if row[j] >= FEWEST_VOTES]
-    return {(min(pair), max(pair)) for pair in pairs}
-
-
-def _nearest_by_gps(views: Sequence[View]) -> list[Candidate]:
-    known = [(i, view.gps) for i, view in enumerate(views) if view.gps is not None]
-    if len(known) < 2:
-        return []
-    metres = np.array([gps.metres_from(known[0][1]) for _, gps in known])
-    _, nearest = KDTree(metres).query(metres, k=min(NEAREST_BY_GPS + 1, len(known)))
-    return [(known[row][0], known[other][0]) for row, others in enumerate(nearest) for other in others if other != row]
-
-
-def compact(features: Records) -> Records:
-    """The 256 strongest features of a view, few enough to compare every view with every other."""
-    strongest = np.argsort(-features["response"].astype(np.int64), kind="stable")[:COMPACT_FEATURES]
-    chosen: Records = features[strongest]
-    return chosen
-
-
-def votes(one: Records, others: Sequence[Records]) -> list[int]:
-    """Number of close mutual matches that agree on a relative orientation, for ``one`` against each of ``others``."""
-    return [_agreeing(one, other) for other in others]
-
-
-def _agreeing(left: Records, right: Records) -> int:
-    bits = 8 * left["descriptor"].shape[1]
-    left_index, right_index, best, _ = mutual_matches(distances(left["descriptor"], right["descriptor"]), bits)
-    close = best <= CLOSE_BITS * bits
-    relative_orientation = (right["sector"][right_index[close]] - left["sector"][left_index[close]]) % SECTORS
-    histogram = np.bincount(relative_orientation, minlength=SECTORS)
-    return int((histogram + np.roll(histogram, 1) + np.roll(histogram, -1)).max())

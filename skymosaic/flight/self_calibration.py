@@ -8,15 +8,14 @@ coefficient is used only if it predicts them clearly better.
 from __future__ import annotations
 
 import dataclasses
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from golden_model.arrays import Array, Pixels
-from skymosaic.flight.adjustment import FOCAL_HALF_DIAGONALS, MODELS, Network
+from skymosaic.flight.adjustment import FOCAL_HALF_DIAGONALS, MAX_STEPS, MODELS
+from skymosaic.flight.distortion import LARGEST_DISTORTION, straightened
 from skymosaic.flight.layout import LinkedGroup, normalisation
 from skymosaic.flight.links import Link
 from skymosaic.flight.view import View
@@ -25,14 +24,12 @@ from skymosaic.imagery.lens import Lens
 
 FEWEST_VIEWS = 6
 """Fewer views leave the distortion to the tilts: a homography each can absorb most of it."""
-LARGEST = 0.25
-"""Bound of the displacement in the corners, as a share of the half diagonal; stronger lenses need a calibration."""
 WANTED_GAIN = 0.95
 """The coefficient is used if the median error of held-out ties falls below this share: straightening costs detail."""
-FIRST_STEP = 0.02
-ACCURACY = 0.002
-"""First step of the search, and the relative accuracy at which it ends."""
-STRAIGHTENING_ROUNDS = 12
+TIES_A_LINK = 100
+"""More ties of a link than these tell no more about the lens, but take longer."""
+BETWEEN_STEPS = 4
+"""Steps of the affine model, which only leads from similarities to homographies."""
 
 
 @dataclass(frozen=True)
@@ -92,65 +89,22 @@ def calibrate(
     if len(members) < FEWEST_VIEWS or len(sizes) > 1:
         return None
     group = LinkedGroup(views, members, links)
-    straight, bent = _Trial(group), _Trial(group)
-    # Similarities converge from far away; homographies with a wrong distortion may not, so they come second.
-    found = bent.search(0.0, "similarity")
-    found = bent.search(found, "homography")
-    if abs(found) > LARGEST:
+    before_px, _ = _trial(group, lens=False)
+    after_px, distortion = _trial(group, lens=True)
+    if abs(distortion) >= LARGEST_DISTORTION or after_px > WANTED_GAIN * before_px:
         return None
-    before, after = (float(np.median(trial.best_errors_px)) for trial in (straight.fitted(0.0), bent))
-    if after > WANTED_GAIN * before:
-        return None
-    return Calibration(found, before, after, _lens(found, views[members[0]].size, mask))
+    return Calibration(distortion, before_px, after_px, _lens(distortion, views[members[0]].size, mask))
 
 
-class _Trial:
-    """Fits every second tie with a distortion and predicts the others; each trial starts from the best one so far."""
-
-    def __init__(self, group: LinkedGroup) -> None:
-        self._group = group
-        self._start = group.start
-        self._least = np.inf
-        self.best_errors_px = np.zeros(0)
-
-    def fitted(self, distortion: float) -> _Trial:
-        """This trial, with all models fitted for one distortion."""
-        for model in MODELS:
-            self._least = np.inf
-            self._cost(distortion, model)
-        return self
-
-    def search(self, start: float, model: str) -> float:
-        """The distortion near ``start`` with the least cost."""
-        for simpler in itertools.takewhile(lambda name: name != model, MODELS):
-            self._cost(start, simpler)
-            self._least = np.inf
-        self._least = np.inf
-        bracket = (start, start + FIRST_STEP)
-        found = minimize_scalar(self._cost, bracket=bracket, args=(model,), tol=ACCURACY)
-        return float(found.x)
-
-    def _cost(self, distortion: float, model: str) -> float:
-        """Median error of the ties that were not fitted, working px; more than any beyond the bound."""
-        if abs(distortion) > LARGEST:
-            return 1e6 * abs(distortion)
-        transforms = self._network(distortion, 0).adjust(self._start, model)
-        errors = np.concatenate(self._network(distortion, 1).errors_px(transforms))
-        cost = float(np.median(errors))
-        if cost < self._least:
-            self._least, self._start, self.best_errors_px = cost, transforms, errors
-        return cost
-
-    def _network(self, distortion: float, first: int) -> Network:
-        return self._group.network(slice(first, None, 2), lambda points: straightened(points, distortion))
-
-
-def straightened(points: Array, distortion: float) -> Array:
-    """Points (N, 2) about the centre, in half diagonals, with the distortion taken out."""
-    straight = points
-    for _ in range(STRAIGHTENING_ROUNDS):
-        straight = points / (1 + distortion * (straight**2).sum(axis=1, keepdims=True))
-    return np.asarray(straight)
+def _trial(group: LinkedGroup, *, lens: bool) -> tuple[float, float]:
+    """Median error of the ties that were not fitted, working px, and the distortion."""
+    fitted = group.network(slice(0, None, 2), TIES_A_LINK)
+    # Similarities converge from far away; homographies with a wrong distortion may not, so they come last.
+    transforms, fit = group.start, fitted.calibrate if lens else fitted.adjust
+    for model in MODELS:
+        transforms = fit(transforms, model, max_steps=BETWEEN_STEPS if model == "affine" else MAX_STEPS)
+    held_out = group.network(slice(1, None, 2), TIES_A_LINK, fitted.distortion)
+    return float(np.median(np.concatenate(held_out.errors_px(transforms)))), fitted.distortion
 
 
 def straightened_links(links: Sequence[Link], views: Sequence[View], distortion: float) -> list[Link]:

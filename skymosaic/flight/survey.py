@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skymosaic.errors import InputError
+from skymosaic.flight import candidates
 from skymosaic.flight import links as pair_links
 from skymosaic.flight import view as flight_view
 from skymosaic.flight.cache import ResultCache, key_of
-from skymosaic.flight.layout import Layout, groups, lay_out, predicted, rough_transforms
+from skymosaic.flight.layout import Layout, groups, lay_out, rough_transforms
 from skymosaic.flight.links import Candidate, Link, PairEstimator, verify
 from skymosaic.flight.self_calibration import Calibration, calibrate, straightened_links
 from skymosaic.flight.view import Settings, View, describe
@@ -23,7 +24,7 @@ from skymosaic.imagery.photographs import Source
 from skymosaic.registration import Pair
 from skymosaic.stopwatch import Stopwatch
 
-MAX_ROUNDS = 3
+MAX_ROUNDS = 6
 """How often a better layout may propose further pairs."""
 SECOND_LOOK_SAMPLES = 20_000
 SECOND_LOOK_PARTNERS = 2
@@ -181,7 +182,7 @@ def survey(sources: Sequence[Source], settings: Settings, seed: int, workers: Wo
     of = tuple(seen.values())
     clock.lap("features")
     votes = _look_up(of, workers)
-    links = surveyor.link(of, pair_links.first_candidates(of, votes))
+    links = surveyor.link(of, candidates.first_candidates(of, votes))
     _explore(surveyor, of, links)
     if (further := settings.second_look()) is not None:
         estimator = PairEstimator(further.config, seed, SECOND_LOOK_SAMPLES)
@@ -229,11 +230,11 @@ def _distinct(sources: Sequence[Source]) -> tuple[list[Source], dict[int, str]]:
 
 
 def _look_up(of: Sequence[View], workers: Workers) -> NDArray[np.int64]:
-    """Votes for every two views from their compact features, (V, V); see `skymosaic.flight.links.votes`."""
-    compacts = [pair_links.compact(view.features) for view in of]
+    """Votes for every two views from their compact features, (V, V); see `skymosaic.flight.candidates.votes`."""
+    compacts = [candidates.compact(view.features) for view in of]
     calls = [(one, compacts[index + 1 :]) for index, one in enumerate(compacts)]
     votes = np.zeros((len(of), len(of)), dtype=np.int64)
-    for index, row in enumerate(workers.run("look-up", pair_links.votes, calls)):
+    for index, row in enumerate(workers.run("look-up", candidates.votes, calls)):
         votes[index, index + 1 :] = votes[index + 1 :, index] = row
     return votes
 
@@ -247,7 +248,7 @@ def _explore(surveyor: Surveyor, of: Sequence[View], links: dict[Candidate, Link
     for _ in range(MAX_ROUNDS):
         held = _held(links)
         rough = [rough_transforms(of, part, held) for part in groups(len(of), held) if len(part) > 2]
-        proposed = {pair for transforms in rough for pair in predicted(of, transforms, links.keys())}
+        proposed = {pair for transforms in rough for pair in candidates.predicted(of, transforms, links)}
         if not proposed:
             return
         links |= surveyor.link(of, proposed)

@@ -1,0 +1,143 @@
+"""Which pairs of a flight are worth matching: before a layout exists, and as soon as a layout predicts overlaps.
+
+Matching every pair that overlaps would take a time that grows with the square of the overlap, and links beyond about
+ten a photograph hardly improve the layout. So each round asks what the network lacks. Taken as resistors, whose
+conductance is the number of common points, the links leave a resistance R between two photographs: their relative
+position is that uncertain. A new link with w common points removes a share w R / (1 + w R) of it. Neighbours within
+a strip that is well linked have a small w R; strips that meet, and loops that close, have a large one. Over all
+links, w R adds up to the number of photographs less one (Foster 1949), which is 0.2 a link with ten links each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from golden_model.arrays import Array, Float32, Records
+from golden_model.feature.ilbp import SECTORS
+from skymosaic.flight.layout import outline, overlap
+from skymosaic.flight.links import Candidate, Link
+from skymosaic.flight.view import View
+
+NEXT_IN_ORDER = 2
+NEAREST_BY_GPS = 4
+MOST_ALIKE = 4
+"""Number of partners that each view proposes by order, by GPS, and by similarity."""
+COMPACT_FEATURES = 256
+CLOSE_BITS = 0.22
+"""Share of differing bits below which two features may be the same point."""
+FEWEST_VOTES = 9
+"""Views without common ground get 2 to 11 votes (measured)."""
+MOST_PREDICTED = 2
+LEAST_OVERLAP = 0.1
+LEAST_GAIN = 0.2
+"""Partners that each view proposes at most in a round, and the smallest overlap and w R that count."""
+
+
+def first_candidates(views: Sequence[View], votes: NDArray[np.int64]) -> set[Candidate]:
+    """Pairs to try before a layout exists: by order, by GPS, and by `votes`."""
+    pairs = [(i, i + step) for step in range(1, NEXT_IN_ORDER + 1) for i in range(len(views) - step)]
+    pairs += _nearest_by_gps(views)
+    for i, row in enumerate(votes):
+        alike = np.argsort(-row, kind="stable")[:MOST_ALIKE]
+        pairs += [(i, int(j)) for j in alike if row[j] >= FEWEST_VOTES]
+    return {(min(pair), max(pair)) for pair in pairs}
+
+
+def _nearest_by_gps(views: Sequence[View]) -> list[Candidate]:
+    known = [(i, view.gps) for i, view in enumerate(views) if view.gps is not None]
+    if len(known) < 2:
+        return []
+    metres = np.array([gps.metres_from(known[0][1]) for _, gps in known])
+    _, nearest = KDTree(metres).query(metres, k=min(NEAREST_BY_GPS + 1, len(known)))
+    return [(known[row][0], known[other][0]) for row, others in enumerate(nearest) for other in others if other != row]
+
+
+def compact(features: Records) -> Records:
+    """The 256 strongest features of a view, few enough to compare every view with every other."""
+    strongest = np.argsort(-features["response"].astype(np.int64), kind="stable")[:COMPACT_FEATURES]
+    chosen: Records = features[strongest]
+    return chosen
+
+
+def votes(one: Records, others: Sequence[Records]) -> list[int]:
+    """Number of close mutual matches that agree on a relative orientation, for ``one`` against each of ``others``."""
+    signs = _signs(one)
+    return [_agreeing(one, other, signs @ _signs(other).T) for other in others]
+
+
+def _signs(features: Records) -> Float32:
+    """The bits of the descriptors as -1 and 1, (F, B): their products are B - 2 times the Hamming distances.
+
+    A matrix product is several times faster than counting bits, and every view is compared with every other.
+    """
+    return np.unpackbits(features["descriptor"], axis=1).astype(np.float32) * 2 - 1
+
+
+def _agreeing(left: Records, right: Records, likeness: Float32) -> int:
+    if likeness.size == 0:
+        return 0
+    right_index = likeness.argmax(axis=1)
+    left_index = np.flatnonzero(likeness.argmax(axis=0)[right_index] == np.arange(len(left)))
+    right_index = right_index[left_index]
+    bits = 8 * left["descriptor"].shape[1]
+    close = likeness[left_index, right_index] >= (1 - 2 * CLOSE_BITS) * bits
+    relative_orientation = (right["sector"][right_index[close]] - left["sector"][left_index[close]]) % SECTORS
+    histogram = np.bincount(relative_orientation, minlength=SECTORS)
+    return int((histogram + np.roll(histogram, 1) + np.roll(histogram, -1)).max())
+
+
+def predicted(
+    views: Sequence[View], transforms: Mapping[int, Array], links: Mapping[Candidate, Link]
+) -> set[Candidate]:
+    """Pairs not tried yet that overlap according to the layout and would tell most about it.
+
+    Parameters
+    ----------
+    views : sequence of View
+        All views of the flight.
+    transforms : mapping of int to ndarray, shape (3, 3)
+        Layout of one group of linked views, working pixels to ground.
+    links : mapping of (int, int) to Link
+        Every pair that was tried.
+    """
+    shares = _overlaps(views, transforms)
+    held = {pair: link for pair, link in links.items() if link.holds and pair[0] in transforms}
+    resistance = _resistances(list(transforms), held)
+    row = {member: index for index, member in enumerate(transforms)}
+    ties_of_full_overlap = float(
+        np.median([link.ties / max(shares.get(p, 0), LEAST_OVERLAP) for p, link in held.items()])
+    )
+    proposals: dict[int, list[tuple[float, Candidate]]] = {member: [] for member in transforms}
+    for (left, right), share in shares.items():
+        gain = float(share * ties_of_full_overlap * resistance[row[left], row[right]])
+        if share >= LEAST_OVERLAP and gain >= LEAST_GAIN and (left, right) not in links:
+            proposals[left].append((gain, (left, right)))
+            proposals[right].append((gain, (left, right)))
+    return {pair for offers in proposals.values() for _, pair in sorted(offers, reverse=True)[:MOST_PREDICTED]}
+
+
+def _overlaps(views: Sequence[View], transforms: Mapping[int, Array]) -> dict[Candidate, float]:
+    """Predicted overlap of all pairs that are close enough for one, as a share of the smaller view."""
+    outlines = {member: outline(views[member], transform) for member, transform in transforms.items()}
+    centres = np.array([corners.mean(axis=0) for corners in outlines.values()])
+    radii = [np.linalg.norm(o - c, axis=1).max() for o, c in zip(outlines.values(), centres, strict=True)]
+    near = KDTree(centres).query_pairs(2 * max(radii), output_type="ndarray")
+    pairs = np.sort(np.array(list(transforms))[near], axis=1).tolist()
+    return {(left, right): overlap(outlines[left], outlines[right]) for left, right in pairs}
+
+
+def _resistances(members: Sequence[int], links: Mapping[Candidate, Link]) -> Array:
+    """Resistance between every two members, (V, V), of a connected network of links."""
+    row = {member: index for index, member in enumerate(members)}
+    conductance = np.zeros((len(members), len(members)))
+    for (left, right), link in links.items():
+        conductance[row[left], row[right]] = conductance[row[right], row[left]] = link.ties
+    laplacian = np.diag(conductance.sum(axis=0)) - conductance
+    # The potentials are free by a constant; filling the matrix with another constant fixes their mean.
+    inverse = np.linalg.inv(laplacian + conductance.max() / len(members))
+    own = np.diag(inverse)
+    return np.asarray(own[:, None] + own - 2 * inverse)
