@@ -43,6 +43,8 @@ class Accelerator(wiring.Component):
         Left descriptors compared at a time.
     max_width_px, max_height_px : int
         Largest frame.
+    video_bits : {32, 24, 8}
+        Width of the video input's data (`hdl.axi.video_input.VideoInput`).
 
     Members
     -------
@@ -61,16 +63,25 @@ class Accelerator(wiring.Component):
     control: AxiLiteInterface
     o_interrupt: Signal
 
-    def __init__(self, *, config: Config, lanes: int = 16, max_width_px: int = 1920, max_height_px: int = 1080) -> None:
+    def __init__(
+        self,
+        *,
+        config: Config,
+        lanes: int = 16,
+        max_width_px: int = 1920,
+        max_height_px: int = 1080,
+        video_bits: int = 32,
+    ) -> None:
         self.config = config
         self.lanes = lanes
         self.max_width_px = max_width_px
         self.max_height_px = max_height_px
-        size = {"max_width_px": max_width_px, "max_height_px": max_height_px}
+        self.video_bits = video_bits
+        video = {"max_width_px": max_width_px, "max_height_px": max_height_px, "video_bits": video_bits}
         self._registers = RegisterFile(
-            constants=built_constants(front_end=config.front_end, matcher=config.matcher, lanes=lanes, **size)
+            constants=built_constants(front_end=config.front_end, matcher=config.matcher, lanes=lanes, **video)
         )
-        self._front_end = FrontEnd(config=config.front_end, **size)
+        self._front_end = FrontEnd(config=config.front_end, **video)
         self._matcher = Matcher(
             config=config.matcher,
             pattern=config.front_end.pattern,
@@ -229,7 +240,8 @@ class AcceleratorTop(wiring.Component):
             {
                 "aclk": In(1),
                 "aresetn": In(1),
-                **{f"s_axis_video_{name}": In(bits) for name, bits in _VIDEO.items()},
+                "s_axis_video_tdata": In(accelerator.video_bits),
+                **{f"s_axis_video_{name}": In(1) for name in ("tuser", "tlast", "tvalid")},
                 "s_axis_video_tready": Out(1),
                 **{f"m_axis_{name}_{port}": Out(bits) for name in _PACKETS for port, bits in word.items()},
                 **{f"m_axis_{name}_tready": In(1) for name in _PACKETS},
@@ -269,5 +281,4 @@ class AcceleratorTop(wiring.Component):
         return m
 
 
-_VIDEO = {"tdata": 32, "tuser": 1, "tlast": 1, "tvalid": 1}
 _PACKETS = ("features", "matches")

@@ -1,10 +1,26 @@
 """The boards that can be exported for, known without loading the hardware.
 
-A board is a Tcl file in ``constraints/boards/``: its part, clocks, DMAs and the settings of its processing system.
+A board is a Tcl file in ``constraints/boards/``: its part, family, clock and memory. The file of its family in
+``constraints/systems/`` builds what surrounds the accelerator.
 """
 
+import re
 from pathlib import Path
 
 SOURCES = Path(__file__).parents[1] / "constraints"
 """What an export copies; in an installed wheel, data beside the package."""
 BOARDS = tuple(sorted(path.stem for path in (SOURCES / "boards").glob("*.tcl")))
+
+
+def board_facts(board: str) -> dict[str, str]:
+    """What the board's Tcl file says, by name; all boards have ``part``, ``family`` and ``clock_mhz``.
+
+    Raises
+    ------
+    ValueError
+        For an unknown board, naming the valid ones.
+    """
+    if board not in BOARDS:
+        raise ValueError(f"unknown board {board!r}; valid: {', '.join(BOARDS)}")
+    text = (SOURCES / "boards" / f"{board}.tcl").read_text()
+    return dict(re.findall(r"^    (\w+) +\{?(.*?)\}?$", text, re.MULTILINE))

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import re
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TypedDict, Unpack
 
 import numpy as np
 
@@ -13,8 +13,9 @@ from golden_model.config import Config
 from golden_model.records import FRAME_STATUS, MATCH, Tag, feature_record
 from hdl.accelerator import Accelerator, AcceleratorTop
 from hdl.axi import register_docs
+from hdl.axi.interfaces import vivado_attributes
 from hdl.axi.register_map import REGISTERS, Access, Field, built_constants, fields
-from hdl.boards import BOARDS, SOURCES
+from hdl.boards import SOURCES, board_facts
 from hdl.netlist import to_verilog
 from hdl.settings import FLAG, REQUESTED, SETTINGS
 
@@ -22,15 +23,30 @@ TOP = "skymosaic"
 _WRITABLE = (Access.SETTING, Access.REQUEST, Access.COMMAND)
 
 
-def verilog(*, config: Config, lanes: int, max_width_px: int, max_height_px: int) -> str:
-    """The accelerator in Verilog, top module ``skymosaic``."""
-    accelerator = Accelerator(config=config, lanes=lanes, max_width_px=max_width_px, max_height_px=max_height_px)
-    return to_verilog(AcceleratorTop(accelerator), name=TOP)
+class Build(TypedDict, total=False):
+    """Parameters of `hdl.accelerator.Accelerator` besides the configuration, with its defaults."""
+
+    lanes: int
+    max_width_px: int
+    max_height_px: int
+    video_bits: int
 
 
-def export(
-    folder: Path, *, board: str, config: Config, lanes: int = 16, max_width_px: int = 1920, max_height_px: int = 1080
-) -> None:
+DEFAULT_BUILD = Build(lanes=16, max_width_px=1920, max_height_px=1080, video_bits=32)
+VIDEO = {
+    32: "32-bit words from a DMA, or AXI4-Stream video in their low bytes",
+    24: "AXI4-Stream video in RGB, 8 bits a colour (UG934)",
+    8: "AXI4-Stream video in gray, 8 bits (UG934)",
+}
+
+
+def verilog(*, config: Config, **build: Unpack[Build]) -> str:
+    """The accelerator in Verilog, top module ``skymosaic``; Vivado finds its buses by attributes of the ports."""
+    top = AcceleratorTop(Accelerator(config=config, **build))
+    return to_verilog(top, name=TOP, aliases=False, port_attributes=vivado_attributes(top.signature.members))
+
+
+def export(folder: Path, *, board: str, config: Config, **build: Unpack[Build]) -> None:
     """Write Verilog, Tcl, constraints, register map, driver and README into ``folder``.
 
     Parameters
@@ -39,7 +55,7 @@ def export(
         Created if missing; files of the same names are replaced.
     board : str
         One of `hdl.boards.BOARDS`.
-    config, lanes, max_width_px, max_height_px
+    config, lanes, max_width_px, max_height_px, video_bits
         See `hdl.accelerator.Accelerator`.
 
     Raises
@@ -49,47 +65,54 @@ def export(
     OSError
         If the folder cannot be written.
     """
-    if board not in BOARDS:
-        raise ValueError(f"unknown board {board!r}; valid: {', '.join(BOARDS)}")
-    build = {"lanes": lanes, "max_width_px": max_width_px, "max_height_px": max_height_px}
-    rtl, vivado, registers, pynq = (folder / name for name in ("rtl", "vivado", "registers", "pynq"))
-    for subfolder in (rtl, vivado, registers, pynq):
+    facts, build = board_facts(board), DEFAULT_BUILD | build
+    text = verilog(config=config, **build)
+    rtl, vivado, registers = (folder / name for name in ("rtl", "vivado", "registers"))
+    for subfolder in (rtl, vivado, registers):
         subfolder.mkdir(parents=True, exist_ok=True)
-    (rtl / f"{TOP}.v").write_text(verilog(config=config, **build))
-    for source in (SOURCES / "vivado").iterdir():
-        shutil.copy(source, vivado)
-    board_file = SOURCES / "boards" / f"{board}.tcl"
-    shutil.copy(board_file, vivado / "board.tcl")
+    (rtl / f"{TOP}.v").write_text(text)
+    _write_vivado(vivado, board, facts["family"], build["video_bits"])
     (registers / "register_map.md").write_text(register_docs.markdown())
     (registers / f"{TOP}.svd").write_text(register_docs.svd())
     (registers / f"{TOP}_registers.h").write_text(register_docs.c_header())
-    for source in (SOURCES / "pynq").glob("*.py"):
-        shutil.copy(source, pynq)
-    (pynq / "skymosaic_map.py").write_text(driver_map(config, **build))
-    part = re.search(r"part\s+(\S+)", board_file.read_text())
-    readme = (SOURCES / "README.md").read_text()
-    facts = {
+    has_processor = facts["family"].startswith("zynq")
+    if has_processor:
+        _write_pynq(folder / "pynq", config, build)
+    use = (SOURCES / "systems" / ("pynq.md" if has_processor else "jtag.md")).read_text()
+    facts |= {
         "board": board,
-        "part": part.group(1) if part else "",
-        "levels": config.front_end.levels,
-        "width": max_width_px,
-        "height": max_height_px,
+        "levels": str(config.front_end.levels),
         "descriptor": config.front_end.descriptor,
-        "features": config.front_end.max_features,
-        "lanes": lanes,
+        "features": str(config.front_end.max_features),
+        "video": VIDEO[build["video_bits"]],
+        **{name: str(value) for name, value in build.items()},
     }
-    (folder / "README.md").write_text(readme.format(**facts))
+    (folder / "README.md").write_text((SOURCES / "README.md").read_text().format(**facts) + use)
 
 
-def driver_map(config: Config, *, lanes: int, max_width_px: int, max_height_px: int) -> str:
+def _write_vivado(folder: Path, board: str, family: str, video_bits: int) -> None:
+    """Scripts and constraints; ``board.tcl`` and ``system.tcl`` are those of the board and its family."""
+    for source in (SOURCES / "vivado").iterdir():
+        shutil.copy(source, folder)
+    shutil.copy(SOURCES / "systems" / f"{family}.tcl", folder / "system.tcl")
+    board_text = (SOURCES / "boards" / f"{board}.tcl").read_text()
+    (folder / "board.tcl").write_text(f"{board_text}set board(video_bits) {video_bits}\n")
+    pins = SOURCES / "boards" / f"{board}.xdc"
+    if pins.exists():
+        shutil.copy(pins, folder / "bitstream_pins.xdc")
+
+
+def _write_pynq(folder: Path, config: Config, build: Build) -> None:
+    """Driver, server and example for a board with a processor."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for source in (SOURCES / "pynq").glob("*.py"):
+        shutil.copy(source, folder)
+    (folder / "skymosaic_map.py").write_text(driver_map(config, **build))
+
+
+def driver_map(config: Config, **build: Unpack[Build]) -> str:
     """The Python module ``skymosaic_map``: registers, records and build constants for the driver."""
-    constants = built_constants(
-        front_end=config.front_end,
-        matcher=config.matcher,
-        lanes=lanes,
-        max_width_px=max_width_px,
-        max_height_px=max_height_px,
-    )
+    constants = built_constants(front_end=config.front_end, matcher=config.matcher, **(DEFAULT_BUILD | build))
     pattern = config.front_end.pattern
     positions = {f.name: (r.offset, f.low, f.bits) for r in REGISTERS for f in r.fields}
     writable = {f.name: _valid(f) for f in sorted(fields(*_WRITABLE), key=lambda field: field.name)}

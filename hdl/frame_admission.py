@@ -105,8 +105,15 @@ class FrameAdmission(wiring.Component):
         """Decide whether a beat is admitted, count it, and check its flags."""
         m = Module()
         pixel, memory = self.i.payload, self.i_memory_mode
-        padding, may_end, resynchronising, refusing, owes_status = (Signal() for _ in range(5))
-        starts, emits, ends, dropped_line = (Signal() for _ in range(4))
+        padding = Signal()
+        may_end = Signal()
+        resynchronising = Signal()
+        refusing = Signal()
+        owes_status = Signal()
+        starts = Signal()
+        emits = Signal()
+        ends = Signal()
+        dropped_line = Signal()
         line_ends, is_last_line = self._count(m, starts, emits, padding, dropped_line)
         frame_ends = line_ends & is_last_line
         first = Mux(memory, ~refusing, pixel.first)
@@ -163,7 +170,8 @@ class FrameAdmission(wiring.Component):
 
     def _fault(self, m: Module, padding: Value, line_ends: Value) -> Value:
         """What is wrong with the beat that is admitted in this clock, or 0."""
-        cause, last = Signal(CAUSES), self.i.payload.last
+        cause = Signal(CAUSES)
+        last = self.i.payload.last
         with m.If(padding):
             m.d.comb += cause.eq(Cause.EARLY_END)
         with m.Elif(~self.i_memory_mode & last & ~line_ends):
@@ -180,8 +188,15 @@ class FrameAdmission(wiring.Component):
         Both are registered one clock early, because admission depends on them. Between frames ``y`` counts the lines
         that are dropped.
         """
-        x, y, last_but_one_x, last_y, closing_x, closing_y = (Signal(COORDINATE) for _ in range(6))
-        line_ends, is_last_line, skips = Signal(), Signal(), Signal()
+        x = Signal(COORDINATE)
+        y = Signal(COORDINATE)
+        last_but_one_x = Signal(COORDINATE)
+        last_y = Signal(COORDINATE)
+        closing_x = Signal(COORDINATE)
+        closing_y = Signal(COORDINATE)
+        line_ends = Signal()
+        is_last_line = Signal()
+        skips = Signal()
         m.d.sync += [
             last_but_one_x.eq(self.i_width_px - 2),
             last_y.eq(self.i_height_px - 1),

@@ -8,7 +8,7 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.config import MAX_FRAME_PX, MIN_FRAME_PX, FrontEndConfig
 from golden_model.records import feature_record
-from hdl.axi.video_input import VideoInput, VideoPayload
+from hdl.axi.video_input import VIDEO_BITS, VideoInput, VideoPayload
 from hdl.frame_admission import FrameAdmission
 from hdl.level import Level
 from hdl.level_merge import LevelMerge
@@ -35,6 +35,8 @@ class FrontEnd(wiring.Component):
         Detector, threshold, cell and per-cell count are ignored here: they are run-time settings.
     max_width_px, max_height_px : int
         Largest frame, 64 to 4096.
+    video_bits : {32, 24, 8}
+        See `hdl.axi.video_input.VideoInput`.
 
     Members
     -------
@@ -63,13 +65,16 @@ class FrontEnd(wiring.Component):
     o_frame_ends: Signal
     o_features: stream.Interface
 
-    def __init__(self, *, config: FrontEndConfig, max_width_px: int, max_height_px: int) -> None:
+    def __init__(
+        self, *, config: FrontEndConfig, max_width_px: int, max_height_px: int, video_bits: int = VIDEO_BITS[0]
+    ) -> None:
         for name, size_px in (("max_width_px", max_width_px), ("max_height_px", max_height_px)):
             if not MIN_FRAME_PX <= size_px <= MAX_FRAME_PX:
                 raise ValueError(f"{name} is {size_px}; it must be {MIN_FRAME_PX} to {MAX_FRAME_PX}")
         self.config = config
         self.max_width_px = max_width_px
         self.max_height_px = max_height_px
+        self._video_input = VideoInput(video_bits=video_bits)
         self.levels = tuple(
             Level(config=config, level=level, width_px=max_width_px >> level) for level in range(config.levels)
         )
@@ -87,7 +92,7 @@ class FrontEnd(wiring.Component):
         """Admission, gray, levels and merge; settings and threshold, which change only between frames."""
         m = Module()
         m.submodules.skid_buffer = skid_buffer = SkidBuffer(shape=VideoPayload)
-        m.submodules.video_input = video_input = VideoInput()
+        m.submodules.video_input = video_input = self._video_input
         m.submodules.admission = admission = FrameAdmission(
             closing_lines=max(level.closing_lines for level in self.levels)
         )
@@ -151,7 +156,10 @@ class FrontEnd(wiring.Component):
         A frame may start only if the settings in use equal the requested ones, now and in the clock before:
         comparison and replacement are both registered, and each takes effect a clock later.
         """
-        active, changing, load, settled = view_signal(FRONT_END_SETTINGS), Signal(), Signal(), Signal()
+        active = view_signal(FRONT_END_SETTINGS)
+        changing = Signal()
+        load = Signal()
+        settled = Signal()
         m.d.sync += [
             changing.eq(active.as_value() != self.settings.as_value()),
             settled.eq(~changing),

@@ -91,14 +91,19 @@ class LevelMerge(wiring.Component):
         m.submodules.output = output = SkidBuffer(shape=WordPayload)
         wiring.connect(m, wiring.flipped(self.o), output.o)
         record_words = self.record.record_bytes // WORD_BYTES
-        word, index = Signal(range(record_words)), Signal(range(self.max_features + 1))
-        record_ends, full, overflow, sent = word == record_words - 1, Signal(), Signal(), Signal()
+        word = Signal(range(record_words))
+        index = Signal(range(self.max_features + 1))
+        record_ends = word == record_words - 1
+        full = Signal()
+        overflow = Signal()
+        sent = Signal()
         exhausted = self._select_rows(m, features.i, restart=sent) & ~features.o.valid
         passing = Signal()
         status, without_pixels = self._status(m, index, overflow, passing, sent)
         numbers = view_signal(record_layout(self.record))
         # A status word is selected in one clock and sent in the next; `is_chosen` says that it has been selected.
-        status_word, is_chosen = Signal(WORD, reset_less=True), Signal()
+        status_word = Signal(WORD, reset_less=True)
+        is_chosen = Signal()
         m.d.sync += status_word.eq(Array(words(status))[word])
         # Index and frame number are 0 in the words of the levels, so an OR inserts them.
         m.d.comb += [
@@ -140,7 +145,9 @@ class LevelMerge(wiring.Component):
     def _select_rows(self, m: Module, features: stream.Interface, *, restart: Value) -> Value:
         """Pass on the words of the level whose cell row is next; return whether all levels have ended."""
         order = ROW_LEVELS if self.levels == 2 else ROW_LEVELS[:1]
-        step, level, ended = Signal(range(len(order))), Signal(range(self.levels)), Signal(self.levels)
+        step = Signal(range(len(order)))
+        level = Signal(range(self.levels))
+        ended = Signal(self.levels)
         following = Mux(step == len(order) - 1, 0, step + 1)
         item = data.View(RowPayload, Array(source.payload.as_value() for source in self.i_levels)[level])
         valid = Signal()
@@ -160,7 +167,9 @@ class LevelMerge(wiring.Component):
 
     def _status(self, m: Module, index: Value, overflow: Value, passing: Value, sent: Value) -> tuple[data.View, Value]:
         """Return the status of the frame that has ended, and whether it had no pixels."""
-        clock, start, frame = Signal(32), Signal(32), Signal(32)
+        clock = Signal(32)
+        start = Signal(32)
+        frame = Signal(32)
         end = view_signal(data.StructLayout({"causes": CAUSES, "threshold_code": RESPONSE_CODE.bits, "start": 32}))
         cycles = Signal(32)
         without_pixels = (end.causes & WITHOUT_PIXELS).any()

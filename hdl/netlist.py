@@ -7,10 +7,14 @@ enables, and removes unused logic: simulators can then skip the logic of idle bl
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
+from collections.abc import Mapping
+from pathlib import Path
 
+import amaranth
 from amaranth.back.rtlil import convert
 from amaranth.lib import wiring
 
@@ -20,13 +24,28 @@ TIDY = ("proc -norom", "opt_expr", "opt_merge", "opt_clean", "opt_dff t:* r:WIDT
 # Structs cross module boundaries as wide words, which Verilator packs and unpacks in each clock: flat, the same netlist
 # simulates 1.6 times as fast and compiles in two thirds of the time (measured).
 FLATTEN = ("flatten", "opt_clean")
-# Simulators clear memories by themselves. Zeros in the netlist become one statement a word: more than half of Yosys's
-# time for a first build, and nine tenths of the C++ that Verilator writes to initialise the model (measured).
+# Zeros in the netlist become one statement a word: more than half of Yosys's time for a first build, and nine tenths
+# of the C++ that Verilator writes to initialise the model (measured). Simulators of two values clear memories by
+# themselves; for all others a loop in the exported Verilog does it.
 ZEROS = re.compile(r"  cell \$meminit_v2 .*\n(?:    .*\n)*?    connect \\DATA \d+'0+\n(?:    .*\n)*?  end\n")
-INTERNAL_ATTRIBUTES = ("generator", "top", "src", "amaranth.hierarchy", "amaranth.decoding")
+UNINITIALISED = re.compile(r"^  reg (?:\[(\d+):0\] )?(\S+) ?\[(\d+):0\];\n(?!  initial begin)", re.MULTILINE)
+INTERNAL_ATTRIBUTES = ("generator", "top", "amaranth.hierarchy", "amaranth.decoding")
+SOURCE = re.compile(r'attribute \\src "([^"]*)"')
+FOLDERS = (Path(__file__).parents[1], Path(amaranth.__file__).parents[1])
+"""Paths in the export are relative to these: the project's and that of the installed packages."""
+
+Attributes = Mapping[str, Mapping[str, str]]
 
 
-def to_verilog(component: wiring.Component, *, name: str = "top", platform: object = None, flat: bool = False) -> str:
+def to_verilog(
+    component: wiring.Component,
+    *,
+    name: str = "top",
+    platform: object = None,
+    flat: bool = False,
+    aliases: bool = True,
+    port_attributes: Attributes | None = None,
+) -> str:
     """A component in Verilog, with one module for each component in it.
 
     Parameters
@@ -38,24 +57,61 @@ def to_verilog(component: wiring.Component, *, name: str = "top", platform: obje
     platform : object
         Passed to components; they set attributes for a vendor's tools only if it is given.
     flat : bool
-        Make one module, for simulation; names are prefixed with those of the modules they were in.
+        Make one module, for simulation: names are prefixed with those of the modules they were in, and lines of the
+        Python source are not told.
+    aliases : bool
+        Keep second names of signals and names of parts that nothing reads, which waves show.
+    port_attributes : mapping of str to mapping of str to str, optional
+        Attributes of the ports of the top module.
     """
-    remove = " ".join(f"-remove {attribute}" for attribute in INTERNAL_ATTRIBUTES)
+    internal = (*INTERNAL_ATTRIBUTES, "src") if flat else INTERNAL_ATTRIBUTES
+    remove = " ".join(f"-remove {attribute}" for attribute in internal)
     # Merging equal cells across modules helps Verilator, but would slow CXXRTL down.
     structure = (*FLATTEN, "opt_expr", "opt_merge", "opt_clean") if flat else ()
-    output = ("memory_collect", f"attrmap {remove}", f"attrmap -modattr {remove}", "write_verilog")
-    return _written(_netlist(component, name, platform, for_simulation=flat), (*TIDY, *structure, *output))
+    purge = () if aliases else ("opt_clean -purge",)
+    output = (*purge, "memory_collect", f"attrmap {remove}", f"attrmap -modattr {remove}", "write_verilog")
+    netlist = _with_attributes(_netlist(component, name, platform, sources=not flat), port_attributes or {})
+    text = _written(netlist, (*TIDY, *structure, *output))
+    return text if flat else UNINITIALISED.sub(_with_zeros, text)
+
+
+def _with_attributes(netlist: str, attributes: Attributes) -> str:
+    for port, values in attributes.items():
+        lines = "".join(f'  attribute \\{name} "{value}"\n' for name, value in values.items())
+        wire = re.compile(rf"^  wire width \d+ (?:input|output) \d+ +\\{port}$", re.MULTILINE)
+        # Only the top module has ports of these names.
+        netlist = wire.sub(lambda found, lines=lines: lines + found[0], netlist)
+    return netlist
+
+
+def _with_zeros(memory: re.Match[str]) -> str:
+    """The declaration of a memory, and a loop that clears it."""
+    bits, name, last = int(memory[1] or 0) + 1, memory[2], int(memory[3])
+    # An escaped name ends with a space.
+    escaped = f"{name} " if name.startswith("\\") else name
+    label = "clear_" + re.sub(r"\W", "_", name)
+    return (
+        f"{memory[0]}  initial begin : {label}\n    integer cleared;\n"
+        f"    for (cleared = 0; cleared <= {last}; cleared = cleared + 1) {escaped}[cleared] = {bits}'d0;\n  end\n"
+    )
 
 
 def to_cxxrtl(component: wiring.Component, *, name: str = "top", debug: bool = False) -> str:
     """A component as one C++ class of CXXRTL; ``debug`` keeps the signals that waves show."""
     passes = (*TIDY, *FLATTEN, "memory_collect", f"write_cxxrtl -g{4 if debug else 0}")
-    return _written(_netlist(component, name, None, for_simulation=True), passes)
+    return _written(_netlist(component, name, None, sources=False), passes)
 
 
-def _netlist(component: wiring.Component, name: str, platform: object, *, for_simulation: bool) -> str:
-    netlist = convert(component, name=name, platform=platform, emit_src=False)
-    return ZEROS.sub("", netlist) if for_simulation else netlist
+def _netlist(component: wiring.Component, name: str, platform: object, *, sources: bool) -> str:
+    netlist = convert(component, name=name, platform=platform, emit_src=sources)
+    return SOURCE.sub(lambda found: f'attribute \\src "{_relative(found[1])}"', ZEROS.sub("", netlist))
+
+
+def _relative(location: str) -> str:
+    """``path:line`` without the folders of this machine."""
+    for folder in FOLDERS:
+        location = location.removeprefix(f"{folder}{os.sep}")
+    return location.replace(os.sep, "/")
 
 
 def _written(netlist: str, passes: tuple[str, ...]) -> str:

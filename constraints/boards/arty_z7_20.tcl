@@ -2,7 +2,8 @@
 array set board {
     name        arty_z7_20
     part        xc7z020clg400-1
-    ps_mhz      50
+    family      zynq
+    clock_mhz   50
     ddr_part    {MT41K256M16 RE-125}
     ddr_width   {16 Bit}
 }

@@ -71,6 +71,7 @@ class Accelerator:
         self.bus = bus
         self.timeout_seconds = timeout_seconds
         self._check_build()
+        self.video_bits = self.read("built_video_bits")
         self.max_width_px, self.max_height_px = self.read("built_width_px"), self.read("built_height_px")
         capacity = self.read("built_max_features") + 1
         self._received = {
@@ -149,7 +150,7 @@ class Accelerator:
             raise AcceleratorError(
                 f"a frame has {frame.shape[1]}x{frame.shape[0]} px; SIZE is {size_px[0]}x{size_px[1]}"
             )
-        words = as_words(frame)
+        words = as_words(frame, self.video_bits)
         self._sent[: words.nbytes] = words.view(np.uint8)
         # Receive before send: the outputs stall the accelerator until their DMAs are ready.
         for channel in CHANNELS:
@@ -160,11 +161,18 @@ class Accelerator:
         return Frame(*packets)
 
 
-def as_words(frame):
-    """A frame in the format of memory mode: four gray pixels in a 32-bit word, or one pixel as R, G, B, X."""
+def as_words(frame, video_bits=32):
+    """A frame in the format of memory mode: four gray pixels in a 32-bit word, or one pixel as R, G, B, X.
+
+    At an 8-bit input, gray pixels follow each other in the same way; at a 24-bit one, each has a word of its own.
+    """
     if frame.ndim == 2:
         pixels = frame.reshape(-1)
+        if video_bits == 24:
+            return pixels.astype(np.uint32)
         return np.concatenate((pixels, np.zeros(-pixels.size % 4, np.uint8))).view(np.uint32)
+    if video_bits == 8:
+        raise AcceleratorError("this build has an 8-bit input, for gray frames only; convert the frame to gray")
     rgbx = np.zeros((*frame.shape[:2], 4), np.uint8)
     rgbx[..., :3] = frame[..., ::-1]
     return rgbx.reshape(-1).view(np.uint32)

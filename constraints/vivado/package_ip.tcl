@@ -5,7 +5,6 @@
 set here [file normalize [file dirname [info script]]]
 source [file join $here board.tcl]
 set ip_folder [file join $here ip]
-set clock_hz 150000000
 
 create_project -force -part $board(part) package_ip [file join $here package_ip]
 add_files -norecurse [file join $here .. rtl skymosaic.v]
@@ -20,30 +19,22 @@ set_property name skymosaic $core
 set_property version 1.0 $core
 set_property display_name {skymosaic vision front end} $core
 set_property description {Corners, descriptors, matches and fuzzy weights of UAV video} $core
-set_property supported_families {zynq Production} $core
+set_property supported_families {
+    zynq Production zynquplus Production artix7 Production kintex7 Production
+} $core
 
-# The streams and the registers, by their ports' names.
-ipx::infer_bus_interfaces xilinx.com:interface:axis_rtl:1.0 $core
-ipx::infer_bus_interfaces xilinx.com:interface:aximm_rtl:1.0 $core
-ipx::infer_bus_interface aclk xilinx.com:signal:clock_rtl:1.0 $core
-ipx::infer_bus_interface aresetn xilinx.com:signal:reset_rtl:1.0 $core
-ipx::infer_bus_interface interrupt xilinx.com:signal:interrupt_rtl:1.0 $core
-foreach interface {s_axis_video m_axis_features m_axis_matches s_axi_ctrl} {
-    ipx::associate_bus_interfaces -busif $interface -clock aclk $core
-}
-ipx::associate_bus_interfaces -clock aclk -reset aresetn $core
-
-proc set_bus_parameter {interface name value} {
-    upvar core core
-    set bus [ipx::get_bus_interfaces $interface -of_objects $core]
-    if {[llength [ipx::get_bus_parameters $name -of_objects $bus]] == 0} {
-        ipx::add_bus_parameter $name $bus
+# Vivado made the interfaces from the attributes X_INTERFACE_INFO in the Verilog.
+foreach interface {s_axis_video m_axis_features m_axis_matches s_axi_ctrl aclk aresetn interrupt} {
+    if {[llength [ipx::get_bus_interfaces $interface -of_objects $core]] == 0} {
+        error "no interface $interface was found in skymosaic.v"
     }
-    set_property value $value [ipx::get_bus_parameters $name -of_objects $bus]
 }
-set_bus_parameter aclk FREQ_HZ $clock_hz
-set_bus_parameter aresetn POLARITY ACTIVE_LOW
-set_bus_parameter interrupt SENSITIVITY LEVEL_HIGH
+# A frequency fixed here would have to equal the block design's clock to the hertz; left to the user, it follows it.
+set clock [ipx::get_bus_interfaces aclk -of_objects $core]
+if {[llength [ipx::get_bus_parameters FREQ_HZ -of_objects $clock]] == 0} {
+    ipx::add_bus_parameter FREQ_HZ $clock
+}
+set_property value_resolve_type user [ipx::get_bus_parameters FREQ_HZ -of_objects $clock]
 
 # 4 KB of registers.
 if {[llength [ipx::get_memory_maps s_axi_ctrl -of_objects $core]] == 0} {

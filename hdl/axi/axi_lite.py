@@ -137,7 +137,8 @@ class AxiLiteSubordinate(wiring.Component):
     def _writes(self, m: Module) -> None:
         """Accept address and data in any order; when both are there, write and respond."""
         bus = self.bus
-        has_address, has_data = Signal(), Signal()
+        has_address = Signal()
+        has_data = Signal()
         # Low during reset: an access that were accepted then would get no response.
         running = Signal()
         m.d.sync += running.eq(1)
@@ -162,7 +163,8 @@ class AxiLiteSubordinate(wiring.Component):
     def _reads(self, m: Module) -> None:
         """Accept an address, read, respond."""
         bus = self.bus
-        has_address, running = Signal(), Signal()
+        has_address = Signal()
+        running = Signal()
         m.d.sync += running.eq(1)
         m.d.comb += [
             bus.arready.eq(running & ~has_address),

@@ -50,8 +50,10 @@ class PacketGate(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """A switch that changes only between packets, and a shift register for the last record."""
         m = Module()
-        passes, under_way = Signal(), Signal()
-        word, status = Signal(range(self.record_words)), Signal(self._layout.size)
+        passes = Signal()
+        under_way = Signal()
+        word = Signal(range(self.record_words))
+        status = Signal(self._layout.size)
         m.d.comb += [
             self.o.valid.eq(self.i.valid & under_way & passes),
             self.o.payload.eq(self.i.payload),

@@ -17,7 +17,7 @@ from hdl.settings import SETTINGS
 REGISTER_BITS = 32
 ADDRESS_BITS = 12
 IDENTITY = int.from_bytes(b"SKYM", "big")
-VERSION = (0, 1, 0)
+VERSION = (0, 2, 0)
 
 
 class Access(enum.Enum):
@@ -103,6 +103,7 @@ REGISTERS = (
             Field("built_selection", 6, 1, _CONSTANT, "Whether corners are selected by cells."),
             Field("built_descriptor_bytes", 8, 8, _CONSTANT, "Length of a descriptor."),
             Field("built_lanes", 16, 8, _CONSTANT, "Left descriptors compared at a time."),
+            Field("built_video_bits", 24, 8, _CONSTANT, "Width of the video input's data: 32, 24 or 8."),
         ),
     ),
     Register(
@@ -238,7 +239,13 @@ def fields(*accesses: Access) -> Iterator[Field]:
 
 
 def built_constants(
-    *, front_end: FrontEndConfig, matcher: MatcherConfig, lanes: int, max_width_px: int, max_height_px: int
+    *,
+    front_end: FrontEndConfig,
+    matcher: MatcherConfig,
+    lanes: int,
+    max_width_px: int,
+    max_height_px: int,
+    video_bits: int = 32,
 ) -> dict[str, int]:
     """The values of the constant fields for one build."""
     pattern = front_end.pattern
@@ -251,6 +258,7 @@ def built_constants(
         "built_selection": int(front_end.selection),
         "built_descriptor_bytes": pattern.descriptor_bytes,
         "built_lanes": lanes,
+        "built_video_bits": video_bits,
         "built_width_px": max_width_px,
         "built_height_px": max_height_px,
         "built_max_features": front_end.max_features,

@@ -8,6 +8,8 @@ from amaranth.lib.wiring import In, Out
 from hdl.streams import PixelPayload
 
 GRAY_PER_WORD = 4
+VIDEO_BITS = (32, 24, 8)
+"""Widths of the input's data: 24 and 8 are those of UG934 for RGB and gray, 32 is that of a DMA's words."""
 
 
 class VideoPayload(data.Struct):
@@ -16,7 +18,7 @@ class VideoPayload(data.Struct):
     Members
     -------
     data : in video mode G, B, R from the lowest byte (UG934), or gray in the lowest; in memory mode R, G, B, X from
-        the lowest byte, or four gray pixels, the first one lowest.
+        the lowest byte, or four gray pixels, the first one lowest. The upper bytes of a narrower port are 0.
     first : TUSER[0], the start of a frame; ignored in memory mode.
     last : TLAST, the end of a line; in memory mode the end of a transfer.
     """
@@ -32,6 +34,12 @@ class VideoInput(wiring.Component):
     In memory mode, ``last`` of a pixel ends the transfer, and pixels left in a beat at the end of a frame are dropped.
     The path from input to output is combinational; between pixels only the byte of the beat is kept.
 
+    Parameters
+    ----------
+    video_bits : {32, 24, 8}
+        Width of the port that the beats come from. A beat of fewer than 32 bits holds one gray pixel in memory mode,
+        too; with 8 bits there is no colour.
+
     Members
     -------
     i : In(stream of VideoPayload)
@@ -44,6 +52,11 @@ class VideoInput(wiring.Component):
     Attributes
     ----------
     latency_cycles : int
+
+    Raises
+    ------
+    ValueError
+        For another width.
     """
 
     i: stream.Interface
@@ -54,7 +67,10 @@ class VideoInput(wiring.Component):
 
     latency_cycles = 0
 
-    def __init__(self) -> None:
+    def __init__(self, *, video_bits: int = VIDEO_BITS[0]) -> None:
+        if video_bits not in VIDEO_BITS:
+            raise ValueError(f"video_bits is {video_bits}; it must be one of {', '.join(map(str, VIDEO_BITS))}")
+        self.gray_per_beat = GRAY_PER_WORD if video_bits == VIDEO_BITS[0] else 1
         super().__init__(
             {
                 "i": In(stream.Signature(VideoPayload)),
@@ -69,12 +85,14 @@ class VideoInput(wiring.Component):
         """Split beats into pixels, and bring their colours into one order."""
         m = Module()
         beat, pixel = self.i.payload, self.o.payload
-        byte, unpacks, empties = Signal(range(GRAY_PER_WORD)), Signal(), Signal()
+        byte = Signal(range(GRAY_PER_WORD))
+        unpacks = Signal()
+        empties = Signal()
         lanes = [beat.data.word_select(n, 8) for n in range(GRAY_PER_WORD)]
         red, green, blue, _ = lanes
         m.d.comb += [
             unpacks.eq(self.i_memory_mode & self.i_gray_input),
-            empties.eq(~unpacks | self.i_frame_ends | (byte == GRAY_PER_WORD - 1)),
+            empties.eq(~unpacks | self.i_frame_ends | (byte == self.gray_per_beat - 1)),
             self.o.valid.eq(self.i.valid),
             self.i.ready.eq(self.o.ready & empties),
             # The front end takes colours in the order of UG934: G in the lowest byte, then B, R.

@@ -132,8 +132,10 @@ class Sector(wiring.Component):
         """Fold into the first octant, compare with the two sector borders inside it, unfold."""
         m = Module()
         length = self._borders[0].i_values[0].shape()
-        along, across = Signal(length, reset_less=True), Signal(length, reset_less=True)
-        left, up = Signal(reset_less=True), Signal(reset_less=True)
+        along = Signal(length, reset_less=True)
+        across = Signal(length, reset_less=True)
+        left = Signal(reset_less=True)
+        up = Signal(reset_less=True)
         with m.If(self.i_valid):
             m.d.sync += [
                 left.eq(self.i_mx < 0),
@@ -146,7 +148,8 @@ class Sector(wiring.Component):
         compared = delayed(m, folded, 1, reset_less=False)
         sorted_out = delayed(m, compared, 1, reset_less=False)
         steep = Signal(reset_less=True)
-        longer, shorter = Signal(length, reset_less=True), Signal(length, reset_less=True)
+        longer = Signal(length, reset_less=True)
+        shorter = Signal(length, reset_less=True)
         with m.If(folded):
             m.d.sync += steep.eq(along > across)
         with m.If(compared):
@@ -165,7 +168,9 @@ class Sector(wiring.Component):
 
     @staticmethod
     def _unfolded(m: Module, beyond: list[Value], steep: Value, left: Value, up: Value) -> Value:
-        octant, quadrant, half = Signal(4), Signal(4), Signal(4)
+        octant = Signal(4)
+        quadrant = Signal(4)
+        half = Signal(4)
         m.d.comb += [
             octant.eq(Mux(steep, SECTORS // 4 - (beyond[0] + beyond[1]), beyond[0] + beyond[1])),
             quadrant.eq(Mux(left, SECTORS // 2 - octant, octant)),

@@ -51,7 +51,8 @@ class Vertex(wiring.Component):
         """Decode, subtract, then divide with one quotient bit per clock."""
         m = Module()
         before, centre, after = self._decoded(m)
-        fall_after, fall_before = Signal(_VALUE_BITS, reset_less=True), Signal(_VALUE_BITS, reset_less=True)
+        fall_after = Signal(_VALUE_BITS, reset_less=True)
+        fall_before = Signal(_VALUE_BITS, reset_less=True)
         m.d.sync += [fall_after.eq(centre - after), fall_before.eq(centre - before)]
 
         total = Signal(_VALUE_BITS + 1, reset_less=True)
@@ -141,7 +142,11 @@ class SubPixel(wiring.Component):
         """One `Vertex` serves both directions: x in the first clock, y in the second."""
         m = Module()
         m.submodules.vertex = vertex = self._vertex
-        up, before, centre, after, down = (Signal(RESPONSE_CODE.bits, reset_less=True) for _ in range(5))
+        up = Signal(RESPONSE_CODE.bits, reset_less=True)
+        before = Signal(RESPONSE_CODE.bits, reset_less=True)
+        centre = Signal(RESPONSE_CODE.bits, reset_less=True)
+        after = Signal(RESPONSE_CODE.bits, reset_less=True)
+        down = Signal(RESPONSE_CODE.bits, reset_less=True)
         # In the clock after a candidate its vertical neighbours move to the inputs of the divider.
         m.d.sync += [before.eq(up), after.eq(down)]
         with m.If(self.i.present):
@@ -157,9 +162,11 @@ class SubPixel(wiring.Component):
         x_cycles = 1 + vertex.latency_cycles
         x_done = delayed(m, self.i.present, x_cycles, reset_less=False)
         y_done = delayed(m, x_done, 1, reset_less=False)
-        column, row = (Signal.like(scan, reset_less=True) for scan in (self.i.x, self.i.y))
+        column = Signal.like(self.i.x, reset_less=True)
+        row = Signal.like(self.i.y, reset_less=True)
         m.d.sync += [column.eq(self.i.x - self.lag_px), row.eq(self.i.y - self.lag_px)]
-        x, y = delayed(m, column, x_cycles - 1), delayed(m, row, x_cycles)
+        x = delayed(m, column, x_cycles - 1)
+        y = delayed(m, row, x_cycles)
         with m.If(x_done):
             m.d.sync += self.o_x.eq(self._full_resolution(x, vertex.o_offset))
         with m.If(y_done):

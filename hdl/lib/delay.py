@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TypeVar
 
-from amaranth import Module, Signal, Value
+from amaranth import Module, Signal, Value, ValueCastable, ValueLike, tracer
 from amaranth.lib import data
 
 Delayed = TypeVar("Delayed", Value, data.View)
@@ -16,12 +16,35 @@ def delayed(m: Module, value: Delayed, cycles: int, *, reset_less: bool = True) 
     Without reset the registers pack into shift-register LUTs (30 % fewer flip-flops, measured). A valid bit needs
     ``reset_less=False``, otherwise a stale valid survives reset. Call this outside of any ``m.If``: inside, the
     registers would only advance while the condition holds.
+
+    The registers are named after the variable that the result is assigned to, or else after the signal that is
+    delayed: ``x_after2`` is ``x`` two clocks later.
     """
-    for _ in range(cycles):
-        register = Signal.like(value, reset_less=reset_less)
+    name = tracer.get_var_name(depth=2, default=None)
+    for cycle in range(1, cycles + 1):
+        named = later(value) if name is None else name if cycle == cycles else f"{name}_stage{cycle}"
+        # One frame further up, or every register would be said to come from here.
+        register = Signal.like(value, name=named, reset_less=reset_less, src_loc_at=1)
         m.d.sync += register.eq(value)
         value = register
     return value
+
+
+def later(value: ValueLike) -> str:
+    """Name for ``value`` one clock later."""
+    name, after, cycles = (_first_name(Value.cast(value)) or "constant").rpartition("_after")
+    return f"{name}_after{int(cycles) + 1}" if after and cycles.isdigit() else f"{name}{after}{cycles}_after1"
+
+
+def _first_name(value: Value) -> str:
+    """Name of the first signal in an expression."""
+    if isinstance(value, Signal):
+        return str(value.name)
+    # The operands, under the names that Amaranth's kinds of expressions have for them.
+    parts = [getattr(value, "value", None), getattr(value, "test", None)]
+    parts += [part for name in ("operands", "parts", "elems") for part in getattr(value, name, ())]
+    names = (_first_name(Value.cast(part)) for part in parts if isinstance(part, (Value, ValueCastable)))
+    return next((name for name in names if name), "")
 
 
 class Pipe:
@@ -42,7 +65,8 @@ class Pipe:
         """``value`` one clock later, where ``value`` itself is ``cycles`` clocks behind the pipe's start."""
         while len(self._valid) <= cycles:
             self._valid.append(delayed(self._m, self._valid[-1], 1, reset_less=False))
-        register = Signal.like(value, reset_less=True)
+        name = tracer.get_var_name(depth=2, default=None) or later(value)
+        register = Signal.like(value, name=name, reset_less=True, src_loc_at=1)
         with self._m.If(self._valid[cycles]):
             self._m.d.sync += register.eq(value)
         return register

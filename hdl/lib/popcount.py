@@ -138,7 +138,8 @@ def _sum_of_nothing(planes: list[None]) -> list[None]:
 
 
 def _full_adder(m: Module, a: Value, b: Value, c: Value) -> list[Value]:
-    total, carry = Signal.like(a, name="total"), Signal.like(a, name="carry")
+    total = Signal.like(a, name="total")
+    carry = Signal.like(a, name="carry")
     m.d.comb += [total.eq(a ^ b ^ c), carry.eq((a & b) | (c & (a ^ b)))]
     return [total, carry]
 
@@ -146,6 +147,7 @@ def _full_adder(m: Module, a: Value, b: Value, c: Value) -> list[Value]:
 def _sum6(m: Module, planes: list[Value]) -> list[Value]:
     # Each of the three result bits is a function of six inputs: one 6-input LUT.
     (low_a, high_a), (low_b, high_b) = _full_adder(m, *planes[:3]), _full_adder(m, *planes[3:])
-    ones, carry = Signal.like(low_a, name="ones"), Signal.like(low_a, name="low_carry")
+    ones = Signal.like(low_a, name="ones")
+    carry = Signal.like(low_a, name="low_carry")
     m.d.comb += [ones.eq(low_a ^ low_b), carry.eq(low_a & low_b)]
     return [ones, *_full_adder(m, high_a, high_b, carry)]

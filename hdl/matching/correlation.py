@@ -124,7 +124,8 @@ class WindowCorrelation(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """A state machine, and the arithmetic of its three phases: sums, products, root."""
         m = Module()
-        start, step = Signal(), Signal(range(max(self._phases.values())))
+        start = Signal()
+        step = Signal(range(max(self._phases.values())))
         adding, multiplying, rooting = (Signal(name=name) for name in ("adding", "multiplying", "rooting"))
         following = (*list(self._phases)[1:], "Offer")
         with m.FSM():
@@ -153,10 +154,13 @@ class WindowCorrelation(wiring.Component):
 
     def _sums(self, m: Module, start: Value, adding: Value, step: Value) -> _Sums:
         windows = self.i.payload
-        left, right = (delayed(m, Array(window)[step[:4]], 1) for window in (windows.left, windows.right))
+        left = delayed(m, Array(windows.left)[step[:4]], 1)
+        right = delayed(m, Array(windows.right)[step[:4]], 1)
         difference = delayed(m, left - right, 1)
         total = Signal(signed(len(self.o.payload.sad) + 1), reset_less=True)
-        product, left_energy, right_energy = (Signal(_ENERGY, reset_less=True) for _ in range(3))
+        product = Signal(_ENERGY, reset_less=True)
+        left_energy = Signal(_ENERGY, reset_less=True)
+        right_energy = Signal(_ENERGY, reset_less=True)
         addends = (
             (total, difference),
             (self.o.payload.sad, abs(difference)),
@@ -199,7 +203,8 @@ class WindowCorrelation(wiring.Component):
         With Q the bits so far, a further 1 leaves the remainder ``remainder - (4 Q + 1) energy``; ``trial`` is the
         subtracted multiple.
         """
-        remainder, trial = (Signal(_SQUARE.width + NCC.bits + 3, reset_less=True) for _ in range(2))
+        remainder = Signal(_SQUARE.width + NCC.bits + 3, reset_less=True)
+        trial = Signal(_SQUARE.width + NCC.bits + 3, reset_less=True)
         quotient = self.o.payload.ncc
         left_over = remainder - trial
         fits = left_over >= 0

@@ -129,7 +129,8 @@ class FeatureBanks(wiring.Component):
 
     def _collect(self, m: Module) -> tuple[Signal, Signal, Signal]:
         """Assemble a record from words. ``complete`` is high for one clock, for a status until it was accepted."""
-        complete, ends_frame = Signal(), Signal(reset_less=True)
+        complete = Signal()
+        ends_frame = Signal(reset_less=True)
         record = Signal(self._record.size, reset_less=True)
         word = Signal(range(self._record_words))
         incoming = self.i.payload.data
@@ -148,7 +149,8 @@ class FeatureBanks(wiring.Component):
     def _roles(self, m: Module) -> tuple[Signal, Signal, Signal]:
         """Numbers of the reference, the current and the filling bank."""
         reference, current, filling = (Signal(range(len(ROLES)), init=n, name=name) for n, name in enumerate(ROLES))
-        has_reference, has_current = Signal(), Signal()
+        has_reference = Signal()
+        has_current = Signal()
         status = self.o_status.payload
         with m.If(self.o_status.valid & self.o_status.ready & status.good):
             with m.If(self.i_take_reference | ~has_reference):

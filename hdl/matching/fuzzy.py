@@ -92,7 +92,8 @@ class Sugeno(wiring.Component):
         ended = delayed(m, last, self._term_cycles + 1, reset_less=False)
         if self._is_product:
             half = self.system.strength_one // 2
-            weight, finished = delayed(m, (total + half) >> exact_log2(2 * half), 1), ended
+            weight = delayed(m, (total + half) >> exact_log2(2 * half), 1)
+            finished = ended
         else:
             weight, finished = self._quotient(m, ended, total, fired)
         m.d.sync += self.o.payload.weight.eq(Mux(weight > WEIGHT.max_raw, WEIGHT.max_raw, weight))
@@ -104,7 +105,9 @@ class Sugeno(wiring.Component):
 
     def _rules(self, m: Module) -> tuple[Signal, Signal, Signal]:
         """Count the rules, starting two clocks after ``i.valid``, when the membership ROMs have answered."""
-        started, issuing, last = Signal(), Signal(), Signal()
+        started = Signal()
+        issuing = Signal()
+        last = Signal()
         rule = Signal(range(MAX_RULES))
         m.d.comb += last.eq(issuing & (rule == len(self.system.rules) - 1))
         m.d.sync += [started.eq(self.i.valid & ~self.i.ready), self.i.ready.eq(self.o.valid & self.o.ready)]
@@ -141,7 +144,8 @@ class Sugeno(wiring.Component):
         last = degrees[-1]
         for factor in factors:
             others = delayed(m, others * factor, PRODUCT_CYCLES)
-            last, folded = delayed(m, last, PRODUCT_CYCLES), delayed(m, folded, PRODUCT_CYCLES)
+            last = delayed(m, last, PRODUCT_CYCLES)
+            folded = delayed(m, folded, PRODUCT_CYCLES)
         return delayed(m, others * last, PRODUCT_CYCLES), delayed(m, others * folded, PRODUCT_CYCLES)
 
     def _minimum(self, m: Module, degrees: list[Value], rule: Value) -> tuple[Value, Value]:
@@ -156,7 +160,8 @@ class Sugeno(wiring.Component):
     def _add_up(self, m: Module, valid: Value, rule: Value, strength: Value, term: Value) -> tuple[Signal, Signal]:
         """Sums of terms and strengths, and the dominant rule (ties to the lowest); cleared after each result."""
         largest = self.system.strength_one * (1 if self._is_product else len(self.system.rules))
-        total, fired = Signal(range(largest * MEMBERSHIP.one + 1)), Signal(range(largest + 1))
+        total = Signal(range(largest * MEMBERSHIP.one + 1))
+        fired = Signal(range(largest + 1))
         dominant_strength = Signal.like(strength)
         with m.If(valid):
             m.d.sync += [total.eq(total + term), fired.eq(fired + strength)]

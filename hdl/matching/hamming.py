@@ -76,7 +76,9 @@ class Distances(wiring.Component):
         """Operand registers, exclusive or, count."""
         m = Module()
         m.submodules.popcount = popcount = self._popcount
-        left_valid, right_valid, entered = Signal(self.lanes), Signal(self.lanes), Signal(self.lanes)
+        left_valid = Signal(self.lanes)
+        right_valid = Signal(self.lanes)
+        entered = Signal(self.lanes)
         counting = Signal()
         m.d.comb += [entered.eq(Cat(self.i_valid, right_valid[:-1])), popcount.i_valid.eq(counting)]
         m.d.sync += [right_valid.eq(entered), counting.eq(entered.any())]

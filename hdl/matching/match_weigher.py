@@ -86,8 +86,12 @@ class MatchWeigher(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Count, or wait for the features and weigh."""
         m = Module()
-        orientation, peak = Signal(range(SECTORS)), Signal(range(SECTORS))
-        count, weigh, counted, weighed = (Signal() for _ in range(4))
+        orientation = Signal(range(SECTORS))
+        peak = Signal(range(SECTORS))
+        count = Signal()
+        weigh = Signal()
+        counted = Signal()
+        weighed = Signal()
         # Modulo SECTORS, as angles wrap around: the signal's width cuts the difference.
         m.d.sync += orientation.eq(self.i_right.sector - self.i_left.sector)
         if self.pattern.oriented:

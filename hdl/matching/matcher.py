@@ -106,8 +106,12 @@ class Matcher(wiring.Component):
         m.submodules.weigher = self._weigher
         self._connect_banks(m)
         self._connect_results(m)
-        sending, status, closes = Signal(), view_signal(STATUS_LAYOUT), Signal()
-        weighed, has_match, verdict = self._weigher.o, Signal(), Signal()
+        sending = Signal()
+        status = view_signal(STATUS_LAYOUT)
+        closes = Signal()
+        weighed = self._weigher.o
+        has_match = Signal()
+        verdict = Signal()
         keep_above = Signal.like(self.i_keep_above, reset_less=True)
         m.d.comb += weighed.ready.eq(closes & has_match)
         with m.If(self.o_frame_taken):

@@ -139,7 +139,8 @@ class NearestNeighbours(wiring.Component):
         issuing = Signal()
         slot = Signal(range(max(self.max_features, self.shortest_pass_cycles)))
         group = Signal(self._position["group"].shape)
-        last_slot, last_group = Signal.like(slot), Signal.like(group)
+        last_slot = Signal.like(slot)
+        last_group = Signal.like(group)
         drain = Signal(range(self.drain_cycles + 1))
         with m.If(issuing):
             m.d.sync += [slot.eq(slot + 1), drain.eq(self.drain_cycles)]
@@ -149,7 +150,8 @@ class NearestNeighbours(wiring.Component):
             m.d.sync += [drain.eq(drain - 1), self.o_busy.eq(drain != 1)]
         with m.If(self.i_start):
             # A shorter pass would read a column before the previous group has written it back.
-            short, any_pair = self.i_right_count < self.shortest_pass_cycles, Signal()
+            short = self.i_right_count < self.shortest_pass_cycles
+            any_pair = Signal()
             m.d.comb += any_pair.eq(self.i_left_count.any() & self.i_right_count.any())
             m.d.sync += [
                 issuing.eq(any_pair),
@@ -163,7 +165,9 @@ class NearestNeighbours(wiring.Component):
     def _address(self, m: Module, issuing: Value, slot: Value, group: Value) -> tuple[Value, data.View]:
         """Read the banks, load the lanes. Returns validity and position of the right descriptor, with its address."""
         position = view_signal(self._position)
-        valid, load, left_valid = Signal(), Signal(), Signal()
+        valid = Signal()
+        load = Signal()
+        left_valid = Signal()
         # The first slots of a pass also load the lanes: lane k in slot k, just when the first right descriptor
         # reaches it.
         lane = slot[: exact_log2(self.lanes)]
@@ -197,7 +201,8 @@ class NearestNeighbours(wiring.Component):
         m.submodules.columns = columns
         # The column must reach the first lane with the distance, which is later than the descriptor.
         cycles = READ_CYCLES + self._distances.latency_cycles - RESULT_CYCLES
-        valid, position = delayed(m, valid, cycles, reset_less=False), delayed(m, position, cycles)
+        valid = delayed(m, valid, cycles, reset_less=False)
+        position = delayed(m, position, cycles)
         read = columns.read_port()
         m.d.comb += [
             read.addr.eq(Mux(self.o_busy, position.right, self.i_column_index)),
@@ -220,7 +225,8 @@ class NearestNeighbours(wiring.Component):
         rows: Memory = Memory(shape=self._nearest, depth=self.max_features, init=[])
         m.submodules.rows = rows
         write = rows.write_port()
-        valid, row = Signal(), view_signal(self._nearest, reset_less=True)
+        valid = Signal()
+        row = view_signal(self._nearest, reset_less=True)
         # The lanes finish one after the other, so at most one row is valid: OR is enough to select it.
         m.d.sync += [
             valid.eq(Cat(lane.o_row_valid for lane in lanes).any()),
@@ -302,13 +308,15 @@ class MutualNearestNeighbours(wiring.Component):
         # Its ready comes from a register; straight from the output, ready would be the slowest path.
         m.submodules.buffer = buffer = SkidBuffer(shape=self.o.payload.shape())
         wiring.connect(m, buffer.o, wiring.flipped(self.o))
-        walking, left = Signal(), Signal(range(self.max_features))
+        walking = Signal()
+        left = Signal(range(self.max_features))
         valid = Signal(2 * RESULT_CYCLES)
         lefts = [Signal.like(left, name=f"left{n}", reset_less=True) for n in range(len(valid))]
         rows = [view_signal(self.i_row.shape(), name=f"row{n}", reset_less=True) for n in range(RESULT_CYCLES)]
         row, column = rows[-1], self.i_column
         last_left = delayed(m, (self.i_left_count - 1)[: len(left)], 1)
-        is_mutual, pair = Signal(), view_signal(self.o.payload.shape(), reset_less=True)
+        is_mutual = Signal()
+        pair = view_signal(self.o.payload.shape(), reset_less=True)
         second = Signal.like(row.second, reset_less=True)
         m.d.comb += [
             self.o_read.eq(buffer.i.ready),

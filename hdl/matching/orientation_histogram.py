@@ -63,7 +63,8 @@ class OrientationHistogram(wiring.Component):
         step = Signal(range(SECTORS + FIND_CYCLES))
         height = Signal(range(10 * self._bin[-1] + 1))
         orientation, weight = self.i.payload.relative_orientation, self.i.payload.weight
-        square, smoothed = delayed(m, weight * weight, SQUARE_CYCLES), self._smoothed(m, read.data)
+        square = delayed(m, weight * weight, SQUARE_CYCLES)
+        smoothed = self._smoothed(m, read.data)
         is_bin = delayed(m, step >= FIND_CYCLES - 1, 1)
         m.d.sync += step.eq(step + 1)
         with m.FSM(init="Clear"):

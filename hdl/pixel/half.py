@@ -48,17 +48,21 @@ class Half(wiring.Component):
         pairs_above: memory.Memory
         m.submodules.memory = pairs_above = memory.Memory(shape=9, depth=self.width_px // 2, init=[])
         read, write = pairs_above.read_port(), pairs_above.write_port()
-        left, pair, above = Signal(8, reset_less=True), Signal(9, reset_less=True), Signal(9, reset_less=True)
+        left = Signal(8, reset_less=True)
+        pair = Signal(9, reset_less=True)
+        above = Signal(9, reset_less=True)
         with m.If(self.i.valid):
             m.d.sync += [left.eq(self.i.pixel), pair.eq(left + self.i.pixel)]
         m.d.comb += [read.addr.eq(self.i.x >> 1), read.en.eq(self.i.valid)]
 
-        column, row = delayed(m, self.i.x, 1), delayed(m, self.i.y, 1)
+        column = delayed(m, self.i.x, 1)
+        row = delayed(m, self.i.y, 1)
         paired = delayed(m, self.i.valid & self.i.x[0], 1, reset_less=False)
         # Written only in even lines, while the data that is read counts only in odd ones: no conflict at one address.
         m.d.comb += [write.addr.eq(column >> 1), write.data.eq(pair), write.en.eq(paired & ~row[0])]
 
-        below, pixel = delayed(m, pair, 1), Signal(8, reset_less=True)
+        below = delayed(m, pair, 1)
+        pixel = Signal(8, reset_less=True)
         m.d.sync += [above.eq(read.data), pixel.eq((above + below + 2) >> 2)]
         m.d.comb += [
             self.o.valid.eq(delayed(m, paired & row[0], 2, reset_less=False)),

@@ -94,7 +94,8 @@ class StructureTensor(wiring.Component):
             m.submodules[f"sum_{name}"] = total
             m.d.comb += [total.i.valid.eq(product_valid), target.eq(total.o.sum >> TENSOR_SHIFT)]
             for gradients, pixel in zip(operands, total.i.column, strict=True):
-                multiplier, product = (Signal.like(pixel, reset_less=True) for _ in range(2))
+                multiplier = Signal.like(pixel, reset_less=True)
+                product = Signal.like(pixel, reset_less=True)
                 with m.If(operand_valid):
                     m.d.sync += multiplier.eq(gradients[factors[0]] * gradients[factors[1]])
                 with m.If(multiplied):
@@ -138,10 +139,14 @@ class RawResponse(wiring.Component):
         """One clock each: operands, multipliers, products, determinant and penalty, response."""
         m = Module()
         carry_scan(m, self.i, self.o, self.latency_cycles)
-        a, b, c = delayed(m, self.i.a, 1), delayed(m, self.i.b, 1), delayed(m, self.i.c, 1)
+        a = delayed(m, self.i.a, 1)
+        b = delayed(m, self.i.b, 1)
+        c = delayed(m, self.i.c, 1)
         # The trace fits 17 bits (proved), so its square takes one DSP slice; slicing drops the carry that never occurs.
         trace = delayed(m, (self.i.a + self.i.b)[: TENSOR_TRACE.bits], 1)
-        a_b, c_c, trace_squared = (delayed(m, product, 2) for product in (a * b, c * c, trace * trace))
+        a_b = delayed(m, a * b, 2)
+        c_c = delayed(m, c * c, 2)
+        trace_squared = delayed(m, trace * trace, 2)
         determinant = delayed(m, (a_b - c_c)[: RAW_RESPONSE.bits], 1)
         penalty = delayed(m, self._penalty(trace_squared), 1)
         m.d.comb += self.o.raw.eq(delayed(m, (determinant - penalty)[: RAW_RESPONSE.bits], 1))

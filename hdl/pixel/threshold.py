@@ -96,5 +96,6 @@ class AdaptiveThreshold(wiring.Component):
 
 def _clamped(m: Module, value: Value, low: int, high: int) -> Value:
     """The value of the clock before, limited to ``low``..``high``."""
-    below, above = delayed(m, value < low, 1), delayed(m, value > high, 1)
+    below = delayed(m, value < low, 1)
+    above = delayed(m, value > high, 1)
     return Mux(below, low, Mux(above, high, delayed(m, value, 1)))

@@ -68,7 +68,8 @@ class LineBuffer(wiring.Component):
         read, write = lines.read_port(), lines.write_port()
         carry_scan(m, self.i, self.o, self.latency_cycles)
         column = Signal.like(self.o.column, reset_less=True)
-        read_valid, pixel = delayed(m, self.i.valid, 1, reset_less=False), delayed(m, self.i.pixel, 2)
+        read_valid = delayed(m, self.i.valid, 1, reset_less=False)
+        pixel = delayed(m, self.i.pixel, 2)
         above = Signal.like(read.data, reset_less=True)
         with m.If(read_valid):
             m.d.sync += above.eq(read.data)

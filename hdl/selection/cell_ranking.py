@@ -87,9 +87,11 @@ class Insertion(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Move every place with a smaller response down by one: they are the last ones, since responses fall."""
         m = Module()
-        newcomer, ranking = view_signal(RANK), view_signal(RANKING)
+        newcomer = view_signal(RANK)
+        ranking = view_signal(RANKING)
         ranks = [self.i_ranking[place] for place in range(MAX_PER_CELL)]
-        taken, beaten = Signal(MAX_PER_CELL, reset_less=True), Signal(MAX_PER_CELL, reset_less=True)
+        taken = Signal(MAX_PER_CELL, reset_less=True)
+        beaten = Signal(MAX_PER_CELL, reset_less=True)
         last_slot = Array(rank.slot for rank in ranks)[self.i_last_place]
         wins = Cat(rank.response < self.i_response for rank in ranks) | self.i_empty.replicate(MAX_PER_CELL)
         in_use = Cat(self.i_last_place >= place for place in range(MAX_PER_CELL))
@@ -204,12 +206,15 @@ class CellRanking(wiring.Component):
         m.submodules.rankings = rankings
         m.submodules.insertion = insertion = Insertion()
         read, write = rankings.read_port(domain="comb"), rankings.write_port()
-        cell, feature = Signal.like(self.o_cell, reset_less=True), Signal.like(self.i.feature, reset_less=True)
-        ranking, touched = view_signal(RANKING, reset_less=True), Signal(reset_less=True)
+        cell = Signal.like(self.o_cell, reset_less=True)
+        feature = Signal.like(self.i.feature, reset_less=True)
+        ranking = view_signal(RANKING, reset_less=True)
+        touched = Signal(reset_less=True)
         located = delayed(m, self.i.present, 1, reset_less=False)
         compared = delayed(m, located, 1, reset_less=False)
         arrived = delayed(m, compared, insertion.latency_cycles, reset_less=False)
-        found, is_in_last_cell = Signal.like(cell), Signal(reset_less=True)
+        found = Signal.like(cell)
+        is_in_last_cell = Signal(reset_less=True)
         # A shift by 0 to 3: cells have 32 to 256 px.
         m.d.comb += found.eq(self.i.x[SMALLEST_CELL_LOG2:] >> (self.i_cell_log2 - SMALLEST_CELL_LOG2)[:2])
         with m.If(self.i.present):

@@ -90,8 +90,10 @@ class LevelScan(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Compare the position with registered limits, which only settings change; then combine the results."""
         m = Module()
-        last_x, lowest_y = Signal(COORDINATE), Signal(COORDINATE)
-        right_px, bottom_px = Signal.like(self.i_width_px), Signal.like(self.i_height_px)
+        last_x = Signal(COORDINATE)
+        lowest_y = Signal(COORDINATE)
+        right_px = Signal.like(self.i_width_px)
+        bottom_px = Signal.like(self.i_height_px)
         warning_x = Signal(COORDINATE)
         cell_mask = Signal(max(CELL_SIZES_PX).bit_length() - 1)
         spare_px = self.border_px - self.lag_px
@@ -108,12 +110,15 @@ class LevelScan(wiring.Component):
         x, y, first_px = self.i.x, self.i.y, self.border_px + self.lag_px
         limits = (x >= first_px, y >= first_px, x < right_px, y < bottom_px)
         inside = delayed(m, delayed(m, Cat(limits), 1).all(), 1)
-        line_ends, line_ends_soon = delayed(m, x == last_x, 2), delayed(m, x >= warning_x, 2)
-        is_lowest, is_above = delayed(m, y == lowest_y, 2), delayed(m, y < lowest_y, 2)
+        line_ends = delayed(m, x == last_x, 2)
+        line_ends_soon = delayed(m, x >= warning_x, 2)
+        is_lowest = delayed(m, y == lowest_y, 2)
+        is_above = delayed(m, y < lowest_y, 2)
         cell_ends: Value = Const(0)
         if self.cells:
             # A cell row ends where the line below the pixel is the first of a cell.
-            line_below, exists = delayed(m, y - (self.lag_px - 1), 1), delayed(m, y >= self.lag_px, 1)
+            line_below = delayed(m, y - (self.lag_px - 1), 1)
+            exists = delayed(m, y >= self.lag_px, 1)
             cell_ends = delayed(m, exists & ~(line_below & cell_mask).any(), 1)
         row_closes = is_lowest | (is_above & cell_ends)
         carry_scan(m, self.i, self.o, self.latency_cycles)

@@ -40,7 +40,8 @@ class FeatureWords(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Lay out the record and send its words one after the other."""
         m = Module()
-        record, feature = view_signal(self._record), self.i.p.feature
+        record = view_signal(self._record)
+        feature = self.i.p.feature
         m.d.comb += [record.tag.eq(Tag.FEATURE), record.level.eq(self.level)]
         m.d.comb += [record[name].eq(feature[name]) for name, _ in feature.shape()]
         word = Signal(range(len(words(record))))

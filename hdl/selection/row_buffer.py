@@ -102,9 +102,12 @@ class CellRows(wiring.Component):
 
     def _walk(self, m: Module, order: memory.ReadPort, bank: Value, requests: stream.Interface) -> None:
         """Request the feature of every taken place of every cell, then the end of the row."""
-        cell, place, next_cell = Signal.like(self.i_cell), Signal(range(MAX_PER_CELL)), Signal()
+        cell = Signal.like(self.i_cell)
+        place = Signal(range(MAX_PER_CELL))
+        next_cell = Signal()
         # Shifted by one for every cell: the lowest bit belongs to the current cell.
-        touched, ends_level = Signal.like(self.i_touched), Signal()
+        touched = Signal.like(self.i_touched)
+        ends_level = Signal()
         # Places are taken from the front, so the list of a cell ends where the next place is free.
         followed = Cat(Cat(later.taken for later in order.data)[1:], 0).bit_select(place, 1)
         with m.If(self.i_close):
@@ -149,7 +152,8 @@ class CellRows(wiring.Component):
         A stage takes the next feature only once it is empty, not in the clock in which it becomes empty. That costs no
         throughput, because a feature has several words, and keeps ``ready`` out of long combinational paths.
         """
-        fetched, mark = Signal(), Signal.like(requests.p)
+        fetched = Signal()
+        mark = Signal.like(requests.p)
         advance = fetched & ~self.o.valid
         m.d.comb += [
             requests.ready.eq(~fetched),

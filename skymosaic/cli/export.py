@@ -25,10 +25,11 @@ def export(
     lanes: Annotated[int, typer.Option(help="Descriptors compared at a time, a power of two.")] = 16,
     max_width_px: Annotated[int, typer.Option("--max-width", help="Widest frame.")] = 1920,
     max_height_px: Annotated[int, typer.Option("--max-height", help="Highest frame.")] = 1080,
+    video_bits: Annotated[int, typer.Option(help="Video input: 32 bits for a DMA, 24 RGB, 8 gray.")] = 32,
 ) -> None:
     """Write Verilog, Vivado scripts, constraints, register map and board driver for a Xilinx kit."""
     check_unused(output, overwrite=overwrite)
-    build = {"lanes": lanes, "max_width_px": max_width_px, "max_height_px": max_height_px}
+    build = {"lanes": lanes, "max_width_px": max_width_px, "max_height_px": max_height_px, "video_bits": video_bits}
     with console.status("writing Verilog"):
         try:
             # Complete, or not at all: written beside the folder and then moved into it.

@@ -25,16 +25,22 @@ ALLOWED_WARNINGS = {"CASEOVERLAP", "SYMRSVDWORD", "UNSIGNED", "WIDTHEXPAND", "WI
 """As Yosys writes expressions: wildcard cases, implied widths, comparisons with 0; and a name that C++ reserves."""
 
 
-@pytest.fixture(scope="module", params=BOARDS)
-def folder(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    made = tmp_path_factory.mktemp(request.param)
-    export.export(made, board=request.param, **SMALL)
-    return made
-
-
 @pytest.fixture(scope="module")
 def verilog() -> str:
     return export.verilog(**SMALL)
+
+
+@pytest.fixture(scope="module", params=BOARDS)
+def folder(request: pytest.FixtureRequest, verilog: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return exported(tmp_path_factory.mktemp(request.param), request.param, verilog)
+
+
+def exported(folder: Path, board: str, verilog: str, **build: int) -> Path:
+    """An export whose Verilog is already there: only its widths and attributes matter to the scripts."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(export, "verilog", lambda **_: verilog)
+        export.export(folder, board=board, **SMALL, **build)
+    return folder
 
 
 def ports(verilog: str) -> dict[str, str]:
@@ -43,41 +49,59 @@ def ports(verilog: str) -> dict[str, str]:
     return {name: way for way, name in re.findall(r"^  (input|output) (?:\[\d+:0\] )?(\w+);", top, re.M)}
 
 
-def vivado(folder: Path, verilog: str, script: str) -> tkinter.Tcl:
-    """Run one of the exported scripts in a real Tcl interpreter that stands for Vivado."""
-    names = ports(verilog)
-    axis = sorted({name.rsplit("_", 1)[0] for name in names if name.endswith("_tdata")})
+def vivado(folder: Path, *scripts: str, video_bits: int = 32, before: str = "") -> tkinter.Tcl:
+    """Run exported scripts in a real Tcl interpreter that stands for Vivado."""
+    verilog = (folder / "rtl" / "skymosaic.v").read_text()
+    buses = sorted({bus.split()[1] for bus in re.findall(r'X_INTERFACE_INFO = "(.*)"', verilog)})
     tcl = tkinter.Tcl()
     tcl.eval(STUB.read_text())
     tcl.setvar("run_folder", str(folder / "run"))
-    tcl.setvar("core_ports", " ".join(names))
-    tcl.eval(f"set core_interfaces(xilinx.com:interface:axis_rtl:1.0) {{{' '.join(axis)}}}")
-    tcl.eval("set core_interfaces(xilinx.com:interface:aximm_rtl:1.0) s_axi_ctrl")
-    tcl.eval(f"set known_pins(skymosaic:vision:skymosaic:1.0) {{{' '.join(axis)} s_axi_ctrl aclk aresetn interrupt}}")
+    tcl.setvar("interfaces", " ".join(buses))
+    tcl.eval(f"set known_pins(skymosaic:vision:skymosaic:1.0) {{{' '.join(buses)}}}")
+    tcl.eval(f"array set core_streams {{s_axis_video {video_bits // 8} m_axis_features 8 m_axis_matches 8}}")
     tcl.eval("set argv {}")
-    tcl.eval(f"source {{{folder / 'vivado' / script}}}")
+    tcl.eval(before)
+    for script in scripts or ("package_ip.tcl", "build.tcl"):
+        tcl.eval(f"source {{{folder / 'vivado' / script}}}")
     return tcl
 
 
 def test_everything_is_there(folder: Path) -> None:
     found = {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
-    assert found >= {
+    expected = {
         "README.md", "rtl/skymosaic.v", "vivado/package_ip.tcl", "vivado/build.tcl", "vivado/board.tcl",
-        "vivado/skymosaic_ooc.xdc", "vivado/bitstream.xdc", "registers/register_map.md", "registers/skymosaic.svd",
-        "registers/skymosaic_registers.h", "pynq/skymosaic_driver.py", "pynq/skymosaic_server.py",
-        "pynq/skymosaic_map.py", "pynq/pynq_bus.py", "pynq/serve.py", "pynq/pair.py",
+        "vivado/system.tcl", "vivado/skymosaic_ooc.xdc", "vivado/bitstream.xdc", "registers/register_map.md",
+        "registers/skymosaic.svd", "registers/skymosaic_registers.h",
     }  # fmt: skip
+    if "arty_a7" in folder.name:
+        expected |= {"vivado/bitstream_pins.xdc"}
+    else:
+        modules = ("driver", "server", "map")
+        expected |= {*(f"pynq/skymosaic_{name}.py" for name in modules)}
+        expected |= {"pynq/pynq_bus.py", "pynq/serve.py", "pynq/pair.py"}
+    assert found == expected
     assert "Not yet run in Vivado" in (folder / "README.md").read_text()
 
 
-def test_the_scripts_run_where_only_known_commands_properties_and_pins_exist(folder: Path, verilog: str) -> None:
-    vivado(folder, verilog, "package_ip.tcl")
-    tcl = vivado(folder, verilog, "build.tcl")
+def test_the_scripts_run_where_only_known_commands_properties_and_pins_exist(folder: Path) -> None:
+    tcl = vivado(folder)
     connected = tcl.splitlist(tcl.eval("array names connected"))
     for pin in ("s_axis_video", "m_axis_features", "m_axis_matches", "s_axi_ctrl", "aclk", "aresetn", "interrupt"):
         assert f"skymosaic/{pin}" in connected
     assert (folder / "vivado" / "result" / "skymosaic.bit").exists()
     assert (folder / "vivado" / "result" / "skymosaic.hwh").exists()
+
+
+@pytest.mark.parametrize("video_bits", [24, 8])
+def test_narrow_video_inputs_have_a_block_design(tmp_path: Path, verilog: str, video_bits: int) -> None:
+    folder = exported(tmp_path, "pynq_z2", verilog, video_bits=video_bits)
+    tcl = vivado(folder, video_bits=video_bits)
+    assert "skymosaic/s_axis_video" in tcl.splitlist(tcl.eval("array names connected"))
+
+
+def test_the_zynqs_clock_is_not_the_one_asked_for(folder: Path) -> None:
+    if "pynq" in folder.name:
+        assert vivado(folder).getvar("clock_hz") == 142857132
 
 
 @pytest.mark.parametrize(
@@ -89,10 +113,53 @@ def test_the_scripts_run_where_only_known_commands_properties_and_pins_exist(fol
         ("add_files absent.v", "no such file"),
     ],
 )
-def test_the_stub_refuses_what_vivado_would(folder: Path, verilog: str, wrong: str, message: str) -> None:
-    tcl = vivado(folder, verilog, "build.tcl")
+def test_the_stub_refuses_what_vivado_would(tmp_path: Path, verilog: str, wrong: str, message: str) -> None:
+    tcl = vivado(exported(tmp_path, "pynq_z2", verilog))
     with pytest.raises(tkinter.TclError, match=message):
         tcl.eval(wrong)
+
+
+@pytest.mark.parametrize(
+    ("board", "edit", "message"),
+    [
+        ("pynq_z2", ("package_ip.tcl", "value_resolve_type user", "value 150000000"), "FREQ_HZ does not match"),
+        ("pynq_z2", ("package_ip.tcl", "value_resolve_type user", "value_resolve_type immediate"), "neither fixed"),
+        ("pynq_z2", ("board.tcl", "video_bits) 32", "video_bits) 8"), "TDATA_NUM_BYTES does not match"),
+        ("pynq_z2", ("build.tcl", "s2mm_tdata_width 64", "s2mm_tdata_width 32"), "TDATA_NUM_BYTES does not match"),
+        ("kria_kv260", ("package_ip.tcl", "zynquplus Production", ""), "does not support the family zynquplus"),
+        ("arty_a7_100", ("package_ip.tcl", "artix7 Production", ""), "does not support the family artix7"),
+    ],
+)
+def test_clocks_widths_and_families_must_agree(
+    tmp_path: Path, verilog: str, board: str, edit: tuple[str, str, str], message: str
+) -> None:
+    folder, (script, old, new) = exported(tmp_path, board, verilog), edit
+    path = folder / "vivado" / script
+    assert old in path.read_text()
+    path.write_text(path.read_text().replace(old, new))
+    with pytest.raises(tkinter.TclError, match=message):
+        vivado(folder)
+
+
+@pytest.mark.parametrize(("kind", "message"), [("max", "setup times"), ("min", "hold times")])
+def test_a_build_that_misses_its_timing_fails(tmp_path: Path, verilog: str, kind: str, message: str) -> None:
+    with pytest.raises(tkinter.TclError, match=message):
+        vivado(exported(tmp_path, "pynq_z2", verilog), before=f"set slack_ns({kind}) -0.01")
+
+
+def test_every_port_says_which_bus_it_belongs_to(verilog: str) -> None:
+    (top,) = re.findall(rf"^module {export.TOP}\(.*?^endmodule", verilog, re.S | re.M)
+    told = {
+        port: info
+        for info, port in re.findall(
+            r'X_INTERFACE_INFO = "(\S+ \S+ \S+)" \*\)\n(?:  \(\*.*\*\)\n)*  (?:in|out)put .*?(\w+);', top
+        )
+    }
+    assert told.keys() == ports(verilog).keys()
+    assert told["s_axis_video_tuser"] == "xilinx.com:interface:axis:1.0 s_axis_video TUSER"
+    assert told["s_axi_ctrl_awaddr"] == "xilinx.com:interface:aximm:1.0 s_axi_ctrl AWADDR"
+    assert "ASSOCIATED_BUSIF s_axis_video:m_axis_features:m_axis_matches:s_axi_ctrl" in top
+    assert "FREQ_HZ" not in top
 
 
 def test_the_ports_are_the_recorded_ones(verilog: str) -> None:

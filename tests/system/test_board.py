@@ -208,3 +208,11 @@ def test_another_build_is_refused(driver, bench: Bench, monkeypatch: pytest.Monk
     monkeypatch.setitem(sys.modules["skymosaic_map"].BUILT, "built_lanes", 4)
     with pytest.raises(sys.modules["skymosaic_driver"].AcceleratorError, match="same export"):
         sys.modules["skymosaic_driver"].Accelerator(SimulatedBus(bench))
+
+
+def test_frames_fit_the_builds_video_input(driver) -> None:
+    as_words, gray = sys.modules["skymosaic_driver"].as_words, np.arange(6, dtype=np.uint8).reshape(2, 3)
+    assert as_words(gray, 24).tolist() == gray.ravel().tolist()
+    assert as_words(gray, 8).view(np.uint8)[:6].tolist() == as_words(gray, 32).view(np.uint8)[:6].tolist()
+    with pytest.raises(sys.modules["skymosaic_driver"].AcceleratorError, match="8-bit input"):
+        as_words(np.zeros((2, 3, 3), np.uint8), 8)

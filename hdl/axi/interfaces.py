@@ -1,0 +1,72 @@
+"""The accelerator's ports as bus interfaces, for the tools of AMD and for IP-XACT, declared once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+CLOCK, RESET, INTERRUPT = "aclk", "aresetn", "interrupt"
+_LIBRARY = {"axis": ("interface", "axis"), "axi": ("interface", "aximm")}
+_SIGNALS = {CLOCK: "clock", RESET: "reset", INTERRUPT: "interrupt"}
+_SIGNAL_PORTS = {CLOCK: "CLK", RESET: "RST", INTERRUPT: "INTERRUPT"}
+
+
+@dataclass(frozen=True)
+class BusInterface:
+    """A bus of a core.
+
+    Attributes
+    ----------
+    name : str
+        Of the interface; of a bus, also the prefix of its ports.
+    library, bus : str
+        Vendor ``xilinx.com``, version 1.0: ``interface`` ``axis`` or ``aximm``, ``signal`` ``clock`` and so on.
+    manager : bool
+        Whether it starts transfers, or drives the signal.
+    ports : dict of str to str
+        The bus's name of each port, and the port.
+    parameters : dict of str to str
+        FREQ_HZ is none of them: the clock is that of the design which the core is put into.
+    """
+
+    name: str
+    library: str
+    bus: str
+    manager: bool
+    ports: dict[str, str]
+    parameters: dict[str, str] = field(default_factory=dict)
+
+
+def bus_interfaces(ports: Iterable[str]) -> list[BusInterface]:
+    """Interfaces of a core whose ports are named as AMD's are: ``s_axis_...``, ``m_axis_...``, ``s_axi_...``."""
+    buses: dict[str, dict[str, str]] = {}
+    for port in ports:
+        if port not in _SIGNALS:
+            prefix, _, name = port.rpartition("_")
+            buses.setdefault(prefix, {})[name.upper()] = port
+    found = [
+        BusInterface(prefix, *_LIBRARY[prefix.split("_")[1]], prefix.startswith("m"), mapped)
+        for prefix, mapped in buses.items()
+    ]
+    parameters = {
+        CLOCK: {"ASSOCIATED_BUSIF": ":".join(buses), "ASSOCIATED_RESET": RESET},
+        RESET: {"POLARITY": "ACTIVE_LOW"},
+        INTERRUPT: {"SENSITIVITY": "LEVEL_HIGH"},
+    }
+    return found + [
+        BusInterface(port, "signal", bus, port == INTERRUPT, {_SIGNAL_PORTS[port]: port}, parameters[port])
+        for port, bus in _SIGNALS.items()
+    ]
+
+
+def vivado_attributes(ports: Iterable[str]) -> dict[str, dict[str, str]]:
+    """Attributes X_INTERFACE_INFO and X_INTERFACE_PARAMETER of each port (UG994): Vivado makes the buses from them."""
+    attributes: dict[str, dict[str, str]] = {}
+    for interface in bus_interfaces(ports):
+        kind = f"xilinx.com:{interface.library}:{interface.bus}:1.0"
+        for name, port in interface.ports.items():
+            attributes[port] = {"X_INTERFACE_INFO": f"{kind} {interface.name} {name}"}
+            if interface.parameters:
+                texts = (f"{name} {value}" for name, value in interface.parameters.items())
+                attributes[port]["X_INTERFACE_PARAMETER"] = ", ".join((f"XIL_INTERFACENAME {interface.name}", *texts))
+    return attributes
