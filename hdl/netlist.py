@@ -80,7 +80,7 @@ def _with_attributes(netlist: str, attributes: Attributes) -> str:
         lines = "".join(f'  attribute \\{name} "{value}"\n' for name, value in values.items())
         wire = re.compile(rf"^  wire width \d+ (?:input|output) \d+ +\\{port}$", re.MULTILINE)
         # Only the top module has ports of these names.
-        netlist = wire.sub(lambda found, lines=lines: lines + found[0], netlist)
+        netlist = wire.sub(lines.replace("\\", r"\\") + r"\g<0>", netlist)
     return netlist
 
 

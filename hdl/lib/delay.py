@@ -20,9 +20,9 @@ def delayed(m: Module, value: Delayed, cycles: int, *, reset_less: bool = True) 
     The registers are named after the variable that the result is assigned to, or else after the signal that is
     delayed: ``x_after2`` is ``x`` two clocks later.
     """
-    name = tracer.get_var_name(depth=2, default=None)
+    name = tracer.get_var_name(depth=2, default="")
     for cycle in range(1, cycles + 1):
-        named = later(value) if name is None else name if cycle == cycles else f"{name}_stage{cycle}"
+        named = (name if cycle == cycles else f"{name}_stage{cycle}") if name else later(value)
         # One frame further up, or every register would be said to come from here.
         register = Signal.like(value, name=named, reset_less=reset_less, src_loc_at=1)
         m.d.sync += register.eq(value)
@@ -65,7 +65,7 @@ class Pipe:
         """``value`` one clock later, where ``value`` itself is ``cycles`` clocks behind the pipe's start."""
         while len(self._valid) <= cycles:
             self._valid.append(delayed(self._m, self._valid[-1], 1, reset_less=False))
-        name = tracer.get_var_name(depth=2, default=None) or later(value)
+        name = tracer.get_var_name(depth=2, default="") or later(value)
         register = Signal.like(value, name=name, reset_less=True, src_loc_at=1)
         with self._m.If(self._valid[cycles]):
             self._m.d.sync += register.eq(value)

@@ -17,7 +17,8 @@ from skymosaic.temporary import temporary_folder
 
 def export(
     *,
-    board: Annotated[str, typer.Option(help=", ".join(BOARDS) + ".")],
+    board: Annotated[str | None, typer.Option(help=", ".join(BOARDS) + ".")] = None,
+    block: Annotated[str | None, typer.Option(help="One block with a test bench, instead of all: harris, ...")] = None,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")],
     overwrite: OverwriteOption = False,
     preset: PresetOption = "aerial",
@@ -27,7 +28,9 @@ def export(
     max_height_px: Annotated[int, typer.Option("--max-height", help="Highest frame.")] = 1080,
     video_bits: Annotated[int, typer.Option(help="Video input: 32 bits for a DMA, 24 RGB, 8 gray.")] = 32,
 ) -> None:
-    """Write Verilog, Vivado scripts, constraints, register map and board driver for a Xilinx kit."""
+    """Write Verilog, Vivado scripts, constraints, register map and board driver for a Xilinx kit; or one block."""
+    if (board is None) == (block is None):
+        raise InputError(f"export needs either --board ({', '.join(BOARDS)}) or --block")
     check_unused(output, overwrite=overwrite)
     build = {"lanes": lanes, "max_width_px": max_width_px, "max_height_px": max_height_px, "video_bits": video_bits}
     with console.status("writing Verilog"):
@@ -35,10 +38,13 @@ def export(
             # Complete, or not at all: written beside the folder and then moved into it.
             with temporary_folder(_existing(output.absolute().parent)) as folder:
                 made = folder / "export"
-                # Loads Amaranth, which --help need not wait for.
-                importlib.import_module("hdl.export").export(
-                    made, board=board, config=configuration(preset, config), **build
-                )
+                # Both load Amaranth, which --help need not wait for.
+                if block is None:
+                    importlib.import_module("hdl.export").export(
+                        made, board=board, config=configuration(preset, config), **build
+                    )
+                else:
+                    importlib.import_module("hdl.blocks.export").export_block(made, block)
                 for path in sorted(path for path in made.rglob("*") if path.is_file()):
                     target = output / path.relative_to(made)
                     target.parent.mkdir(parents=True, exist_ok=True)

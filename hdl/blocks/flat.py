@@ -1,0 +1,88 @@
+"""A component with one plain port for each field of its streams, beats and arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from amaranth import ClockDomain, ClockSignal, Module, ResetSignal, Shape, ShapeLike, Value
+from amaranth.lib import data, wiring
+from amaranth.lib.wiring import In
+
+CLOCK, RESET = "clk", "rst"
+PAYLOAD = "payload"
+"""Left out of the names of a stream's fields."""
+
+
+@dataclass(frozen=True)
+class Field:
+    """A leaf of a structure: its name, its lowest bit in the structure, and its shape."""
+
+    name: str
+    low: int
+    shape: Shape
+
+
+def leaves(name: str, shape: ShapeLike, low: int = 0) -> Iterator[Field]:
+    """The leaves of a shape: a field ``b`` of a structure ``a`` is ``a_b``, an element of an array ``a_0``."""
+    try:
+        layout = data.Layout.cast(shape)
+    except TypeError:
+        yield Field(name, low, Shape.cast(shape))
+        return
+    for key, field in layout:
+        yield from leaves(f"{name}_{key}", field.shape, low + field.offset)
+
+
+def flat_values(name: str, value: Any) -> dict[str, int]:
+    """The leaves of a value of dictionaries and sequences, under the names of `leaves`."""
+    if isinstance(value, dict):
+        parts = value.items()
+    elif isinstance(value, list | tuple):
+        parts = enumerate(value)
+    else:
+        return {name: int(value)}
+    return {leaf: number for key, part in parts for leaf, number in flat_values(f"{name}_{key}", part).items()}
+
+
+class FlatBlock(wiring.Component):
+    """A component of the domain ``sync`` with flat ports, for use outside Amaranth.
+
+    Members
+    -------
+    clk, rst : In(1)
+        Clock, and synchronous reset, active high.
+    others
+        `leaves` of the component's members; those of a stream ``i`` are ``i_valid``, ``i_ready`` and its fields.
+
+    Parameters
+    ----------
+    component : Component
+    """
+
+    clk: Value
+    rst: Value
+
+    def __init__(self, component: wiring.Component) -> None:
+        self.component = component
+        self._pins: list[tuple[str, Value, bool]] = []
+        ports: dict[str, Any] = {CLOCK: In(1), RESET: In(1)}
+        for path, member, value in component.signature.flatten(component):
+            bits = Value.cast(value)
+            for leaf in leaves("_".join(str(part) for part in path if part != PAYLOAD), member.shape):
+                ports[leaf.name] = wiring.Member(member.flow, leaf.shape)
+                part = bits[leaf.low : leaf.low + leaf.shape.width]
+                self._pins.append((leaf.name, part, member.flow == In))
+        super().__init__(ports)
+
+    def elaborate(self, platform: object) -> Module:
+        """Connect each port to its part of the component's."""
+        m = Module()
+        m.domains.sync = ClockDomain()
+        m.submodules.block = self.component
+        m.d.comb += [ClockSignal().eq(self.clk), ResetSignal().eq(self.rst)]
+        for name, part, is_input in self._pins:
+            port = getattr(self, name)
+            m.d.comb += part.eq(port) if is_input else port.eq(part)
+        return m

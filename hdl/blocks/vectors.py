@@ -1,0 +1,80 @@
+"""What a test bench sends to a block and expects from it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from amaranth.lib import wiring
+from numpy.typing import NDArray
+
+from hdl.blocks.flat import flat_values
+
+Row = dict[str, int]
+"""Values of ports by their flat names; an expectation leaves out what is not specified."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """A block and its vectors.
+
+    Attributes
+    ----------
+    component : Component
+    description : str
+        A sentence for its README.
+    inputs, outputs : mapping of str to sequence of Row
+        For each stream or beat, what is sent and what must come, in order.
+    settings : mapping of str to int
+        Other inputs; they stay.
+    spacing_cycles : int
+        Clocks from an input to the next, at least.
+    """
+
+    component: wiring.Component
+    description: str
+    inputs: Mapping[str, Sequence[Row]]
+    outputs: Mapping[str, Sequence[Row]]
+    settings: Mapping[str, int] = field(default_factory=dict)
+    spacing_cycles: int = 1
+
+
+def rows(name: str, values: Sequence[Any]) -> list[Row]:
+    """Rows of the stream or beat ``name`` for values of dictionaries and sequences."""
+    return [flat_values(name, value) for value in values]
+
+
+def pixel_rows(**planes: NDArray[Any]) -> list[Row]:
+    """A frame at the port ``i``: beats in raster order."""
+    height, width = next(iter(planes.values())).shape[:2]
+    beats = [
+        {"x": x, "y": y, **{name: plane[y, x].tolist() for name, plane in planes.items()}}
+        for y, x in np.ndindex(height, width)
+    ]
+    return rows("i", beats)
+
+
+def answer_rows(*, lag_px: int = 0, margin_px: int = 0, **planes: NDArray[Any]) -> list[Row]:
+    """The beats at the port ``o`` for a frame: a pixel's answer comes ``lag_px`` to the right of and below it.
+
+    In the margin, where the block's window leaves the frame, the answer is not specified.
+    """
+    height, width = next(iter(planes.values())).shape[:2]
+    beats: list[dict[str, Any]] = []
+    for y, x in np.ndindex(height, width):
+        at = (y - lag_px, x - lag_px)
+        inside = all(margin_px <= part < side - margin_px for part, side in zip(at, (height, width), strict=True))
+        beats.append(
+            {"x": x, "y": y, **({name: plane[at].tolist() for name, plane in planes.items()} if inside else {})}
+        )
+    return rows("o", beats)
+
+
+def sample_image(height: int = 26, width: int = 30, seed: int = 3) -> NDArray[np.uint8]:
+    """Gray tiles of 5 px with noise: edges and corners everywhere."""
+    rng = np.random.default_rng(seed)
+    tiles = rng.integers(0, 256, (height // 5 + 1, width // 5 + 1))
+    image = np.kron(tiles, np.ones((5, 5), int))[:height, :width] + rng.integers(-6, 7, (height, width))
+    return np.asarray(image.clip(0, 255), np.uint8)

@@ -1,0 +1,58 @@
+"""Each exported block is simulated by Icarus from the exported files alone, against vectors of the golden model."""
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from hdl.blocks.catalogue import CATALOGUE
+from hdl.blocks.export import export_block
+
+pytestmark = pytest.mark.skipif(shutil.which("iverilog") is None, reason="iverilog is absent")
+QUICK = ("gray", "fast", "nms", "fuzzy")
+"""The others take longer to export."""
+
+
+def simulate(folder: Path, name: str) -> subprocess.CompletedProcess[str]:
+    compiled = ["iverilog", "-g2012", "-o", "bench", f"{name}.v", f"{name}_tb.v"]
+    subprocess.run(compiled, cwd=folder, check=True)
+    return subprocess.run(["vvp", "-n", "bench"], cwd=folder, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[] if name in QUICK else [pytest.mark.slow]) for name in CATALOGUE]
+)
+def test_the_bench_passes_from_the_exported_files_alone(tmp_path: Path, name: str) -> None:
+    export_block(tmp_path, name)
+    run = simulate(tmp_path, name)
+    assert run.returncode == 0, run.stdout
+    assert re.match(r"PASS: \d+ answers", run.stdout)
+    assert "| `clk` | in | 1 |" in (tmp_path / "README.md").read_text()
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new"),
+    [
+        ("fuzzy.v", r"<= folded\[", "<= ~folded["),
+        ("o.hex", r"^(.*)\n", "0\n"),
+        ("i.hex", r"^.*\n", ""),
+    ],
+    ids=["a block that computes something else", "another answer", "an input that is missing"],
+)
+def test_the_bench_fails_on_anything_else(tmp_path: Path, file: str, old: str, new: str) -> None:
+    export_block(tmp_path, "fuzzy")
+    path = tmp_path / file
+    changed = re.sub(old, new, path.read_text(), count=1)
+    assert changed != path.read_text()
+    path.write_text(changed)
+    run = simulate(tmp_path, "fuzzy")
+    assert run.returncode != 0
+    assert "FAIL" in run.stdout
+
+
+def test_an_unknown_block_is_refused_with_the_known_ones(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="harris, fast, nms"):
+        export_block(tmp_path / "block", "canny")
+    assert not list(tmp_path.iterdir())
