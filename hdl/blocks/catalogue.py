@@ -74,8 +74,7 @@ def _window(
 
 
 def _smooth() -> Block:
-    planes = {"pixel": smooth.binomial3(sample_image())}
-    return _window(Binomial(window_px=3), 2, "Binomial smoothing, 3x3.", 1, **planes)
+    return _window(Binomial(window_px=3), 2, "Binomial smoothing, 3x3.", 1, pixel=smooth.binomial3(sample_image()))
 
 
 def _sobel() -> Block:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,6 +37,7 @@ def leaves(name: str, shape: ShapeLike, low: int = 0) -> Iterator[Field]:
 
 def flat_values(name: str, value: Any) -> dict[str, int]:
     """The leaves of a value of dictionaries and sequences, under the names of `leaves`."""
+    parts: Iterable[tuple[Any, Any]]
     if isinstance(value, dict):
         parts = value.items()
     elif isinstance(value, list | tuple):
