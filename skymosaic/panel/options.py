@@ -19,6 +19,7 @@ from skymosaic.features.methods import Method, choose
 from skymosaic.geometry.estimators import ESTIMATORS
 
 SOFTWARE = "golden"
+DAMAGED = ("refuse", "keep")
 AUTOMATIC = "automatic"
 """The library's default blending: by distance for two photographs, multi-band along seams for more."""
 # "verilator" is left out because "rtl" is another name for it.
@@ -31,6 +32,7 @@ OPTION_VALUES = {
     "estimator": ESTIMATORS,
     "blending": (AUTOMATIC, *BLENDINGS),
     "backend": (SOFTWARE, *HARDWARE),
+    "damaged": DAMAGED,
 }
 """The values of each option."""
 
@@ -39,8 +41,10 @@ OPTION_VALUES = {
 class Scale:
     """What the slider sets for a detector, at whole positions from ``lowest`` to ``highest``.
 
-    Harris responses span nine decades, so a step is half an octave of the threshold; for FAST it is a gray level. The
+    Harris responses span many decades, so a step is half an octave of the threshold; for FAST it is a gray level. The
     other detectors have no threshold in common: for them the slider sets how many of the strongest key points to keep.
+    Each cell of an image keeps its best corners, so a Harris threshold below 1024 changes next to nothing on
+    photographs, and hardly any corner is above 2**24: the slider has the range between, and the presets' 2 below it.
 
     Attributes
     ----------
@@ -48,15 +52,20 @@ class Scale:
     lowest, highest : int
     steps_per_octave : int
         Positions per doubling of the value; 0 if the position is the value.
+    at_lowest : int or None
+        The value at the lowest position, where it is not the usual one.
     """
 
     title: str
     lowest: int
     highest: int
     steps_per_octave: int = 0
+    at_lowest: int | None = None
 
     def value(self, position: int) -> int:
         """The threshold or number of key points at a position."""
+        if position == self.lowest and self.at_lowest is not None:
+            return self.at_lowest
         return round(2 ** (position / self.steps_per_octave)) if self.steps_per_octave else position
 
     def position(self, value: int) -> int:
@@ -65,7 +74,7 @@ class Scale:
 
 
 SCALES = {
-    "harris": Scale("Harris threshold", 0, 56, steps_per_octave=2),
+    "harris": Scale("Harris threshold", 19, 48, steps_per_octave=2, at_lowest=2),
     "fast": Scale("FAST threshold, gray levels", 1, 120),
 }
 STRONGEST = Scale("Strongest key points", 14, 22, steps_per_octave=2)
@@ -84,6 +93,7 @@ class Options:
     blending: str = AUTOMATIC
     backend: str = SOFTWARE
     refine: bool = False
+    damaged: str = DAMAGED[0]
 
     @classmethod
     def of_preset(cls, preset: str) -> Options:

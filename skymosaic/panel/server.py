@@ -135,5 +135,8 @@ def _application(sessions: Sessions, port: int) -> FastAPI:
     def tracking_page() -> None:
         build_tracking_page(sessions.get(page_app.storage.browser["id"]))
 
-    ui.run_with(app, title="skymosaic", show_welcome_message=False, gzip_middleware_factory=None)
+    # Dark where the system is; the language is what a screen reader pronounces.
+    ui.run_with(
+        app, title="skymosaic", language="en-US", dark=None, show_welcome_message=False, gzip_middleware_factory=None
+    )
     return app

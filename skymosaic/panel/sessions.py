@@ -132,7 +132,13 @@ class Session:
             room_bytes, queue = MOST_BYTES - self.stored_bytes, self._queues.uploads
             file = slot, body, name
             uploaded = await take_in(
-                *file, target=target, views=views, room_bytes=room_bytes, queue=queue, is_gone=is_gone
+                *file,
+                target=target,
+                views=views,
+                room_bytes=room_bytes,
+                queue=queue,
+                is_gone=is_gone,
+                keep_damaged=self.options.damaged == "keep",
             )
         finally:
             self._queues.uploading.discard(ticket)

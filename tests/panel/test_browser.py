@@ -49,7 +49,7 @@ def made(browser: Browser, panel: str) -> Iterator[Page]:
 
 def test_the_built_in_pair_becomes_a_mosaic_that_zooms(made: Page) -> None:
     open_tab(made, "Mosaic")
-    drawing = mosaic_viewer(made).locator("svg")
+    drawing = mosaic_viewer(made).locator("> svg")
     whole = drawing.get_attribute("viewBox")
     assert float(whole.split()[2]) > 700
     drawing.hover()
@@ -65,12 +65,12 @@ def test_the_built_in_pair_becomes_a_mosaic_that_zooms(made: Page) -> None:
 
 def test_a_rejected_match_is_explained(made: Page) -> None:
     open_tab(made, "Matches")
-    for kind in ("kept, on the homography", "kept, off it"):
+    for kind in ("kept, on the homography", "rejected by the rules"):
         made.get_by_role("checkbox", name=kind).click()
     viewer = made.get_by_role("group", name="Matches between the photographs")
     lines = viewer.locator("path.match.rejected:not(.chosen)")
     expect(lines).to_have_count(1)
-    viewer.locator("svg").hover()  # waits until the viewer has its final position
+    viewer.locator("> svg").hover()  # waits until the viewer has its final position
     x, y = middle_of(lines)
     made.mouse.move(x, y)
     explanation = made.locator(".explanation")
@@ -81,8 +81,31 @@ def test_a_rejected_match_is_explained(made: Page) -> None:
     expect(explanation.locator("tr.dominant")).to_have_count(1)
     made.mouse.click(x, y)
     expect(made.get_by_role("status", name="Match shown")).to_contain_text("held")
-    for kind in ("kept, on the homography", "kept, off it"):
+    for kind in ("kept, on the homography", "rejected by the rules"):
         made.get_by_role("checkbox", name=kind).click()
+
+
+def test_some_inliers_are_drawn_first_and_a_slider_draws_more(made: Page) -> None:
+    open_tab(made, "Matches")
+    viewer = made.get_by_role("group", name="Matches between the photographs")
+    expect(viewer.locator("path.match.inlier:not(.chosen)")).to_have_count(1)
+    expect(viewer.locator("path.match.rejected:not(.chosen)")).to_have_count(0)
+    slider = made.get_by_role("slider", name="Most lines drawn")
+    expect(slider).to_have_attribute("aria-valuetext", "100 lines")
+    slider.press("End")
+    expect(slider).not_to_have_attribute("aria-valuetext", "100 lines")
+    slider.press("Home")
+    expect(slider).to_have_attribute("aria-valuetext", "25 lines")
+
+
+def test_the_viewer_fills_the_window(made: Page) -> None:
+    open_tab(made, "Mosaic")
+    fill = mosaic_viewer(made).get_by_role("button", name="Fill the window")
+    fill.click()
+    box = mosaic_viewer(made).bounding_box()
+    assert (box["width"], box["height"]) == (WINDOW["width"], WINDOW["height"])
+    fill.click()
+    assert mosaic_viewer(made).bounding_box()["width"] < WINDOW["width"]
 
 
 def test_the_keyboard_steps_through_the_matches(made: Page) -> None:

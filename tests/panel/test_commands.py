@@ -16,10 +16,11 @@ from skymosaic.panel.tasks.mosaic_tasks import make_mosaic
 
 OPTIONS = {
     "preset": {},
-    "threshold": {"position": 12, "rule_base": "none", "blending": "average"},
+    "threshold": {"position": 26, "rule_base": "none", "blending": "average"},
     "fast": {"detector": "fast", "position": 25, "descriptor": "ilbp-256"},
     "key points": {"detector": "brisk", "descriptor": "freak"},
     "fewer key points": {"detector": "orb", "position": 16, "blending": "multiband"},
+    "damaged": {"damaged": "keep", "detector": "fast", "position": 9},
     "refined": {"estimator": "magsac", "refine": True},
     "fuzzy estimator": {"estimator": "fuzzy-ransac"},
 }

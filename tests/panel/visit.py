@@ -104,7 +104,7 @@ def threshold_to_corners_ms(page: Page, rounds: int) -> list[float]:
     expect(corner_counts(page)).not_to_have_text(before)
     page.evaluate(
         """() => {
-            const drawing = document.querySelector(".viewer svg g");
+            const drawing = document.querySelector(".viewer > svg g");
             addEventListener("keydown", () => (window.pressed = performance.now()), true);
             new MutationObserver(() => requestAnimationFrame(() => (window.painted = performance.now())))
                 .observe(drawing, { childList: true });

@@ -6,7 +6,7 @@ The markup contains numbers and the panel's own words only, never file names: th
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -59,14 +59,44 @@ def right_offset(view: PairView) -> int:
     return view.working_sizes[0][0] + GAP_PX
 
 
-def matches(lines: Array, verdicts: list[str], shown: Iterable[str]) -> str:
-    """The matches whose verdict is in ``shown``, one path per verdict; rejected ones are drawn first."""
+def matches(lines: Array, verdicts: Sequence[str], shown: Sequence[int]) -> str:
+    """The matches with the indices in ``shown``, one path per verdict; rejected ones are drawn first."""
     parts = []
     for verdict in ("rejected", "outlier", "inlier"):
-        if verdict in shown:
-            path = _path("M%.1f %.1fL%.1f %.1f", lines[np.array(verdicts) == verdict])
+        drawn = [index for index in shown if verdicts[index] == verdict]
+        if drawn:
+            path = _path("M%.1f %.1fL%.1f %.1f", lines[drawn])
             parts.append(f'<path class="match {verdict}" d="{path}"/>')
     return "".join(parts)
+
+
+def spread(lines: Array, weights: Array, columns: int = 8) -> Array:
+    """Order of the matches in which the first few cover the whole left picture, the heaviest of each cell first.
+
+    Parameters
+    ----------
+    lines : (M, 4) float64 ndarray
+        As `segments`.
+    weights : (M,) ndarray
+    columns : int
+        Cells along the width of what the matches cover.
+
+    Returns
+    -------
+    (M,) int64 ndarray
+        A permutation.
+    """
+    if len(lines) == 0:
+        return np.zeros(0, dtype=np.int64)
+    left = lines[:, :2] - lines[:, :2].min(axis=0)
+    cell = (left // (left.max() / columns + 1e-9)).astype(np.int64)
+    cell_number = cell[:, 0] + (columns + 1) * cell[:, 1]
+    by_cell = np.lexsort((-weights.astype(np.int64), cell_number))
+    # Rank within the cell: the position among all less the position of the cell's first.
+    firsts = np.searchsorted(cell_number[by_cell], cell_number[by_cell])
+    rank = np.empty(len(lines), dtype=np.int64)
+    rank[by_cell] = np.arange(len(lines)) - firsts
+    return np.lexsort((-weights.astype(np.int64), rank))
 
 
 def chosen_match(line: Array, verdict: str) -> str:

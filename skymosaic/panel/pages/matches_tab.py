@@ -8,29 +8,40 @@ from skymosaic.panel.explain import explain, verdicts
 from skymosaic.panel.pages import drawings
 from skymosaic.panel.pages.explanation import markup
 from skymosaic.panel.results import PairView
+from skymosaic.panel.widgets.slider import Slider
 from skymosaic.panel.widgets.viewer import Pointer, Viewer, side_by_side
 
 KINDS = {"inlier": "kept, on the homography", "outlier": "kept, off it", "rejected": "rejected by the rules"}
 REACH_SCREEN_PX = 10
+DENSITIES = (25, 50, 100, 200, 400, 800, 1600)
+"""The most lines that are drawn, by the position of the slider; the last position draws all."""
+USUAL_DENSITY = 2
+"""More lines than these hide the photographs."""
 
 
 class MatchesTab:
     """Two pictures, the lines between them, and why the chosen match was kept or rejected.
 
     Hovering explains the nearest match. A click holds it, so that the pointer can move away. The buttons step through
-    all matches that are shown.
+    all matches that are shown. At first these are some of the inliers, spread over the picture; the filters and the
+    slider show more.
     """
 
     def __init__(self, view: PairView, addresses: tuple[str, str]) -> None:
         self._view = view
         self._lines = drawings.segments(view)
         self._verdicts = verdicts(view)
-        self._shown = dict.fromkeys(KINDS, True)
+        self._order = drawings.spread(self._lines, view.matches["weight"])
+        self._shown = dict.fromkeys(KINDS, False) | {"inlier": True}
+        if "inlier" not in self._verdicts:
+            self._shown = dict.fromkeys(KINDS, True)
+        self._density = USUAL_DENSITY
         self._chosen: int | None = None
         self._held = False
         with ui.element("div").classes("bar"):
             for kind, words in KINDS.items():
                 self._build_filter(kind, f"{self._verdicts.count(kind)} {words}")
+            self._build_density()
             ui.element("div").classes("grow")
             ui.button(icon="chevron_left", on_click=lambda: self._step(-1)).props(
                 'flat round dense aria-label="Previous match"'
@@ -52,13 +63,26 @@ class MatchesTab:
             self._shown[kind] = shown
             self._draw()
 
-        ui.checkbox(words, value=True, on_change=lambda event: toggle(event.value)).props("dense").classes(
+        ui.checkbox(words, value=self._shown[kind], on_change=lambda event: toggle(event.value)).props("dense").classes(
             f"kind {kind}"
         )
 
+    def _build_density(self) -> None:
+        with ui.element("div").classes("density"):
+            self._density_words = ui.label().classes("hint")
+            self._slider = Slider(self._set_density)
+
+    def _set_density(self, position: int) -> None:
+        self._density = position
+        self._draw()
+
     def _draw(self) -> None:
-        self._viewer.draw(
-            drawings.matches(self._lines, self._verdicts, [k for k, shown in self._shown.items() if shown])
+        candidates = self._candidates()
+        self._viewer.draw(drawings.matches(self._lines, self._verdicts, candidates))
+        words = f"{len(candidates)} lines"
+        self._density_words.set_text(words)
+        self._slider.show(
+            lowest=0, highest=len(DENSITIES), position=self._density, label="Most lines drawn", words=words
         )
 
     def _at(self, pointer: Pointer) -> int | None:
@@ -67,7 +91,9 @@ class MatchesTab:
         return None if found is None else candidates[found]
 
     def _candidates(self) -> list[int]:
-        return [index for index, verdict in enumerate(self._verdicts) if self._shown[verdict]]
+        """The matches that are drawn, in the order of their records."""
+        shown = [index for index in self._order.tolist() if self._shown[self._verdicts[index]]]
+        return sorted(shown[: DENSITIES[self._density]] if self._density < len(DENSITIES) else shown)
 
     def _hover(self, pointer: Pointer) -> None:
         if not self._held and (index := self._at(pointer)) is not None and index != self._chosen:

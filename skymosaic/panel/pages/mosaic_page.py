@@ -30,13 +30,13 @@ def build_mosaic_page(session: Session) -> None:
         return count > 1 and not fault_of(session.options, count)
 
     with page_layout(session, "/"):
-        with ui.element("aside").classes("stack").props('aria-label="Photographs and options"'):
+        with ui.element("section").classes("stack").props('aria-label="Photographs and options"'):
             cards = (
                 PhotographsCard(session),
                 OptionsCard(session),
                 RunCard(session, "Make the mosaic", session.make_mosaic, is_ready),
             )
-        with ui.element("main").classes("stack"):
+        with ui.element("section").classes("stack").props('aria-label="Results"'):
             tabs = ResultTabs(session)
 
     def update() -> None:

@@ -25,6 +25,7 @@ LABELS = {
     "estimator": "Estimator",
     "blending": "Blending",
     "backend": "Backend",
+    "damaged": "Damaged JPEG",
 }
 
 
@@ -162,7 +163,7 @@ class RunCard:
                 with ui.element("div").classes("running-head"):
                     self._title = ui.label().classes("name")
                     ui.button("Cancel", icon="stop", on_click=session.cancel).props("outline dense no-caps size=sm")
-                ui.linear_progress(show_value=False).props('indeterminate rounded aria-label="Working"')
+                self._bar = ui.linear_progress(show_value=False).props('rounded aria-label="Working"')
                 self._line = ui.label().classes("hint").props('role="status"')
             self._fault = ui.label().classes("fault").props('role="alert"')
         # A job's line and seconds change without an event, so they are polled.
@@ -182,4 +183,8 @@ class RunCard:
         job = self._session.job
         if job is not None:
             self._title.set_text(job.title)
-            self._line.set_text(f"{job.line} · {job.seconds:.0f} s")
+            left = job.steps.seconds_left()
+            estimate = f" · about {left:.0f} s left of this step" if left is not None else ""
+            self._line.set_text(f"{job.line} · {job.seconds:.0f} s{estimate}")
+            self._bar.props["indeterminate"] = job.steps.share is None
+            self._bar.set_value(job.steps.share or 0.0)

@@ -37,14 +37,14 @@ _SLOTS = (
 def build_tracking_page(session: Session) -> None:
     """Build the page of a session, with the files and results it already has."""
     with page_layout(session, "/tracking"):
-        with ui.element("aside").classes("stack").props('aria-label="Object, video and options"'):
+        with ui.element("section").classes("stack").props('aria-label="Object, video and options"'):
             cards = [_UploadCard(session, slot) for slot in _SLOTS]
             with ui.element("section").classes("card"):
                 heading("3", "Options")
                 with ui.element("div").classes("options"):
                     selects = {name: option_select(session, name) for name in ("preset", "backend")}
             run = RunCard(session, "Follow the object", session.track, lambda: bool(session.template and session.video))
-        with ui.element("main").classes("stack"):
+        with ui.element("section").classes("stack").props('aria-label="Results"'):
             result_card = _ResultCard(session)
 
     def update() -> None:

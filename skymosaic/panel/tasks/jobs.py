@@ -25,6 +25,7 @@ from typing import Any
 
 from sim.backend import BackendError
 from skymosaic.errors import InputError, RegistrationError
+from skymosaic.panel.steps import Steps
 
 # Workers are forked from a helper process that has imported the libraries once and shares nothing else with the server.
 _processes = multiprocessing.get_context("forkserver")
@@ -94,11 +95,14 @@ class Job:
     ----------
     line : str
         The latest line of progress.
+    steps : Steps
+        How much of the present stage is done.
     """
 
     def __init__(self, title: str, task: Task, folder: Path, *arguments: object, limits: Limits | None = None) -> None:
         self.title = title
         self.line = "waiting for a free worker"
+        self.steps = Steps()
         self._call = (limits, task, folder, arguments)
         self._limits = limits
         self._process: BaseProcess | None = None
@@ -177,6 +181,7 @@ class Job:
             if kind == "failed":
                 raise JobFailedError(value)
             self.line = value
+            self.steps.follow(value)
 
     async def _why_it_died(self) -> str:
         assert self._process is not None

@@ -34,6 +34,7 @@ from skymosaic.mosaicing import planned_sources
 from skymosaic.panel.explain import verdicts
 from skymosaic.panel.options import AUTOMATIC, Options
 from skymosaic.panel.results import HardwareResult, LinkView, MosaicResult, PairView, ShownMosaic, Size
+from skymosaic.panel.steps import step_line
 from skymosaic.registration import WORKING_WIDTH_PX, Pair, register
 from skymosaic.reports import pair as pair_report
 from skymosaic.reports.flight import write_report
@@ -108,12 +109,13 @@ def mosaic_options(options: Options, photographs: int) -> MosaicOptions:
         backend=options.backend,
         seed=SEED,
         refine=options.refine,
+        damaged=options.damaged,
     )
 
 
 def _in_words(progress: Progress) -> Callable[[str, int, int], None]:
     def report_stage(stage: str, done: int, total: int) -> None:
-        progress(f"{stage}: {done} of {total}" if total else stage)
+        progress(step_line(stage, done, total) if total else stage)
 
     return report_stage
 
@@ -162,6 +164,7 @@ def _registered(
         backend=options.backend,
         seed=SEED,
         refine=options.refine,
+        damaged=options.damaged,
         progress=progress,
     )
     # Report, tables and page name the photographs without the folder.
@@ -207,6 +210,7 @@ def command(names: list[str], options: Options) -> str:
         words += ["--detector", options.detector, "--descriptor", options.descriptor]
         words += ["--estimator", options.estimator, *(["--refine"] if options.refine else [])]
     words += [] if options.blending == AUTOMATIC else ["--blend", options.blending]
+    words += ["--damaged", "keep"] if options.damaged == "keep" else []
     return shlex.join([*words, "--backend", options.backend, "--report", REPORT, "-o", MOSAIC, "--overwrite"])
 
 

@@ -27,8 +27,8 @@ CAR_MAGNIFICATION = 3.0
 TEMPLATE_MARGIN_PX = 6
 
 
-def inspect(folder: Path, name: str, views: Path, *, progress: Progress) -> Upload:
-    """Decode a photograph and save its working picture in ``views``.
+def inspect(folder: Path, name: str, views: Path, *, progress: Progress, keep_damaged: bool = False) -> Upload:
+    """Decode a photograph, or what can be decoded of it, and save its working picture in ``views``.
 
     Raises
     ------
@@ -36,7 +36,7 @@ def inspect(folder: Path, name: str, views: Path, *, progress: Progress) -> Uplo
         As `skymosaic.imagery.images.load`.
     """
     progress(f"reading {name}")
-    photograph = load(folder / name)
+    photograph = load(folder / name, keep_damaged=keep_damaged)
     return _upload(name, photograph.pixels, photograph.notes, views)
 
 

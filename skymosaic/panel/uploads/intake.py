@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 from skymosaic.panel.results import Upload
@@ -58,6 +59,7 @@ async def take_in(
     room_bytes: int,
     queue: asyncio.Semaphore,
     is_gone: IsGone,
+    keep_damaged: bool = False,
 ) -> Upload:
     """Receive a file beside ``target``, as `skymosaic.panel.uploads.received.receive`, and decode it.
 
@@ -76,6 +78,8 @@ async def take_in(
         Of the workers.
     is_gone : callable
         Asked, once the body has been received, whether the browser has gone: then the worker is ended.
+    keep_damaged : bool
+        Accept a damaged photograph, with what can be decoded of it.
 
     Raises
     ------
@@ -83,6 +87,8 @@ async def take_in(
         If the file is refused; it is removed completely.
     """
     kind, task = SLOTS[slot]
+    if kind is PHOTOGRAPH:
+        task = partial(task, keep_damaged=keep_damaged)
     path = await receive(body, name, kind, target, room_bytes)
     job = Job(f"Reading {path.name}", task, path.parent, path.name, views, limits=LIMITS)
     watch = asyncio.create_task(_cancel_once(is_gone, job))

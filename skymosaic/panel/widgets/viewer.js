@@ -1,14 +1,16 @@
-// Pictures under an SVG drawing, with zoom and pan by wheel, drag, buttons and keys; reports the pointer's position.
+// Pictures under an SVG drawing, with zoom and pan by wheel, drag, pinch, buttons and keys; reports the pointer's
+// position. Ours because the lines of a match must stay sharp, and be found under the pointer, at every zoom.
 const STEP = 1.35;
 const LARGEST_ZOOM = 24;
 const POINTER_INTERVAL_MS = 40;
 
 export default {
   template: `
-    <div class="viewer" role="group" :aria-label="label">
+    <div class="viewer" :class="{filling}" role="group" :aria-label="label">
       <svg ref="svg" tabindex="0" role="img" :aria-label="label + '. Plus and minus zoom, arrow keys move, 0 shows all.'"
-        :viewBox="box.join(' ')" :style="{aspectRatio: size.join('/')}" preserveAspectRatio="xMidYMid meet" :class="{dragging: drag && drag.moved}"
-        @wheel.prevent="onWheel" @pointerdown="onDown" @pointermove="onMove" @pointerup="onUp"
+        :viewBox="box.join(' ')" preserveAspectRatio="xMidYMid meet" :class="{dragging: drag && drag.moved}"
+        :style="filling ? {} : {aspectRatio: size.join('/')}"
+        @wheel.prevent="onWheel" @pointerdown="onDown" @pointermove="onMove" @pointerup="onUp" @pointercancel="onUp"
         @pointerleave="onLeave" @keydown="onKey">
         <image v-for="picture in pictures" :key="picture.href" :href="picture.href" :x="picture.x" :y="picture.y"
           :width="picture.width" :height="picture.height" preserveAspectRatio="none" />
@@ -19,13 +21,21 @@ export default {
         <button type="button" aria-label="Zoom in" title="Zoom in (+)" @click="zoom(STEP)">+</button>
         <button type="button" aria-label="Zoom out" title="Zoom out (−)" @click="zoom(1 / STEP)">−</button>
         <button type="button" aria-label="Show all" title="Show all (0)" @click="fit">⤢</button>
+        <button type="button" aria-label="Fill the window" title="Fill the window (F, Escape)" :aria-pressed="filling"
+          @click="filling = !filling">
+          <svg viewBox="0 0 16 16" aria-hidden="true"><path d="M2 6V2h4M10 2h4v4M14 10v4h-4M6 14H2v-4" /></svg>
+        </button>
       </div>
     </div>`,
   props: { pictures: Array, size: Array, drawing: String, label: String },
   data() {
-    return { STEP, box: [0, 0, ...this.size], drag: null, pointer: null, timer: 0 };
+    return { STEP, box: [0, 0, ...this.size], drag: null, pointer: null, timer: 0, filling: false };
   },
-  mounted() { this.$refs.drawing.innerHTML = this.drawing; },
+  mounted() {
+    // Fingers on the picture, by the browser's number; not reactive, as every move changes them.
+    this.fingers = new Map();
+    this.$refs.drawing.innerHTML = this.drawing;
+  },
   watch: {
     drawing(markup) { this.$refs.drawing.innerHTML = markup; },
     size(now, before) { if (String(now) !== String(before)) this.fit(); },
@@ -53,7 +63,8 @@ export default {
       this.zoom(event.deltaY < 0 ? STEP : 1 / STEP, x, y);
     },
     onDown(event) {
-      if (event.button === 0) this.drag = { x: event.clientX, y: event.clientY, moved: false };
+      this.fingers.set(event.pointerId, event);
+      if (event.button === 0) this.drag = { x: event.clientX, y: event.clientY, moved: this.fingers.size > 1 };
     },
     // At most once per interval; the position where the pointer comes to rest is always reported.
     report() {
@@ -64,6 +75,7 @@ export default {
       this.timer = setTimeout(this.report, POINTER_INTERVAL_MS);
     },
     onMove(event) {
+      if (this.fingers.size === 2 && this.fingers.has(event.pointerId)) return this.pinch(event);
       if (!this.drag) {
         this.pointer = this.at(event);
         if (!this.timer) this.report();
@@ -76,11 +88,29 @@ export default {
       this.moveTo(this.box[0] - dx / scale, this.box[1] - dy / scale);
       this.drag = { x: event.clientX, y: event.clientY, moved: true };
     },
+    // Two fingers: zoom by the change of their distance, about the point between them.
+    pinch(event) {
+      const distance = () => {
+        const [first, second] = [...this.fingers.values()];
+        return Math.hypot(first.clientX - second.clientX, first.clientY - second.clientY);
+      };
+      const before = distance();
+      this.fingers.set(event.pointerId, event);
+      const [first, second] = [...this.fingers.values()];
+      const { x, y } = this.at({
+        clientX: (first.clientX + second.clientX) / 2, clientY: (first.clientY + second.clientY) / 2,
+      });
+      if (before > 0) this.zoom(distance() / before, x, y);
+    },
     onUp(event) {
-      if (this.drag && !this.drag.moved) this.$emit("pick", this.at(event));
+      this.fingers.delete(event.pointerId);
+      if (this.drag && !this.drag.moved && event.type === "pointerup") this.$emit("pick", this.at(event));
       this.drag = null;
     },
-    onLeave() { if (!this.drag?.moved) this.drag = null; },
+    onLeave(event) {
+      this.fingers.delete(event.pointerId);
+      if (!this.drag?.moved) this.drag = null;
+    },
     onKey(event) {
       const step = this.box[2] / 8;
       const action = {
@@ -89,6 +119,7 @@ export default {
         ArrowRight: () => this.moveTo(this.box[0] + step, this.box[1]),
         ArrowUp: () => this.moveTo(this.box[0], this.box[1] - step),
         ArrowDown: () => this.moveTo(this.box[0], this.box[1] + step),
+        f: () => (this.filling = !this.filling), Escape: () => (this.filling = false),
       }[event.key];
       if (action) { event.preventDefault(); action(); }
     },
