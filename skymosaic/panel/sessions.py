@@ -107,7 +107,7 @@ class Session:
         Parameters
         ----------
         slot : str
-            A key of `skymosaic.panel.uploads.intake.SLOTS`.
+            One of `skymosaic.panel.uploads.intake.SLOTS`.
         body : async iterator of bytes
         name : str
             The file's name in the browser.

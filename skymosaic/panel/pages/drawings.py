@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from golden_model.arrays import Array, Records
 from golden_model.feature.ilbp import SECTORS
@@ -70,24 +71,24 @@ def matches(lines: Array, verdicts: Sequence[str], shown: Sequence[int]) -> str:
     return "".join(parts)
 
 
-def spread(lines: Array, weights: Array, columns: int = 8) -> Array:
+def spread(lines: Array, weights: NDArray[np.uint8], columns: int = 8) -> NDArray[np.intp]:
     """Order of the matches in which the first few cover the whole left picture, the heaviest of each cell first.
 
     Parameters
     ----------
     lines : (M, 4) float64 ndarray
         As `segments`.
-    weights : (M,) ndarray
+    weights : (M,) uint8 ndarray
     columns : int
         Cells along the width of what the matches cover.
 
     Returns
     -------
-    (M,) int64 ndarray
+    (M,) intp ndarray
         A permutation.
     """
     if len(lines) == 0:
-        return np.zeros(0, dtype=np.int64)
+        return np.zeros(0, dtype=np.intp)
     left = lines[:, :2] - lines[:, :2].min(axis=0)
     cell = (left // (left.max() / columns + 1e-9)).astype(np.int64)
     cell_number = cell[:, 0] + (columns + 1) * cell[:, 1]
@@ -96,7 +97,8 @@ def spread(lines: Array, weights: Array, columns: int = 8) -> Array:
     firsts = np.searchsorted(cell_number[by_cell], cell_number[by_cell])
     rank = np.empty(len(lines), dtype=np.int64)
     rank[by_cell] = np.arange(len(lines)) - firsts
-    return np.lexsort((-weights.astype(np.int64), rank))
+    order: NDArray[np.intp] = np.lexsort((-weights.astype(np.int64), rank))
+    return order
 
 
 def chosen_match(line: Array, verdict: str) -> str:

@@ -14,12 +14,8 @@ from skymosaic.panel.tasks.jobs import Job, JobCancelledError, JobFailedError, L
 from skymosaic.panel.uploads.received import PHOTOGRAPH, VIDEO, UploadRefusedError, receive
 from skymosaic.panel.uploads.storage import BUSY
 
-SLOTS = {
-    "photograph": (PHOTOGRAPH, upload_tasks.inspect),
-    "template": (PHOTOGRAPH, upload_tasks.inspect),
-    "video": (VIDEO, upload_tasks.inspect_video),
-}
-"""What a file may be uploaded as: the kind of file, and the task that reads it."""
+SLOTS = ("photograph", "template", "video")
+"""What a file may be uploaded as."""
 LIMITS = Limits(processor_seconds=20, seconds=120, memory_bytes=2 << 30)
 """Of the worker that decodes an upload."""
 MOST_UPLOADS = 128
@@ -66,7 +62,7 @@ async def take_in(
     Parameters
     ----------
     slot : str
-        A key of `SLOTS`.
+        One of `SLOTS`.
     body : async iterator of bytes
     name : str
         The file's name in the browser.
@@ -86,9 +82,8 @@ async def take_in(
     UploadRefusedError
         If the file is refused; it is removed completely.
     """
-    kind, task = SLOTS[slot]
-    if kind is PHOTOGRAPH:
-        task = partial(task, keep_damaged=keep_damaged)
+    kind = VIDEO if slot == "video" else PHOTOGRAPH
+    task = upload_tasks.inspect_video if kind is VIDEO else partial(upload_tasks.inspect, keep_damaged=keep_damaged)
     path = await receive(body, name, kind, target, room_bytes)
     job = Job(f"Reading {path.name}", task, path.parent, path.name, views, limits=LIMITS)
     watch = asyncio.create_task(_cancel_once(is_gone, job))
