@@ -114,6 +114,9 @@ def _blend_bands(layers: Sequence[Layer], tile: Canvas) -> Pixels:
     """
     around = _with_margin(tile)
     owner = _owners(layers, around)
+    if owner.min() == owner.max() >= 0:
+        # The bands of one photograph add up to the photograph.
+        return layers[int(owner.max())].pixels(tile)
     shape = (*owner.shape, *layers[0].image.shape[2:])
     total = [np.zeros((shape[0] >> k, shape[1] >> k, *shape[2:]), dtype=np.float32) for k in range(BANDS + 1)]
     total_weight = [np.zeros(band.shape[:2], dtype=np.float32) for band in total]

@@ -113,7 +113,7 @@ def _without_burning(thumbnails: Sequence[Layer], logs: Array, falloff: Array) -
 
 
 def _white_share(layer: Layer, tone: Tone) -> float:
-    return float((_toned(layer, tone).min(axis=2) >= NEARLY_WHITE).mean())
+    return float(cv2.inRange(_toned(layer, tone), (NEARLY_WHITE,) * 3, (255,) * 3).mean() / 255)
 
 
 def _toned(layer: Layer, tone: Tone) -> Pixels:
@@ -134,7 +134,7 @@ def _cells(layer: Layer) -> _Cells:
     window = Canvas(x, y, max(width, 1), max(height, 1))
     pixels = Canvas(CELL_PX * x, CELL_PX * y, CELL_PX * window.width_px, CELL_PX * window.height_px)
     shown = layer.pixels(pixels)
-    usable = (layer.border_distance(pixels) > 0) & (shown.min(axis=2) >= DARKEST) & (shown.max(axis=2) <= BRIGHTEST)
+    usable = (layer.border_distance(pixels) > 0) & (cv2.inRange(shown, (DARKEST,) * 3, (BRIGHTEST,) * 3) > 0)
     size = (window.width_px, window.height_px)
     means = cv2.resize(shown.astype(np.float32), size, interpolation=cv2.INTER_AREA)
     valid = cv2.resize(usable.astype(np.float32), size, interpolation=cv2.INTER_AREA) > 1 - 1e-3

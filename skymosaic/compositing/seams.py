@@ -12,11 +12,14 @@ from typing import Any
 import cv2
 import numpy as np
 
+from golden_model.arrays import Mask
 from skymosaic.compositing.layer import Layer, SeamMask
-from skymosaic.compositing.warp import canvas_of, footprint
+from skymosaic.compositing.warp import Canvas, canvas_of, footprint
 
 NEARLY_FARTHEST = 0.6
 """A photograph may show a pixel if its claim is at least this share of the strongest claim to it."""
+SURROUND_PX = 2
+"""Pixels of a mask's rectangle beyond what a photograph may show: masks continue beyond their rectangle."""
 
 
 def seam_masks(thumbnails: Sequence[Layer], scale: float) -> list[SeamMask]:
@@ -42,13 +45,26 @@ def seam_masks(thumbnails: Sequence[Layer], scale: float) -> list[SeamMask]:
         where = canvas.within(whole)
         strongest[where] = np.maximum(strongest[where], claim)
     # Lists of Any, because OpenCV's type hints do not accept lists of arrays here.
-    allowed: list[Any] = []
-    for canvas, claim in zip(canvases, claims, strict=True):
+    parts, allowed, pixels = [], [], []
+    for layer, canvas, claim in zip(thumbnails, canvases, claims, strict=True):
         near_enough = (claim > 0) & (claim >= NEARLY_FARTHEST * strongest[canvas.within(whole)])
-        allowed.append(near_enough.astype(np.uint8) * 255)
-    pixels: list[Any] = [
-        layer.pixels(canvas).astype(np.float32) for layer, canvas in zip(thumbnails, canvases, strict=True)
-    ]
-    corners = [(canvas.x_px, canvas.y_px) for canvas in canvases]
-    found = cv2.detail.DpSeamFinder("COLOR_GRAD").find(pixels, corners, allowed)
-    return [SeamMask(mask.get(), canvas, scale) for mask, canvas in zip(found, canvases, strict=True)]
+        # The finder compares whole rectangles: in a dense flight, most of a photograph is far from all of its seams.
+        part = _surrounded(near_enough, canvas)
+        parts.append(part)
+        allowed.append(near_enough[part.within(canvas)].astype(np.uint8) * 255)
+        pixels.append(layer.pixels(part).astype(np.float32))
+    corners = [(part.x_px, part.y_px) for part in parts]
+    finder: Any = cv2.detail.DpSeamFinder("COLOR_GRAD")
+    found = finder.find(pixels, corners, allowed)
+    return [SeamMask(mask.get(), part, scale) for mask, part in zip(found, parts, strict=True)]
+
+
+def _surrounded(mask: Mask, canvas: Canvas) -> Canvas:
+    """The rectangle of a canvas that contains the mask and `SURROUND_PX` around it; one pixel if it is empty."""
+    if not mask.any():
+        return Canvas(canvas.x_px, canvas.y_px, 1, 1)
+    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+    first_x, first_y = columns[0] - SURROUND_PX, rows[0] - SURROUND_PX
+    width, height = columns[-1] + SURROUND_PX + 1 - first_x, rows[-1] + SURROUND_PX + 1 - first_y
+    around = Canvas(canvas.x_px + int(first_x), canvas.y_px + int(first_y), int(width), int(height))
+    return around.intersection(canvas) or canvas

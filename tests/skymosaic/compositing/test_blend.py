@@ -93,6 +93,16 @@ def test_tiles_leave_no_trace(method):
     assert np.abs(mosaic[window.within(canvas)].astype(int) - part).max() <= 1
 
 
+def test_a_tile_that_shows_one_photograph_takes_no_bands(monkeypatch):
+    image = smooth_image(700, 800, 3)
+    part = Canvas(250, 250, 200, 120)
+    by_bands = blend([image, image[:300, :300]], [np.eye(3)] * 2, part, method="multiband")
+    monkeypatch.setattr("skymosaic.compositing.blend._bands", lambda _image: pytest.fail("bands"))
+    alone = blend([image], [np.eye(3)], part, method="multiband")
+    np.testing.assert_array_equal(alone, image[250:370, 250:450])
+    np.testing.assert_array_equal(alone, by_bands)
+
+
 def test_gray_becomes_bgr_beside_colour_and_stays_gray_alone():
     gray, colour = np.full((64, 64), 50, np.uint8), np.full((64, 64, 3), (10, 20, 30), np.uint8)
     mosaic = blend([gray, colour], [np.eye(3), shift(64, 0)], Canvas(0, 0, 128, 64))
