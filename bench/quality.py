@@ -1,9 +1,12 @@
-"""Quality of a mosaic without ground truth, from the picture and its report alone.
+"""Quality of mosaics without ground truth, and their cost: one row of Markdown for each flight.
 
-python bench/quality.py MOSAIC REPORT.json [MOSAIC REPORT.json ...]
+    python bench/quality.py FOLDER ...
 
-For each photograph, the mosaic is warped back into its frame and compared with it:
+Every mosaic is made by the command line in a process of its own, from an empty cache. For each photograph, the mosaic
+is warped back into its frame and compared with it:
 
+error    median reprojection error of the tie points at 1600 px wide
+CPU      seconds of processor time for each placed photograph, from the files to the PNG file and the report
 kept     brightness of the mosaic against the photograph's: median, smallest, largest
 burnt    share of pixels that are white in the mosaic and not in the photograph, percent
 misfit   mean absolute difference from the photograph once both have the same mean and contrast, percent of the mean
@@ -14,8 +17,12 @@ sharp    energy of fine detail in the mosaic against the photograph warped by a 
 from __future__ import annotations
 
 import json
+import os
+import subprocess
 import sys
+import tempfile
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -24,28 +31,48 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Picture = NDArray[np.float32]
 
+COMPARED_AT_PX = 1600
+"""Width at which errors are given, whatever the working width was."""
 COMPARED_WIDTH_PX = 800
 SHARPNESS_SIDE_PX = 384
 HIGH_PASS_PX = 6.0
 
 
-def main(arguments: list[str]) -> None:
-    """Print one line for each mosaic."""
-    print(f"{'mosaic':32} {'photos':>6} {'kept':>18} {'burnt':>7} {'misfit':>7} {'NCC':>11} {'sharp':>6}")
-    for mosaic_path, report_path in zip(arguments[::2], arguments[1::2], strict=True):
-        mosaic = cv2.imread(mosaic_path)
-        report = json.loads(Path(report_path).read_text())
-        transforms = report["mosaics"][0]["transforms"]
-        photographs = (
-            (straightened(cv2.imread(name), report.get("lens")), matrix) for name, matrix in transforms.items()
-        )
-        rows = [row for photograph, matrix in photographs if (row := measured(mosaic, photograph, np.array(matrix)))]
-        kept, burnt, misfit, ncc, sharp = np.array(rows).T
+def main(folders: list[str]) -> None:
+    """Print the table."""
+    columns = ("flight", "placed", "error, px", "CPU, s", "kept", "burnt, %", "misfit, %", "NCC", "sharp")
+    print("|", " | ".join(columns), "|\n|" + "---|" * len(columns))
+    for folder in folders:
+        with tempfile.TemporaryDirectory() as made:
+            cpu_seconds = mosaic_of(Path(folder).resolve(), Path(made))
+            report = json.loads((Path(made) / "report" / "report.json").read_text())
+            numbers = report["mosaics"][0]
+            kept, burnt, misfit, ncc, sharp = measures(Path(made) / "mosaic.png", report).T
+        placed, scale = numbers["placed"], COMPARED_AT_PX / report["working_width_px"]
         print(
-            f"{Path(mosaic_path).name:32} {len(rows):6} {np.median(kept):6.2f} {kept.min():5.2f} {kept.max():5.2f}"
-            f" {100 * burnt.mean():7.2f} {100 * np.median(misfit):7.1f}"
-            f" {np.median(ncc):5.2f} {np.quantile(ncc, 0.1):5.2f} {np.nanmedian(sharp):6.2f}"
+            f"| {Path(folder).name} | {placed} of {report['photographs']} | {scale * numbers['median_error_px']:.2f}"
+            f" | {cpu_seconds / placed:.2f} | {np.median(kept):.2f} ({kept.min():.2f}, {kept.max():.2f})"
+            f" | {100 * burnt.mean():.2f} | {100 * np.median(misfit):.1f}"
+            f" | {np.median(ncc):.2f} ({np.quantile(ncc, 0.1):.2f}) | {np.nanmedian(sharp):.2f} |",
+            flush=True,
         )
+
+
+def mosaic_of(folder: Path, made: Path) -> float:
+    """Make the mosaic and its report in the folder ``made``; returns seconds of processor time."""
+    command = [sys.executable, "-m", "skymosaic", "mosaic", str(folder), "-o", "mosaic.png", "--report", "report"]
+    process = subprocess.Popen([*command, "--cache", "cache"], cwd=made, stderr=subprocess.DEVNULL)
+    _, status, usage = os.wait4(process.pid, 0)
+    if status:
+        raise SystemExit(f"{folder}: no mosaic; run skymosaic mosaic on it to see why")
+    return usage.ru_utime + usage.ru_stime
+
+
+def measures(mosaic_path: Path, report: dict[str, Any]) -> Array:
+    """The measures of each photograph, (N, 5)."""
+    mosaic, transforms = cv2.imread(str(mosaic_path)), report["mosaics"][0]["transforms"]
+    photographs = ((straightened(cv2.imread(name), report.get("lens")), matrix) for name, matrix in transforms.items())
+    return np.array([row for photo, matrix in photographs if (row := measured(mosaic, photo, np.array(matrix)))])
 
 
 def straightened(photograph: NDArray[np.uint8], lens: dict[str, float] | None) -> NDArray[np.uint8]:
