@@ -35,7 +35,8 @@ from skymosaic.cli.progress import progress_bars
 from skymosaic.compositing.warp import CANVAS_LIMIT_PX
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.flight.output import Delivery
-from skymosaic.imagery.images import check_unused
+from skymosaic.flight.survey import Flight
+from skymosaic.imagery.images import check_output, check_unused, save_bytes
 from skymosaic.imagery.lens import load_lens
 from skymosaic.mosaic_options import MosaicOptions
 from skymosaic.mosaicing import planned
@@ -75,6 +76,15 @@ def mosaic(
     damaged: DamagedOption = "refuse",
     camera: CameraOption = None,
     mask: MaskOption = None,
+    save_camera: Annotated[
+        Path | None,
+        typer.Option(
+            "--save-camera",
+            metavar="FILE",
+            rich_help_panel=flight_options.MORE,
+            help="Write the lens that the ties told, for --camera of the next flight.",
+        ),
+    ] = None,
     all_groups: Annotated[
         bool,
         typer.Option(
@@ -116,19 +126,36 @@ def mosaic(
         memory_bytes=memory_mb * MEGABYTE,
     )
     if live:
+        if save_camera is not None:
+            raise InputError("--save-camera: a live mosaic does not estimate the lens; leave out either")
         grow_instead(photographs, output, report_folder, options, idle_seconds, overwrite=overwrite)
         return
     if idle_seconds is not None:
         raise InputError("--idle-seconds ends a live mosaic; add --live, or leave it out")
-    _print_made(_made(photographs, output, report_folder, options, overwrite=overwrite), report_folder)
+    if save_camera is not None and camera is not None:
+        raise InputError("--save-camera: the lens is given by --camera, so it is not estimated; leave one out")
+    deliveries = _made(photographs, output, report_folder, options, save_camera, overwrite=overwrite)
+    _print_made(deliveries, report_folder)
+    if save_camera is not None:
+        _save_camera(save_camera, deliveries[0].flight)
 
 
 def _made(
-    photographs: Sequence[str], output: Path, report_folder: Path | None, options: MosaicOptions, *, overwrite: bool
+    photographs: Sequence[str],
+    output: Path,
+    report_folder: Path | None,
+    options: MosaicOptions,
+    save_camera: Path | None,
+    *,
+    overwrite: bool,
 ) -> list[Delivery]:
     """Write the mosaics and their report; of a pair that cannot be registered, the report alone, which shows why."""
     with progress_bars() as progress, planned(photographs, options, progress, tell) as plan:
         plan.check_outputs(output, overwrite=overwrite)
+        if save_camera is not None:
+            if len(plan.sources) == 2:
+                raise InputError("--save-camera: two photographs do not tell the lens; leave it out")
+            check_output(save_camera, (str(output), *photographs), (".toml",), overwrite=overwrite)
         if report_folder:
             check_unused(report_folder, overwrite=overwrite)
             prepare(report_folder)
@@ -142,6 +169,15 @@ def _made(
         if report_folder:
             write_report(report_folder, plan.flight, deliveries)
     return deliveries
+
+
+def _save_camera(path: Path, flight: Flight) -> None:
+    """Write the lens that the ties told, or say why there is none."""
+    if flight.calibration is None:
+        tell("note: no camera file: straightening the lens does not help the ties, or they are too few")
+    else:
+        save_bytes(path, flight.calibration.camera_file.encode())
+        tell(f"camera {path}")
 
 
 def _print_made(deliveries: Sequence[Delivery], report_folder: Path | None) -> None:

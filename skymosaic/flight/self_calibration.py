@@ -8,6 +8,7 @@ coefficient is used only if it predicts them clearly better.
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -15,6 +16,7 @@ import numpy as np
 
 from golden_model.arrays import Array, Pixels
 from skymosaic.flight.adjustment import FOCAL_HALF_DIAGONALS, MAX_STEPS, MODELS
+from skymosaic.flight.cache import ResultCache, key_of
 from skymosaic.flight.distortion import LARGEST_DISTORTION, straightened
 from skymosaic.flight.layout import LinkedGroup, normalisation
 from skymosaic.flight.links import Link
@@ -27,7 +29,7 @@ FEWEST_VIEWS = 6
 WANTED_GAIN = 0.95
 """The coefficient is used if the median error of held-out ties falls below this share: straightening costs detail."""
 TIES_A_LINK = 100
-"""More ties of a link than these tell no more about the lens, but take longer."""
+"""More ties of a link than these do not tell better whether a distortion helps, but take longer."""
 BETWEEN_STEPS = 4
 """Steps of the affine model, which only leads from similarities to homographies."""
 
@@ -63,9 +65,33 @@ class Calibration:
         assert self.lens.distortion is not None
         return float(self.lens.distortion[0])
 
+    @property
+    def camera_file(self) -> str:
+        """The lens as a file that `skymosaic.imagery.lens.load_lens` reads."""
+        lens = self.lens
+        assert lens.size is not None
+        assert lens.matrix is not None
+        numbers = {
+            "width_px": lens.size[0],
+            "height_px": lens.size[1],
+            "focal_x_px": float(lens.matrix[0, 0]),
+            "focal_y_px": float(lens.matrix[1, 1]),
+            "centre_x_px": float(lens.matrix[0, 2]),
+            "centre_y_px": float(lens.matrix[1, 2]),
+            "k1": self.k1,
+        }
+        measured = (
+            f"# Median error of held-out ties: {self.before_px:.2f} px without k1, {self.after_px:.2f} px with it.\n"
+        )
+        return measured + "".join(f"{key} = {value}\n" for key, value in numbers.items())
+
 
 def calibrate(
-    views: Sequence[View], members: Sequence[int], links: Sequence[Link], mask: Pixels | None = None
+    views: Sequence[View],
+    members: Sequence[int],
+    links: Sequence[Link],
+    mask: Pixels | None = None,
+    cache: ResultCache | None = None,
 ) -> Calibration | None:
     """Estimate the distortion that all views share.
 
@@ -79,6 +105,8 @@ def calibrate(
         Links that hold.
     mask : ndarray of uint8 or None
         Of the lens, see `Lens`.
+    cache : ResultCache or None
+        Keeps the result for the next run with the same links.
 
     Returns
     -------
@@ -89,22 +117,44 @@ def calibrate(
     if len(members) < FEWEST_VIEWS or len(sizes) > 1:
         return None
     group = LinkedGroup(views, members, links)
-    before_px, _ = _trial(group, lens=False)
-    after_px, distortion = _trial(group, lens=True)
+    key = key_of("calibration", [views[member].working_size for member in members], _digest(group.links))
+    arrays = cache.load(key) if cache is not None else None
+    if arrays is None:
+        arrays = {"found": np.array(_measured(group))}
+        if cache is not None:
+            cache.save(key, arrays)
+    before_px, after_px, distortion = arrays["found"].tolist()
     if abs(distortion) >= LARGEST_DISTORTION or after_px > WANTED_GAIN * before_px:
         return None
     return Calibration(distortion, before_px, after_px, _lens(distortion, views[members[0]].size, mask))
 
 
-def _trial(group: LinkedGroup, *, lens: bool) -> tuple[float, float]:
-    """Median error of the ties that were not fitted, working px, and the distortion."""
+def _digest(links: Sequence[Link]) -> str:
+    """A hash of the views that the links join and of their ties."""
+    state = hashlib.sha256()
+    for link in links:
+        state.update(repr((link.left, link.right)).encode() + link.left_points.tobytes() + link.right_points.tobytes())
+    return state.hexdigest()
+
+
+def _measured(group: LinkedGroup) -> tuple[float, float, float]:
+    """Median error of held-out ties without and with a distortion, working px, and the distortion by all ties."""
+    before_px, _, _ = _trial(group, lens=False)
+    after_px, distortion, transforms = _trial(group, lens=True)
+    whole = group.network(slice(None), distortion=distortion)
+    whole.calibrate(transforms, "homography")
+    return before_px, after_px, whole.distortion
+
+
+def _trial(group: LinkedGroup, *, lens: bool) -> tuple[float, float, Array]:
+    """Fit every second tie: the median error of the others, working px; the distortion, and the transformations."""
     fitted = group.network(slice(0, None, 2), TIES_A_LINK)
     # Similarities converge from far away; homographies with a wrong distortion may not, so they come last.
     transforms, fit = group.start, fitted.calibrate if lens else fitted.adjust
     for model in MODELS:
         transforms = fit(transforms, model, max_steps=BETWEEN_STEPS if model == "affine" else MAX_STEPS)
     held_out = group.network(slice(1, None, 2), TIES_A_LINK, fitted.distortion)
-    return float(np.median(np.concatenate(held_out.errors_px(transforms)))), fitted.distortion
+    return float(np.median(np.concatenate(held_out.errors_px(transforms)))), fitted.distortion, transforms
 
 
 def straightened_links(links: Sequence[Link], views: Sequence[View], distortion: float) -> list[Link]:

@@ -193,7 +193,7 @@ def survey(sources: Sequence[Source], settings: Settings, seed: int, workers: Wo
     parts = groups(len(of), held)
     calibration = None
     if settings.lens.matrix is None:
-        calibration = calibrate(of, parts[0], held, settings.lens.mask)
+        calibration = calibrate(of, parts[0], held, settings.lens.mask, cache)
     if calibration is not None:
         held = straightened_links(held, of, calibration.distortion)
     layouts = tuple(lay_out(of, members, held) for members in parts if len(members) > 1)
