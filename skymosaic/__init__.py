@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import time
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -11,6 +12,8 @@ if TYPE_CHECKING:
     from skymosaic.registration import Pair, register
 
 __all__ = ["Mosaic", "MosaicOptions", "Pair", "mosaic", "mosaics", "register"]
+IMPORTED_S = time.perf_counter()
+"""When the program began, for times that add up to its wall time."""
 _MODULES = {"MosaicOptions": "mosaic_options", "Pair": "registration", "register": "registration"}
 
 

@@ -1,19 +1,20 @@
-"""The command line. Exit status: 0 done; 2 bad input; 3 the images could not be registered."""
+"""The command line. docs/command_line.md says what all commands have in common, and what exit statuses mean."""
 
 from __future__ import annotations
 
 import contextlib
 import importlib
 import sys
-from typing import Any
+from importlib.metadata import version
+from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 from typer.core import TyperGroup
 from typer.main import get_command
 
-from golden_model.text import one_line
 from sim.backend import BackendError
+from skymosaic.cli.common import QuietOption, VerboseOption, with_common_options
+from skymosaic.cli.session import session
 from skymosaic.cli.terminal import abandon_output, ended_by_signals, without_library_messages
 from skymosaic.errors import InputError, RegistrationError
 
@@ -39,13 +40,14 @@ class _Commands(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
         """The command that the arguments name, and the arguments that are left."""
         name, command, rest = super().resolve_command(ctx, args)
-        return name, _imported(name) if name in COMMANDS else command, rest
+        return name, _imported(name, ctx.params) if name in COMMANDS else command, rest
 
 
-def _imported(name: str) -> Any:
+def _imported(name: str, before: dict[str, bool]) -> Any:
     _check_opencv()
+    command = getattr(importlib.import_module(f"skymosaic.cli.{COMMANDS[name][0]}"), name)
     single = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-    single.command(name)(getattr(importlib.import_module(f"skymosaic.cli.{COMMANDS[name][0]}"), name))
+    single.command(name)(with_common_options(name, command, before))
     return get_command(single)
 
 
@@ -53,22 +55,39 @@ def _not_imported() -> None:
     raise AssertionError("replaced by the command itself before it is called")
 
 
-app = typer.Typer(
-    cls=_Commands,
-    help="Overlapping UAV images in, one mosaic out.",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-)
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"skymosaic {version('skymosaic')}")
+        raise typer.Exit
+
+
+app = typer.Typer(cls=_Commands, help="Overlapping UAV images in, one mosaic out.", pretty_exceptions_enable=False)
 for _name, (_, _summary) in COMMANDS.items():
     app.command(_name, help=_summary)(_not_imported)
+
+
+@app.callback(invoke_without_command=True)
+def _before_the_command(
+    context: typer.Context,
+    *,
+    quiet: QuietOption = False,
+    verbose: VerboseOption = False,
+    _version: Annotated[
+        bool, typer.Option("--version", is_eager=True, callback=_print_version, help="Print the version.")
+    ] = False,
+) -> None:
+    """The options before a command's name are handed to the command, see `_Commands`."""
+    del quiet, verbose
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+        raise typer.Exit(2)
 
 
 def main() -> None:
     """Run the command line; every expected failure is one line and an exit status."""
     # The panel's log shows what its workers report.
-    quiet = contextlib.nullcontext() if sys.argv[1:2] == ["panel"] else without_library_messages()
-    with quiet, ended_by_signals():
+    noisy = sys.argv[1:2] == ["panel"] or {"-v", "--verbose"}.intersection(sys.argv)
+    with contextlib.nullcontext() if noisy else without_library_messages(), ended_by_signals():
         status = _run()
     sys.exit(status)
 
@@ -76,28 +95,35 @@ def main() -> None:
 def _run() -> int | str | None:
     try:
         try:
-            app()
+            status: int | None = app(prog_name="skymosaic", standalone_mode=False)
         finally:
             # Now rather than at Python's end, where a full disk would be a traceback.
             sys.stdout.flush()
     except SystemExit as end:
         return end.code
-    except (InputError, BackendError) as error:
-        return _failed(str(error), 2)
-    except RegistrationError as error:
-        return _failed(str(error), 3)
+    except typer.TyperException as error:
+        return _failed(_usage(error), 2)
+    except (InputError, BackendError, RegistrationError) as error:
+        return _failed(str(error), 3 if isinstance(error, RegistrationError) else 2)
     except MemoryError:
         return _failed("not enough memory; reduce the photographs, --memory or --scale", 2)
     except OSError as error:
         abandon_output()
         where = f"{error.filename}: " if error.filename else ""
         return _failed(f"{where}{error.strerror or error}; check the disk and its permissions", 2)
-    return 0
+    return status
+
+
+def _usage(error: typer.TyperException) -> str:
+    """What is wrong with the command line, and which help explains it."""
+    context = getattr(error, "ctx", None)
+    command = context.command_path if context else "skymosaic"
+    return f"{' '.join(error.format_message().split()).rstrip('.')}; run {command} --help"
 
 
 def _failed(reason: str, status: int) -> int:
-    console = Console(stderr=True)
-    console.print(f"error: {one_line(reason)}", style="red", markup=False, highlight=False, soft_wrap=True)
+    session.error(reason)
+    session.end(status, reason)
     return status
 
 

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from pathlib import Path
-from typing import Annotated
 
-import typer
 from rich.table import Table
 from rich.text import Text
 
@@ -23,10 +20,9 @@ from skymosaic.cli.options import (
     WorkingWidthOption,
     backend_at,
     configuration,
-    console,
-    tell,
 )
 from skymosaic.cli.progress import progress_bars
+from skymosaic.cli.session import session
 from skymosaic.errors import RegistrationError
 from skymosaic.flight.cache import ResultCache
 from skymosaic.flight.check import FlightCheck, check_flight
@@ -41,7 +37,6 @@ from skymosaic.registration import WORKING_WIDTH_PX
 def check(
     *,
     photographs: PhotographsArgument,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
     preset: PresetOption = "aerial",
     backend: BackendOption = "golden",
     address: AddressOption = None,
@@ -59,18 +54,17 @@ def check(
     """
     lens = load_lens(camera, mask)
     settings = Settings(configuration(preset, config), backend_at(backend, address), working_width_px, lens)
-    kept = ResultCache(cache or cache_folder() / "flights", required=cache is not None, tell=tell)
+    kept = ResultCache(cache or cache_folder() / "flights", required=cache is not None, tell=session.tell)
     with (
         progress_bars() as progress,
-        flight_sources(photographs, tell) as sources,
+        flight_sources(photographs, session.tell) as sources,
         Workers(scheduler, progress=progress) as workers,
     ):
         flight = survey(sources, settings, seed, workers, kept)
     found = check_flight(flight)
-    if as_json:
-        typer.echo(json.dumps(dataclasses.asdict(found) | {"left_out": flight.left_out}))
-    else:
-        _print_check(flight, found)
+    session.seconds = flight.seconds
+    session.numbers = dataclasses.asdict(found) | {"left_out": flight.left_out}
+    _print_check(flight, found)
     if not found.complete:
         raise RegistrationError("the photographs do not make one mosaic; fly again where links are missing")
 
@@ -81,8 +75,8 @@ def _print_check(flight: Flight, found: FlightCheck) -> None:
         numbers = str(photo.links), f"{photo.overlap:.0%}", f"{photo.sharpness:.2f}", f"{photo.clipped:.0%}"
         name = Text(one_line(Path(photo.name).name))
         table.add_row(name, *numbers, "yes" if photo.gps else "no", ", ".join(photo.problems))
-    console.print(table)
+    session.show(table)
     for problem in (*flight.left_out.values(), *found.problems):
-        tell(problem)
+        session.warn(problem)
     if found.complete and not found.problems:
-        console.print("complete: the photographs make one mosaic")
+        session.show("complete: the photographs make one mosaic")

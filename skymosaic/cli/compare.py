@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from skymosaic.cli.options import (
+    HARDWARE,
     AddressOption,
     ConfigOption,
     OverwriteOption,
     PresetOption,
     WorkingWidthOption,
     backend_at,
+    choice,
     configuration,
-    console,
 )
+from skymosaic.cli.session import session
 from skymosaic.evaluation.hardware import compare as compare_pair
 from skymosaic.imagery.images import check_unused
 from skymosaic.registration import WORKING_WIDTH_PX
@@ -27,8 +28,7 @@ def compare(
     *,
     left: Annotated[Path, typer.Argument(help="Left photograph.")],
     right: Annotated[Path, typer.Argument(help="Right photograph.")],
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
-    backend: Annotated[str, typer.Option(help="rtl, verilator, cxxrtl, pysim or board.")] = "rtl",
+    backend: Annotated[str, choice(HARDWARE, "The hardware; rtl is verilator.")] = "rtl",
     address: AddressOption = None,
     preset: PresetOption = "aerial",
     config: ConfigOption = None,
@@ -41,7 +41,7 @@ def compare(
     """Run a pair through the golden model and the hardware; every field of every record has to be equal."""
     if waves:
         check_unused(waves, overwrite=overwrite)
-    with console.status("comparing") as status:
+    with session.working("comparing") as step:
         result = compare_pair(
             left,
             right,
@@ -49,16 +49,16 @@ def compare(
             backend=backend_at(backend, address),
             working_width_px=working_width_px,
             waves=waves,
-            progress=status.update,
+            progress=step,
         )
-    if as_json:
-        typer.echo(json.dumps(result.summary()))
-    else:
-        console.print(f"{'NOT EQUAL: ' + str(result.mismatch) if result.mismatch else 'equal'}")
-        console.print(f"compared {result.coverage}")
-        console.print(f"cycles a frame {', '.join(map(str, result.cycles_per_frame))}")
-        console.print(f"{result.cycles_per_second / 1e6:.2f} M cycles/s simulated")
-        for note in result.notes:
-            console.print(f"proves little: {note}")
-    if result.mismatch:
-        raise typer.Exit(1)
+    session.numbers = result.summary()
+    session.seconds["simulating"] = result.seconds
+    session.show(f"NOT EQUAL: {result.mismatch}" if result.mismatch else "equal")
+    session.show(f"compared {result.coverage}")
+    session.show(f"cycles a frame {', '.join(map(str, result.cycles_per_frame))}")
+    session.show(f"{result.cycles_per_second / 1e6:.2f} M cycles/s simulated")
+    for note in result.notes:
+        session.warn(f"proves little: {note}")
+    if waves:
+        session.wrote(waves)
+    session.status = 1 if result.mismatch else 0

@@ -9,7 +9,8 @@ from typing import Annotated
 import typer
 
 from hdl.boards import BOARDS
-from skymosaic.cli.options import ConfigOption, OverwriteOption, PresetOption, configuration, console, tell
+from skymosaic.cli.options import ConfigOption, OverwriteOption, PresetOption, choice, configuration
+from skymosaic.cli.session import session
 from skymosaic.errors import InputError
 from skymosaic.imagery.images import check_unused
 from skymosaic.temporary import temporary_folder
@@ -17,7 +18,7 @@ from skymosaic.temporary import temporary_folder
 
 def export(
     *,
-    board: Annotated[str | None, typer.Option(help=", ".join(BOARDS) + ".")] = None,
+    board: Annotated[str | None, choice(BOARDS, "The kit.")] = None,
     block: Annotated[str | None, typer.Option(help="One block with a test bench, instead of all: harris, ...")] = None,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")],
     overwrite: OverwriteOption = False,
@@ -33,7 +34,7 @@ def export(
         raise InputError(f"export needs either --board ({', '.join(BOARDS)}) or --block")
     check_unused(output, overwrite=overwrite)
     build = {"lanes": lanes, "max_width_px": max_width_px, "max_height_px": max_height_px, "video_bits": video_bits}
-    with console.status("writing Verilog"):
+    with session.working("writing Verilog"):
         try:
             # Complete, or not at all: written beside the folder and then moved into it.
             with temporary_folder(_existing(output.absolute().parent)) as folder:
@@ -53,7 +54,8 @@ def export(
             raise InputError(str(error)) from None
         except OSError as error:
             raise InputError(f"{output}: cannot be written ({error.strerror}); choose another folder") from None
-    tell(f"wrote {output}; its README.md tells the next steps")
+    session.wrote(output)
+    session.show(f"wrote {output}; its README.md tells the next steps")
 
 
 def _existing(folder: Path) -> Path:

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
-from skymosaic.cli.options import OverwriteOption, console, plotting_module
+from skymosaic.cli.options import OverwriteOption, plotting_module
+from skymosaic.cli.session import session
 from skymosaic.errors import InputError
 from skymosaic.imagery.images import check_unused, save_bytes
 from skymosaic.reports import pair as pair_report
@@ -33,7 +33,8 @@ def fuzzy(
     if plot:
         check_unused(output, overwrite=overwrite)
     for name in names:
-        Console().print(_rules(name, PLOTTED_SYSTEMS[name]))
+        session.show(_rules(name, PLOTTED_SYSTEMS[name]))
+    session.numbers["systems"] = names
     if plot:
         _draw(names, output)
 
@@ -54,4 +55,5 @@ def _draw(names: list[str], folder: Path) -> None:
     for name in names:
         path = folder / f"{name}.png"
         save_bytes(path, picture(name))
-        console.print(f"{path}")
+        session.wrote(path)
+        session.show(f"picture {path}")

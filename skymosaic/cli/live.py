@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -16,12 +16,12 @@ from skymosaic.cli.options import (
     OverwriteOption,
     PresetOption,
     SeedOption,
+    StrictOption,
     WorkingWidthOption,
     backend_at,
     configuration,
-    console,
-    tell,
 )
+from skymosaic.cli.session import session
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.imagery import images
 from skymosaic.imagery.images import Photograph
@@ -60,6 +60,7 @@ def live(
     source: Annotated[str, typer.Argument(help="A folder that fills, a video or its address, a camera's number.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="The mosaic, written at the end: .png, .tif ...")],
     overwrite: OverwriteOption = False,
+    strict: StrictOption = False,
     idle_seconds: IdleOption = None,
     scale: Annotated[float, typer.Option(help="Size of the mosaic against the frames.")] = 1.0,
     preset: PresetOption = "aerial",
@@ -77,7 +78,7 @@ def live(
         seed=seed,
         working_width_px=working_width_px,
     )
-    _grow_and_write(source, output, options, idle_seconds, overwrite=overwrite)
+    _grow_and_write(source, output, options, idle_seconds, overwrite=overwrite, strict=strict)
 
 
 def grow_instead(
@@ -88,6 +89,7 @@ def grow_instead(
     idle_seconds: float | None,
     *,
     overwrite: bool,
+    strict: bool,
 ) -> None:
     """`live` for ``skymosaic mosaic --live``.
 
@@ -105,11 +107,17 @@ def grow_instead(
         raise InputError(
             f"{', '.join(useless)}: no effect with --live, which adds one frame at a time; leave out either"
         )
-    _grow_and_write(photographs[0], output, options, idle_seconds, overwrite=overwrite)
+    _grow_and_write(photographs[0], output, options, idle_seconds, overwrite=overwrite, strict=strict)
 
 
 def _grow_and_write(
-    source: str, output: Path, options: MosaicOptions, idle_seconds: float | None, *, overwrite: bool
+    source: str,
+    output: Path,
+    options: MosaicOptions,
+    idle_seconds: float | None,
+    *,
+    overwrite: bool,
+    strict: bool,
 ) -> None:
     images.check_output(output, (source,), overwrite=overwrite)
     preview = output.with_suffix(".preview.jpg")
@@ -122,23 +130,47 @@ def _grow_and_write(
         scale=options.scale,
         canvas_limit_px=options.canvas_limit_px,
     )
-    frames = live_frames(source, idle_seconds=idle_seconds, tell=tell, made=(output, preview))
+    frames = live_frames(source, idle_seconds=idle_seconds, tell=session.tell, made=(output, preview))
     try:
         grow(mosaic, frames, preview)
     except KeyboardInterrupt:
-        tell("stopped")
+        session.tell("stopped")
     mosaic.finish()
     if not mosaic.transforms:
         raise RegistrationError(f"{source}: no frame could be used")
-    with console.status("writing"):
+    absent = {number: f"frame {number}: {reason}" for number, reason in mosaic.left_out.items()}
+    report_absent(absent, strict=strict)
+    with session.working("writing"):
         images.save(output, mosaic.image)
     if is_folder(Path(source)):
         for made in (output, preview):
             remember(made, [Path(source) / made.name])
     height_px, width_px = mosaic.image.shape[:2]
-    tell(f"mosaic {output} ({width_px}x{height_px}): {len(mosaic.transforms)} frames, {len(mosaic.left_out)} left out")
-    for number, reason in mosaic.left_out.items():
-        tell(f"left out: frame {number}: {reason}")
+    session.numbers = {"size": [width_px, height_px], "frames": len(mosaic.transforms), "left_out": absent}
+    for made in (output, preview):
+        session.wrote(made)
+    session.show(f"mosaic {output} ({width_px}x{height_px}): {len(mosaic.transforms)} frames, {len(absent)} left out")
+
+
+def report_absent(absent: Mapping[int, str], *, strict: bool) -> None:
+    """Warn of what a mosaic does not contain.
+
+    Parameters
+    ----------
+    absent : mapping of int to str
+        Photographs or frames by their index, with the reason.
+    strict : bool
+        Make it an error.
+
+    Raises
+    ------
+    RegistrationError
+        If it is an error; the mosaic must not have been written yet.
+    """
+    for reason in absent.values():
+        session.warn(f"left out: {reason}")
+    if strict and absent:
+        raise RegistrationError(f"{len(absent)} left out, and --strict allows none; nothing was written")
 
 
 def grow(mosaic: LiveMosaic, frames: Iterable[Photograph], preview: Path) -> None:
@@ -146,7 +178,7 @@ def grow(mosaic: LiveMosaic, frames: Iterable[Photograph], preview: Path) -> Non
     shown = 0.0
     for frame in frames:
         update = mosaic.add(frame.pixels)
-        tell(f"{update.number} {frame.name}: {_description(update)}")
+        session.tell(f"{update.number} {frame.name}: {_description(update)}")
         if not update.reason and time.monotonic() - shown >= PREVIEW_SECONDS:
             images.save(preview, images.reduced(mosaic.image, PREVIEW_WIDTH_PX)[0])
             shown = time.monotonic()

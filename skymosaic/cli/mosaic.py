@@ -11,7 +11,7 @@ import typer
 from sim.build_cache import cache_folder
 from skymosaic.cli import flight_options
 from skymosaic.cli.flight_options import CacheOption, CameraOption, MaskOption, PhotographsArgument, SchedulerOption
-from skymosaic.cli.live import IdleOption, grow_instead
+from skymosaic.cli.live import IdleOption, grow_instead, report_absent
 from skymosaic.cli.options import (
     AddressOption,
     BackendOption,
@@ -25,23 +25,27 @@ from skymosaic.cli.options import (
     PresetOption,
     RefineOption,
     SeedOption,
+    StrictOption,
     WorkingWidthOption,
     backend_at,
+    choice,
     configuration,
     print_pair,
-    tell,
 )
 from skymosaic.cli.progress import progress_bars
+from skymosaic.cli.session import STDOUT, session
+from skymosaic.compositing.blend import METHODS
 from skymosaic.compositing.warp import CANVAS_LIMIT_PX
 from skymosaic.errors import InputError, RegistrationError
+from skymosaic.flight.check import check_flight
 from skymosaic.flight.output import Delivery
 from skymosaic.flight.survey import Flight
 from skymosaic.imagery.images import check_output, check_unused, save_bytes
 from skymosaic.imagery.lens import load_lens
-from skymosaic.mosaic_options import MosaicOptions
+from skymosaic.mosaic_options import WARPS, MosaicOptions
 from skymosaic.mosaicing import planned
 from skymosaic.registration import WORKING_WIDTH_PX
-from skymosaic.reports.flight import write_report
+from skymosaic.reports.flight import flight_numbers, write_report
 from skymosaic.reports.pair import prepare
 
 MEGABYTE = 1 << 20
@@ -51,12 +55,12 @@ MEGAPIXEL = 1_000_000
 def mosaic(
     *,
     photographs: PhotographsArgument,
-    output: Annotated[Path, typer.Option("-o", "--output", help="The mosaic: .png, .tif, .jpg ...")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The mosaic: .png, .tif ...; -: PNG on stdout.")],
     report_folder: Annotated[Path | None, typer.Option("--report", help="Folder for pictures and numbers.")] = None,
     overwrite: OverwriteOption = False,
+    strict: StrictOption = False,
     blending: Annotated[
-        str | None,
-        typer.Option("--blend", help="average, distance (default for two photographs) or multiband (for more)."),
+        str | None, choice(METHODS, "By default distance for two photographs, multiband for more.", "--blend")
     ] = None,
     scale: Annotated[float, typer.Option(help="Size of the mosaic against the photographs.")] = 1.0,
     preset: PresetOption = "aerial",
@@ -65,7 +69,7 @@ def mosaic(
     estimator: EstimatorOption = "prosac",
     effort: EffortOption = None,
     warp: Annotated[
-        str, typer.Option(help="homography, mesh (bends the left photograph over relief) or auto; two photographs.")
+        str, choice(WARPS, "A mesh bends the left photograph over relief; for two photographs.")
     ] = "homography",
     backend: BackendOption = "golden",
     address: AddressOption = None,
@@ -128,14 +132,17 @@ def mosaic(
     if live:
         if save_camera is not None:
             raise InputError("--save-camera: a live mosaic does not estimate the lens; leave out either")
-        grow_instead(photographs, output, report_folder, options, idle_seconds, overwrite=overwrite)
+        grow_instead(photographs, output, report_folder, options, idle_seconds, overwrite=overwrite, strict=strict)
         return
     if idle_seconds is not None:
         raise InputError("--idle-seconds ends a live mosaic; add --live, or leave it out")
     if save_camera is not None and camera is not None:
         raise InputError("--save-camera: the lens is given by --camera, so it is not estimated; leave one out")
-    deliveries = _made(photographs, output, report_folder, options, save_camera, overwrite=overwrite)
-    _print_made(deliveries, report_folder)
+    with session.destination(output, "mosaic.png") as target:
+        deliveries = _made(
+            photographs, target, report_folder, options, save_camera, overwrite=overwrite, strict=strict
+        )
+        _show(deliveries, output, report_folder)
     if save_camera is not None:
         _save_camera(save_camera, deliveries[0].flight)
 
@@ -148,9 +155,10 @@ def _made(
     save_camera: Path | None,
     *,
     overwrite: bool,
+    strict: bool,
 ) -> list[Delivery]:
     """Write the mosaics and their report; of a pair that cannot be registered, the report alone, which shows why."""
-    with progress_bars() as progress, planned(photographs, options, progress, tell) as plan:
+    with progress_bars() as progress, planned(photographs, options, progress, session.tell) as plan:
         plan.check_outputs(output, overwrite=overwrite)
         if save_camera is not None:
             if len(plan.sources) == 2:
@@ -161,6 +169,9 @@ def _made(
             prepare(report_folder)
         deliveries: list[Delivery] = []
         try:
+            layouts = plan.layouts
+            whole = plan.flight.left_out if options.all_groups else plan.flight.absent_from(layouts[0])
+            report_absent(whole, strict=strict)
             deliveries = plan.write(output, overwrite=overwrite)
         except RegistrationError:
             if report_folder:
@@ -174,38 +185,45 @@ def _made(
 def _save_camera(path: Path, flight: Flight) -> None:
     """Write the lens that the ties told, or say why there is none."""
     if flight.calibration is None:
-        tell("note: no camera file: straightening the lens does not help the ties, or they are too few")
+        session.warn("no camera file: straightening the lens does not help the ties, or they are too few")
     else:
         save_bytes(path, flight.calibration.camera_file.encode())
-        tell(f"camera {path}")
+        session.wrote(path)
+        session.show(f"camera {path}")
 
 
-def _print_made(deliveries: Sequence[Delivery], report_folder: Path | None) -> None:
+def _show(deliveries: Sequence[Delivery], output: Path, report_folder: Path | None) -> None:
     flight = deliveries[0].flight
+    session.seconds = dict(flight.seconds)
+    session.numbers = flight_numbers(deliveries, check_flight(flight))
     if flight.pair is not None:
+        session.numbers["pair"] = flight.pair.summary()
         print_pair(flight.pair)
         if flight.sources[0].bend is not None:
-            tell("warp: a mesh bends the left photograph to follow the relief")
+            session.show("warp: a mesh bends the left photograph to follow the relief")
     for delivery in deliveries:
-        layout, (width_px, height_px) = delivery.layout, delivery.composition.size
-        tell(
-            f"mosaic {delivery.path} ({width_px}x{height_px}), {len(layout.members)} photographs of {len(flight.names)}"
-        )
-        if flight.pair is None:
-            tell(f"{layout.model}, median reprojection error {layout.median_error_px:.2f} px; {layout.reason}")
-        if on_map := delivery.georeference:
-            tell(f"EPSG:{on_map.epsg}" + (f", GPS residual {on_map.residual_m:.2f} m" if flight.pair is None else ""))
-        if delivery.map_note and (delivery.georeference or flight.pair is None):
-            tell(f"note: {delivery.map_note}")
-    absent = flight.left_out if len(deliveries) == len(flight.layouts) else flight.absent_from(deliveries[0].layout)
-    for reason in absent.values():
-        tell(f"left out: {reason}")
+        _show_mosaic(delivery, output if output == STDOUT else delivery.path)
     if (lens := flight.calibration) is not None:
-        tell(
+        session.show(
             f"lens: k1 {lens.k1:.4f} (focal length {lens.focal_px:.0f} px); median error of held-out ties "
             f"{lens.before_px:.2f} px without it, {lens.after_px:.2f} px with it"
         )
-    if flight.pair is None:
-        tell("seconds: " + ", ".join(f"{stage} {value:.1f}" for stage, value in flight.seconds.items()))
     if report_folder:
-        tell(f"report {report_folder / 'index.html'}")
+        session.wrote(report_folder)
+        session.show(f"report {report_folder / 'index.html'}")
+
+
+def _show_mosaic(delivery: Delivery, path: Path) -> None:
+    flight, layout, (width_px, height_px) = delivery.flight, delivery.layout, delivery.composition.size
+    session.wrote(path)
+    # A pair counts its blending among its own stages, and a flight does not.
+    writing = delivery.seconds - (flight.pair.seconds["warping and blending"] if flight.pair else 0.0)
+    session.seconds["writing" if flight.pair else "blending and writing"] = writing
+    session.show(f"mosaic {path} ({width_px}x{height_px}), {len(layout.members)} photographs of {len(flight.names)}")
+    if flight.pair is None:
+        session.show(f"{layout.model}, median reprojection error {layout.median_error_px:.2f} px; {layout.reason}")
+    if on_map := delivery.georeference:
+        residual = f", GPS residual {on_map.residual_m:.2f} m" if flight.pair is None else ""
+        session.show(f"EPSG:{on_map.epsg}{residual}")
+    if delivery.map_note and (delivery.georeference or flight.pair is None):
+        session.tell(f"note: {delivery.map_note}")

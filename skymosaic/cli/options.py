@@ -3,42 +3,59 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Iterable
 from pathlib import Path
 from types import ModuleType
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from golden_model.config import Config, load_config, preset_config
+from golden_model.config import PRESETS, Config, load_config, preset_config
 from golden_model.text import one_line
+from sim.backend import BACKENDS
+from skymosaic.cli.session import session
+from skymosaic.effort import EFFORTS
 from skymosaic.errors import InputError
 from skymosaic.features.descriptors import DESCRIPTORS
 from skymosaic.features.detectors import DETECTORS
 from skymosaic.geometry.estimators import ESTIMATORS
 from skymosaic.imagery import images
+from skymosaic.imagery.images import DAMAGED
 from skymosaic.registration import Pair
 
-console = Console(stderr=True)
+HARDWARE = tuple(name for name in BACKENDS if name != "golden")
+"""Backends that can differ from the golden model."""
 
-PresetOption = Annotated[str, typer.Option(help="aerial or thesis.")]
-BackendOption = Annotated[
-    str, typer.Option(help="What computes features and matches: golden, rtl, verilator, cxxrtl, pysim or board.")
-]
+
+def choice(names: Iterable[str], help_text: str, *declarations: str, panel: str | None = None) -> Any:
+    """An option that takes one of ``names``: the help lists them, and the shell completes them.
+
+    The names are checked where they are used, so that Python, the command line and the panel give one message.
+    """
+    listed = tuple(names)
+    return typer.Option(
+        *declarations,
+        help=help_text,
+        metavar="|".join(listed),
+        autocompletion=lambda: list(listed),
+        rich_help_panel=panel,
+    )
+
+
+PresetOption = Annotated[str, choice(PRESETS, "The project's own algorithm, or what the thesis describes.")]
+BackendOption = Annotated[str, choice(BACKENDS, "What computes features and matches; rtl is verilator.")]
 AddressOption = Annotated[
     str | None, typer.Option(metavar="HOST[:PORT]", help="Address of the board, for --backend board.")
 ]
 DetectorOption = Annotated[
-    str | None,
-    typer.Option(help=f"{', '.join(DETECTORS)}; by default as configured, or the one that suits the descriptor."),
+    str | None, choice(DETECTORS, "Corners; by default as configured, or what suits the descriptor.")
 ]
 DescriptorOption = Annotated[
-    str | None,
-    typer.Option(help=f"{', '.join(DESCRIPTORS)}; by default as configured, or the one that suits the detector."),
+    str | None, choice(DESCRIPTORS, "Descriptor; by default as configured, or what suits the detector.")
 ]
-EstimatorOption = Annotated[str, typer.Option(help=f"{', '.join(ESTIMATORS)}.")]
+EstimatorOption = Annotated[str, choice(ESTIMATORS, "Robust estimator of the homography.")]
 ConfigOption = Annotated[Path | None, typer.Option("--config", help="TOML file that overrides the preset.")]
 WorkingWidthOption = Annotated[
     int, typer.Option("--working-width", min=images.SMALLEST_SIDE_PX, max=4096, help="Pixels wide during registration.")
@@ -49,25 +66,17 @@ RefineOption = Annotated[
 ]
 EffortOption = Annotated[
     str | None,
-    typer.Option(
-        help="fast: one pass; normal (default): more frames where that is weak; thorough: three scales always."
-    ),
+    choice(EFFORTS, "One pass; more frames where that is weak (normal, the default); always three scales (thorough)."),
 ]
-
 OverwriteOption = Annotated[
     bool, typer.Option("--overwrite", help="Replace files that exist; without it they are refused.")
 ]
-DamagedOption = Annotated[
-    str,
-    typer.Option(
-        help="A damaged JPEG: refuse (a flight leaves it out), or keep what can be decoded.", metavar="refuse|keep"
-    ),
+StrictOption = Annotated[
+    bool, typer.Option("--strict", help="Exit status 3, and no mosaic, if a photograph is left out; else a warning.")
 ]
-
-
-def tell(line: str) -> None:
-    """Print a line without Rich's markup and colours, which would change names of files."""
-    console.print(one_line(line), markup=False, highlight=False, soft_wrap=True)
+DamagedOption = Annotated[
+    str, choice(DAMAGED, "A damaged JPEG: refuse it (a flight leaves it out), or keep what can be decoded.")
+]
 
 
 def plotting_module(name: str) -> ModuleType:
@@ -100,7 +109,7 @@ def backend_at(backend: str, address: str | None) -> str:
 
 
 def print_pair(pair: Pair) -> None:
-    """Print the method, the counts and the times of a registration."""
+    """Print the method and the counts of a registration."""
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     summary = pair.summary()
     table.add_row("method", f"{pair.method.detector} + {pair.method.descriptor}, {pair.estimator}")
@@ -110,11 +119,10 @@ def print_pair(pair: Pair) -> None:
     table.add_row("passes", f"{pair.passes} ({pair.effort})")
     if pair.confidence is not None:
         table.add_row("confidence", f"{pair.confidence.verdict}: {pair.confidence.reason}")
-    table.add_row("seconds", ", ".join(f"{stage} {value:.3f}" for stage, value in summary["seconds"].items()))
     for photograph in (pair.left, pair.right):
         for note in photograph.notes:
             table.add_row("note", Text(one_line(f"{photograph.name}: {note}")))
-    console.print(table)
+    session.show(table)
 
 
 def configuration(preset: str, file: Path | None) -> Config:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import importlib
+import sys
 from typing import Annotated
 
 import typer
 
+from skymosaic.cli.session import session
 from skymosaic.errors import InputError
 
 
@@ -22,6 +24,10 @@ def panel(
         raise InputError(f'the panel needs {error.name}; install it: pip install "skymosaic[panel]"') from None
 
     def announce(address: str) -> None:
-        typer.echo(f"the panel is at {address} (Ctrl-C ends it)")
+        session.numbers["address"] = address
+        session.show(f"the panel is at {address} (Ctrl-C ends it)")
+        # Before the server runs for hours: with --json, whoever started it wants the address now.
+        session.end(0)
+        sys.stdout.flush()
 
     server.serve(port, tuple(f"board:{address}" for address in board or ()), announce)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -23,9 +22,9 @@ from skymosaic.cli.options import (
     WorkingWidthOption,
     backend_at,
     configuration,
-    console,
     print_pair,
 )
+from skymosaic.cli.session import session
 from skymosaic.errors import RegistrationError
 from skymosaic.registration import WORKING_WIDTH_PX
 from skymosaic.registration import register as register_pair
@@ -35,7 +34,6 @@ def register(
     *,
     left: Annotated[Path, typer.Argument(help="Left photograph.")],
     right: Annotated[Path, typer.Argument(help="Right photograph.")],
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
     preset: PresetOption = "aerial",
     detector: DetectorOption = None,
     descriptor: DescriptorOption = None,
@@ -50,7 +48,7 @@ def register(
     damaged: DamagedOption = "refuse",
 ) -> None:
     """Print the homography that maps LEFT pixels to RIGHT pixels, and how it was found."""
-    with console.status("registering"):
+    with session.working("registering") as step:
         pair = register_pair(
             left,
             right,
@@ -64,12 +62,13 @@ def register(
             working_width_px=working_width_px,
             refine=refine,
             damaged=damaged,
+            progress=step,
         )
-    if as_json:
-        typer.echo(json.dumps(pair.summary()))
-    elif pair.homography is not None:
+        session.numbers = pair.summary()
+    session.seconds = pair.seconds
+    if pair.homography is not None:
         print_pair(pair)
         for row in pair.homography:
-            typer.echo("  ".join(f"{value: .9e}" for value in row))
+            session.show("  ".join(f"{value: .9e}" for value in row))
     if not pair.accepted:
         raise RegistrationError(f"{left} and {right} cannot be registered: {pair.reason}")

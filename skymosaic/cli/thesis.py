@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.progress import track
 
-from skymosaic.cli.options import OverwriteOption, console, plotting_module
+from skymosaic.cli.options import OverwriteOption, plotting_module
+from skymosaic.cli.progress import progress_bars
+from skymosaic.cli.session import session
+from skymosaic.flight.workers import Progress
 from skymosaic.imagery.images import check_unused, save_bytes
 from skymosaic.reports import pair as pair_report
 from skymosaic.thesis import dataset, pictures, tables
+from skymosaic.thesis.dataset import Source
 from skymosaic.thesis.experiments import measure, most_inliers
 
 
@@ -30,13 +35,25 @@ def thesis(
     sources = dataset.sources(data)
     check_unused(output, overwrite=overwrite)
     pair_report.prepare(output)
-    measurements = measure(track(sources, description="pairs", console=console))
+    with progress_bars() as progress:
+        measurements = measure(_counted(sources, progress))
     save_bytes(output / "measurements.csv", measurements.as_csv().encode())
-    with console.status("drawing"):
+    with session.working("drawing"):
         shown = sources[most_inliers(measurements)]()
         source = f"those of {data.resolve().name}" if data else "neighbouring pictures of a rendered survey flight"
         text = page.compose(measurements, source, pictures.of_pair(shown), shown.name)
         save_bytes(output / "index.html", text.encode())
-    for trend in tables.trends(measurements):
-        console.print(f"{'holds' if trend.holds else 'does not hold':13}  {trend.statement}: {trend.numbers}")
-    console.print(f"page {output / 'index.html'}, every value {output / 'measurements.csv'}")
+    trends = tables.trends(measurements)
+    for trend in trends:
+        session.show(f"{'holds' if trend.holds else 'does not hold':13}  {trend.statement}: {trend.numbers}")
+    session.numbers["trends"] = [dataclasses.asdict(trend) for trend in trends]
+    session.show(f"page {output / 'index.html'}, every value {output / 'measurements.csv'}")
+    for name in ("index.html", "measurements.csv"):
+        session.wrote(output / name)
+
+
+def _counted(sources: Sequence[Source], progress: Progress) -> Iterator[Source]:
+    for number, source in enumerate(sources):
+        progress("pairs", number, len(sources))
+        yield source
+    progress("pairs", len(sources), len(sources))

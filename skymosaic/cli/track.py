@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from itertools import groupby
 from pathlib import Path
@@ -18,14 +19,17 @@ from skymosaic.cli.options import (
     SeedOption,
     backend_at,
     configuration,
-    console,
 )
+from skymosaic.cli.session import session
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.imagery import images
 from skymosaic.imagery.video import OUTPUT_SUFFIXES, VideoReader, writing
 from skymosaic.tracking.output import TABLE_SUFFIXES, TrackedCorners, outlined, row, save_corners
 from skymosaic.tracking.template import Roi
 from skymosaic.tracking.tracker import track as track_frames
+
+LINE_EVERY = 100
+"""Frames between two lines of progress where it is not drawn in place."""
 
 
 def track(
@@ -56,19 +60,24 @@ def track(
     frames = track_frames(template, reader, config=configuration(preset, config), backend=computed_by, seed=seed)
     rows: list[TrackedCorners] = []
     start = time.perf_counter()
-    with console.status("tracking") as status, writing(output, reader.frame_rate) as write:
+    with session.working("tracking") as step, writing(output, reader.frame_rate) as write:
         for frame in frames:
             write(outlined(frame))
             rows.append(row(frame, reader.frame_rate))
-            status.update(f"tracking: frame {frame.number}")
+            if session.animated or frame.number % LINE_EVERY == 0:
+                step(f"frame {frame.number}")
         if not any(each.corners for each in rows):
             raise RegistrationError(f"{video}: the template was found in none of {len(rows)} frames")
     if corners:
         save_corners(corners, rows)
-    _print_summary(rows, (time.perf_counter() - start) / len(rows))
+    session.seconds["tracking"] = time.perf_counter() - start
+    session.numbers = {"frames": len(rows), "corners": [dataclasses.asdict(each) for each in rows]}
+    _show_summary(rows, session.seconds["tracking"] / len(rows))
     for note in reader.notes:
-        console.print(f"note {video}: {note}", highlight=False, soft_wrap=True)
-    console.print(f"video {output}" + (f", corners {corners}" if corners else ""), highlight=False, soft_wrap=True)
+        session.warn(f"{video}: {note}")
+    for path in (output, *([corners] if corners else [])):
+        session.wrote(path)
+    session.show(f"video {output}" + (f", corners {corners}" if corners else ""))
 
 
 def _template_and_video(inputs: list[Path], roi: str | None) -> tuple[Path | Roi, Path]:
@@ -85,9 +94,9 @@ def _template_and_video(inputs: list[Path], roi: str | None) -> tuple[Path | Roi
     return Roi(x, y, width, height), inputs[0]
 
 
-def _print_summary(rows: list[TrackedCorners], seconds: float) -> None:
+def _show_summary(rows: list[TrackedCorners], seconds: float) -> None:
     found = [each for each in rows if each.corners]
-    console.print(f"found in {len(found)} of {len(rows)} frames, {1000 * seconds:.0f} ms a frame", highlight=False)
+    session.show(f"found in {len(found)} of {len(rows)} frames, {1000 * seconds:.0f} ms a frame")
     lost = [list(group) for missing, group in groupby(rows, key=lambda each: each.corners is None) if missing]
     for group in lost:
-        console.print(f"lost in frames {group[0].frame} to {group[-1].frame}", highlight=False)
+        session.show(f"lost in frames {group[0].frame} to {group[-1].frame}")

@@ -1,0 +1,59 @@
+"""Options that every command has: ``--quiet``, ``--verbose`` and ``--json``."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable
+from typing import Annotated, Any
+
+import typer
+
+import skymosaic
+from skymosaic.cli.session import session
+
+QuietOption = Annotated[bool, typer.Option("-q", "--quiet", help="Print results, warnings and errors only.")]
+VerboseOption = Annotated[
+    bool, typer.Option("-v", "--verbose", help="Print progress as lines, details, and what libraries report.")
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print the results as one JSON object.")]
+_OPTIONS = {"quiet": QuietOption, "verbose": VerboseOption, "as_json": JsonOption}
+
+
+def with_common_options(name: str, command: Callable[..., None], before: dict[str, bool]) -> Callable[..., None]:
+    """The command with the common options, which set up `session` before it runs and end it afterwards.
+
+    Parameters
+    ----------
+    name : str
+        As the user calls it.
+    command : callable
+        Its parameters are the command's own options.
+    before : dict of str to bool
+        Options that were given before the command's name.
+    """
+    own = inspect.signature(command, eval_str=True)
+    common = [
+        inspect.Parameter(option, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=annotation)
+        for option, annotation in _OPTIONS.items()
+    ]
+
+    @functools.wraps(command)
+    def run(*, as_json: bool, quiet: bool, verbose: bool, **options: Any) -> None:
+        session.begin(
+            name,
+            started_s=skymosaic.IMPORTED_S,
+            quiet=quiet or before.get("quiet", False),
+            verbose=verbose or before.get("verbose", False),
+            as_json=as_json,
+        )
+        command(**options)
+        session.end(session.status)
+        if session.status:
+            raise typer.Exit(session.status)
+
+    # Typer reads options from the signature and the annotations.
+    parameters = [*own.parameters.values(), *common]
+    vars(run)["__signature__"] = own.replace(parameters=parameters)
+    run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    return run

@@ -1,0 +1,184 @@
+"""What a command says: results on standard output; progress, notes, warnings and errors on standard error.
+
+With ``--json`` the results are one object instead; docs/command_line.md describes its keys.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console, RenderableType
+from rich.text import Text
+
+from golden_model.text import one_line
+from skymosaic.errors import InputError
+from skymosaic.temporary import temporary_folder
+
+STDOUT = Path("-")
+"""The output of this name is standard output."""
+PIPED_WIDTH = 1000
+"""Columns of a table that is not read on a terminal, where nothing should be wrapped."""
+
+
+class Session:
+    """One command's conversation with its user.
+
+    Attributes
+    ----------
+    numbers : dict
+        The command's own keys of the JSON object.
+    seconds : dict of str to float
+        Wall time of the command's stages; `end` adds what they leave over.
+    status : int
+        Exit status of a command that ends without an error.
+    """
+
+    def __init__(self) -> None:
+        self._errors = Console(stderr=True)
+        self.begin("", started_s=time.perf_counter())
+
+    def begin(
+        self,
+        command: str,
+        *,
+        started_s: float,
+        quiet: bool = False,
+        verbose: bool = False,
+        as_json: bool = False,
+    ) -> None:
+        """Start anew for one command; ``started_s`` is when the program began, by ``time.perf_counter``."""
+        self._command = command
+        self._quiet = quiet
+        self._verbose = verbose
+        self._as_json = as_json
+        self._started_s = started_s
+        self._begun_s = time.perf_counter()
+        self._ended = False
+        self._stdout_taken = False
+        self._warnings: list[str] = []
+        self._outputs: list[str] = []
+        self.numbers: dict[str, Any] = {}
+        self.seconds: dict[str, float] = {}
+        self.status = 0
+
+    @property
+    def animated(self) -> bool:
+        """Whether progress is drawn in place; otherwise it is printed as lines, unless the command is to be quiet."""
+        return self._errors.is_terminal and not self._quiet and not self._verbose
+
+    def tell(self, line: str) -> None:
+        """Print a note or a line of progress, unless the command is to be quiet."""
+        if not self._quiet:
+            self._print_error(line)
+
+    def detail(self, line: str) -> None:
+        """Print a line that only ``--verbose`` asks for."""
+        if self._verbose:
+            self._print_error(line)
+
+    def warn(self, line: str) -> None:
+        """Print a warning, and put it into the JSON object."""
+        self._warnings.append(one_line(line))
+        self._print_error(f"warning: {line}", "yellow")
+
+    def error(self, reason: str) -> None:
+        """Print why the command failed."""
+        self._print_error(f"error: {reason}", "red")
+
+    def show(self, result: RenderableType) -> None:
+        """Print a line of text or a table of the result; on standard error if standard output holds a file."""
+        if self._as_json:
+            return
+        console = self._errors if self._stdout_taken else Console()
+        if not console.is_terminal:
+            console = Console(stderr=console.stderr, width=PIPED_WIDTH)
+        # Names of files are not markup, and are not to be wrapped.
+        text = Text(one_line(result)) if isinstance(result, str) else result
+        console.print(text, highlight=False, soft_wrap=isinstance(result, str))
+
+    def wrote(self, path: Path) -> None:
+        """Record a file or folder among the outputs."""
+        self._outputs.append(str(path))
+
+    @contextlib.contextmanager
+    def working(self, stage: str) -> Iterator[Callable[[str], None]]:
+        """Context of a stage whose steps cannot be counted; the callable it gives says what is being done."""
+        if not self.animated:
+            self.tell(stage)
+            yield self.tell
+            return
+        with self._errors.status(Text(stage)) as status:
+            yield lambda line: status.update(Text(f"{stage}: {one_line(line)}"))
+
+    @contextlib.contextmanager
+    def destination(self, output: Path, name: str) -> Iterator[Path]:
+        """Context of the path to write: ``output``, or for ``-`` a file ``name`` whose bytes then go to stdout.
+
+        Raises
+        ------
+        InputError
+            For ``-`` with ``--json``, which needs standard output for itself.
+        """
+        if output != STDOUT:
+            yield output
+            return
+        if self._as_json:
+            raise InputError("-o - and --json both write to standard output; leave out one of them")
+        self._stdout_taken = True
+        with temporary_folder() as folder:
+            yield folder / name
+            sys.stdout.buffer.write((folder / name).read_bytes())
+            sys.stdout.buffer.flush()
+
+    def end(self, status: int, error: str | None = None) -> None:
+        """Print the times, and with ``--json`` the object; does nothing the second time."""
+        if self._ended or not self._command:
+            return
+        self._ended = True
+        times = self._times()
+        if self.seconds and error is None:
+            shown = ", ".join(f"{stage} {value:.2f}" for stage, value in times.items())
+            self.tell(f"seconds: {shown}")
+        if self._as_json:
+            common = {
+                "command": self._command,
+                "version": version("skymosaic"),
+                "status": status,
+                "error": None if error is None else one_line(error),
+                "warnings": self._warnings,
+                "outputs": self._outputs,
+            }
+            numbers = {**common, **self.numbers, "seconds": {name: round(value, 4) for name, value in times.items()}}
+            sys.stdout.write(json.dumps(_finite(numbers), allow_nan=False) + "\n")
+
+    def _times(self) -> dict[str, float]:
+        """The stages, what they leave over, and their sum: the wall time since the program began."""
+        total = time.perf_counter() - self._started_s
+        stages = {"starting": self._begun_s - self._started_s, **self.seconds}
+        return {**stages, "other": total - sum(stages.values()), "total": total}
+
+    def _print_error(self, line: str, style: str = "") -> None:
+        self._errors.print(one_line(line), style=style, markup=False, highlight=False, soft_wrap=True)
+
+
+def _finite(value: Any) -> Any:
+    """``value`` with null for numbers that JSON does not know, and text for paths."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {str(key): _finite(each) for key, each in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(each) for each in value]
+    return str(value) if isinstance(value, Path) else value
+
+
+session = Session()
+"""Of the command that runs: a process runs one."""

@@ -1,0 +1,150 @@
+"""What users of other command lines expect of this one: docs/command_line.md promises it."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from sim.scene import pair as rendered_pair
+from skymosaic.cli import main
+from tests.system.command_line import only_error
+
+DOCUMENT = Path(__file__).parents[2] / "docs" / "command_line.md"
+COMMON = {"command", "version", "status", "error", "warnings", "outputs", "seconds"}
+WRITES_JSON = {
+    "register": ("left.png", "right.png"),
+    "mosaic": ("left.png", "right.png", "-o", "m.png"),
+    "check": ("left.png", "right.png"),
+    "live": ("live", "-o", "m.png", "--idle-seconds", "0"),
+    "demo": ("--backend", "golden", "-o", "shown"),
+    "fuzzy": ("ransac",),
+}
+
+
+@pytest.fixture(autouse=True)
+def _photographs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The current folder holds an overlapping pair, and so does the folder ``live``."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    left, right = rendered_pair(seed=5, size=(320, 240)).images
+    for name, image in {
+        "left": left,
+        "right": right,
+        "live/0": left,
+        "live/1": right,
+    }.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        cv2.imwrite(str(tmp_path / f"{name}.png"), image)
+
+
+@pytest.fixture
+def run(capfdbinary: pytest.CaptureFixture[bytes], monkeypatch: pytest.MonkeyPatch):
+    """Exit status, standard output and standard error of a command."""
+
+    def command(*words: str) -> tuple[int, bytes, str]:
+        monkeypatch.setattr(sys, "argv", ["skymosaic", *words])
+        with pytest.raises(SystemExit) as end:
+            main()
+        printed = capfdbinary.readouterr()
+        return int(end.value.code or 0), printed.out, printed.err.decode()
+
+    return command
+
+
+def documented(command: str) -> set[str]:
+    row = re.search(rf"^\\| .*`{command}` \\|(.*)\\|$", DOCUMENT.read_text(), re.MULTILINE)
+    assert row is not None
+    return set(re.findall(r"`([a-z_]+)`", row[1]))
+
+
+@pytest.mark.parametrize("name", WRITES_JSON)
+def test_json_is_one_object_with_the_documented_keys(run, name: str) -> None:
+    status, out, errors = run(name, *WRITES_JSON[name], "--json")
+    assert status == 0, errors
+    found = json.loads(out)
+    assert set(found) >= COMMON
+    assert set(found) - COMMON <= documented(name)
+    assert (found["command"], found["status"], found["error"]) == (name, 0, None)
+    assert all(Path(path).exists() for path in found["outputs"])
+    seconds = found["seconds"]
+    total = seconds.pop("total")
+    assert sum(seconds.values()) == pytest.approx(total, abs=0.01)
+    assert min(seconds.values()) >= 0
+
+
+def test_a_failure_is_an_object_too(run) -> None:
+    status, out, errors = run("register", "left.png", "absent.png", "--json")
+    found = json.loads(out)
+    assert status == found["status"] == 2
+    assert only_error(errors) == f"error: {found['error']}"
+
+
+def test_results_go_to_stdout_and_progress_to_stderr(run) -> None:
+    _, out, errors = run("register", "left.png", "right.png")
+    assert b"inliers" in out
+    assert out.count(b"e+0") + out.count(b"e-0") == 9
+    assert errors.splitlines()[0] == "registering"
+    assert "inliers" not in errors
+
+
+def test_quiet_prints_results_only(run) -> None:
+    loud = run("register", "left.png", "right.png")
+    for words in (("-q", "register", "left.png", "right.png"), ("register", "left.png", "right.png", "--quiet")):
+        assert run(*words) == (0, loud[1], "")
+
+
+def test_a_picture_on_stdout_is_nothing_but_the_picture(run) -> None:
+    status, out, errors = run("mosaic", "left.png", "right.png", "-o", "-")
+    assert status == 0
+    assert cv2.imdecode(np.frombuffer(out, np.uint8), cv2.IMREAD_COLOR) is not None
+    assert out.endswith(b"IEND\xaeB`\x82")
+    assert "mosaic -" in errors
+    assert "--json" in only_error(run("mosaic", "left.png", "right.png", "-o", "-", "--json")[2])
+
+
+@pytest.mark.parametrize("words", [("mosaic", "live"), ("live", "live", "--idle-seconds", "0")])
+def test_a_photograph_left_out_is_a_warning_and_with_strict_an_error(run, words: tuple[str, ...]) -> None:
+    cv2.imwrite("live/2.png", np.full((240, 320, 3), 90, np.uint8))
+    status, out, errors = run(*words, "-o", "m.png", "--json")
+    assert status == 0, errors
+    (warning,) = json.loads(out)["warnings"]
+    assert f"warning: {warning}" in errors
+    status, _, errors = run(*words, "-o", "strict.png", "--strict")
+    assert status == 3
+    assert "1 left out" in only_error(errors)
+    assert not Path("strict.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("register", "left.png"), "Missing argument"),
+        (("mosaic", "left.png", "right.png"), "--output"),
+        (("register", "left.png", "right.png", "--sed", "1"), "--seed"),
+        (("paint",), "paint"),
+    ],
+)
+def test_a_wrong_command_line_is_one_line_that_names_the_help(run, words: tuple[str, ...], says: str) -> None:
+    status, out, errors = run(*words)
+    assert (status, out, errors.count("\n")) == (2, b"", 1)
+    assert says in only_error(errors)
+    assert errors.rstrip().endswith("--help")
+
+
+def test_version_choices_and_completion(run, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert re.fullmatch(rb"skymosaic \d+\.\d+\.\d+\S*\n", run("--version")[1])
+    monkeypatch.setenv("COLUMNS", "300")
+    shown = run("mosaic", "--help")[1].decode()
+    for choices in ("aerial|thesis", "golden|rtl", "refuse|keep", "average|distance|multiband", "fast|normal|thorough"):
+        assert choices in shown
+    asked = {"_SKYMOSAIC_COMPLETE": "complete_bash", "COMP_WORDS": "skymosaic register --detector a", "COMP_CWORD": "3"}
+    completed = subprocess.run(
+        [sys.executable, "-m", "skymosaic"], env={**os.environ, **asked}, capture_output=True, text=True, check=False
+    )
+    assert completed.stdout.split() == ["akaze"]
