@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+from fractions import Fraction
 from pathlib import Path
 
 import cv2
@@ -13,6 +14,7 @@ import pytest
 
 from sim.scene import pair as rendered_pair
 from skymosaic.cli import main
+from skymosaic.imagery.video import writing
 from tests.system.command_line import only_error
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "command_line.md"
@@ -21,7 +23,7 @@ WRITES_JSON = {
     "register": ("left.png", "right.png"),
     "mosaic": ("left.png", "right.png", "-o", "m.png"),
     "check": ("left.png", "right.png"),
-    "live": ("live", "-o", "m.png", "--idle-seconds", "0"),
+    "live": ("film.mkv", "-o", "m.png"),
     "demo": ("--backend", "golden", "-o", "shown"),
     "fuzzy": ("ransac",),
 }
@@ -29,18 +31,19 @@ WRITES_JSON = {
 
 @pytest.fixture(autouse=True)
 def _photographs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The current folder holds an overlapping pair, and so does the folder ``live``."""
+    """The current folder holds an overlapping pair, as pictures and as a film."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     left, right = rendered_pair(seed=5, size=(320, 240)).images
-    for name, image in {
-        "left": left,
-        "right": right,
-        "live/0": left,
-        "live/1": right,
-    }.items():
-        (tmp_path / name).parent.mkdir(exist_ok=True)
+    for name, image in (("left", left), ("right", right)):
         cv2.imwrite(str(tmp_path / f"{name}.png"), image)
+    film(tmp_path / "film.mkv", left, right)
+
+
+def film(path: Path, *frames: np.ndarray) -> None:
+    with writing(path, Fraction(25)) as write:
+        for frame in frames:
+            write(frame)
 
 
 @pytest.fixture
@@ -58,7 +61,7 @@ def run(capfdbinary: pytest.CaptureFixture[bytes], monkeypatch: pytest.MonkeyPat
 
 
 def documented(command: str) -> set[str]:
-    row = re.search(rf"^\\| .*`{command}` \\|(.*)\\|$", DOCUMENT.read_text(), re.MULTILINE)
+    row = re.search(rf"^\| .*`{command}` \|(.*)\|$", DOCUMENT.read_text(), re.MULTILINE)
     assert row is not None
     return set(re.findall(r"`([a-z_]+)`", row[1]))
 
@@ -108,9 +111,11 @@ def test_a_picture_on_stdout_is_nothing_but_the_picture(run) -> None:
     assert "--json" in only_error(run("mosaic", "left.png", "right.png", "-o", "-", "--json")[2])
 
 
-@pytest.mark.parametrize("words", [("mosaic", "live"), ("live", "live", "--idle-seconds", "0")])
+@pytest.mark.parametrize("words", [("mosaic", "left.png", "right.png", "flat.png"), ("live", "cloud.mkv")])
 def test_a_photograph_left_out_is_a_warning_and_with_strict_an_error(run, words: tuple[str, ...]) -> None:
-    cv2.imwrite("live/2.png", np.full((240, 320, 3), 90, np.uint8))
+    flat = np.full((240, 320, 3), 90, np.uint8)
+    cv2.imwrite("flat.png", flat)
+    film(Path("cloud.mkv"), cv2.imread("left.png"), flat, cv2.imread("right.png"))
     status, out, errors = run(*words, "-o", "m.png", "--json")
     assert status == 0, errors
     (warning,) = json.loads(out)["warnings"]
