@@ -31,7 +31,7 @@ from skymosaic import register
 from skymosaic.confidence import COEFFICIENTS, INTERCEPT, measures
 from skymosaic.evaluation.metrics import grid_error
 from skymosaic.geometry.homography import apply
-from skymosaic.registration import Pair
+from skymosaic.pair import Pair
 
 Array = NDArray[np.float64]
 

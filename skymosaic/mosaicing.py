@@ -7,12 +7,11 @@ import re
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from golden_model.arrays import Matrix, Pixels
+from golden_model.arrays import Pixels
 from skymosaic.compositing.mesh import better_mesh, fit_mesh
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.features.positions import match_points
@@ -29,36 +28,10 @@ from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.own_outputs import remember
 from skymosaic.imagery.photographs import Source
 from skymosaic.mosaic_options import FLIGHT, PAIR, MosaicOptions
-from skymosaic.registration import Pair, register_photographs
+from skymosaic.mosaic_result import Mosaic
+from skymosaic.pair import Pair
+from skymosaic.registration import register_photographs
 from skymosaic.stopwatch import Stopwatch
-
-
-@dataclass(frozen=True)
-class Mosaic:
-    """A mosaic and how it was made.
-
-    Attributes
-    ----------
-    image : ndarray of uint8, shape (H, W, 3), or (H, W) where every photograph is gray
-    transforms : dict of int to ndarray, shape (3, 3)
-        For each photograph in the mosaic, its original pixels to canvas pixels. Of a photograph taken with a known
-        camera, its pixels once the distortion is taken out.
-    placed : tuple of int
-        Indices of the photographs in the mosaic.
-    left_out : dict of int to str
-        Indices of the others, with the reason.
-    pairs : tuple of Pair
-        The registration of two photographs; empty for more.
-    flight : Flight or None
-        Features, links and layouts.
-    """
-
-    image: Pixels
-    transforms: dict[int, Matrix]
-    placed: tuple[int, ...]
-    left_out: dict[int, str]
-    pairs: tuple[Pair, ...] = ()
-    flight: Flight | None = None
 
 
 def mosaic(images: Sequence[str | Path | Pixels], *, progress: Progress = silent, **options: Any) -> Mosaic:
@@ -79,6 +52,15 @@ def mosaic(images: Sequence[str | Path | Pixels], *, progress: Progress = silent
         For an unusable photograph, or an option that is unusable or has no effect.
     RegistrationError
         If no mosaic can be made, with the reason and the counts.
+
+    Examples
+    --------
+    >>> from sim.scene import pair as rendered_pair
+    >>> result = mosaic(rendered_pair(seed=5, size=(320, 240)).images)
+    >>> result.placed, result.left_out
+    ((0, 1), {})
+    >>> result.transforms[1].shape, result.image.dtype
+    ((3, 3), dtype('uint8'))
     """
     if options.get("all_groups"):
         raise InputError("all groups: mosaic() makes one mosaic; call mosaics() for one of each group")
@@ -242,6 +224,8 @@ class MosaicPlan:
             left_out=self.flight.absent_from(layout),
             pairs=() if self.flight.pair is None else (self.flight.pair,),
             flight=self.flight,
+            layout=layout,
+            composition=composition,
         )
 
     def check_outputs(self, output: Path, *, overwrite: bool = False) -> None:

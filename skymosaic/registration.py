@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -16,7 +13,6 @@ from golden_model.config import LARGEST_THRESHOLD, Config, preset_config
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.records import Cause
 from sim.backend import Backend, FrameResult, Progress, silent
-from skymosaic.confidence import Confidence, assess
 from skymosaic.effort import Evidence, Search, settled_effort, why_not
 from skymosaic.errors import InputError
 from skymosaic.features.guided_matching import refine_pair
@@ -28,110 +24,10 @@ from skymosaic.geometry.homography import apply
 from skymosaic.geometry.prosac import INLIER_PX
 from skymosaic.imagery.images import Photograph, keeps_damaged, load, reduced_for_front_end
 from skymosaic.imagery.lens import Lens
+from skymosaic.pair import Pair
 from skymosaic.stopwatch import Stopwatch
 
 WORKING_WIDTH_PX = 1280
-
-
-@dataclass(frozen=True)
-class Pair:
-    """Two photographs, their features and matches, and their homography.
-
-    Attributes
-    ----------
-    left, right : Photograph
-        The originals.
-    to_original : tuple of ndarray, shape (3, 3)
-        Working pixels to original pixels, of left and right.
-    working : tuple of ndarray
-        The images as the front end saw them.
-    features : tuple of structured arrays
-        Feature records of left and right (`golden_model.records.feature_record`), in 1/16 working px.
-    matches, kept, inliers : structured arrays
-        Match records (`golden_model.records.MATCH`) as proposed (after the mutual check; of a ratio test, before
-        it), after the fuzzy stage or the ratio test's mutual check, and within 2 working px of the homography (of
-        fuzzy RANSAC: accepted by its rules).
-    refined_inliers : int
-        Matches of the second pass within 2 working px; 0 where there was none, or it found less than the first.
-    homography : ndarray of float64, shape (3, 3), or None
-        Left original pixels to right original pixels, pixel centres at integers; None where not accepted.
-    reason : str
-        Why the pair was not accepted, with the counts; empty where it was.
-    config : Config
-        Of the front end and matcher.
-    method : Method
-        Detector and descriptor.
-    estimator : str
-        Robust estimator.
-    effort : str
-        One of `skymosaic.effort.EFFORTS`.
-    passes : int
-        Pairs of frames that were matched; 1 where the first pass was enough.
-    backend : str
-        Name of the backend that computed features and matches.
-    seconds : dict
-        Wall time of each stage.
-    """
-
-    left: Photograph
-    right: Photograph
-    to_original: tuple[Matrix, Matrix]
-    working: tuple[Pixels, Pixels]
-    features: tuple[Records, Records]
-    matches: Records
-    kept: Records
-    inliers: Records
-    refined_inliers: int
-    homography: Matrix | None
-    reason: str
-    config: Config
-    method: Method
-    estimator: str
-    effort: str
-    passes: int
-    backend: str
-    seconds: dict[str, float]
-
-    @property
-    def accepted(self) -> bool:
-        """Whether the homography can be trusted (at least 12 inliers at 2 px)."""
-        return self.homography is not None
-
-    @property
-    def working_homography(self) -> Matrix | None:
-        """The homography between the working images, (3, 3); None where not accepted."""
-        if self.homography is None:
-            return None
-        return np.asarray(np.linalg.inv(self.to_original[1]) @ self.homography @ self.to_original[0])
-
-    @cached_property
-    def confidence(self) -> Confidence | None:
-        """How far to trust the homography; computed when first asked for. None where not accepted."""
-        if self.working_homography is None:
-            return None
-        return assess(self.working, self.working_homography, *match_points(self.kept))
-
-    def summary(self) -> dict[str, Any]:
-        """The pair in plain numbers, as ``register --json`` prints it."""
-        return {
-            "accepted": self.accepted,
-            "homography": None if self.homography is None else self.homography.tolist(),
-            "features": [len(side) for side in self.features],
-            "matches": len(self.matches),
-            "kept": len(self.kept),
-            "inliers": len(self.inliers),
-            "refined_inliers": self.refined_inliers,
-            "reason": self.reason,
-            "confidence": None if self.confidence is None else self.confidence.summary(),
-            "seconds": {stage: round(value, 4) for stage, value in self.seconds.items()},
-            "backend": self.backend,
-            "preset": self.config.preset,
-            "detector": self.method.detector,
-            "descriptor": self.method.descriptor,
-            "estimator": self.estimator,
-            "effort": self.effort,
-            "passes": self.passes,
-        }
 
 
 def register(
@@ -189,6 +85,14 @@ def register(
     ------
     skymosaic.errors.InputError
         For a photograph that cannot be used, an unknown name or an impossible combination.
+
+    Examples
+    --------
+    >>> from sim.scene import pair as rendered_pair
+    >>> left, right = rendered_pair(seed=5, size=(320, 240)).images
+    >>> pair = register(left, right)
+    >>> pair.accepted, pair.homography.shape
+    (True, (3, 3))
     """
     clock = Stopwatch()
     keep = keeps_damaged(damaged)

@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from golden_model.config import PRESETS, Config, load_config, preset_config
-from golden_model.text import one_line
+from golden_model.text import how_to_install, one_line
 from sim.backend import BACKENDS
 from skymosaic.cli.session import session
 from skymosaic.effort import EFFORTS
@@ -23,7 +23,7 @@ from skymosaic.features.detectors import DETECTORS
 from skymosaic.geometry.estimators import ESTIMATORS
 from skymosaic.imagery import images
 from skymosaic.imagery.images import DAMAGED
-from skymosaic.registration import Pair
+from skymosaic.pair import Pair
 
 HARDWARE = tuple(name for name in BACKENDS if name != "golden")
 """Backends that can differ from the golden model."""
@@ -90,7 +90,7 @@ def plotting_module(name: str) -> ModuleType:
     try:
         return importlib.import_module(name)
     except ImportError:
-        raise InputError("pictures need matplotlib; run pip install 'skymosaic[plots]'") from None
+        raise InputError(f"pictures need matplotlib; {how_to_install('plots')}") from None
 
 
 def backend_at(backend: str, address: str | None) -> str:

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from golden_model.text import how_to_install
 from skymosaic.cli.session import session
 from skymosaic.errors import InputError
 
@@ -21,7 +22,7 @@ def panel(
         # NiceGUI is an extra, and takes a second to import: only this command needs it.
         server = importlib.import_module("skymosaic.panel.server")
     except ModuleNotFoundError as error:
-        raise InputError(f'the panel needs {error.name}; install it: pip install "skymosaic[panel]"') from None
+        raise InputError(f"the panel needs {error.name}; {how_to_install('panel')}") from None
 
     def announce(address: str) -> None:
         session.numbers["address"] = address

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Pixels
+from golden_model.text import how_to_install
 from skymosaic.flight.composition import Composition
 from skymosaic.flight.layout import Layout
 from skymosaic.flight.survey import Flight
@@ -83,9 +84,7 @@ def deliver(
         If the file cannot be written or a photograph can no longer be read; no partial file is left.
     """
     start = time.perf_counter()
-    pairs = zip(composition.transforms, composition.placements, strict=True)
-    centres = [apply(t, (np.array(p.size) - 1) / 2) for t, p in pairs]
-    position, note = georeference(np.array(centres), [flight.views[member].gps for member in layout.members])
+    position, note = on_map(flight, layout, composition)
     preview = _Preview(min(1.0, preview_width_px / composition.size[0]))
     watched = preview.watch(bands)
     channels = 3 if composition.coloured else 1
@@ -103,13 +102,20 @@ def deliver(
     return Delivery(path, flight, layout, composition, position, note, preview.image(), time.perf_counter() - start)
 
 
+def on_map(flight: Flight, layout: Layout, composition: Composition) -> tuple[Georeference | None, str]:
+    """Where a mosaic lies by the GPS of its photographs, or None and why it is not known."""
+    pairs = zip(composition.transforms, composition.placements, strict=True)
+    centres = [apply(t, (np.array(p.size) - 1) / 2) for t, p in pairs]
+    return georeference(np.array(centres), [flight.views[member].gps for member in layout.members])
+
+
 def _is_tiff(path: Path) -> bool:
     return path.suffix.lower() in GEOTIFF_SUFFIXES
 
 
 def _why_not_on_the_map(path: Path) -> str:
     if _is_tiff(path):
-        return "the file has no georeference: pip install 'skymosaic[geo]' writes a GeoTIFF"
+        return f"the file has no georeference; {how_to_install('geo')} to write a GeoTIFF"
     return f"{path.suffix} files have no georeference; .tif files do"
 
 

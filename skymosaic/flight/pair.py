@@ -15,7 +15,7 @@ from skymosaic.flight.view import Settings, view_of
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
-from skymosaic.registration import Pair
+from skymosaic.pair import Pair
 
 
 def flight_of_pair(pair: Pair, sources: Sequence[Source], lens: Lens) -> Flight:

@@ -21,7 +21,7 @@ from skymosaic.flight.workers import Workers
 from skymosaic.geometry.prosac import MIN_INLIERS
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
-from skymosaic.registration import Pair
+from skymosaic.pair import Pair
 from skymosaic.stopwatch import Stopwatch
 
 MAX_ROUNDS = 6

@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 from dask.system import CPU_COUNT
 
+from golden_model.text import how_to_install
 from skymosaic.errors import InputError
 
 CALLS_A_WORKER = 8
@@ -92,7 +93,7 @@ def _connected(address: str) -> Any:
     try:
         distributed = importlib.import_module("distributed")
     except ImportError:
-        raise InputError("a cluster needs the package distributed; pip install 'skymosaic[cluster]'") from None
+        raise InputError(f"a cluster needs the package distributed; {how_to_install('cluster')}") from None
     try:
         return distributed.Client(address, timeout=CONNECT_TIMEOUT_S, set_as_default=False)
     except (OSError, ValueError) as error:

@@ -17,8 +17,8 @@ from skymosaic.features.matchers import GOOD_MATCH_ABOVE
 from skymosaic.features.methods import Method
 from skymosaic.features.positions import match_points
 from skymosaic.geometry.homography import apply
+from skymosaic.pair import Pair
 from skymosaic.panel.options import Options
-from skymosaic.registration import Pair
 from skymosaic.tracking.output import TrackedCorners
 
 Size = tuple[int, int]

@@ -14,7 +14,7 @@ import numpy as np
 from golden_model.arrays import Pixels
 from skymosaic.errors import InputError
 from skymosaic.imagery.images import save, save_bytes
-from skymosaic.registration import Pair
+from skymosaic.pair import Pair
 from skymosaic.reports import figures
 
 _MOSAIC_WIDTH_PX = 1600

@@ -207,8 +207,11 @@ def test_a_pair_with_gps_becomes_a_geotiff(flight, tmp_path: Path) -> None:
     result = skymosaic("mosaic", "0.jpg", "1.jpg", "-o", "m.tif", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert "nothing checks them" in result.stderr
-    with rasterio.open(tmp_path / "m.tif") as file:
-        assert file.crs.to_epsg() == 32615
+    place = mosaic([tmp_path / "0.jpg", tmp_path / "1.jpg"]).to_geotiff(tmp_path / "again.tif")
+    assert place.epsg == 32615
+    with rasterio.open(tmp_path / "m.tif") as file, rasterio.open(tmp_path / "again.tif") as again:
+        assert file.crs.to_epsg() == again.crs.to_epsg() == 32615
+        np.testing.assert_array_equal(file.read(), again.read())
 
 
 @pytest.mark.parametrize(

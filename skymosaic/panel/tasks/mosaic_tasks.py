@@ -31,11 +31,12 @@ from skymosaic.imagery.images import save, save_bytes
 from skymosaic.imagery.photographs import Source
 from skymosaic.mosaic_options import MosaicOptions
 from skymosaic.mosaicing import planned_sources
+from skymosaic.pair import Pair
 from skymosaic.panel.explain import verdicts
 from skymosaic.panel.options import AUTOMATIC, Options
 from skymosaic.panel.results import HardwareResult, LinkView, MosaicResult, PairView, ShownMosaic, Size
 from skymosaic.panel.steps import step_line
-from skymosaic.registration import WORKING_WIDTH_PX, Pair, register
+from skymosaic.registration import WORKING_WIDTH_PX, register
 from skymosaic.reports import pair as pair_report
 from skymosaic.reports.flight import write_report
 

@@ -1,0 +1,88 @@
+"""The Python API: positions in original pixels, one-line representations, and examples that run."""
+
+import doctest
+import importlib
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import skymosaic
+from sim.scene import pair as rendered_pair
+from skymosaic.errors import InputError
+from skymosaic.geometry.homography import apply
+from skymosaic.pair import KINDS, Pair
+
+
+@pytest.fixture(scope="module")
+def pair() -> Pair:
+    """Photographs three times as wide as what is registered: naive use of the records would be far off."""
+    left, right = rendered_pair(seed=5, size=(400, 300)).images
+    large = [cv2.resize(image, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC) for image in (left, right)]
+    return skymosaic.register(*large, working_width_px=400)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_points_are_in_original_pixels(pair: Pair, kind: str) -> None:
+    left, right, weights, rules = pair.points(kind)
+    count = len(getattr(pair, kind))
+    assert left.shape == right.shape == (count, 2)
+    assert left.dtype == right.dtype == weights.dtype == np.float64
+    assert len(weights) == len(rules) == count
+    assert left.max() > 400
+    errors_px = np.linalg.norm(apply(pair.homography, left) - right, axis=1)
+    # 2 px of the working images are 4 of these; proposals contain wrong ones.
+    assert (np.max if kind == "inliers" else np.median)(errors_px) < 4.1
+    assert (weights >= 0).all()
+    assert (weights <= 1).all()
+    assert all(" " in rule for rule in rules)
+
+
+def test_an_unknown_kind_lists_the_valid_ones(pair: Pair) -> None:
+    with pytest.raises(InputError, match="inliers, kept, matches"):
+        pair.points("good")
+
+
+def test_features_of_one_image_are_those_of_a_pair(pair: Pair) -> None:
+    features = skymosaic.extract(pair.left.pixels, working_width_px=400)
+    matched = pair.points("matches").left
+    distances = np.linalg.norm(matched[:, None] - features.points[None], axis=2).min(axis=1)
+    assert distances.max() < 1e-9
+    assert len(features) == len(features.descriptors) == len(features.angles) == len(pair.features[0])
+    assert 0 <= features.angles.min() < features.angles.max() < 2 * np.pi
+
+
+def test_representations_are_one_line(pair: Pair) -> None:
+    shown = [pair, skymosaic.extract(pair.left.pixels), skymosaic.mosaic([pair.left.pixels, pair.right.pixels])]
+    for each, says in zip(
+        shown, (f"{len(pair.inliers)} inliers", "harris with ilbp-128", "2 photographs"), strict=True
+    ):
+        assert says in repr(each)
+        assert "\n" not in repr(each)
+        assert len(repr(each)) < 200
+
+
+def test_a_plot_shows_both_photographs_and_the_matches(pair: Pair) -> None:
+    pytest.importorskip("matplotlib")
+    plot = pair.plot().axes[0]
+    assert len(plot.images) == 2
+    lines = plot.collections[0].get_segments()
+    assert len(lines) == len(pair.inliers)
+    np.testing.assert_allclose([line[0] for line in lines], pair.points().left)
+
+
+def test_a_mosaic_without_gps_has_no_place_on_the_map(pair: Pair, tmp_path: Path) -> None:
+    made = skymosaic.mosaic([pair.left.pixels, pair.right.pixels])
+    with pytest.raises(InputError, match="0 of 2 photographs have GPS"):
+        made.to_geotiff(tmp_path / "m.tif")
+    (tmp_path / "m.tif").touch()
+    with pytest.raises(InputError, match="overwrite"):
+        made.to_geotiff(tmp_path / "m.tif")
+
+
+@pytest.mark.parametrize("module", ["extraction", "mosaicing", "pair", "registration"])
+def test_the_examples_in_docstrings_run(module: str) -> None:
+    results = doctest.testmod(importlib.import_module(f"skymosaic.{module}"))
+    assert results.attempted > 0
+    assert results.failed == 0
