@@ -7,8 +7,12 @@ A board is a Tcl file in ``constraints/boards/``: its part, family, clock and me
 import re
 from pathlib import Path
 
-SOURCES = Path(__file__).parents[1] / "constraints"
-"""What an export copies; in an installed wheel, data beside the package."""
+SOURCES = next(
+    path
+    for path in (Path(__file__).with_name("constraints"), Path(__file__).parents[1] / "constraints")
+    if path.is_dir()
+)
+"""What an export copies: in an installed wheel data of this package, in the repository the folder at its top."""
 BOARDS = tuple(sorted(path.stem for path in (SOURCES / "boards").glob("*.tcl")))
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.config import Config
+from golden_model.text import how_to_install
 
 Reference = Literal["held", "previous"]
 """Which frame each later frame is matched with: the first of the run (a pair, a template) or the one before it."""
@@ -165,6 +166,9 @@ def load_backend(name: str, *, progress: Progress = silent, waves: Path | None =
         except OSError as error:
             raise BackendError(f"cannot write the waves to {waves}: {error.strerror}") from error
     # Imported on demand: the golden model needs neither Amaranth nor a compiler.
-    load = importlib.import_module(BACKENDS[kind]).load
+    try:
+        load = importlib.import_module(BACKENDS[kind]).load
+    except ModuleNotFoundError as error:
+        raise BackendError(f"backend {kind} needs {error.name}; {how_to_install('sim')}") from None
     backend: Backend = load(address, waves=waves) if kind == "board" else load(progress=progress, waves=waves)
     return backend

