@@ -1,59 +1,157 @@
-"""The command that shows the fuzzy systems: rules as text, curves and surfaces as pictures."""
+"""The command for fuzzy systems: rules as text, curves and surfaces as pictures, the integer model and its errors."""
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.table import Table
 
 from skymosaic.cli.options import OverwriteOption, plotting_module
-from skymosaic.cli.session import session
+from skymosaic.cli.session import STDOUT, session
 from skymosaic.errors import InputError
-from skymosaic.imagery.images import check_unused, save_bytes
+from skymosaic.fuzzy.files import READERS, SHIPPED, WRITERS, load_system
+from skymosaic.fuzzy.golden import FIRM, ErrorBounds, GoldenSystem, error_bounds, quantised
+from skymosaic.imagery.images import check_output, check_unused, save_bytes
 from skymosaic.reports import pair as pair_report
-from skymosaic.reports.fuzzy_systems import PLOTTED_SYSTEMS, PlottedSystem
+from skymosaic.reports.fuzzy_systems import PLOTTED_SYSTEMS, PlottedSystem, plotted_file
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """A system of the project, or of a file."""
+
+    name: str
+    rules: Table
+    plotted: Callable[[], PlottedSystem]
+    numbers: dict[str, Any]
 
 
 def fuzzy(
     *,
     systems: Annotated[
-        list[str] | None, typer.Argument(help=f"{', '.join(PLOTTED_SYSTEMS)}; by default all.", metavar="[SYSTEM]...")
+        list[str] | None,
+        typer.Argument(
+            help=f"{', '.join(PLOTTED_SYSTEMS)}, or FLL and FCL files; by default the project's own.",
+            metavar="[SYSTEM|FILE]...",
+            autocompletion=lambda: list(PLOTTED_SYSTEMS),
+        ),
     ] = None,
     plot: Annotated[bool, typer.Option("--plot", help="Draw membership curves and rule surfaces.")] = False,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the pictures.")] = Path("fuzzy"),
+    write: Annotated[
+        Path | None,
+        typer.Option("--write", help="Write the one system that is named: .fll or .fcl; -: FLL on stdout."),
+    ] = None,
+    entries: Annotated[
+        int, typer.Option(min=2, max=1 << 16, help="Table entries of each input in the integer model of a file.")
+    ] = 64,
     overwrite: OverwriteOption = False,
 ) -> None:
-    """Print the rules of the fuzzy systems; with --plot, draw their membership curves and rule surfaces."""
+    """Print the rules of the fuzzy systems, or of your own in FLL and FCL files, and draw them.
+
+    Of a file also the integer model's errors against the real numbers, as shares of the output's range.
+    """
     names = systems or list(PLOTTED_SYSTEMS)
-    unknown = [name for name in names if name not in PLOTTED_SYSTEMS]
-    if unknown:
-        raise InputError(f"no fuzzy system {', '.join(unknown)}; valid: {', '.join(PLOTTED_SYSTEMS)}")
     if plot:
         check_unused(output, overwrite=overwrite)
-    for name in names:
-        session.show(_rules(name, PLOTTED_SYSTEMS[name]))
-    session.numbers["systems"] = names
+    if write:
+        _write(names, write, overwrite=overwrite)
+    found = [_from_file(Path(name), entries) if Path(name).suffix else _own(name) for name in names]
+    session.numbers["systems"] = [each.numbers for each in found]
+    for each in found:
+        session.show(each.rules)
+        if errors := each.numbers.get("errors"):
+            session.show(_in_words(each.name, entries, ErrorBounds(**errors)))
     if plot:
-        _draw(names, output)
+        _draw(found, output)
 
 
-def _rules(name: str, plotted: PlottedSystem) -> Table:
+def _own(name: str) -> _Shown:
+    if name not in PLOTTED_SYSTEMS:
+        raise InputError(
+            f"no fuzzy system {name}; valid: {', '.join(PLOTTED_SYSTEMS)}, or a file in {', '.join(READERS)}"
+        )
+    plotted = PLOTTED_SYSTEMS[name]
     system = plotted.system()
-    table = Table(title=f"{name}: {plotted.title}, AND is the {system.conjunction}", title_justify="left")
-    for heading in ("rule", *(axis.label for axis in plotted.axes), "weight"):
-        table.add_column(heading, justify="right" if heading in ("rule", "weight") else "left")
-    for index, rule in enumerate(system.rules):
-        table.add_row(str(index), *(chosen or "any" for chosen in rule.sets), f"{rule.output:g}")
+    rules = [[*(chosen or "any" for chosen in rule.sets), rule.output] for rule in system.rules]
+    title = f"{name}: {plotted.title}, AND is the {system.conjunction}"
+    table = _table(title, [axis.label for axis in plotted.axes], "weight", rules)
+    return _Shown(name, table, lambda: plotted, {"name": name, "conjunction": system.conjunction, "rules": rules})
+
+
+def _from_file(path: Path, entries: int) -> _Shown:
+    system = load_system(path)
+    try:
+        golden = quantised(system, entries)
+    except ValueError as error:
+        raise InputError(f"{path}: has no integer model: {error}") from None
+    errors = error_bounds(golden)
+    inputs = [variable.name for variable in system.inputs]
+    rules = [
+        [*(rule.conditions.get(name, "any") for name in inputs), system.output.constants[rule.conclusion]]
+        for rule in system.rules
+    ]
+    table = _table(f"{path}: {system.name}, AND is the {system.conjunction}", inputs, system.output.name, rules)
+    numbers = {"name": system.name, "conjunction": system.conjunction, "rules": rules}
+    numbers |= {"errors": dataclasses.asdict(errors), "tables": _tables(golden)}
+    return _Shown(path.stem, table, lambda: plotted_file(golden), numbers)
+
+
+def _tables(golden: GoldenSystem) -> dict[str, dict[str, list[int]]]:
+    return {v.name: {name: table.tolist() for name, table in v.sets.items()} for v in golden.model.inputs}
+
+
+def _in_words(name: str, entries: int, errors: ErrorBounds) -> str:
+    compared = "all" if errors.complete else "random"
+    return (
+        f"{name}: integer model with {entries} entries an input: largest error {errors.largest:.4f} "
+        f"({errors.firm:.4f} where the strengths sum to {FIRM:g} or more), mean {errors.mean:.4f}, at {compared} "
+        f"{errors.checked} inputs; up to {errors.step:.4f} more between two entries; silent at {errors.silent:.2%}"
+    )
+
+
+def _table(title: str, inputs: list[str], output: str, rules: list[list[Any]]) -> Table:
+    table = Table(title=title, title_justify="left")
+    for heading in ("rule", *inputs, output):
+        table.add_column(heading, justify="right" if heading in ("rule", output) else "left")
+    for index, (*sets, value) in enumerate(rules):
+        table.add_row(str(index), *sets, f"{value:g}")
     return table
 
 
-def _draw(names: list[str], folder: Path) -> None:
+def _write(names: list[str], path: Path, *, overwrite: bool) -> None:
+    """Convert one system from a file, or one of those that are shipped as FLL."""
+    if len(names) != 1:
+        raise InputError(f"--write takes one system, not {len(names)}; name it")
+    source = Path(names[0]) if Path(names[0]).suffix else SHIPPED / f"{names[0]}.fll"
+    if not Path(names[0]).suffix and not source.exists():
+        shipped = ", ".join(sorted(path.stem for path in SHIPPED.glob("*.fll")))
+        raise InputError(f"{names[0]} has no FLL; these have: {shipped}")
+    with session.destination(path, "system.fll") as target:
+        if path != STDOUT:
+            check_output(target, (str(source),), tuple(WRITERS), overwrite=overwrite)
+        try:
+            text = WRITERS[target.suffix.lower()](load_system(source))
+        except ValueError as error:
+            raise InputError(f"{source}: cannot be written as {target.suffix}: {error}") from None
+        save_bytes(target, text.encode())
+    session.wrote(path)
+    session.show(f"wrote {path}")
+
+
+def _draw(systems: list[_Shown], folder: Path) -> None:
     picture = plotting_module("skymosaic.reports.fuzzy_plots").picture
     pair_report.prepare(folder)
-    for name in names:
-        path = folder / f"{name}.png"
-        save_bytes(path, picture(name))
+    for each in systems:
+        path = folder / f"{each.name}.png"
+        try:
+            save_bytes(path, picture(each.plotted()))
+        except ValueError as error:
+            raise InputError(f"{each.name}: {error}") from None
         session.wrote(path)
         session.show(f"picture {path}")

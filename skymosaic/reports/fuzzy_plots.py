@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from golden_model.formats import WEIGHT
 from golden_model.matching.fuzzy import ONE, SugenoSystem, Variable
-from skymosaic.reports.fuzzy_systems import PLOTTED_SYSTEMS, Axis, PlottedSystem
+from skymosaic.reports.fuzzy_systems import Axis, PlottedSystem
 
 SET_COLORS = ("#2a7f62", "#d99a2b", "#b03a48")
 """Colours of the first, second and third set of an input."""
@@ -27,9 +27,8 @@ CONTOURS = (0.25, 0.5, 0.75)
 DOTS_AN_INCH = 100
 
 
-def picture(name: str) -> bytes:
-    """A PNG of one of `PLOTTED_SYSTEMS`: the membership curves above, the rule surface below."""
-    plotted = PLOTTED_SYSTEMS[name]
+def picture(plotted: PlottedSystem) -> bytes:
+    """A PNG: the membership curves above, the rule surface below."""
     system = plotted.system()
     columns = max(len(system.inputs), len(plotted.held))
     figure = Figure(figsize=(4.6 * columns, 7.6), layout="constrained")
@@ -40,7 +39,7 @@ def picture(name: str) -> bytes:
     plots = surfaces.subplots(1, len(plotted.held), squeeze=False)[0]
     for plot, (words, value) in zip(plots, plotted.held, strict=True):
         mesh = _surface(plot, plotted, system, words, value)
-    surfaces.colorbar(mesh, ax=plots, label="weight of the match", aspect=30)
+    surfaces.colorbar(mesh, ax=plots, label=plotted.output, aspect=30)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=DOTS_AN_INCH)
     return buffer.getvalue()
@@ -56,7 +55,7 @@ def _membership(plot: Axes, variable: Variable, axis: Axis) -> None:
     style = "o:" if variable.entries <= FEW_ENTRIES else "-"
     for (name, table), color in zip(variable.sets.items(), SET_COLORS, strict=False):
         degree = table[np.minimum(entries, variable.entries - 1)] / ONE
-        plot.plot(entries / axis.entries_per_unit, degree, style, label=name, color=color, linewidth=2)
+        plot.plot(axis.units(entries), degree, style, label=name, color=color, linewidth=2)
     plot.set(xlabel=axis.label, ylabel="degree of membership", ylim=(-0.04, 1.04))
     plot.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False)
     plot.grid(alpha=0.3)
@@ -68,12 +67,22 @@ def _surface(plot: Axes, plotted: PlottedSystem, system: SugenoSystem, words: st
     x, y = np.meshgrid(_entries(system.inputs[first]), _entries(system.inputs[second]))
     values = [np.full(x.size, value)] * len(system.inputs)
     values[first], values[second] = x.ravel(), y.ravel()
-    weight = system.evaluate(*values)[0].reshape(x.shape) / WEIGHT.max_raw
+    low, high = plotted.span
+    weight = low + (high - low) * system.evaluate(*values)[0].reshape(x.shape) / WEIGHT.max_raw
     x_axis, y_axis = plotted.axes[first], plotted.axes[second]
-    x_units, y_units = x / x_axis.entries_per_unit, y / y_axis.entries_per_unit
-    mesh = plot.pcolormesh(x_units, y_units, weight, cmap="viridis", vmin=0, vmax=1, shading="nearest", rasterized=True)
+    x_units, y_units = x_axis.units(x), y_axis.units(y)
+    mesh = plot.pcolormesh(
+        x_units, y_units, weight, cmap="viridis", vmin=low, vmax=high, shading="nearest", rasterized=True
+    )
     if min(x.shape) > FEW_ENTRIES:
-        plot.contour(x_units, y_units, weight, levels=CONTOURS, colors="white", linewidths=0.8)
+        plot.contour(
+            x_units,
+            y_units,
+            weight,
+            levels=[low + (high - low) * share for share in CONTOURS],
+            colors="white",
+            linewidths=0.8,
+        )
     else:
         plot.set_yticks(y_units[:, 0])
     plot.set(xlabel=x_axis.label, ylabel=y_axis.label, title=words)

@@ -5,19 +5,29 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.arrays import Array
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.formats import POSITION
 from golden_model.matching import correlation, fuzzy
 from golden_model.matching.fuzzy import SugenoSystem
+from skymosaic.fuzzy.golden import GoldenSystem
 from skymosaic.geometry import fuzzy_ransac
 
 
 @dataclass(frozen=True)
 class Axis:
-    """Axis of an input: ``label`` with its unit, and the number of table entries per unit."""
+    """Axis of an input: ``label`` with its unit, the number of table entries per unit, and the value of entry 0."""
 
     label: str
     entries_per_unit: float = 1.0
+    first: float = 0.0
+
+    def units(self, entries: NDArray[np.integer]) -> Array:
+        """The input's value at table entries."""
+        return np.asarray(self.first + entries / self.entries_per_unit)
 
 
 @dataclass(frozen=True)
@@ -35,6 +45,10 @@ class PlottedSystem:
         The two inputs of the rule surface.
     held : tuple of (str, int)
         Titles and table entries at which the remaining input, if any, is held; one surface for each.
+    output : str
+        What the system gives.
+    span : (float, float)
+        Its value for weights of 0 and 1.
     """
 
     title: str
@@ -42,6 +56,35 @@ class PlottedSystem:
     axes: tuple[Axis, ...]
     surface: tuple[int, int]
     held: tuple[tuple[str, int], ...] = (("", 0),)
+    output: str = "weight of the match"
+    span: tuple[float, float] = (0.0, 1.0)
+
+
+def plotted_file(golden: GoldenSystem) -> PlottedSystem:
+    """How the system of a file is plotted: the first two inputs as surface, a third at its ends and its middle.
+
+    Raises
+    ------
+    ValueError
+        For fewer than two or more than three inputs.
+    """
+    system = golden.real
+    if not 2 <= len(system.inputs) <= 3:
+        raise ValueError(f"has {len(system.inputs)} inputs; a picture shows two or three")
+    last = golden.entries - 1
+    axes = tuple(Axis(i.name, last / (i.high - i.low), i.low) for i in system.inputs)
+    third = axes[-1] if len(axes) == 3 else None
+    held = [(f"{third.label} {third.units(np.array(e)):g}", e) for e in (0, last // 2, last)] if third else [("", 0)]
+    output = system.output
+    return PlottedSystem(
+        title=system.description or system.name,
+        system=lambda: golden.model,
+        axes=axes,
+        surface=(0, 1),
+        held=tuple(held),
+        output=output.name,
+        span=(output.low, output.high),
+    )
 
 
 _BITS = PATTERNS["ilbp-128"].bits

@@ -12,7 +12,7 @@ from skymosaic.reports.fuzzy_systems import PLOTTED_SYSTEMS
 
 @pytest.mark.parametrize("name", PLOTTED_SYSTEMS)
 def test_each_system_has_a_picture_with_curves_and_surface(name: str) -> None:
-    decoded = cv2.imdecode(np.frombuffer(picture(name), np.uint8), cv2.IMREAD_COLOR)
+    decoded = cv2.imdecode(np.frombuffer(picture(PLOTTED_SYSTEMS[name]), np.uint8), cv2.IMREAD_COLOR)
     height, width = decoded.shape[:2]
     assert (height, width) > (600, 600)
     assert len(np.unique(decoded.reshape(-1, 3), axis=0)) > 50

@@ -1,0 +1,158 @@
+"""The integer model of a fuzzy system, and how far it is from the real numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.arrays import Array
+from golden_model.formats import WEIGHT
+from golden_model.matching.fuzzy import ONE, Rule, SugenoSystem, Variable
+from skymosaic.fuzzy.system import FuzzySystem, Input
+
+MOST_CHECKED = 1 << 18
+"""Inputs of the model that are compared; of more, as many at random."""
+FIRM = 0.25
+"""Sum of the strengths from which on rules fire firmly."""
+
+
+@dataclass(frozen=True)
+class GoldenSystem:
+    """A fuzzy system whose inputs index tables, as `golden_model.matching.fuzzy` computes it.
+
+    Attributes
+    ----------
+    real : FuzzySystem
+    model : SugenoSystem
+        Each input is an index: 0 at the low end of its range, ``entries - 1`` at the high end. The output is 0 at the
+        low end of its range and 256 (saturated to 255) at the high end; 0 where no rule fires.
+    entries : int
+        Of each table.
+    """
+
+    real: FuzzySystem
+    model: SugenoSystem
+    entries: int
+
+    def positions(self, variable: Input) -> Array:
+        """The input's value at each index."""
+        return np.linspace(variable.low, variable.high, self.entries)
+
+    def evaluate(self, *indices: NDArray[np.integer]) -> Array:
+        """The output in its own unit for (N,) indices of each input."""
+        output = self.real.output
+        raw = self.model.evaluate(*indices)[0]
+        return np.asarray(output.low + (output.high - output.low) * raw / WEIGHT.one)
+
+
+@dataclass(frozen=True)
+class ErrorBounds:
+    """Distance of the integer model from the real numbers, as share of the output's range.
+
+    Attributes
+    ----------
+    largest, mean : float
+        At inputs that are table entries, where a rule fires in both. A degree is rounded by at most 1/512, so that n
+        rules over k inputs are off by at most (n k / S + 1) / 512 where their strengths sum to S (k is 1 for the
+        minimum): large where rules hardly fire at all.
+    firm : float
+        The largest where the strengths sum to at least `FIRM`.
+    step : float
+        Largest change of the output between neighbouring entries of an input: an input between two entries is off by
+        at most this much more.
+    silent : float
+        Share of the inputs at which rules fire so weakly that in the model none does.
+    checked : int
+        Inputs that were compared.
+    complete : bool
+        Whether these are all.
+    """
+
+    largest: float
+    mean: float
+    firm: float
+    step: float
+    silent: float
+    checked: int
+    complete: bool
+
+
+def quantised(system: FuzzySystem, entries: int) -> GoldenSystem:
+    """The integer model with tables of ``entries`` each.
+
+    Raises
+    ------
+    ValueError
+        For fewer than 2 or more than 65536 entries, more than 32 rules, a constant outside the output's range, or
+        AND as product with terms whose strengths do not sum to one (the model does not divide there).
+    """
+    if not 2 <= entries <= 1 << 16:
+        raise ValueError(f"entries is {entries}; it must be 2 to 65536")
+    output = system.output
+    outside = [name for name, value in output.constants.items() if not output.low <= value <= output.high]
+    if outside:
+        raise ValueError(f"{output.name}: {', '.join(outside)} is outside the range {output.low:g} to {output.high:g}")
+    model = SugenoSystem(
+        system.name,
+        inputs=tuple(Variable(variable.name, _tables(variable, entries)) for variable in system.inputs),
+        rules=tuple(
+            Rule(
+                tuple(rule.conditions.get(variable.name) for variable in system.inputs),
+                (output.constants[rule.conclusion] - output.low) / (output.high - output.low),
+            )
+            for rule in system.rules
+        ),
+        conjunction=system.conjunction,
+    )
+    return GoldenSystem(system, model, entries)
+
+
+def _tables(variable: Input, entries: int) -> dict[str, NDArray[np.int64]]:
+    positions = np.linspace(variable.low, variable.high, entries)
+    degrees = np.stack([term.degree(positions) for term in variable.terms.values()])
+    tables = np.floor(degrees * ONE + 0.5).astype(np.int64)
+    if np.allclose(degrees.sum(axis=0), 1.0, atol=1e-9):
+        # Terms that sum to one have to do so in integers too: the largest takes what rounding left over.
+        np.put_along_axis(
+            tables,
+            tables.argmax(axis=0)[None],
+            tables.max(axis=0)[None] + ONE - tables.sum(axis=0)[None],
+            axis=0,
+        )
+    return dict(zip(variable.terms, tables, strict=True))
+
+
+def error_bounds(golden: GoldenSystem, seed: int = 0) -> ErrorBounds:
+    """Compare the integer model with the real numbers at its table entries: all of them, or many at random."""
+    system, entries = golden.real, golden.entries
+    count = entries ** len(system.inputs)
+    complete = count <= MOST_CHECKED
+    if complete:
+        indices = np.stack(np.unravel_index(np.arange(count), (entries,) * len(system.inputs)))
+    else:
+        indices = np.random.default_rng(seed).integers(0, entries, (len(system.inputs), MOST_CHECKED))
+    span = system.output.high - system.output.low
+    found = golden.evaluate(*indices)
+    values = [golden.positions(variable)[index] for variable, index in zip(system.inputs, indices, strict=True)]
+    wanted = system.evaluate(*values)
+    strengths = system.strengths(*values).sum(axis=1)
+    heard = golden.model.strengths(*indices).sum(axis=1) > 0
+    fires = strengths > 0
+    errors = np.abs(found - wanted)[fires & heard] / span
+    return ErrorBounds(
+        largest=float(errors.max(initial=0.0)),
+        mean=float(errors.mean()) if errors.size else 0.0,
+        firm=float(errors[strengths[fires & heard] >= FIRM].max(initial=0.0)),
+        step=float(max(_largest_step(golden, indices, axis, found) for axis in range(len(indices))) / span),
+        silent=float((fires & ~heard).mean()),
+        checked=indices.shape[1],
+        complete=complete,
+    )
+
+
+def _largest_step(golden: GoldenSystem, indices: NDArray[np.intp], axis: int, found: Array) -> float:
+    following = indices.copy()
+    following[axis] = np.minimum(following[axis] + 1, golden.entries - 1)
+    return float(np.abs(golden.evaluate(*following) - found).max())

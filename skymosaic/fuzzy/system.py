@@ -1,0 +1,112 @@
+"""A zero-order Sugeno system in real numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from golden_model.arrays import Array
+from skymosaic.fuzzy.terms import Term
+
+CONJUNCTIONS = ("minimum", "product")
+
+
+@dataclass(frozen=True)
+class Input:
+    """An input: its name, its range, and its fuzzy sets by name."""
+
+    name: str
+    low: float
+    high: float
+    terms: Mapping[str, Term]
+
+
+@dataclass(frozen=True)
+class Output:
+    """The output: its name, its range, and its constants by name; ``default`` is its value where no rule fires."""
+
+    name: str
+    low: float
+    high: float
+    constants: Mapping[str, float]
+    default: float = math.nan
+
+
+@dataclass(frozen=True)
+class IfThen:
+    """``if INPUT is TERM and ... then OUTPUT is CONSTANT``; inputs that are not named do not matter."""
+
+    conditions: Mapping[str, str]
+    conclusion: str
+
+
+@dataclass(frozen=True)
+class FuzzySystem:
+    """A zero-order Sugeno system with one output: the mean of the rules' constants, weighted by their strengths.
+
+    Parameters
+    ----------
+    name : str
+    inputs : tuple of Input
+    output : Output
+    rules : tuple of IfThen
+    conjunction : {"minimum", "product"}
+        The operation for AND.
+    description : str
+
+    Raises
+    ------
+    ValueError
+        For a range that is empty, a rule that names what does not exist, or no rules.
+    """
+
+    name: str
+    inputs: tuple[Input, ...]
+    output: Output
+    rules: tuple[IfThen, ...]
+    conjunction: str
+    description: str = field(default="", compare=False)
+
+    def __post_init__(self) -> None:
+        if self.conjunction not in CONJUNCTIONS:
+            raise ValueError(f"AND is {self.conjunction}; valid: {', '.join(CONJUNCTIONS)}")
+        if not self.inputs or not self.rules:
+            raise ValueError("a system needs at least one input and one rule")
+        for variable in (*self.inputs, self.output):
+            if not (math.isfinite(variable.low) and math.isfinite(variable.high) and variable.low < variable.high):
+                raise ValueError(
+                    f"{variable.name}: range is {variable.low} to {variable.high}; give two finite numbers"
+                )
+        terms = {variable.name: variable.terms for variable in self.inputs}
+        for number, rule in enumerate(self.rules, start=1):
+            for name, chosen in rule.conditions.items():
+                if name not in terms:
+                    raise ValueError(f"rule {number}: no input {name}; there are {', '.join(terms)}")
+                if chosen not in terms[name]:
+                    raise ValueError(f"rule {number}: {name} has no term {chosen}; it has {', '.join(terms[name])}")
+            if not rule.conditions:
+                raise ValueError(f"rule {number} has no condition")
+            if rule.conclusion not in self.output.constants:
+                known = ", ".join(self.output.constants)
+                raise ValueError(f"rule {number}: {self.output.name} has no constant {rule.conclusion}; it has {known}")
+
+    def strengths(self, *values: Array) -> Array:
+        """Strength of each rule, (N, rules), for (N,) values of each input."""
+        degrees = {
+            variable.name: {name: term.degree(value) for name, term in variable.terms.items()}
+            for variable, value in zip(self.inputs, values, strict=True)
+        }
+        combine = np.min if self.conjunction == "minimum" else np.prod
+        rules = [[degrees[name][chosen] for name, chosen in rule.conditions.items()] for rule in self.rules]
+        return np.stack([combine(np.stack(parts), axis=0) for parts in rules], axis=1)
+
+    def evaluate(self, *values: Array) -> Array:
+        """The output, (N,), for (N,) values of each input; the default where no rule fires."""
+        strengths = self.strengths(*values)
+        total = strengths.sum(axis=1)
+        constants = np.array([self.output.constants[rule.conclusion] for rule in self.rules])
+        with np.errstate(invalid="ignore"):
+            return np.asarray(np.where(total > 0, strengths @ constants / total, self.output.default))

@@ -1,0 +1,99 @@
+"""The integer model of a system from a file, and the thesis's systems as files."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from golden_model.formats import POSITION, WEIGHT
+from golden_model.matching import correlation, fuzzy
+from golden_model.matching.fuzzy import ONE
+from skymosaic.cli import app
+from skymosaic.errors import InputError
+from skymosaic.fuzzy.files import SHIPPED, load_system
+from skymosaic.fuzzy.golden import error_bounds, quantised
+from skymosaic.fuzzy.system import FuzzySystem, IfThen, Input, Output
+from skymosaic.fuzzy.terms import Term
+from skymosaic.geometry import fuzzy_ransac
+
+BITS = 32
+SYSTEMS = {
+    "correlation": (
+        fuzzy.correlation,
+        (correlation.SAD_PER_PIXEL.one, correlation.ZSSD_PER_PIXEL.one, correlation.NCC.one),
+    ),
+    "ilbp": (lambda: fuzzy.ilbp(BITS), (BITS, 9, 9)),
+    "ransac": (fuzzy_ransac.rule_base, (1, POSITION.one)),
+}
+"""The project's system, and its table entries a unit of each input of the file."""
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_the_shipped_files_are_the_systems_that_the_project_computes(name: str) -> None:
+    make, scales = SYSTEMS[name]
+    model, shipped = make(), load_system(SHIPPED / f"{name}.fll")
+    rng = np.random.default_rng(1)
+    entries = [rng.integers(0, variable.entries, 4000) for variable in model.inputs]
+    values = [index / scale for index, scale in zip(entries, scales, strict=True)]
+    strengths = model.strengths(*entries) / ONE
+    np.testing.assert_allclose(shipped.strengths(*values), strengths, atol=1 / 512 + 1e-6)
+    firm = strengths.sum(axis=1) >= 0.25
+    weights = model.evaluate(*entries)[0] / WEIGHT.one
+    assert firm.mean() > 0.2
+    np.testing.assert_allclose(shipped.evaluate(*values)[firm], weights[firm], atol=0.05)
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+@pytest.mark.parametrize("entries", [17, 64])
+def test_the_errors_stay_within_the_bound(name: str, entries: int) -> None:
+    golden = quantised(load_system(SHIPPED / f"{name}.fll"), entries)
+    rng = np.random.default_rng(2)
+    indices = rng.integers(0, entries, (len(golden.real.inputs), 5000))
+    values = [golden.positions(v)[index] for v, index in zip(golden.real.inputs, indices, strict=True)]
+    total = golden.real.strengths(*values).sum(axis=1)
+    heard = golden.model.strengths(*indices).sum(axis=1) > 0
+    found, wanted = golden.evaluate(*indices)[heard], golden.real.evaluate(*values)[heard]
+    bound = (len(golden.real.rules) / np.maximum(total[heard], 1e-9) + 2) / 512
+    assert (np.abs(found - wanted) <= bound).all()
+    errors = error_bounds(golden)
+    assert errors.largest >= np.abs(found - wanted).max() - 1e-12
+    assert errors.mean <= errors.firm <= errors.largest
+    assert errors.complete == (entries ** len(golden.real.inputs) <= 1 << 18)
+
+
+def corners(*slopes: tuple[float, float]) -> FuzzySystem:
+    """Four rules of a product over two inputs with two terms each that sum to one only if the slopes are opposite."""
+    inputs = tuple(
+        Input(name, 0.0, 1.0, {"low": Term("low", "Ramp", slopes[0]), "high": Term("high", "Ramp", slopes[1])})
+        for name in ("x", "y")
+    )
+    rules = tuple(IfThen({"x": x, "y": y}, f"{x}_{y}") for x in ("low", "high") for y in ("low", "high"))
+    constants = {"low_low": 0.0, "low_high": 10.0, "high_low": 20.0, "high_high": 40.0}
+    return FuzzySystem("corners", inputs, Output("z", 0.0, 40.0, constants), rules, "product")
+
+
+def test_a_product_of_terms_that_sum_to_one_needs_no_division() -> None:
+    errors = error_bounds(quantised(corners((1.0, 0.0), (0.0, 1.0)), 100))
+    assert errors.complete
+    assert errors.largest < 3 / 256
+    with pytest.raises(ValueError, match="strengths sum to"):
+        quantised(corners((1.0, 0.0), (0.0, 0.5)), 100)
+
+
+def test_the_command_prints_draws_and_converts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("matplotlib")
+    monkeypatch.chdir(tmp_path)
+    run = CliRunner().invoke
+    written = run(app, ["fuzzy", "correlation", "--write", "my.fcl"])
+    assert written.exception is None, written.output
+    shown = run(app, ["fuzzy", "my.fcl", "--plot", "-o", "drawn", "--entries", "17", "--json"])
+    assert shown.exception is None, shown.output
+    (found,) = json.loads(shown.stdout)["systems"]
+    assert len(found["rules"]) == 27
+    assert found["errors"]["checked"] == 17**3
+    assert len(found["tables"]["SAD"]["good"]) == 17
+    assert (tmp_path / "drawn" / "my.png").stat().st_size > 10_000
+    assert run(app, ["fuzzy", "ransac", "--write", "-"]).stdout == (SHIPPED / "ransac.fll").read_text()
+    assert isinstance(run(app, ["fuzzy", "aerial", "--write", "a.fll"]).exception, InputError)
