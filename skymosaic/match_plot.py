@@ -38,7 +38,7 @@ def matches(images: tuple[Pixels, Pixels], left: Points, right: Points, weights:
         shown = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
         extent = (x_px - 0.5, x_px + width - 0.5, height - 0.5, -0.5)
         plot.imshow(shown, cmap="gray", vmin=0, vmax=255, extent=extent)
-    lines = LineCollection(np.stack((left, right + offset), axis=1), cmap="viridis", linewidths=0.7)
+    lines = LineCollection(list(np.stack((left, right + offset), axis=1)), cmap="viridis", linewidths=0.7)
     lines.set_array(weights)
     lines.set_clim(0, 1)
     plot.add_collection(lines)

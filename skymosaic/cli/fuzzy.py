@@ -97,7 +97,7 @@ def _from_file(path: Path, entries: int) -> _Shown:
         for rule in system.rules
     ]
     table = _table(f"{path}: {system.name}, AND is the {system.conjunction}", inputs, system.output.name, rules)
-    numbers = {"name": system.name, "conjunction": system.conjunction, "rules": rules}
+    numbers: dict[str, Any] = {"name": system.name, "conjunction": system.conjunction, "rules": rules}
     numbers |= {"errors": dataclasses.asdict(errors), "tables": _tables(golden)}
     return _Shown(path.stem, table, lambda: plotted_file(golden), numbers)
 

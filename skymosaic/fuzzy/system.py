@@ -75,12 +75,13 @@ class FuzzySystem:
             raise ValueError(f"AND is {self.conjunction}; valid: {', '.join(CONJUNCTIONS)}")
         if not self.inputs or not self.rules:
             raise ValueError("a system needs at least one input and one rule")
-        for variable in (*self.inputs, self.output):
+        variables: list[Input | Output] = [*self.inputs, self.output]
+        for variable in variables:
             if not (math.isfinite(variable.low) and math.isfinite(variable.high) and variable.low < variable.high):
                 raise ValueError(
                     f"{variable.name}: range is {variable.low} to {variable.high}; give two finite numbers"
                 )
-        terms = {variable.name: variable.terms for variable in self.inputs}
+        terms = {each.name: each.terms for each in self.inputs}
         for number, rule in enumerate(self.rules, start=1):
             for name, chosen in rule.conditions.items():
                 if name not in terms:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from golden_model.arrays import Array
+from golden_model.arrays import Array, Mask
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def _trapezoid(x: Array, left: float, from_: float, to: float, right: float) -> 
     return np.minimum(rising, falling)
 
 
-def _edge(inside: Array, x: Array, zero_at: float, one_at: float) -> Array:
+def _edge(inside: Mask, x: Array, zero_at: float, one_at: float) -> Array:
     """1 where ``inside``, else the edge that leads there: vertical, or flat if it starts at infinity."""
     if np.isinf(zero_at):
         return np.ones_like(x)

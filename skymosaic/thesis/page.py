@@ -11,6 +11,7 @@ import cv2
 
 from golden_model.arrays import Pixels
 from skymosaic.reports import fuzzy_plots
+from skymosaic.reports.fuzzy_systems import PLOTTED_SYSTEMS
 from skymosaic.thesis import charts, tables
 from skymosaic.thesis.corners import CORNERS, QUALITY_TARGET
 from skymosaic.thesis.dataset import WORKING_WIDTH_PX
@@ -199,7 +200,7 @@ def compose(m: Measurements, source: str, pictures: Iterable[tuple[str, Pixels]]
         _trends(m),
         *(_section(section, m) for section in SECTIONS),
         "<h2>The fuzzy systems</h2>",
-        *(_figure(fuzzy_plots.picture(name), "png", "") for name in ("correlation", "ilbp", "ransac")),
+        *(_figure(fuzzy_plots.picture(PLOTTED_SYSTEMS[name]), "png", "") for name in ("correlation", "ilbp", "ransac")),
         f"<h2>One pair in pictures: {_text(pair)}</h2>",
         *(_figure(_jpeg(picture), "jpeg", caption) for caption, picture in pictures),
     ]
