@@ -103,6 +103,8 @@ class Session:
         # Names of files are not markup, and are not to be wrapped.
         text = Text(one_line(result)) if isinstance(result, str) else result
         console.print(text, highlight=False, soft_wrap=isinstance(result, str))
+        # In order with what goes to standard error, where both go to one file.
+        console.file.flush()
 
     def wrote(self, path: Path) -> None:
         """Record a file or folder among the outputs."""
