@@ -8,7 +8,7 @@ PYTEST := $(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 .PHONY: demo test test-slow test-fuzz docs tools lint clean
 
-demo: $(VENV)/installed
+demo: $(VENV)/runs
 	$(BIN)/skymosaic demo -o demo --overwrite
 
 test: $(VENV)/installed lint tools
@@ -35,9 +35,14 @@ lint: $(VENV)/installed
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-$(VENV)/installed: pyproject.toml
+# Without the tests' packages, which are many times as large.
+$(VENV)/runs: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
+	$(BIN)/python -m pip install --quiet --editable '.[sim]' $(if $(VERSIONS),--constraint $(VERSIONS))
+	touch $@
+
+$(VENV)/installed: $(VENV)/runs
 	$(BIN)/python -m pip install --quiet --editable '.[dev]' $(if $(VERSIONS),--constraint $(VERSIONS))
 	touch $@
 
