@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import functools
+import itertools
 import os
 import shutil
 import subprocess
@@ -87,10 +88,12 @@ def compile_library(folder: Path, sources: Sources, *, waves: bool, progress: Pr
     jobs.sort(key=lambda job: job[0].stat().st_size, reverse=True)
     objects = [folder / f"{path.stem}.o" for path, _ in jobs]
 
+    done = itertools.count(1)
+
     def compile_one(job: tuple[Path, str], target: Path) -> None:
         source, optimisation = job
         run_tool([_compiler(), *flags, optimisation, "-c", str(source), "-o", str(target)])
-        progress(f"compiled {source.name} (one of {len(jobs)} files)")
+        progress(f"compiled {next(done)} of {len(jobs)} files ({source.name})")
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(compile_one, jobs, objects))

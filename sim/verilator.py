@@ -41,18 +41,26 @@ def shared_library(design: Design, *, waves: bool = False, progress: Progress = 
         compiled.run_tool(command, env={**os.environ, "VERILATOR_ROOT": str(root)})
         runtime = (*RUNTIME_SOURCES, "verilated_vcd_c.cpp") if waves else RUNTIME_SOURCES
         made = sorted(folder.glob("Vtop*.cpp"))
+        # Each file includes a header that takes a second to read: what runs once is read once.
+        once = folder / "once.cpp"
+        once.write_text("".join(path.read_text("utf-8") for path in made if _is_slow(path)), encoding="utf-8")
         sources = compiled.Sources(
             model="verilator.hpp",
             includes=(folder, root / "include", root / "include" / "vltstd"),
-            each_cycle=tuple(path for path in made if not path.stem.endswith("__Slow")),
+            each_cycle=tuple(path for path in made if not _is_slow(path)),
             others=tuple(root / "include" / name for name in runtime),
-            once=tuple(path for path in made if path.stem.endswith("__Slow")),
+            once=(once,),
         )
         compiled.compile_library(folder, sources, waves=waves, progress=progress)
 
     key = digest(verilog, ports, " ".join(flags), version("verilator"), compiler)
     folder = cached(f"verilator-{key}", build, what=f"{design.name} for Verilator", progress=progress)
     return folder / compiled.LIBRARY_NAME
+
+
+def _is_slow(source: Path) -> bool:
+    """Whether Verilator expects a file to run rarely: when the model starts."""
+    return source.stem.endswith("__Slow")
 
 
 simulate = functools.partial(compiled.simulate, shared_library)
