@@ -7,7 +7,7 @@ from skymosaic.flight.workers import Workers
 
 
 def test_results_come_in_order_while_further_calls_run(monkeypatch):
-    monkeypatch.setattr(flight_workers, "CPU_COUNT", 2)
+    monkeypatch.setattr(flight_workers, "_cores", lambda: 2)
     started, fourth = [], threading.Event()
 
     def call(number):
@@ -27,7 +27,7 @@ def test_results_come_in_order_while_further_calls_run(monkeypatch):
 
 
 def test_calls_run_only_so_far_ahead(monkeypatch):
-    monkeypatch.setattr(flight_workers, "CPU_COUNT", 1)
+    monkeypatch.setattr(flight_workers, "_cores", lambda: 1)
     started = []
     with Workers() as workers:
         results = workers.run("stage", started.append, [(number,) for number in range(100)])
