@@ -139,9 +139,7 @@ def mosaic(
     if save_camera is not None and camera is not None:
         raise InputError("--save-camera: the lens is given by --camera, so it is not estimated; leave one out")
     with session.destination(output, "mosaic.png") as target:
-        deliveries = _made(
-            photographs, target, report_folder, options, save_camera, overwrite=overwrite, strict=strict
-        )
+        deliveries = _made(photographs, target, report_folder, options, save_camera, overwrite=overwrite, strict=strict)
         _show(deliveries, output, report_folder)
     if save_camera is not None:
         _save_camera(save_camera, deliveries[0].flight)
