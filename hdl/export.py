@@ -12,9 +12,11 @@ import numpy as np
 from golden_model.config import Config
 from golden_model.records import FRAME_STATUS, MATCH, Tag, feature_record
 from hdl.accelerator import Accelerator, AcceleratorTop
-from hdl.axi import register_docs
+from hdl.axi import ip_xact, register_docs
 from hdl.axi.interfaces import vivado_attributes
 from hdl.axi.register_map import REGISTERS, Access, Field, built_constants, fields
+from hdl.blocks.accelerator import accelerator_bench
+from hdl.blocks.export import core_file, module_ports
 from hdl.boards import SOURCES, board_facts
 from hdl.netlist import to_verilog
 from hdl.settings import FLAG, REQUESTED, SETTINGS
@@ -40,9 +42,13 @@ VIDEO = {
 }
 
 
-def verilog(*, config: Config, **build: Unpack[Build]) -> str:
+def top_module(config: Config, build: Build) -> AcceleratorTop:
+    """The accelerator with its AXI ports."""
+    return AcceleratorTop(Accelerator(config=config, **build))
+
+
+def verilog(top: AcceleratorTop) -> str:
     """The accelerator in Verilog, top module ``skymosaic``; Vivado finds its buses by attributes of the ports."""
-    top = AcceleratorTop(Accelerator(config=config, **build))
     return to_verilog(top, name=TOP, aliases=False, port_attributes=vivado_attributes(top.signature.members))
 
 
@@ -66,11 +72,18 @@ def export(folder: Path, *, board: str, config: Config, **build: Unpack[Build]) 
         If the folder cannot be written.
     """
     facts, build = board_facts(board), DEFAULT_BUILD | build
-    text = verilog(config=config, **build)
-    rtl, vivado, registers = (folder / name for name in ("rtl", "vivado", "registers"))
-    for subfolder in (rtl, vivado, registers):
+    top = top_module(config, build)
+    text = verilog(top)
+    rtl, vivado, registers, simulation = (folder / name for name in ("rtl", "vivado", "registers", "sim"))
+    for subfolder in (rtl, vivado, registers, simulation):
         subfolder.mkdir(parents=True, exist_ok=True)
     (rtl / f"{TOP}.v").write_text(text)
+    bench = accelerator_bench(TOP, module_ports(top), config).files()
+    for name, content in bench.items():
+        (simulation / name).write_text(content)
+    (folder / f"{TOP}.xml").write_text(ip_xact.component(TOP, module_ports(top), f"rtl/{TOP}.v"))
+    _write_litex(folder / "litex", build["video_bits"])
+    (folder / f"{TOP}.core").write_text(core_file(TOP, [f"rtl/{TOP}.v"], [f"sim/{name}" for name in bench]))
     _write_vivado(vivado, board, facts["family"], build["video_bits"])
     (registers / "register_map.md").write_text(register_docs.markdown())
     (registers / f"{TOP}.svd").write_text(register_docs.svd())
@@ -100,6 +113,13 @@ def _write_vivado(folder: Path, board: str, family: str, video_bits: int) -> Non
     pins = SOURCES / "boards" / f"{board}.xdc"
     if pins.exists():
         shutil.copy(pins, folder / "bitstream_pins.xdc")
+
+
+def _write_litex(folder: Path, video_bits: int) -> None:
+    """The wrapper for LiteX, for this width of the video input."""
+    folder.mkdir(parents=True, exist_ok=True)
+    text = (SOURCES / "litex" / "skymosaic_litex.py").read_text()
+    (folder / "skymosaic_litex.py").write_text(text.replace("VIDEO_BITS = 32", f"VIDEO_BITS = {video_bits}"))
 
 
 def _write_pynq(folder: Path, config: Config, build: Build) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,6 @@ import golden_model
 import hdl
 from golden_model.config import Config, FrontEndConfig
 from hdl.accelerator import Accelerator, AcceleratorTop
-from hdl.axi.register_map import REGISTERS
 from hdl.front_end import FrontEnd
 from sim import front_end_top
 from sim.build_cache import digest_files
@@ -72,21 +71,3 @@ def source_key() -> str:
     """A hash of all sources that the designs are made from."""
     folders = [Path(package.__path__[0]) for package in (golden_model, hdl)]
     return digest_files([*(path for folder in folders for path in folder.rglob("*.py")), Path(front_end_top.__file__)])
-
-
-def register_writes(values: Mapping[str, int]) -> list[tuple[int, int]]:
-    """Addresses and words that set fields of `hdl.axi.register_map.REGISTERS`; their other fields are reset.
-
-    Raises
-    ------
-    ValueError
-        For a field that does not exist.
-    """
-    unknown = values.keys() - {field.name for register in REGISTERS for field in register.fields}
-    if unknown:
-        raise ValueError(f"no register field {', '.join(sorted(unknown))}")
-    return [
-        (register.offset, sum(values.get(field.name, field.init) << field.low for field in register.fields))
-        for register in REGISTERS
-        if any(field.name in values for field in register.fields)
-    ]

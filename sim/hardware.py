@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from golden_model.config import Config
 from golden_model.records import FRAME_STATUS, MATCH, WORD_BYTES, Record, feature_record
+from hdl.axi.register_map import register_writes
 from hdl.settings import RUNNING, matched_frame_settings
-from sim.accelerator_designs import FEATURES, MATCHES, accelerator, built_size_px, register_writes
+from sim.accelerator_designs import FEATURES, MATCHES, accelerator, built_size_px
 from sim.backend import Backend, FrameResult, Mismatch, Progress, Reference
 from sim.recording import Recording, Segment, flat_frame
 from sim.stages import locate_mismatch

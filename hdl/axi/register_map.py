@@ -7,7 +7,7 @@ driver's constants (`hdl.export.driver_map`) come from `REGISTERS`; the settings
 from __future__ import annotations
 
 import enum
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from golden_model.config import DETECTORS, RULE_BASES, FrontEndConfig, MatcherConfig
@@ -265,3 +265,21 @@ def built_constants(
         "built_feature_bytes": feature_record(pattern.descriptor_bytes, pattern.window_bytes).record_bytes,
         "built_match_bytes": MATCH.record_bytes,
     }
+
+
+def register_writes(values: Mapping[str, int]) -> list[tuple[int, int]]:
+    """Addresses and words that set fields of `REGISTERS`; their other fields are reset.
+
+    Raises
+    ------
+    ValueError
+        For a field that does not exist.
+    """
+    unknown = values.keys() - {field.name for register in REGISTERS for field in register.fields}
+    if unknown:
+        raise ValueError(f"no register field {', '.join(sorted(unknown))}")
+    return [
+        (register.offset, sum(values.get(field.name, field.init) << field.low for field in register.fields))
+        for register in REGISTERS
+        if any(field.name in values for field in register.fields)
+    ]

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from golden_model import front_end as golden_front_end
 from golden_model.config import PRESETS
@@ -16,9 +15,9 @@ from golden_model.formats import encode_response
 from golden_model.matching import correlation, fuzzy
 from golden_model.matching.matcher import match
 from golden_model.pixel import fast, gray, half, nms, smooth, sobel
-from golden_model.records import FRAME_STATUS, MATCH
+from golden_model.records import MATCH
 from hdl.blocks.chain import Chain, Descriptor
-from hdl.blocks.vectors import Block, Row, answer_rows, pixel_rows, rows, sample_image
+from hdl.blocks.vectors import Block, Row, answer_rows, packet, padded_status, pixel_rows, rows, sample_image
 from hdl.matching.correlation import WindowCorrelation
 from hdl.matching.fuzzy import Sugeno
 from hdl.matching.matcher import Matcher
@@ -193,28 +192,11 @@ def _correlation() -> Block:
     )
 
 
-def _packet(*records: NDArray[Any], unspecified: tuple[int, ...] = ()) -> list[dict[str, int]]:
-    """The words of a packet; of the last record, some words are not specified."""
-    *words, last = np.frombuffer(b"".join(record.tobytes() for record in records), np.uint64).tolist()
-    packet = [{"data": word, "last": 0} for word in words] + [{"data": last, "last": 1}]
-    for word in unspecified:
-        del packet[len(packet) - records[-1].itemsize // 8 + word]["data"]
-    return packet
-
-
 def _frames() -> list[golden_front_end.FrameFeatures]:
     scene = sample_image(SMALL_FRAME_PX, SMALL_FRAME_PX + 8)
     config = dataclasses.replace(CONFIG.for_size(SMALL_FRAME_PX, SMALL_FRAME_PX), levels=1, max_features=256)
     views = (np.ascontiguousarray(scene[:, shift : shift + SMALL_FRAME_PX]) for shift in (0, 8))
     return [golden_front_end.extract(view, config, frame=number) for number, view in enumerate(views)]
-
-
-def _status(status: np.void, record_bytes: int, **values: int) -> NDArray[Any]:
-    """A FrameStatus in the length of the records before it."""
-    padded = np.zeros((), FRAME_STATUS.dtype_padded_to(record_bytes))
-    for name in FRAME_STATUS.dtype.names or ():
-        padded[name] = values.get(name, status[name])
-    return padded
 
 
 def _matcher() -> Block:
@@ -223,9 +205,9 @@ def _matcher() -> Block:
     counts = {"matches": len(matches), "kept": int(np.count_nonzero(matches["verdict"]))}
     sent: list[Any] = []
     for frame in frames:
-        sent += _packet(frame.features, _status(frame.status, frame.features.dtype.itemsize))
-    found = _packet(_status(frames[0].status, MATCH.record_bytes))
-    found += _packet(matches, _status(frames[1].status, MATCH.record_bytes, **counts))
+        sent += packet(frame.features, padded_status(frame.status, frame.features.dtype.itemsize))
+    found = packet(padded_status(frames[0].status, MATCH.record_bytes))
+    found += packet(matches, padded_status(frames[1].status, MATCH.record_bytes, **counts))
     return Block(
         Matcher(config=config, pattern=pattern, lanes=8, max_features=256),
         "Mutual nearest neighbours by Hamming distance, weighed by fuzzy rules: feature packets in, match packets out.",

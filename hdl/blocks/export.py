@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from amaranth import Shape
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In
 
+from hdl.axi.register_map import VERSION
 from hdl.blocks.catalogue import CATALOGUE
 from hdl.blocks.flat import CLOCK, RESET, FlatBlock
 from hdl.blocks.testbench import Port, VerilogBench
@@ -35,11 +37,47 @@ def export_block(folder: Path, name: str) -> None:
         settings=block.settings,
         spacing_cycles=block.spacing_cycles,
     )
-    files = {f"{name}.v": to_verilog(top, name=name, aliases=False), **bench.files()}
+    bench_files = bench.files()
+    files = {f"{name}.v": to_verilog(top, name=name, aliases=False), **bench_files}
+    files[f"{name}.core"] = core_file(name, [f"{name}.v"], list(bench_files))
     files["README.md"] = _readme(name, block, top)
     folder.mkdir(parents=True, exist_ok=True)
     for file, text in files.items():
         (folder / file).write_text(text, encoding="utf-8")
+
+
+def core_file(name: str, sources: Sequence[str], bench: Sequence[str]) -> str:
+    """The description for FuseSoC (CAPI2): the module, and a target ``sim`` that runs its test bench in Icarus."""
+    files = [f"      - {file}: {{file_type: systemVerilogSource}}" for file in bench if file.endswith(".v")]
+    # The simulator runs in a folder of its own and looks for vectors there.
+    files += [
+        f"      - {file}: {{file_type: user, copyto: {Path(file).name}}}" for file in bench if file.endswith(".hex")
+    ]
+    lines = [
+        "CAPI=2:",
+        f"name: skymosaic:vision:{name}:{'.'.join(map(str, VERSION))}",
+        f"description: {name} of the vision front end skymosaic",
+        "filesets:",
+        "  rtl:",
+        f"    files: [{', '.join(sources)}]",
+        "    file_type: verilogSource",
+        "  bench:",
+        "    files:",
+        *files,
+        "targets:",
+        f"  default: {{filesets: [rtl], toplevel: {name}}}",
+        "  sim:",
+        "    default_tool: icarus",
+        "    filesets: [rtl, bench]",
+        f"    toplevel: {name}_tb",
+        "    tools: {icarus: {iverilog_options: [-g2012]}}",
+        "  lint:",
+        "    default_tool: verilator",
+        "    filesets: [rtl]",
+        f"    toplevel: {name}",
+        "    tools: {verilator: {mode: lint-only, verilator_options: [-Wno-fatal]}}",
+    ]
+    return "\n".join(lines) + "\n"
 
 
 def module_ports(top: wiring.Component) -> dict[str, Port]:

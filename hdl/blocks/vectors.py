@@ -10,6 +10,7 @@ import numpy as np
 from amaranth.lib import wiring
 from numpy.typing import NDArray
 
+from golden_model.records import FRAME_STATUS
 from hdl.blocks.flat import flat_values
 
 Row = dict[str, int]
@@ -78,3 +79,28 @@ def sample_image(height: int = 26, width: int = 30, seed: int = 3) -> NDArray[np
     tiles = rng.integers(0, 256, (height // 5 + 1, width // 5 + 1))
     image = np.kron(tiles, np.ones((5, 5), int))[:height, :width] + rng.integers(-6, 7, (height, width))
     return np.asarray(image.clip(0, 255), np.uint8)
+
+
+def packet(*records: NDArray[Any], unspecified: tuple[int, ...] = ()) -> list[dict[str, int]]:
+    """The words of a packet; of the last record, some words are not specified."""
+    *words, last = np.frombuffer(b"".join(_unpadded(record).tobytes() for record in records), np.uint64).tolist()
+    packet = [{"data": word, "last": 0} for word in words] + [{"data": last, "last": 1}]
+    for word in unspecified:
+        del packet[len(packet) - records[-1].itemsize // 8 + word]["data"]
+    return packet
+
+
+def _unpadded(records: NDArray[Any]) -> NDArray[Any]:
+    """The same records with zeros between their fields: NumPy leaves there what it finds."""
+    clean = np.zeros(records.shape, records.dtype)
+    for name in records.dtype.names or ():
+        clean[name] = records[name]
+    return clean
+
+
+def padded_status(status: np.void, record_bytes: int, **values: int) -> NDArray[Any]:
+    """A FrameStatus in the length of the records before it."""
+    padded = np.zeros((), FRAME_STATUS.dtype_padded_to(record_bytes))
+    for name in FRAME_STATUS.dtype.names or ():
+        padded[name] = values.get(name, status[name])
+    return padded

@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 
 from golden_model.arrays import Pixels
 from golden_model.front_end import extract
-from hdl.axi.register_map import REGISTERS
+from hdl.axi.register_map import REGISTERS, register_writes
 from hdl.settings import RUNNING, matched_frame_settings
-from sim.accelerator_designs import CONTROL, FEATURES, MATCHES, register_writes
+from sim.accelerator_designs import CONTROL, FEATURES, MATCHES
 from sim.backend import FrameResult, Reference
 from sim.cocotb.runner import CONFIG
 from sim.golden import matched

