@@ -56,7 +56,9 @@ class Sources:
     includes : tuple of Path
         Folders of headers.
     each_cycle : tuple of Path
-        C++ files that run in each cycle; compiled with full optimisation, which is slow.
+        C++ files that run in each cycle.
+    level : str or None
+        Optimisation of these; None: in full, which is slow, or less if `QUICK_COMPILE` is set.
     others : tuple of Path
         C++ files that run rarely.
     once : tuple of Path
@@ -68,6 +70,7 @@ class Sources:
     each_cycle: tuple[Path, ...] = ()
     others: tuple[Path, ...] = ()
     once: tuple[Path, ...] = ()
+    level: str | None = None
 
 
 def compile_library(folder: Path, sources: Sources, *, waves: bool, progress: Progress) -> None:
@@ -81,7 +84,8 @@ def compile_library(folder: Path, sources: Sources, *, waves: bool, progress: Pr
     flags = [*CXX_FLAGS, f'-DMODEL="{sources.model}"', *(f"-I{path}" for path in (HARNESS, *sources.includes))]
     if waves:
         flags += ["-DWAVES", "-DVM_TRACE=1", "-DVM_TRACE_VCD=1"]
-    jobs = [(path, _optimisation()) for path in (HARNESS / "harness.cpp", *sources.each_cycle)]
+    level = sources.level or _optimisation()
+    jobs = [(path, level) for path in (HARNESS / "harness.cpp", *sources.each_cycle)]
     jobs += [(path, "-O1") for path in sources.others]
     jobs += [(path, "-O0") for path in sources.once]
     # The largest first: the cores end together.

@@ -16,6 +16,7 @@ from skymosaic.mosaicing import mosaic
 from skymosaic.pair import Pair
 from skymosaic.registration import WORKING_WIDTH_PX
 from skymosaic.reports import pair as pair_report
+from skymosaic.stopwatch import Stopwatch
 
 LARGEST_ERROR_PX = 0.5
 
@@ -33,6 +34,8 @@ class Demonstration:
     pair : Pair
     error_px : float
         Mean error of the homography over a grid of the overlap, against the known pose.
+    seconds : dict of str to float
+        Wall time of each stage.
     """
 
     photographs: tuple[Path, Path]
@@ -41,6 +44,7 @@ class Demonstration:
     page: Path
     pair: Pair
     error_px: float
+    seconds: dict[str, float]
 
 
 def make_demo(folder: Path, seed: int, progress: Progress = silent) -> Demonstration:
@@ -52,22 +56,28 @@ def make_demo(folder: Path, seed: int, progress: Progress = silent) -> Demonstra
         If the mean homography error is not below half a pixel.
     """
     pair_report.prepare(folder)
+    clock = Stopwatch()
     progress("rendering a synthetic flight")
     flight = rendered_pair(seed=seed)
     photographs = folder / "left.png", folder / "right.png"
     for path, image in zip(photographs, flight.images, strict=True):
         save(path, image)
+    clock.lap("rendering")
     progress("making the mosaic")
     result = mosaic(photographs)
     pair = result.pairs[0]
+    clock.lap("mosaic")
     progress("drawing")
     save(folder / "mosaic.png", result.image)
     page = pair_report.write_pair_report(folder / "report", pair, result.image)
+    clock.lap("drawing")
     assert pair.homography is not None  # mosaic() raises without one
     error_px = grid_error(pair.homography, flight.homography_between(0, 1), pair.left.size, pair.right.size)
     if error_px >= LARGEST_ERROR_PX:
         raise RegistrationError(f"mean homography error {error_px:.3f} px; below {LARGEST_ERROR_PX} px expected")
-    return Demonstration(photographs, folder / "mosaic.png", page.with_name("matches.png"), page, pair, error_px)
+    return Demonstration(
+        photographs, folder / "mosaic.png", page.with_name("matches.png"), page, pair, error_px, clock.seconds
+    )
 
 
 def simulated(photographs: tuple[Path, Path], backend: str, progress: Progress = silent) -> Comparison:

@@ -38,7 +38,7 @@ def demo(
 
 def _show(made: Demonstration) -> None:
     pair = made.pair
-    session.seconds.update(pair.seconds)
+    session.seconds.update(made.seconds)
     session.numbers = {"error_px": made.error_px, "pair": pair.summary(), "hardware": None}
     session.show(f"features {len(pair.features[0])} and {len(pair.features[1])}, inliers {len(pair.inliers)}")
     session.show(f"mean homography error {made.error_px:.3f} px")
