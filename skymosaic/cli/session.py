@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import json
 import math
+import platform
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -68,6 +69,8 @@ class Session:
         self.numbers: dict[str, Any] = {}
         self.seconds: dict[str, float] = {}
         self.status = 0
+        if command:
+            self.detail(f"skymosaic {version('skymosaic')}, Python {platform.python_version()}, {platform.platform()}")
 
     @property
     def animated(self) -> bool:

@@ -102,6 +102,11 @@ def test_quiet_prints_results_only(run) -> None:
         assert run(*words) == (0, loud[1], "")
 
 
+def test_verbose_says_which_versions_run(run) -> None:
+    _, _, errors = run("fuzzy", "ransac", "-v")
+    assert re.match(r"skymosaic \S+, Python 3\.", errors)
+
+
 def test_a_picture_on_stdout_is_nothing_but_the_picture(run) -> None:
     status, out, errors = run("mosaic", "left.png", "right.png", "-o", "-")
     assert status == 0
