@@ -63,6 +63,17 @@ def test_the_errors_stay_within_the_bound(name: str, entries: int) -> None:
     assert errors.complete == (entries ** len(golden.real.inputs) <= 1 << 18)
 
 
+def test_degrees_are_rounded_to_the_nearest_and_terms_that_sum_to_one_still_do() -> None:
+    for name, largest in (("correlation", 0.5), ("ilbp", 1.0)):
+        golden = quantised(load_system(SHIPPED / f"{name}.fll"), 61)
+        for variable, tables in zip(golden.real.inputs, golden.model.inputs, strict=True):
+            for term in variable.terms.values():
+                wanted = term.degree(golden.positions(variable)) * ONE
+                assert np.abs(tables.sets[term.name] - wanted).max() <= largest + 1e-9
+            if name == "ilbp":
+                assert (sum(tables.sets.values()) == ONE).all()
+
+
 def corners(*slopes: tuple[float, float]) -> FuzzySystem:
     """Four rules of a product over two inputs with two terms each that sum to one only if the slopes are opposite."""
     inputs = tuple(
