@@ -19,5 +19,7 @@ Float32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 Pixels = NDArray[np.uint8]
 """An image (H, W) gray or (H, W, 3) BGR."""
+Intensities = NDArray[np.uint8 | np.uint16]
+"""As `Pixels`, but of 16 bits where the photographs have 16 bits."""
 Records = NDArray[np.void]
 """Feature or match records, see `golden_model.records`."""

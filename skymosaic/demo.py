@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from golden_model.config import preset_config
 from sim.backend import Progress, silent
 from sim.scene import pair as rendered_pair
@@ -69,7 +71,7 @@ def make_demo(folder: Path, seed: int, progress: Progress = silent) -> Demonstra
     clock.lap("mosaic")
     progress("drawing")
     save(folder / "mosaic.png", result.image)
-    page = pair_report.write_pair_report(folder / "report", pair, result.image)
+    page = pair_report.write_pair_report(folder / "report", pair, np.asarray(result.image, dtype=np.uint8))
     clock.lap("drawing")
     assert pair.homography is not None  # mosaic() raises without one
     error_px = grid_error(pair.homography, flight.homography_between(0, 1), pair.left.size, pair.right.size)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +14,7 @@ from skymosaic.effort import settled_effort
 from skymosaic.errors import InputError
 from skymosaic.flight.composition import MEMORY_BYTES
 from skymosaic.flight.view import Settings
+from skymosaic.imagery.control_points import ControlPoints
 from skymosaic.imagery.images import keeps_damaged
 from skymosaic.imagery.lens import Lens
 from skymosaic.registration import WORKING_WIDTH_PX, settled_method
@@ -55,6 +57,8 @@ class MosaicOptions:
     scale : float
         Canvas pixels a pixel of the reference, more than 0 and at most 1. The reference is the right one of two
         photographs, of more the most connected one, without its tilt.
+    gsd_m : float or None
+        Metres on the ground for each canvas pixel, instead of `scale`; takes GPS.
     canvas_limit_px : int
         Largest canvas area that is accepted.
     preset : str
@@ -80,6 +84,8 @@ class MosaicOptions:
         Refuse a damaged JPEG (a flight of more than two photographs leaves it out), or use what can be decoded of it.
     lens : Lens or None
         Distortion and mask that all photographs share, from `skymosaic.imagery.lens.load_lens`.
+    control : ControlPoints or None
+        Ground control points, from `skymosaic.imagery.control_points.load_control_points`, instead of GPS.
     all_groups : bool
         Write a mosaic of each group of photographs, for more than two.
     scheduler : str or None
@@ -94,6 +100,7 @@ class MosaicOptions:
 
     blending: str | None = None
     scale: float = 1.0
+    gsd_m: float | None = None
     canvas_limit_px: int = CANVAS_LIMIT_PX
     preset: str = "aerial"
     config: Config | None = None
@@ -108,6 +115,7 @@ class MosaicOptions:
     refine: bool = False
     damaged: str = "refuse"
     lens: Lens | None = None
+    control: ControlPoints | None = None
     all_groups: bool = False
     scheduler: str | None = None
     cache: Path | None = None
@@ -126,6 +134,10 @@ class MosaicOptions:
             raise InputError(f"a mosaic takes at least two photographs, not {photographs}")
         if not 0 < self.scale <= 1:
             raise InputError(f"scale is {self.scale}; it must be more than 0 and at most 1")
+        if self.gsd_m is not None and not 0 < self.gsd_m < math.inf:
+            raise InputError(f"gsd is {self.gsd_m}; it must be more than 0 metres a pixel")
+        if self.gsd_m is not None and self.scale != 1:
+            raise InputError("gsd and scale both set the size of the mosaic; leave one out")
         if self.blending is not None and self.blending not in METHODS:
             raise InputError(f"blending is {self.blending!r}; valid: {', '.join(METHODS)}")
         keeps_damaged(self.damaged)

@@ -5,15 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from golden_model.arrays import Matrix, Pixels
-from golden_model.text import how_to_install
+from golden_model.arrays import Intensities, Matrix
 from skymosaic.errors import InputError
 from skymosaic.flight.composition import Composition, forget_decoded
 from skymosaic.flight.layout import Layout
-from skymosaic.flight.output import GEOTIFF_SUFFIXES, deliver, on_map
+from skymosaic.flight.output import GEOTIFF_SUFFIXES, deliver
 from skymosaic.flight.survey import Flight
 from skymosaic.flight.workers import Workers
-from skymosaic.imagery.geotiff import Georeference, has_writer
+from skymosaic.imagery.georeference import Georeference
 from skymosaic.imagery.images import check_output
 from skymosaic.pair import Pair
 
@@ -25,6 +24,7 @@ class Mosaic:
     Attributes
     ----------
     image : ndarray of uint8, shape (H, W, 3), or (H, W) where every photograph is gray
+        Of uint16 where every photograph has 16 bits.
     transforms : dict of int to ndarray, shape (3, 3)
         For each photograph in the mosaic, its original pixels to canvas pixels. Of a photograph taken with a known
         camera, its pixels once the distortion is taken out.
@@ -42,7 +42,7 @@ class Mosaic:
         Canvas, exposure and seams.
     """
 
-    image: Pixels
+    image: Intensities
     transforms: dict[int, Matrix]
     placed: tuple[int, ...]
     left_out: dict[int, str]
@@ -77,18 +77,18 @@ class Mosaic:
         """
         path = Path(path)
         check_output(path, self.flight.names, GEOTIFF_SUFFIXES, overwrite=overwrite)
-        position, reason = on_map(self.flight, self.layout, self.composition)
-        if position is None:
-            raise InputError(f"{path}: the mosaic's place on the map is not known ({reason}); save its image instead")
-        if not has_writer():
-            raise InputError(f"{path}: a GeoTIFF needs rasterio; {how_to_install('geo')}")
+        place = self.composition.place
+        if place.georeference is None:
+            raise InputError(
+                f"{path}: the mosaic's place on the map is not known ({place.note}); save its image instead"
+            )
         try:
             with Workers(scheduler) as workers:
                 bands = self.composition.bands(workers)
                 deliver(path, self.flight, self.layout, self.composition, bands)
         finally:
             forget_decoded()
-        return position
+        return place.georeference
 
     def __repr__(self) -> str:
         """One line with the size and the counts."""

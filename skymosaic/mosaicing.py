@@ -11,14 +11,17 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from golden_model.arrays import Pixels
+import numpy as np
+
+from golden_model.arrays import Intensities, Mask, Pixels
 from skymosaic.compositing.mesh import better_mesh, fit_mesh
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.features.positions import match_points
 from skymosaic.flight.cache import ResultCache
 from skymosaic.flight.composition import Composition, compose, forget_decoded, keep_decoded
 from skymosaic.flight.layout import Layout
-from skymosaic.flight.output import PREVIEW_WIDTH_PX, Delivery, deliver
+from skymosaic.flight.mapping import place_on_map
+from skymosaic.flight.output import PLAIN, PREVIEW_WIDTH_PX, Delivery, OutputForm, deliver
 from skymosaic.flight.pair import flight_of_pair
 from skymosaic.flight.survey import Flight, survey
 from skymosaic.flight.workers import Progress, Workers, silent
@@ -202,10 +205,12 @@ class MosaicPlan:
             equalise=style.equalise,
             seams=style.seams,
             own_frame=style.own_frame,
+            place=place_on_map(self.flight, layout, options.control),
+            gsd_m=options.gsd_m,
         )
 
-    def bands(self, composition: Composition) -> Iterator[Pixels]:
-        """The blended picture in bands of whole rows from the top."""
+    def bands(self, composition: Composition) -> Iterator[tuple[Intensities, Mask]]:
+        """The blended picture in bands of whole rows from the top, and where they show a photograph."""
         start = time.perf_counter()
         yield from composition.bands(self._workers, self.options.memory_bytes)
         if self.flight.pair is not None:
@@ -228,14 +233,18 @@ class MosaicPlan:
             composition=composition,
         )
 
-    def check_outputs(self, output: Path, *, overwrite: bool = False) -> None:
+    def check_outputs(self, output: Path, form: OutputForm = PLAIN, *, overwrite: bool = False) -> None:
         """Check that `write` could write there, before anything is computed.
 
         Raises
         ------
         InputError
-            For an output that cannot be written, is one of the photographs, or exists and must not be overwritten.
+            For an output that cannot be written, is one of the photographs, or exists and must not be overwritten;
+            for a form that does not suit it.
         """
+        form.check(output)
+        if form.tiles is not None:
+            pictures.check_unused(form.tiles, overwrite=overwrite)
         pictures.check_output(output, tuple(source.name for source in self.sources), overwrite=overwrite)
         if self.options.all_groups:
             numbered = re.compile(re.escape(output.stem) + r"_\d+" + re.escape(output.suffix))
@@ -244,7 +253,12 @@ class MosaicPlan:
                     pictures.check_unused(path, overwrite=overwrite)
 
     def write(
-        self, output: Path, *, preview_width_px: int = PREVIEW_WIDTH_PX, overwrite: bool = False
+        self,
+        output: Path,
+        form: OutputForm = PLAIN,
+        *,
+        preview_width_px: int = PREVIEW_WIDTH_PX,
+        overwrite: bool = False,
     ) -> list[Delivery]:
         """Write the mosaic of the largest group; with ``all_groups`` those of the others too, numbered from 2.
 
@@ -255,13 +269,23 @@ class MosaicPlan:
         RegistrationError
             As `layouts`.
         """
-        self.check_outputs(output, overwrite=overwrite)
+        self.check_outputs(output, form, overwrite=overwrite)
         layouts = self.layouts if self.options.all_groups else self.layouts[:1]
         compositions = [self.composition(layout) for layout in layouts]
         paths = [output, *(output.with_stem(f"{output.stem}_{number}") for number in range(2, len(layouts) + 1))]
         deliveries = [
-            deliver(path, self.flight, layout, composition, self.bands(composition), preview_width_px=preview_width_px)
-            for path, layout, composition in zip(paths, layouts, compositions, strict=True)
+            deliver(
+                path,
+                self.flight,
+                layout,
+                composition,
+                self.bands(composition),
+                form=form.numbered(number),
+                preview_width_px=preview_width_px,
+            )
+            for number, (path, layout, composition) in enumerate(
+                zip(paths, layouts, compositions, strict=True), start=1
+            )
         ]
         photographs = [source.content for source in self.sources if isinstance(source.content, Path)]
         for path in paths:
@@ -293,13 +317,13 @@ class MosaicPlan:
         bend = bend_of(pair, options.warp)
         if bend is not None:
             self.sources = [dataclasses.replace(self.sources[0], bend=bend), self.sources[1]]
-            left = dataclasses.replace(left, pixels=bend(left.pixels))
+            left = dataclasses.replace(left, pixels=np.asarray(bend(left.pixels), dtype=np.uint8))
         for source, photograph in zip(self.sources, (left, right), strict=True):
             keep_decoded(source, lens, photograph.pixels, options.memory_bytes)
         return flight_of_pair(pair, self.sources, lens)
 
 
-def bend_of(pair: Pair, warp: str) -> Callable[[Pixels], Pixels] | None:
+def bend_of(pair: Pair, warp: str) -> Callable[[Intensities], Intensities] | None:
     """What bends the left photograph of a pair as ``warp`` says; None where nothing does.
 
     Parameters

@@ -38,14 +38,16 @@ from skymosaic.compositing.blend import METHODS
 from skymosaic.compositing.warp import CANVAS_LIMIT_PX
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.flight.check import check_flight
-from skymosaic.flight.output import Delivery
+from skymosaic.flight.output import PLAIN, Delivery, OutputForm
 from skymosaic.flight.survey import Flight
+from skymosaic.imagery.control_points import load_control_points
+from skymosaic.imagery.geotiff import COMPRESSIONS
 from skymosaic.imagery.images import check_output, check_unused, save_bytes
 from skymosaic.imagery.lens import load_lens
 from skymosaic.mosaic_options import WARPS, MosaicOptions
 from skymosaic.mosaicing import planned
 from skymosaic.registration import WORKING_WIDTH_PX
-from skymosaic.reports.flight import flight_numbers, write_report
+from skymosaic.reports.flight import flight_numbers, map_line, write_report
 from skymosaic.reports.pair import prepare
 
 MEGABYTE = 1 << 20
@@ -63,6 +65,16 @@ def mosaic(
         str | None, choice(METHODS, "By default distance for two photographs, multiband for more.", "--blend")
     ] = None,
     scale: Annotated[float, typer.Option(help="Size of the mosaic against the photographs.")] = 1.0,
+    gsd_m: Annotated[
+        float | None, typer.Option("--gsd", help="Metres on the ground a pixel, instead of --scale; takes GPS.")
+    ] = None,
+    compress: Annotated[str, choice(COMPRESSIONS, "Of a .tif; deflate is without loss.")] = "deflate",
+    tiles: Annotated[
+        Path | None, typer.Option("--tiles", help="Folder for map tiles and a page that shows them offline.")
+    ] = None,
+    gcp: Annotated[
+        Path | None, typer.Option("--gcp", help="Ground control points, as OpenDroneMap's gcp_list.txt.")
+    ] = None,
     preset: PresetOption = "aerial",
     detector: DetectorOption = None,
     descriptor: DescriptorOption = None,
@@ -110,6 +122,8 @@ def mosaic(
     options = MosaicOptions(
         blending=blending,
         scale=scale,
+        gsd_m=gsd_m,
+        control=load_control_points(gcp) if gcp else None,
         canvas_limit_px=canvas_mpx * MEGAPIXEL,
         config=configuration(preset, config),
         detector=detector,
@@ -129,7 +143,10 @@ def mosaic(
         default_cache=cache_folder() / "flights",
         memory_bytes=memory_mb * MEGABYTE,
     )
+    form = OutputForm(compress, tiles)
     if live:
+        if form != PLAIN or gsd_m or gcp:
+            raise InputError("--gsd, --gcp, --compress and --tiles need the whole flight; leave them out, or --live")
         if save_camera is not None:
             raise InputError("--save-camera: a live mosaic does not estimate the lens; leave out either")
         grow_instead(photographs, output, report_folder, options, idle_seconds, overwrite=overwrite, strict=strict)
@@ -139,7 +156,16 @@ def mosaic(
     if save_camera is not None and camera is not None:
         raise InputError("--save-camera: the lens is given by --camera, so it is not estimated; leave one out")
     with session.destination(output, "mosaic.png") as target:
-        deliveries = _made(photographs, target, report_folder, options, save_camera, overwrite=overwrite, strict=strict)
+        deliveries = _made(
+            photographs,
+            target,
+            report_folder,
+            options,
+            form=form,
+            save_camera=save_camera,
+            overwrite=overwrite,
+            strict=strict,
+        )
         _show(deliveries, output, report_folder)
     if save_camera is not None:
         _save_camera(save_camera, deliveries[0].flight)
@@ -150,14 +176,15 @@ def _made(
     output: Path,
     report_folder: Path | None,
     options: MosaicOptions,
-    save_camera: Path | None,
     *,
+    form: OutputForm,
+    save_camera: Path | None,
     overwrite: bool,
     strict: bool,
 ) -> list[Delivery]:
     """Write the mosaics and their report; of a pair that cannot be registered, the report alone, which shows why."""
     with progress_bars() as progress, planned(photographs, options, progress, session.tell) as plan:
-        plan.check_outputs(output, overwrite=overwrite)
+        plan.check_outputs(output, form, overwrite=overwrite)
         if save_camera is not None:
             if len(plan.sources) == 2:
                 raise InputError("--save-camera: two photographs do not tell the lens; leave it out")
@@ -170,7 +197,7 @@ def _made(
             layouts = plan.layouts
             whole = plan.flight.left_out if options.all_groups else plan.flight.absent_from(layouts[0])
             report_absent(whole, strict=strict)
-            deliveries = plan.write(output, overwrite=overwrite)
+            deliveries = plan.write(output, form, overwrite=overwrite)
         except RegistrationError:
             if report_folder:
                 write_report(report_folder, plan.flight, deliveries)
@@ -220,8 +247,12 @@ def _show_mosaic(delivery: Delivery, path: Path) -> None:
     session.show(f"mosaic {path} ({width_px}x{height_px}), {len(layout.members)} photographs of {len(flight.names)}")
     if flight.pair is None:
         session.show(f"{layout.model}, median reprojection error {layout.median_error_px:.2f} px; {layout.reason}")
-    if on_map := delivery.georeference:
-        residual = f", GPS residual {on_map.residual_m:.2f} m" if flight.pair is None else ""
-        session.show(f"EPSG:{on_map.epsg}{residual}")
+    if delivery.tiles:
+        session.wrote(delivery.tiles)
+        session.show(f"tiles {delivery.tiles / 'index.html'}")
+    if values := delivery.composition.values:
+        session.show(f"range: {values.in_words}")
+    if delivery.georeference:
+        session.show(map_line(delivery))
     if delivery.map_note and (delivery.georeference or flight.pair is None):
         session.tell(f"note: {delivery.map_note}")

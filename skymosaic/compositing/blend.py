@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from golden_model.arrays import Array, Float32, Mask, Pixels
+from golden_model.arrays import Array, Float32, Intensities, Mask
 from skymosaic.compositing.layer import Layer
 from skymosaic.compositing.tone import NEUTRAL, Tone
 from skymosaic.compositing.warp import Canvas, shrunk
@@ -19,19 +19,19 @@ TINY = float(np.finfo(np.float32).tiny)
 
 
 def blend(
-    images: Sequence[Pixels],
+    images: Sequence[Intensities],
     transforms: Sequence[Array],
     canvas: Canvas,
     *,
     method: str = "distance",
     tones: Sequence[Tone] | None = None,
-) -> Pixels:
+) -> Intensities:
     """Warp images onto a canvas and blend them where they overlap.
 
     Parameters
     ----------
-    images : sequence of (H, W) or (H, W, 3) uint8 ndarray
-        Gray or BGR; a mosaic of gray images is gray, any other BGR.
+    images : sequence of (H, W) or (H, W, 3) ndarray
+        All of uint8 or all of uint16, gray or BGR; a mosaic of gray images is gray, any other BGR.
     transforms : sequence of (3, 3) float64 ndarray
         Image pixels to reference pixels. Where one shrinks its image, the image is first reduced by area.
     canvas : Canvas
@@ -46,32 +46,42 @@ def blend(
 
     Returns
     -------
-    (height, width) or (height, width, 3) uint8 ndarray
-        0 where there is no image.
+    (height, width) or (height, width, 3) ndarray
+        Of the images' type; 0 where there is no image.
 
     Raises
     ------
     ValueError
         For an unknown method.
     """
-    return blend_layers(layers_of(images, transforms, tones or [NEUTRAL] * len(images)), canvas, method=method)
+    layers = layers_of(images, transforms, tones or [NEUTRAL] * len(images))
+    return blend_layers(layers, canvas, method=method)[0]
 
 
-def blend_layers(layers: Sequence[Layer], canvas: Canvas, *, method: str = "distance") -> Pixels:
-    """As `blend`, for layers, which may have masks and seams; all must be gray or all BGR."""
+def blend_layers(layers: Sequence[Layer], canvas: Canvas, *, method: str = "distance") -> tuple[Intensities, Mask]:
+    """As `blend`, for layers, which may have masks and seams; all must be gray or all BGR, and of one type.
+
+    Returns
+    -------
+    pixels : ndarray of uint8 or uint16, shape (height, width) or (height, width, 3)
+    shown : ndarray of bool, shape (height, width)
+        Where there is an image.
+    """
     if method not in METHODS:
         raise ValueError(f"blending method is {method!r}; valid: {', '.join(METHODS)}")
-    mosaic = np.zeros((canvas.height_px, canvas.width_px, *layers[0].image.shape[2:]), dtype=np.uint8)
+    mosaic = np.zeros((canvas.height_px, canvas.width_px, *layers[0].image.shape[2:]), dtype=layers[0].image.dtype)
+    shown = np.zeros(mosaic.shape[:2], dtype=np.bool_)
     for tile in canvas.tiles():
+        where = tile.within(canvas)
         if method == "multiband":
-            mosaic[tile.within(canvas)] = _blend_bands(layers, tile)
+            mosaic[where], shown[where] = _blend_bands(layers, tile)
         else:
-            mosaic[tile.within(canvas)] = _blend_average(layers, tile, by_distance=method == "distance")
-    return mosaic
+            mosaic[where], shown[where] = _blend_average(layers, tile, by_distance=method == "distance")
+    return mosaic, shown
 
 
 def layers_of(
-    images: Sequence[Pixels], transforms: Sequence[Array], tones: Sequence[Tone], *, coloured: bool | None = None
+    images: Sequence[Intensities], transforms: Sequence[Array], tones: Sequence[Tone], *, coloured: bool | None = None
 ) -> list[Layer]:
     """Prepare images for blending: all gray or all BGR, reduced by area where the transformation shrinks them.
 
@@ -92,7 +102,7 @@ def layers_of(
     return layers
 
 
-def _blend_average(layers: Sequence[Layer], tile: Canvas, *, by_distance: bool) -> Pixels:
+def _blend_average(layers: Sequence[Layer], tile: Canvas, *, by_distance: bool) -> tuple[Intensities, Mask]:
     """The weighted average of all images in one tile."""
     total = np.zeros((tile.height_px, tile.width_px, *layers[0].image.shape[2:]), dtype=np.float32)
     total_weight = np.zeros((tile.height_px, tile.width_px), dtype=np.float32)
@@ -104,10 +114,10 @@ def _blend_average(layers: Sequence[Layer], tile: Canvas, *, by_distance: bool) 
         weight = np.float32(layer.favour) * (distance if by_distance else np.sign(distance))
         total[part.within(tile)] += layer.pixels(part) * _per_channel(weight, total)
         total_weight[part.within(tile)] += weight
-    return _as_uint8(_divided(total, total_weight))
+    return _rounded(_divided(total, total_weight), layers[0].image.dtype), total_weight > 0
 
 
-def _blend_bands(layers: Sequence[Layer], tile: Canvas) -> Pixels:
+def _blend_bands(layers: Sequence[Layer], tile: Canvas) -> tuple[Intensities, Mask]:
     """Multi-band blending of one tile, in which each pixel belongs to the layer with the largest claim.
 
     Computed in float32: OpenCV's blender, with its 16-bit pyramids, darkens a mosaic by two gray levels on average.
@@ -116,7 +126,7 @@ def _blend_bands(layers: Sequence[Layer], tile: Canvas) -> Pixels:
     owner = _owners(layers, around)
     if owner.min() == owner.max() >= 0:
         # The bands of one photograph add up to the photograph.
-        return layers[int(owner.max())].pixels(tile)
+        return layers[int(owner.max())].pixels(tile), np.ones((tile.height_px, tile.width_px), dtype=np.bool_)
     shape = (*owner.shape, *layers[0].image.shape[2:])
     total = [np.zeros((shape[0] >> k, shape[1] >> k, *shape[2:]), dtype=np.float32) for k in range(BANDS + 1)]
     total_weight = [np.zeros(band.shape[:2], dtype=np.float32) for band in total]
@@ -134,7 +144,8 @@ def _blend_bands(layers: Sequence[Layer], tile: Canvas) -> Pixels:
     for band, weight in zip(total[-2::-1], total_weight[-2::-1], strict=True):
         blended = cv2.pyrUp(blended) + _divided(band, weight)
     blended[owner < 0] = 0
-    return _as_uint8(blended[tile.within(around)])
+    inside = tile.within(around)
+    return _rounded(blended[inside], layers[0].image.dtype), owner[inside] >= 0
 
 
 def _bands(image: Float32) -> Iterator[Float32]:
@@ -196,9 +207,10 @@ def _per_channel(plane: Float32, pixels: Float32) -> Float32:
     return plane if pixels.ndim == 2 else np.asarray(cv2.merge([plane] * pixels.shape[2]), dtype=np.float32)
 
 
-def _as_bgr(image: Pixels) -> Pixels:
-    return image if image.ndim == 3 else np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
+def _as_bgr(image: Intensities) -> Intensities:
+    return image if image.ndim == 3 else np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), dtype=image.dtype)
 
 
-def _as_uint8(values: Float32) -> Pixels:
-    return np.asarray(np.rint(np.clip(values, 0, 255)), dtype=np.uint8)
+def _rounded(values: Float32, kind: np.dtype[np.uint8 | np.uint16]) -> Intensities:
+    """The values as whole numbers of the photographs' type."""
+    return np.asarray(np.rint(np.clip(values, 0, np.iinfo(kind).max)), dtype=kind)

@@ -8,17 +8,18 @@ zero, because darker pictures always differ less; differences of logarithms have
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from golden_model.arrays import Array, Float32, Pixels
+from golden_model.arrays import Array, Float32, Intensities
 from skymosaic.compositing.layer import Layer
-from skymosaic.compositing.tone import NEUTRAL, Tone, radius_of
+from skymosaic.compositing.tone import NEUTRAL, SHOULDER_START, Tone, radius_of
 from skymosaic.compositing.warp import Canvas, footprint
+from skymosaic.imagery.depth import TAIL_PERCENT, ValueRange
 
 CELL_PX = 8
 """Photographs are compared by means over square cells of the reduced canvas; parallax blurs single pixels."""
@@ -38,6 +39,8 @@ NEARLY_WHITE, MORE_WHITE = 240, 0.01
 """Gray level from which ground looks white, and the share of pixels that may become so."""
 DARKER_STEP, DARKER_STEPS = 0.04, 4
 """How far all photographs are darkened for that: 15 % at most, then the shoulder of the tones has to do."""
+NOT_WHITE = 64_000
+"""Values of 16 bits below this are not white: a camera of 10 bits has no more than 65,472."""
 HELD_OUT_GAIN = 0.99
 """A lens falloff is used if it lowers the median difference in overlaps it was not fitted to below this share."""
 
@@ -96,6 +99,36 @@ def _agreeing(thumbnails: Sequence[Layer], logs: Array, falloff: Array) -> list[
     return _without_burning(thumbnails, logs - np.log(np.median(kept)), falloff)
 
 
+def deep_tones(
+    tones: Sequence[Tone], samples: Sequence[NDArray[np.generic]], values: ValueRange
+) -> tuple[list[Tone], ValueRange]:
+    """The tones for photographs of 16 bits, and the range that their toned values have.
+
+    A camera that exposes each photograph for itself leaves no room for the differences that the tones restore: all
+    values are made smaller together where 16 bits would not hold them.
+
+    Parameters
+    ----------
+    tones : sequence of Tone
+        From `exposure_tones`.
+    samples : sequence of ndarray of uint16, shape (N,)
+        Values of each photograph.
+    values : ValueRange
+        Of all photographs as they were taken; its lower end counts as black.
+    """
+    # What was white in a photograph stays white and takes no room.
+    reached = [
+        values.low + np.mean(tone.gain) * (sample[sample < NOT_WHITE] - values.low)
+        for tone, sample in zip(tones, (sample.astype(np.float64) for sample in samples), strict=True)
+    ]
+    low, high = np.percentile(np.concatenate(reached), (TAIL_PERCENT, 100 - TAIL_PERCENT))
+    room = SHOULDER_START * (np.iinfo(np.uint16).max - values.low)
+    factor = min(1.0, room / max(high - values.low, 1.0))
+    low, high = (float(values.low + factor * (end - values.low)) for end in (low, high))
+    darker = [replace(tone, gain=tuple(factor * gain for gain in tone.gain), black=values.low) for tone in tones]
+    return darker, replace(values, low=low, high=high)
+
+
 def _without_burning(thumbnails: Sequence[Layer], logs: Array, falloff: Array) -> list[Tone]:
     """The tones, darkened a little together where they would turn more ground white than the photographs show.
 
@@ -116,7 +149,7 @@ def _white_share(layer: Layer, tone: Tone) -> float:
     return float(cv2.inRange(_toned(layer, tone), (NEARLY_WHITE,) * 3, (255,) * 3).mean() / 255)
 
 
-def _toned(layer: Layer, tone: Tone) -> Pixels:
+def _toned(layer: Layer, tone: Tone) -> Intensities:
     """The whole photograph with a tone."""
     return tone.applied(layer.image, radius_of(layer.size, Canvas(0, 0, *layer.size)))
 

@@ -8,7 +8,7 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from golden_model.arrays import Array, Float32, Mask, Pixels
+from golden_model.arrays import Array, Float32, Intensities, Mask, Pixels
 from skymosaic.compositing.tone import NEUTRAL, Tone, radius_of
 from skymosaic.compositing.warp import Canvas, backward, footprint, source_window, warp_tile
 from skymosaic.geometry.homography import apply, resize_matrix
@@ -61,7 +61,7 @@ class Layer:
 
     Attributes
     ----------
-    image : ndarray of uint8, shape (H, W) or (H, W, 3)
+    image : ndarray of uint8 or uint16, shape (H, W) or (H, W, 3)
     transform : ndarray of float64, shape (3, 3)
         Image pixels to reference pixels.
     tone : Tone
@@ -74,7 +74,7 @@ class Layer:
         The pixels that seams assign to it; None: the photograph whose border is farthest shows.
     """
 
-    image: Pixels
+    image: Intensities
     transform: Array
     tone: Tone = NEUTRAL
     visible: Pixels | None = None
@@ -95,7 +95,7 @@ class Layer:
         part = self.part_of(canvas)
         return part if part is None or self.seam is None or self.seam.covers_some_of(part) else None
 
-    def pixels(self, part: Canvas) -> Pixels:
+    def pixels(self, part: Canvas) -> Intensities:
         """The warped and toned intensities; the image's border pixels are repeated beyond it."""
         warped = backward(self.image, self.transform, part, border=cv2.BORDER_REPLICATE, interpolation=cv2.INTER_CUBIC)
         return self.tone.applied(warped, self.radius(part) if self.tone.needs_radius else None)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from golden_model.arrays import Array, Matrix, Pixels, Points
+from golden_model.arrays import Array, Intensities, Matrix, Points
 from skymosaic.geometry.homography import apply
 from skymosaic.geometry.prosac import INLIER_PX
 
@@ -56,7 +56,7 @@ class Mesh:
         matrix = _interpolation(points, self.size, self.nodes_px.shape[:2])
         return np.asarray(matrix @ self.nodes_px.reshape(-1, 2))
 
-    def bend(self, image: Pixels) -> Pixels:
+    def bend(self, image: Intensities) -> Intensities:
         """The bent image; ``image`` may have any size, the grid is stretched over it."""
         height, width = image.shape[:2]
         stretch = np.array([width, height]) / self.size
@@ -68,7 +68,7 @@ class Mesh:
         grid = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
         source_x, source_y = (axis + offset for axis, offset in zip(grid, offsets, strict=True))
         bent = cv2.remap(image, source_x, source_y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
-        return np.asarray(bent, dtype=np.uint8)
+        return np.asarray(bent, dtype=image.dtype)
 
 
 def fit_mesh(homography: Matrix, left: Points, right: Points, size: tuple[int, int]) -> Mesh | None:

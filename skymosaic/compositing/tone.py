@@ -7,13 +7,12 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from golden_model.arrays import Array, Float32, Pixels
+from golden_model.arrays import Array, Float32, Intensities
 from skymosaic.compositing.warp import Canvas
 from skymosaic.geometry.homography import apply
 
-WHITE = 255.0
-SHOULDER_START = 200.0
-"""Toned intensities above this are compressed, so that what was below white stays below white."""
+SHOULDER_START = 200 / 255
+"""Toned intensities above this share of white are compressed, so that what was below white stays below white."""
 FIELD_STEP_PX = 16
 """Distances from the image centre are computed on a grid this coarse and interpolated: exact to a thousandth."""
 
@@ -30,10 +29,14 @@ class Tone:
         Coefficients v of the lens falloff: the photograph is darker towards its corners by
         exp(-(v[0] r^2 + v[1] r^4)), with r the distance from its centre in half diagonals, and the tone undoes it.
         The same for all photographs of a camera.
+    black : float
+        The intensity that stays as it is whatever the gain. Above 0 for photographs of 16 bits, whose numbers begin at
+        some level of the camera's.
     """
 
     gain: tuple[float, ...] = (1.0,)
     falloff: tuple[float, float] = (0.0, 0.0)
+    black: float = 0.0
 
     @property
     def is_neutral(self) -> bool:
@@ -45,12 +48,12 @@ class Tone:
         """Whether it differs between centre and corners."""
         return any(self.falloff)
 
-    def applied(self, pixels: Pixels, radius: Float32 | None = None) -> Pixels:
+    def applied(self, pixels: Intensities, radius: Float32 | None = None) -> Intensities:
         """The toned intensities.
 
         Parameters
         ----------
-        pixels : ndarray of uint8, shape (H, W) or (H, W, 3)
+        pixels : ndarray of uint8 or uint16, shape (H, W) or (H, W, 3)
         radius : ndarray of float32, shape (H, W), or None
             Distance of each pixel from the centre of its photograph, in half diagonals; None: 0 everywhere.
         """
@@ -60,8 +63,9 @@ class Tone:
         gain = self.gain * channels if len(self.gain) == 1 else self.gain
         planes = pixels[..., None] if pixels.ndim == 2 else pixels
         field = self.field(radius) if radius is not None and self.needs_radius else None
-        toned = [_compressed(planes[..., channel], np.float32(gain[channel]), field) for channel in range(channels)]
-        return toned[0] if pixels.ndim == 2 else np.asarray(cv2.merge(toned), dtype=np.uint8)
+        black = np.float32(self.black)
+        toned = [_compressed(planes[..., k], np.float32(gain[k]), field, black) for k in range(channels)]
+        return toned[0] if pixels.ndim == 2 else np.asarray(cv2.merge(toned), dtype=pixels.dtype)
 
     def field(self, radius: Float32) -> Float32:
         """The factor that undoes the lens falloff."""
@@ -73,21 +77,29 @@ NEUTRAL = Tone()
 """Changes nothing."""
 
 
-def _compressed(plane: Pixels, gain: np.float32, field: Float32 | None) -> Pixels:
+def _compressed(plane: Intensities, gain: np.float32, field: Float32 | None, black: np.float32) -> Intensities:
     """One channel times gain and field, with the highlights compressed: white stays white, all else below it.
 
-    Above `SHOULDER_START` a rational curve continues the straight line with the same slope and ends at
-    (white, white), whatever the factor: factors above 1 burn nothing out, factors below 1 do not turn white gray.
+    White is the largest number of the plane's type. Above `SHOULDER_START` a rational curve continues the straight
+    line with the same slope and ends at (white, white), whatever the factor: factors above 1 burn nothing out,
+    factors below 1 do not turn white gray.
     """
     factor = np.full(plane.shape, gain, dtype=np.float32) if field is None else gain * field
-    toned = plane.astype(np.float32) * factor
-    bright = toned > SHOULDER_START
+    white = np.float32(np.iinfo(plane.dtype).max) - black
+    toned = plane.astype(np.float32)
+    if black:
+        toned -= black
+    toned *= factor
+    start = np.float32(SHOULDER_START) * white
+    bright = toned > start
     if bright.any():
-        room = WHITE - SHOULDER_START
-        above = (toned[bright] - SHOULDER_START) / room
-        above_at_white = (WHITE * factor[bright] - SHOULDER_START) / room
-        toned[bright] = SHOULDER_START + room * above / (1 + above * (1 - 1 / above_at_white))
-    return np.asarray(np.rint(toned), dtype=np.uint8)
+        room = white - start
+        above = (toned[bright] - start) / room
+        above_at_white = (white * factor[bright] - start) / room
+        toned[bright] = start + room * above / (1 + above * (1 - 1 / above_at_white))
+    if black:
+        toned = np.maximum(toned + black, 0)
+    return np.asarray(np.rint(toned), dtype=plane.dtype)
 
 
 def radius_of(size: tuple[int, int], part: Canvas, to_image: Array | None = None) -> Float32:

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from golden_model.arrays import Array, Pixels
+from golden_model.arrays import Array, Intensities, Pixels
 from skymosaic.geometry.homography import apply, resize_matrix, scaled
 
 CANVAS_LIMIT_PX = 250_000_000
@@ -138,7 +138,7 @@ def magnification(size: tuple[int, int], transform: Array) -> float:
     return math.sqrt(abs(along_x[0] * along_y[1] - along_x[1] * along_y[0]))
 
 
-def shrunk(image: Pixels, transform: Array) -> tuple[Pixels, Array]:
+def shrunk(image: Intensities, transform: Array) -> tuple[Intensities, Array]:
     """Reduce an image by area if its transformation shrinks it to half or less; returns image and transformation.
 
     Bilinear interpolation reads only four pixels, so an image that becomes much smaller must be averaged first.
@@ -149,7 +149,7 @@ def shrunk(image: Pixels, transform: Array) -> tuple[Pixels, Array]:
         return image, transform
     small = (width // factor, height // factor)
     enlarge = resize_matrix(width / small[0], height / small[1])
-    return np.asarray(cv2.resize(image, small, interpolation=cv2.INTER_AREA), dtype=np.uint8), transform @ enlarge
+    return np.asarray(cv2.resize(image, small, interpolation=cv2.INTER_AREA), dtype=image.dtype), transform @ enlarge
 
 
 def source_window(size: tuple[int, int], transform: Array, tile: Canvas) -> Canvas:
@@ -169,18 +169,18 @@ def source_window(size: tuple[int, int], transform: Array, tile: Canvas) -> Canv
 
 
 def backward(
-    image: Pixels,
+    image: Intensities,
     transform: Array,
     canvas: Canvas,
     *,
     border: int = cv2.BORDER_CONSTANT,
     interpolation: int = cv2.INTER_LINEAR,
-) -> Pixels:
+) -> Intensities:
     """Backward warping x = H^-1 x' (thesis, equation II-17).
 
     Parameters
     ----------
-    image : (H, W) or (H, W, 3) uint8 ndarray
+    image : (H, W) or (H, W, 3) ndarray of uint8 or uint16
         Gray, BGR, or a mask.
     transform : (3, 3) float64 ndarray
         Image pixels to reference pixels.
@@ -193,11 +193,11 @@ def backward(
 
     Returns
     -------
-    uint8 ndarray
+    ndarray of uint8 or uint16
         The canvas's pixels.
     """
     whole_size = (image.shape[1], image.shape[0])
-    warped = np.empty((canvas.height_px, canvas.width_px, *image.shape[2:]), dtype=np.uint8)
+    warped = np.empty((canvas.height_px, canvas.width_px, *image.shape[2:]), dtype=image.dtype)
     for tile in canvas.tiles():
         source = source_window(whole_size, transform, tile)
         part = image[source.within(Canvas(0, 0, *whole_size))]

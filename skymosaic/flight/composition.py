@@ -11,9 +11,9 @@ from typing import Any
 import cv2
 import numpy as np
 
-from golden_model.arrays import Array, Pixels
+from golden_model.arrays import Array, Intensities, Mask, Pixels
 from skymosaic.compositing.blend import blend_layers, layers_of
-from skymosaic.compositing.exposure import exposure_tones
+from skymosaic.compositing.exposure import deep_tones, exposure_tones
 from skymosaic.compositing.layer import Layer, SeamMask
 from skymosaic.compositing.seams import seam_masks
 from skymosaic.compositing.tone import NEUTRAL, Tone
@@ -24,14 +24,15 @@ from skymosaic.compositing.warp import (
     CanvasError,
     canvas_of,
     footprint,
-    magnification,
 )
 from skymosaic.errors import RegistrationError
 from skymosaic.flight.layout import Layout
+from skymosaic.flight.mapping import NOWHERE, MapPlace, north_up, scale_for, usual_magnification
 from skymosaic.flight.sharpness import BLURRED, sharpness_ratios
 from skymosaic.flight.survey import Flight
 from skymosaic.flight.workers import Workers
 from skymosaic.geometry.homography import resize_matrix
+from skymosaic.imagery.depth import ValueRange, common_range
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import DecodedPhotographs, Source
 
@@ -89,6 +90,10 @@ class Composition:
     blending : str
         One of `skymosaic.compositing.blend.METHODS`.
     lens : Lens
+    values : ValueRange or None
+        The range of photographs of more than 8 bits, one for all; where it is deep, the mosaic has 16 bits.
+    place : MapPlace
+        On the map; its georeference is that of the canvas's pixels.
     """
 
     placements: tuple[Placement, ...]
@@ -96,6 +101,8 @@ class Composition:
     coloured: bool
     blending: str
     lens: Lens
+    values: ValueRange | None = None
+    place: MapPlace = NOWHERE
 
     @property
     def size(self) -> tuple[int, int]:
@@ -107,8 +114,8 @@ class Composition:
         """The transformation of each placement from its pixels to canvas pixels, (3, 3)."""
         return [self.canvas.translation @ placement.transform for placement in self.placements]
 
-    def bands(self, workers: Workers, memory_bytes: int = MEMORY_BYTES) -> Iterator[Pixels]:
-        """The picture in bands of at most 1024 rows, from the top; 0 where there is no photograph.
+    def bands(self, workers: Workers, memory_bytes: int = MEMORY_BYTES) -> Iterator[tuple[Intensities, Mask]]:
+        """The picture in bands of at most 1024 rows, from the top, and where they show a photograph; elsewhere 0.
 
         Raises
         ------
@@ -119,15 +126,20 @@ class Composition:
         calls = [(self._for_tile(tile), tile, memory_bytes) for tile in tiles]
         rendered = zip(tiles, workers.run("mosaic", _render, calls), strict=True)
         for _, row in groupby(rendered, key=lambda item: item[0].y_px):
-            yield np.concatenate([pixels for _, pixels in row], axis=1)
+            pixels, shown = zip(*(tile for _, tile in row), strict=True)
+            yield np.concatenate(pixels, axis=1), np.concatenate(shown, axis=1)
 
-    def joined(self, bands: Iterable[Pixels]) -> Pixels:
+    def joined(self, bands: Iterable[tuple[Intensities, Mask]]) -> Intensities:
         """The whole picture, (H, W, 3) or (H, W), from its bands; never in memory twice."""
-        channels = (3,) if self.coloured else ()
-        picture = np.empty((self.size[1], self.size[0], *channels), dtype=np.uint8)
-        for index, band in enumerate(bands):
+        picture = self.empty(*self.size)
+        for index, (band, _) in enumerate(bands):
             picture[index * TILE_PX : index * TILE_PX + len(band)] = band
         return picture
+
+    def empty(self, width_px: int, height_px: int) -> Intensities:
+        """A picture without photographs, of the mosaic's type."""
+        shape = (height_px, width_px, 3) if self.coloured else (height_px, width_px)
+        return np.zeros(shape, np.uint16 if self.values is not None and self.values.deep else np.uint8)
 
     def changed(self, **values: Sequence[Any]) -> Composition:
         """The composition with new values, one for each placement, of some of their attributes."""
@@ -163,6 +175,8 @@ def compose(
     equalise: bool = True,
     seams: bool = True,
     own_frame: bool = True,
+    place: MapPlace = NOWHERE,
+    gsd_m: float | None = None,
 ) -> Composition:
     """Prepare the picture of one layout: canvas, exposure and seams, from thumbnails alone.
 
@@ -182,36 +196,63 @@ def compose(
     seams : bool
         Cut multi-band blending along seams.
     own_frame : bool
-        The canvas begins at (0, 0) of its own frame; otherwise it is a part of the reference photograph's frame.
+        The canvas begins at (0, 0) of its own frame, in which north is up where there is a map; otherwise it is a
+        part of the reference photograph's frame.
+    place : MapPlace
+        On the map; its georeference is that of the layout's reference frame.
+    gsd_m : float or None
+        Metres on the ground for each canvas pixel, instead of ``scale``.
 
     Raises
     ------
+    InputError
+        For a ``gsd_m`` without a map, or finer than the photographs.
     RegistrationError
         If the canvas would be too large, or a photograph reaches behind the horizon.
     """
-    composition = _arranged(flight, layout, blending, scale, canvas_limit_px)
+    if gsd_m is not None:
+        scale = scale_for(flight, layout, place.georeference, gsd_m)
+    composition = _arranged(
+        flight, layout, blending, scale=scale, canvas_limit_px=canvas_limit_px, place=place, turned=own_frame
+    )
     if own_frame:
         composition = composition.in_own_frame()
     if equalise:
         ratios = sharpness_ratios(flight.views, flight.links)[list(layout.members)]
         composition = composition.changed(favour=[BLURRED_FAVOUR if ratio < BLURRED else 1.0 for ratio in ratios])
-    thumbnails, reduction = _thumbnails(flight, layout, composition.placements, scale)
+    thumbnails, reduction = _thumbnails(flight, layout, composition, scale)
     if equalise:
         composition = composition.changed(tone=exposure_tones(thumbnails))
     if seams and blending == "multiband":
         toned = [replace(layer, tone=p.tone) for layer, p in zip(thumbnails, composition.placements, strict=True)]
         composition = composition.changed(seam=seam_masks(toned, reduction))
+    if equalise and composition.values is not None and composition.values.deep:
+        samples = [flight.views[member].sample for member in layout.members]
+        tones, values = deep_tones([p.tone for p in composition.placements], samples, composition.values)
+        composition = replace(composition.changed(tone=tones), values=values)
     return composition
 
 
-def _arranged(flight: Flight, layout: Layout, blending: str, scale: float, canvas_limit_px: int) -> Composition:
-    """The photographs of a layout on a canvas in the reference's frame."""
+def _arranged(
+    flight: Flight,
+    layout: Layout,
+    blending: str,
+    *,
+    scale: float,
+    canvas_limit_px: int,
+    place: MapPlace,
+    turned: bool,
+) -> Composition:
+    """The photographs of a layout on a canvas, in the reference's frame or ``turned`` north up where there is a map."""
     views = [flight.views[member] for member in layout.members]
-    transforms = list(layout.to_reference(flight.views).values())
-    # The reference may have flown lower or higher than most: neither invent detail nor lose it.
-    usual = float(np.median([magnification(view.size, each) for view, each in zip(views, transforms, strict=True)]))
-    resize = resize_matrix(scale if layout.originals is not None else scale / usual)
-    transforms = [resize @ transform for transform in transforms]
+    if layout.originals is None:
+        scale /= usual_magnification(flight, layout)
+    on_map = place.georeference
+    if on_map is not None and turned:
+        to_canvas = north_up(on_map, on_map.metres_a_pixel / scale)
+    else:
+        to_canvas = resize_matrix(scale)
+    transforms = [to_canvas @ transform for transform in layout.to_reference(flight.views).values()]
     try:
         canvas = canvas_of([view.size for view in views], transforms, limit_px=canvas_limit_px)
     except CanvasError as error:
@@ -221,20 +262,24 @@ def _arranged(flight: Flight, layout: Layout, blending: str, scale: float, canva
         for member, view, transform in zip(layout.members, views, transforms, strict=True)
     )
     coloured = any(view.thumbnail.ndim == 3 for view in views)
-    return Composition(placements, canvas, coloured, blending, flight.lens)
+    if on_map is not None:
+        on_map = on_map.of(np.asarray(np.linalg.inv(canvas.translation @ to_canvas)))
+        place = replace(place, georeference=on_map)
+    values = common_range([view.sample for view in views])
+    return Composition(placements, canvas, coloured, blending, flight.lens, values, place)
 
 
-def _thumbnails(
-    flight: Flight, layout: Layout, placements: Sequence[Placement], scale: float
-) -> tuple[list[Layer], float]:
+def _thumbnails(flight: Flight, layout: Layout, composition: Composition, scale: float) -> tuple[list[Layer], float]:
     """The thumbnails as layers of a reduced canvas, in colour, and the reduction."""
     views, lens = [flight.views[member] for member in layout.members], flight.lens
     widest = max(views, key=lambda view: view.size[0])
     reduction = widest.thumbnail.shape[1] / widest.size[0] / scale
     layers = []
-    for view, placement in zip(views, placements, strict=True):
+    for view, placement in zip(views, composition.placements, strict=True):
         from_thumbnail = view.to_original @ np.linalg.inv(view.to_thumbnail)
         pixels = view.thumbnail if view.thumbnail.ndim == 3 else cv2.cvtColor(view.thumbnail, cv2.COLOR_GRAY2BGR)
+        if composition.values is not None and view.value_range is not None:
+            pixels = view.value_range.shown_as(np.asarray(pixels, dtype=np.uint8), composition.values)
         if flight.calibration is not None:
             pixels = lens.straighten(np.asarray(pixels, dtype=np.uint8))
         layers.append(
@@ -264,13 +309,13 @@ def forget_decoded() -> None:
     _decoded.cache_clear()
 
 
-def _render(composition: Composition, tile: Canvas, memory_bytes: int) -> Pixels:
-    """The pixels of one tile."""
+def _render(composition: Composition, tile: Canvas, memory_bytes: int) -> tuple[Intensities, Mask]:
+    """The pixels of one tile, and where they show a photograph."""
     placements, lens = composition.placements, composition.lens
     if not placements:
-        channels = (3,) if composition.coloured else ()
-        return np.zeros((tile.height_px, tile.width_px, *channels), dtype=np.uint8)
-    images = [_decoded(memory_bytes).pixels(placement.source, lens) for placement in placements]
+        return composition.empty(tile.width_px, tile.height_px), np.zeros((tile.height_px, tile.width_px), np.bool_)
+    values = composition.values
+    images = [_decoded(memory_bytes).pixels(placement.source, lens, values) for placement in placements]
     tones = [placement.tone for placement in placements]
     layers = layers_of(images, [placement.transform for placement in placements], tones, coloured=composition.coloured)
     dressed = [

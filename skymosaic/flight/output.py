@@ -4,24 +4,67 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from golden_model.arrays import Pixels
-from golden_model.text import how_to_install
+from golden_model.arrays import Intensities, Mask, Pixels
+from skymosaic.errors import InputError
 from skymosaic.flight.composition import Composition
 from skymosaic.flight.layout import Layout
 from skymosaic.flight.survey import Flight
-from skymosaic.geometry.homography import apply
 from skymosaic.imagery.band_writer import write_bands
-from skymosaic.imagery.geotiff import Georeference, georeference, has_writer, write_cog
+from skymosaic.imagery.depth import ValueRange, in_8_bit
+from skymosaic.imagery.georeference import NO_MAPS, Georeference, has_maps
+from skymosaic.imagery.geotiff import COMPRESSIONS, watched_by_raster, write_cog
 from skymosaic.imagery.images import save
+from skymosaic.imagery.tiles import write_tiles
+from skymosaic.temporary import temporary_folder
 
 PREVIEW_WIDTH_PX = 1600
 GEOTIFF_SUFFIXES = (".tif", ".tiff")
+
+
+@dataclass(frozen=True)
+class OutputForm:
+    """How a mosaic is written.
+
+    Attributes
+    ----------
+    compress : {"deflate", "jpeg"}
+        Of a GeoTIFF.
+    tiles : Path or None
+        Folder for map tiles and a page that shows them.
+    """
+
+    compress: str = "deflate"
+    tiles: Path | None = None
+
+    def check(self, path: Path) -> None:
+        """Refuse what cannot apply to a file, before anything is computed.
+
+        Raises
+        ------
+        InputError
+            For an unknown or unsuitable compression, or without the package for maps.
+        """
+        if self.compress not in COMPRESSIONS:
+            raise InputError(f"compress is {self.compress!r}; valid: {', '.join(COMPRESSIONS)}")
+        if self.compress != "deflate" and not _is_tiff(path):
+            raise InputError(f"{path}: {self.compress} compression is for .tif; leave it out, or end the name in .tif")
+        if self != PLAIN and not has_maps():
+            raise InputError(f"compression and tiles: {NO_MAPS}")
+
+    def numbered(self, number: int) -> OutputForm:
+        """That of one of several mosaics, counted from 1."""
+        if self.tiles is None or number == 1:
+            return self
+        return replace(self, tiles=self.tiles.with_name(f"{self.tiles.name}_{number}"))
+
+
+PLAIN = OutputForm()
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,24 +77,29 @@ class Delivery:
     flight : Flight
     layout : Layout
     composition : Composition
-    georeference : Georeference or None
-        Position of the mosaic on the map, if the photographs have GPS; a GeoTIFF contains it.
     map_note : str
         Why there is no georeference, why the file does not contain it, or why it may be wrong; else empty.
     preview : ndarray of uint8
         The mosaic, reduced.
     seconds : float
         For blending and writing.
+    tiles : Path or None
+        Folder of map tiles.
     """
 
     path: Path
     flight: Flight
     layout: Layout
     composition: Composition
-    georeference: Georeference | None
     map_note: str
     preview: Pixels
     seconds: float
+    tiles: Path | None = None
+
+    @property
+    def georeference(self) -> Georeference | None:
+        """Position of the mosaic on the map; a GeoTIFF contains it."""
+        return self.composition.place.georeference
 
 
 def deliver(
@@ -59,8 +107,9 @@ def deliver(
     flight: Flight,
     layout: Layout,
     composition: Composition,
-    bands: Iterable[Pixels],
+    bands: Iterable[tuple[Intensities, Mask]],
     *,
+    form: OutputForm = PLAIN,
     preview_width_px: int = PREVIEW_WIDTH_PX,
 ) -> Delivery:
     """Write a mosaic.
@@ -68,45 +117,54 @@ def deliver(
     Parameters
     ----------
     path : Path
-        With GPS, ``.tif`` becomes a GeoTIFF.
+        With the extra ``geo``, ``.tif`` becomes a GeoTIFF.
     flight : Flight
     layout : Layout
     composition : Composition
         Of that layout.
-    bands : iterable of ndarray of uint8
-        Its picture in bands of whole rows from the top, rendered as they are asked for.
+    bands : iterable of (ndarray, ndarray)
+        Its picture in bands of whole rows from the top, and where they show a photograph; rendered as they are asked
+        for. Photographs of 16 bits are written with 16 bits into ``.tif``, otherwise as `Composition.values` says.
+    form : OutputForm
     preview_width_px : int
         Of the preview, at most.
 
     Raises
     ------
     InputError
-        If the file cannot be written or a photograph can no longer be read; no partial file is left.
+        If a file cannot be written or a photograph can no longer be read; no partial file is left.
     """
     start = time.perf_counter()
-    position, note = on_map(flight, layout, composition)
-    preview = _Preview(min(1.0, preview_width_px / composition.size[0]))
+    values, on_map = composition.values, composition.place.georeference
+    if form.compress == "jpeg" and values is not None and values.deep:
+        raise InputError(f"{path}: JPEG holds 8 bits, the photographs have 16; leave out the compression")
+    preview = _Preview(min(1.0, preview_width_px / composition.size[0]), values)
     watched = preview.watch(bands)
-    channels = 3 if composition.coloured else 1
-    if position is not None and _is_tiff(path) and has_writer():
-        write_cog(path, composition.size, channels, watched, position)
-        if len(layout.members) == 2:
-            note = "two GPS positions fit exactly, so that nothing checks them"
-    else:
-        note = note or _why_not_on_the_map(path)
-        if flight.pair is not None:
-            # Two photographs fit into memory, and OpenCV's writers compress better than ours that write bands.
-            save(path, np.concatenate(list(watched)))
+    is_cog = _is_tiff(path) and has_maps()
+    with temporary_folder(path.parent) as folder:
+        raster = folder / "mosaic.tif"
+        if is_cog or form.tiles is not None:
+            watched = watched_by_raster(raster, composition.size, watched, on_map)
+        if is_cog:
+            for _ in watched:
+                pass
+            write_cog(path, raster, form.compress)
         else:
-            write_bands(path, composition.size, channels, watched)
-    return Delivery(path, flight, layout, composition, position, note, preview.image(), time.perf_counter() - start)
+            pictures = (pixels if _is_tiff(path) else in_8_bit(pixels, values) for pixels, _ in watched)
+            _write_picture(path, flight, composition, pictures)
+        if form.tiles is not None:
+            write_tiles(form.tiles, raster, path.stem, values)
+    note = composition.place.note or _why_not_on_the_map(path)
+    return Delivery(path, flight, layout, composition, note, preview.image(), time.perf_counter() - start, form.tiles)
 
 
-def on_map(flight: Flight, layout: Layout, composition: Composition) -> tuple[Georeference | None, str]:
-    """Where a mosaic lies by the GPS of its photographs, or None and why it is not known."""
-    pairs = zip(composition.transforms, composition.placements, strict=True)
-    centres = [apply(t, (np.array(p.size) - 1) / 2) for t, p in pairs]
-    return georeference(np.array(centres), [flight.views[member].gps for member in layout.members])
+def _write_picture(path: Path, flight: Flight, composition: Composition, pictures: Iterable[Intensities]) -> None:
+    """Write a file that is no GeoTIFF."""
+    if flight.pair is not None:
+        # Two photographs fit into memory, and OpenCV's writers compress better than ours that write bands.
+        save(path, np.concatenate(list(pictures)))
+    else:
+        write_bands(path, composition.size, 3 if composition.coloured else 1, pictures)
 
 
 def _is_tiff(path: Path) -> bool:
@@ -114,24 +172,24 @@ def _is_tiff(path: Path) -> bool:
 
 
 def _why_not_on_the_map(path: Path) -> str:
-    if _is_tiff(path):
-        return f"the file has no georeference; {how_to_install('geo')} to write a GeoTIFF"
-    return f"{path.suffix} files have no georeference; .tif files do"
+    return "" if _is_tiff(path) else f"{path.suffix} files have no georeference; .tif files do"
 
 
 class _Preview:
     """Collects bands reduced by ``scale`` while they are written."""
 
-    def __init__(self, scale: float) -> None:
+    def __init__(self, scale: float, values: ValueRange | None) -> None:
         self._scale = scale
+        self._values = values
         self._bands: list[Pixels] = []
 
-    def watch(self, bands: Iterable[Pixels]) -> Iterator[Pixels]:
+    def watch(self, bands: Iterable[tuple[Intensities, Mask]]) -> Iterator[tuple[Intensities, Mask]]:
         """The bands, unchanged."""
-        for band in bands:
+        for band, shown in bands:
             size = (max(1, round(band.shape[1] * self._scale)), max(1, round(len(band) * self._scale)))
-            self._bands.append(np.asarray(cv2.resize(band, size, interpolation=cv2.INTER_AREA), dtype=np.uint8))
-            yield band
+            small = np.asarray(cv2.resize(band, size, interpolation=cv2.INTER_AREA), dtype=band.dtype)
+            self._bands.append(in_8_bit(small, self._values))
+            yield band, shown
 
     def image(self) -> Pixels:
         """The reduced bands, joined."""

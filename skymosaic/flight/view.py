@@ -10,6 +10,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from golden_model.arrays import Array, Pixels, Records
 from golden_model.config import Config
@@ -19,14 +20,15 @@ from skymosaic.errors import InputError
 from skymosaic.features.masks import on_the_ground
 from skymosaic.features.positions import feature_points
 from skymosaic.flight.cache import Arrays, key_of
-from skymosaic.imagery.exif import Position, position
+from skymosaic.imagery.depth import ValueRange
+from skymosaic.imagery.exif import Position, Taken, taken
 from skymosaic.imagery.images import Photograph, reduced, reduced_for_front_end
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
 from skymosaic.registration import WORKING_WIDTH_PX, extract_within_capacity
 
 THUMBNAIL_WIDTH_PX = 320
-_ARRAYS = ("to_original", "to_thumbnail", "features", "thumbnail")
+_ARRAYS = ("to_original", "to_thumbnail", "features", "thumbnail", "sample")
 _FACTS = ("size", "working_size", "sharpness", "clipped", "notes")
 
 
@@ -47,12 +49,16 @@ class View:
     features : structured ndarray
         Feature records of the working image.
     thumbnail : ndarray of uint8, shape (h, w) or (h, w, 3)
+    sample : ndarray
+        Values of a photograph of more than 8 bits, spread evenly over it; else empty.
+    value_range : ValueRange or None
+        The range that the thumbnail shows; None for a photograph of 8 bits.
     sharpness : float
         Variance of the Laplacian of the gray working image; falls with blur, and depends on what is shown.
     clipped : float
         Share of thumbnail pixels that are black or white.
-    gps : Position or None
-        Where the camera was, from EXIF.
+    taken : Taken
+        How it was taken, from EXIF and XMP.
     notes : tuple of str
         What was done to the file's pixels.
     """
@@ -65,18 +71,25 @@ class View:
     to_thumbnail: Array
     features: Records
     thumbnail: Pixels
+    sample: NDArray[np.generic]
+    value_range: ValueRange | None
     sharpness: float
     clipped: float
-    gps: Position | None
+    taken: Taken
     notes: tuple[str, ...]
 
     def packed(self) -> Arrays:
         """The view as arrays for a cache file, which `unpacked` reads; without the name, because files are renamed."""
         arrays = {name: getattr(self, name) for name in _ARRAYS}
         facts = {name: getattr(self, name) for name in _FACTS}
-        # The key of the first version, so that older cache files stay valid.
-        facts["place"] = None if self.gps is None else dataclasses.astuple(self.gps)
+        facts["taken"] = dataclasses.asdict(self.taken)
+        facts["value_range"] = None if self.value_range is None else dataclasses.astuple(self.value_range)
         return arrays | {"facts": np.array(json.dumps(facts))}
+
+    @property
+    def gps(self) -> Position | None:
+        """Where the camera was."""
+        return self.taken.position
 
     @property
     def points(self) -> Array:
@@ -87,10 +100,11 @@ class View:
 def unpacked(arrays: Arrays, name: str, key: str) -> View:
     """The view that `View.packed` put into arrays."""
     facts = json.loads(str(arrays["facts"]))
-    gps = facts.pop("place")
+    position = facts["taken"].pop("position")
     size, working_size, notes = (tuple(facts[key]) for key in ("size", "working_size", "notes"))
     facts |= {"size": size, "working_size": working_size, "notes": notes}
-    facts["gps"] = None if gps is None else Position(*gps)
+    facts["taken"] = Taken(None if position is None else Position(**position), **facts["taken"])
+    facts["value_range"] = None if facts["value_range"] is None else ValueRange(*facts["value_range"])
     values: dict[str, Any] = {key: arrays[key] for key in _ARRAYS} | facts
     return View(name=name, key=key, **values)
 
@@ -185,8 +199,10 @@ def view_of(
         to_thumbnail=np.linalg.inv(from_thumbnail).astype(np.float64),
         features=features,
         thumbnail=thumbnail,
+        sample=photograph.sample,
+        value_range=photograph.value_range,
         sharpness=float(cv2.Laplacian(to_gray(working), cv2.CV_32F).var()),
         clipped=float(np.mean((gray <= 2) | (gray >= 253))),
-        gps=position(source.content) if isinstance(source.content, Path) else None,
+        taken=taken(source.content) if isinstance(source.content, Path) else Taken(),
         notes=photograph.notes,
     )

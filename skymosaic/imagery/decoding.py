@@ -46,6 +46,9 @@ _TURNS: dict[int, Callable[[NDArray[np.uint8]], NDArray[np.uint8]]] = {
 _HARMLESS = ("unknown JFIF revision", "unknown Adobe color transform")
 """Warnings of libjpeg about headers, which say nothing about the picture."""
 
+# libtiff warns about every tag it does not know, also where standard error is not ours to redirect.
+cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)
+
 # Pillow only warns about images beyond its limit; as an error, `read_header` can turn it into our own message.
 warnings.filterwarnings("error", category=PillowImage.DecompressionBombWarning)
 

@@ -1,8 +1,10 @@
-"""The GPS position that a camera wrote into a photograph's EXIF data."""
+"""What a camera wrote about a photograph into its EXIF and XMP data: GPS position, focal length, yaw, height."""
 
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +13,16 @@ from PIL import Image as PillowImage
 
 _GPS_DIRECTORY = 0x8825
 _LATITUDE_SIGN, _LATITUDE, _LONGITUDE_SIGN, _LONGITUDE, _ALTITUDE_SIGN, _ALTITUDE = 1, 2, 3, 4, 5, 6
+_EXIF_DIRECTORY = 0x8769
+_FOCAL_MM, _FOCAL_35_MM = 0x920A, 0xA405
+_WIDTH, _HEIGHT_PX, _PLANE_X, _PLANE_UNIT = 0xA002, 0xA003, 0xA20E, 0xA210
+_MM_A_UNIT = {2: 25.4, 3: 10.0, 4: 1.0}
+_HALF_DIAGONAL_35_MM = math.hypot(36, 24) / 2
+LEAST_FOCAL, LARGEST_FOCAL = 0.3, 20.0
+"""Focal lengths outside these are mistakes: 10 and 430 mm on 35 mm film."""
+MOST_ROUNDED = 0.1
+_YAW = ("drone-dji:GimbalYawDegree", "Camera:Yaw", "drone-dji:FlightYawDegree")
+_HEIGHT = ("drone-dji:RelativeAltitude", "Camera:AboveGroundAltitude")
 _EARTH_RADIUS_M = 6_371_000
 
 
@@ -38,15 +50,48 @@ class Position:
         return east, (self.latitude_deg - origin.latitude_deg) * per_degree
 
 
-def position(path: Path) -> Position | None:
-    """The GPS position in a file's EXIF data; None if there is none or it is not valid."""
+@dataclass(frozen=True)
+class Taken:
+    """What a file says about how its photograph was taken; each None where it says nothing valid.
+
+    Attributes
+    ----------
+    position : Position or None
+        From GPS.
+    focal_half_diagonals : float or None
+        Focal length as a multiple of half the image's diagonal.
+    yaw_deg : float or None
+        Where the top of the photograph points, clockwise from north.
+    height_m : float or None
+        Above the place where the aircraft started.
+    """
+
+    position: Position | None = None
+    focal_half_diagonals: float | None = None
+    yaw_deg: float | None = None
+    height_m: float | None = None
+
+
+def taken(path: Path) -> Taken:
+    """Read a file's EXIF and XMP data; of these, what is missing or not valid is None."""
     try:
         with PillowImage.open(path) as header:
-            gps = header.getexif().get_ifd(_GPS_DIRECTORY)
+            exif = header.getexif()
+            gps, details = exif.get_ifd(_GPS_DIRECTORY), exif.get_ifd(_EXIF_DIRECTORY)
+            xmp = header.info.get("xmp", b"")
+    # EXIF data of unknown origin: Pillow raises SyntaxError, struct.error and others beside the expected ones.
+    except Exception:
+        return Taken()
+    text = xmp.decode("utf-8", "replace") if isinstance(xmp, bytes) else str(xmp)
+    return Taken(_position(gps), _focal(details), _from_xmp(text, _YAW), _from_xmp(text, _HEIGHT))
+
+
+def _position(gps: Mapping[int, Any]) -> Position | None:
+    try:
         latitude = _degrees(gps[_LATITUDE], gps.get(_LATITUDE_SIGN), negative="S")
         longitude = _degrees(gps[_LONGITUDE], gps.get(_LONGITUDE_SIGN), negative="W")
         altitude = float(gps.get(_ALTITUDE, 0.0)) * (-1 if gps.get(_ALTITUDE_SIGN) in (1, b"\x01") else 1)
-    # EXIF data of unknown origin: Pillow raises SyntaxError, struct.error and others beside the expected ones.
+    # Missing, text, 0/0: whatever is there, it is no position.
     except Exception:
         return None
     # Cameras without GPS reception write zeros or values out of range.
@@ -60,3 +105,36 @@ def _degrees(parts: tuple[Any, Any, Any], sign: object, *, negative: str) -> flo
     degrees, minutes, seconds = map(float, parts)
     value = degrees + minutes / 60 + seconds / 3600
     return -value if sign == negative else value
+
+
+def _focal(details: Mapping[int, Any]) -> float | None:
+    """From the length and the density of the sensor's pixels, or from the length on 35 mm film, which is rounded.
+
+    Programs that reduce a photograph may change its size and leave the density; then the two contradict each other.
+    """
+    equivalent = _number(details.get(_FOCAL_35_MM)) / _HALF_DIAGONAL_35_MM
+    size_px = math.hypot(_number(details.get(_WIDTH)), _number(details.get(_HEIGHT_PX)))
+    mm_a_unit = _MM_A_UNIT.get(details.get(_PLANE_UNIT, 2), math.nan)
+    focal_px = _number(details.get(_FOCAL_MM)) * _number(details.get(_PLANE_X)) / mm_a_unit
+    by_pixels = focal_px / (size_px / 2) if size_px else math.nan
+    agree = abs(by_pixels - equivalent) < MOST_ROUNDED * equivalent
+    focal = by_pixels if agree or not equivalent else equivalent
+    return focal if LEAST_FOCAL < focal < LARGEST_FOCAL else None
+
+
+def _number(value: Any) -> float:
+    """A number of EXIF data; 0 for what is none."""
+    try:
+        return float(value)
+    # None, text, 0/0 ...
+    except Exception:
+        return 0.0
+
+
+def _from_xmp(text: str, names: tuple[str, ...]) -> float | None:
+    """The first of the properties that is a finite number, as an attribute or as an element."""
+    for name in names:
+        found = re.search(rf"\b{name}(?:=[\"']|>)\s*([-+]?\d+(?:\.\d*)?)\s*[\"'<]", text)
+        if found is not None:
+            return float(found[1])
+    return None

@@ -5,27 +5,24 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from golden_model.arrays import Array, Pixels
+from golden_model.arrays import Array, Intensities, Pixels
 from golden_model.config import MAX_FRAME_PX
 from skymosaic.errors import InputError
 from skymosaic.geometry.homography import resize_matrix
 from skymosaic.imagery.decoding import SMALLEST_SIDE_PX, UPRIGHT, check_size, decode, read_header
+from skymosaic.imagery.depth import ValueRange, own_range, sample_of
 from skymosaic.temporary import temporary_file
 
 OUTPUT_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
 DAMAGED = ("refuse", "keep")
 """What may be done with a damaged photograph. A flight leaves out what is refused."""
-_TAIL_PERCENT = 0.1
-"""Share of pixels at each end of the range that is saturated when an image is mapped to 8 bits."""
-_BAND_VALUES = 1 << 22
-"""Values that are mapped to 8 bits at a time."""
 
 
 @dataclass(frozen=True)
@@ -40,11 +37,17 @@ class Photograph:
         Gray or BGR, turned upright by the EXIF orientation.
     notes : tuple of str
         Changes made to the file's pixels: rotation applied, range mapped to 8 bits.
+    value_range : ValueRange or None
+        The range that 8 bits show, if the file has more; None for 8 bits.
+    sample : ndarray
+        Values of a file of more than 8 bits, from `skymosaic.imagery.depth.sample_of`; else empty.
     """
 
     name: str
     pixels: Pixels
     notes: tuple[str, ...] = ()
+    value_range: ValueRange | None = None
+    sample: NDArray[np.generic] = field(default_factory=lambda: np.zeros(0, np.uint8))
 
     @property
     def size(self) -> tuple[int, int]:
@@ -62,6 +65,11 @@ def load(source: str | Path | Pixels, name: str = "image", *, keep_damaged: bool
         Of an array, for messages.
     keep_damaged : bool
         Accept a damaged JPEG with a note, as far as it can be decoded.
+
+    Returns
+    -------
+    Photograph
+        More than 8 bits are mapped linearly; the outer 0.1 % at each end saturate.
 
     Raises
     ------
@@ -81,72 +89,26 @@ def load(source: str | Path | Pixels, name: str = "image", *, keep_damaged: bool
 def _read(path: Path, *, keep_damaged: bool) -> Photograph:
     header = read_header(path)
     decoded, damage = decode(path, header, keep_damaged=keep_damaged)
-    pixels, mapping = to_8_bit(decoded, str(path))
     turned = ("turned upright by its EXIF orientation",) if header.orientation != UPRIGHT else ()
     kept = (f"kept although {damage.removeprefix(f'{path}: ')}",) if damage else ()
-    return Photograph(str(path), pixels, turned + mapping + kept)
-
-
-def to_8_bit(decoded: NDArray[np.generic], name: str) -> tuple[Pixels, tuple[str, ...]]:
-    """Map 16-bit and floating-point pixels linearly to 8 bits; the outer 0.1 % at each end saturate.
-
-    Parameters
-    ----------
-    decoded : ndarray of uint8, uint16 or float32
-    name : str
-        For messages.
-
-    Returns
-    -------
-    pixels : ndarray of uint8
-    notes : tuple of str
-        The mapping in words; empty if the image had 8 bits.
-
-    Raises
-    ------
-    InputError
-        For other types, or an image without a finite value.
-    """
     if decoded.dtype == np.uint8:
-        return decoded.astype(np.uint8, copy=False), ()
-    if decoded.dtype not in (np.uint16, np.float32):
-        raise InputError(f"{name}: pixels of {decoded.dtype} are not supported; convert to 8 or 16 bit")
-    low, high = _range(decoded, name)
-    scale = 255.0 / max(high - low, 1e-12)
-    pixels = np.empty(decoded.shape, np.uint8)
-    # A few rows at a time: each step makes a copy of four bytes a value, and whole photographs would need gigabytes.
-    for rows in _bands(decoded):
-        levels = (decoded[rows].astype(np.float32) - np.float32(low)) * np.float32(scale)
-        np.nan_to_num(levels, copy=False, posinf=255, neginf=0)
-        pixels[rows] = np.clip(np.rint(levels), 0, 255)
-    return pixels, (f"{decoded.dtype}: {low:g}..{high:g} mapped to 0..255",)
+        return Photograph(str(path), decoded.astype(np.uint8, copy=False), turned + kept)
+    values = own_range(decoded, str(path))
+    mapping = (f"{decoded.dtype}: {values.low:g}..{values.high:g} mapped to 0..255",)
+    return Photograph(str(path), values.to_8_bit(decoded), turned + mapping + kept, values, sample_of(decoded))
 
 
-def _range(decoded: NDArray[np.generic], name: str) -> tuple[float, float]:
-    """The values between which all but the tails lie, as ``np.percentile`` finds them."""
-    tails = np.array((_TAIL_PERCENT, 100 - _TAIL_PERCENT))
-    if decoded.dtype == np.uint16:
-        # From a histogram: sorting would need further copies of the photograph.
-        counts = np.zeros(1 << 16, np.int64)
-        for rows in _bands(decoded):
-            counts += np.bincount(decoded[rows].ravel(), minlength=1 << 16)
-        positions = tails / 100 * (decoded.size - 1)
-        lower = np.searchsorted(counts.cumsum(), np.floor(positions), side="right").astype(np.float64)
-        upper = np.searchsorted(counts.cumsum(), np.ceil(positions), side="right")
-        share = positions % 1
-        # NumPy interpolates from the nearer side.
-        low, high = np.where(share < 0.5, lower + (upper - lower) * share, upper - (upper - lower) * (1 - share))
-        return float(low), float(high)
-    finite = decoded[np.isfinite(decoded)]
-    if finite.size == 0:
-        raise InputError(f"{name}: no pixel has a finite value; export it again")
-    low, high = np.percentile(finite, tails, overwrite_input=True)
-    return float(low), float(high)
-
-
-def _bands(pixels: NDArray[np.generic]) -> list[slice]:
-    rows = max(_BAND_VALUES // max(pixels[0].size, 1), 1)
-    return [slice(top, top + rows) for top in range(0, len(pixels), rows)]
+def load_intensities(
+    source: str | Path | Pixels, name: str, values: ValueRange | None, *, keep_damaged: bool = False
+) -> Intensities:
+    """As `load`, but more than 8 bits are shown by the range of a whole flight, or kept where that is deep."""
+    if values is None or not isinstance(source, str | Path):
+        return load(source, name, keep_damaged=keep_damaged).pixels
+    path = Path(source)
+    decoded, _ = decode(path, read_header(path), keep_damaged=keep_damaged)
+    if decoded.dtype == np.uint8 or (values.deep and decoded.dtype == np.uint16):
+        return np.asarray(decoded)
+    return values.to_8_bit(decoded)
 
 
 def reduced(pixels: Pixels, width_px: int) -> tuple[Pixels, Array]:
@@ -233,7 +195,7 @@ def check_unused(path: Path, *, overwrite: bool) -> None:
         raise InputError(f"{path}: {kind}; choose another name, or add --overwrite to replace what is there")
 
 
-def save(path: Path, pixels: Pixels) -> None:
+def save(path: Path, pixels: Intensities) -> None:
     """Write a picture under a temporary name, then rename it, so that no half-written file can remain.
 
     Raises

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from golden_model.arrays import Array, Pixels
+from golden_model.arrays import Array, Intensities, Pixels, Points
 from skymosaic.errors import InputError
 from skymosaic.geometry.homography import resize_matrix
 from skymosaic.imagery.images import load
@@ -50,12 +50,20 @@ class Lens:
             state.update(b"none" if part is None else repr(part.shape).encode() + part.tobytes())
         return state.hexdigest()
 
-    def straighten(self, pixels: Pixels, interpolation: int = cv2.INTER_CUBIC) -> Pixels:
+    def straighten(self, pixels: Intensities, interpolation: int = cv2.INTER_CUBIC) -> Intensities:
         """The photograph without distortion, as a pinhole camera with the same matrix would have taken it."""
         if self.matrix is None:
             return pixels
         maps = self._maps((pixels.shape[1], pixels.shape[0]))
-        return np.asarray(cv2.remap(pixels, *maps, interpolation), dtype=np.uint8)
+        return np.asarray(cv2.remap(pixels, *maps, interpolation), dtype=pixels.dtype)
+
+    def straighten_points(self, points: Points, size: tuple[int, int]) -> Points:
+        """Where points (N, 2) of a photograph of ``size`` (width, height) are once it is straightened, px."""
+        if self.matrix is None or self.size is None:
+            return points
+        scaled = resize_matrix(size[0] / self.size[0], size[1] / self.size[1]) @ self.matrix
+        straight = cv2.undistortPoints(points.reshape(-1, 1, 2), scaled, self.distortion, P=scaled)
+        return np.asarray(straight, dtype=np.float64).reshape(-1, 2)
 
     def visible(self, size: tuple[int, int]) -> Pixels | None:
         """255 where a straightened photograph of ``size`` (width, height) shows ground, else 0; None if everywhere."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import re
 from collections import OrderedDict
@@ -11,9 +12,12 @@ from functools import cached_property
 from pathlib import Path
 from threading import Lock
 
-from golden_model.arrays import Pixels
+import numpy as np
+
+from golden_model.arrays import Intensities, Pixels
 from skymosaic.errors import InputError
-from skymosaic.imagery.images import Photograph, load
+from skymosaic.imagery.depth import ValueRange
+from skymosaic.imagery.images import Photograph, load, load_intensities
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.own_outputs import without_own_outputs
 
@@ -41,7 +45,7 @@ class Source:
     name: str
     content: Path | Pixels
     keep_damaged: bool = False
-    bend: Callable[[Pixels], Pixels] | None = None
+    bend: Callable[[Intensities], Intensities] | None = None
 
     @cached_property
     def digest(self) -> str:
@@ -69,8 +73,16 @@ class Source:
             As in `skymosaic.imagery.images.load`.
         """
         decoded = load(self.content, self.name, keep_damaged=self.keep_damaged)
-        pixels = lens.straighten(decoded.pixels)
-        return Photograph(self.name, pixels if self.bend is None else self.bend(pixels), decoded.notes)
+        pixels = np.asarray(self._bent(lens.straighten(decoded.pixels)), dtype=np.uint8)
+        return dataclasses.replace(decoded, name=self.name, pixels=pixels)
+
+    def intensities(self, lens: Lens, values: ValueRange | None) -> Intensities:
+        """The straightened pixels as a mosaic shows them, see `skymosaic.imagery.images.load_intensities`."""
+        decoded = load_intensities(self.content, self.name, values, keep_damaged=self.keep_damaged)
+        return self._bent(lens.straighten(decoded))
+
+    def _bent(self, pixels: Intensities) -> Intensities:
+        return pixels if self.bend is None else self.bend(pixels)
 
 
 def sources(images: Sequence[str | Path | Pixels]) -> list[Source]:
@@ -118,6 +130,13 @@ def _natural(name: str) -> list[tuple[int, str]]:
     return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", name)]
 
 
+_Key = tuple[str, str, bool, ValueRange | None]
+
+
+def _key(source: Source, lens: Lens, values: ValueRange | None) -> _Key:
+    return source.digest, lens.key, source.keep_damaged, values
+
+
 class DecodedPhotographs:
     """Cache of the most recently used decoded photographs, up to a number of bytes; thread-safe.
 
@@ -129,7 +148,7 @@ class DecodedPhotographs:
 
     def __init__(self, limit_bytes: int) -> None:
         self._limit_bytes = limit_bytes
-        self._held: OrderedDict[tuple[str, str, bool], Pixels] = OrderedDict()
+        self._held: OrderedDict[_Key, Intensities] = OrderedDict()
         self._lock = Lock()
 
     @property
@@ -137,21 +156,21 @@ class DecodedPhotographs:
         """Bytes in the cache now."""
         return sum(pixels.nbytes for pixels in self._held.values())
 
-    def pixels(self, source: Source, lens: Lens) -> Pixels:
-        """The straightened pixels of ``source``."""
-        key = source.digest, lens.key, source.keep_damaged
+    def pixels(self, source: Source, lens: Lens, values: ValueRange | None = None) -> Intensities:
+        """The straightened pixels of ``source``; ``values`` as in `Source.intensities`."""
+        key = _key(source, lens, values)
         with self._lock:
             if key in self._held:
                 self._held.move_to_end(key)
                 return self._held[key]
         # Decoded outside the lock, so that threads decode different photographs at the same time.
-        pixels = source.photograph(lens).pixels
-        self.keep(source, lens, pixels)
+        pixels = source.intensities(lens, values)
+        self.keep(source, lens, pixels, values)
         return pixels
 
-    def keep(self, source: Source, lens: Lens, pixels: Pixels) -> None:
+    def keep(self, source: Source, lens: Lens, pixels: Intensities, values: ValueRange | None = None) -> None:
         """Keep straightened pixels of ``source`` that are decoded already, and drop others beyond the limit."""
         with self._lock:
-            self._held[source.digest, lens.key, source.keep_damaged] = pixels
+            self._held[_key(source, lens, values)] = pixels
             while self.held_bytes > self._limit_bytes:
                 self._held.popitem(last=False)

@@ -11,13 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from skymosaic.compositing.warp import Canvas
+from skymosaic.compositing.warp import Canvas, magnification
 from skymosaic.flight.check import FlightCheck, check_flight
 from skymosaic.flight.layout import Layout
 from skymosaic.flight.output import PREVIEW_WIDTH_PX, Delivery
 from skymosaic.flight.survey import Flight
 from skymosaic.geometry.homography import apply
+from skymosaic.imagery.depth import ValueRange
 from skymosaic.imagery.images import reduced, save, save_bytes
+from skymosaic.reports.footprints import write_footprints
 from skymosaic.reports.pair import PAGE, prepare, write_pair_report
 
 FLAT = 0.05
@@ -47,7 +49,7 @@ def write_report(folder: Path, flight: Flight, deliveries: Sequence[Delivery]) -
 
 
 def write_flight_report(folder: Path, deliveries: Sequence[Delivery], check: FlightCheck) -> Path:
-    """Write previews, ``report.json`` and ``index.html`` into ``folder``; returns the page's path.
+    """Write previews, footprints, ``report.json`` and ``index.html`` into ``folder``; returns the page's path.
 
     Parameters
     ----------
@@ -61,6 +63,8 @@ def write_flight_report(folder: Path, deliveries: Sequence[Delivery], check: Fli
     prepare(folder)
     for number, delivery in enumerate(deliveries, start=1):
         save(folder / f"mosaic_{number}.jpg", reduced(delivery.preview, PREVIEW_WIDTH_PX)[0])
+        if delivery.georeference is not None:
+            write_footprints(folder / f"footprints_{number}", delivery)
     numbers = flight_numbers(deliveries, check)
     save_bytes(folder / "report.json", (json.dumps(numbers, indent=1) + "\n").encode())
     save_bytes(folder / "index.html", _page(deliveries, check, numbers).encode())
@@ -101,7 +105,6 @@ def _lens_numbers(flight: Flight) -> dict[str, float] | None:
 def _mosaic_numbers(delivery: Delivery) -> dict[str, Any]:
     layout, flight, composition = delivery.layout, delivery.flight, delivery.composition
     errors = np.concatenate(layout.errors_px)
-    on_map = delivery.georeference
     return {
         "file": str(delivery.path),
         "size": list(composition.size),
@@ -118,12 +121,74 @@ def _mosaic_numbers(delivery: Delivery) -> dict[str, Any]:
         },
         "links": [_link_numbers(flight, layout, row) for row in range(len(layout.links))],
         "contradicting": [[flight.views[end].name for end in (x.left, x.right)] for x in layout.contradicting],
-        "epsg": on_map.epsg if on_map else None,
-        "canvas_to_map": on_map.to_map.tolist() if on_map else None,
-        "gps_residual_m": round(on_map.residual_m, 3) if on_map else None,
+        **_map_numbers(delivery),
         "map_note": delivery.map_note,
+        "value_range": _range_numbers(composition.values),
         "seconds": round(delivery.seconds, 3),
     }
+
+
+def map_line(delivery: Delivery) -> str:
+    """Where a mosaic lies on the map and how well it fits there, in one line."""
+    on_map, place = delivery.georeference, delivery.composition.place
+    assert on_map is not None
+    parts = [f"{on_map.crs}, {on_map.metres_a_pixel:.3g} m a pixel"]
+    if delivery.flight.pair is None:
+        parts.append(f"{place.by} residual {on_map.residual_m:.2f} m")
+    if delivery.layout.median_error_px:
+        parts.append(f"layout residual {_ground_error_m(delivery):.2g} m")
+    if place.height_m is not None and place.recorded_height_m is not None:
+        parts.append(f"flown at {place.height_m:.0f} m (recorded: {place.recorded_height_m:.0f} m)")
+    if place.turned_deg is not None:
+        parts.append(f"turned by {place.turned_deg:.0f} degrees from the recorded yaw")
+    if names := _far_off(delivery):
+        far = ", ".join(f"{name} ({offset:.0f} m off)" for name, offset in names)
+        parts.append(f"without the {place.by} of {far}")
+    return "; ".join(parts)
+
+
+def _ground_error_m(delivery: Delivery) -> float:
+    """Median reprojection error on the ground."""
+    layout, views, composition = delivery.layout, delivery.flight.views, delivery.composition
+    assert delivery.georeference is not None
+    reference = layout.members.index(layout.reference)
+    working_px = np.asarray(composition.transforms[reference] @ views[layout.reference].to_original)
+    canvas_px = layout.median_error_px * magnification(views[layout.reference].working_size, working_px)
+    return canvas_px * delivery.georeference.metres_a_pixel
+
+
+def _far_off(delivery: Delivery) -> list[tuple[str, float]]:
+    """Photographs or control points that do not agree with the others, and by how many metres, the worst first."""
+    on_map, names = delivery.georeference, delivery.composition.place.fitted_to
+    if on_map is None:
+        return []
+    found = [(names[index], on_map.offsets_m[index]) for index in on_map.disagreeing]
+    return sorted(found, key=lambda item: -item[1])
+
+
+def _map_numbers(delivery: Delivery) -> dict[str, Any]:
+    on_map, place = delivery.georeference, delivery.composition.place
+    if on_map is None:
+        return {"crs": None}
+    offsets = {name: round(m, 3) for name, m in zip(place.fitted_to, on_map.offsets_m, strict=True) if np.isfinite(m)}
+    return {
+        "crs": on_map.crs,
+        "canvas_to_map": on_map.to_map.tolist(),
+        "metres_a_pixel": on_map.metres_a_pixel,
+        "fitted_to": place.by,
+        "residual_m": round(on_map.residual_m, 3),
+        "offsets_m": offsets,
+        "left_out": [name for name, _ in _far_off(delivery)],
+        "median_error_m": round(_ground_error_m(delivery), 4),
+        "height_m": place.height_m,
+        "recorded_height_m": place.recorded_height_m,
+        "turned_from_recorded_yaw_deg": place.turned_deg,
+    }
+
+
+def _range_numbers(values: ValueRange | None) -> dict[str, Any] | None:
+    """How photographs of more than 8 bits are shown; None for those of 8 bits."""
+    return None if values is None else {"low": values.low, "high": values.high, "kept_in_tif": values.deep}
 
 
 def _link_numbers(flight: Flight, layout: Layout, row: int) -> dict[str, Any]:
@@ -171,9 +236,10 @@ def _mosaic_rows(delivery: Delivery) -> list[tuple[str, str]]:
         ("reprojection error", f"median {layout.median_error_px:.2f} px, {ninety} at {width_px} px wide"),
         ("blending and writing", f"{delivery.seconds:.1f} s"),
     ]
-    if on_map := delivery.georeference:
-        residual = f"GPS residual {on_map.residual_m:.2f} m"
-        rows.append(("map", f"EPSG:{on_map.epsg}, {on_map.metres_a_pixel:.3f} m a pixel, {residual}"))
+    if values := delivery.composition.values:
+        rows.append(("range", values.in_words))
+    if delivery.georeference:
+        rows.append(("map", map_line(delivery)))
     return rows + ([("map note", delivery.map_note)] if delivery.map_note else [])
 
 

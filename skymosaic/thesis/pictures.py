@@ -5,6 +5,8 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator
 
+import numpy as np
+
 from golden_model.arrays import Pixels
 from golden_model.config import PRESETS
 from skymosaic.errors import RegistrationError
@@ -32,7 +34,7 @@ def of_pair(pair: DatasetPair) -> Iterator[tuple[str, Pixels]]:
     aerial = register(*sides)
     yield _matches("The aerial preset's eight rules", aerial)
     try:
-        yield "Mosaic by the aerial preset", mosaic_of_pair(aerial).image
+        yield "Mosaic by the aerial preset", np.asarray(mosaic_of_pair(aerial).image, dtype=np.uint8)
     except RegistrationError:
         return
 

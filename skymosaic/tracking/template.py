@@ -175,4 +175,4 @@ class Template:
 
 def warped(frame: Pixels, transform: Array, canvas: Canvas) -> Pixels:
     """Warp a frame into ``canvas``, averaged by area where it shrinks; its border pixels are repeated beyond it."""
-    return backward(*shrunk(frame, transform), canvas, border=cv2.BORDER_REPLICATE)
+    return np.asarray(backward(*shrunk(frame, transform), canvas, border=cv2.BORDER_REPLICATE), dtype=np.uint8)

@@ -33,7 +33,7 @@ from sim.build_cache import cached
 from skymosaic.errors import InputError
 from skymosaic.flight.cache import ResultCache
 from skymosaic.imagery import images
-from skymosaic.imagery.exif import position
+from skymosaic.imagery.exif import taken
 from skymosaic.imagery.lens import load_lens
 from tests.robustness.mutators import mutated, mutated_text
 
@@ -115,7 +115,7 @@ def _photograph_with_exif() -> bytes:
 
 
 def _read_photograph(path: Path, rng: np.random.Generator) -> str:
-    position(path)
+    taken(path)
     photograph = images.load(path, keep_damaged=bool(rng.integers(2)))
     assert photograph.pixels.dtype == np.uint8
     images.reduced_for_front_end(photograph.pixels, 640, photograph.name)

@@ -164,6 +164,7 @@ def with_gps(path: Path, image: np.ndarray, east_m: float, north_m: float) -> No
     """A JPEG whose EXIF says where it was taken, near 46 degrees north, 92 west."""
     degrees = 46 + north_m / 111_147, 92 - east_m / (111_320 * np.cos(np.radians(46)))
     exif = Image.Exif()
+    exif.get_ifd(IFD.Exif)[0xA405] = round(21.633 * 0.8 * SIZE[0] / (np.hypot(*SIZE) / 2))
     minutes = [(int(value), float(60 * (value % 1)), 0.0) for value in degrees]
     exif.get_ifd(IFD.GPSInfo).update({1: "N", 2: minutes[0], 3: "W", 4: minutes[1]})
     Image.fromarray(image[..., ::-1]).save(path, quality=92, exif=exif)
@@ -176,13 +177,19 @@ def test_gps_puts_the_mosaic_on_the_map(flight, tmp_path: Path) -> None:
         with_gps(tmp_path / f"{index}.jpg", image, metres_a_pixel * pose.x_px, -metres_a_pixel * pose.y_px)
     result = skymosaic("mosaic", tmp_path, "-o", "m.tif", "--report", "r", "--cache", "cache", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
-    assert "EPSG:32615, GPS residual" in result.stdout
+    assert "EPSG:32615, 0.1" in result.stdout
     found = json.loads((tmp_path / "r" / "report.json").read_text())["mosaics"][0]
     # The cameras lean: their positions are not what is in the middle of their photographs.
-    assert 0 < found["gps_residual_m"] < 2
+    assert 0 < found["residual_m"] < 0.6
+    outlines = json.loads((tmp_path / "r" / "footprints_1.geojson").read_text())["features"]
+    assert [feature["properties"]["name"] for feature in outlines] == [f"{index}.jpg" for index in range(IMAGES)]
+    (ring,) = outlines[0]["geometry"]["coordinates"]
+    np.testing.assert_allclose(ring[0], [-92, 46], atol=2e-3)
+    assert (tmp_path / "r" / "footprints_1.kml").read_text().count("<Placemark>") == IMAGES
     with rasterio.open(tmp_path / "m.tif") as file:
         assert file.crs.to_epsg() == 32615
-        assert np.hypot(file.transform.a, file.transform.d) == pytest.approx(metres_a_pixel, rel=0.03)
+        assert file.transform.a == -file.transform.e == pytest.approx(metres_a_pixel, rel=0.03)
+        assert file.transform.b == file.transform.d == 0
         assert [file.width, file.height] == found["size"]
 
 
@@ -200,6 +207,19 @@ def test_a_full_disk_is_one_line_and_leaves_no_mosaic(folder, tmp_path: Path) ->
     assert [path.name for path in tmp_path.iterdir()] == ["cache"]
 
 
+def test_a_flight_of_16_bits_keeps_its_numbers(flight, tmp_path: Path) -> None:
+    """Each photograph fills a different part of the range, as automatic exposure makes it; one has a highlight."""
+    for index, image in enumerate(flight.images[:4]):
+        deep = 9000 + image[..., 1].astype(np.uint16) * (80 + 10 * index)
+        deep[:20, :20] = 65_535
+        cv2.imwrite(str(tmp_path / f"{index}.tif"), deep)
+    made = mosaic([tmp_path])
+    assert made.image.dtype == np.uint16
+    ordinary = mosaic([np.ascontiguousarray(image[..., 1]) for image in flight.images[:4]]).image
+    expected = 9000 + 95 * np.percentile(ordinary[ordinary > 0], (10, 50, 90))
+    np.testing.assert_allclose(np.percentile(made.image[made.image > 0], (10, 50, 90)), expected, rtol=0.03)
+
+
 def test_a_pair_with_gps_becomes_a_geotiff(flight, tmp_path: Path) -> None:
     rasterio = pytest.importorskip("rasterio")
     for index, east_m in ((0, 0.0), (1, 30.0)):
@@ -208,7 +228,7 @@ def test_a_pair_with_gps_becomes_a_geotiff(flight, tmp_path: Path) -> None:
     assert result.returncode == 0, result.stderr
     assert "nothing checks them" in result.stderr
     place = mosaic([tmp_path / "0.jpg", tmp_path / "1.jpg"]).to_geotiff(tmp_path / "again.tif")
-    assert place.epsg == 32615
+    assert place.crs == "EPSG:32615"
     with rasterio.open(tmp_path / "m.tif") as file, rasterio.open(tmp_path / "again.tif") as again:
         assert file.crs.to_epsg() == again.crs.to_epsg() == 32615
         np.testing.assert_array_equal(file.read(), again.read())

@@ -14,7 +14,7 @@ def test_neutral_tone_returns_the_same_pixels():
 @pytest.mark.parametrize("gain", [0.5, 0.8, 1.2, 1.6, 2.5])
 def test_below_the_shoulder_a_gain_is_a_factor(gain):
     toned = Tone((gain,)).applied(RAMP)
-    straight = gain * RAMP < SHOULDER_START
+    straight = gain * RAMP < 255 * SHOULDER_START
     np.testing.assert_allclose(toned[straight], (gain * RAMP)[straight], atol=0.51)
 
 
@@ -29,6 +29,13 @@ def test_highlights_rise_to_white_and_nothing_else_becomes_white(gain):
 
 def test_a_strong_darkening_has_no_highlights():
     assert Tone((0.5,)).applied(RAMP)[0, 255] == 128
+
+
+def test_a_gain_of_16_bit_values_leaves_black_and_white_where_they_are():
+    values = np.array([[0, 9000, 20_000, 65_535]], np.uint16)
+    toned = Tone((2.0,), black=9000).applied(values)
+    assert toned.dtype == np.uint16
+    np.testing.assert_array_equal(toned, [[0, 9000, 31_000, 65_535]])
 
 
 def test_channels_have_their_own_gains():

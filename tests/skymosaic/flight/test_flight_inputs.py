@@ -16,7 +16,7 @@ from skymosaic import temporary
 from skymosaic.errors import InputError
 from skymosaic.flight.cache import ResultCache, key_of
 from skymosaic.flight.view import Settings, describe, unpacked
-from skymosaic.imagery.exif import Position, position
+from skymosaic.imagery.exif import Position, Taken, taken
 from skymosaic.imagery.lens import Lens, load_lens
 from skymosaic.imagery.own_outputs import remember
 from skymosaic.imagery.photographs import DecodedPhotographs, Source, sources
@@ -52,18 +52,34 @@ def test_decoded_photographs_stay_below_their_limit(tmp_path):
     assert photographs.held_bytes <= 3 * 64 * 64
 
 
-def test_gps_is_read_from_exif(tmp_path):
+def test_gps_and_focal_length_are_read_from_exif(tmp_path):
     exif = Image.Exif()
+    exif.get_ifd(IFD.Exif)[0xA405] = 24
     exif.get_ifd(IFD.GPSInfo).update(
         {1: "S", 2: (33.0, 30.0, 36.0), 3: "W", 4: (70.0, 15.0, 0.0), 5: b"\x00", 6: 520.5}
     )
     Image.new("RGB", (64, 64)).save(tmp_path / "gps.jpg", exif=exif)
-    found = position(tmp_path / "gps.jpg")
+    record = taken(tmp_path / "gps.jpg")
+    assert record.focal_half_diagonals == pytest.approx(24 / 21.633, rel=1e-3)
+    found = record.position
     assert found.latitude_deg == pytest.approx(-33.51)
     assert found.longitude_deg == pytest.approx(-70.25)
     assert found.altitude_m == pytest.approx(520.5)
     Image.new("RGB", (64, 64)).save(tmp_path / "none.jpg")
-    assert position(tmp_path / "none.jpg") is None
+    assert taken(tmp_path / "none.jpg") == Taken()
+
+
+@pytest.mark.parametrize(
+    "properties",
+    [
+        'drone-dji:RelativeAltitude="+50.30" drone-dji:GimbalYawDegree="-12.5" drone-dji:FlightYawDegree="3"',
+        "><drone-dji:RelativeAltitude>+50.30</drone-dji:RelativeAltitude><Camera:Yaw>-12.5</Camera:Yaw",
+    ],
+)
+def test_yaw_and_height_are_read_from_xmp(tmp_path, properties):
+    xmp = f"<x:xmpmeta xmlns:x='adobe:ns:meta/'><rdf:Description {properties}></rdf:Description></x:xmpmeta>"
+    Image.new("RGB", (64, 64)).save(tmp_path / "dji.jpg", xmp=xmp.encode())
+    assert taken(tmp_path / "dji.jpg") == Taken(yaw_deg=-12.5, height_m=50.3)
 
 
 def test_metres_between_positions():

@@ -1,74 +1,71 @@
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
 
-from skymosaic.imagery.exif import Position
-from skymosaic.imagery.geotiff import georeference, write_cog
+from skymosaic.imagery.georeference import Georeference
+from skymosaic.imagery.geotiff import watched_by_raster, write_cog
 
 rasterio = pytest.importorskip("rasterio")
-warp = pytest.importorskip("rasterio.warp")
+cogeo = pytest.importorskip("rio_cogeo.cogeo")
+
+PLACE = Georeference("EPSG:32615", np.array([[0.1, 0, 430_000], [0, -0.1, 5_190_000], [0, 0, 1]]), 0.5)
 
 
-def utm(epsg: int, east: np.ndarray, north: np.ndarray) -> list[Position]:
-    longitude, latitude = warp.transform(f"EPSG:{epsg}", "EPSG:4326", east, north)
-    return [Position(lat, lon) for lat, lon in zip(latitude, longitude, strict=True)]
+def picture(*channels: int, kind: type = np.uint8) -> np.ndarray:
+    noise = np.random.default_rng(0).integers(1, np.iinfo(kind).max, (700, 600, *channels), dtype=kind)
+    return cv2.GaussianBlur(noise, (0, 0), 3)
 
 
-@pytest.mark.parametrize(("epsg", "false_north"), [(32615, 5_190_000.0), (32733, 6_240_000.0)])
-def test_a_turned_and_scaled_layout_is_found_on_the_map(epsg, false_north):
-    rng = np.random.default_rng(4)
-    centres = rng.uniform(0, 4000, (12, 2))
-    turn = 0.05 * np.exp(0.6j)  # metres a pixel, and the turn of the flight
-    place = (centres[:, 0] - 1j * centres[:, 1]) * turn
-    east, north = 430_000 + place.real, false_north + place.imag
-    found, reason = georeference(centres, utm(epsg, east, north))
-    assert reason == ""
-    assert found.epsg == epsg
-    assert found.residual_m < 1e-3
-    assert found.metres_a_pixel == pytest.approx(0.05, rel=1e-6)
-    mapped = centres @ found.to_map[:2, :2].T + found.to_map[:2, 2]
-    np.testing.assert_allclose(mapped, np.column_stack([east, north]), atol=2e-3)
+def written(path: Path, image: np.ndarray, place: Georeference | None = PLACE, compress: str = "deflate") -> np.ndarray:
+    """Write a picture in two bands; returns what it shows."""
+    shown = np.ones(image.shape[:2], np.bool_)
+    shown[100:200] = False
+    bands = [(image[rows], shown[rows]) for rows in (slice(512), slice(512, 700))]
+    for (passed, _), (given, _) in zip(
+        watched_by_raster(path.with_name("raw.tif"), (600, 700), bands, place), bands, strict=True
+    ):
+        assert passed is given
+    write_cog(path, path.with_name("raw.tif"), compress)
+    assert {found.name for found in path.parent.iterdir()} == {path.name, "raw.tif"}
+    return shown
 
 
-def test_the_residual_is_the_noise_of_the_positions():
-    rng = np.random.default_rng(5)
-    centres = rng.uniform(0, 4000, (400, 2))
-    east, north = 430_000 + 0.05 * centres[:, 0], 5_190_000 - 0.05 * centres[:, 1]
-    noisy = utm(32615, east + rng.normal(0, 2, 400), north + rng.normal(0, 2, 400))
-    found, _ = georeference(centres, noisy)
-    assert found.residual_m == pytest.approx(2 * np.sqrt(2), rel=0.1)
-
-
-FAR_APART = [Position(46, -92), Position(46.01, -92)]
-
-
-@pytest.mark.parametrize(
-    ("gps", "message"),
-    [
-        ([None, None, *FAR_APART], "2 of 4"),
-        ([Position(46, -92)] * 4, "coincide"),
-        (FAR_APART * 2, "do not fit"),
-        ([*FAR_APART, FAR_APART[0], Position(46, -92.002)], "too much"),
-    ],
-)
-def test_positions_that_do_not_determine_the_map_are_refused(gps, message):
-    centres = np.array([[0, 0], [0, 1000], [1000, 1000], [1000, 0]], dtype=np.float64)
-    found, reason = georeference(centres, gps)
-    assert found is None
-    assert message in reason
-
-
-def test_a_geotiff_says_where_it_lies(tmp_path):
-    picture = cv2.GaussianBlur(np.random.default_rng(0).integers(1, 256, (700, 600, 3), dtype=np.uint8), (0, 0), 3)
-    centres = np.array([[0, 0], [599, 0], [599, 699], [0, 699]], dtype=np.float64)
-    places = utm(32615, 430_000 + 0.1 * centres[:, 0], 5_190_000 - 0.1 * centres[:, 1])
-    found, _ = georeference(centres, places)
-    write_cog(tmp_path / "map.tif", (600, 700), 3, [picture[:512], picture[512:]], found)
+@pytest.mark.parametrize("image", [picture(3), picture(), picture(kind=np.uint16)], ids=["bgr", "gray", "16 bit"])
+def test_a_geotiff_is_valid_and_says_where_it_lies_and_what_it_shows(tmp_path, image):
+    shown = written(tmp_path / "map.tif", image)
+    valid, errors, _ = cogeo.cog_validate(tmp_path / "map.tif", strict=True)
+    assert (valid, errors) == (True, [])
     with rasterio.open(tmp_path / "map.tif") as file:
         assert file.crs.to_epsg() == 32615
         # Rasterio gives the middle of the first pixel.
         np.testing.assert_allclose(file.xy(0, 0), (430_000, 5_190_000), atol=2e-3)
+        assert file.nodata is None
+        assert file.colorinterp[-1] == rasterio.enums.ColorInterp.alpha
+        assert file.tags(ns="IMAGE_STRUCTURE")["PREDICTOR"] == "2"
+        *planes, alpha = file.read()
+        np.testing.assert_array_equal(np.stack(planes[::-1], axis=-1), np.atleast_3d(image))
+        np.testing.assert_array_equal(alpha, shown * np.iinfo(image.dtype).max)
+
+
+def test_jpeg_is_smaller_and_keeps_the_mask(tmp_path):
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    image = picture(3)
+    shown = written(tmp_path / "a" / "map.tif", image, compress="jpeg")
+    written(tmp_path / "b" / "map.tif", image)
+    assert 2 * (tmp_path / "a" / "map.tif").stat().st_size < (tmp_path / "b" / "map.tif").stat().st_size
+    with rasterio.open(tmp_path / "a" / "map.tif") as file:
+        np.testing.assert_array_equal(file.dataset_mask() > 0, shown)
+        assert np.abs(file.read([3, 2, 1]).transpose(1, 2, 0)[shown].astype(int) - image[shown]).mean() < 6
+
+
+def test_a_picture_without_a_place_has_overviews_too(tmp_path, recwarn):
+    written(tmp_path / "plain.tif", picture(3), None)
+    assert not recwarn.list
+    with pytest.warns(rasterio.errors.NotGeoreferencedWarning):
+        file = rasterio.open(tmp_path / "plain.tif")
+    with file:
         assert file.overviews(1)
-        assert file.tags(ns="IMAGE_STRUCTURE")["LAYOUT"] == "COG"
-        np.testing.assert_array_equal(file.read().transpose(1, 2, 0)[..., ::-1], picture)
-    assert [path.name for path in tmp_path.iterdir()] == ["map.tif"]
+        assert file.crs is None

@@ -189,15 +189,6 @@ def test_the_decoded_size_has_a_limit_in_bytes(tmp_path: Path) -> None:
         images.load(tmp_path / "t.tif")
 
 
-def test_the_range_of_16_bit_pixels_is_the_percentiles() -> None:
-    for seed in range(20):
-        rng = np.random.default_rng(seed)
-        deep = rng.integers(0, 1 << 16, (rng.integers(70, 100), 83), dtype=np.uint16)
-        _, (note,) = images.to_8_bit(deep, "deep")
-        low, high = np.percentile(deep, (0.1, 99.9))
-        assert note == f"uint16: {low:g}..{high:g} mapped to 0..255"
-
-
 @pytest.mark.parametrize("value", ["text", (0, 0), float("nan"), 99])
 def test_an_invalid_orientation_counts_as_upright(tmp_path: Path, value: object, monkeypatch) -> None:
     PillowImage.fromarray(photograph()).save(tmp_path / "p.jpg")

@@ -1,0 +1,133 @@
+"""Pixels of more than 8 bits: how the numbers in a file are shown in 8 bits, one range for a whole flight."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.arrays import Intensities, Pixels
+from skymosaic.errors import InputError
+
+TAIL_PERCENT = 0.1
+"""Share of values at each end of the range that is saturated when pixels are mapped to 8 bits."""
+SAMPLES_A_SIDE = 128
+"""The range of a flight is found from so many rows and columns of each photograph: enough for tails of 0.1 %."""
+_BAND_VALUES = 1 << 22
+"""Values that are mapped to 8 bits at a time."""
+
+
+@dataclass(frozen=True)
+class ValueRange:
+    """The range of values that 8 bits show.
+
+    Attributes
+    ----------
+    low, high : float
+        Shown as 0 and 255; values beyond them saturate.
+    deep : bool
+        The pixels keep their 16-bit numbers; the range only says how to show them.
+    """
+
+    low: float
+    high: float
+    deep: bool = False
+
+    @property
+    def in_words(self) -> str:
+        """For the report."""
+        kept = "; .tif keeps 16 bits" if self.deep else ""
+        return f"{self.low:.6g}..{self.high:.6g} of all photographs shown as 0..255{kept}"
+
+    def to_8_bit(self, values: NDArray[np.generic]) -> Pixels:
+        """Map uint16 or float32 linearly to uint8; what is not a number becomes 0."""
+        scale = 255.0 / max(self.high - self.low, 1e-12)
+        pixels = np.empty(values.shape, np.uint8)
+        # A few rows at a time: each step makes a copy of four bytes a value; whole photographs would need gigabytes.
+        for rows in _bands(values):
+            levels = (values[rows].astype(np.float32) - np.float32(self.low)) * np.float32(scale)
+            np.nan_to_num(levels, copy=False, posinf=255, neginf=0)
+            pixels[rows] = np.clip(np.rint(levels), 0, 255)
+        return pixels
+
+    def shown_as(self, pixels: Pixels, other: ValueRange) -> Pixels:
+        """8-bit pixels of this range as another range would show them."""
+        values = self.low + np.arange(256) * (self.high - self.low) / 255
+        return other.to_8_bit(values.astype(np.float32)[:, None])[:, 0][pixels]
+
+
+def own_range(decoded: NDArray[np.generic], name: str) -> ValueRange:
+    """The range of one photograph: all its values but the tails, as ``np.percentile`` finds them.
+
+    Parameters
+    ----------
+    decoded : ndarray of uint16 or float32
+    name : str
+        For messages.
+
+    Raises
+    ------
+    InputError
+        For other types, or an image without a finite value.
+    """
+    if decoded.dtype not in (np.uint16, np.float32):
+        raise InputError(f"{name}: pixels of {decoded.dtype} are not supported; convert to 8 or 16 bit")
+    tails = np.array((TAIL_PERCENT, 100 - TAIL_PERCENT))
+    if decoded.dtype == np.uint16:
+        # From a histogram: sorting would need further copies of the photograph.
+        counts = np.zeros(1 << 16, np.int64)
+        for rows in _bands(decoded):
+            counts += np.bincount(decoded[rows].ravel(), minlength=1 << 16)
+        positions = tails / 100 * (decoded.size - 1)
+        lower = np.searchsorted(counts.cumsum(), np.floor(positions), side="right").astype(np.float64)
+        upper = np.searchsorted(counts.cumsum(), np.ceil(positions), side="right")
+        share = positions % 1
+        # NumPy interpolates from the nearer side.
+        low, high = np.where(share < 0.5, lower + (upper - lower) * share, upper - (upper - lower) * (1 - share))
+        return ValueRange(float(low), float(high))
+    finite = decoded[np.isfinite(decoded)]
+    if finite.size == 0:
+        raise InputError(f"{name}: no pixel has a finite value; export it again")
+    low, high = np.percentile(finite, tails, overwrite_input=True)
+    return ValueRange(float(low), float(high))
+
+
+def sample_of(decoded: NDArray[np.generic]) -> NDArray[np.generic]:
+    """Values of a photograph, spread evenly over it."""
+    down, across = (max(side // SAMPLES_A_SIDE, 1) for side in decoded.shape[:2])
+    sample = decoded[down // 2 :: down, across // 2 :: across].ravel()
+    return np.asarray(sample[np.isfinite(sample)])
+
+
+def common_range(samples: Sequence[NDArray[np.generic]]) -> ValueRange | None:
+    """The range of photographs that are shown together.
+
+    Parameters
+    ----------
+    samples : sequence of ndarray of uint8, uint16 or float32
+        From `sample_of`; empty for a photograph of 8 bits.
+
+    Returns
+    -------
+    ValueRange or None
+        None if all have 8 bits; deep if all have 16.
+    """
+    given = [sample for sample in samples if sample.size]
+    if not given:
+        return None
+    low, high = np.percentile(np.concatenate(given), (TAIL_PERCENT, 100 - TAIL_PERCENT))
+    return ValueRange(float(low), float(high), deep=all(sample.dtype == np.uint16 for sample in samples))
+
+
+def in_8_bit(pixels: Intensities, values: ValueRange | None) -> Pixels:
+    """The pixels of a mosaic, as ``values`` shows them where they have 16 bits."""
+    if values is None or pixels.dtype == np.uint8:
+        return np.asarray(pixels, dtype=np.uint8)
+    return values.to_8_bit(pixels)
+
+
+def _bands(pixels: NDArray[np.generic]) -> list[slice]:
+    rows = max(_BAND_VALUES // max(pixels[0].size, 1), 1)
+    return [slice(top, top + rows) for top in range(0, len(pixels), rows)]

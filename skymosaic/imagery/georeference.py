@@ -1,0 +1,202 @@
+"""Georeferencing: positions on the map in metres, and the similarity that puts a mosaic there."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.arrays import Array, Matrix, Points
+from golden_model.text import how_to_install
+from skymosaic.errors import InputError
+from skymosaic.geometry.homography import DegenerateError, apply, estimate
+from skymosaic.imagery.exif import Position
+
+NO_MAPS = f"maps need rasterio; {how_to_install('geo')}"
+FEWEST_POSITIONS = 3
+"""Two positions always fit a similarity exactly, so that a wrong one would not be noticed."""
+WIDEST_RESIDUAL = 0.25
+"""A fit is refused if its residual is larger than this share of the spread of the positions."""
+MOST_DISAGREEING = 1 / 3
+"""A fit is refused if a larger share of the positions disagrees with it."""
+FAR_OFF = 3.0
+"""A position disagrees if it is off by more than so many times the median, for noise once in 500 positions ..."""
+NEGLIGIBLE = 1e-3
+"""... and by more than this share of the spread of the positions."""
+TRIALS = 500
+REFITS = 5
+ROUNDING = 1e-9
+FEW = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Georeference:
+    """Position of a mosaic on the map.
+
+    Attributes
+    ----------
+    crs : str
+        The map's coordinate system as rasterio reads it, for instance EPSG:32615; in metres.
+    to_map : ndarray of float64, shape (3, 3)
+        Pixels, centres at integers, to metres east and north: a similarity.
+    residual_m : float
+        Root mean square distance of the positions that agree with the fit from their places on the map.
+    offsets_m : tuple of float
+        Distance of each position, NaN where there was none.
+    disagreeing : tuple of int
+        Indices of positions that were left out of the fit because they are too far off.
+    """
+
+    crs: str
+    to_map: Matrix
+    residual_m: float
+    offsets_m: tuple[float, ...] = ()
+    disagreeing: tuple[int, ...] = ()
+
+    @property
+    def metres_a_pixel(self) -> float:
+        """Ground resolution."""
+        return math.hypot(*self.to_map[:2, 0])
+
+    def of(self, to_pixels: Matrix) -> Georeference:
+        """The georeference of other pixels, which ``to_pixels`` maps to the present ones."""
+        to_map = np.asarray(self.to_map @ to_pixels, dtype=np.float64)
+        step_m = math.hypot(*to_map[:2, 0])
+        if abs(to_map[0, 0] - step_m) + abs(to_map[1, 0]) < ROUNDING * step_m:
+            # North is up: programs take a raster for a turned one even if rounding errors alone turn it.
+            to_map[:2, :2] = np.diag([step_m, -step_m])
+        return replace(self, to_map=to_map)
+
+
+def has_maps() -> bool:
+    """Whether the package for maps and their files is installed."""
+    return importlib.util.find_spec("rasterio") is not None
+
+
+def on_map(longitudes: Sequence[float], latitudes: Sequence[float], crs: str) -> Points:
+    """Positions on WGS 84 in a coordinate system of the map, (N, 2); needs the extra ``geo``."""
+    return _transformed("EPSG:4326", crs, longitudes, latitudes)
+
+
+def on_globe(points: Points, crs: str) -> Points:
+    """Longitudes and latitudes (N, 2) on WGS 84 of positions on the map; needs the extra ``geo``."""
+    return _transformed(crs, "EPSG:4326", *np.asarray(points).reshape(-1, 2).T.tolist())
+
+
+def _transformed(source: str, target: str, x: Sequence[float], y: Sequence[float]) -> Points:
+    warp: Any = importlib.import_module("rasterio.warp")
+    errors: Any = importlib.import_module("rasterio.errors")
+    try:
+        return np.column_stack(warp.transform(source, target, x, y))
+    except (errors.RasterioError, errors.CRSError) as error:
+        raise InputError(f"{source} to {target}: {error}; check the coordinate system") from None
+
+
+def utm(positions: Sequence[Position]) -> tuple[str, Points]:
+    """The UTM zone of the first position, and all positions in it, (N, 2) metres east and north."""
+    zone = int((positions[0].longitude_deg + 180) // 6) % 60 + 1
+    crs = f"EPSG:{(32700 if positions[0].latitude_deg < 0 else 32600) + zone}"
+    return crs, on_map([p.longitude_deg for p in positions], [p.latitude_deg for p in positions], crs)
+
+
+def fit_to_map(
+    points: Points, metres: Points, crs: str, names: Sequence[str] | None = None
+) -> tuple[Georeference | None, str]:
+    """Fit a similarity from pixels to the map; positions that are far off are left out.
+
+    Parameters
+    ----------
+    points : (N, 2) float64 ndarray
+        Places on the mosaic, px.
+    metres : (N, 2) float64 ndarray
+        The same places on the map, metres east and north; NaN where the map does not know them.
+    crs : str
+        Of the map.
+    names : sequence of str or None
+        Of the places, for the reason.
+
+    Returns
+    -------
+    georeference : Georeference or None
+    reason : str
+        Why there is none; empty if there is one.
+    """
+    known = np.flatnonzero(np.isfinite(metres).all(axis=1))
+    # Two positions have no third to check the fit with; the caller has to say so.
+    fewest = min(FEWEST_POSITIONS, max(len(points), 2))
+    if len(known) < fewest:
+        return None, f"{len(known)} of {len(points)} photographs have GPS; {fewest} are needed"
+    # Rows count downwards and north points up. A similarity cannot mirror, so y is negated before the fit.
+    upright, targets = points[known] * [1.0, -1.0], metres[known]
+    try:
+        agreeing, similarity = _agreeing(upright, targets)
+    except DegenerateError:
+        return None, "the positions coincide or do not fit the layout at all"
+    offsets = np.linalg.norm(apply(similarity, upright) - targets, axis=1)
+    residual = float(np.sqrt(np.mean(offsets[agreeing] ** 2)))
+    spread = _spread(targets[agreeing])
+    if residual > WIDEST_RESIDUAL * spread or agreeing.mean() < 1 - MOST_DISAGREEING:
+        farthest = known[np.argsort(-offsets)][:FEW].tolist()
+        worst = ", ".join(str(index) if names is None else names[index] for index in farthest)
+        median = float(np.median(offsets))
+        return None, (
+            f"positions and layout differ by {median:.1f} m in the median and {offsets.max():.1f} m at most, too much "
+            f"for a spread of {spread:.1f} m; farthest off: {worst}"
+        )
+    all_offsets = np.full(len(points), np.nan)
+    all_offsets[known] = offsets
+    return (
+        Georeference(
+            crs=crs,
+            to_map=similarity @ np.diag([1.0, -1.0, 1.0]),
+            residual_m=residual,
+            offsets_m=tuple(all_offsets.tolist()),
+            disagreeing=tuple(known[~agreeing].tolist()),
+        ),
+        "",
+    )
+
+
+def _spread(points: Points) -> float:
+    """Root mean square distance from the centroid."""
+    return float(np.sqrt(np.mean(np.sum((points - points.mean(axis=0)) ** 2, axis=1))))
+
+
+def _agreeing(points: Points, targets: Points) -> tuple[NDArray[np.bool_], Array]:
+    """Which positions agree, and their similarity.
+
+    All, if none of them stands out; otherwise the two that most others agree with, then all that do.
+
+    Raises
+    ------
+    DegenerateError
+        If no two positions determine a similarity.
+    """
+    count = len(points)
+    pairs = np.stack(np.triu_indices(count, 1), axis=1)
+    if len(pairs) > TRIALS:
+        pairs = pairs[np.random.default_rng(0).choice(len(pairs), TRIALS, replace=False)]
+    found, least = estimate(points, targets, model="similarity"), np.inf
+    offsets = np.linalg.norm(apply(found, points) - targets, axis=1)
+    if offsets.max() <= FAR_OFF * np.median(offsets):
+        return np.ones(count, dtype=np.bool_), found
+    for pair in pairs:
+        try:
+            similarity = estimate(points[pair], targets[pair], model="similarity")
+        except DegenerateError:
+            continue
+        median = float(np.median(np.linalg.norm(apply(similarity, points) - targets, axis=1)))
+        if median < least:
+            found, least = similarity, median
+    agreeing = np.ones(count, dtype=np.bool_)
+    for _ in range(REFITS):
+        offsets = np.linalg.norm(apply(found, points) - targets, axis=1)
+        agreeing = offsets <= max(FAR_OFF * float(np.median(offsets)), NEGLIGIBLE * _spread(targets))
+        found = estimate(points[agreeing], targets[agreeing], model="similarity")
+    return agreeing, found

@@ -1,0 +1,61 @@
+"""Outlines of the photographs of a mosaic on the globe, as GeoJSON and KML."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from xml.etree import ElementTree as XmlTree
+
+import numpy as np
+
+from golden_model.arrays import Points
+from skymosaic.flight.output import Delivery
+from skymosaic.geometry.homography import apply
+from skymosaic.imagery.georeference import on_globe
+from skymosaic.imagery.images import save_bytes
+
+_KML = "http://www.opengis.net/kml/2.2"
+
+
+def write_footprints(path: Path, delivery: Delivery) -> None:
+    """Write ``path`` with the suffixes ``.geojson`` and ``.kml``, for a mosaic that has a place on the map."""
+    outlines = _outlines(delivery)
+    features = [
+        {
+            "type": "Feature",
+            "properties": {"name": name},
+            "geometry": {"type": "Polygon", "coordinates": [np.round(outline, 8).tolist()]},
+        }
+        for name, outline in outlines.items()
+    ]
+    collection = json.dumps({"type": "FeatureCollection", "features": features}, indent=1)
+    save_bytes(path.with_suffix(".geojson"), (collection + "\n").encode())
+    save_bytes(path.with_suffix(".kml"), _kml(delivery.path.name, outlines))
+
+
+def _outlines(delivery: Delivery) -> dict[str, Points]:
+    """Longitudes and latitudes (5, 2) of the corners of each photograph; the last repeats the first."""
+    on_map, composition = delivery.georeference, delivery.composition
+    assert on_map is not None
+    found = {}
+    for placement, transform in zip(composition.placements, composition.transforms, strict=True):
+        width, height = placement.size
+        # GeoJSON wants polygons counter-clockwise; rows count downwards, so this order is.
+        frame = np.array([(0, 0), (0, height), (width, height), (width, 0), (0, 0)]) - 0.5
+        corners = apply(on_map.to_map @ transform, frame)
+        found[Path(placement.source.name).name] = on_globe(corners, on_map.crs)
+    return found
+
+
+def _kml(title: str, outlines: dict[str, Points]) -> bytes:
+    root = XmlTree.Element("kml", xmlns=_KML)
+    document = XmlTree.SubElement(root, "Document")
+    XmlTree.SubElement(document, "name").text = title
+    for name, outline in outlines.items():
+        place = XmlTree.SubElement(document, "Placemark")
+        XmlTree.SubElement(place, "name").text = name
+        ring: XmlTree.Element = place
+        for tag in ("Polygon", "outerBoundaryIs", "LinearRing", "coordinates"):
+            ring = XmlTree.SubElement(ring, tag)
+        ring.text = " ".join(f"{longitude:.8f},{latitude:.8f}" for longitude, latitude in outline)
+    return bytes(XmlTree.tostring(root, encoding="utf-8", xml_declaration=True))

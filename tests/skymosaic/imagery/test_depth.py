@@ -1,0 +1,52 @@
+import subprocess
+import sys
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from skymosaic.imagery.depth import ValueRange, common_range, own_range, sample_of
+from skymosaic.imagery.images import load, load_intensities
+
+
+def test_the_range_of_16_bit_pixels_is_the_percentiles():
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        deep = rng.integers(0, 1 << 16, (rng.integers(70, 100), 83), dtype=np.uint16)
+        found = own_range(deep, "deep")
+        np.testing.assert_allclose((found.low, found.high), np.percentile(deep, (0.1, 99.9)))
+
+
+def test_a_flight_has_one_range_and_keeps_16_bits():
+    dark, bright = (sample_of(np.full((300, 400), level, np.uint16)) for level in (9000, 50_000))
+    assert common_range([dark, bright]) == ValueRange(9000, 50_000, deep=True)
+    assert common_range([dark, dark[:0].astype(np.uint8)]) == ValueRange(9000, 9000, deep=False)
+    assert common_range([dark[:0]]) is None
+
+
+def test_a_thumbnail_is_shown_in_another_range():
+    own, flight = ValueRange(10_000, 20_000), ValueRange(0, 40_000)
+    np.testing.assert_array_equal(own.shown_as(np.array([[0, 255]], np.uint8), flight), [[64, 128]])
+
+
+@pytest.mark.parametrize("values", [ValueRange(0, 40_000), ValueRange(0, 40_000, deep=True)])
+def test_the_same_number_is_shown_alike_in_all_photographs(tmp_path, values):
+    for name, brightest in (("dark", 20_000), ("bright", 40_000)):
+        ramp = np.linspace(0, brightest, 64 * 80).reshape(64, 80).astype(np.uint16)
+        ramp[0, 0] = 10_000
+        cv2.imwrite(str(tmp_path / f"{name}.tif"), ramp)
+    shown = [load_intensities(tmp_path / f"{name}.tif", name, values)[0, 0] for name in ("dark", "bright")]
+    assert shown == [10_000 if values.deep else 64] * 2
+    own = [load(tmp_path / f"{name}.tif").pixels[0, 0] for name in ("dark", "bright")]
+    assert own[0] != own[1]
+
+
+def test_libtiff_is_silent_about_tags_it_does_not_know(tmp_path):
+    picture = Image.fromarray(np.zeros((80, 80), np.uint16))
+    picture.save(tmp_path / "t.tif", tiffinfo={50_000: "private"})
+    code = "import sys; from skymosaic.imagery.images import load; load(sys.argv[1])"
+    run = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path / "t.tif")], capture_output=True, text=True, check=True
+    )
+    assert run.stderr == ""

@@ -1,0 +1,67 @@
+import numpy as np
+import pytest
+
+from skymosaic.imagery.exif import Position
+from skymosaic.imagery.georeference import fit_to_map, on_globe, utm
+
+pytest.importorskip("rasterio")
+
+
+@pytest.mark.parametrize(("crs", "false_north"), [("EPSG:32615", 5_190_000.0), ("EPSG:32733", 6_240_000.0)])
+def test_a_turned_and_scaled_layout_is_found_on_the_map(crs, false_north):
+    rng = np.random.default_rng(4)
+    places = rng.uniform(0, 4000, (12, 2))
+    turn = 0.05 * np.exp(0.6j)  # metres a pixel, and the turn of the flight
+    complex_m = (places[:, 0] - 1j * places[:, 1]) * turn
+    metres = np.column_stack([430_000 + complex_m.real, false_north + complex_m.imag])
+    zone, same = utm([Position(lat, lon) for lon, lat in on_globe(metres, crs)])
+    assert zone == crs
+    np.testing.assert_allclose(same, metres, atol=2e-3)
+    found, reason = fit_to_map(places, same, zone)
+    assert reason == ""
+    assert found.residual_m < 1e-3
+    assert found.metres_a_pixel == pytest.approx(0.05, rel=1e-6)
+    mapped = places @ found.to_map[:2, :2].T + found.to_map[:2, 2]
+    np.testing.assert_allclose(mapped, metres, atol=2e-3)
+
+
+def scattered(count: int, noise_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Places on a mosaic of 5 cm a pixel, and the same on the map with noise."""
+    rng = np.random.default_rng(5)
+    places = rng.uniform(0, 4000, (count, 2))
+    metres = [430_000, 5_190_000] + 0.05 * places * [1, -1]
+    return places, metres + rng.normal(0, noise_m, (count, 2))
+
+
+def test_the_residual_is_the_noise_of_the_positions():
+    found, _ = fit_to_map(*scattered(400, 2.0), "EPSG:32615")
+    assert found.residual_m == pytest.approx(2 * np.sqrt(2), rel=0.1)
+
+
+def test_positions_that_are_far_off_are_named_and_do_not_count():
+    places, metres = scattered(20, 0.5)
+    metres[[3, 11, 12]] += [60, -40]
+    found, _ = fit_to_map(places, metres, "EPSG:32615")
+    assert found.disagreeing == (3, 11, 12)
+    assert found.offsets_m[11] == pytest.approx(np.hypot(60, 40), abs=3)
+    assert found.residual_m < 1.2
+    assert found.metres_a_pixel == pytest.approx(0.05, rel=0.01)
+
+
+NAN = (np.nan, np.nan)
+
+
+@pytest.mark.parametrize(
+    ("metres", "message"),
+    [
+        ([NAN, NAN, (0, 0), (0, 1000)], "2 of 4"),
+        ([(5, 5)] * 4, "coincide"),
+        ([(0, 0), (0, 1000), (0, 0), (0, 1000)], "do not fit|too much"),
+        ([(0, 0), (0, 1000), (0, 0), (100, 0)], "too much"),
+    ],
+)
+def test_positions_that_do_not_determine_the_map_are_refused(metres, message):
+    places = np.array([[0, 0], [0, 1000], [1000, 1000], [1000, 0]], dtype=np.float64)
+    found, reason = fit_to_map(places, np.array(metres, dtype=np.float64), "EPSG:32615")
+    assert found is None
+    assert any(part in reason for part in message.split("|"))

@@ -1,0 +1,63 @@
+import json
+import re
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from skymosaic.imagery.georeference import Georeference, on_globe
+from skymosaic.imagery.geotiff import watched_by_raster
+from skymosaic.imagery.tiles import TILE_PX, write_tiles
+
+pytest.importorskip("rasterio")
+WIDTH, HEIGHT, METRES = 900, 700, 0.1
+PLACE = Georeference("EPSG:32615", np.array([[METRES, 0, 430_000], [0, -METRES, 5_190_000], [0, 0, 1]]), 0.5)
+SPOT = (640, 210)
+
+
+def raster(path: Path, place: Georeference | None) -> Path:
+    """A gray mosaic with a red spot, without a photograph on the left."""
+    picture = np.full((HEIGHT, WIDTH, 3), 90, np.uint8)
+    cv2.circle(picture, SPOT, 12, (0, 0, 255), -1)
+    shown = np.ones((HEIGHT, WIDTH), np.bool_)
+    shown[:, :100] = False
+    for _ in watched_by_raster(path, (WIDTH, HEIGHT), [(picture, shown)], place):
+        pass
+    return path
+
+
+def red(tile: np.ndarray) -> np.ndarray:
+    """The middle of what is red in a tile, px."""
+    return np.argwhere(tile[..., 2].astype(int) - tile[..., 0] > 100).mean(axis=0)[::-1]
+
+
+def test_tiles_lie_where_web_mercator_puts_them(tmp_path):
+    pyramid = write_tiles(tmp_path, raster(tmp_path / "m.tif", PLACE), "a & b", None)
+    longitude, latitude = np.radians(on_globe(np.array([[430_000 + 64.0, 5_190_000 - 21.0]]), "EPSG:32615")[0])
+    world = np.array([longitude / np.pi + 1, 1 - np.arcsinh(np.tan(latitude)) / np.pi]) / 2
+    for zoom in (pyramid.zoom, pyramid.zoom - 1):
+        column, row = np.floor(world * 2**zoom).astype(int)
+        tile = cv2.imread(str(tmp_path / str(zoom) / str(column) / f"{row}.webp"), cv2.IMREAD_UNCHANGED)
+        np.testing.assert_allclose(red(tile), (world * 2**zoom % 1) * TILE_PX, atol=2)
+    assert len(list((tmp_path / str(pyramid.top)).rglob("*.webp"))) == 1
+
+
+def test_a_mosaic_without_a_place_has_tiles_of_its_own_pixels(tmp_path):
+    pyramid = write_tiles(tmp_path, raster(tmp_path / "m.tif", None), "plain", None)
+    assert (pyramid.zoom, pyramid.top, pyramid.last) == (2, 0, (3, 2))
+    tile = cv2.imread(str(tmp_path / "2" / str(SPOT[0] // TILE_PX) / f"{SPOT[1] // TILE_PX}.webp"))
+    np.testing.assert_allclose(red(tile), np.array(SPOT) % TILE_PX, atol=1)
+    whole = cv2.imread(str(tmp_path / "0" / "0" / "0.webp"), cv2.IMREAD_UNCHANGED)
+    np.testing.assert_allclose(red(whole), np.array(SPOT) / 4, atol=1)
+    assert (whole[:170, :24, 3] == 0).all()
+    assert (whole[:170, 26:220, 3] == 255).all()
+
+
+def test_the_page_needs_no_network_and_quotes_its_title(tmp_path):
+    write_tiles(tmp_path, raster(tmp_path / "m.tif", None), "</script><b>", None)
+    page = (tmp_path / "index.html").read_text()
+    assert not re.search(r"https?://|src=|href=", page)
+    facts = json.loads(re.search(r"const facts = (.*);", page)[1])
+    assert facts["title"] == "</script><b>"
+    assert page.count("</script>") == 1
