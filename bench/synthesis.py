@@ -30,7 +30,7 @@ from rich.console import Console
 from rich.table import Table
 
 from golden_model.config import PRESETS, FrontEndConfig
-from hdl.accelerator import Accelerator
+from hdl.accelerator import Accelerator, AcceleratorTop
 from hdl.feature.extractor import CandidateFeatures
 from hdl.feature.ring_window import RingWindow
 from hdl.front_end import FrontEnd
@@ -122,7 +122,7 @@ def designs() -> dict[str, Design]:
         "fuzzy correlation": block(FuzzyCorrelation),
         "matcher": block(Matcher, config=AERIAL.matcher, pattern=pattern, lanes=16, max_features=config.max_features),
         "accelerator": Design(
-            lambda: Accelerator(config=AERIAL, max_width_px=WIDTH_PX, max_height_px=HEIGHT_PX),
+            lambda: AcceleratorTop(Accelerator(config=AERIAL, max_width_px=WIDTH_PX, max_height_px=HEIGHT_PX)),
             front_end(config, WIDTH_PX, 2).memory_bits,
         ),
     }

@@ -33,6 +33,7 @@ class Cause(enum.IntFlag):
     MISSING_START = 8
     TOO_MANY_FEATURES = 16
     INVALID_SETTINGS = 32
+    CLEARED = 64
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from amaranth import ClockDomain, ClockSignal, Module, ResetInserter, ResetSignal, Signal, Value
+from amaranth import ClockDomain, ClockSignal, Module, ResetInserter, Signal, Value
 from amaranth.lib import data, fifo, stream, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -32,6 +32,10 @@ status without features in the buffers between them."""
 class Accelerator(wiring.Component):
     """Front end and matcher behind registers, in the domain ``sync``.
 
+    Resets take effect a clock later, by one register for the data path and one for registers and outputs. A write to
+    ``clear`` resets the data path only; the outputs then end the packets under way (`PacketGate`). The domain's own
+    reset is not needed: where it has none, no register of the data path sees two resets.
+
     Features go to their output and to the matcher at the same time; the slower of the two sets the pace. An output
     that is disabled discards its packets, so that no DMA has to read it.
 
@@ -48,6 +52,8 @@ class Accelerator(wiring.Component):
 
     Members
     -------
+    i_reset : In(1)
+        Synchronous reset of everything.
     i_video : In(stream of VideoPayload)
     o_features, o_matches : Out(stream of WordPayload)
         A packet for each frame: its records, then its FrameStatus.
@@ -57,6 +63,7 @@ class Accelerator(wiring.Component):
         Active high, level; software clears an event by writing 1.
     """
 
+    i_reset: Signal
     i_video: stream.Interface
     o_features: stream.Interface
     o_matches: stream.Interface
@@ -92,6 +99,7 @@ class Accelerator(wiring.Component):
         self._match_gate = PacketGate(record_bytes=MATCH.record_bytes)
         super().__init__(
             {
+                "i_reset": In(1),
                 "i_video": In(stream.Signature(VideoPayload)),
                 "o_features": Out(stream.Signature(WordPayload)),
                 "o_matches": Out(stream.Signature(WordPayload)),
@@ -101,19 +109,23 @@ class Accelerator(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """The data path, which a write to ``clear`` resets, and the registers, which keep their values."""
+        """The data path and the status, which ``clear`` resets; registers and outputs, which it does not."""
         m = Module()
-        m.submodules.registers = registers = self._registers
+        registers = self._registers
+        reset = Signal(init=1)
+        clear = Signal(init=1)
+        m.d.sync += [reset.eq(self.i_reset), clear.eq(self.i_reset | registers.o_clear)]
+        m.submodules.registers = ResetInserter(reset)(registers)
+        m.submodules.data_path = ResetInserter(clear)(self._data_path())
+        m.submodules.outputs = ResetInserter(reset)(self._outputs(clear))
+        m.submodules.status = ResetInserter(clear)(self._status())
         wiring.connect(m, wiring.flipped(self.control), registers.bus)
         m.d.comb += self.o_interrupt.eq(registers.o_interrupt)
-        path = self._data_path()
-        m.submodules.data_path = ResetInserter(registers.o_clear)(path)
         self._settings(m)
-        self._status(m)
         return m
 
     def _data_path(self) -> Module:
-        """Front end, matcher, and the two outputs."""
+        """Front end and matcher, and the fork of features between the matcher and their output."""
         m = Module()
         m.submodules.front_end = self._front_end
         m.submodules.matcher = self._matcher
@@ -123,12 +135,10 @@ class Accelerator(wiring.Component):
             video.payload.eq(self.i_video.payload),
             self.i_video.ready.eq(video.ready & enable),
         ]
-        branches = (self._output(m, "features", self._feature_gate, self.o_features), SkidBuffer(shape=WordPayload))
-        m.submodules.to_matcher = branches[1]
-        wiring.connect(m, branches[1].o, self._matcher.i_features)
-        self._fork(m, self._front_end.o_features, *(branch.i for branch in branches))
-        matches = self._output(m, "matches", self._match_gate, self.o_matches)
-        wiring.connect(m, self._matcher.o_matches, matches.i)
+        m.submodules.to_matcher = to_matcher = SkidBuffer(shape=WordPayload)
+        wiring.connect(m, to_matcher.o, self._matcher.i_features)
+        self._fork(m, self._front_end.o_features, self._feature_gate.i, to_matcher.i)
+        wiring.connect(m, self._matcher.o_matches, self._match_gate.i)
         self._matching_settings(m)
         return m
 
@@ -151,15 +161,15 @@ class Accelerator(wiring.Component):
             registers.i_take_reference.eq(matcher.o_reference_taken),
         ]
 
-    @staticmethod
-    def _output(m: Module, name: str, gate: PacketGate, output: stream.Interface) -> SkidBuffer:
-        """A register stage and a packet gate before an output."""
-        buffer = SkidBuffer(shape=WordPayload)
-        m.submodules[f"{name}_buffer"] = buffer
-        m.submodules[f"{name}_gate"] = gate
-        wiring.connect(m, buffer.o, gate.i)
-        wiring.connect(m, gate.o, wiring.flipped(output))
-        return buffer
+    def _outputs(self, clear: Signal) -> Module:
+        """A packet gate before each output."""
+        m = Module()
+        m.submodules.features = features = self._feature_gate
+        m.submodules.matches = matches = self._match_gate
+        wiring.connect(m, features.o, wiring.flipped(self.o_features))
+        wiring.connect(m, matches.o, wiring.flipped(self.o_matches))
+        m.d.comb += [features.i_clear.eq(clear), matches.i_clear.eq(clear)]
+        return m
 
     @staticmethod
     def _fork(m: Module, source: stream.Interface, *sinks: stream.Interface) -> None:
@@ -183,8 +193,9 @@ class Accelerator(wiring.Component):
             self._match_gate.i_enable.eq(registers.o_matches_enable),
         ]
 
-    def _status(self, m: Module) -> None:
+    def _status(self) -> Module:
         """From the blocks to the registers; events and counters change when a packet has left."""
+        m = Module()
         registers, features, matches = self._registers, self._feature_gate, self._match_gate
         frame_bad = features.o_done & ~features.o_status.good
         m.d.comb += [
@@ -212,8 +223,7 @@ class Accelerator(wiring.Component):
                 registers.i_last_matches.eq(matches.o_status.matches),
                 registers.i_last_kept.eq(matches.o_status.kept),
             ]
-        with m.If(registers.o_clear):
-            m.d.sync += [registers.i_frames.eq(0), registers.i_bad_frames.eq(0)]
+        return m
 
 
 class AcceleratorTop(wiring.Component):
@@ -253,11 +263,11 @@ class AcceleratorTop(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Connect ports by name."""
         m = Module()
-        m.domains.sync = ClockDomain()
+        m.domains.sync = ClockDomain(reset_less=True)
         m.submodules.accelerator = inner = self.accelerator
         m.d.comb += [
             ClockSignal().eq(self.aclk),
-            ResetSignal().eq(~self.aresetn),
+            inner.i_reset.eq(~self.aresetn),
             inner.i_video.valid.eq(self.s_axis_video_tvalid),
             inner.i_video.payload.data.eq(self.s_axis_video_tdata),
             inner.i_video.payload.first.eq(self.s_axis_video_tuser),

@@ -8,7 +8,7 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.config import MAX_FRAME_PX, MIN_FRAME_PX
 from golden_model.records import FRAME_STATUS, Cause
-from hdl.lib.delay import delayed
+from hdl.lib.delay import delayed, port_register
 from hdl.streams import COORDINATE, PixelPayload, beat
 
 CAUSES = next(field.bits for field in FRAME_STATUS.fields if field.name == "causes")
@@ -134,9 +134,10 @@ class FrameAdmission(wiring.Component):
             self.i.ready.eq(starts | proceeds | reported | dropped),
             self.o_frame_ends.eq(frame_ends),
         ]
+        color = port_register(m, self.o.data)
         m.d.sync += [
             self.o.valid.eq(emits),
-            self.o.data.eq(Mux(padding, 0, pixel.data)),
+            color.eq(Mux(padding, 0, pixel.data)),
             self.o_start.eq(starts),
             self.o_end.eq(ends),
         ]
@@ -190,13 +191,14 @@ class FrameAdmission(wiring.Component):
         """
         x = Signal(COORDINATE)
         y = Signal(COORDINATE)
-        last_but_one_x = Signal(COORDINATE)
-        last_y = Signal(COORDINATE)
-        closing_x = Signal(COORDINATE)
-        closing_y = Signal(COORDINATE)
+        last_but_one_x = Signal(COORDINATE, reset_less=True)
+        last_y = Signal(COORDINATE, reset_less=True)
+        closing_x = Signal(COORDINATE, reset_less=True)
+        closing_y = Signal(COORDINATE, reset_less=True)
         line_ends = Signal()
         is_last_line = Signal()
         skips = Signal()
+        beat_x = port_register(m, self.o.x)
         m.d.sync += [
             last_but_one_x.eq(self.i_width_px - 2),
             last_y.eq(self.i_height_px - 1),
@@ -211,7 +213,7 @@ class FrameAdmission(wiring.Component):
             m.d.sync += y.eq(Mux(is_last_line, 0, Mux(skips, closing_y, y + 1)))
         with m.If(starts):
             m.d.sync += y.eq(0)
-        m.d.sync += [self.o.x.eq(x), is_last_line.eq(y == last_y), skips.eq(padding & (y < closing_y))]
+        m.d.sync += [beat_x.eq(x), is_last_line.eq(y == last_y), skips.eq(padding & (y < closing_y))]
         m.d.comb += self.o.y.eq(y)
         return line_ends, is_last_line
 

@@ -167,11 +167,12 @@ class LevelMerge(wiring.Component):
 
     def _status(self, m: Module, index: Value, overflow: Value, passing: Value, sent: Value) -> tuple[data.View, Value]:
         """Return the status of the frame that has ended, and whether it had no pixels."""
-        clock = Signal(32)
-        start = Signal(32)
+        clock = Signal(32, reset_less=True)
+        start = Signal(32, reset_less=True)
+        cycles = Signal(32, reset_less=True)
         frame = Signal(32)
-        end = view_signal(data.StructLayout({"causes": CAUSES, "threshold_code": RESPONSE_CODE.bits, "start": 32}))
-        cycles = Signal(32)
+        layout = data.StructLayout({"causes": CAUSES, "threshold_code": RESPONSE_CODE.bits, "start": 32})
+        end = view_signal(layout, reset_less=True)
         without_pixels = (end.causes & WITHOUT_PIXELS).any()
         m.d.sync += clock.eq(clock + 1)
         # Stops with the last feature, so that the time in which the status waits is not counted.

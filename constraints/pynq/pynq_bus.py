@@ -8,6 +8,10 @@ from pynq import DefaultIP, Overlay, allocate
 from skymosaic_driver import CHANNELS, AcceleratorError
 
 POLL_SECONDS = 0.0002
+RESET_SECONDS = 1.0
+# Control registers of an AXI DMA (PG021): of its channel from memory, and of its channel to memory.
+SEND_CONTROL, RECEIVE_CONTROL = 0x00, 0x30
+CONTROL_RESET = 1 << 2
 
 
 class Skymosaic(DefaultIP):
@@ -28,8 +32,11 @@ class PynqBus:
     def __init__(self, bitstream):
         overlay = Overlay(bitstream)
         self._registers = overlay.skymosaic
+        dmas = {channel: getattr(overlay, "dma_" + channel) for channel in CHANNELS}
         self._send = overlay.dma_video.sendchannel
-        self._receive = {channel: getattr(overlay, "dma_" + channel).recvchannel for channel in CHANNELS}
+        self._receive = {channel: dma.recvchannel for channel, dma in dmas.items()}
+        self._controls = {"video": (overlay.dma_video, SEND_CONTROL)}
+        self._controls |= {channel: (dma, RECEIVE_CONTROL) for channel, dma in dmas.items()}
 
     def read(self, offset):
         """Read a register."""
@@ -52,7 +59,7 @@ class PynqBus:
         self._receive[channel].transfer(buffer)
 
     def wait(self, timeout_seconds):
-        """Wait until the frame is sent and both packets are received; return their lengths in bytes."""
+        """Wait until every transfer that was started has ended; return the lengths of the packets in bytes."""
         channels = {"video": self._send, **self._receive}
         end = time.monotonic() + timeout_seconds
         while not all(channel.idle for channel in channels.values()):
@@ -65,8 +72,18 @@ class PynqBus:
             time.sleep(POLL_SECONDS)
         return {name: channel.transferred for name, channel in self._receive.items()}
 
-    def stop(self):
-        """Abort transfers in progress, so that the next ones start cleanly."""
+    def reset(self):
+        """Reset the DMAs, whatever they are doing, and start them again.
+
+        PYNQ's ``stop`` would wait without a limit for a transfer that never ends.
+        """
+        for dma, control in self._controls.values():
+            dma.write(control, CONTROL_RESET)
+        end = time.monotonic() + RESET_SECONDS
+        for name, (dma, control) in self._controls.items():
+            while dma.read(control) & CONTROL_RESET:
+                if time.monotonic() > end:
+                    raise AcceleratorError(f"the DMA of the {name} does not reset; reload the overlay")
+                time.sleep(POLL_SECONDS)
         for channel in (self._send, *self._receive.values()):
-            channel.stop()
             channel.start()

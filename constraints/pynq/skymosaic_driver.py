@@ -73,7 +73,8 @@ class Accelerator:
         self._check_build()
         self.video_bits = self.read("built_video_bits")
         self.max_width_px, self.max_height_px = self.read("built_width_px"), self.read("built_height_px")
-        capacity = self.read("built_max_features") + 1
+        # A packet that is ended early has a record more, and its FrameStatus.
+        capacity = self.read("built_max_features") + 2
         self._received = {
             "features": bus.allocate(capacity * the_map.FEATURE.itemsize),
             "matches": bus.allocate(capacity * the_map.MATCH.itemsize),
@@ -130,9 +131,7 @@ class Accelerator:
         self.check(settings)
         frames = iter(frames)
         first = next(frames)
-        # The DMAs first: one that waits for the rest of a packet would take it from the next frame.
-        self.bus.stop()
-        self.write(enable=0, clear=1)
+        self._recover()
         self.write(
             **settings,
             memory_mode=1,
@@ -144,6 +143,18 @@ class Accelerator:
         )
         size_px = settings["width_px"], settings["height_px"]
         return [self._run_one(frame, size_px) for frame in itertools.chain([first], frames)]
+
+    def _recover(self):
+        """End whatever an interrupted run has left: transfers, frames, and the packets under way."""
+        self.bus.reset()
+        self.write(enable=0, clear=1)
+        # The accelerator withdraws no word: it ends a packet that was under way, and that has to be taken.
+        for channel in CHANNELS:
+            if self.read(channel + "_waiting"):
+                self.bus.start_receive(channel, self._received[channel])
+                self.bus.wait(self.timeout_seconds)
+        # A DMA takes some words before it is asked to.
+        self.bus.reset()
 
     def _run_one(self, frame, size_px):
         if frame.shape[1::-1] != size_px:

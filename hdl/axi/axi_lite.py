@@ -9,6 +9,8 @@ from amaranth import Module, Signal
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
+from hdl.lib.delay import port_register
+
 
 class Response(enum.IntEnum):
     """BRESP and RRESP."""
@@ -139,6 +141,9 @@ class AxiLiteSubordinate(wiring.Component):
         bus = self.bus
         has_address = Signal()
         has_data = Signal()
+        word = port_register(m, self.o_write_word)
+        data = port_register(m, self.o_data)
+        strobe = port_register(m, self.o_strobe)
         # Low during reset: an access that were accepted then would get no response.
         running = Signal()
         m.d.sync += running.eq(1)
@@ -148,9 +153,9 @@ class AxiLiteSubordinate(wiring.Component):
             self.o_write.eq(has_address & has_data & ~bus.bvalid),
         ]
         with m.If(bus.awvalid & bus.awready):
-            m.d.sync += [has_address.eq(1), self.o_write_word.eq(bus.awaddr[2:])]
+            m.d.sync += [has_address.eq(1), word.eq(bus.awaddr[2:])]
         with m.If(bus.wvalid & bus.wready):
-            m.d.sync += [has_data.eq(1), self.o_data.eq(bus.wdata), self.o_strobe.eq(bus.wstrb)]
+            m.d.sync += [has_data.eq(1), data.eq(bus.wdata), strobe.eq(bus.wstrb)]
         with m.If(bus.bready):
             m.d.sync += bus.bvalid.eq(0)
         with m.If(self.o_write):
@@ -165,17 +170,19 @@ class AxiLiteSubordinate(wiring.Component):
         bus = self.bus
         has_address = Signal()
         running = Signal()
+        word = port_register(m, self.o_read_word)
+        data = port_register(m, bus.rdata)
         m.d.sync += running.eq(1)
         m.d.comb += [
             bus.arready.eq(running & ~has_address),
             self.o_read.eq(has_address & ~bus.rvalid),
         ]
         with m.If(bus.arvalid & bus.arready):
-            m.d.sync += [has_address.eq(1), self.o_read_word.eq(bus.araddr[2:])]
+            m.d.sync += [has_address.eq(1), word.eq(bus.araddr[2:])]
         with m.If(bus.rready):
             m.d.sync += bus.rvalid.eq(0)
         with m.If(self.o_read):
-            m.d.sync += [has_address.eq(0), bus.rvalid.eq(1), bus.rdata.eq(self.i_data)]
+            m.d.sync += [has_address.eq(0), bus.rvalid.eq(1), data.eq(self.i_data)]
             with m.If(self.i_read_known):
                 m.d.sync += bus.rresp.eq(Response.OKAY)
             with m.Else():

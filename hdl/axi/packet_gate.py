@@ -1,75 +1,127 @@
-"""Passes or discards whole packets of records, and captures their FrameStatus."""
+"""Passes or discards whole packets of records, captures their FrameStatus, and ends them where they are broken off."""
 
 from __future__ import annotations
 
-from amaranth import Cat, Module, Signal
+from amaranth import Cat, Module, Mux, ResetInserter, Signal
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
-from golden_model.records import FRAME_STATUS, WORD_BYTES
-from hdl.streams import WordPayload, record_layout
+from golden_model.records import FRAME_STATUS, WORD_BYTES, Cause, Tag
+from hdl.lib.skid_buffer import SkidBuffer
+from hdl.streams import WORD, WordPayload, record_layout, words
+
+_STATUS = record_layout(FRAME_STATUS)
 
 
 class PacketGate(wiring.Component):
     """Passes whole packets or discards whole packets, and reports the FrameStatus of each.
 
+    After ``i_clear`` no more words are expected of the packet under way. What has been offered must still be taken,
+    since AXI4-Stream lets no word be withdrawn; then zeros complete the record, and a FrameStatus (`Cause.CLEARED`)
+    ends the packet, which may so be longer by two records. Only then the next packet is accepted. A packet of which
+    nothing has been offered is forgotten.
+
     Throughput is a word a clock; the switch takes a clock before each packet.
+
+    Parameters
+    ----------
+    record_bytes : int
+        Length of the stream's records.
 
     Members
     -------
     i : In(stream of WordPayload)
-        Records; a packet ends with its FrameStatus.
+        Records; a packet ends with its FrameStatus. Its ready does not depend on its valid.
     i_enable : In(1)
         Whether the next packet passes; sampled between packets only, so that none is cut.
+    i_clear : In(1)
+        The source breaks off in this clock, and starts over with a new packet.
     o : Out(stream of WordPayload)
     o_done : Out(1)
-        One clock after the last word of a packet left or was discarded.
+        One clock after the last word of a packet left or was discarded; not after a packet that was broken off.
     o_status : Out(FrameStatus)
         Of the last packet; valid from ``o_done`` on.
+
+    Attributes
+    ----------
+    buffer : SkidBuffer
+        The register stage in front.
+    latency_cycles : int
+        From a word to the same word, if the output does not wait and the word is not the first of its packet, which
+        takes a clock more.
     """
 
     i: stream.Interface
     i_enable: Signal
+    i_clear: Signal
     o: stream.Interface
     o_done: Signal
     o_status: data.View
 
+    latency_cycles = SkidBuffer.latency_cycles
+
     def __init__(self, *, record_bytes: int) -> None:
         self.record_words = record_bytes // WORD_BYTES
-        self._layout = record_layout(FRAME_STATUS)
+        self.buffer = SkidBuffer(shape=WordPayload)
         super().__init__(
             {
                 "i": In(stream.Signature(WordPayload)),
                 "i_enable": In(1),
+                "i_clear": In(1),
                 "o": Out(stream.Signature(WordPayload)),
                 "o_done": Out(1),
-                "o_status": Out(self._layout),
+                "o_status": Out(_STATUS),
             }
         )
 
     def elaborate(self, platform: object) -> Module:
-        """A switch that changes only between packets, and a shift register for the last record."""
+        """A switch that changes only between packets, a shift register for the last record, and the closing words."""
         m = Module()
         passes = Signal()
         under_way = Signal()
+        closing = Signal()
+        closing_status = Signal()
+        forgets = Signal()
+        advances = Signal()
+        in_packet = Signal()
         word = Signal(range(self.record_words))
-        status = Signal(self._layout.size)
+        status = Signal(_STATUS.size, reset_less=True)
+        buffer, waiting = self.buffer, self.buffer.o
+        m.submodules.buffer = ResetInserter(forgets)(buffer)
+        record_ends, fills = word == self.record_words - 1, closing & ~waiting.valid
         m.d.comb += [
-            self.o.valid.eq(self.i.valid & under_way & passes),
-            self.o.payload.eq(self.i.payload),
-            self.i.ready.eq(under_way & (self.o.ready | ~passes)),
+            buffer.i.valid.eq(self.i.valid & ~closing),
+            buffer.i.payload.eq(self.i.payload),
+            self.i.ready.eq(buffer.i.ready & ~closing),
+            self.o.valid.eq((waiting.valid | closing) & under_way & passes),
+            self.o.payload.eq(waiting.payload),
+            waiting.ready.eq(under_way & (self.o.ready | ~passes)),
+            advances.eq((waiting.valid | closing) & waiting.ready),
+            in_packet.eq(under_way & passes & ~(advances & self.o.payload.last)),
+            # The words behind a closed packet's last one come from before the clear.
+            forgets.eq(Mux(closing, advances & self.o.payload.last, self.i_clear & ~in_packet)),
             self.o_status.eq(status),
         ]
+        cleared = _STATUS.const({"tag": Tag.FRAME_STATUS, "causes": Cause.CLEARED})
+        with m.If(fills):
+            m.d.comb += [
+                self.o.payload.data.eq(Mux(word == 0, words(cleared)[0], 0)),
+                self.o.payload.last.eq(closing_status & record_ends),
+            ]
         m.d.sync += self.o_done.eq(0)
         with m.If(~under_way):
-            m.d.sync += [passes.eq(self.i_enable), under_way.eq(self.i.valid)]
-        with m.If(self.i.valid & self.i.ready):
-            m.d.sync += word.eq(word + 1)
-            with m.If(word == self.record_words - 1):
-                m.d.sync += word.eq(0)
+            m.d.sync += [passes.eq(self.i_enable), under_way.eq(waiting.valid)]
+        with m.If(advances):
+            m.d.sync += word.eq(Mux(record_ends, 0, word + 1))
             # A status is padded to the length of the other records; only its own words are kept.
-            with m.If(word < self._layout.size // (8 * WORD_BYTES)):
-                m.d.sync += status.eq(Cat(status, self.i.payload.data)[8 * WORD_BYTES :])
-            with m.If(self.i.payload.last):
-                m.d.sync += [self.o_done.eq(1), under_way.eq(0)]
+            with m.If(word < _STATUS.size // WORD.width):
+                m.d.sync += status.eq(Cat(status, waiting.payload.data)[WORD.width :])
+            with m.If(fills & (word == 0)):
+                m.d.sync += closing_status.eq(1)
+            with m.If(self.o.payload.last):
+                m.d.sync += [self.o_done.eq(~closing), under_way.eq(0), closing.eq(0), closing_status.eq(0)]
+        with m.If(self.i_clear & ~closing):
+            m.d.sync += [self.o_done.eq(0), closing.eq(in_packet)]
+            with m.If(~in_packet):
+                m.d.sync += [under_way.eq(0), word.eq(0)]
         return m

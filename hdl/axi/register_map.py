@@ -147,7 +147,7 @@ REGISTERS = (
                 8,
                 1,
                 Access.COMMAND,
-                "Forget frames and reference; settings stay. Reset the DMAs first.",
+                "Forget frames and reference; settings stay. A packet under way ends with a bad FrameStatus.",
             ),
         ),
     ),

@@ -10,7 +10,7 @@ from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.feature.ilbp import COSINE_ONE, HALF_SECTOR_TANGENTS, SECTORS, TANGENT_ONE
-from hdl.lib.delay import delayed
+from hdl.lib.delay import delayed, port_register
 from hdl.lib.weighted_sum import WeightedSum
 
 
@@ -90,10 +90,12 @@ class RingMoments(wiring.Component):
         # Rotating by a quarter is (x, y) -> (-y, x), by a half (x, y) -> (-x, -y).
         first = delayed(m, self.i_first, self.latency_cycles - 1)
         rotated_x, rotated_y = (-self.o_my, self.o_mx) if self.groups == 4 else (-self.o_mx, -self.o_my)
+        mx = port_register(m, self.o_mx)
+        my = port_register(m, self.o_my)
         with m.If(along_x.o_valid):
             m.d.sync += [
-                self.o_mx.eq(along_x.o_sum + Mux(first, 0, rotated_x)),
-                self.o_my.eq(along_y.o_sum + Mux(first, 0, rotated_y)),
+                mx.eq(along_x.o_sum + Mux(first, 0, rotated_x)),
+                my.eq(along_y.o_sum + Mux(first, 0, rotated_y)),
             ]
         return m
 
@@ -162,8 +164,9 @@ class Sector(wiring.Component):
         cycles = self._borders[0].latency_cycles
         # The folding bits wait for the comparisons with the borders, which use adders.
         octant = delayed(m, Cat(steep, delayed(m, Cat(left, up), 2)), cycles)
+        sector = port_register(m, self.o_sector)
         with m.If(self._borders[0].o_valid):
-            m.d.sync += self.o_sector.eq(self._unfolded(m, beyond, *octant))
+            m.d.sync += sector.eq(self._unfolded(m, beyond, *octant))
         return m
 
     @staticmethod

@@ -7,7 +7,7 @@ from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.formats import POSITION, RAW_RESPONSE, RESPONSE_CODE, RESPONSE_FRACTION_BITS
-from hdl.lib.delay import delayed
+from hdl.lib.delay import delayed, port_register
 from hdl.streams import CANDIDATE
 
 OFFSET = signed(5)
@@ -167,10 +167,12 @@ class SubPixel(wiring.Component):
         m.d.sync += [column.eq(self.i.x - self.lag_px), row.eq(self.i.y - self.lag_px)]
         x = delayed(m, column, x_cycles - 1)
         y = delayed(m, row, x_cycles)
+        full_x = port_register(m, self.o_x)
+        full_y = port_register(m, self.o_y)
         with m.If(x_done):
-            m.d.sync += self.o_x.eq(self._full_resolution(x, vertex.o_offset))
+            m.d.sync += full_x.eq(self._full_resolution(x, vertex.o_offset))
         with m.If(y_done):
-            m.d.sync += self.o_y.eq(self._full_resolution(y, vertex.o_offset))
+            m.d.sync += full_y.eq(self._full_resolution(y, vertex.o_offset))
         return m
 
     def _full_resolution(self, pixel: Value, offset: Value) -> Value:

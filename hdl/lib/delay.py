@@ -1,4 +1,4 @@
-"""Fixed delays, and pipelines whose registers hold their value in clocks without a beat."""
+"""Registers without reset: fixed delays, outputs, and pipelines that hold their value in clocks without a beat."""
 
 from __future__ import annotations
 
@@ -28,6 +28,17 @@ def delayed(m: Module, value: Delayed, cycles: int, *, reset_less: bool = True) 
         m.d.sync += register.eq(value)
         value = register
     return value
+
+
+def port_register(m: Module, port: Delayed) -> Delayed:
+    """A register without reset that drives the output ``port`` of a component, named after the variable it is put in.
+
+    The ports of a component have a reset if they are registers themselves. Data that a valid bit qualifies needs none.
+    """
+    name = tracer.get_var_name(depth=2, default="") or later(port)
+    register = Signal.like(port, name=name, reset_less=True, src_loc_at=1)
+    m.d.comb += port.eq(register)
+    return register
 
 
 def later(value: ValueLike) -> str:

@@ -6,6 +6,8 @@ from amaranth import Module, ShapeLike, Signal
 from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
+from hdl.lib.delay import port_register
+
 
 class SkidBuffer(wiring.Component):
     """Pass a stream on, with ``valid``, payload and ``ready`` all from registers.
@@ -40,6 +42,7 @@ class SkidBuffer(wiring.Component):
         """The output register, and the register for the payload that arrives during a stall."""
         m = Module()
         aside = Signal(self.shape, reset_less=True)
+        payload = port_register(m, self.o.payload)
         waiting = Signal()
         # `ready` is 0 after reset: a payload taken in the clock of the reset would be lost.
         ready = Signal()
@@ -49,9 +52,9 @@ class SkidBuffer(wiring.Component):
         with m.If(self.o.ready | ~self.o.valid):
             m.d.sync += [self.o.valid.eq(waiting | (self.i.valid & ready)), waiting.eq(0), ready.eq(1)]
             with m.If(waiting):
-                m.d.sync += self.o.payload.eq(aside)
+                m.d.sync += payload.eq(aside)
             with m.Else():
-                m.d.sync += self.o.payload.eq(self.i.payload)
+                m.d.sync += payload.eq(self.i.payload)
         with m.Elif(self.i.valid & ready):
             m.d.sync += [waiting.eq(1), ready.eq(0)]
         return m

@@ -10,7 +10,7 @@ from amaranth.lib.wiring import In, Out
 from golden_model.feature.ilbp import SECTORS, DescriptorPattern
 from golden_model.formats import POSITION
 from golden_model.records import FRAME_STATUS, WORD_BYTES, Tag, feature_record
-from hdl.lib.delay import delayed
+from hdl.lib.delay import delayed, port_register
 from hdl.streams import WordPayload, record_layout
 
 ROLES = ("reference", "current", "filling")
@@ -122,7 +122,8 @@ class FeatureBanks(wiring.Component):
                 # Sector and window have no bits where the pattern lacks them.
                 if field.width:
                     m.d.comb += write.data[name].eq(feature[name])
-            m.d.sync += read.addr.eq(Mux(reference == n, self.i_left_address, self.i_right_address))
+            address = port_register(m, read.addr)
+            m.d.sync += address.eq(Mux(reference == n, self.i_left_address, self.i_right_address))
             features.append(delayed(m, read.data, 1))
         m.d.comb += [self.o_left.eq(Array(features)[reference]), self.o_right.eq(Array(features)[current])]
         return m

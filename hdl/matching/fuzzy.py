@@ -14,7 +14,7 @@ from amaranth.utils import ceil_log2, exact_log2
 
 from golden_model.formats import MEMBERSHIP, WEIGHT
 from golden_model.matching.fuzzy import MAX_RULES, SugenoSystem
-from hdl.lib.delay import delayed
+from hdl.lib.delay import delayed, port_register
 
 PRODUCT_INPUTS = (2, 3)
 PRODUCT_CYCLES = 2
@@ -96,7 +96,8 @@ class Sugeno(wiring.Component):
             finished = ended
         else:
             weight, finished = self._quotient(m, ended, total, fired)
-        m.d.sync += self.o.payload.weight.eq(Mux(weight > WEIGHT.max_raw, WEIGHT.max_raw, weight))
+        limited = port_register(m, self.o.payload.weight)
+        m.d.sync += limited.eq(Mux(weight > WEIGHT.max_raw, WEIGHT.max_raw, weight))
         with m.If(delayed(m, finished, 1, reset_less=False)):
             m.d.sync += self.o.valid.eq(1)
         with m.Elif(self.o.ready):
@@ -175,7 +176,7 @@ class Sugeno(wiring.Component):
     def _quotient(m: Module, start: Value, total: Value, fired: Value) -> tuple[Value, Value]:
         """``total / fired`` rounded half up, 0 for 0 / 0, by one trial subtraction a clock."""
         divisor = Signal(len(fired) + QUOTIENT_BITS, reset_less=True)
-        remainder = Signal.like(divisor)
+        remainder = Signal.like(divisor, reset_less=True)
         quotient = Signal(QUOTIENT_BITS, reset_less=True)
         steps = Signal(range(QUOTIENT_BITS + 1))
         fits = remainder >= divisor

@@ -8,7 +8,7 @@ from amaranth import Cat, Const, Module, Mux, Shape, Signal
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
-from hdl.lib.delay import delayed
+from hdl.lib.delay import delayed, port_register
 from hdl.lib.popcount import Popcount
 
 
@@ -179,8 +179,10 @@ class Lane(wiring.Component):
         """Only a strictly smaller distance replaces the best: both indices rise, so ties go to the lowest."""
         m = Module()
         distance, position, column = self.i_distance, self.i_bus.position, self.i_bus.column
-        row, next_bus = self.o_row, self.o_bus
-        m.d.sync += [self.o_row_valid.eq(self.i_valid & position.last), next_bus.valid.eq(self.i_bus.valid)]
+        row = port_register(m, self.o_row)
+        next_position = port_register(m, self.o_bus.position)
+        next_column = port_register(m, self.o_bus.column)
+        m.d.sync += [self.o_row_valid.eq(self.i_valid & position.last), self.o_bus.valid.eq(self.i_bus.valid)]
         with m.If(self.i_valid):
             with m.If(position.first | (distance < row.best)):
                 m.d.sync += [row.best.eq(distance), row.index.eq(position.right)]
@@ -189,10 +191,10 @@ class Lane(wiring.Component):
             with m.Elif(distance < row.second):
                 m.d.sync += row.second.eq(distance)
         with m.If(self.i_bus.valid):
-            m.d.sync += [next_bus.position.eq(position), next_bus.column.eq(column)]
+            m.d.sync += [next_position.eq(position), next_column.eq(column)]
             with m.If(self.i_valid & (distance < column.best)):
-                m.d.sync += [next_bus.column.best.eq(distance), next_bus.column.second.eq(column.best)]
-                m.d.sync += next_bus.column.index.eq(Cat(self.lane, position.group))
+                m.d.sync += [next_column.best.eq(distance), next_column.second.eq(column.best)]
+                m.d.sync += next_column.index.eq(Cat(self.lane, position.group))
             with m.Elif(self.i_valid & (distance < column.second)):
-                m.d.sync += next_bus.column.second.eq(distance)
+                m.d.sync += next_column.second.eq(distance)
         return m

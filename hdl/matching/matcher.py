@@ -13,6 +13,7 @@ from golden_model.config import MatcherConfig
 from golden_model.feature.ilbp import DescriptorPattern
 from golden_model.formats import WEIGHT
 from golden_model.records import FRAME_STATUS, MATCH, Tag
+from hdl.lib.delay import port_register
 from hdl.lib.views import view_signal
 from hdl.matching.feature_banks import FeatureBanks
 from hdl.matching.match_weigher import WEIGHED, MatchWeigher
@@ -107,7 +108,7 @@ class Matcher(wiring.Component):
         self._connect_banks(m)
         self._connect_results(m)
         sending = Signal()
-        status = view_signal(STATUS_LAYOUT)
+        status = view_signal(STATUS_LAYOUT, reset_less=True)
         closes = Signal()
         weighed = self._weigher.o
         has_match = Signal()
@@ -177,11 +178,12 @@ class Matcher(wiring.Component):
     def _send(self, m: Module, valid: Value, record: Value, ends_frame: Value, closes: Signal) -> None:
         """Send a record word by word; ``closes`` is high when its last word is taken."""
         o = self.o_matches
+        payload = port_register(m, o.payload)
         # One-hot, because a counter would have to be decoded before the words are selected.
         selected = Signal(len(words(record)), init=1)
         chosen = reduce(or_, (Mux(bit, word, 0) for bit, word in zip(selected, words(record), strict=True)))
         with m.If(o.ready | ~o.valid):
-            m.d.sync += [o.valid.eq(valid), o.payload.data.eq(chosen), o.payload.last.eq(ends_frame & selected[-1])]
+            m.d.sync += [o.valid.eq(valid), payload.data.eq(chosen), payload.last.eq(ends_frame & selected[-1])]
             m.d.comb += closes.eq(selected[-1])
             with m.If(valid):
                 m.d.sync += selected.eq(selected.rotate_left(1))

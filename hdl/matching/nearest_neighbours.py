@@ -13,7 +13,7 @@ from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 from amaranth.utils import exact_log2
 
-from hdl.lib.delay import delayed
+from hdl.lib.delay import delayed, port_register
 from hdl.lib.skid_buffer import SkidBuffer
 from hdl.lib.views import view_signal
 from hdl.matching.feature_banks import READ_CYCLES
@@ -208,8 +208,9 @@ class NearestNeighbours(wiring.Component):
             read.addr.eq(Mux(self.o_busy, position.right, self.i_column_index)),
             read.en.eq(self.o_busy | self.i_read),
         ]
+        found = port_register(m, self.o_column)
         with m.If(read.en):
-            m.d.sync += self.o_column.eq(read.data)
+            m.d.sync += found.eq(read.data)
         first, last = lanes[0].i_bus, lanes[-1].o_bus
         m.d.comb += [
             first.valid.eq(delayed(m, valid, RESULT_CYCLES, reset_less=False)),
@@ -239,8 +240,9 @@ class NearestNeighbours(wiring.Component):
             m.d.sync += write.addr.eq(0)
         read = rows.read_port()
         m.d.comb += [read.addr.eq(self.i_row_index), read.en.eq(self.i_read)]
+        found = port_register(m, self.o_row)
         with m.If(self.i_read):
-            m.d.sync += self.o_row.eq(read.data)
+            m.d.sync += found.eq(read.data)
 
 
 class Pair(data.StructLayout):

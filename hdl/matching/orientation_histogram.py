@@ -61,7 +61,7 @@ class OrientationHistogram(wiring.Component):
         m.submodules.bins = bins
         read, write = bins.read_port(), bins.write_port()
         step = Signal(range(SECTORS + FIND_CYCLES))
-        height = Signal(range(10 * self._bin[-1] + 1))
+        height = Signal(range(10 * self._bin[-1] + 1), reset_less=True)
         orientation, weight = self.i.payload.relative_orientation, self.i.payload.weight
         square = delayed(m, weight * weight, SQUARE_CYCLES)
         smoothed = self._smoothed(m, read.data)

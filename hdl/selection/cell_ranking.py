@@ -9,7 +9,7 @@ from amaranth.lib.wiring import In, Out
 from golden_model.feature.ilbp import DescriptorPattern
 from golden_model.formats import RESPONSE_CODE
 from hdl.feature.extractor import feature_beat, feature_layout
-from hdl.lib.delay import delayed
+from hdl.lib.delay import delayed, port_register
 from hdl.lib.views import view_signal
 from hdl.settings import SETTINGS
 
@@ -95,8 +95,9 @@ class Insertion(wiring.Component):
         last_slot = Array(rank.slot for rank in ranks)[self.i_last_place]
         wins = Cat(rank.response < self.i_response for rank in ranks) | self.i_empty.replicate(MAX_PER_CELL)
         in_use = Cat(self.i_last_place >= place for place in range(MAX_PER_CELL))
+        slot = port_register(m, self.o_slot)
         m.d.sync += [
-            self.o_slot.eq(Mux(self.i_empty, self.i_last_place, last_slot)),
+            slot.eq(Mux(self.i_empty, self.i_last_place, last_slot)),
             self.o_kept.eq((wins & in_use).any()),
             taken.eq(Cat(rank.response.any() for rank in ranks) & ~self.i_empty.replicate(MAX_PER_CELL)),
             beaten.eq(wins & in_use),
@@ -210,6 +211,8 @@ class CellRanking(wiring.Component):
         feature = Signal.like(self.i.feature, reset_less=True)
         ranking = view_signal(RANKING, reset_less=True)
         touched = Signal(reset_less=True)
+        compared_cell = port_register(m, self.o_cell)
+        compared_feature = port_register(m, self.o_feature)
         located = delayed(m, self.i.present, 1, reset_less=False)
         compared = delayed(m, located, 1, reset_less=False)
         arrived = delayed(m, compared, insertion.latency_cycles, reset_less=False)
@@ -225,8 +228,8 @@ class CellRanking(wiring.Component):
             ]
         with m.If(located):
             m.d.sync += [
-                self.o_cell.eq(cell),
-                self.o_feature.eq(feature),
+                compared_cell.eq(cell),
+                compared_feature.eq(feature),
                 ranking.eq(Mux(is_in_last_cell, insertion.o_ranking.as_value(), read.data.as_value())),
                 touched.eq(self.o_touched.bit_select(cell, 1) & ~self.i_clear),
             ]

@@ -90,12 +90,12 @@ class LevelScan(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Compare the position with registered limits, which only settings change; then combine the results."""
         m = Module()
-        last_x = Signal(COORDINATE)
-        lowest_y = Signal(COORDINATE)
-        right_px = Signal.like(self.i_width_px)
-        bottom_px = Signal.like(self.i_height_px)
-        warning_x = Signal(COORDINATE)
-        cell_mask = Signal(max(CELL_SIZES_PX).bit_length() - 1)
+        last_x = Signal(COORDINATE, reset_less=True)
+        lowest_y = Signal(COORDINATE, reset_less=True)
+        right_px = Signal.like(self.i_width_px, reset_less=True)
+        bottom_px = Signal.like(self.i_height_px, reset_less=True)
+        warning_x = Signal(COORDINATE, reset_less=True)
+        cell_mask = Signal(max(CELL_SIZES_PX).bit_length() - 1, reset_less=True)
         spare_px = self.border_px - self.lag_px
         # Registered, because settings are stable during a frame and the subtractions need not share a clock with the
         # comparisons.

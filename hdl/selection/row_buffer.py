@@ -8,6 +8,7 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.feature.ilbp import DescriptorPattern
 from hdl.feature.extractor import feature_layout, feature_or_end
+from hdl.lib.delay import port_register
 from hdl.selection.cell_ranking import MAX_PER_CELL, ORDER
 
 
@@ -102,12 +103,12 @@ class CellRows(wiring.Component):
 
     def _walk(self, m: Module, order: memory.ReadPort, bank: Value, requests: stream.Interface) -> None:
         """Request the feature of every taken place of every cell, then the end of the row."""
-        cell = Signal.like(self.i_cell)
+        cell = Signal.like(self.i_cell, reset_less=True)
         place = Signal(range(MAX_PER_CELL))
         next_cell = Signal()
         # Shifted by one for every cell: the lowest bit belongs to the current cell.
-        touched = Signal.like(self.i_touched)
-        ends_level = Signal()
+        touched = Signal.like(self.i_touched, reset_less=True)
+        ends_level = Signal(reset_less=True)
         # Places are taken from the front, so the list of a cell ends where the next place is free.
         followed = Cat(Cat(later.taken for later in order.data)[1:], 0).bit_select(place, 1)
         with m.If(self.i_close):
@@ -153,7 +154,8 @@ class CellRows(wiring.Component):
         throughput, because a feature has several words, and keeps ``ready`` out of long combinational paths.
         """
         fetched = Signal()
-        mark = Signal.like(requests.p)
+        mark = Signal.like(requests.p, reset_less=True)
+        payload = port_register(m, self.o.p)
         advance = fetched & ~self.o.valid
         m.d.comb += [
             requests.ready.eq(~fetched),
@@ -166,9 +168,9 @@ class CellRows(wiring.Component):
             m.d.sync += [
                 fetched.eq(0),
                 self.o.valid.eq(1),
-                self.o.p.feature.eq(feature.data),
-                self.o.p.ends_row.eq(mark.ends_row),
-                self.o.p.ends_level.eq(mark.ends_row & mark.ends_level),
+                payload.feature.eq(feature.data),
+                payload.ends_row.eq(mark.ends_row),
+                payload.ends_level.eq(mark.ends_row & mark.ends_level),
             ]
         with m.Elif(self.o.ready):
             m.d.sync += self.o.valid.eq(0)

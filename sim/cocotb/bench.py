@@ -80,6 +80,10 @@ class Bench:
         control = (write.aw_channel, write.w_channel, write.b_channel, read.ar_channel, read.r_channel)
         for number, channel in enumerate((self.video, *self.sinks.values(), *control)):
             channel.set_pause_generator(_pauses(seed + number))
+        self.check_outputs()
+
+    def check_outputs(self) -> None:
+        """From now on, check that a word that waits at an output does not change."""
         for name in self.sinks:
             cocotb.start_soon(self._assert_held(name))
 

@@ -7,17 +7,21 @@ from typing import Any
 
 import cocotb
 import numpy as np
+from cocotb.triggers import ClockCycles
 from cocotbext.axi import AxiStreamFrame
 
 from golden_model.arrays import Pixels
-from golden_model.records import Cause
+from golden_model.records import WORD_BYTES, Cause, Tag, feature_record
+from sim.accelerator_designs import FEATURES
 from sim.backend import FrameResult
 from sim.cocotb.bench import Bench, assert_golden, lines, scene, transfer
-from sim.cocotb.runner import MAX_SIZE_PX
+from sim.cocotb.runner import CONFIG, MAX_SIZE_PX
 
 SIZE_PX = (112, 80)
 FAULTY_LINE = 7
 MISSING_LINES = 3
+WAIT_CYCLES = 100
+RECORD_WORDS = feature_record(CONFIG.front_end.pattern.descriptor_bytes).record_bytes // WORD_BYTES
 
 
 def _short_line(image: Pixels) -> list[AxiStreamFrame]:
@@ -127,20 +131,29 @@ async def more_features_than_fit(dut: Any) -> None:
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def clear_in_mid_frame(dut: Any) -> None:
-    """Clearing drops the frame in progress and the reference but keeps the settings; the DMAs are reset with it."""
+    """Clearing drops the frame in progress and the reference but keeps the settings; a packet under way is ended."""
     bench = Bench(dut)
     await bench.start()
+    bench.check_outputs()
     left, right = scene(SIZE_PX, gray=True)
+    features = bench.sinks[FEATURES]
     await bench.configure(left)
-    for packet in [*lines(right), *_early_end(right)]:
+    for packet in lines(right):
         await bench.video.send(packet)
     await bench.results(1)
+    features.pause = True
+    for packet in _early_end(right):
+        await bench.video.send(packet)
+    while not await bench.read("features_waiting"):
+        await ClockCycles(dut.aclk, WAIT_CYCLES)
     await bench.video.wait()
-    for sink in bench.sinks.values():
-        sink.assert_reset(True)
     await bench.configure(left, clear=1)
-    for sink in bench.sinks.values():
-        sink.assert_reset(False)
+    assert await bench.read("features_waiting")
+    assert await bench.read("frames") == 0
+    features.pause = False
+    broken_off = await bench.packet(FEATURES)
+    assert len(broken_off) % RECORD_WORDS == 0
+    assert int(broken_off[-RECORD_WORDS]) == Tag.FRAME_STATUS | Cause.CLEARED << 16
     assert await bench.read("frames") == 0
     for packet in [*lines(left), *lines(right)]:
         await bench.video.send(packet)

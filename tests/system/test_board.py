@@ -12,6 +12,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -19,6 +20,7 @@ import pytest
 
 from golden_model.config import PRESETS, Config, to_toml
 from hdl.export import driver_map
+from hdl.settings import REQUESTED, matched_frame_settings
 from sim import board, verilator
 from sim.accelerator_designs import BUILT_SIZES_PX, FEATURES, LANES, MATCHES, accelerator
 from sim.backend import BackendError, load_backend
@@ -33,7 +35,7 @@ SIZE_PX = (160, 120)
 BUILT_PX = BUILT_SIZES_PX[0]
 CONFIG = PRESETS["aerial"]
 FAST = dataclasses.replace(CONFIG, front_end=dataclasses.replace(CONFIG.front_end, detector="fast", threshold=10))
-CYCLE_LIMIT = 400_000
+CYCLE_LIMIT, DRAIN_CYCLES = 400_000, 2000
 
 
 class SimulatedBus:
@@ -44,6 +46,7 @@ class SimulatedBus:
         self._outputs = {"features": FEATURES, "matches": MATCHES}
         self.read, self.write = bench.read, bench.write
         self._receiving: dict[str, np.ndarray] = {}
+        self._data: np.ndarray | None = None
 
     def allocate(self, length_bytes: int) -> np.ndarray:
         return np.zeros(length_bytes, np.uint8)
@@ -56,6 +59,12 @@ class SimulatedBus:
         self._data = buffer[:length_bytes].view(np.uint32).copy()
 
     def wait(self, timeout_seconds: float) -> dict[str, int]:
+        if self._data is None:
+            # The rest of a packet is drained; its words do not matter.
+            with contextlib.suppress(BackendError):
+                self._bench.run(Segment(np.zeros(0, np.uint32), np.zeros(0, np.uint8), 1, DRAIN_CYCLES))
+            self._receiving = {}
+            return {}
         flags = np.zeros(self._data.size, np.uint8)
         flags[-1] = END_OF_LINE
         recording = self._bench.run(Segment(self._data, flags, 1, CYCLE_LIMIT))
@@ -64,11 +73,25 @@ class SimulatedBus:
             packet = recording.outputs[self._outputs[channel]].packets[0].view(np.uint8)
             buffer[: packet.size] = packet
             lengths[channel] = packet.size
-        self._receiving = {}
+        self._receiving, self._data = {}, None
         return lengths
 
-    def stop(self) -> None:
-        self._receiving = {}
+    def reset(self) -> None:
+        self._receiving, self._data = {}, None
+
+
+class InterruptedBus(SimulatedBus):
+    """A bus on which the first frame breaks off in the middle."""
+
+    interrupted = False
+
+    def wait(self, timeout_seconds: float) -> dict[str, int]:
+        if self.interrupted or self._data is None:
+            return super().wait(timeout_seconds)
+        self.interrupted = True
+        sent = self._data[: self._data.size * 3 // 4]
+        self._bench.run(Segment(sent, np.zeros(sent.size, np.uint8), 0, CYCLE_LIMIT))
+        raise TimeoutError
 
 
 @pytest.fixture(scope="module")
@@ -202,6 +225,68 @@ def test_frames_of_two_sizes_are_refused_before_anything_is_sent() -> None:
 def test_a_board_that_is_not_there_is_told_in_one_line() -> None:
     with pytest.raises(BackendError, match="no board answers"):
         load_backend("board:127.0.0.1:1").run([np.zeros((64, 64), np.uint8)], CONFIG)
+
+
+SETTINGS = {
+    name: value
+    for name, value in matched_frame_settings(CONFIG, *SIZE_PX, gray_input=True).items()
+    if name in REQUESTED
+}
+
+
+def test_a_run_after_an_interrupted_one_is_clean(driver, bench: Bench) -> None:
+    """Words of the broken frame wait at the output; the driver takes them before the next frame."""
+    device = sys.modules["skymosaic_driver"].Accelerator(InterruptedBus(bench))
+    images = frames(gray=True)
+    with pytest.raises(TimeoutError):
+        device.run(images, SETTINGS, hold_reference=True)
+    assert device.read("features_waiting")
+    for found, golden in zip(
+        device.run(images, SETTINGS, hold_reference=True), load_backend("golden").run(images, CONFIG), strict=True
+    ):
+        np.testing.assert_array_equal(found.features, golden.features)
+        np.testing.assert_array_equal(found.matches, golden.matches)
+
+
+@pytest.mark.parametrize("change", [{"width_px": BUILT_PX[0] + 1}, {"height_px": 63}, {"per_cell": 9}])
+def test_the_driver_checks_settings_before_it_touches_anything(driver, bench: Bench, change: dict[str, int]) -> None:
+    module = sys.modules["skymosaic_driver"]
+    device = module.Accelerator(SimulatedBus(bench))
+    device.bus = None
+    with pytest.raises(module.AcceleratorError, match="it must be"):
+        device.run(frames(gray=True), SETTINGS | change, hold_reference=True)
+
+
+class FakeDma:
+    """A DMA of PYNQ; one that is ``stuck`` does not come out of its reset."""
+
+    def __init__(self, *, stuck: bool) -> None:
+        self.stuck, self.registers, self.started = stuck, {0x00: 1, 0x30: 1}, 0
+        self.sendchannel = self.recvchannel = SimpleNamespace(start=self.start)
+
+    def start(self) -> None:
+        self.started += 1
+
+    def write(self, offset: int, value: int) -> None:
+        self.registers[offset] = value if self.stuck else 0
+
+    def read(self, offset: int) -> int:
+        return self.registers[offset]
+
+
+def test_the_dmas_are_recovered_by_their_reset_registers(driver, monkeypatch: pytest.MonkeyPatch) -> None:
+    dmas = {name: FakeDma(stuck=False) for name in ("dma_video", "dma_features", "dma_matches")}
+    pynq = SimpleNamespace(DefaultIP=object, Overlay=lambda _: SimpleNamespace(skymosaic=None, **dmas), allocate=None)
+    monkeypatch.setitem(sys.modules, "pynq", pynq)
+    pynq_bus = importlib.import_module("pynq_bus")
+    monkeypatch.delitem(sys.modules, "pynq_bus")
+    monkeypatch.setattr(pynq_bus, "RESET_SECONDS", 0.01)
+    bus = pynq_bus.PynqBus("skymosaic.bit")
+    bus.reset()
+    assert [dma.started for dma in dmas.values()] == [1, 1, 1]
+    dmas["dma_matches"].stuck = True
+    with pytest.raises(sys.modules["skymosaic_driver"].AcceleratorError, match="matches does not reset"):
+        bus.reset()
 
 
 def test_another_build_is_refused(driver, bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
