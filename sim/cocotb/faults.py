@@ -146,7 +146,6 @@ async def clear_in_mid_frame(dut: Any) -> None:
         await bench.video.send(packet)
     while not await bench.read("features_waiting"):
         await ClockCycles(dut.aclk, WAIT_CYCLES)
-    await bench.video.wait()
     await bench.configure(left, clear=1)
     assert await bench.read("features_waiting")
     assert await bench.read("frames") == 0
@@ -157,6 +156,8 @@ async def clear_in_mid_frame(dut: Any) -> None:
     assert await bench.read("frames") == 0
     for packet in [*lines(left), *lines(right)]:
         await bench.video.send(packet)
-    results = await bench.results(2)
-    assert_golden(results, {0: left, 1: right})
-    assert await bench.read("frames") == 2
+    results = await bench.results(3)
+    # The rest of the frame that was dropped: its start is gone.
+    assert_bad(results[0], 0, Cause.MISSING_START)
+    assert_golden(results, {1: left, 2: right})
+    assert await bench.read("frames") == 3

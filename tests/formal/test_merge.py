@@ -8,7 +8,7 @@ from amaranth.hdl import Assert, Assume, Cover
 
 from golden_model.records import FRAME_STATUS, WORD_BYTES, Cause, Tag, feature_record
 from hdl.level_merge import LevelMerge
-from tests.formal.proofs import held, prove
+from tests.formal.proofs import happened, held, prove
 
 MAX_FEATURES = 1
 RECORD = feature_record(descriptor_bytes=8)
@@ -119,7 +119,7 @@ class _Merge(Elaboratable):
             Signal(),
         )
         starts_status = (word == 0) & (o.payload.data[:WATCHED_BIT] == Tag.FRAME_STATUS)
-        frames, overflows = Signal(2), Signal()
+        overflows, frames = Signal(), happened(m, o.valid & o.ready & o.payload.last, most=2)
         with m.If(o.valid & o.ready):
             m.d.sync += [word.eq(Mux(word == RECORD_WORDS - 1, 0, word + 1)), in_status.eq(in_status | starts_status)]
             m.d.comb += Assert(o.payload.last == (in_status & (word == RECORD_WORDS - 1)))
@@ -138,7 +138,7 @@ class _Merge(Elaboratable):
                 ]
                 m.d.sync += overflows.eq(overflow)
             with m.If(o.payload.last):
-                m.d.sync += [frame.eq(~frame), words.eq(0), in_status.eq(0), frames.eq(frames + 1)]
+                m.d.sync += [frame.eq(~frame), words.eq(0), in_status.eq(0)]
         m.d.comb += [Cover(overflows), Cover((frames == 1) & (words == RECORD_WORDS))]
 
 

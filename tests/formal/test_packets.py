@@ -76,18 +76,18 @@ class _Cleared(Elaboratable):
 
     def __init__(self) -> None:
         self.gate = PacketGate(record_bytes=RECORD_WORDS * WORD_BYTES)
-        self.ports = [
-            self.gate.i.valid, self.gate.i.payload.last, self.gate.o.ready, self.gate.i_enable, self.gate.i_clear,
-        ]  # fmt: skip
+        self.last = Signal()
+        self.ports = [self.gate.i.valid, self.last, self.gate.o.ready, self.gate.i_enable, self.gate.i_clear]
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
         m.submodules.gate = gate = self.gate
         i, o, clear = gate.i, gate.o, gate.i_clear
-        side, sent, last = Signal(), Signal(range(RECORD_WORDS)), i.payload.last
+        side, sent, last = Signal(), Signal(range(RECORD_WORDS)), self.last
         m.d.comb += [
             i.payload.data[0].eq(side),
             i.payload.data[-1].eq(last),
+            i.payload.last.eq(last),
             Assume(~last | (sent == RECORD_WORDS - 1)),
         ]
         # A clear breaks off what waits at the input, too.
