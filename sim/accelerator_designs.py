@@ -16,12 +16,13 @@ from golden_model.config import Config, FrontEndConfig
 from hdl.accelerator import Accelerator, AcceleratorTop
 from hdl.front_end import FrontEnd
 from sim import front_end_top
+from sim.backend import BUILT_LANES
 from sim.build_cache import digest_files
 from sim.design import Design, Ports
 from sim.front_end_top import SETTINGS, FrontEndTop, Tap
 
 FEATURES, MATCHES, CONTROL = "m_axis_features", "m_axis_matches", "s_axi_ctrl"
-LANES = 16
+LANES = BUILT_LANES
 BUILT_SIZES_PX = ((1920, 1080), (4096, 4096))
 """Largest width and height of the builds; a run uses the first one that its frames fit."""
 

@@ -27,6 +27,9 @@ BACKENDS = {
 }
 """The module of each backend; ``rtl`` is the fastest simulation of the hardware."""
 
+BUILT_LANES = 16
+"""Left descriptors that the simulated accelerator compares at a time."""
+
 Progress = Callable[[str], None]
 """Receives one line of text when something slow starts, advances or ends."""
 
@@ -37,6 +40,26 @@ def silent(_line: str) -> None:
 
 class BackendError(Exception):
     """A backend cannot do what was asked; the message is one line: what is wrong, and what to do about it."""
+
+
+@dataclass(frozen=True)
+class FrameClocks:
+    """When a simulated frame passed the ports, in clocks since reset.
+
+    Parameters
+    ----------
+    segment : int
+        Number of the run of frames that followed each other without a gap.
+    first_pixel : int
+        Its first pixel was taken.
+    features_end, matches_end : int
+        The last word of each packet was taken.
+    """
+
+    segment: int
+    first_pixel: int
+    features_end: int
+    matches_end: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +79,8 @@ class FrameResult:
         The FrameStatus record at the end of the matches.
     cycles : int or None
         Clocks from the first pixel in to the last word out; None for backends without a clock.
+    clocks : FrameClocks or None
+        None unless the result was simulated.
     """
 
     features: NDArray[np.void]
@@ -63,6 +88,7 @@ class FrameResult:
     status: np.void
     match_status: np.void
     cycles: int | None
+    clocks: FrameClocks | None = None
 
 
 @dataclass(frozen=True)

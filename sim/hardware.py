@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -14,7 +15,7 @@ from golden_model.records import FRAME_STATUS, MATCH, WORD_BYTES, Record, featur
 from hdl.axi.register_map import register_writes
 from hdl.settings import RUNNING, matched_frame_settings
 from sim.accelerator_designs import FEATURES, MATCHES, accelerator, built_size_px
-from sim.backend import Backend, FrameResult, Mismatch, Progress, Reference
+from sim.backend import Backend, FrameClocks, FrameResult, Mismatch, Progress, Reference
 from sim.recording import Recording, Segment, flat_frame
 from sim.stages import locate_mismatch
 
@@ -44,7 +45,7 @@ class HardwareBackend(Backend):
         segments = frame_segments(frames, config, reference)
         design = accelerator(config, built_size_px(frames))
         recordings = self.simulate(design, segments, progress=self._progress, waves=self._waves)
-        return [result for recording in recordings for result in _results(recording, config)]
+        return results_of(recordings, config)
 
     def locate(self, image: NDArray[np.uint8], config: Config, *, frame: int) -> Mismatch | None:
         """See `sim.backend.Backend.locate`; the first call builds a front end that outputs its stages."""
@@ -80,11 +81,18 @@ def _segment(frames: list[NDArray[np.uint8]], config: Config, reference: Referen
     return Segment(data, flags, len(frames), cycle_limit, writes=register_writes(values))
 
 
-def _results(recording: Recording, config: Config) -> Iterator[FrameResult]:
+def results_of(recordings: Sequence[Recording], config: Config) -> list[FrameResult]:
+    """The frames of segments that ran one after the other."""
+    return [result for segment, recording in enumerate(recordings) for result in _results(recording, config, segment)]
+
+
+def _results(recording: Recording, config: Config, segment: int) -> Iterator[FrameResult]:
     features, matches = recording.outputs[FEATURES], recording.outputs[MATCHES]
-    packets = zip(recording.starts, features.ends[:, 1], features.packets, matches.packets, strict=True)
-    for start, end, feature_words, match_words in packets:
-        yield frame_result(feature_words, match_words, config, cycles=int(end - start) + 1)
+    ends = zip(recording.starts, features.ends[:, 1], matches.ends[:, 1], strict=True)
+    for (start, end, matches_end), *packets in zip(ends, features.packets, matches.packets, strict=True):
+        clocks = FrameClocks(segment, int(start), int(end), int(matches_end))
+        cycles = clocks.features_end - clocks.first_pixel + 1
+        yield dataclasses.replace(frame_result(*packets, config, cycles=cycles), clocks=clocks)
 
 
 def frame_result(

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from golden_model.config import FrontEndConfig
+from golden_model import timing
+from golden_model.config import Config, FrontEndConfig
 from golden_model.feature.ilbp import SECTORS
 from golden_model.front_end import FrontEndTrace, Plane
-from sim.backend import FrameResult, Mismatch
+from golden_model.timing import FrameWork, Timeline
+from sim.backend import BUILT_LANES, FrameResult, Mismatch, Reference
 
 LEAST_LEVEL_0_FEATURES = 1000
 LEAST_LEVEL_1_FEATURES = 100
@@ -22,7 +25,7 @@ POSITION_UNITS_PER_PX = 16
 def first_mismatch(expected: Sequence[FrameResult], actual: Sequence[FrameResult]) -> Mismatch | None:
     """The first difference in features, matches or status records, frame by frame and record by record.
 
-    ``cycles`` is not compared: the golden model has no clock.
+    ``cycles`` of the status is left to `first_clock_mismatch`: the golden model's records have no clock.
     """
     for number, (wanted, got) in enumerate(zip(expected, actual, strict=True)):
         differences = (
@@ -34,6 +37,64 @@ def first_mismatch(expected: Sequence[FrameResult], actual: Sequence[FrameResult
         found = next((difference for difference in differences if difference), None)
         if found:
             return found
+    return None
+
+
+def predicted(
+    golden: Sequence[FrameResult],
+    found: Sequence[FrameResult],
+    config: Config,
+    reference: Reference,
+    *,
+    lanes: int = BUILT_LANES,
+) -> list[Timeline]:
+    """The timeline of each frame, in clocks since reset; shorter than ``found`` where the rest is not predicted.
+
+    Parameters
+    ----------
+    golden : sequence of FrameResult
+        Its features and matches are what the prediction follows from.
+    found : sequence of FrameResult
+        Simulated; only the clock in which the first pixel of each segment was taken is used.
+    config : Config
+    reference : {"held", "previous"}
+    lanes : int
+    """
+    works = list(_works(golden, reference))
+    timelines: list[Timeline] = []
+    for _, group in itertools.groupby(range(len(found)), key=lambda n: found[n].clocks and found[n].clocks.segment):
+        numbers = list(group)
+        first = found[numbers[0]].clocks
+        segment = timing.timelines([works[n] for n in numbers], config, lanes=lanes)
+        if first is None or len(timelines) != numbers[0]:
+            break
+        timelines += [timeline.delayed(first.first_pixel) for timeline in segment]
+    return timelines
+
+
+def _works(golden: Sequence[FrameResult], reference: Reference) -> Iterator[FrameWork]:
+    left = None
+    for result in golden:
+        good, count = bool(result.status["good"]), len(result.features)
+        size_px = int(result.status["width"]), int(result.status["height"])
+        is_matched = good and left is not None
+        yield FrameWork(*size_px, good, left or 0, count if is_matched else 0, result.matches["left_index"])
+        if good and (left is None or reference == "previous"):
+            left = count
+
+
+def first_clock_mismatch(timelines: Sequence[Timeline], found: Sequence[FrameResult]) -> Mismatch | None:
+    """The first clock that differs from its prediction, frame by frame."""
+    for number, (timeline, result) in enumerate(zip(timelines, found, strict=False)):
+        clocks = result.clocks
+        if clocks is None:
+            continue
+        for step in ("first_pixel", "features_end", "matches_end"):
+            wanted, got = getattr(timeline, step), getattr(clocks, step)
+            if wanted != got:
+                return Mismatch(number, f"clock of {step.replace('_', ' ')}", None, None, wanted, got)
+        if timeline.status_cycles != result.status["cycles"]:
+            return Mismatch(number, "status, cycles", None, None, timeline.status_cycles, result.status["cycles"])
     return None
 
 

@@ -57,6 +57,11 @@ def compare(
     session.show(f"compared {result.coverage}")
     session.show(f"cycles a frame {', '.join(map(str, result.cycles_per_frame))}")
     session.show(f"{result.cycles_per_second / 1e6:.2f} M cycles/s simulated")
+    if result.timelines:
+        session.show("clocks, as predicted")
+    for number, timeline in enumerate(result.timelines):
+        steps = ", ".join(f"{step.replace('_', ' ')} {clock:,}" for step, clock in timeline.steps())
+        session.show(f"  frame {number}: {steps}")
     for note in result.notes:
         session.warn(f"proves little: {note}")
     if waves:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,8 +11,9 @@ from typing import Any
 
 from golden_model.arrays import Pixels
 from golden_model.config import Config
+from golden_model.timing import Timeline
 from sim.backend import FrameResult, Mismatch, load_backend, silent
-from sim.scoreboard import Coverage, first_mismatch
+from sim.scoreboard import Coverage, first_clock_mismatch, first_mismatch, predicted
 from skymosaic.imagery.images import load, reduced
 from skymosaic.registration import extract_within_capacity
 
@@ -33,6 +35,9 @@ class Comparison:
         Wall time of the simulation, without builds.
     notes : tuple of str
         Parts of the design that the pair did not exercise; empty if it exercised all.
+    timelines : tuple of Timeline
+        The predicted clocks of each frame, which the simulated ones equal unless there is a mismatch; empty for a
+        board, and for a configuration whose clocks are not predicted.
     """
 
     mismatch: Mismatch | None
@@ -40,6 +45,7 @@ class Comparison:
     cycles_per_frame: tuple[int, ...]
     seconds: float
     notes: tuple[str, ...]
+    timelines: tuple[Timeline, ...]
 
     @property
     def cycles_per_second(self) -> float:
@@ -58,6 +64,7 @@ class Comparison:
             "cycles_per_second": round(self.cycles_per_second),
             "mismatch": str(self.mismatch) if self.mismatch else None,
             "notes": list(self.notes),
+            "timelines": [dataclasses.asdict(timeline) for timeline in self.timelines],
         }
 
 
@@ -102,16 +109,19 @@ def compare(
     start = time.perf_counter()
     found = hardware.run(frames, config)
     seconds = time.perf_counter() - start
+    timelines = predicted(golden, found, config, "held")
     mismatch = first_mismatch(golden, found)
     if mismatch:
         # A wrong record says little about the cause; the first stage that went wrong says more.
         mismatch = hardware.locate(frames[mismatch.frame], config, frame=mismatch.frame) or mismatch
+    mismatch = mismatch or first_clock_mismatch(timelines, found)
     return Comparison(
         mismatch=mismatch,
         coverage=Coverage.of(golden),
         cycles_per_frame=tuple(_cycles(result) for result in found),
         seconds=seconds,
         notes=tuple(Coverage.of(golden).missing(config.front_end)),
+        timelines=tuple(timelines),
     )
 
 

@@ -6,11 +6,11 @@ import pytest
 
 from golden_model.config import PRESETS
 from sim import verilator
-from sim.accelerator_designs import BUILT_SIZES_PX, FEATURES, MATCHES, accelerator
+from sim.accelerator_designs import BUILT_SIZES_PX, MATCHES, accelerator
 from sim.backend import Reference, load_backend
-from sim.hardware import frame_result, frame_segments
+from sim.hardware import frame_segments, results_of
 from sim.scene import lawnmower
-from sim.scoreboard import Coverage, first_mismatch
+from sim.scoreboard import Coverage, first_clock_mismatch, first_mismatch, predicted
 
 FRAMES, SIZE_PX = 10, (640, 480)
 FRAME_CYCLES = SIZE_PX[0] * SIZE_PX[1]
@@ -28,15 +28,21 @@ def flight() -> list[np.ndarray]:
 def test_no_frame_waits_and_every_match_comes_in_time(flight: list[np.ndarray], reference: Reference) -> None:
     design = accelerator(CONFIG, BUILT_SIZES_PX[0])
     (recording,) = verilator.simulate(design, frame_segments(flight, CONFIG, reference), progress=print)
-    features, matches = (recording.outputs[name] for name in (FEATURES, MATCHES))
+    matches = recording.outputs[MATCHES]
     assert np.diff(recording.starts.astype(np.int64)).tolist() == [FRAME_CYCLES] * (FRAMES - 1)
     next_frame_ends = recording.starts + np.uint64(2 * FRAME_CYCLES)
     assert (matches.ends[:, 1] < next_frame_ends).all()
 
-    packets = zip(features.packets, matches.packets, strict=True)
-    results = [frame_result(*both, CONFIG, cycles=None) for both in packets]
+    results = results_of([recording], CONFIG)
     assert [int(result.status["frame"]) for result in results] == list(range(FRAMES))
-    mismatch = first_mismatch(load_backend("golden").run(flight, CONFIG, reference=reference), results)
+    golden = load_backend("golden").run(flight, CONFIG, reference=reference)
+    mismatch = first_mismatch(golden, results)
     assert mismatch is None, str(mismatch)
+    timelines = predicted(golden, results, CONFIG, reference)
+    assert len(timelines) == FRAMES
+    mismatch = first_clock_mismatch(timelines, results)
+    assert mismatch is None, str(mismatch)
+    late = [timeline.delayed(number == FRAMES - 1) for number, timeline in enumerate(timelines)]
+    assert first_clock_mismatch(late, results).frame == FRAMES - 1
     assert not Coverage.of(results).missing(CONFIG.front_end)
     assert min(len(result.matches) for result in results[1:]) > LEAST_MATCHES

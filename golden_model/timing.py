@@ -1,0 +1,281 @@
+"""Predicts the clock of every step of a frame through the accelerator, from sizes, counts and matches alone.
+
+The prediction is exact for streams without pauses: a pixel in every clock, and outputs that are always taken. It is a
+model, not a recording: it adds up the latencies that the blocks state (`Latencies`), and follows the one place where
+waiting depends on data, the queue of mutual matches between the walk over the rows and the weighing of the matches.
+
+Not predicted: pauses of the streams, the first word of each feature, frames without selection by cells (their queue may
+hold pixels back), and what follows a frame whose matching delays the features of the next but one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.config import Config, MatcherConfig
+from golden_model.feature.ilbp import DescriptorPattern
+from golden_model.matching import fuzzy
+from golden_model.records import MATCH, WORD_BYTES, feature_record
+
+
+@dataclass(frozen=True, kw_only=True)
+class Latencies:
+    """Latencies of the blocks in clocks; a test compares them with those that the hardware states.
+
+    Parameters
+    ----------
+    record_words, match_words : int
+        Length of a Feature and of a Match record in words.
+    admission : int
+        From a pixel at the input to its beat: a skid buffer, and the register of frame admission.
+    status : int
+        From a frame's last beat to the first word of its status in the merge.
+    status_word : int
+        Each further word of a status: it is selected in one clock and sent in the next.
+    skid_buffer : int
+        Each stage between the merge and an output, or the matcher.
+    acceptance : int
+        From the last word of a status at the matcher to the clock in which the frame is accepted.
+    search_start : int
+        From acceptance to the first clock of the search.
+    drain : int
+        From the last address of a search to readable results.
+    shortest_pass : int
+        Least clocks of one pass of the right features over the lanes.
+    walk : int
+        From a row's address to its mutual match in the queue.
+    count, weigh : int
+        How long a match occupies the histogram of orientations, and the weigher.
+    result : int
+        From the end of a match's record to the clock in which the next match may follow.
+    peak : int
+        Search for the peak of the histogram, and clearing it; 0 without orientations.
+    """
+
+    record_words: int
+    match_words: int
+    admission: int = 2
+    status: int = 3
+    status_word: int = 2
+    skid_buffer: int = 1
+    acceptance: int = 2
+    search_start: int = 2
+    drain: int
+    shortest_pass: int
+    walk: int = 5
+    count: int
+    weigh: int
+    result: int
+    peak: int
+
+    @classmethod
+    def of(cls, config: Config, *, lanes: int) -> Latencies:
+        """The latencies of a build."""
+        pattern, words = config.front_end.pattern, MATCH.record_bytes // WORD_BYTES
+        record = feature_record(pattern.descriptor_bytes, pattern.window_bytes)
+        result = int(config.matcher.rule_base != "none")
+        return cls(
+            record_words=record.record_bytes // WORD_BYTES,
+            match_words=words,
+            drain=_READ_CYCLES + DISTANCE_CYCLES[pattern.bits] + lanes + 2,
+            shortest_pass=lanes + 3,
+            # The weight, its square, and the sum.
+            count=sugeno_cycles(fuzzy.aerial_orientation(pattern.bits)) + 3 + 1,
+            # The features are read; then the weight, the comparison with the limit, and the record.
+            weigh=_READ_CYCLES + weight_cycles(pattern, config.matcher) + 1 + words + result,
+            result=result,
+            # Up and down the 16 bins, and 5 clocks of latency between.
+            peak=16 + 5 + 16 if pattern.oriented else 0,
+        )
+
+
+_READ_CYCLES = 3
+DISTANCE_CYCLES = {8: 4, 16: 5, 24: 5, 32: 5, 128: 5, 256: 8}
+"""Operand register and population count, by the length of the descriptor in bits."""
+SAD_CYCLES = 3
+
+
+def weight_cycles(pattern: DescriptorPattern, config: MatcherConfig) -> int:
+    """From the features to their weight: relative orientation or sum of absolute differences, then the rules."""
+    if config.rule_base == "none":
+        return 1
+    if config.rule_base == "aerial":
+        return 1 + sugeno_cycles(fuzzy.aerial(pattern.bits))
+    return SAD_CYCLES + sugeno_cycles(fuzzy.ilbp(pattern.bits))
+
+
+def sugeno_cycles(system: fuzzy.SugenoSystem) -> int:
+    """Memberships, a clock for each rule, two for each product or one for each minimum, then rounding or a division."""
+    inputs = len(system.inputs)
+    combining, rounding = (2 * (inputs - 2), 2) if system.conjunction == "product" else (inputs - 1, 11)
+    return 2 + len(system.rules) + 1 + combining + 2 + rounding
+
+
+@dataclass(frozen=True, eq=False)
+class FrameWork:
+    """What a frame's clocks depend on.
+
+    Parameters
+    ----------
+    width_px, height_px : int
+    good : bool
+    left, right : int
+        Number of features of the reference and of this frame; right is 0 where there is nothing to match.
+    rows : int ndarray, shape (N,)
+        Left indices of the mutual matches, rising.
+    """
+
+    width_px: int
+    height_px: int
+    good: bool
+    left: int
+    right: int
+    rows: NDArray[np.integer]
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """Clocks of a frame, counted from the first pixel of the first frame.
+
+    Parameters
+    ----------
+    first_pixel, last_pixel : int
+        Taken at the input.
+    features_end : int
+        Last word of the features' packet, which is that of the status.
+    accepted : int
+        The matcher takes the frame, and the banks change roles.
+    searched : int
+        All distances have been compared; equal to ``accepted`` for a bad frame, as are the following ones.
+    counted : int
+        The common orientation has been found.
+    weighed : int
+        The last match has its weight.
+    matches : tuple of int
+        First word of each Match record at the output.
+    matches_end : int
+        Last word of the matches' packet.
+    """
+
+    first_pixel: int
+    last_pixel: int
+    features_end: int
+    accepted: int
+    searched: int
+    counted: int
+    weighed: int
+    matches: tuple[int, ...]
+    matches_end: int
+
+    def steps(self) -> Iterator[tuple[str, int]]:
+        """Name and clock of each step of the frame, in their order."""
+        return ((name, clock) for name, clock in vars(self).items() if name != "matches")
+
+    def delayed(self, cycles: int) -> Timeline:
+        """The same timeline, a number of clocks later."""
+        clocks = {name: clock + cycles for name, clock in self.steps()}
+        return Timeline(**clocks, matches=tuple(clock + cycles for clock in self.matches))
+
+    @property
+    def status_cycles(self) -> int:
+        """``cycles`` of the frame's status."""
+        return self.last_pixel - self.first_pixel + 1
+
+
+def timelines(works: Sequence[FrameWork], config: Config, *, lanes: int) -> list[Timeline]:
+    """Predict frames that follow each other without a pause.
+
+    Returns
+    -------
+    list of Timeline
+        Shorter than ``works`` where the rest is not predicted (see the head of this file).
+    """
+    if not config.front_end.selection:
+        return []
+    return list(_timelines(works, Latencies.of(config, lanes=lanes), config.front_end.border_px))
+
+
+def _timelines(works: Sequence[FrameWork], latencies: Latencies, border_px: int) -> Iterator[Timeline]:
+    first_pixel, idle = 0, 0
+    for number, work in enumerate(works):
+        last_pixel = first_pixel + work.width_px * work.height_px - 1
+        last_word = (
+            last_pixel + latencies.admission + latencies.status + latencies.status_word * (latencies.record_words - 1)
+        )
+        # The same words go to the output's buffer and to the one before the matcher.
+        arrived = last_word + 2 * latencies.skid_buffer
+        accepted = max(arrived + 1, idle) + latencies.acceptance - 1
+        matched = _matched(work, latencies, accepted)
+        yield Timeline(
+            first_pixel=first_pixel, last_pixel=last_pixel, features_end=arrived, accepted=accepted, **vars(matched)
+        )
+        idle = matched.weighed + 1 + latencies.match_words
+        first_pixel = last_pixel + 1
+        # A frame that waits for the matcher holds back the features of the next one, which come after its border.
+        if number + 1 < len(works) and accepted > first_pixel + border_px * works[number + 1].width_px:
+            return
+
+
+@dataclass(frozen=True)
+class _Matched:
+    """The last fields of a `Timeline`."""
+
+    searched: int
+    counted: int
+    weighed: int
+    matches: tuple[int, ...]
+    matches_end: int
+
+
+def _matched(work: FrameWork, latencies: Latencies, accepted: int) -> _Matched:
+    """The clocks of a frame's matching, from its acceptance on."""
+    searched = counted = weighed = accepted
+    taken: list[int] = []
+    if work.good:
+        searched = accepted + latencies.search_start + _search_cycles(work, latencies)
+        begins, counted = searched + 1, searched
+        if latencies.peak:
+            counted, _ = _walked(work, latencies.walk, latencies.count, begins)
+            begins = counted + latencies.peak + 2
+        weighed, taken = _walked(work, latencies.walk, latencies.weigh, begins)
+    # The words of a record pass the output's buffer; the gate takes a clock to open for the first one of a packet.
+    firsts = [clock - latencies.result - latencies.match_words + 2 + latencies.skid_buffer for clock in taken]
+    return _Matched(
+        searched=searched,
+        counted=counted,
+        weighed=weighed,
+        matches=tuple(clock + (n == 0) for n, clock in enumerate(firsts)),
+        matches_end=weighed + 1 + latencies.match_words + latencies.skid_buffer + (not taken),
+    )
+
+
+def _search_cycles(work: FrameWork, latencies: Latencies) -> int:
+    if not work.left or not work.right:
+        return 0
+    lanes = latencies.shortest_pass - 3
+    return -(-work.left // lanes) * max(work.right, latencies.shortest_pass) + latencies.drain
+
+
+def _walked(work: FrameWork, walk_cycles: int, service_cycles: int, begins: int) -> tuple[int, list[int]]:
+    """The clock in which a walk over all rows has ended, and those in which each match was taken.
+
+    A row is read in each clock. Its match waits in a skid buffer: one at the output, one aside; while one is aside, no
+    row is read.
+    """
+    rows = work.left if work.right else 0
+    if not rows:
+        return begins, []
+    taken: list[int] = []
+    # Clock and row of the last match that entered the buffer, and until when no row was read after it.
+    entered, row, resumed = begins + walk_cycles, 0, begins + walk_cycles
+    for index in work.rows.tolist():
+        entered, row = resumed + index - row, index
+        before = taken[-1] if taken else entered
+        resumed = max(entered, before)
+        taken.append(max(entered, before) + service_cycles)
+    emptied = resumed + rows - 1 - row
+    return max(emptied, taken[-1] + 1 if taken else emptied), taken

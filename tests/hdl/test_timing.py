@@ -1,0 +1,45 @@
+# amaranth: UnusedElaboratable=no
+"""The model of time adds up the latencies that the blocks state; whole frames are compared in tests/system."""
+
+import numpy as np
+import pytest
+
+from golden_model import timing
+from golden_model.config import Config, FrontEndConfig
+from golden_model.feature.ilbp import PATTERNS
+from golden_model.matching import fuzzy
+from golden_model.timing import FrameWork, Latencies, timelines
+from hdl.lib.skid_buffer import SkidBuffer
+from hdl.matching.correlation import SumOfAbsoluteDifferences
+from hdl.matching.fuzzy import Sugeno
+from hdl.matching.hamming import Distances
+from hdl.matching.nearest_neighbours import NearestNeighbours
+from hdl.matching.orientation_histogram import FIND_CYCLES, SQUARE_CYCLES
+
+LANES = 4
+CONFIG = Config(front_end=FrontEndConfig(max_features=80))
+
+
+@pytest.mark.parametrize("pattern", PATTERNS.values(), ids=PATTERNS)
+def test_latencies_are_those_that_the_blocks_state(pattern):
+    config = Config(front_end=FrontEndConfig(descriptor=pattern.name, border_px=20))
+    latencies = Latencies.of(config, lanes=LANES)
+    search = NearestNeighbours(bits=pattern.bits, lanes=LANES, max_features=80)
+    assert timing.DISTANCE_CYCLES[pattern.bits] == Distances(bits=pattern.bits, lanes=LANES).latency_cycles
+    assert (latencies.drain, latencies.shortest_pass) == (search.drain_cycles, search.shortest_pass_cycles)
+    for system in (fuzzy.aerial(pattern.bits), fuzzy.aerial_orientation(pattern.bits), fuzzy.ilbp(pattern.bits)):
+        assert timing.sugeno_cycles(system) == Sugeno(system=system, value_bits=12).latency_cycles
+    if pattern.carries_window:
+        assert SumOfAbsoluteDifferences(pixels=pattern.window_bytes).latency_cycles == timing.SAD_CYCLES
+    assert latencies.skid_buffer == SkidBuffer.latency_cycles
+    if pattern.oriented:
+        assert latencies.peak == 2 * 16 + FIND_CYCLES
+        assert latencies.count == timing.sugeno_cycles(fuzzy.aerial_orientation(pattern.bits)) + SQUARE_CYCLES + 2
+
+
+def test_what_is_not_predicted_is_left_out():
+    frame = FrameWork(640, 480, good=True, left=2000, right=2000, rows=np.arange(2000))
+    # With four lanes a frame is not matched before the one after the next has features.
+    assert len(timelines([frame] * 5, CONFIG, lanes=4)) == 2
+    thesis = Config(front_end=FrontEndConfig(selection=False, levels=1))
+    assert timelines([frame], thesis, lanes=4) == []
