@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -177,7 +178,7 @@ class Timeline:
 
     def delayed(self, cycles: int) -> Timeline:
         """The same timeline, a number of clocks later."""
-        clocks = {name: clock + cycles for name, clock in self.steps()}
+        clocks: dict[str, Any] = {name: clock + cycles for name, clock in self.steps()}
         return Timeline(**clocks, matches=tuple(clock + cycles for clock in self.matches))
 
     @property

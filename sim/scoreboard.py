@@ -62,13 +62,13 @@ def predicted(
     """
     works = list(_works(golden, reference))
     timelines: list[Timeline] = []
-    for _, group in itertools.groupby(range(len(found)), key=lambda n: found[n].clocks and found[n].clocks.segment):
-        numbers = list(group)
-        first = found[numbers[0]].clocks
-        segment = timing.timelines([works[n] for n in numbers], config, lanes=lanes)
-        if first is None or len(timelines) != numbers[0]:
-            break
-        timelines += [timeline.delayed(first.first_pixel) for timeline in segment]
+    clocks = [result.clocks for result in found if result.clocks]
+    for _, segment in itertools.groupby(enumerate(clocks), key=lambda item: item[1].segment):
+        numbers, (first, *_) = zip(*segment, strict=True)
+        # What follows a frame that is not predicted is not, either.
+        if len(timelines) == numbers[0]:
+            frames = timing.timelines([works[n] for n in numbers], config, lanes=lanes)
+            timelines += [timeline.delayed(first.first_pixel) for timeline in frames]
     return timelines
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -64,7 +63,7 @@ class Comparison:
             "cycles_per_second": round(self.cycles_per_second),
             "mismatch": str(self.mismatch) if self.mismatch else None,
             "notes": list(self.notes),
-            "timelines": [dataclasses.asdict(timeline) for timeline in self.timelines],
+            "timelines": [dict(timeline.steps()) for timeline in self.timelines],
         }
 
 

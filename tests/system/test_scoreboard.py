@@ -8,9 +8,9 @@ import pytest
 from golden_model.config import PRESETS
 from golden_model.front_end import trace
 from sim import pysim
-from sim.backend import load_backend
+from sim.backend import FrameClocks, load_backend
 from sim.scene import pair as rendered_pair
-from sim.scoreboard import Coverage, first_mismatch, first_stage_mismatch
+from sim.scoreboard import Coverage, first_clock_mismatch, first_mismatch, first_stage_mismatch, predicted
 from sim.stages import locate_mismatch
 
 AERIAL = PRESETS["aerial"]
@@ -56,6 +56,24 @@ def test_the_first_of_several_mismatches_is_named(results):
     once = changed(results, 0, "features", "response", row=9, value=0)
     twice = changed(once, 0, "features", "index", row=4, value=4000)
     assert first_mismatch(results, twice).stage == "feature 4, index"
+
+
+@pytest.mark.parametrize("step", ["first_pixel", "features_end", "matches_end"])
+def test_a_clock_that_differs_from_its_prediction_is_named(results, step):
+    started = [dataclasses.replace(result, clocks=FrameClocks(0, 100, 0, 0)) for result in results]
+    timelines = predicted(results, started, AERIAL, "held")
+    found = []
+    for result, timeline in zip(results, timelines, strict=True):
+        status = result.status.copy()
+        status["cycles"] = 640 * 480
+        clocks = FrameClocks(0, timeline.first_pixel, timeline.features_end, timeline.matches_end)
+        found.append(dataclasses.replace(result, status=status, clocks=clocks))
+    assert first_clock_mismatch(timelines, found) is None
+    assert timelines[0].first_pixel == 100
+    late = dataclasses.replace(found[1].clocks, **{step: getattr(found[1].clocks, step) + 1})
+    mismatch = first_clock_mismatch(timelines, [found[0], dataclasses.replace(found[1], clocks=late)])
+    assert (mismatch.frame, mismatch.stage) == (1, f"clock of {step.replace('_', ' ')}")
+    assert mismatch.actual - mismatch.expected == 1
 
 
 def test_a_byte_of_a_descriptor_counts(results):
