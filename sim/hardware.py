@@ -89,10 +89,12 @@ def results_of(recordings: Sequence[Recording], config: Config) -> list[FrameRes
 def _results(recording: Recording, config: Config, segment: int) -> Iterator[FrameResult]:
     features, matches = recording.outputs[FEATURES], recording.outputs[MATCHES]
     ends = zip(recording.starts, features.ends[:, 1], matches.ends[:, 1], strict=True)
-    for (start, end, matches_end), *packets in zip(ends, features.packets, matches.packets, strict=True):
-        clocks = FrameClocks(segment, int(start), int(end), int(matches_end))
+    packets = zip(ends, features.packets, matches.packets, strict=True)
+    for (start, features_end, matches_end), feature_words, match_words in packets:
+        clocks = FrameClocks(segment, int(start), int(features_end), int(matches_end))
         cycles = clocks.features_end - clocks.first_pixel + 1
-        yield dataclasses.replace(frame_result(*packets, config, cycles=cycles), clocks=clocks)
+        result = frame_result(feature_words, match_words, config, cycles=cycles)
+        yield dataclasses.replace(result, clocks=clocks)
 
 
 def frame_result(

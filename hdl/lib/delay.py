@@ -36,7 +36,7 @@ def port_register(m: Module, port: Delayed) -> Delayed:
     The ports of a component have a reset if they are registers themselves. Data that a valid bit qualifies needs none.
     """
     name = tracer.get_var_name(depth=2, default="") or later(port)
-    register = Signal.like(port, name=name, reset_less=True, src_loc_at=1)
+    register: Delayed = Signal.like(port, name=name, reset_less=True, src_loc_at=1)
     m.d.comb += port.eq(register)
     return register
 

@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+from amaranth.hdl import Fragment
 
 from golden_model import timing
 from golden_model.config import Config, FrontEndConfig
@@ -20,15 +21,21 @@ LANES = 4
 CONFIG = Config(front_end=FrontEndConfig(max_features=80))
 
 
+def built(component):
+    """The component, elaborated: otherwise Amaranth warns that its parts are unused."""
+    Fragment.get(component, None)
+    return component
+
+
 @pytest.mark.parametrize("pattern", PATTERNS.values(), ids=PATTERNS)
 def test_latencies_are_those_that_the_blocks_state(pattern):
     config = Config(front_end=FrontEndConfig(descriptor=pattern.name, border_px=20))
     latencies = Latencies.of(config, lanes=LANES)
-    search = NearestNeighbours(bits=pattern.bits, lanes=LANES, max_features=80)
-    assert timing.DISTANCE_CYCLES[pattern.bits] == Distances(bits=pattern.bits, lanes=LANES).latency_cycles
+    search = built(NearestNeighbours(bits=pattern.bits, lanes=LANES, max_features=80))
+    assert timing.DISTANCE_CYCLES[pattern.bits] == built(Distances(bits=pattern.bits, lanes=LANES)).latency_cycles
     assert (latencies.drain, latencies.shortest_pass) == (search.drain_cycles, search.shortest_pass_cycles)
     for system in (fuzzy.aerial(pattern.bits), fuzzy.aerial_orientation(pattern.bits), fuzzy.ilbp(pattern.bits)):
-        assert timing.sugeno_cycles(system) == Sugeno(system=system, value_bits=12).latency_cycles
+        assert timing.sugeno_cycles(system) == built(Sugeno(system=system, value_bits=12)).latency_cycles
     if pattern.carries_window:
         assert SumOfAbsoluteDifferences(pixels=pattern.window_bytes).latency_cycles == timing.SAD_CYCLES
     assert latencies.skid_buffer == SkidBuffer.latency_cycles
