@@ -22,6 +22,15 @@ from skymosaic.panel.options import Options
 from skymosaic.tracking.output import TrackedCorners
 
 Size = tuple[int, int]
+SINGLE_FILES = (
+    "mosaic.png", "mosaic.tif", "tracked.mp4", "matches.csv", "corners.csv", "hardware.json", "config.toml",
+)  # fmt: skip
+"""What a run may write that is of use by itself; the archive has the rest, too."""
+
+
+def picture_name(name: str) -> str:
+    """The name of the picture that the page shows of an uploaded file."""
+    return f"{name}.png"
 
 
 @dataclass(frozen=True)
@@ -31,7 +40,7 @@ class Upload:
     Attributes
     ----------
     name : str
-        Of the file in the session's folder, chosen by the panel.
+        Of the file in the session's folder: its own, as far as it is free and harmless.
     size : (int, int)
         Width and height of the original, px.
     notes : tuple of str
@@ -146,6 +155,31 @@ class ShownMosaic:
 
 
 @dataclass(frozen=True)
+class MapView:
+    """A georeferenced mosaic as the page's map shows it.
+
+    Attributes
+    ----------
+    picture : Path
+        PNG in the projection of web maps, transparent where there is no ground.
+    bounds : (float, float, float, float)
+        South, west, north, east, in degrees.
+    outlines : dict of str to list of (float, float)
+        Corners of each photograph as latitude and longitude, by its name.
+    epsg : int
+        Of the GeoTIFF.
+    grid_m : float
+        Distance of the lines of the grid.
+    """
+
+    picture: Path
+    bounds: tuple[float, float, float, float]
+    outlines: dict[str, list[tuple[float, float]]]
+    epsg: int
+    grid_m: float
+
+
+@dataclass(frozen=True)
 class LinkView:
     """The names of two photographs of a flight that were linked, and the inliers of their registration."""
 
@@ -169,8 +203,8 @@ class MosaicResult:
         The pair that is shown; of a flight, one of its pairs.
     mosaic : ShownMosaic or None
         None if none could be made; ``reason`` says why.
-    left_out : tuple of str
-        Which photographs were not placed, and why.
+    left_out : dict of str to str
+        Why photographs were not placed, by their names.
     command : str
         The command line that repeats it.
     seconds : dict of str to float
@@ -179,6 +213,10 @@ class MosaicResult:
         The pairs of a flight that can be shown, the one with the most inliers first.
     facts : dict of str to str
         Numbers of a whole flight, by name; empty for a pair.
+    problems : dict of str to tuple of str
+        What `skymosaic check` says about photographs of a flight, by their names.
+    map : MapView or None
+        None if the mosaic has no place on a map.
     """
 
     folder: Path
@@ -186,12 +224,19 @@ class MosaicResult:
     working_pictures: tuple[Path, ...]
     pair: PairView
     mosaic: ShownMosaic | None
-    left_out: tuple[str, ...]
+    left_out: dict[str, str]
     reason: str
     command: str
     seconds: dict[str, float]
     links: tuple[LinkView, ...] = ()
     facts: dict[str, str] = field(default_factory=dict)
+    problems: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    map: MapView | None = None
+
+    @property
+    def files(self) -> list[Path]:
+        """The files that can be downloaded one by one."""
+        return [path for name in SINGLE_FILES if (path := self.folder / name).exists()]
 
     @property
     def on_accelerator(self) -> bool:
@@ -201,7 +246,8 @@ class MosaicResult:
     @property
     def pictures(self) -> list[Path]:
         """The pictures that the page shows of it."""
-        return [*self.working_pictures, *([self.mosaic.picture] if self.mosaic else [])]
+        shown = [view.picture for view in (self.mosaic, self.map) if view]
+        return [*self.working_pictures, *shown]
 
 
 @dataclass(frozen=True)
@@ -261,6 +307,11 @@ class TrackingResult:
     def pictures(self) -> list[Path]:
         """The pictures that the page shows of it."""
         return [self.video]
+
+    @property
+    def files(self) -> list[Path]:
+        """The files that can be downloaded one by one."""
+        return [path for name in SINGLE_FILES if (path := self.folder / name).exists()]
 
 
 def _in_working(pair: Pair) -> Matrix:

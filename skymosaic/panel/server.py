@@ -116,7 +116,16 @@ def _application(sessions: Sessions, port: int) -> FastAPI:
         path = session.picture(key) if session else None
         if path is None:
             return PlainTextResponse("no such picture", status_code=404)
-        return FileResponse(path, headers={"cache-control": "private, max-age=3600"})
+        # Names are free again when photographs and results are gone: a browser must ask each time.
+        return FileResponse(path, headers={"cache-control": "private, no-cache"})
+
+    @app.get("/file/{kind}/{name}")
+    async def file(request: Request, kind: str, name: str) -> Response:
+        session = session_of(request)
+        path = session.result_file(kind, name) if session else None
+        if path is None:
+            return PlainTextResponse("no such file", status_code=404)
+        return FileResponse(path, filename=name)
 
     @app.get("/archive")
     async def archive(request: Request) -> Response:

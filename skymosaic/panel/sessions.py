@@ -87,6 +87,11 @@ class Session:
         """The file of a picture that is shown; None for any other name, so no request can read another file."""
         return next((path for path in self._pictures() if path.name == name), None)
 
+    def result_file(self, kind: str, name: str) -> Path | None:
+        """A file of the result of a kind (a folder of the archive); None for any other name."""
+        result = self._results().get(kind)
+        return next((path for path in result.files if path.name == name), None) if result else None
+
     def result_folders(self) -> dict[str, Path]:
         """The folders of the archive, by their names in it."""
         return {name: result.folder for name, result in self._results().items()}
@@ -128,12 +133,12 @@ class Session:
         self._uploads[ticket] = slot
         try:
             self._storage.make_room()
-            target, views = self._folder("uploads") / self._new_number(), self._folder("views")
+            part, views = self._folder("uploads") / f"{self._new_number()}.part", self._folder("views")
             room_bytes, queue = MOST_BYTES - self.stored_bytes, self._queues.uploads
             file = slot, body, name
             uploaded = await take_in(
                 *file,
-                target=target,
+                part=part,
                 views=views,
                 room_bytes=room_bytes,
                 queue=queue,

@@ -37,6 +37,7 @@ def numbers(page: Page) -> None:
 def refused_options(page: Page) -> None:
     page.get_by_role("combobox", name="Descriptor").click()
     page.get_by_role("option", name="freak", exact=True).click()
+    expect(page.get_by_role("option")).to_have_count(0)
     page.get_by_role("combobox", name="Detector").click()
     page.get_by_role("option", name="orb", exact=True).click()
 

@@ -74,6 +74,21 @@ def test_the_markup_shows_values_and_degrees(view: PairView) -> None:
     assert page.count("<circle") == sum(len(item.degrees) for item in explanation.inputs)
 
 
+def test_the_first_matches_are_spread_and_the_heaviest_of_their_cells() -> None:
+    rng = np.random.default_rng(4)
+    corner = np.hstack([rng.uniform(0, 50, (200, 2)), np.zeros((200, 2))])
+    everywhere = np.hstack([rng.uniform(100, 800, (40, 2)), np.zeros((40, 2))])
+    lines, weights = np.vstack([corner, everywhere]), rng.integers(0, 256, 240).astype(np.uint8)
+    order = drawings.spread(lines, weights)
+    assert sorted(order.tolist()) == list(range(240))
+    # The crowd in one corner is represented by its heaviest match until every other cell has one, too.
+    crowd = np.arange(240) < 200
+    first = order[:15]
+    assert crowd[first].sum() <= 1
+    assert weights[order[crowd[order]][0]] == weights[crowd].max()
+    assert len(drawings.spread(lines[:0], weights[:0])) == 0
+
+
 def test_the_nearest_line_is_found_only_within_the_distance() -> None:
     lines = np.array([[0, 0, 100, 0], [0, 50, 100, 50], [200, 0, 200, 0]], dtype=np.float64)
     assert drawings.nearest(lines, 50, 10, within=12) == 0

@@ -6,7 +6,7 @@ The markup contains numbers and the panel's own words only, never file names: th
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,8 @@ from skymosaic.panel.results import PairView
 
 GAP_PX = 12
 """Gap between the left and the right picture."""
+MANY_INLIERS = 200
+"""A link with as many is drawn as strong as any."""
 _TICK_PX = 7.0
 _PLOT = (210, 54)
 _PLOT_MARGIN = (16, 6, 8, 14)
@@ -132,6 +134,26 @@ def outlines(quadrilaterals: Iterable[Array]) -> str:
         x, y = corners_px.mean(axis=0)
         parts.append(f'<polygon class="footprint" points="{points}"/>')
         parts.append(f'<text class="footprint-name" x="{x:.0f}" y="{y:.0f}">{number}</text>')
+    return "".join(parts)
+
+
+def links(quadrilaterals: Mapping[str, Array], linked: Iterable[tuple[str, str, int]]) -> str:
+    """Lines between the centres of linked photographs, wider and greener with more inliers.
+
+    Parameters
+    ----------
+    quadrilaterals : mapping of str to (4, 2) ndarray
+        Outlines of the photographs by name.
+    linked : iterable of (str, str, int)
+        Names of two photographs, and their inliers; photographs without an outline are left out.
+    """
+    parts = []
+    for left, right, inliers in linked:
+        if left in quadrilaterals and right in quadrilaterals:
+            (x0, y0), (x1, y1) = (quadrilaterals[name].mean(axis=0) for name in (left, right))
+            strength = min(inliers / MANY_INLIERS, 1.0)
+            style = f"stroke: hsl({120 * strength:.0f} 75% 55%); stroke-width: {1 + 4 * strength:.1f}px"
+            parts.append(f'<path class="link" style="{style}" d="M{x0:.1f} {y0:.1f}L{x1:.1f} {y1:.1f}"/>')
     return "".join(parts)
 
 

@@ -7,6 +7,7 @@ from nicegui import ui
 from skymosaic.panel.options import fault_of
 from skymosaic.panel.pages.corners_tab import CornersTab
 from skymosaic.panel.pages.hardware_tab import HardwareTab
+from skymosaic.panel.pages.map_tab import build_map_tab
 from skymosaic.panel.pages.matches_tab import MatchesTab
 from skymosaic.panel.pages.mosaic_tab import build_mosaic_tab
 from skymosaic.panel.pages.numbers_tab import build_numbers_tab
@@ -62,7 +63,9 @@ class ResultTabs:
         with self._tabs_card:
             with ui.element("div").classes("bar"):
                 with ui.tabs().props("dense no-caps align=left inline-label") as self._tabs:
-                    tabs = {name: ui.tab(name) for name in ("Corners", "Matches", "Mosaic", "Numbers", "Hardware")}
+                    tabs = {
+                        name: ui.tab(name) for name in ("Corners", "Matches", "Mosaic", "Map", "Numbers", "Hardware")
+                    }
                 self._outdated = ui.label("Options or photographs have changed since this run.").classes("changed")
                 self._outdated.props('role="status"')
             with ui.tab_panels(self._tabs, value="Corners", animated=False, keep_alive=True) as self._panels:
@@ -116,6 +119,8 @@ class ResultTabs:
             MatchesTab(result.pair, (left, right))
         with self._result_panels["Mosaic"]:
             build_mosaic_tab(result)
+        with self._result_panels["Map"]:
+            build_map_tab(result.map)
         with self._result_panels["Numbers"]:
             build_numbers_tab(result, result.pair)
         with self._result_panels["Hardware"]:

@@ -1,11 +1,12 @@
-"""The mosaic with zoom, and the outlines of its photographs."""
+"""The mosaic with zoom, and layers over it: outlines, links, and the photographs that were left out."""
 
 from __future__ import annotations
 
 from nicegui import ui
 
 from skymosaic.panel.pages import drawings
-from skymosaic.panel.results import MosaicResult
+from skymosaic.panel.pages.page_layout import file_links
+from skymosaic.panel.results import MosaicResult, ShownMosaic, picture_name
 from skymosaic.panel.widgets.viewer import Picture, Viewer
 
 
@@ -17,14 +18,41 @@ def build_mosaic_tab(result: MosaicResult) -> None:
             ui.label(result.reason).classes("fault")
             ui.label("The Matches tab shows what was found and why matches were rejected.").classes("hint")
         return
-    mosaic = result.mosaic
-    with ui.element("div").classes("bar"):
-        ui.label(f"{mosaic.size[0]} x {mosaic.size[1]} px, {len(mosaic.outlines)} photographs").classes("name")
-        ui.label("Wheel or + and - zoom, drag moves.").classes("hint")
-        ui.element("div").classes("grow")
-        switch = ui.switch("Outlines").props("dense")
-    viewer = Viewer("Mosaic", [Picture(f"/picture/{mosaic.picture.name}", *mosaic.shown_size)])
-    markup = drawings.outlines(mosaic.outlines.values())
-    switch.on_value_change(lambda event: viewer.draw(markup if event.value else ""))
-    for reason in result.left_out:
-        ui.label(f"left out: {reason}").classes("fault")
+    MosaicTab(result, result.mosaic)
+
+
+class MosaicTab:
+    """The mosaic, switches for its layers, its files, and what is not in it."""
+
+    def __init__(self, result: MosaicResult, mosaic: ShownMosaic) -> None:
+        self._layers = {"Outlines": drawings.outlines(mosaic.outlines.values())}
+        if result.links:
+            links = [(*link.names, link.inliers) for link in result.links]
+            self._layers["Links"] = drawings.links(mosaic.outlines, links)
+        self._shown = dict.fromkeys(self._layers, False)
+        with ui.element("div").classes("bar"):
+            ui.label(f"{mosaic.size[0]} x {mosaic.size[1]} px, {len(mosaic.outlines)} photographs").classes("name")
+            ui.label("Wheel or + and - zoom, drag moves.").classes("hint")
+            ui.element("div").classes("grow")
+            for name in self._layers:
+                self._build_switch(name)
+        self._viewer = Viewer("Mosaic", [Picture(f"/picture/{mosaic.picture.name}", *mosaic.shown_size)])
+        file_links("mosaic", result.files)
+        if result.left_out:
+            _left_out(result)
+
+    def _build_switch(self, name: str) -> None:
+        def show(shown: bool) -> None:
+            self._shown[name] = shown
+            self._viewer.draw("".join(layer for name, layer in self._layers.items() if self._shown[name]))
+
+        ui.switch(name, on_change=lambda event: show(event.value)).props("dense")
+
+
+def _left_out(result: MosaicResult) -> None:
+    """The photographs that are not in the mosaic, each with the reason."""
+    with ui.element("ul").classes("photographs").props('aria-label="Photographs left out"'):
+        for name, reason in result.left_out.items():
+            with ui.element("li"):
+                ui.element("img").props(f'src="/picture/{picture_name(name)}" alt=""')
+                ui.label(f"left out: {reason}").classes("fault")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -29,6 +29,14 @@ def command_line(words: str) -> None:
     ui.label("The same result again, in the unpacked archive's folder:").classes("hint")
     code = ui.code(words, language="bash").classes("command")
     code.copy_button.props('aria-label="Copy the command line"')
+
+
+def file_links(kind: str, files: Sequence[Path]) -> None:
+    """Links that download the files of a result, one by one."""
+    with ui.element("div").classes("bar"):
+        ui.label("Download:").classes("hint")
+        for path in files:
+            ui.link(path.name, f"/file/{kind}/{path.name}").classes("file")
 
 
 @contextmanager

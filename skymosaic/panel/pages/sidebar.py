@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 
 from nicegui import ui
@@ -17,6 +17,8 @@ from skymosaic.panel.widgets.slider import Slider
 
 BUILT_IN = {"Pair": 2, "Flight": 9}
 """Number of photographs in each built-in example."""
+MOST_ROWS = 6
+"""More photographs than these are shown as tiles, so that all are visible."""
 LABELS = {
     "preset": "Preset",
     "detector": "Detector",
@@ -44,7 +46,7 @@ class PhotographsCard:
 
     def __init__(self, session: Session) -> None:
         self._session = session
-        self._shown: list[Upload] | None = None
+        self._shown: tuple[list[Upload], dict[str, tuple[str, ...]]] | None = None
         with ui.element("section").classes("card"):
             with ui.element("div").classes("card-head"):
                 heading("1", "Photographs")
@@ -62,6 +64,7 @@ class PhotographsCard:
                 hint=f"two or more that overlap · up to {PHOTOGRAPH.limit_bytes // MEBIBYTE} MB each",
             )
             self._list = ui.element("ul").classes("photographs").props('aria-label="Photographs loaded"')
+            self._warnings = ui.label().classes("warnings").props('role="status" aria-label="Warnings"')
             with ui.element("div").classes("card-head") as self._all:
                 self._count = ui.label().classes("hint")
                 ui.button("Remove all", on_click=lambda: session.keep_photographs(())).props(
@@ -71,15 +74,26 @@ class PhotographsCard:
 
     def update(self) -> None:
         """Show the photographs as they are now."""
-        if self._shown == self._session.photographs:
+        result = self._session.mosaic_result
+        problems = result.problems if result else {}
+        if self._shown == (self._session.photographs, problems):
             return
-        self._shown = list(self._session.photographs)
-        self._all.set_visibility(len(self._shown) > 2)
-        self._count.set_text(f"{len(self._shown)} photographs")
+        photographs = list(self._session.photographs)
+        self._shown = photographs, problems
+        self._all.set_visibility(len(photographs) > 2)
+        self._count.set_text(f"{len(photographs)} photographs")
         self._list.clear()
+        as_tiles = len(photographs) > MOST_ROWS
+        self._list.classes(add="tiles" if as_tiles else "", remove="" if as_tiles else "tiles")
         with self._list:
-            for position, upload in enumerate(self._shown):
-                self._row(position, upload)
+            for position, upload in enumerate(photographs):
+                if as_tiles:
+                    self._tile(upload, problems.get(upload.name, ()))
+                else:
+                    self._row(position, upload)
+        warnings = [f"{name}: {', '.join(faults)}" for name, faults in problems.items()]
+        self._warnings.set_text("\n".join(warnings))
+        self._warnings.set_visibility(bool(warnings))
 
     def _row(self, position: int, upload: Upload) -> None:
         session = self._session
@@ -95,6 +109,16 @@ class PhotographsCard:
             ui.button(icon="close", on_click=lambda: self._keep_all_but(upload)).props(
                 f'flat round dense size=sm aria-label="Remove {upload.name}"'
             )
+
+    def _tile(self, upload: Upload, problems: Sequence[str]) -> None:
+        """A thumbnail; a click removes the photograph. A border marks one that has problems."""
+        with ui.element("li"):
+            tile = ui.element("button").classes("tile").on("click", lambda: self._keep_all_but(upload))
+            words = f"Remove {upload.name}" + (f" ({', '.join(problems)})" if problems else "")
+            tile.props["type"], tile.props["aria-label"], tile.props["title"] = "button", words, words
+            tile.classes("with-problem" if problems else "")
+            with tile:
+                ui.element("img").props(f'src="/picture/{upload.working.name}" alt="" loading="lazy"')
 
     def _keep_all_but(self, upload: Upload) -> None:
         self._session.keep_photographs(kept for kept in self._session.photographs if kept is not upload)

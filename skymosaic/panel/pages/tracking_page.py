@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from nicegui import ui
 
-from skymosaic.panel.pages.page_layout import command_line, page_layout
+from skymosaic.panel.pages.page_layout import command_line, file_links, page_layout
 from skymosaic.panel.pages.sidebar import RunCard, enabled_while_idle, heading, option_select
 from skymosaic.panel.results import TrackingResult, Upload
 from skymosaic.panel.sessions import Session
@@ -127,6 +127,7 @@ class _ResultCard:
             video = ui.element("video").classes("tracked")
             video.props(f'controls loop muted autoplay src="/picture/{result.video.name}" aria-label="Tracked video"')
             _corner_table(result)
+            file_links("tracking", result.files)
             command_line(result.command)
 
 

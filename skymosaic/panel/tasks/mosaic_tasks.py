@@ -24,9 +24,12 @@ from golden_model.formats import POSITION, decode_response
 from sim.backend import Progress
 from skymosaic.errors import RegistrationError
 from skymosaic.evaluation.hardware import compare
+from skymosaic.flight.check import check_flight
+from skymosaic.flight.composition import Composition
 from skymosaic.flight.output import Delivery
 from skymosaic.flight.survey import Flight
 from skymosaic.geometry.homography import apply
+from skymosaic.imagery.geotiff import FEWEST_POSITIONS, has_writer
 from skymosaic.imagery.images import save, save_bytes
 from skymosaic.imagery.photographs import Source
 from skymosaic.mosaic_options import MosaicOptions
@@ -34,8 +37,18 @@ from skymosaic.mosaicing import planned_sources
 from skymosaic.pair import Pair
 from skymosaic.panel.explain import verdicts
 from skymosaic.panel.options import AUTOMATIC, Options
-from skymosaic.panel.results import HardwareResult, LinkView, MosaicResult, PairView, ShownMosaic, Size
+from skymosaic.panel.results import (
+    HardwareResult,
+    LinkView,
+    MapView,
+    MosaicResult,
+    PairView,
+    ShownMosaic,
+    Size,
+    picture_name,
+)
 from skymosaic.panel.steps import step_line
+from skymosaic.panel.tasks.map_picture import map_view
 from skymosaic.registration import WORKING_WIDTH_PX, register
 from skymosaic.reports import pair as pair_report
 from skymosaic.reports.flight import write_report
@@ -44,7 +57,7 @@ SEED = 0
 """The command line's default, so that the command beside a result repeats it exactly."""
 SHOWN_SIDE_PX = 3000
 """Longer mosaics are reduced for the page; the archive has them in full size."""
-MOSAIC, REPORT, CONFIG = "mosaic.png", "report", "config.toml"
+MOSAIC, MAP, REPORT, CONFIG = "mosaic.png", "mosaic.tif", "report", "config.toml"
 """Files and folders of a run."""
 
 
@@ -68,29 +81,31 @@ def make_mosaic(folder: Path, names: list[str], options: Options, views: Path, *
     """
     # Reports and reasons name photographs as here, without the folder.
     sources = [Source(index, name, folder / name) for index, name in enumerate(names)]
-    deliveries, reason = [], ""
+    deliveries, reason, output = [], "", MOSAIC
     with planned_sources(sources, mosaic_options(options, len(names)), _in_words(progress)) as plan:
         try:
-            deliveries = plan.write(folder / MOSAIC, preview_width_px=SHOWN_SIDE_PX)
+            output = _output_of(plan.flight)
+            deliveries = plan.write(folder / output, preview_width_px=SHOWN_SIDE_PX)
         except RegistrationError as error:
             if plan.flight.pair is None:
                 raise
             reason = str(error)
     progress("writing")
     # The report is read from the unpacked archive, where the mosaic lies beside it.
-    write_report(folder / REPORT, plan.flight, [dataclasses.replace(d, path=Path(MOSAIC)) for d in deliveries])
-    words = command(names, options)
+    write_report(folder / REPORT, plan.flight, [dataclasses.replace(d, path=Path(output)) for d in deliveries])
+    words = command(names, options, output)
     _write(folder, {CONFIG: to_toml(plan.flight.settings.config), "command.txt": words + "\n"})
     result = MosaicResult(
         folder=folder,
         options=options,
-        working_pictures=tuple(views / f"{name}.png" for name in names),
+        working_pictures=tuple(views / picture_name(name) for name in names),
         pair=_pair_to_show(plan.flight, folder, options, progress),
         mosaic=_shown(deliveries[0], views / _picture_name(folder)) if deliveries else None,
-        left_out=tuple(plan.flight.absent_from(deliveries[0].layout).values()) if deliveries else (),
+        left_out=_left_out(plan.flight, deliveries[0], names) if deliveries else {},
         reason=reason,
         command=words,
         seconds=plan.flight.seconds,
+        map=_map(deliveries[0], views) if deliveries else None,
     )
     if plan.flight.pair is not None:
         _write(folder, {"corners.csv": _corners_table(result.pair), "matches.csv": _matches_table(result.pair)})
@@ -121,6 +136,25 @@ def _in_words(progress: Progress) -> Callable[[str, int, int], None]:
     return report_stage
 
 
+def _output_of(flight: Flight) -> str:
+    """A GeoTIFF where the photographs have GPS and it can be written, otherwise a picture."""
+    on_map = sum(view.gps is not None for view in flight.views)
+    return MAP if on_map >= min(len(flight.views), FEWEST_POSITIONS) and has_writer() else MOSAIC
+
+
+def _map(delivery: Delivery, views: Path) -> MapView | None:
+    """What the page's map shows of a mosaic that was written as a GeoTIFF."""
+    if delivery.georeference is None or delivery.path.name != MAP:
+        return None
+    picture = views / f"map-{delivery.path.parent.name}.png"
+    composition = delivery.composition
+    return map_view(delivery.preview, composition.size, delivery.georeference, _outlines(composition), picture)
+
+
+def _left_out(flight: Flight, delivery: Delivery, names: list[str]) -> dict[str, str]:
+    return {names[index]: reason for index, reason in flight.absent_from(delivery.layout).items()}
+
+
 def _pair_to_show(flight: Flight, folder: Path, options: Options, progress: Progress) -> PairView:
     """The pair; of a flight, the pair with the most inliers."""
     if flight.pair is not None:
@@ -136,6 +170,7 @@ def _with_flight(result: MosaicResult, flight: Flight, delivery: Delivery) -> Mo
         result,
         seconds=flight.seconds | {"blending and writing": delivery.seconds},
         links=links,
+        problems={photo.name: photo.problems for photo in check_flight(flight).photographs if photo.problems},
         facts={
             "photographs placed": f"{len(layout.members)} of {len(flight.names)}",
             "pairs linked": f"{len(links)} of {len(flight.links)} tried",
@@ -204,7 +239,7 @@ def compare_hardware(
     return HardwareResult(names, size, backend, comparison, seconds, shlex.join(words))
 
 
-def command(names: list[str], options: Options) -> str:
+def command(names: list[str], options: Options, output: str = MOSAIC) -> str:
     """The command line that repeats a run in its folder."""
     words = ["skymosaic", "mosaic", *names, "--config", CONFIG]
     if len(names) == 2:
@@ -212,7 +247,7 @@ def command(names: list[str], options: Options) -> str:
         words += ["--estimator", options.estimator, *(["--refine"] if options.refine else [])]
     words += [] if options.blending == AUTOMATIC else ["--blend", options.blending]
     words += ["--damaged", "keep"] if options.damaged == "keep" else []
-    return shlex.join([*words, "--backend", options.backend, "--report", REPORT, "-o", MOSAIC, "--overwrite"])
+    return shlex.join([*words, "--backend", options.backend, "--report", REPORT, "-o", output, "--overwrite"])
 
 
 def _outline(size: Size, transform: Array) -> Array:
@@ -220,6 +255,14 @@ def _outline(size: Size, transform: Array) -> Array:
     width, height = size
     frame = np.array([(0, 0), (width, 0), (width, height), (0, height)]) - 0.5
     return apply(transform, frame)
+
+
+def _outlines(composition: Composition) -> dict[str, Array]:
+    """The outlines of the photographs on the canvas, by name."""
+    return {
+        placement.source.name: _outline(placement.size, transform)
+        for placement, transform in zip(composition.placements, composition.transforms, strict=True)
+    }
 
 
 def _picture_name(folder: Path) -> str:
@@ -230,10 +273,7 @@ def _picture_name(folder: Path) -> str:
 def _shown(delivery: Delivery, picture: Path) -> ShownMosaic:
     """Save a picture of the mosaic for the page."""
     image, size, composition = delivery.preview, delivery.composition.size, delivery.composition
-    outlines = {
-        placement.source.name: _outline(placement.size, transform)
-        for placement, transform in zip(composition.placements, composition.transforms, strict=True)
-    }
+    outlines = _outlines(composition)
     scale = min(1.0, SHOWN_SIDE_PX / max(image.shape))
     shown = max(round(image.shape[1] * scale), 1), max(round(image.shape[0] * scale), 1)
     save(picture, np.asarray(cv2.resize(image, shown, interpolation=cv2.INTER_AREA), dtype=np.uint8))

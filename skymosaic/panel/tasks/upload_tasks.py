@@ -16,7 +16,7 @@ from skymosaic.errors import InputError
 from skymosaic.imagery.decoding import LARGEST_AREA_PX
 from skymosaic.imagery.images import load, reduced, save
 from skymosaic.imagery.video import DEFAULT_RATE, VideoReader, writing
-from skymosaic.panel.results import Upload
+from skymosaic.panel.results import Upload, picture_name
 from skymosaic.registration import WORKING_WIDTH_PX
 
 BUILT_IN_SEED = 9
@@ -93,6 +93,6 @@ def _save_all(
 def _upload(name: str, pixels: Pixels, notes: tuple[str, ...], views: Path) -> Upload:
     """Save a reduced picture for the page, and describe the file."""
     working, _ = reduced(pixels, WORKING_WIDTH_PX)
-    path = views / f"{name}.png"
+    path = views / picture_name(name)
     save(path, working)
     return Upload(name, (pixels.shape[1], pixels.shape[0]), notes, path, (working.shape[1], working.shape[0]))

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
-from skymosaic.panel.results import Upload
+from skymosaic.panel.results import Upload, picture_name
 from skymosaic.panel.tasks import upload_tasks
 from skymosaic.panel.tasks.jobs import Job, JobCancelledError, JobFailedError, Limits
 from skymosaic.panel.uploads.received import PHOTOGRAPH, VIDEO, UploadRefusedError, receive
@@ -50,14 +50,14 @@ async def take_in(
     body: AsyncIterator[bytes],
     name: str,
     *,
-    target: Path,
+    part: Path,
     views: Path,
     room_bytes: int,
     queue: asyncio.Semaphore,
     is_gone: IsGone,
     keep_damaged: bool = False,
 ) -> Upload:
-    """Receive a file beside ``target``, as `skymosaic.panel.uploads.received.receive`, and decode it.
+    """Receive a file, as `skymosaic.panel.uploads.received.receive`, and decode it.
 
     Parameters
     ----------
@@ -66,8 +66,8 @@ async def take_in(
     body : async iterator of bytes
     name : str
         The file's name in the browser.
-    target, views : Path
-        Where the file goes, and the folder of the pictures for the page.
+    part, views : Path
+        Where the file is stored until it is complete, and the folder of the pictures for the page.
     room_bytes : int
         Longest file.
     queue : asyncio.Semaphore
@@ -84,7 +84,12 @@ async def take_in(
     """
     kind = VIDEO if slot == "video" else PHOTOGRAPH
     task = upload_tasks.inspect_video if kind is VIDEO else partial(upload_tasks.inspect, keep_damaged=keep_damaged)
-    path = await receive(body, name, kind, target, room_bytes)
+
+    # A result may still show the picture of a photograph that has been removed: its name is not free.
+    def is_taken(kept: str) -> bool:
+        return (views / picture_name(kept)).exists()
+
+    path = await receive(body, name, kind, part, room_bytes=room_bytes, is_taken=is_taken)
     job = Job(f"Reading {path.name}", task, path.parent, path.name, views, limits=LIMITS)
     watch = asyncio.create_task(_cancel_once(is_gone, job))
     accepted = False

@@ -1,13 +1,14 @@
 """Receives uploaded files: checks the size while they arrive, and the kind by their first bytes.
 
-Files are never decoded in the server's process, only in a worker. The name that a file came with is not used as such;
-it only contributes to a new one.
+Files are never decoded in the server's process, only in a worker. A file keeps its name, except for characters that
+could mean something to a shell or a file system, and for a number where another file has that name.
 """
 
 from __future__ import annotations
 
+import itertools
 import re
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +16,8 @@ import anyio
 
 MEBIBYTE = 1 << 20
 _LONGEST_STEM = 40
+_OUTPUTS = ("mosaic", "tracked")
+"""Stems of files that a run writes beside what was uploaded."""
 
 
 class UploadRefusedError(Exception):
@@ -75,25 +78,44 @@ def safe_stem(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9-]+", "_", Path(name).stem)[:_LONGEST_STEM].strip("_-") or "file"
 
 
-async def receive(body: AsyncIterator[bytes], name: str, kind: Kind, target: Path, room_bytes: int) -> Path:
-    """Store an upload beside ``target``, as its name, the upload's own stem and the suffix of its kind.
+def free_name(stem: str, suffix: str, is_taken: Callable[[str], bool]) -> str:
+    """``stem`` with its suffix, or with the first number from 2 on that makes it free."""
+    names = (f"{stem}{suffix}" if number == 1 else f"{stem}_{number}{suffix}" for number in itertools.count(1))
+    return next(name for name in names if Path(name).stem not in _OUTPUTS and not is_taken(name))
 
-    The limit is the kind's, or ``room_bytes`` if that is less.
+
+async def receive(
+    body: AsyncIterator[bytes], name: str, kind: Kind, part: Path, *, room_bytes: int, is_taken: Callable[[str], bool]
+) -> Path:
+    """Store an upload, with its own stem and the suffix of its kind.
+
+    Parameters
+    ----------
+    body : async iterator of bytes
+    name : str
+        The file's name in the browser.
+    kind : Kind
+    part : Path
+        Where it is stored until it is complete; then it is renamed in the same folder.
+    room_bytes : int
+        Limit, if it is less than that of the kind.
+    is_taken : callable
+        Whether another file has a name, beside those in the folder.
 
     Raises
     ------
     UploadRefusedError
         If the file is of another kind, too large or empty; it is removed completely.
     """
-    stem = safe_stem(name)
-    part = target.with_suffix(".part")
+    stem, folder = safe_stem(name), part.parent
     try:
         head = await _store(body, part, min(kind.limit_bytes, room_bytes), stem)
         suffix = kind.suffix_of(head)
         if suffix is None:
             fault = "is not" if head else "is empty, not"
             raise UploadRefusedError(f"{stem}: {fault} {kind.what}; choose another file", 415)
-        return part.rename(target.with_name(f"{target.name}_{stem}{suffix}"))
+        free = free_name(stem, suffix, lambda kept: (folder / kept).exists() or is_taken(kept))
+        return part.rename(folder / free)
     finally:
         part.unlink(missing_ok=True)
 

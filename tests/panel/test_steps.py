@@ -1,0 +1,28 @@
+"""The time that is left, by the steps of a stage."""
+
+import pytest
+
+from skymosaic.panel import steps
+from skymosaic.panel.steps import Steps, step_line
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    now = [100.0]
+    monkeypatch.setattr(steps.time, "monotonic", lambda: now[0])
+    return now
+
+
+def test_the_time_left_follows_the_pace_of_the_stage(clock: list[float]) -> None:
+    followed = Steps()
+    followed.follow(step_line("features", 0, 10))
+    assert followed.seconds_left() is None
+    clock[0] += 6
+    followed.follow(step_line("features", 3, 10))
+    assert followed.share == pytest.approx(0.3)
+    assert followed.seconds_left() == pytest.approx(14)
+    followed.follow(step_line("pairs", 1, 4))
+    assert followed.seconds_left() is None
+    followed.follow("writing")
+    assert followed.share is None
+    assert followed.seconds_left() is None
