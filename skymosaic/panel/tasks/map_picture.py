@@ -31,7 +31,7 @@ def map_view(preview: Pixels, size: Size, position: Georeference, outlines: dict
 
     Parameters
     ----------
-    preview : (h, w, 3) uint8 ndarray
+    preview : (h, w, 3) or (h, w) uint8 ndarray
         The mosaic, reduced; what is black shows no ground.
     size : (int, int)
         Of the whole mosaic, px.
@@ -42,6 +42,7 @@ def map_view(preview: Pixels, size: Size, position: Georeference, outlines: dict
     picture : Path
         PNG to write.
     """
+    colour = preview if preview.ndim == 3 else cv2.cvtColor(preview, cv2.COLOR_GRAY2BGR)
     utm = f"EPSG:{position.epsg}"
     frame = np.array([(0, 0), (size[0], 0), size, (0, size[1])]) - 0.5
     corners_m = _projected(utm, WEB_MERCATOR, apply(position.to_map, frame))
@@ -51,8 +52,8 @@ def map_view(preview: Pixels, size: Size, position: Georeference, outlines: dict
     source = (frame + 0.5) * (preview.shape[1] / size[0], preview.shape[0] / size[1]) - 0.5
     target = (corners_m - (west, north)) * (1, -1) / metres_a_pixel - 0.5
     to_picture = cv2.getPerspectiveTransform(source.astype(np.float32), target.astype(np.float32))
-    opaque = np.where(preview.any(axis=2), 255, 0).astype(np.uint8)
-    warped = cv2.warpPerspective(np.dstack([preview, opaque]), to_picture, (width, height))
+    opaque = np.where(colour.any(axis=2), 255, 0).astype(np.uint8)
+    warped = cv2.warpPerspective(np.dstack([colour, opaque]), to_picture, (width, height))
     save_bytes(picture, cv2.imencode(".png", warped)[1].tobytes())
     edges_m = np.array([(west, north - height * metres_a_pixel), (west + width * metres_a_pixel, north)])
     (left, bottom), (right, top) = _projected(WEB_MERCATOR, DEGREES, edges_m).tolist()
