@@ -81,18 +81,26 @@ def has_maps() -> bool:
 
 def on_map(longitudes: Sequence[float], latitudes: Sequence[float], crs: str) -> Points:
     """Positions on WGS 84 in a coordinate system of the map, (N, 2); needs the extra ``geo``."""
-    return _transformed("EPSG:4326", crs, longitudes, latitudes)
+    return reprojected(np.column_stack((longitudes, latitudes)), "EPSG:4326", crs)
 
 
 def on_globe(points: Points, crs: str) -> Points:
     """Longitudes and latitudes (N, 2) on WGS 84 of positions on the map; needs the extra ``geo``."""
-    return _transformed(crs, "EPSG:4326", *np.asarray(points).reshape(-1, 2).T.tolist())
+    return reprojected(points, crs, "EPSG:4326")
 
 
-def _transformed(source: str, target: str, x: Sequence[float], y: Sequence[float]) -> Points:
+def reprojected(points: Points, source: str, target: str) -> Points:
+    """Positions (N, 2), x first, of one coordinate system in another; needs the extra ``geo``.
+
+    Raises
+    ------
+    InputError
+        For a system that does not exist, or positions that it cannot express.
+    """
     warp: Any = importlib.import_module("rasterio.warp")
     errors: Any = importlib.import_module("rasterio.errors")
     try:
+        x, y = np.asarray(points).reshape(-1, 2).T.tolist()
         return np.column_stack(warp.transform(source, target, x, y))
     except (errors.RasterioError, errors.CRSError) as error:
         raise InputError(f"{source} to {target}: {error}; check the coordinate system") from None

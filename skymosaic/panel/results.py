@@ -166,8 +166,8 @@ class MapView:
         South, west, north, east, in degrees.
     outlines : dict of str to list of (float, float)
         Corners of each photograph as latitude and longitude, by its name.
-    epsg : int
-        Of the GeoTIFF.
+    crs : str
+        The coordinate system of the GeoTIFF.
     grid_m : float
         Distance of the lines of the grid.
     """
@@ -175,7 +175,7 @@ class MapView:
     picture: Path
     bounds: tuple[float, float, float, float]
     outlines: dict[str, list[tuple[float, float]]]
-    epsg: int
+    crs: str
     grid_m: float
 
 

@@ -29,7 +29,7 @@ def build_map_tab(shown: MapView | None) -> None:
         return
     south, west, north, east = shown.bounds
     with ui.element("div").classes("bar"):
-        ui.label(f"EPSG:{shown.epsg}").classes("name")
+        ui.label(shown.crs).classes("name")
         ui.label(f"Grid of {shown.grid_m:g} m. Drag moves, the wheel zooms.").classes("hint")
         ui.element("div").classes("grow")
         switch = ui.switch("Outlines on the map").props("dense")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import math
 from pathlib import Path
 
@@ -11,11 +10,11 @@ import numpy as np
 
 from golden_model.arrays import Array, Pixels
 from skymosaic.geometry.homography import apply
-from skymosaic.imagery.geotiff import Georeference
+from skymosaic.imagery.georeference import Georeference, on_globe, reprojected
 from skymosaic.imagery.images import save_bytes
 from skymosaic.panel.results import MapView, Size
 
-WEB_MERCATOR, DEGREES = "EPSG:3857", "EPSG:4326"
+WEB_MERCATOR = "EPSG:3857"
 LONGEST_SIDE_PX = 2000
 METRES_A_DEGREE = 111_320.0
 """Of latitude."""
@@ -43,9 +42,8 @@ def map_view(preview: Pixels, size: Size, position: Georeference, outlines: dict
         PNG to write.
     """
     colour = preview if preview.ndim == 3 else cv2.cvtColor(preview, cv2.COLOR_GRAY2BGR)
-    utm = f"EPSG:{position.epsg}"
     frame = np.array([(0, 0), (size[0], 0), size, (0, size[1])]) - 0.5
-    corners_m = _projected(utm, WEB_MERCATOR, apply(position.to_map, frame))
+    corners_m = reprojected(apply(position.to_map, frame), position.crs, WEB_MERCATOR)
     (west, south), (east, north) = corners_m.min(axis=0), corners_m.max(axis=0)
     metres_a_pixel = max(east - west, north - south) / min(LONGEST_SIDE_PX, max(preview.shape))
     width, height = (math.ceil(extent / metres_a_pixel) for extent in (east - west, north - south))
@@ -56,18 +54,12 @@ def map_view(preview: Pixels, size: Size, position: Georeference, outlines: dict
     warped = cv2.warpPerspective(np.dstack([colour, opaque]), to_picture, (width, height))
     save_bytes(picture, cv2.imencode(".png", warped)[1].tobytes())
     edges_m = np.array([(west, north - height * metres_a_pixel), (west + width * metres_a_pixel, north)])
-    (left, bottom), (right, top) = _projected(WEB_MERCATOR, DEGREES, edges_m).tolist()
+    (left, bottom), (right, top) = on_globe(edges_m, WEB_MERCATOR).tolist()
     placed = {
-        name: [(y, x) for x, y in _projected(utm, DEGREES, apply(position.to_map, corners)).tolist()]
+        name: [(y, x) for x, y in on_globe(apply(position.to_map, corners), position.crs).tolist()]
         for name, corners in outlines.items()
     }
-    return MapView(picture, (bottom, left, top, right), placed, position.epsg, _grid_step_m(right - left))
-
-
-def _projected(source: str, target: str, points: Array) -> Array:
-    """Points (N, 2) of one projection in another, x first."""
-    warp = importlib.import_module("rasterio.warp")
-    return np.array(warp.transform(source, target, points[:, 0].tolist(), points[:, 1].tolist())).T
+    return MapView(picture, (bottom, left, top, right), placed, position.crs, _grid_step_m(right - left))
 
 
 def _grid_step_m(width_deg: float) -> float:

@@ -29,7 +29,7 @@ from skymosaic.flight.composition import Composition
 from skymosaic.flight.output import Delivery
 from skymosaic.flight.survey import Flight
 from skymosaic.geometry.homography import apply
-from skymosaic.imagery.geotiff import FEWEST_POSITIONS, has_writer
+from skymosaic.imagery.georeference import FEWEST_POSITIONS, has_maps
 from skymosaic.imagery.images import save, save_bytes
 from skymosaic.imagery.photographs import Source
 from skymosaic.mosaic_options import MosaicOptions
@@ -139,7 +139,7 @@ def _in_words(progress: Progress) -> Callable[[str, int, int], None]:
 def _output_of(flight: Flight) -> str:
     """A GeoTIFF where the photographs have GPS and it can be written, otherwise a picture."""
     on_map = sum(view.gps is not None for view in flight.views)
-    return MAP if on_map >= min(len(flight.views), FEWEST_POSITIONS) and has_writer() else MOSAIC
+    return MAP if on_map >= min(len(flight.views), FEWEST_POSITIONS) and has_maps() else MOSAIC
 
 
 def _map(delivery: Delivery, views: Path) -> MapView | None:
