@@ -115,7 +115,11 @@ def extremes(size_px):
     return [plane.astype(np.uint8) for plane in (0 * x, 0 * x + 255, (x + y) % 2 * 255, hot * 255, noise)]
 
 
-@pytest.mark.parametrize("simulator", [verilator, cxxrtl], ids=["verilator", "cxxrtl"])
+@pytest.mark.parametrize(
+    "simulator",
+    # A model of CXXRTL takes minutes to compile; tests/system/test_simulators.py simulates a small design with all.
+    [pytest.param(verilator, id="verilator"), pytest.param(cxxrtl, id="cxxrtl", marks=pytest.mark.slow)],
+)
 def test_whole_frames_are_equal_and_follow_without_a_bubble(simulator, scene):
     with compiled(simulator, AERIAL) as opened:
         bench = FrontEndBench(opened, AERIAL)

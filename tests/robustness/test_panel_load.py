@@ -51,8 +51,9 @@ def visit(address: str, number: int) -> list[int]:
     data = cv2.imencode(".png", noise)[1].tobytes()
     with httpx.Client(base_url=address, headers={"origin": address}, timeout=None) as client:
         client.get("/")
-        answers = [client.post("/upload/photograph", params={"name": "a.png"}, content=data) for _ in range(UPLOADS)]
-        shown = [client.get(f"/picture/{index:02}_a.png.png").status_code for index in range(1, UPLOADS + 1)]
+        names = [f"a_{index}.png" for index in range(UPLOADS)]
+        answers = [client.post("/upload/photograph", params={"name": name}, content=data) for name in names]
+        shown = [client.get(f"/picture/{name}.png").status_code for name in names]
     statuses = [answer.status_code for answer in answers]
     assert shown.count(200) == statuses.count(204)
     return statuses

@@ -11,11 +11,8 @@ from sim.cocotb import runner
 ICARUS = pytest.mark.skipif(shutil.which("iverilog") is None, reason="iverilog is absent")
 RUNS = [
     *(("verilator", cases) for cases in runner.CASES),
-    *(
-        # Some hundred cycles a second.
-        pytest.param("icarus", cases, marks=[ICARUS, *([] if cases == "access" else [pytest.mark.slow])])
-        for cases in runner.CASES
-    ),
+    # Some hundred cycles a second. `tests/export/test_tools.py` runs a shorter bench of the accelerator in Icarus.
+    *(pytest.param("icarus", cases, marks=[ICARUS, pytest.mark.slow]) for cases in runner.CASES),
 ]
 
 

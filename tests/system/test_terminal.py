@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
@@ -51,6 +52,15 @@ def test_a_full_standard_output_is_one_line() -> None:
     assert done.stderr.splitlines() == ["error: No space left on device; check the disk and its permissions"]
 
 
+@pytest.fixture
+def interruptible() -> Iterator[None]:
+    """Ctrl-C ends what a test starts: background jobs of a shell ignore it, and their children inherit that."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("interruptible")
 @pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
 def test_a_signal_leaves_no_temporary_files(tmp_path: Path, noisy: Path, end: signal.Signals) -> None:
     for name in ("photographs", "out", "temp"):
