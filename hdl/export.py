@@ -61,8 +61,11 @@ def export(folder: Path, *, board: str, config: Config, **build: Unpack[Build]) 
         Created if missing; files of the same names are replaced.
     board : str
         One of `hdl.boards.BOARDS`.
-    config, lanes, max_width_px, max_height_px, video_bits
-        See `hdl.accelerator.Accelerator`.
+    config : Config
+        Of front end and matcher.
+    **build : Build
+        ``lanes``, ``max_width_px``, ``max_height_px``, ``video_bits``, as `hdl.accelerator.Accelerator` takes them;
+        what is left out is as in `DEFAULT_BUILD`.
 
     Raises
     ------

@@ -53,7 +53,6 @@ def test_a_wrong_output_fails(tmp_path: Path) -> None:
         run_page(page)
 
 
-@pytest.mark.slow
 def test_the_site_builds_strictly(tmp_path: Path) -> None:
     """Every link, page and reference exists; nothing is loaded from another server."""
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path / "site")]
