@@ -92,6 +92,7 @@ def visit_tracking(page: Page, folder: Path) -> None:
 
 def main(folder: Path) -> None:
     """Make every picture with one browser."""
+    folder.mkdir(parents=True, exist_ok=True)
     started = time.perf_counter()
     with tempfile.TemporaryDirectory() as log_folder, running_panel(Path(log_folder)) as address, chromium() as browser:
         print(f"command to address, browser started: {time.perf_counter() - started:.1f} s")
