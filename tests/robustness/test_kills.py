@@ -17,7 +17,7 @@ LONGEST_SECONDS = 6.0
 
 
 def command(folder: Path, output: Path, cache: Path) -> list[str]:
-    words = ("mosaic", folder, "-o", output, "--cache", cache)
+    words = ("mosaic", folder, "-o", output, "--overwrite", "--cache", cache)
     return [sys.executable, "-m", "skymosaic", *map(str, words)]
 
 
