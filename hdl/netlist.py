@@ -57,7 +57,8 @@ def to_verilog(
     name : str
         Of the top module.
     platform : object
-        Passed to components; they set attributes for a vendor's tools only if it is given.
+        Passed to components. A `hdl.lib.technology.Technology` instantiates the multipliers and block RAMs of its
+        family; without one, the tools infer them.
     flat : bool
         Make one module, for simulation: names are prefixed with those of the modules they were in, and lines of the
         Python source are not told.

@@ -1,1 +1,1 @@
-"""Building blocks for any design: delays, skid buffer, adder trees, population counts, typed views."""
+"""Building blocks for any design: delays, skid buffer, adder trees, counts, views; multiplier and line memory."""

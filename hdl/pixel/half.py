@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from amaranth import Module, Signal
-from amaranth.lib import data, memory, wiring
+from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
 from hdl.lib.delay import delayed
+from hdl.lib.line_memory import LineMemory
 from hdl.streams import beat
 
 
@@ -45,25 +46,26 @@ class Half(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Store the pair sums of even lines; add them to those of odd lines."""
         m = Module()
-        pairs_above: memory.Memory
-        m.submodules.memory = pairs_above = memory.Memory(shape=9, depth=self.width_px // 2, init=[])
-        read, write = pairs_above.read_port(), pairs_above.write_port()
+        m.submodules.memory = pairs_above = LineMemory(shape=9, depth=self.width_px // 2)
         left = Signal(8, reset_less=True)
         pair = Signal(9, reset_less=True)
-        above = Signal(9, reset_less=True)
         with m.If(self.i.valid):
             m.d.sync += [left.eq(self.i.pixel), pair.eq(left + self.i.pixel)]
-        m.d.comb += [read.addr.eq(self.i.x >> 1), read.en.eq(self.i.valid)]
+        m.d.comb += [pairs_above.i_read_address.eq(self.i.x >> 1), pairs_above.i_read.eq(self.i.valid)]
 
         column = delayed(m, self.i.x, 1)
         row = delayed(m, self.i.y, 1)
         paired = delayed(m, self.i.valid & self.i.x[0], 1, reset_less=False)
         # Written only in even lines, while the data that is read counts only in odd ones: no conflict at one address.
-        m.d.comb += [write.addr.eq(column >> 1), write.data.eq(pair), write.en.eq(paired & ~row[0])]
+        m.d.comb += [
+            pairs_above.i_write_address.eq(column >> 1),
+            pairs_above.i_word.eq(pair),
+            pairs_above.i_write.eq(paired & ~row[0]),
+        ]
 
         below = delayed(m, pair, 1)
         pixel = Signal(8, reset_less=True)
-        m.d.sync += [above.eq(read.data), pixel.eq((above + below + 2) >> 2)]
+        m.d.sync += pixel.eq((pairs_above.o_word + below + 2) >> 2)
         m.d.comb += [
             self.o.valid.eq(delayed(m, paired & row[0], 2, reset_less=False)),
             self.o.x.eq(delayed(m, column >> 1, 2)),

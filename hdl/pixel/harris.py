@@ -17,6 +17,7 @@ from golden_model.formats import (
 )
 from golden_model.pixel.harris import TENSOR_SHIFT
 from hdl.lib.delay import delayed
+from hdl.lib.multiplier import Multiplier
 from hdl.lib.weighted_sum import signed_digits
 from hdl.pixel.window import SeparableSum
 from hdl.streams import beat, carry_scan
@@ -66,7 +67,7 @@ class StructureTensor(wiring.Component):
         self.window_px = window_px
         square, mixed = unsigned(2 * GRADIENT.bits - 2), signed(2 * GRADIENT.bits - 1)
         self._sums = [self._box_sum(shape) for shape in (square, square, mixed)]
-        self.latency_cycles = 3 + self._sums[0].latency_cycles
+        self.latency_cycles = Multiplier.latency_cycles + self._sums[0].latency_cycles
         super().__init__({"i": In(beat(column=data.ArrayLayout(GRADIENTS, TENSOR_LINES))), "o": Out(TENSOR)})
 
     def _box_sum(self, product: Shape) -> SeparableSum:
@@ -76,31 +77,24 @@ class StructureTensor(wiring.Component):
         return SeparableSum(vertical=weights, horizontal=weights, shape=product)
 
     def elaborate(self, platform: object) -> Module:
-        """A column of products and its sums.
-
-        Each product has an operand, a multiplier and a product register, as a DSP slice has (A/B, M and P).
-        """
+        """A column of products and its sums."""
         m = Module()
         carry_scan(m, self.i, self.o, self.latency_cycles)
-        # One register in each place where a DSP slice has its own; without them the multiplier limits the clock.
-        operands = Signal.like(self.i.column, reset_less=True)
-        with m.If(self.i.valid):
-            m.d.sync += operands.eq(self.i.column)
-        operand_valid = delayed(m, self.i.valid, 1, reset_less=False)
-        multiplied = delayed(m, operand_valid, 1, reset_less=False)
-        product_valid = delayed(m, multiplied, 1, reset_less=False)
+        product_valid = delayed(m, self.i.valid, Multiplier.latency_cycles, reset_less=False)
         targets = (self.o.a, self.o.b, self.o.c)
         for name, factors, total, target in zip("abc", ("xx", "yy", "xy"), self._sums, targets, strict=True):
             m.submodules[f"sum_{name}"] = total
             m.d.comb += [total.i.valid.eq(product_valid), target.eq(total.o.sum >> TENSOR_SHIFT)]
-            for gradients, pixel in zip(operands, total.i.column, strict=True):
-                multiplier = Signal.like(pixel, reset_less=True)
-                product = Signal.like(pixel, reset_less=True)
-                with m.If(operand_valid):
-                    m.d.sync += multiplier.eq(gradients[factors[0]] * gradients[factors[1]])
-                with m.If(multiplied):
-                    m.d.sync += product.eq(multiplier)
-                m.d.comb += pixel.eq(product)
+            for line, (gradients, pixel) in enumerate(zip(self.i.column, total.i.column, strict=True)):
+                a, b = (gradients[factor] for factor in factors)
+                product = Multiplier(a=a.shape(), b=b.shape(), product=pixel.shape())
+                m.submodules[f"product_{name}{line}"] = product
+                m.d.comb += [
+                    product.i_valid.eq(self.i.valid),
+                    product.i_a.eq(a),
+                    product.i_b.eq(b),
+                    pixel.eq(product.o_product),
+                ]
         return m
 
 
@@ -139,18 +133,22 @@ class RawResponse(wiring.Component):
         """One clock each: operands, multipliers, products, determinant and penalty, response."""
         m = Module()
         carry_scan(m, self.i, self.o, self.latency_cycles)
-        a = delayed(m, self.i.a, 1)
-        b = delayed(m, self.i.b, 1)
-        c = delayed(m, self.i.c, 1)
         # The trace fits 17 bits (proved), so its square takes one DSP slice; slicing drops the carry that never occurs.
-        trace = delayed(m, (self.i.a + self.i.b)[: TENSOR_TRACE.bits], 1)
-        a_b = delayed(m, a * b, 2)
-        c_c = delayed(m, c * c, 2)
-        trace_squared = delayed(m, trace * trace, 2)
+        trace = (self.i.a + self.i.b)[: TENSOR_TRACE.bits]
+        a_b, c_c, trace_squared = (
+            self._product(m, name, *factors)
+            for name, factors in (("a_b", (self.i.a, self.i.b)), ("c_c", (self.i.c,) * 2), ("trace", (trace,) * 2))
+        )
         determinant = delayed(m, (a_b - c_c)[: RAW_RESPONSE.bits], 1)
         penalty = delayed(m, self._penalty(trace_squared), 1)
         m.d.comb += self.o.raw.eq(delayed(m, (determinant - penalty)[: RAW_RESPONSE.bits], 1))
         return m
+
+    def _product(self, m: Module, name: str, a: Value, b: Value) -> Signal:
+        product = Multiplier(a=a.shape(), b=b.shape(), product=(a * b).shape())
+        m.submodules[name] = product
+        m.d.comb += [product.i_valid.eq(self.i.valid), product.i_a.eq(a), product.i_b.eq(b)]
+        return product.o_product
 
     def _penalty(self, trace_squared: Value) -> Value:
         scaled: Value = Const(0)

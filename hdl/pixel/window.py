@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from amaranth import Cat, Module, Shape, ShapeLike, Signal
-from amaranth.lib import data, memory, wiring
+from amaranth import Cat, Module, Shape, ShapeLike, Signal, Value
+from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
 from hdl.lib.delay import delayed
+from hdl.lib.line_memory import LineMemory
 from hdl.lib.weighted_sum import WeightedSum
 from hdl.streams import beat, carry_scan
 
@@ -42,7 +43,7 @@ class LineBuffer(wiring.Component):
     i: data.View
     o: data.View
 
-    latency_cycles = 3
+    latency_cycles = LineMemory.latency_cycles + 1
 
     def __init__(self, *, shape: ShapeLike, lines: int, width_px: int) -> None:
         if lines < 1:
@@ -55,34 +56,25 @@ class LineBuffer(wiring.Component):
         super().__init__({"i": In(beat(pixel=shape)), "o": Out(beat(column=data.ArrayLayout(shape, lines + 1)))})
 
     def elaborate(self, platform: object) -> Module:
-        """Read the column at x, register it twice, write it back shifted by one line.
+        """Read the column at x, register it, write it back shifted by one line.
 
-        Two registers, because the output of a block RAM is slow: tools may use the block RAM's own output register for
-        the first one. Lines of at least 5 px keep each write ahead of the next read of the same address.
+        Lines of at least 5 px keep each write ahead of the next read of the same address.
         """
         m = Module()
-        lines: memory.Memory
-        m.submodules.memory = lines = memory.Memory(
-            shape=data.ArrayLayout(self.shape, self.lines), depth=self.width_px, init=[]
-        )
-        read, write = lines.read_port(), lines.write_port()
+        m.submodules.memory = lines = LineMemory(shape=data.ArrayLayout(self.shape, self.lines), depth=self.width_px)
         carry_scan(m, self.i, self.o, self.latency_cycles)
         column = Signal.like(self.o.column, reset_less=True)
-        read_valid = delayed(m, self.i.valid, 1, reset_less=False)
-        pixel = delayed(m, self.i.pixel, 2)
-        above = Signal.like(read.data, reset_less=True)
-        with m.If(read_valid):
-            m.d.sync += above.eq(read.data)
-        with m.If(delayed(m, read_valid, 1, reset_less=False)):
-            m.d.sync += column.eq(Cat(pixel, above))
+        pixel = delayed(m, self.i.pixel, lines.latency_cycles)
+        with m.If(delayed(m, self.i.valid, lines.latency_cycles, reset_less=False)):
+            m.d.sync += column.eq(Cat(pixel, lines.o_word))
         m.d.comb += [
-            read.addr.eq(self.i.x),
-            read.en.eq(self.i.valid),
+            lines.i_read_address.eq(self.i.x),
+            lines.i_read.eq(self.i.valid),
             self.o.column.eq(column),
-            write.addr.eq(self.o.x),
-            write.en.eq(self.o.valid),
+            lines.i_write_address.eq(self.o.x),
+            lines.i_write.eq(self.o.valid),
             # The oldest line drops out.
-            write.data.eq(Cat(column)[: len(write.data.as_value())]),
+            lines.i_word.eq(Cat(column)[: len(Value.cast(lines.i_word))]),
         ]
         return m
 

@@ -1,0 +1,132 @@
+"""Multipliers and block RAMs of Lattice's ECP5, instantiated with their own registers.
+
+Yosys infers both, but without the registers inside: on an ECP5-85 of speed grade 8, a structure tensor then reaches
+half the clock. `ecp5_models.v` beside this file has models of the primitives for simulation.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from amaranth import Cat, ClockSignal, Const, Instance, Module, Shape, Signal, Value
+
+MODELS = Path(__file__).with_name("ecp5_models.v")
+"""Models of the primitives, for simulation."""
+
+FACTOR_BITS = 18
+WIDTHS = (18, 9, 4, 2, 1)
+"""Bits of a word of a DP16KD; each next width has twice as many words, from 1024 to 16384."""
+ADDRESS_BITS = 14
+PORT_BITS = 18
+BYTE_ENABLES = 0b11
+"""Lowest address bits of an 18 bit word, which has no use for them: write both bytes."""
+
+
+class Ecp5:
+    """Technology of the ECP5 family: MULT18X18D and DP16KD (`hdl.lib.technology.Technology`)."""
+
+    def multiplier(self, m: Module, *, a: Value, b: Value, loads: tuple[Value, Value, Value], product: Signal) -> None:
+        """A MULT18X18D with its input, pipeline and output registers.
+
+        Raises
+        ------
+        ValueError
+            For a factor of more than 18 bits.
+        """
+        widest = max(len(a), len(b))
+        if widest > FACTOR_BITS:
+            raise ValueError(f"a factor has {widest} bits; a MULT18X18D takes {FACTOR_BITS}")
+        product_bits = Signal(2 * FACTOR_BITS)
+        registers = {"INPUTA": 0, "INPUTB": 0, "PIPELINE": 1, "OUTPUT": 2}
+        ports: dict[str, object] = {
+            **{f"p_REG_{name}_CLK": "CLK0" for name in registers},
+            **{f"p_REG_{name}_CE": f"CE{load}" for name, load in registers.items()},
+            "i_SIGNEDA": Const(a.shape().signed, 1),
+            "i_SIGNEDB": Const(b.shape().signed, 1),
+            "i_CLK0": ClockSignal(),
+            **_bits("i_CLK", Const(0, 4), first=1),
+            **_bits("i_CE", Cat(*loads, Const(1, 1))),
+            **_bits("i_RST", Const(0, 4)),
+            **_bits("i_A", _extended(m, a)),
+            **_bits("i_B", _extended(m, b)),
+            **_bits("i_C", Const(0, FACTOR_BITS)),
+            "i_SOURCEA": Const(0, 1),
+            "i_SOURCEB": Const(0, 1),
+            **_bits("o_P", product_bits),
+        }
+        m.submodules.multiplier = Instance("MULT18X18D", **ports)
+        m.d.comb += product.eq(product_bits[: len(product)])
+
+    def memory(
+        self,
+        m: Module,
+        *,
+        depth: int,
+        read_address: Value,
+        registers: Value,
+        read_data: Value,
+        write: Value,
+        write_address: Value,
+        write_data: Value,
+    ) -> None:
+        """As many DP16KD as the word is wide, with their output registers; port A writes and port B reads.
+
+        Raises
+        ------
+        ValueError
+            For more words than a DP16KD has.
+        """
+        if depth > 1 << ADDRESS_BITS:
+            raise ValueError(f"the memory has {depth} words; a DP16KD has {1 << ADDRESS_BITS} at most")
+        # Addresses count bits: that of a word ends with as many others as a word of its width has address bits.
+        unused = min(ADDRESS_BITS - (depth - 1).bit_length(), len(WIDTHS) - 1)
+        width = WIDTHS[-1 - unused]
+        low = Const(BYTE_ENABLES if width == PORT_BITS else 0, unused)
+        write_address, read_address = (
+            Cat(low, address, Const(0, ADDRESS_BITS))[:ADDRESS_BITS] for address in (write_address, read_address)
+        )
+        for n, first in enumerate(range(0, len(write_data), width)):
+            written, read = write_data[first : first + width], Signal(PORT_BITS, name=f"read{n}")
+            taken = read_data[first : first + width]
+            m.d.comb += taken.eq(read)
+            m.submodules[f"block{n}"] = Instance(
+                "DP16KD",
+                p_DATA_WIDTH_A=width,
+                p_DATA_WIDTH_B=width,
+                p_REGMODE_A="NOREG",
+                p_REGMODE_B="OUTREG",
+                p_WRITEMODE_A="NORMAL",
+                p_WRITEMODE_B="NORMAL",
+                p_RESETMODE="SYNC",
+                p_GSR="DISABLED",
+                i_CLKA=ClockSignal(),
+                i_CLKB=ClockSignal(),
+                i_WEA=write,
+                i_WEB=Const(0, 1),
+                # Always enabled: only what `registers` takes counts, and an enable would be one more long wire. It
+                # also makes no difference then whether the output register needs the port's enable besides its own.
+                i_CEA=Const(1, 1),
+                i_CEB=Const(1, 1),
+                i_OCEA=Const(1, 1),
+                i_OCEB=registers,
+                i_RSTA=Const(0, 1),
+                i_RSTB=Const(0, 1),
+                **_bits("i_CSA", Const(0, 3)),
+                **_bits("i_CSB", Const(0, 3)),
+                **_bits("i_ADA", write_address),
+                **_bits("i_ADB", read_address),
+                **_bits("i_DIA", Cat(written, Const(0, PORT_BITS - len(written)))),
+                **_bits("i_DIB", Const(0, PORT_BITS)),
+                **_bits("o_DOB", read),
+            )
+
+
+def _bits(port: str, value: Value, *, first: int = 0) -> dict[str, object]:
+    """The primitives have a port for each bit."""
+    return {f"{port}{n}": value[n] for n in range(first, len(value))}
+
+
+def _extended(m: Module, factor: Value) -> Signal:
+    extended = Signal(Shape(FACTOR_BITS, factor.shape().signed), name="factor")
+    m.d.comb += extended.eq(factor)
+    return extended

@@ -1,0 +1,94 @@
+"""A memory with an output register, for lines of pixels."""
+
+from __future__ import annotations
+
+from amaranth import Module, ShapeLike, Signal, Value
+from amaranth.lib import memory, wiring
+from amaranth.lib.wiring import In, Out
+
+from hdl.lib.delay import delayed, port_register
+from hdl.lib.technology import Technology
+
+
+class LineMemory(wiring.Component):
+    """One port to read, one to write; the word that is read passes through a register.
+
+    The output of a block RAM is slow, therefore the register, which tools may take from the block RAM itself. Where
+    they do not, a technology instantiates its block RAM. Reading a word that is being written may give anything.
+
+    Parameters
+    ----------
+    shape : ShapeLike
+        Of a word.
+    depth : int
+        Words.
+
+    Members
+    -------
+    i_read : In(1)
+    i_read_address : In(range(depth))
+    o_word : Out(shape)
+        What was read, until the next word arrives.
+    i_write : In(1)
+    i_write_address : In(range(depth))
+    i_word : In(shape)
+
+    Attributes
+    ----------
+    latency_cycles : int
+        From ``i_read`` to ``o_word``.
+    """
+
+    i_read: Signal
+    i_read_address: Signal
+    o_word: Signal
+    i_write: Signal
+    i_write_address: Signal
+    i_word: Signal
+
+    latency_cycles = 2
+
+    def __init__(self, *, shape: ShapeLike, depth: int) -> None:
+        self.shape = shape
+        self.depth = depth
+        super().__init__(
+            {
+                "i_read": In(1),
+                "i_read_address": In(range(depth)),
+                "o_word": Out(shape),
+                "i_write": In(1),
+                "i_write_address": In(range(depth)),
+                "i_word": In(shape),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """The memory and its output register, described or in the technology's block RAMs."""
+        m = Module()
+        is_read = delayed(m, self.i_read, 1, reset_less=False)
+        if isinstance(platform, Technology):
+            platform.memory(
+                m,
+                depth=self.depth,
+                read_address=self.i_read_address,
+                registers=is_read,
+                read_data=Value.cast(self.o_word),
+                write=self.i_write,
+                write_address=self.i_write_address,
+                write_data=Value.cast(self.i_word),
+            )
+            return m
+        words: memory.Memory
+        m.submodules.memory = words = memory.Memory(shape=self.shape, depth=self.depth, init=[])
+        read, write = words.read_port(), words.write_port()
+        word = port_register(m, self.o_word)
+        with m.If(is_read):
+            m.d.sync += word.eq(read.data)
+        m.d.comb += [
+            read.addr.eq(self.i_read_address),
+            read.en.eq(self.i_read),
+            write.addr.eq(self.i_write_address),
+            write.en.eq(self.i_write),
+            write.data.eq(self.i_word),
+        ]
+        return m

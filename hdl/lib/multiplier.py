@@ -1,0 +1,67 @@
+"""A multiplier with the registers that a DSP slice has."""
+
+from __future__ import annotations
+
+from amaranth import Module, Shape, Signal
+from amaranth.lib import wiring
+from amaranth.lib.wiring import In, Out
+
+from hdl.lib.delay import delayed, port_register
+from hdl.lib.technology import Technology
+
+
+class Multiplier(wiring.Component):
+    """``o_product`` = ``i_a`` × ``i_b``, with operand, multiplier and product register; one product a clock.
+
+    Yosys and Vivado move all three registers into a DSP48 of xc7. A technology whose tools leave them outside, where
+    the wires to and from the multiplier limit the clock, instantiates its multiplier. No register has a reset.
+
+    Parameters
+    ----------
+    a, b : Shape
+        Of the factors.
+    product : Shape
+        Of the product, which must fit it.
+
+    Members
+    -------
+    i_valid : In(1)
+        There are factors. Stages without work keep their value.
+    i_a, i_b : In
+    o_product : Out
+
+    Attributes
+    ----------
+    latency_cycles : int
+    """
+
+    i_valid: Signal
+    i_a: Signal
+    i_b: Signal
+    o_product: Signal
+
+    latency_cycles = 3
+
+    def __init__(self, *, a: Shape, b: Shape, product: Shape) -> None:
+        super().__init__({"i_valid": In(1), "i_a": In(a), "i_b": In(b), "o_product": Out(product)})
+
+    def elaborate(self, platform: object) -> Module:
+        """Three registers, described or in the technology's multiplier."""
+        m = Module()
+        operands_valid = delayed(m, self.i_valid, 1, reset_less=False)
+        multiplied = delayed(m, operands_valid, 1, reset_less=False)
+        if isinstance(platform, Technology):
+            loads = (self.i_valid, operands_valid, multiplied)
+            platform.multiplier(m, a=self.i_a, b=self.i_b, loads=loads, product=self.o_product)
+            return m
+        a = Signal.like(self.i_a, reset_less=True)
+        b = Signal.like(self.i_b, reset_less=True)
+        multiplier = Signal.like(self.o_product, reset_less=True)
+        product = port_register(m, self.o_product)
+        with m.If(self.i_valid):
+            m.d.sync += [a.eq(self.i_a), b.eq(self.i_b)]
+        with m.If(operands_valid):
+            m.d.sync += multiplier.eq(a * b)
+        with m.If(multiplied):
+            m.d.sync += product.eq(multiplier)
+        return m

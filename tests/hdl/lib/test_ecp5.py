@@ -1,0 +1,84 @@
+# amaranth: UnusedElaboratable=no
+"""Blocks with the ECP5's own multipliers and block RAMs, simulated with models of them against the golden model."""
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from amaranth.hdl import Module, Signal
+
+from golden_model.formats import TENSOR_TRACE
+from golden_model.pixel import harris
+from hdl.blocks import catalogue
+from hdl.blocks.export import export_block
+from hdl.blocks.flat import FlatBlock
+from hdl.blocks.vectors import Block, answer_rows, pixel_rows
+from hdl.lib.ecp5 import MODELS, Ecp5
+from hdl.netlist import to_verilog
+from hdl.pixel.harris import RawResponse
+
+
+def raw_response() -> Block:
+    """The extremes of the structure tensor, and much in between."""
+    rng = np.random.default_rng(3)
+    largest = TENSOR_TRACE.max_raw // 2
+    a, b = rng.integers(0, largest + 1, (2, 20, 20), np.int32)
+    a[0, :4], b[0, :4] = (0, largest, 0, largest), (0, 0, 1, largest)
+    # The mixed sum is never larger than the geometric mean of the other two.
+    c = (np.sqrt(a.astype(float) * b) * rng.choice([-1, 1, 0.3], a.shape)).astype(np.int32)
+    expected = harris.raw_response(a, b, c, 1, 4)
+    return Block(
+        RawResponse(k_numerator=1, k_shift=4),
+        "Harris's response.",
+        {"i": pixel_rows(a=a, b=b, c=c)},
+        {"o": answer_rows(raw=expected)},
+        {},
+    )
+
+
+@pytest.mark.skipif(shutil.which("iverilog") is None, reason="iverilog is absent")
+@pytest.mark.parametrize(
+    ("name", "width_px", "cells"),
+    [
+        ("half", 1920, ["DP16KD"]),
+        ("nms", 1920, ["DP16KD"] * 10),
+        pytest.param("nms", 4096, ["DP16KD"] * 23, marks=pytest.mark.slow),
+        ("raw_response", 1920, ["MULT18X18D"] * 3),
+        # Lines of gray, smoothed gray and gradients; products of five lines, and three of the response.
+        pytest.param("harris", 1920, ["DP16KD"] * 14 + ["MULT18X18D"] * (15 + 3), marks=pytest.mark.slow),
+    ],
+)
+def test_a_block_of_instances_equals_the_golden_model(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, width_px: int, cells: list[str]
+) -> None:
+    monkeypatch.setattr(catalogue, "WIDTH_PX", width_px)
+    monkeypatch.setitem(catalogue.CATALOGUE, "raw_response", raw_response)
+    export_block(tmp_path, name)
+    netlist = to_verilog(FlatBlock(catalogue.CATALOGUE[name]().component), name=name, platform=Ecp5())
+    assert sorted(re.findall(r"^  (DP16KD|MULT18X18D) ", netlist, re.MULTILINE)) == cells
+    (tmp_path / f"{name}.v").write_text(netlist)
+    compiled = ["iverilog", "-g2012", "-s", f"{name}_tb", "-o", "bench", f"{name}.v", f"{name}_tb.v", str(MODELS)]
+    subprocess.run(compiled, cwd=tmp_path, check=True)
+    run = subprocess.run(["vvp", "-n", "bench"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert run.stdout.startswith("PASS"), run.stdout
+
+
+def test_what_does_not_fit_is_refused() -> None:
+    wide, narrow, bit, m = Signal(19), Signal(4), Signal(), Module()
+    with pytest.raises(ValueError, match="a factor has 19 bits"):
+        Ecp5().multiplier(m, a=wide, b=narrow, loads=(bit, bit, bit), product=Signal(23))
+    address, word = Signal(15), Signal(8)
+    with pytest.raises(ValueError, match="the memory has 16385 words"):
+        Ecp5().memory(
+            m,
+            depth=16385,
+            read_address=address,
+            registers=bit,
+            read_data=word,
+            write=bit,
+            write_address=address,
+            write_data=word,
+        )
