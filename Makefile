@@ -4,6 +4,8 @@ VENV := .venv
 # A pip constraints file; without one, the newest versions that pyproject.toml allows are installed.
 VERSIONS ?=
 BIN := $(VENV)/bin
+# Of the thousands of modules in the packages few are ever imported: compiled then, not at installation.
+INSTALL := $(BIN)/python -m pip install --quiet --no-compile
 PYTEST := $(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 .PHONY: demo test test-slow test-fuzz docs tools lint clean
@@ -11,7 +13,8 @@ PYTEST := $(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder
 demo: $(VENV)/runs
 	$(BIN)/skymosaic demo -o demo --overwrite
 
-test: $(VENV)/installed lint tools
+test: $(VENV)/installed
+	$(MAKE) --jobs 2 lint tools
 	$(PYTEST) -m "not slow"
 
 test-slow: $(VENV)/installed tools
@@ -38,12 +41,12 @@ lint: $(VENV)/installed
 # Without the tests' packages, which are many times as large.
 $(VENV)/runs: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(BIN)/python -m pip install --quiet --editable '.[sim]' $(if $(VERSIONS),--constraint $(VERSIONS))
+	$(INSTALL) --upgrade pip
+	$(INSTALL) --editable '.[sim]' $(if $(VERSIONS),--constraint $(VERSIONS))
 	touch $@
 
 $(VENV)/installed: $(VENV)/runs
-	$(BIN)/python -m pip install --quiet --editable '.[dev]' $(if $(VERSIONS),--constraint $(VERSIONS))
+	$(INSTALL) --editable '.[dev]' $(if $(VERSIONS),--constraint $(VERSIONS))
 	touch $@
 
 clean:

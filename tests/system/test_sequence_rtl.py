@@ -12,7 +12,7 @@ from sim.hardware import frame_segments, results_of
 from sim.scene import lawnmower
 from sim.scoreboard import Coverage, first_clock_mismatch, first_mismatch, predicted
 
-FRAMES, SIZE_PX = 10, (640, 480)
+FRAMES, SIZE_PX = 6, (640, 480)
 FRAME_CYCLES = SIZE_PX[0] * SIZE_PX[1]
 CONFIG = PRESETS["aerial"]
 LEAST_MATCHES = 700
