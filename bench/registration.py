@@ -43,6 +43,8 @@ OURS: dict[str, dict[str, Any]] = {
     "fast": {"effort": "fast"},
     "thorough": {"effort": "thorough"},
     "refine": {"refine": True},
+    "scored": {"estimator": "scored"},
+    "scored-fast": {"estimator": "scored", "effort": "fast"},
     "fast-corners": {"detector": "fast"},
     "thesis": {"preset": "thesis"},
 }

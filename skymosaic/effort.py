@@ -23,8 +23,9 @@ from skymosaic.features.frames import Change, Frame, changed, in_image, matches_
 from skymosaic.features.methods import Method
 from skymosaic.features.positions import match_points
 from skymosaic.geometry import acceptance
+from skymosaic.geometry.estimators import SCORINGS
 from skymosaic.geometry.homography import apply
-from skymosaic.geometry.prosac import MIN_INLIERS, Estimate, estimate_homography
+from skymosaic.geometry.prosac import MIN_INLIERS, Estimate, Scoring, estimate_homography
 
 EFFORTS = ("fast", "normal", "thorough")
 """fast: one pass; normal: more where the first is weak; thorough: three scales always, more where they are weak."""
@@ -117,10 +118,13 @@ class Search:
         config: Config,
         rng: np.random.Generator,
         counted: Callable[[Records], Records],
+        *,
+        scoring: Scoring | None = None,
     ) -> None:
         """``counted`` returns those of the match records that count: none in what a lens masks."""
         self._front_end, self._images, self._config, self._rng = front_end, images, config, rng
         self._counted = counted
+        self._scoring = scoring
         self._sizes = tuple((image.shape[1], image.shape[0]) for image in images)
 
     def run(self, effort: str, found: Found) -> Found:
@@ -208,7 +212,7 @@ class Search:
         kept = evidence.kept
         left, right = match_points(kept)
         weight = kept["weight"].astype(np.float64)
-        return estimate_homography(left, right, weight, rng=self._rng, starts=starts, **search)
+        return estimate_homography(left, right, weight, rng=self._rng, starts=starts, scoring=self._scoring, **search)
 
     def _strong(self, found: Found) -> bool:
         if found.homography is None or found.places < STRONG_INLIERS:
@@ -235,12 +239,12 @@ def settled_effort(effort: str | None, method: Method, estimator: str, backend: 
             raise InputError(f"effort {effort} needs frames of several sizes, a board takes one; choose fast")
         return "fast"
     # Other methods have scale spaces of their own, and the thesis's descriptor is to be seen as it is.
-    possible = method.descriptor in PATTERNS and PATTERNS[method.descriptor].oriented and estimator == "prosac"
+    possible = method.descriptor in PATTERNS and PATTERNS[method.descriptor].oriented and estimator in SCORINGS
     if effort is None:
         return "normal" if possible else "fast"
     if effort != "fast" and not possible:
         raise InputError(
-            f"effort {effort} needs an oriented ILBP descriptor and the estimator prosac, "
+            f"effort {effort} needs an oriented ILBP descriptor and the estimator {' or '.join(SCORINGS)}, "
             f"not {method.descriptor} and {estimator}; leave it out or choose fast"
         )
     return effort

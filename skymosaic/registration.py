@@ -19,7 +19,7 @@ from skymosaic.features.guided_matching import refine_pair
 from skymosaic.features.masks import matches_on_the_ground
 from skymosaic.features.methods import Method, backend_of, choose
 from skymosaic.features.positions import match_points
-from skymosaic.geometry.estimators import ESTIMATORS, FUZZY_RANSAC, estimate
+from skymosaic.geometry.estimators import ESTIMATORS, FUZZY_RANSAC, SCORINGS, estimate
 from skymosaic.geometry.homography import apply
 from skymosaic.geometry.prosac import INLIER_PX
 from skymosaic.imagery.images import Photograph, keeps_damaged, load, reduced_for_front_end
@@ -62,7 +62,7 @@ def register(
         One of `skymosaic.geometry.estimators.ESTIMATORS`.
     effort : {"fast", "normal", "thorough"} or None
         How many frames are tried, see `skymosaic.effort`. None: normal where the method allows it (an oriented ILBP
-        descriptor with the estimator ``prosac``), else fast.
+        descriptor with the estimator ``prosac`` or ``scored``), else fast.
     backend : str or Backend
         What computes features and matches: ``golden``, ``rtl``, ...
     seed : int
@@ -149,7 +149,14 @@ def register_photographs(
     matches = matches_on_the_ground(results[1].matches, masks)
     clock.lap("features and matches")
     rng = np.random.default_rng(seed)
-    search = Search(front_end, (left, right), config, rng, lambda matches: matches_on_the_ground(matches, masks))
+    search = Search(
+        front_end,
+        (left, right),
+        config,
+        rng,
+        lambda matches: matches_on_the_ground(matches, masks),
+        scoring=SCORINGS.get(estimator),
+    )
     first = Evidence((results[0].features, results[1].features), matches)
     found = search.run(effort, search.judged(first, *_estimated(estimator, matches, rng), passes=1))
     clock.lap("homography")

@@ -12,12 +12,14 @@ from golden_model import front_end as golden_front_end
 from golden_model.config import PRESETS
 from golden_model.feature import ilbp
 from golden_model.formats import encode_response
+from golden_model.geometry import scoring
 from golden_model.matching import correlation, fuzzy
 from golden_model.matching.matcher import match
 from golden_model.pixel import fast, gray, half, nms, smooth, sobel
 from golden_model.records import MATCH
 from hdl.blocks.chain import Chain, Descriptor
 from hdl.blocks.vectors import Block, Row, answer_rows, packet, padded_status, pixel_rows, rows, sample_image
+from hdl.geometry.scoring import HomographyScoring, set_of_matches
 from hdl.matching.correlation import WindowCorrelation
 from hdl.matching.fuzzy import Sugeno
 from hdl.matching.matcher import Matcher
@@ -217,6 +219,29 @@ def _matcher() -> Block:
     )
 
 
+def _scoring() -> Block:
+    rng = np.random.default_rng(7)
+    hypotheses = scoring.quantise(
+        np.eye(3) + rng.normal(0, 1, (20, 3, 3)) * np.array([[1e-3, 1e-3, 2], [1e-3, 1e-3, 2], [1e-7, 1e-7, 0]])
+    )
+    # The last two have no score: an element out of range, and all of them too small.
+    hypotheses[-2, 0, 0] = 1 << scoring.ENTRY.bits
+    hypotheses[-1] >>= 4
+    left = rng.integers(0, 1 << 14, (60, 2))
+    right, weight = np.abs(left + rng.integers(-60, 61, left.shape)), rng.integers(0, 256, len(left))
+    found = scoring.score(hypotheses, left, right, weight)
+    answers = zip(found.score.tolist(), found.support.tolist(), found.causes.tolist(), strict=True)
+    return Block(
+        HomographyScoring(),
+        "Scores hypotheses of a homography by the weighted matches of a set, one match a clock.",
+        {
+            "i_matches": rows("i_matches", set_of_matches(left, right, weight)),
+            "i_hypotheses": rows("i_hypotheses", hypotheses.reshape(-1, 9).tolist()),
+        },
+        {"o": rows("o", [dict(zip(("score", "support", "causes"), each, strict=True)) for each in answers])},
+    )
+
+
 CATALOGUE: dict[str, Callable[[], Block]] = {
     "gray": _gray,
     "half": _half,
@@ -230,5 +255,6 @@ CATALOGUE: dict[str, Callable[[], Block]] = {
     "fuzzy": _fuzzy,
     "correlation": _correlation,
     "matcher": _matcher,
+    "scoring": _scoring,
 }
 """Builders of the blocks by name."""

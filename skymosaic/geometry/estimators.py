@@ -1,4 +1,4 @@
-"""The robust estimators by name: ours, OpenCV's RANSAC and MAGSAC, and the thesis's fuzzy RANSAC."""
+"""The robust estimators by name: ours by float or integer scores, OpenCV's two, and the thesis's fuzzy RANSAC."""
 
 from __future__ import annotations
 
@@ -8,11 +8,15 @@ import numpy as np
 from golden_model.arrays import Array, Mask
 from skymosaic.geometry import fuzzy_ransac
 from skymosaic.geometry.homography import DegenerateError, apply, dlt
-from skymosaic.geometry.prosac import INLIER_PX, MIN_INLIERS, estimate_homography
+from skymosaic.geometry.prosac import INLIER_PX, MIN_INLIERS, Scoring, estimate_homography, transfer_scores
+from skymosaic.geometry.scored import integer_scores
 
 FUZZY_RANSAC = "fuzzy-ransac"
-ESTIMATORS = ("prosac", "ransac", "magsac", FUZZY_RANSAC)
-"""Every estimator; ``prosac`` is `skymosaic.geometry.prosac`."""
+SCORINGS: dict[str, Scoring] = {"prosac": transfer_scores, "scored": integer_scores}
+"""The estimators that are `skymosaic.geometry.prosac`, and what ranks their samples: floating point, or the integers
+of the scoring block."""
+ESTIMATORS = (*SCORINGS, "ransac", "magsac", FUZZY_RANSAC)
+"""Every estimator."""
 FEWEST_MATCHES = 4
 RANSAC_ROUNDS = 2000
 MAGSAC_TOLERANCE_PX = 3.0
@@ -32,11 +36,11 @@ def estimate(
     left, right : (N, 2) float64 ndarray
         Matched points, px.
     weight : (N,) float64 ndarray
-        Confidence of each match; only ``prosac`` uses it.
+        Confidence of each match, 0 to 255; only ``prosac`` and ``scored`` use it.
     verified : (N,) bool ndarray
         Whether the front end accepted the match. Only fuzzy RANSAC also uses the other matches.
     rng : numpy.random.Generator
-        Source of the samples of ``prosac``; OpenCV's estimators use a fixed seed.
+        Source of the samples of ``prosac`` and ``scored``; OpenCV's estimators use a fixed seed.
 
     Returns
     -------
@@ -46,8 +50,9 @@ def estimate(
         The verified matches within 2 px; for fuzzy RANSAC, those that its rules accept.
     """
     inliers = np.zeros(len(left), dtype=bool)
-    if name == "prosac":
-        found = estimate_homography(left[verified], right[verified], weight[verified], rng=rng)
+    if name in SCORINGS:
+        chosen = left[verified], right[verified], weight[verified]
+        found = estimate_homography(*chosen, rng=rng, scoring=SCORINGS[name])
         inliers[verified] = found.inliers
         return found.homography, inliers
     if name == FUZZY_RANSAC:

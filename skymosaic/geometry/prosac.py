@@ -11,13 +11,13 @@ one depends on the seed. So the search is restarted, and the homography with the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from golden_model.arrays import Array, Mask, Matrix
+from golden_model.arrays import Array, Mask, Matrix, Points
 from skymosaic.geometry.homography import (
     DegenerateError,
     apply,
@@ -51,6 +51,11 @@ EIGENVALUE_TOLERANCE = 1e-13
 TRIPLES = ((1, 2, 3), (2, 0, 3), (0, 1, 3), (0, 1, 2))
 """The triangles among a sample's four points. The first three leave out point 0, 1 and 2; the ratios of their areas to
 the last give the fourth point as a combination of the first three."""
+
+Scorer = Callable[[Array], Array]
+"""Scores (M,) of homographies (M, 3, 3), of which the highest is the best; 0 has no support."""
+Scoring = Callable[[Points, Points, Array], Scorer]
+"""Makes the scorer of matches: left, right, and weights, which fall."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +102,7 @@ class _Matches:
 
     def score(self, squared_error: Array) -> Array:
         """Sum of w max(0, 1 - e²/2tau²) over the last axis."""
-        return np.maximum(0, 1 - squared_error / (2 * TOLERANCE_PX**2)) @ self.weight
+        return np.asarray(_gain(squared_error) @ self.weight)
 
     def fit(self, chosen: Mask) -> Matrix:
         """The weighted DLT over some of the matches, by the normal equations.
@@ -133,6 +138,7 @@ def estimate_homography(
     max_samples: int = MAX_SAMPLES,
     restarts: int = RESTARTS,
     starts: Sequence[Matrix] = (),
+    scoring: Scoring | None = None,
 ) -> Estimate:
     """Fit a homography to matches of which many may be wrong.
 
@@ -150,6 +156,8 @@ def estimate_homography(
         Independent searches; the homography with the highest score counts. With 0, only ``starts`` do.
     starts : sequence of (3, 3) ndarray
         Homographies known from elsewhere that compete after local optimisation.
+    scoring : callable, optional
+        What ranks the samples; default `transfer_scores`. Local optimisation always works in floating point.
 
     Returns
     -------
@@ -162,13 +170,34 @@ def estimate_homography(
         For wrong shapes, values that are not finite, or negative weights.
     """
     matches = _Matches(left, right, weight)
-    found = [_search(matches, rng, max_samples) for _ in range(restarts)]
+    scores = (scoring or transfer_scores)(matches.left, matches.right, matches.weight)
+    found = [_search(matches, scores, rng, max_samples) for _ in range(restarts)]
     found += [(*_optimise_locally(start, 0.0, matches), 0) for start in starts if len(matches.left) >= 4]
     best, _, _ = max(found, key=lambda result: result[1], default=(None, 0.0, 0))
     return matches.estimate(best, sum(samples for _, _, samples in found))
 
 
-def _search(matches: _Matches, rng: np.random.Generator, max_samples: int) -> tuple[Array | None, float, int]:
+def transfer_scores(left: Points, right: Points, weight: Array) -> Scorer:
+    """The scorer in floating point: the sum of w max(0, 1 - e²/2tau²), where e is the transfer error."""
+    lifted = homogeneous(left).T
+
+    def scores(homographies: Array) -> Array:
+        x, y, w = (homographies.reshape(-1, 3) @ lifted).reshape(len(homographies), 3, -1).transpose(1, 0, 2)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            squared_error = (x / w - right[:, 0]) ** 2 + (y / w - right[:, 1]) ** 2
+        return _gain(squared_error) @ weight
+
+    return scores
+
+
+def _gain(squared_error: Array) -> Array:
+    """The truncated quadratic max(0, 1 - e²/2tau²); 0 for points that map to infinity."""
+    return np.maximum(0, 1 - np.nan_to_num(squared_error, nan=np.inf) / (2 * TOLERANCE_PX**2))
+
+
+def _search(
+    matches: _Matches, scores: Scorer, rng: np.random.Generator, max_samples: int
+) -> tuple[Array | None, float, int]:
     """The homography with the highest score, its score, and the number of samples drawn."""
     subset_sizes = _subset_sizes(len(matches.left), max_samples)
     best, best_score, best_sample_score = None, 0.0, 0.0
@@ -176,11 +205,11 @@ def _search(matches: _Matches, rng: np.random.Generator, max_samples: int) -> tu
     while drawn < needed:
         batch = subset_sizes[drawn : drawn + BATCH]
         drawn += len(batch)
-        sample, sample_score = _best_of(_minimal_homographies(matches, _draw(batch, rng)), matches)
+        sample, sample_score = _best_of(_minimal_homographies(matches, _draw(batch, rng)), scores)
         if sample is None or sample_score <= best_sample_score:
             continue
         best_sample_score = sample_score
-        improved, score = _optimise_locally(sample, sample_score, matches)
+        improved, score = _optimise_locally(sample, float(matches.score(matches.squared_error(sample))), matches)
         if score > best_score:
             best, best_score = improved, score
             needed = min(needed, _samples_needed(best, matches))
@@ -217,7 +246,8 @@ def _minimal_homographies(matches: _Matches, samples: NDArray[np.int64]) -> Arra
 
     In homogeneous coordinates the fourth point is p3 = sum_i a_i p_i, i = 0..2, where a_i is a ratio of triangle
     areas. With b_i the same of the right points, H = sum_i (b_i / a_i) q_i (p_j x p_k)'. The signs of the areas
-    are the orientation test: a view from the same side turns no triangle over.
+    are the orientation test: a view from the same side turns no triangle over. The third coordinate of all four points
+    is given a positive sign.
     """
     left, right = (homogeneous(points[samples]) for points in (matches.left, matches.right))
     left_areas, right_areas = _areas(left), _areas(right)
@@ -225,7 +255,7 @@ def _minimal_homographies(matches: _Matches, samples: NDArray[np.int64]) -> Arra
     large = np.minimum(np.abs(left_areas), np.abs(right_areas)).min(axis=1) > TOLERANCE_PX**2
     usable = large & (left_areas * right_areas > 0).all(axis=1)
     left, right = left[usable], right[usable]
-    ratio = right_areas[usable, :3] / left_areas[usable, :3]
+    ratio = right_areas[usable, :3] / left_areas[usable, :3] * np.sign(left_areas[usable, 3:])
     crossed = np.cross(np.roll(left[:, :3], -1, axis=1), np.roll(left[:, :3], -2, axis=1))
     return np.asarray((right[:, :3] * ratio[..., None]).transpose(0, 2, 1) @ crossed)
 
@@ -237,16 +267,12 @@ def _areas(points: Array) -> Array:
     return np.asarray(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
 
 
-def _best_of(homographies: Array, matches: _Matches) -> tuple[Array | None, float]:
+def _best_of(homographies: Array, scores: Scorer) -> tuple[Array | None, float]:
     if len(homographies) == 0:
         return None, 0.0
-    mapped = homographies.reshape(-1, 3) @ homogeneous(matches.left).T
-    x, y, w = mapped.reshape(len(homographies), 3, -1).transpose(1, 0, 2)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        squared_error = (x / w - matches.right[:, 0]) ** 2 + (y / w - matches.right[:, 1]) ** 2
-    scores = matches.score(np.nan_to_num(squared_error, nan=np.inf))
-    best = int(np.argmax(scores))
-    return homographies[best], float(scores[best])
+    found = scores(homographies)
+    best = int(np.argmax(found))
+    return homographies[best], float(found[best])
 
 
 def _optimise_locally(H: Array, score: float, matches: _Matches) -> tuple[Array, float]:

@@ -1,0 +1,1 @@
+"""Scores of proposed homographies, in the integers of the hardware."""

@@ -1,0 +1,210 @@
+"""How well proposed homographies fit weighted matches, in integers and without a division.
+
+Coordinates are those of match records: 1/16 px, unsigned, 16 bits. In units of 2^16 of them, 4096 px, every coordinate
+is below 1 and the nine elements of a usual homography have similar magnitudes, so one format serves all nine:
+`quantise` scales a homography until its largest element is 2^24 - 1 and rounds the others. A homography's scale is
+free, its sign says which points are in front of the camera: those whose third coordinate w is positive.
+
+A match is at an error e = (n - x'w) / w, where n and w are linear in the left position and x' is the right one. With
+tau = 3 px its gain is the truncated quadratic 16 (1 - e² / 2tau²), rounded up to a whole number, which needs only
+comparisons of (n - x'w)² with multiples of w². The score is the sum of weight times gain, the support the sum of the
+weights where the gain is not 0. All widths follow from the largest magnitudes below, which are sums of products.
+"""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.arrays import Array
+from golden_model.formats import POSITION, SQ, WEIGHT, round_shift
+
+ENTRY = SQ(25)
+"""An element of a hypothesis. With an unsigned position of 16 bits it fits one multiplier of 25 x 18 bits."""
+SMALLEST_LARGEST_ENTRY = 1 << ENTRY.bits - 2
+"""The largest element of a hypothesis is at least this, or rounding would be too coarse."""
+MAX_MATCHES = 2048
+"""Matches that the hardware stores: as many as a frame has features."""
+TOLERANCE_PX = 3
+LEVEL_BITS = 4
+LEVELS = 1 << LEVEL_BITS
+"""Steps of the gain between error 0 and sqrt(2) ``TOLERANCE_PX``."""
+
+TERM_SHIFT = 18
+"""Bits that x'w, y'w and w drop before the right position is multiplied."""
+ERROR_SHIFT = 13
+DEPTH_SHIFT = 7
+"""Bits that n - x'w and w drop before they are squared; together with the 16 of the position, both lose the same unit
+but for a factor that `DEPTH_FACTOR` and `ERROR_FACTOR` hold."""
+ERROR = SQ(18)
+"""n - x'w as squared, limited to this range; the limit is beyond the tolerance for every w."""
+ERROR_FACTOR, DEPTH_FACTOR = 8, 9
+"""e² < 2tau² where 8 (n - x'w)² < 9 w², in the units after the shifts: 9/8 = 2 (3 * 16)² / 2^12."""
+
+LARGEST_SUM = -ENTRY.min_raw * (2 * POSITION.max_raw + (1 << POSITION.bits))
+LARGEST_TERM = LARGEST_SUM + (1 << TERM_SHIFT - 1) >> TERM_SHIFT
+LARGEST_DEPTH = LARGEST_TERM >> DEPTH_SHIFT
+LARGEST_MISS = LARGEST_TERM * ((1 << POSITION.bits) + POSITION.max_raw)
+LARGEST_SQUARED_ERROR = ERROR_FACTOR * 2 * ERROR.min_raw**2
+LARGEST_SQUARED_DEPTH = DEPTH_FACTOR * LARGEST_DEPTH**2
+LARGEST_SUPPORT = MAX_MATCHES * WEIGHT.max_raw
+LARGEST_SCORE = LARGEST_SUPPORT * LEVELS
+
+LATENCY_CYCLES = 24
+"""Clocks from a hypothesis to its score with one match; each further match adds one."""
+SHORTEST_CYCLES = 3
+"""Clocks from the start of a hypothesis to that of the next, at least."""
+IN_FLIGHT = 2
+"""Hypotheses that are started before the score of the first has been taken."""
+
+
+class Cause(enum.IntFlag):
+    """Why a hypothesis has no score (bits of ``Scores.causes``); 0 is a score that counts."""
+
+    OUT_OF_RANGE = 1
+    NOT_NORMALISED = 2
+    NO_MATCHES = 4
+    TOO_MANY_MATCHES = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Scores:
+    """Result of `score` for M hypotheses.
+
+    Attributes
+    ----------
+    score : (M,) int64 ndarray
+        Sum of weight times gain (0 to 16), 24 bits.
+    support : (M,) int64 ndarray
+        Sum of the weights of the matches with an error below sqrt(2) * 3 px, 19 bits.
+    causes : (M,) int64 ndarray
+        Bits of `Cause`; where it is not 0, score and support are 0.
+    """
+
+    score: NDArray[np.int64]
+    support: NDArray[np.int64]
+    causes: NDArray[np.int64]
+
+
+def quantise(homographies: Array) -> NDArray[np.int64]:
+    """Homographies (M, 3, 3) of pixels as hypotheses: integers whose largest magnitude is 2^24 - 1.
+
+    Parameters
+    ----------
+    homographies : (M, 3, 3) float64 ndarray
+        They map left to right pixels; points in front of the camera have a positive third coordinate.
+
+    Returns
+    -------
+    (M, 3, 3) int64 ndarray
+        `ENTRY`, halves rounded up.
+
+    Raises
+    ------
+    ValueError
+        For a wrong shape, or a homography that is zero or not finite, with its index.
+    """
+    H = np.asarray(homographies, dtype=np.float64)
+    if H.ndim != 3 or H.shape[1:] != (3, 3):
+        raise ValueError(f"homographies have shape {H.shape}; need (M, 3, 3)")
+    unit_px = float(1 << POSITION.integer_bits)
+    units = np.array([unit_px, unit_px, 1.0])
+    scaled = H * units / units[:, np.newaxis]
+    largest = np.abs(scaled).max(axis=(1, 2), initial=0)
+    wrong = np.flatnonzero(~(np.isfinite(largest) & (largest > 0)))
+    if wrong.size:
+        raise ValueError(f"homography {wrong[0]} is zero or not finite; leave it out")
+    # First to a largest magnitude of 1: the factor for a tiny homography would overflow.
+    normalised = scaled / largest[:, np.newaxis, np.newaxis]
+    return np.asarray(np.floor(normalised * ENTRY.max_raw + 0.5), dtype=np.int64)
+
+
+def score(
+    hypotheses: NDArray[np.integer],
+    left: NDArray[np.integer],
+    right: NDArray[np.integer],
+    weight: NDArray[np.integer],
+    *,
+    max_matches: int = MAX_MATCHES,
+) -> Scores:
+    """Score hypotheses by matches as the hardware does, to the last bit.
+
+    Parameters
+    ----------
+    hypotheses : (M, 3, 3) integer ndarray
+        As `quantise` gives them; any integers of 32 bits are legal, with `Cause` for those that have no score.
+    left, right : (N, 2) integer ndarray
+        Positions x, y of the matches, `golden_model.formats.POSITION`.
+    weight : (N,) integer ndarray
+        Weights that the fuzzy rules gave, `golden_model.formats.WEIGHT`.
+    max_matches : int
+        Matches that the memory holds. With more, no hypothesis has a score.
+
+    Raises
+    ------
+    ValueError
+        For wrong shapes, or positions and weights out of their range.
+    """
+    h = np.asarray(hypotheses, dtype=np.int64)
+    x, y, w = (np.asarray(values, dtype=np.int64) for values in (left, right, weight))
+    if h.ndim != 3 or h.shape[1:] != (3, 3) or x.ndim != 2 or x.shape[1] != 2 or y.shape != x.shape:
+        raise ValueError(f"shapes are {h.shape}, {x.shape} and {y.shape}; need (M, 3, 3), (N, 2) and (N, 2)")
+    if w.shape != x.shape[:1]:
+        raise ValueError(f"weights have shape {w.shape}; need ({len(x)},)")
+    if not (POSITION.holds(x) and POSITION.holds(y) and WEIGHT.holds(w)):
+        raise ValueError(f"positions must be {POSITION} and weights {WEIGHT}, as match records hold them")
+    causes = _causes(h, len(x), max_matches)
+    gain = np.zeros((len(h), len(x)), dtype=np.int64)
+    scored = causes == 0
+    gain[scored] = _gain(h[scored], x, y)
+    return Scores(gain @ w, (gain > 0) @ w, causes)
+
+
+def _causes(h: NDArray[np.int64], matches: int, max_matches: int) -> NDArray[np.int64]:
+    low, high = h.min(axis=(1, 2), initial=0), h.max(axis=(1, 2), initial=0)
+    causes = np.where((low < ENTRY.min_raw) | (high > ENTRY.max_raw), int(Cause.OUT_OF_RANGE), 0)
+    # As the hardware sees it: an element whose two leading bits differ.
+    small = (low >= -SMALLEST_LARGEST_ENTRY) & (high < SMALLEST_LARGEST_ENTRY)
+    causes |= np.where(small, int(Cause.NOT_NORMALISED), 0)
+    if matches == 0:
+        causes |= int(Cause.NO_MATCHES)
+    if matches > max_matches:
+        causes |= int(Cause.TOO_MANY_MATCHES)
+    return causes
+
+
+def _gain(h: NDArray[np.int64], left: NDArray[np.int64], right: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Gain (M, N) of every match under every hypothesis, 0 to `LEVELS`."""
+    x, y = left.T
+    sums = h[:, :, :1] * x + h[:, :, 1:2] * y + (h[:, :, 2:] << POSITION.bits)
+    terms = round_shift(sums, TERM_SHIFT)
+    w = terms[:, 2:]
+    miss = (terms[:, :2] << POSITION.bits) - right.T * w
+    error = np.clip(miss >> ERROR_SHIFT, ERROR.min_raw, ERROR.max_raw)
+    depth = np.maximum(w[:, 0] >> DEPTH_SHIFT, 0)
+    squared_error = ERROR_FACTOR * (error**2).sum(axis=1)
+    squared_depth = DEPTH_FACTOR * depth**2
+    gain = np.zeros(depth.shape, dtype=np.int64)
+    near = squared_error < squared_depth
+    gain[near] = LEVELS - (LEVELS * squared_error[near]) // squared_depth[near]
+    return gain
+
+
+def finish_cycles(matches: int, hypotheses: int) -> NDArray[np.int64]:
+    """The clock (M,) in which each of M hypotheses has its score, of which all wait at the idle block in clock 0.
+
+    Scores are taken at once. Beyond 22 matches, hypothesis k is done in clock (k + 1) ``matches`` + 23.
+    """
+    read = max(matches, 1)
+    finished: list[int] = []
+    start = 0
+    for k in range(hypotheses):
+        if k:
+            start += max(read, SHORTEST_CYCLES)
+        if k >= IN_FLIGHT:
+            start = max(start, finished[k - IN_FLIGHT] + 1)
+        finished.append(start + read - 1 + LATENCY_CYCLES)
+    return np.array(finished, dtype=np.int64)

@@ -1,0 +1,1 @@
+"""Scores of proposed homographies: one match a clock, without a division."""

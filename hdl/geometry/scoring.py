@@ -1,0 +1,208 @@
+"""Scores homographies that a host proposes by the weighted matches of a frame, one match a clock."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from amaranth import Cat, Module, Mux, Signal, Value, signed
+from amaranth.lib import data, stream, wiring
+from amaranth.lib.memory import Memory
+from amaranth.lib.wiring import In, Out
+from numpy.typing import NDArray
+
+from golden_model.formats import WEIGHT
+from golden_model.geometry.scoring import ENTRY, IN_FLIGHT, LEVELS, MAX_MATCHES, Cause
+from hdl.geometry.match_gain import HYPOTHESIS, PAIR, PRODUCT_CYCLES, MatchGain
+from hdl.lib.delay import delayed
+from hdl.lib.skid_buffer import SkidBuffer
+from hdl.lib.views import view_signal
+
+SENT_HYPOTHESIS = data.ArrayLayout(signed(32), 9)
+"""A hypothesis as a host sends it, row by row."""
+WEIGHED_PAIR = data.StructLayout({"pair": PAIR, "weight": WEIGHT.bits})
+SENT_MATCH = data.StructLayout({"match": WEIGHED_PAIR, "ends": 1})
+"""A match; or with ``ends`` no match but the end of the set."""
+READ_CYCLES = 2
+"""Clocks from an address to its match: the memory, and a register after it."""
+
+
+class _Beat(NamedTuple):
+    """Whether a match is the first of its hypothesis, or the last, in the clock of its address."""
+
+    first: Value
+    last: Value
+
+
+class HomographyScoring(wiring.Component):
+    """Score and support of every hypothesis; equal to `golden_model.geometry.scoring.score`.
+
+    A set of matches is stored; hypotheses follow, any number of them. The next set is taken as soon as the hypotheses
+    that were started have been read through, and hypotheses wait until a set that has begun is complete. Before the
+    first set, and with an empty one, hypotheses are answered with `Cause.NO_MATCHES`.
+
+    With N matches a hypothesis takes max(N, 3) clocks. Hypotheses follow each other without a pause where N is at least
+    ``latency_cycles`` and scores are taken at once; with fewer matches, two of them take at least N +
+    ``latency_cycles``: no more than two are in flight, so that the pipeline never stalls.
+
+    Parameters
+    ----------
+    max_matches : int
+        Matches that the memory holds, 1 to 2048. A larger set is not scored, see `Cause.TOO_MANY_MATCHES`.
+
+    Members
+    -------
+    i_matches : In(stream of {match: {pair: PAIR, weight: 8}, ends: 1})
+        A set ends with a payload with ``ends``, which holds no match.
+    i_hypotheses : In(stream of ArrayLayout(signed(32), 9))
+        `golden_model.geometry.scoring.quantise`; what does not fit 25 bits, or is too small, is refused with a cause.
+    o : Out(stream of {score, support, causes})
+        One for each hypothesis, in their order; see `golden_model.geometry.scoring.Scores`.
+
+    Attributes
+    ----------
+    latency_cycles : int
+        From a hypothesis at the input of an idle block to its score, with one match; each further match adds a clock.
+
+    Raises
+    ------
+    ValueError
+        For a number of matches outside 1 to 2048.
+    """
+
+    i_matches: stream.Interface
+    i_hypotheses: stream.Interface
+    o: stream.Interface
+
+    # Address; memory; gain; its product with the weight; sum; skid buffer.
+    latency_cycles = 1 + READ_CYCLES + MatchGain.latency_cycles + PRODUCT_CYCLES + 1 + SkidBuffer.latency_cycles
+
+    def __init__(self, *, max_matches: int = MAX_MATCHES) -> None:
+        if not 1 <= max_matches <= MAX_MATCHES:
+            raise ValueError(f"max_matches is {max_matches}; it must be 1 to {MAX_MATCHES}")
+        self.max_matches = max_matches
+        support = max_matches * WEIGHT.max_raw
+        self._result = data.StructLayout(
+            {"score": range(support * LEVELS + 1), "support": range(support + 1), "causes": len(Cause)}
+        )
+        super().__init__(
+            {
+                "i_matches": In(stream.Signature(SENT_MATCH)),
+                "i_hypotheses": In(stream.Signature(SENT_HYPOTHESIS)),
+                "o": Out(stream.Signature(self._result)),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """Store matches, read them for each hypothesis, sum their gains."""
+        m = Module()
+        memory: Memory = Memory(shape=WEIGHED_PAIR, depth=self.max_matches, init=[])
+        m.submodules.memory = memory
+        read = memory.read_port()
+        reading = Signal()
+        stored, too_many, loading = self._store(m, memory, reading)
+        beat = self._read(m, read.addr, reading, stored, loading)
+        match = delayed(m, read.data, READ_CYCLES - 1)
+
+        hypothesis = view_signal(HYPOTHESIS, reset_less=True)
+        causes = Signal(len(Cause), reset_less=True)
+        m.d.comb += self.i_hypotheses.ready.eq(delayed(m, beat.first, READ_CYCLES - 1, reset_less=False))
+        with m.If(self.i_hypotheses.ready):
+            m.d.sync += [part.eq(sent) for part, sent in zip(hypothesis, self.i_hypotheses.payload, strict=True)]
+            m.d.sync += causes.eq(Cat(*self._refused(), stored == 0, too_many))
+        m.submodules.gain = gain = MatchGain()
+        m.d.comb += [gain.i_hypothesis.eq(hypothesis), gain.i_match.eq(match.pair)]
+        self._sum(m, beat, gain.o_gain, match.weight, causes)
+        return m
+
+    def _store(self, m: Module, memory: Memory, reading: Value) -> tuple[Signal, Signal, Signal]:
+        """Take matches while none are read. Returns how many are stored, whether some were not, and is a set open."""
+        stored = Signal(range(self.max_matches + 1))
+        too_many = Signal()
+        loading = Signal()
+        write = memory.write_port()
+        sent = self.i_matches
+        position = Mux(loading, stored, 0)
+        has_room = position != self.max_matches
+        m.d.comb += [
+            sent.ready.eq(~reading),
+            write.addr.eq(position),
+            write.data.eq(sent.payload.match),
+            write.en.eq(sent.valid & sent.ready & ~sent.payload.ends & has_room),
+        ]
+        with m.If(sent.valid & sent.ready):
+            m.d.sync += [
+                loading.eq(~sent.payload.ends),
+                stored.eq(position + write.en),
+                too_many.eq((too_many & loading) | (~sent.payload.ends & ~has_room)),
+            ]
+        return stored, too_many, loading
+
+    def _read(self, m: Module, address: Signal, reading: Signal, stored: Value, loading: Value) -> _Beat:
+        """Count through the matches once for each hypothesis."""
+        first = Signal()
+        last = Signal()
+        start = Signal()
+        waiting = Signal()
+        in_flight = Signal(range(IN_FLIGHT + 1))
+        following = Signal.like(address, reset_less=True)
+        may_start = ~waiting & (in_flight != IN_FLIGHT) & ~loading & ~self.i_matches.valid
+        m.d.comb += [
+            address.eq(following),
+            # Without matches there is one address, whose match does not count.
+            last.eq(reading & ((following + 1 == stored) | (stored == 0))),
+            start.eq(self.i_hypotheses.valid & may_start & (~reading | last)),
+        ]
+        m.d.sync += [
+            first.eq(start),
+            reading.eq(start | (reading & ~last)),
+            waiting.eq(start | (waiting & ~self.i_hypotheses.ready)),
+            in_flight.eq(in_flight + start - (self.o.valid & self.o.ready)),
+            following.eq(Mux(start, 0, following + 1)),
+        ]
+        return _Beat(first, last)
+
+    def _refused(self) -> tuple[Value, Value]:
+        """Whether an element does not fit the format, and whether all elements are too small, as `Cause` has them."""
+        beyond = [_exceeds(sent, ENTRY.bits) for sent in self.i_hypotheses.payload]
+        large = [_exceeds(sent, ENTRY.bits - 1) for sent in self.i_hypotheses.payload]
+        return Cat(*beyond).any(), ~Cat(*large).any()
+
+    def _sum(self, m: Module, beat: _Beat, gain: Value, weight: Value, causes: Value) -> None:
+        """Add up a hypothesis's gains; the score of a refused one is 0."""
+        cycles = MatchGain.latency_cycles
+        waiting_weight = delayed(m, weight, cycles)
+        term = delayed(m, waiting_weight * gain, PRODUCT_CYCLES)
+        share = delayed(m, Mux(gain.any(), waiting_weight, 0), PRODUCT_CYCLES)
+        begins = delayed(m, beat.first, READ_CYCLES + cycles + PRODUCT_CYCLES)
+        ends = delayed(m, beat.last, READ_CYCLES + cycles + PRODUCT_CYCLES + 1, reset_less=False)
+        why = delayed(m, causes, cycles + PRODUCT_CYCLES + 1)
+        m.submodules.output = output = SkidBuffer(shape=self._result)
+        result = output.i.payload
+        score = Signal.like(result.score, reset_less=True)
+        support = Signal.like(result.support, reset_less=True)
+        m.d.sync += [score.eq(Mux(begins, 0, score) + term), support.eq(Mux(begins, 0, support) + share)]
+        m.d.comb += [
+            output.i.valid.eq(ends),
+            result.causes.eq(why),
+            result.score.eq(Mux(why.any(), 0, score)),
+            result.support.eq(Mux(why.any(), 0, support)),
+        ]
+        wiring.connect(m, output.o, wiring.flipped(self.o))
+
+
+def set_of_matches(
+    left: NDArray[np.integer], right: NDArray[np.integer], weight: NDArray[np.integer]
+) -> list[dict[str, Any]]:
+    """Payloads of ``i_matches`` for a set: positions (N, 2), `golden_model.formats.POSITION`, and weights (N,)."""
+    names = tuple(PAIR.members)
+    rows = np.hstack((left, right, weight[:, np.newaxis])).tolist()
+    sent = [{"match": {"pair": dict(zip(names, row, strict=False)), "weight": row[-1]}, "ends": 0} for row in rows]
+    # What comes with the end is no match and does not count.
+    return [*sent, {"match": {"pair": dict.fromkeys(names, 0), "weight": 0}, "ends": 1}]
+
+
+def _exceeds(value: Value, bits: int) -> Value:
+    """Whether a signed value needs more than so many bits: those above are not all copies of its sign."""
+    upper = value[bits - 1 :]
+    return upper.any() & ~upper.all()

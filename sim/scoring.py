@@ -1,0 +1,55 @@
+"""Scores hypotheses in Amaranth's simulator, with the signature of `golden_model.geometry.scoring.score`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.geometry.scoring import MAX_MATCHES, Scores
+from hdl.geometry.scoring import HomographyScoring, set_of_matches
+from sim.block_bench import BlockBench
+from sim.recording import NO_PAUSES, Pauses
+
+
+def simulated_score(
+    hypotheses: NDArray[np.integer],
+    left: NDArray[np.integer],
+    right: NDArray[np.integer],
+    weight: NDArray[np.integer],
+    *,
+    max_matches: int = MAX_MATCHES,
+    pauses: Pauses = NO_PAUSES,
+) -> Scores:
+    """Send a set of matches and all hypotheses through `hdl.geometry.scoring.HomographyScoring`.
+
+    Parameters and result as in `golden_model.geometry.scoring.score`. A few thousand clocks a second; with N matches a
+    hypothesis takes N.
+
+    Raises
+    ------
+    AssertionError
+        If the block breaks the stream rules, or is slower than it says.
+    """
+    dut = HomographyScoring(max_matches=max_matches)
+    cycles = len(weight) + 1 + len(hypotheses) * (len(weight) + dut.latency_cycles)
+    # A stream that pauses in p of 256 clocks takes 256 / (256 - p) as long.
+    slower = 256 // (256 - max(pauses.gaps, pauses.stalls)) + 1
+    bench = BlockBench(dut, pauses=pauses, cycle_limit=4 * slower * cycles + 100)
+    received = []
+
+    async def send(ctx: Any) -> None:
+        # One after the other: a hypothesis that comes before the first match is scored without matches.
+        for payload in set_of_matches(left, right, weight):
+            await bench.stream_put(ctx, dut.i_matches, payload)
+        for hypothesis in hypotheses.reshape(-1, 9).tolist():
+            await bench.stream_put(ctx, dut.i_hypotheses, hypothesis)
+
+    async def receive(ctx: Any) -> None:
+        for _ in hypotheses:
+            found = await bench.stream_get(ctx, dut.o)
+            received.append((found.score, found.support, found.causes))
+
+    bench.run(send, receive)
+    return Scores(*np.array(received, dtype=np.int64).reshape(-1, 3).T)

@@ -1,0 +1,191 @@
+# amaranth: UnusedElaboratable=no
+"""The scoring block equals the golden model, and takes exactly the clocks that are predicted."""
+
+import numpy as np
+import pytest
+
+from golden_model.formats import POSITION
+from golden_model.geometry import scoring as golden
+from golden_model.geometry.scoring import Cause, finish_cycles, quantise, score
+from hdl.geometry.scoring import IN_FLIGHT, HomographyScoring, set_of_matches
+from sim.block_bench import BlockBench
+from sim.recording import NO_PAUSES, Pauses
+from sim.scoring import simulated_score
+
+PAUSES = Pauses(gaps=120, stalls=150, seed=7)
+TRUTH = np.array([[1.02, 0.05, 30], [-0.04, 0.97, 10], [1e-5, 2e-5, 1]])
+ENTRY = golden.ENTRY
+
+
+def matches(count, seed=1):
+    """Positions in 1/16 px, some near to where `TRUTH` maps them, some anywhere; and weights."""
+    rng = np.random.default_rng(seed)
+    left = rng.integers(0, 10_240, (count, 2))
+    lifted = np.hstack((left / 16, np.ones((count, 1)))) @ TRUTH.T
+    right = 16 * (lifted[:, :2] / lifted[:, 2:] + rng.normal(0, 2, (count, 2)))
+    right = np.where(rng.random((count, 1)) < 0.3, rng.integers(0, 10_240, (count, 2)), right)
+    return left, np.clip(np.rint(right), 0, POSITION.max_raw).astype(np.int64), rng.integers(0, 256, count)
+
+
+def near_truth(count, seed=2):
+    """Hypotheses that fit part of the matches."""
+    spread = np.array([[1e-3, 1e-3, 1], [1e-3, 1e-3, 1], [2e-7, 2e-7, 2e-3]])
+    return quantise(TRUTH + np.random.default_rng(seed).normal(size=(count, 3, 3)) * spread)
+
+
+def extreme_hypotheses():
+    """Elements at both ends of the range, behind the camera, at the horizon, singular; and what has no score."""
+    rng = np.random.default_rng(3)
+    ends = rng.choice([ENTRY.min_raw, ENTRY.max_raw, 0], (10, 3, 3))
+    anything = rng.integers(ENTRY.min_raw, ENTRY.max_raw + 1, (6, 3, 3))
+    plain = near_truth(1)[0]
+    horizon, mirrored, point = plain.copy(), -plain, np.zeros_like(plain)
+    horizon[2] = (ENTRY.max_raw, ENTRY.min_raw, 0)
+    point[:, 2] = (1 << 20, 1 << 19, ENTRY.max_raw)
+    beyond = [plain.copy() for _ in range(3)]
+    for h, value in zip(beyond, (1 << 24, -(1 << 24) - 1, (1 << 31) - 1), strict=True):
+        h[1, 1] = value
+    # The smallest elements that are large enough, and the largest that are not.
+    limits = np.zeros((4, 3, 3), dtype=np.int64)
+    limits[:, 0, 1] = (1 << 23, (1 << 23) - 1, -(1 << 23) - 1, -(1 << 23))
+    return np.concatenate((ends, anything, np.stack((plain, horizon, mirrored, point, *beyond, 0 * plain)), limits))
+
+
+def extreme_matches():
+    corners = np.array([[0, 0], [POSITION.max_raw, 0], [0, POSITION.max_raw], [POSITION.max_raw] * 2])
+    left, right = np.repeat(corners, 4, axis=0), np.tile(corners, (4, 1))
+    some = matches(14)
+    weight = np.resize([255, 0, 1, 128], 16)
+    return np.vstack((left, some[0])), np.vstack((right, some[1])), np.concatenate((weight, some[2]))
+
+
+async def answer(ctx, bench, hypothesis):
+    """Score, support and causes of one hypothesis."""
+    await bench.stream_put(ctx, bench.dut.i_hypotheses, hypothesis.ravel().tolist())
+    payload = await bench.stream_get(ctx, bench.dut.o)
+    return payload.score, payload.support, payload.causes
+
+
+def assert_equal(found, expected):
+    for name in ("score", "support", "causes"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name), err_msg=name)
+
+
+@pytest.mark.parametrize("pauses", [NO_PAUSES, PAUSES], ids=["free", "pauses"])
+def test_scores_equal_the_golden_model(pauses):
+    left, right, weight = matches(30)
+    hypotheses = near_truth(9)
+    expected = score(hypotheses, left, right, weight)
+    assert len(set(expected.score)) == len(hypotheses)
+    assert_equal(simulated_score(hypotheses, left, right, weight, max_matches=30, pauses=pauses), expected)
+
+
+def test_extremes_equal_the_golden_model():
+    hypotheses, given = extreme_hypotheses(), extreme_matches()
+    expected = score(hypotheses, *given)
+    assert {0, Cause.OUT_OF_RANGE, Cause.NOT_NORMALISED} == set(expected.causes)
+    assert (expected.score > 0).sum() >= 3
+    assert_equal(simulated_score(hypotheses, *given, max_matches=32), expected)
+
+
+def test_sets_follow_each_other_without_a_trace():
+    """Of one match, too many, none, and a full memory; each is answered as if it were the first."""
+    dut = HomographyScoring(max_matches=12)
+    hypotheses = near_truth(3)
+    counts = (5, 13, 0, 12, 1, 2)
+    sets = [matches(count, seed) for seed, count in enumerate(counts)]
+    found = []
+
+    async def run(ctx):
+        found.append([await answer(ctx, bench, h) for h in hypotheses])
+        for given in sets:
+            for payload in set_of_matches(*given):
+                await bench.stream_put(ctx, dut.i_matches, payload)
+            found.append([await answer(ctx, bench, h) for h in hypotheses])
+
+    bench = BlockBench(dut, cycle_limit=2000, pauses=Pauses(gaps=60, stalls=60, seed=2))
+    bench.run(run)
+    empty = [array[:0] for array in sets[0]]
+    for given, answers in zip([empty, *sets], found, strict=True):
+        expected = score(hypotheses, *given, max_matches=12)
+        assert_equal(golden.Scores(*np.array(answers).T), expected)
+
+
+def test_every_score_comes_in_the_predicted_clock():
+    """With so many matches that hypotheses overlap, just so many, and with few, one and none."""
+    dut = HomographyScoring(max_matches=64)
+    counts, hypotheses = (40, 24, 23, 7, 1, 0), 6
+    found = []
+
+    async def run(ctx):
+        ctx.set(dut.o.ready, 1)
+        ctx.set(dut.i_hypotheses.payload, near_truth(1).ravel().tolist())
+        for count in counts:
+            for payload in set_of_matches(*matches(count)):
+                await bench.stream_put(ctx, dut.i_matches, payload)
+            found.append(await clocks(ctx))
+
+    async def clocks(ctx):
+        """When scores come while hypotheses are offered without a pause."""
+        came, taken = [], 0
+        for clock in range(1000):
+            ctx.set(dut.i_hypotheses.valid, taken < hypotheses)
+            if ctx.get(dut.o.valid):
+                came.append(clock)
+            *_, was_taken = await ctx.tick().sample(dut.i_hypotheses.valid & dut.i_hypotheses.ready)
+            taken += was_taken
+            if len(came) == hypotheses:
+                break
+        return came
+
+    bench = BlockBench(dut, cycle_limit=2000)
+    bench.run(run)
+    assert found == [finish_cycles(count, hypotheses).tolist() for count in counts]
+
+
+def test_the_model_of_time_knows_the_block():
+    dut = HomographyScoring(max_matches=8)
+    assert (dut.latency_cycles, IN_FLIGHT) == (golden.LATENCY_CYCLES, golden.IN_FLIGHT)
+
+
+def test_reset_in_any_phase_leaves_nothing_behind():
+    """While a set is loaded or read, or scores are on their way or wait; afterwards there is no set."""
+    dut = HomographyScoring(max_matches=16)
+    given, hypotheses = matches(9), near_truth(3)
+    phases, found = (1, 5, 9, 11, 13, 20, 33, 40, 46), []
+
+    async def run(ctx):
+        for phase in phases:
+            await disturb(ctx, phase)
+            await bench.pulse(ctx, bench.reset)
+            found.append(await answers(ctx))
+            for payload in set_of_matches(*given):
+                await bench.stream_put(ctx, dut.i_matches, payload)
+            found.append(await answers(ctx))
+
+    async def disturb(ctx, phase):
+        await bench.pulse(ctx, bench.reset)
+        sent = set_of_matches(*matches(9, seed=5))
+        ctx.set(dut.i_hypotheses.payload, hypotheses[0].ravel().tolist())
+        ctx.set(dut.i_hypotheses.valid, 1)
+        for clock in range(phase):
+            ctx.set(dut.i_matches.payload, sent[min(clock, len(sent) - 1)])
+            ctx.set(dut.i_matches.valid, clock < len(sent))
+            await ctx.tick()
+        ctx.set(dut.i_matches.valid, 0)
+        ctx.set(dut.i_hypotheses.valid, 0)
+
+    async def answers(ctx):
+        return [await answer(ctx, bench, hypothesis) for hypothesis in hypotheses]
+
+    bench = BlockBench(dut, cycle_limit=5000)
+    bench.run(run)
+    empty = [array[:0] for array in given]
+    for matches_of, answered in zip((empty, given) * len(phases), found, strict=True):
+        assert_equal(golden.Scores(*np.array(answered).T), score(hypotheses, *matches_of))
+
+
+@pytest.mark.parametrize("max_matches", [0, golden.MAX_MATCHES + 1])
+def test_an_impossible_memory_is_refused(max_matches):
+    with pytest.raises(ValueError, match=f"max_matches is {max_matches}; it must be 1 to 2048"):
+        HomographyScoring(max_matches=max_matches)
