@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -53,3 +54,23 @@ def simulated_score(
 
     bench.run(send, receive)
     return Scores(*np.array(received, dtype=np.int64).reshape(-1, 3).T)
+
+
+async def clocked_scores(ctx: Any, dut: HomographyScoring, hypotheses: Sequence[Any]) -> list[tuple[int, Any]]:
+    """Offer hypotheses to the idle block without a pause: the clock in which each score comes, and the score.
+
+    The first hypothesis is offered in clock 0. Scores are taken at once.
+    """
+    came: list[tuple[int, Any]] = []
+    taken = clock = 0
+    ctx.set(dut.o.ready, 1)
+    while len(came) < len(hypotheses):
+        ctx.set(dut.i_hypotheses.valid, taken < len(hypotheses))
+        ctx.set(dut.i_hypotheses.payload, hypotheses[min(taken, len(hypotheses) - 1)])
+        if ctx.get(dut.o.valid):
+            came.append((clock, ctx.get(dut.o.payload)))
+        *_, was_taken = await ctx.tick().sample(dut.i_hypotheses.valid & dut.i_hypotheses.ready)
+        taken += was_taken
+        clock += 1
+    await ctx.tick()
+    return came

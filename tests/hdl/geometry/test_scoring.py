@@ -10,7 +10,7 @@ from golden_model.geometry.scoring import Cause, finish_cycles, quantise, score
 from hdl.geometry.scoring import IN_FLIGHT, HomographyScoring, set_of_matches
 from sim.block_bench import BlockBench
 from sim.recording import NO_PAUSES, Pauses
-from sim.scoring import simulated_score
+from sim.scoring import clocked_scores, simulated_score
 
 PAUSES = Pauses(gaps=120, stalls=150, seed=7)
 TRUTH = np.array([[1.02, 0.05, 30], [-0.04, 0.97, 10], [1e-5, 2e-5, 1]])
@@ -118,25 +118,11 @@ def test_every_score_comes_in_the_predicted_clock():
     found = []
 
     async def run(ctx):
-        ctx.set(dut.o.ready, 1)
-        ctx.set(dut.i_hypotheses.payload, near_truth(1).ravel().tolist())
         for count in counts:
             for payload in set_of_matches(*matches(count)):
                 await bench.stream_put(ctx, dut.i_matches, payload)
-            found.append(await clocks(ctx))
-
-    async def clocks(ctx):
-        """When scores come while hypotheses are offered without a pause."""
-        came, taken = [], 0
-        for clock in range(1000):
-            ctx.set(dut.i_hypotheses.valid, taken < hypotheses)
-            if ctx.get(dut.o.valid):
-                came.append(clock)
-            *_, was_taken = await ctx.tick().sample(dut.i_hypotheses.valid & dut.i_hypotheses.ready)
-            taken += was_taken
-            if len(came) == hypotheses:
-                break
-        return came
+            scores = await clocked_scores(ctx, dut, near_truth(hypotheses).reshape(-1, 9).tolist())
+            found.append([clock for clock, _ in scores])
 
     bench = BlockBench(dut, cycle_limit=2000)
     bench.run(run)
