@@ -167,18 +167,39 @@ def _ilbp() -> Block:
     )
 
 
-def _fuzzy() -> Block:
-    system = fuzzy.aerial_orientation(CONFIG.pattern.bits)
-    inputs = np.random.default_rng(5).integers(0, [[each.entries for each in system.inputs]], (60, len(system.inputs)))
+def sugeno(system: fuzzy.SugenoSystem, value_bits: int, description: str, *, vectors: int) -> Block:
+    """A block of any Sugeno system, checked at ``vectors`` random inputs and at the ends of its tables.
+
+    Parameters
+    ----------
+    system : SugenoSystem
+    value_bits : int
+        Width of each input.
+    description : str
+        For its README.
+    vectors : int
+    """
+    last = [each.entries - 1 for each in system.inputs]
+    # Beyond its last entry, a table gives its last degree.
+    ends = [[0] * len(last), last, [(1 << value_bits) - 1] * len(last)]
+    random = np.random.default_rng(5).integers(0, 1 << value_bits, (vectors, len(last)))
+    inputs = np.vstack([ends, random])
     weights, chosen = system.evaluate(*inputs.T)
     found = [{"weight": weight, "rule": rule} for weight, rule in zip(weights.tolist(), chosen.tolist(), strict=True)]
-    names = ", ".join(variable.name for variable in system.inputs)
     return Block(
-        Sugeno(system=system, value_bits=8),
-        f"Zero-order Sugeno system with the inputs {names}: weight (UQ0.8) and dominant rule.",
+        Sugeno(system=system, value_bits=value_bits),
+        description,
         {"i": rows("i", inputs.tolist())},
         {"o": rows("o", found)},
     )
+
+
+def _fuzzy() -> Block:
+    system = fuzzy.aerial_orientation(CONFIG.pattern.bits)
+    names = ", ".join(variable.name for variable in system.inputs)
+    description = f"Zero-order Sugeno system with the inputs {names}: weight (UQ0.8) and dominant rule."
+    # Its tables are short: most values of 8 bits lie beyond them.
+    return sugeno(system, value_bits=6, description=description, vectors=60)
 
 
 def _correlation() -> Block:

@@ -27,7 +27,11 @@ def export_block(folder: Path, name: str) -> None:
     """
     if name not in CATALOGUE:
         raise ValueError(f"unknown block {name!r}; valid: {', '.join(CATALOGUE)}")
-    block = CATALOGUE[name]()
+    write_block(folder, name, CATALOGUE[name]())
+
+
+def write_block(folder: Path, name: str, block: Block) -> None:
+    """Write any block and its test bench into ``folder``; ``name`` is that of the Verilog module."""
     top = FlatBlock(block.component)
     bench = VerilogBench(
         module=name,

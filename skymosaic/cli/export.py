@@ -12,6 +12,8 @@ from hdl.boards import BOARDS
 from skymosaic.cli.options import ConfigOption, OverwriteOption, PresetOption, choice, configuration
 from skymosaic.cli.session import session
 from skymosaic.errors import InputError
+from skymosaic.fuzzy.files import load_system
+from skymosaic.fuzzy.golden import ENTRIES, quantised
 from skymosaic.imagery.images import check_unused
 from skymosaic.temporary import temporary_folder
 
@@ -28,10 +30,16 @@ def export(
     max_width_px: Annotated[int, typer.Option("--max-width", help="Widest frame.")] = 1920,
     max_height_px: Annotated[int, typer.Option("--max-height", help="Highest frame.")] = 1080,
     video_bits: Annotated[int, typer.Option(help="Video input: 32 bits for a DMA, 24 RGB, 8 gray.")] = 32,
+    rules: Annotated[
+        Path | None, typer.Option(help="With --block fuzzy: your own system, an .fll or .fcl file.")
+    ] = None,
+    entries: Annotated[int, typer.Option(min=2, help="With --rules: table entries of each input.")] = ENTRIES,
 ) -> None:
     """Write Verilog, Vivado scripts, constraints, register map and board driver for a Xilinx kit; or one block."""
     if (board is None) == (block is None):
         raise InputError(f"export needs either --board ({', '.join(BOARDS)}) or --block")
+    if rules is not None and block != "fuzzy":
+        raise InputError(f"--rules {rules} makes the block fuzzy; add --block fuzzy, or leave it out")
     check_unused(output, overwrite=overwrite)
     build = {"lanes": lanes, "max_width_px": max_width_px, "max_height_px": max_height_px, "video_bits": video_bits}
     with session.working("writing Verilog"):
@@ -39,8 +47,10 @@ def export(
             # Complete, or not at all: written beside the folder and then moved into it.
             with temporary_folder(_existing(output.absolute().parent)) as folder:
                 made = folder / "export"
-                # Both load Amaranth, which --help need not wait for.
-                if block is None:
+                # All three load Amaranth, which --help need not wait for.
+                if rules is not None:
+                    _export_rules(made, rules, entries)
+                elif block is None:
                     importlib.import_module("hdl.export").export(
                         made, board=board, config=configuration(preset, config), **build
                     )
@@ -56,6 +66,16 @@ def export(
             raise InputError(f"{output}: cannot be written ({error.strerror}); choose another folder") from None
     session.wrote(output)
     session.show(f"wrote {output}; its README.md tells the next steps")
+
+
+def _export_rules(folder: Path, rules: Path, entries: int) -> None:
+    """Write the block of a system from a file."""
+    system = load_system(rules)
+    try:
+        made = importlib.import_module("skymosaic.fuzzy.verilog").block(quantised(system, entries))
+    except ValueError as error:
+        raise InputError(f"{rules}: cannot be made of hardware: {error}") from None
+    importlib.import_module("hdl.blocks.export").write_block(folder, "fuzzy", made)
 
 
 def _existing(folder: Path) -> Path:

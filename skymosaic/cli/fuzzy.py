@@ -15,7 +15,7 @@ from skymosaic.cli.options import OverwriteOption, plotting_module
 from skymosaic.cli.session import STDOUT, session
 from skymosaic.errors import InputError
 from skymosaic.fuzzy.files import READERS, SHIPPED, WRITERS, load_system
-from skymosaic.fuzzy.golden import FIRM, ErrorBounds, GoldenSystem, error_bounds, quantised
+from skymosaic.fuzzy.golden import ENTRIES, FIRM, ErrorBounds, GoldenSystem, error_bounds, quantised
 from skymosaic.imagery.images import check_output, check_unused, save_bytes
 from skymosaic.reports import pair as pair_report
 from skymosaic.reports.fuzzy_systems import PLOTTED_SYSTEMS, PlottedSystem, plotted_file
@@ -49,7 +49,7 @@ def fuzzy(
     ] = None,
     entries: Annotated[
         int, typer.Option(min=2, max=1 << 16, help="Table entries of each input in the integer model of a file.")
-    ] = 64,
+    ] = ENTRIES,
     overwrite: OverwriteOption = False,
 ) -> None:
     """Print the rules of the fuzzy systems, or of your own in FLL and FCL files, and draw them.

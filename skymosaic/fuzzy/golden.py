@@ -12,6 +12,8 @@ from golden_model.formats import WEIGHT
 from golden_model.matching.fuzzy import ONE, Rule, SugenoSystem, Variable
 from skymosaic.fuzzy.system import FuzzySystem, Input
 
+ENTRIES = 64
+"""Of each table, unless asked for another number."""
 MOST_CHECKED = 1 << 18
 """Inputs of the model that are compared; of more, as many at random."""
 MOST_COMBINED = 1 << 21
@@ -109,7 +111,8 @@ def quantised(system: FuzzySystem, entries: int) -> GoldenSystem:
             )
             for rule in system.rules
         ),
-        conjunction=system.conjunction,
+        # A single input has nothing to multiply: without a product, its terms need not sum to one.
+        conjunction=system.conjunction if len(system.inputs) > 1 else "minimum",
     )
     return GoldenSystem(system, model, entries)
 

@@ -1,0 +1,46 @@
+"""The Verilog block of anyone's fuzzy system; imports Amaranth, which the rest of this folder does without."""
+
+from __future__ import annotations
+
+from hdl.blocks.catalogue import sugeno
+from hdl.blocks.vectors import Block
+from hdl.matching.fuzzy import PRODUCT_INPUTS
+from skymosaic.fuzzy.golden import GoldenSystem
+
+MOST_ENTRIES = 4096
+"""Of a table; each is a memory of 9 bits a term and entry."""
+VECTORS = 400
+
+
+def block(golden: GoldenSystem) -> Block:
+    """The system as a block for `hdl.blocks.export.write_block`: it computes what ``golden.model`` computes, exactly.
+
+    Its inputs are the indices of the tables, its output is the weight in 256ths of the output's range and the dominant
+    rule. The number of clocks a result takes is the number of rules and about 15 more.
+
+    Raises
+    ------
+    ValueError
+        For tables of more than `MOST_ENTRIES`, or AND as product of more than 3 inputs.
+    """
+    if golden.entries > MOST_ENTRIES:
+        raise ValueError(f"entries is {golden.entries}; hardware takes at most {MOST_ENTRIES}")
+    inputs = len(golden.model.inputs)
+    # Asked here, since Amaranth warns about a component that is made and then not used.
+    if golden.model.conjunction == "product" and inputs not in PRODUCT_INPUTS:
+        raise ValueError(f"AND as product of {inputs} inputs; hardware multiplies at most {max(PRODUCT_INPUTS)}")
+    return sugeno(golden.model, (golden.entries - 1).bit_length(), _description(golden), vectors=VECTORS)
+
+
+def _description(golden: GoldenSystem) -> str:
+    system, last = golden.real, golden.entries - 1
+    output = system.output
+    inputs = "; ".join(
+        f"`i_{number}` is {variable.name}, 0 for {variable.low:g} and {last} for {variable.high:g}"
+        for number, variable in enumerate(system.inputs)
+    )
+    return (
+        f"The zero-order Sugeno system {system.name} with {len(system.rules)} rules, AND is the {system.conjunction}. "
+        f"Each input is an index, in equal steps: {inputs}. `o_weight` is {output.name}, 0 for {output.low:g} and 256, "
+        f"limited to 255, for {output.high:g}; 0 too where no rule fires. `o_rule` is the strongest rule, from 0."
+    )
