@@ -15,6 +15,7 @@ from skymosaic.cli.options import (
     AddressOption,
     BackendOption,
     ConfigOption,
+    DamagedOption,
     PresetOption,
     SeedOption,
     WorkingWidthOption,
@@ -29,6 +30,7 @@ from skymosaic.flight.check import FlightCheck, check_flight
 from skymosaic.flight.survey import Flight, survey
 from skymosaic.flight.view import Settings
 from skymosaic.flight.workers import Workers
+from skymosaic.imagery.images import keeps_damaged
 from skymosaic.imagery.key_frames import flight_sources
 from skymosaic.imagery.lens import load_lens
 from skymosaic.registration import WORKING_WIDTH_PX
@@ -43,6 +45,7 @@ def check(
     config: ConfigOption = None,
     working_width_px: WorkingWidthOption = WORKING_WIDTH_PX,
     seed: SeedOption = 0,
+    damaged: DamagedOption = "refuse",
     camera: CameraOption = None,
     mask: MaskOption = None,
     scheduler: SchedulerOption = None,
@@ -54,13 +57,15 @@ def check(
     """
     lens = load_lens(camera, mask)
     settings = Settings(configuration(preset, config), backend_at(backend, address), working_width_px, lens)
+    keep = keeps_damaged(damaged)
     kept = ResultCache(cache or cache_folder() / "flights", required=cache is not None, tell=session.tell)
     with (
         progress_bars() as progress,
         flight_sources(photographs, session.tell) as sources,
         Workers(scheduler, progress=progress) as workers,
     ):
-        flight = survey(sources, settings, seed, workers, kept)
+        kept_damaged = [dataclasses.replace(source, keep_damaged=keep) for source in sources]
+        flight = survey(kept_damaged, settings, seed, workers, kept)
     found = check_flight(flight)
     session.seconds = flight.seconds
     session.numbers = dataclasses.asdict(found) | {"left_out": flight.left_out}

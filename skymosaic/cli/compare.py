@@ -11,6 +11,7 @@ from skymosaic.cli.options import (
     HARDWARE,
     AddressOption,
     ConfigOption,
+    DamagedOption,
     OverwriteOption,
     PresetOption,
     WorkingWidthOption,
@@ -33,6 +34,7 @@ def compare(
     preset: PresetOption = "aerial",
     config: ConfigOption = None,
     working_width_px: WorkingWidthOption = WORKING_WIDTH_PX,
+    damaged: DamagedOption = "refuse",
     waves: Annotated[
         Path | None, typer.Option(help="VCD file of the simulated run: tens of kilobytes a clock, for small frames.")
     ] = None,
@@ -48,6 +50,7 @@ def compare(
             config=configuration(preset, config),
             backend=backend_at(backend, address),
             working_width_px=working_width_px,
+            damaged=damaged,
             waves=waves,
             progress=step,
         )

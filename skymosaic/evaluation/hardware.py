@@ -13,7 +13,7 @@ from golden_model.config import Config
 from golden_model.timing import Timeline
 from sim.backend import FrameResult, Mismatch, load_backend, silent
 from sim.scoreboard import Coverage, first_clock_mismatch, first_mismatch, predicted
-from skymosaic.imagery.images import load, reduced
+from skymosaic.imagery.images import keeps_damaged, load, reduced
 from skymosaic.registration import extract_within_capacity
 
 
@@ -74,6 +74,7 @@ def compare(
     config: Config,
     backend: str,
     working_width_px: int,
+    damaged: str = "refuse",
     waves: Path | None = None,
     progress: Callable[[str], None] = silent,
 ) -> Comparison:
@@ -87,6 +88,8 @@ def compare(
         As for `skymosaic.registration.register`.
     working_width_px : int
         Wider photographs are reduced first.
+    damaged : {"refuse", "keep"}
+        As for `skymosaic.registration.register`.
     waves : Path or None
         File for a simulation's waves (VCD): tens of kilobytes per clock cycle, so for small frames only.
     progress : callable
@@ -96,8 +99,9 @@ def compare(
     -------
     Comparison
     """
+    keep = keeps_damaged(damaged)
     frames = [
-        reduced(load(image, name).pixels, working_width_px)[0]
+        reduced(load(image, name, keep_damaged=keep).pixels, working_width_px)[0]
         for image, name in ((left, "left image"), (right, "right image"))
     ]
     golden, config = extract_within_capacity(load_backend("golden"), frames, config)

@@ -12,7 +12,7 @@ from sim.backend import silent
 from sim.scene import pair as rendered_pair
 from skymosaic.cli import app
 from skymosaic.panel.options import Options
-from skymosaic.panel.tasks.mosaic_tasks import make_mosaic
+from skymosaic.panel.tasks.mosaic_tasks import compare_hardware, make_mosaic
 
 OPTIONS = {
     "preset": {},
@@ -67,3 +67,17 @@ def test_the_files_of_a_run_do_not_name_its_folder(runs: dict[str, Path]) -> Non
         texts = [path for path in folder.rglob("*") if path.suffix in (".csv", ".html", ".json", ".toml", ".txt")]
         assert len(texts) == 6
         assert not any(str(folder) in path.read_text() for path in texts)
+
+
+def test_a_damaged_photograph_that_is_kept_is_compared_too(tmp_path: Path) -> None:
+    images = rendered_pair(seed=9, size=(400, 300)).images
+    for number, image in enumerate(images):
+        cv2.imwrite(str(tmp_path / f"{number}.jpg"), image)
+    data = bytearray((tmp_path / "0.jpg").read_bytes())
+    data[len(data) // 2 : len(data) // 2 + 400] = bytes(400)
+    (tmp_path / "0.jpg").write_bytes(data)
+    options = Options.of_preset("aerial").changed("damaged", "keep")
+    # The model itself stands in for the hardware.
+    found = compare_hardware(tmp_path, ("0.jpg", "1.jpg"), options, "golden", progress=silent)
+    assert found.comparison.mismatch is None
+    assert "--damaged keep" in found.command

@@ -279,6 +279,15 @@ def test_check_tells_whether_the_flight_is_complete(folder, tmp_path: Path) -> N
     whole = skymosaic("check", tmp_path, "--json", "--cache", "cache", cwd=tmp_path)
     assert whole.returncode == 0, whole.stderr
     assert json.loads(whole.stdout)["complete"]
+    first = min(tmp_path.glob("*.png"))
+    data = bytearray(cv2.imencode(".jpg", cv2.imread(str(first)))[1].tobytes())
+    data[-3000:-2600] = bytes(400)
+    first.unlink()
+    first.with_suffix(".jpg").write_bytes(data)
+    for choice, left_out in (("keep", 0), ("refuse", 1)):
+        damaged = skymosaic("check", tmp_path, "--json", "--cache", "cache", "--damaged", choice, cwd=tmp_path)
+        assert damaged.returncode == 0, damaged.stderr
+        assert len(json.loads(damaged.stdout)["left_out"]) == left_out
     cv2.imwrite(str(tmp_path / "z.png"), elsewhere(1)[0])
     broken = skymosaic("check", tmp_path, "--json", "--cache", "cache", cwd=tmp_path)
     assert broken.returncode == 3

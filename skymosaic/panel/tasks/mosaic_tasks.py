@@ -36,7 +36,7 @@ from skymosaic.mosaic_options import MosaicOptions
 from skymosaic.mosaicing import planned_sources
 from skymosaic.pair import Pair
 from skymosaic.panel.explain import verdicts
-from skymosaic.panel.options import AUTOMATIC, Options
+from skymosaic.panel.options import AUTOMATIC, DAMAGED, Options
 from skymosaic.panel.results import (
     HardwareResult,
     LinkView,
@@ -115,18 +115,22 @@ def make_mosaic(folder: Path, names: list[str], options: Options, views: Path, *
 
 def mosaic_options(options: Options, photographs: int) -> MosaicOptions:
     """The options of the page as those of the library."""
-    _, config = options.resolve(photographs)
-    return MosaicOptions(
-        blending=None if options.blending == AUTOMATIC else options.blending,
-        config=config,
-        detector=options.detector,
-        descriptor=options.descriptor,
-        estimator=options.estimator,
-        backend=options.backend,
-        seed=SEED,
-        refine=options.refine,
-        damaged=options.damaged,
-    )
+    blending = None if options.blending == AUTOMATIC else options.blending
+    return MosaicOptions(blending=blending, **_registration_options(options, photographs))
+
+
+def _registration_options(options: Options, photographs: int = 2) -> dict[str, Any]:
+    """What `register` and `MosaicOptions` have in common."""
+    return {
+        "config": options.resolve(photographs)[1],
+        "detector": options.detector,
+        "descriptor": options.descriptor,
+        "estimator": options.estimator,
+        "backend": options.backend,
+        "seed": SEED,
+        "refine": options.refine,
+        "damaged": options.damaged,
+    }
 
 
 def _in_words(progress: Progress) -> Callable[[str, int, int], None]:
@@ -190,19 +194,7 @@ def _registered(
 ) -> tuple[Pair, dict[str, Any]]:
     """A registered pair of files, and its numbers for the report."""
     progress("finding and matching features")
-    _, config = options.resolve()
-    pair = register(
-        *(folder / name for name in names),
-        config=config,
-        detector=options.detector,
-        descriptor=options.descriptor,
-        estimator=options.estimator,
-        backend=options.backend,
-        seed=SEED,
-        refine=options.refine,
-        damaged=options.damaged,
-        progress=progress,
-    )
+    pair = register(*(folder / name for name in names), **_registration_options(options), progress=progress)
     # Report, tables and page name the photographs without the folder.
     left, right = (
         dataclasses.replace(photograph, name=name)
@@ -225,16 +217,21 @@ def compare_hardware(
     _, config = options.resolve()
     paths = tuple(folder / name for name in names)
     progress("computing with the golden model")
-    software = register(*paths, config=config)
+    software = register(*paths, config=config, damaged=options.damaged)
     # Registration may have raised the threshold, so the hardware gets the configuration that it returns.
     progress(f"computing with {backend}")
     comparison = compare(
-        *paths, config=software.config, backend=backend, working_width_px=WORKING_WIDTH_PX, progress=progress
+        *paths,
+        config=software.config,
+        backend=backend,
+        working_width_px=WORKING_WIDTH_PX,
+        damaged=options.damaged,
+        progress=progress,
     )
     _write(folder, {"hardware.json": json.dumps(comparison.summary(), indent=2) + "\n"})
     sizes = [(image.shape[1], image.shape[0]) for image in software.working]
     size = max(sizes, key=lambda size: size[0] * size[1])
-    words = ["skymosaic", "compare", *names, "--config", CONFIG, "--backend", backend]
+    words = ["skymosaic", "compare", *names, "--config", CONFIG, "--backend", backend, *_if_damaged(options)]
     seconds = software.seconds["features and matches"]
     return HardwareResult(names, size, backend, comparison, seconds, shlex.join(words))
 
@@ -246,8 +243,12 @@ def command(names: list[str], options: Options, output: str = MOSAIC) -> str:
         words += ["--detector", options.detector, "--descriptor", options.descriptor]
         words += ["--estimator", options.estimator, *(["--refine"] if options.refine else [])]
     words += [] if options.blending == AUTOMATIC else ["--blend", options.blending]
-    words += ["--damaged", "keep"] if options.damaged == "keep" else []
+    words += _if_damaged(options)
     return shlex.join([*words, "--backend", options.backend, "--report", REPORT, "-o", output, "--overwrite"])
+
+
+def _if_damaged(options: Options) -> list[str]:
+    return ["--damaged", options.damaged] if options.damaged != DAMAGED[0] else []
 
 
 def _outline(size: Size, transform: Array) -> Array:
