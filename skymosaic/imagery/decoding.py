@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import stat
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
-import simplejpeg
 from numpy.typing import NDArray
 from PIL import Image as PillowImage
 from PIL import UnidentifiedImageError
 
 from skymosaic.errors import DamagedError, InputError
+from skymosaic.imagery.jpeg import END, decode_strictly
 
 SMALLEST_SIDE_PX = 64
 LARGEST_AREA_PX = 89_000_000
@@ -24,27 +25,16 @@ LARGEST_AREA_PX = 89_000_000
 LARGEST_DECODED_BYTES = 600_000_000
 """The largest area in colour at 16 bits fits. With the copies that decoding and mapping to 8 bits make, a photograph
 stays below 2 GB."""
-MOST_SCANS = 100
-"""Progressive JPEG files have about ten. Every scan costs a pass over the whole picture, however short it is."""
-LARGEST_SCANNED_AREA_PX = 2_000_000_000
-"""Limit of scans times area: about 15 s of processor time. The largest photograph may have 22 scans."""
 FORMATS = ("JPEG", "PNG", "TIFF", "WEBP", "BMP", "PPM")
 """Pillow's names of the formats that are read; every further decoder would be one more that meets hostile files."""
+MOST_READS = 500_000
+"""Limit of read operations on a header: a second of processor time. Pillow reads segments, chunks, directory entries
+and comments one by one, in Python, and a file may declare hundreds of millions of them."""
+SPARE_BYTES = 64_000_000
+"""Limit of what a header may be read, beyond the size of the file: TIFF tags can all name the same bytes."""
 _ORIENTATION_TAG = 0x0112
 _TIFF_BITS, _TIFF_SAMPLES = 258, 277
 UPRIGHT = 1
-_TURNS: dict[int, Callable[[NDArray[np.uint8]], NDArray[np.uint8]]] = {
-    2: np.fliplr,
-    3: lambda pixels: np.rot90(pixels, 2),
-    4: np.flipud,
-    5: lambda pixels: pixels.swapaxes(0, 1),
-    6: lambda pixels: np.rot90(pixels, 3),
-    7: lambda pixels: np.rot90(pixels, 2).swapaxes(0, 1),
-    8: np.rot90,
-}
-"""How the stored pixels become upright, by the values of EXIF's orientation."""
-_HARMLESS = ("unknown JFIF revision", "unknown Adobe color transform")
-"""Warnings of libjpeg about headers, which say nothing about the picture."""
 
 # libtiff warns about every tag it does not know, also where standard error is not ours to redirect.
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)
@@ -73,6 +63,31 @@ class Header:
     size: tuple[int, int]
     orientation: int
     decoded_bytes: int
+
+
+class _MeasuredFile(io.FileIO):
+    """A file that refuses more read operations, or more bytes, than the header of a photograph needs."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._bytes_left = path.stat().st_size + SPARE_BYTES
+        self._reads_left = MOST_READS
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """As any file, or ValueError."""
+        data = super().read(-1 if size is None else size) or b""
+        self._bytes_left -= len(data)
+        self._reads_left -= 1
+        if self._bytes_left < 0 or self._reads_left < 0:
+            raise ValueError("it has far too many parts")
+        return data
+
+
+@contextlib.contextmanager
+def opened(path: Path) -> Iterator[PillowImage.Image]:
+    """Context of a file as Pillow opens it, to read its header: `FORMATS` only, and no longer than a second."""
+    with _MeasuredFile(path) as file, PillowImage.open(file, formats=FORMATS) as header:
+        yield header
 
 
 def check_file(path: Path, what: str) -> None:
@@ -107,7 +122,7 @@ def read_header(path: Path) -> Header:
     """
     check_file(path, "an image")
     try:
-        with PillowImage.open(path, formats=FORMATS) as header:
+        with opened(path) as header:
             # Pillow parses some chunks of PNG and WebP while it opens the file, EXIF only on request.
             found = Header(str(header.format), header.size, _orientation(header), _decoded_bytes(header, path))
     except UnidentifiedImageError:
@@ -148,7 +163,7 @@ def _orientation(header: PillowImage.Image) -> int:
         exif.load(header.info.get("exif", b""))
         (tiff,) = _tiff_tag(header, _ORIENTATION_TAG)
         orientation = tiff if header.format == "TIFF" else exif.get(_ORIENTATION_TAG, UPRIGHT)
-        return orientation if type(orientation) is int and orientation in _TURNS else UPRIGHT
+        return orientation if type(orientation) is int and 1 <= orientation <= 8 else UPRIGHT
     # Text, 0/0 and truncated directories raise half a dozen kinds of errors.
     except Exception:
         return UPRIGHT
@@ -205,11 +220,13 @@ def decode(path: Path, header: Header, *, keep_damaged: bool) -> tuple[NDArray[n
     damage = ""
     if header.kind in ("JPEG", "MPO"):
         try:
-            return _strictly(data, path, header), ""
+            area_px = header.size[0] * header.size[1]
+            return decode_strictly(data, path, area_px=area_px, orientation=header.orientation), ""
         except DamagedError as error:
             if not keep_damaged:
                 raise
-            damage = str(error)
+            # Without an end marker OpenCV decodes nothing of a truncated file.
+            damage, data = str(error), data + END
     if header.kind == "PNG" and b"IEND" not in data:
         raise InputError(f"{path}: the file is truncated; copy it again from the camera")
     with contextlib.suppress(cv2.error):
@@ -217,69 +234,6 @@ def decode(path: Path, header: Header, *, keep_damaged: bool) -> tuple[NDArray[n
         if decoded is not None:
             return decoded, damage
     raise InputError(f"{path}: damaged or of an unsupported kind; convert it to PNG, JPEG or TIFF")
-
-
-def _strictly(data: bytes, path: Path, header: Header) -> NDArray[np.uint8]:
-    """Decode a JPEG in which libjpeg finds no fault.
-
-    OpenCV ignores libjpeg's warnings: a file with 400 zeroed bytes becomes a photograph with a wrong block and wrong
-    colours after it. What the warnings do not cover, mostly single flipped bits, is not found here either.
-
-    Raises
-    ------
-    DamagedError
-        With libjpeg's warning.
-    InputError
-        For more scans than a photograph has: a decoder cannot be interrupted.
-    """
-    start = _scan_start(data)
-    if data.find(b"\xff\xd9", start) < 0:
-        raise DamagedError(f"{path}: the file is truncated; copy it again from the camera")
-    # In entropy-coded data every byte FF is followed by 00 or a restart marker, so this finds scans only.
-    scans = data.count(b"\xff\xda", start)
-    if scans > MOST_SCANS or scans * header.size[0] * header.size[1] > LARGEST_SCANNED_AREA_PX:
-        raise InputError(f"{path}: a JPEG of {scans} scans takes too long to decode; store it again as baseline JPEG")
-    fault = ""
-    for candidate in _variants(data):
-        try:
-            width_height = simplejpeg.decode_jpeg_header(candidate)
-            pixels = simplejpeg.decode_jpeg(candidate, "GRAY" if width_height[2] == "Gray" else "BGR", strict=True)
-        except ValueError as error:
-            fault = fault or str(error)
-            if not any(warning in str(error) for warning in _HARMLESS):
-                continue
-            pixels = simplejpeg.decode_jpeg(candidate, "GRAY" if width_height[2] == "Gray" else "BGR", strict=False)
-        if width_height[2] in ("CMYK", "YCCK"):
-            # Converting CMYK to BGR has no standard; OpenCV's result is the one that mosaics have always had.
-            decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION)
-            pixels = np.asarray(decoded, dtype=np.uint8)
-        pixels = pixels[..., 0] if pixels.shape[2:] == (1,) else pixels
-        return np.ascontiguousarray(_TURNS.get(header.orientation, np.asarray)(pixels))
-    raise DamagedError(f"{path}: the JPEG is damaged ({fault}); copy it again from the camera")
-
-
-def _variants(data: bytes) -> Iterator[bytes]:
-    """The file, and the file without zeros before its end marker, with which some cameras pad their files.
-
-    libjpeg reports such padding as it reports damage. Data that has been overwritten with zeros is still found in the
-    second variant, because it then ends too early.
-    """
-    yield data
-    end = data.rfind(b"\xff\xd9")
-    unpadded = data[:end].rstrip(b"\0")
-    if len(unpadded) < end:
-        yield unpadded + data[end:]
-
-
-def _scan_start(data: bytes) -> int:
-    """Offset of the first scan; the end marker of an embedded thumbnail lies before it and must not be counted."""
-    offset = 2
-    while offset + 4 <= len(data) and data[offset] == 0xFF:
-        if data[offset + 1] == 0xDA:
-            return offset
-        # A marker may be preceded by any number of fill bytes.
-        offset += 1 if data[offset + 1] == 0xFF else 2 + int.from_bytes(data[offset + 2 : offset + 4], "big")
-    return len(data)
 
 
 def _reason(error: Exception) -> str:

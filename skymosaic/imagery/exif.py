@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from PIL import Image as PillowImage
+from skymosaic.imagery.decoding import opened
 
 _GPS_DIRECTORY = 0x8825
 _LATITUDE_SIGN, _LATITUDE, _LONGITUDE_SIGN, _LONGITUDE, _ALTITUDE_SIGN, _ALTITUDE = 1, 2, 3, 4, 5, 6
@@ -75,7 +75,7 @@ class Taken:
 def taken(path: Path) -> Taken:
     """Read a file's EXIF and XMP data; of these, what is missing or not valid is None."""
     try:
-        with PillowImage.open(path) as header:
+        with opened(path) as header:
             exif = header.getexif()
             gps, details = exif.get_ifd(_GPS_DIRECTORY), exif.get_ifd(_EXIF_DIRECTORY)
             xmp = header.info.get("xmp", b"")
