@@ -194,9 +194,15 @@ class MosaicPlan:
         return self.flight.layouts
 
     def composition(self, layout: Layout) -> Composition:
-        """Canvas, exposure and seams of one group."""
+        """Canvas, exposure and seams of one group.
+
+        Raises
+        ------
+        InputError
+            If the scale leaves less than a pixel.
+        """
         options, style = self.options, self._style
-        return compose(
+        composition = compose(
             self.flight,
             layout,
             blending=options.blending or style.blending,
@@ -208,6 +214,9 @@ class MosaicPlan:
             place=place_on_map(self.flight, layout, options.control),
             gsd_m=options.gsd_m,
         )
+        if min(composition.size) < 1:
+            raise InputError("the mosaic is smaller than a pixel; raise --scale, or lower --gsd")
+        return composition
 
     def bands(self, composition: Composition) -> Iterator[tuple[Intensities, Mask]]:
         """The blended picture in bands of whole rows from the top, and where they show a photograph."""

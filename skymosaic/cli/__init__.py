@@ -15,7 +15,7 @@ from typer.main import get_command
 from sim.backend import BackendError
 from skymosaic.cli.common import QuietOption, VerboseOption, with_common_options
 from skymosaic.cli.session import session
-from skymosaic.cli.terminal import abandon_output, ended_by_signals, without_library_messages
+from skymosaic.cli.terminal import abandon_output, ended_by_signals, open_outputs, without_library_messages
 from skymosaic.errors import InputError, RegistrationError
 
 COMMANDS = {
@@ -85,6 +85,7 @@ def _before_the_command(
 
 def main() -> None:
     """Run the command line; every expected failure is one line and an exit status."""
+    open_outputs()
     # The panel's log shows what its workers report.
     noisy = sys.argv[1:2] == ["panel"] or {"-v", "--verbose"}.intersection(sys.argv)
     with contextlib.nullcontext() if noisy else without_library_messages(), ended_by_signals():

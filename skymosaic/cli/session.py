@@ -171,7 +171,9 @@ class Session:
         return {**stages, "other": total - sum(stages.values()), "total": total}
 
     def _print_error(self, line: str, style: str = "") -> None:
-        self._errors.print(one_line(line), style=style, markup=False, highlight=False, soft_wrap=True)
+        # A mosaic does not depend on whether its progress can be shown.
+        with contextlib.suppress(OSError):
+            self._errors.print(one_line(line), style=style, markup=False, highlight=False, soft_wrap=True)
 
 
 def _finite(value: Any) -> Any:

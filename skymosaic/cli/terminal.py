@@ -6,6 +6,7 @@ import contextlib
 import os
 import signal
 import sys
+import warnings
 from collections.abc import Iterator
 from types import FrameType
 from typing import TextIO
@@ -13,10 +14,10 @@ from typing import TextIO
 
 @contextlib.contextmanager
 def without_library_messages() -> Iterator[None]:
-    """Keep messages that C libraries write to standard error from the terminal.
+    """Keep messages that libraries write to standard error from the terminal.
 
-    libpng, libtiff and others print a line for each fault of a file; ours already names it. Python's ``sys.stderr``
-    goes on to the terminal. Does nothing where ``sys.stderr`` has been replaced.
+    libpng, libtiff and others print a line for each fault of a file, Pillow and NumPy warn; our own line names it.
+    Python's ``sys.stderr`` goes on to the terminal. Does nothing where ``sys.stderr`` has been replaced.
     """
     if not _is_descriptor(sys.stderr, 2):
         yield
@@ -27,9 +28,13 @@ def without_library_messages() -> Iterator[None]:
     os.dup2(nowhere, 2)
     os.close(nowhere)
     try:
-        with os.fdopen(terminal, "w", 1, ours.encoding, "backslashreplace", closefd=False) as sys.stderr:
+        sys.stderr = os.fdopen(terminal, "w", 1, ours.encoding, "backslashreplace", closefd=False)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
             yield
     finally:
+        with contextlib.suppress(OSError):
+            sys.stderr.close()
         sys.stderr = ours
         os.dup2(terminal, 2)
         os.close(terminal)
@@ -49,6 +54,13 @@ def ended_by_signals() -> Iterator[None]:
     finally:
         for name, handler in before.items():
             signal.signal(getattr(signal, name), handler)
+
+
+def open_outputs() -> None:
+    """Give a process that was started without standard output or error, as services are, one that discards."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w", encoding="utf-8"))
 
 
 def abandon_output() -> None:
