@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --no-compile
 PYTEST := $(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder
 
-.PHONY: demo test test-slow test-fuzz docs tools lint clean
+.PHONY: demo test test-slow test-fuzz test-soak docs tools lint clean
 
 demo: $(VENV)/runs
 	$(BIN)/skymosaic demo -o demo --overwrite
@@ -23,6 +23,11 @@ test-slow: $(VENV)/installed tools
 # Mutated files for everything that reads files; prints what became of them.
 test-fuzz: $(VENV)/installed
 	$(BIN)/python -m tests.robustness.fuzz 10000
+
+# Random frames, settings, stalls, bad frames, clears and resets on the compiled accelerator: 20 minutes or more.
+SOAK_CLOCKS ?= 100000000
+test-soak: $(VENV)/installed
+	$(BIN)/python -m tests.robustness.soak $(SOAK_CLOCKS)
 
 # The site, in build/site: a link or a page that is missing is an error. `docs/tutorials` are run by the tests.
 docs: $(VENV)/installed

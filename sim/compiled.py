@@ -219,6 +219,18 @@ class Bench:
         BackendError
             If the design does not finish within the segment's cycle limit.
         """
+        is_done, recording = self.stream(segment, pauses)
+        if not is_done:
+            raise segment.overdue(self.cycle)
+        return recording
+
+    @property
+    def cycle(self) -> int:
+        """Clocks since the last reset."""
+        return int(self._library.bench_cycle(self._bench))
+
+    def stream(self, segment: Segment, pauses: Pauses) -> tuple[bool, Recording]:
+        """As `run`, but at the cycle limit it returns what has come so far, and whether that was all."""
         self.ports.check(segment.settings)
         if segment.reset:
             self.reset()
@@ -232,9 +244,8 @@ class Bench:
             data.ctypes.data, flags.ctypes.data, data.size, segment.packets, segment.cycle_limit,
             pauses.gaps, pauses.stalls, pauses.seed,
         )  # fmt: skip
-        if not self._library.bench_run(self._bench, ctypes.byref(request)):
-            raise segment.overdue(self._library.bench_cycle(self._bench))
-        return self._recording()
+        is_done = bool(self._library.bench_run(self._bench, ctypes.byref(request)))
+        return is_done, self._recording()
 
     def _recording(self) -> Recording:
         names = (*self.ports.outputs, *self.ports.taps)

@@ -106,8 +106,8 @@ def frame_result(
     return FrameResult(
         features=_records(feature, feature_words),
         matches=_records(MATCH, match_words),
-        status=_status(feature, feature_words),
-        match_status=_status(MATCH, match_words),
+        status=packet_status(feature, feature_words),
+        match_status=packet_status(MATCH, match_words),
         cycles=cycles,
     )
 
@@ -117,7 +117,8 @@ def _records(record: Record, words: NDArray[np.uint64]) -> NDArray[np.void]:
     return words.view(record.dtype)[:-1]
 
 
-def _status(record: Record, words: NDArray[np.uint64]) -> np.void:
+def packet_status(record: Record, words: NDArray[np.uint64]) -> np.void:
+    """The FrameStatus at the end of a packet of ``record``."""
     last = words[-record.record_bytes // WORD_BYTES :]
     status: np.void = last[: FRAME_STATUS.record_bytes // WORD_BYTES].view(FRAME_STATUS.dtype)[0]
     return status
