@@ -86,39 +86,61 @@ class Ecp5:
             Cat(low, address, Const(0, ADDRESS_BITS))[:ADDRESS_BITS] for address in (write_address, read_address)
         )
         for n, first in enumerate(range(0, len(write_data), width)):
-            written, read = write_data[first : first + width], Signal(PORT_BITS, name=f"read{n}")
-            taken = read_data[first : first + width]
-            m.d.comb += taken.eq(read)
-            m.submodules[f"block{n}"] = Instance(
-                "DP16KD",
-                p_DATA_WIDTH_A=width,
-                p_DATA_WIDTH_B=width,
-                p_REGMODE_A="NOREG",
-                p_REGMODE_B="OUTREG",
-                p_WRITEMODE_A="NORMAL",
-                p_WRITEMODE_B="NORMAL",
-                p_RESETMODE="SYNC",
-                p_GSR="DISABLED",
-                i_CLKA=ClockSignal(),
-                i_CLKB=ClockSignal(),
-                i_WEA=write,
-                i_WEB=Const(0, 1),
-                # Always enabled: only what `registers` takes counts, and an enable would be one more long wire. It
-                # also makes no difference then whether the output register needs the port's enable besides its own.
-                i_CEA=Const(1, 1),
-                i_CEB=Const(1, 1),
-                i_OCEA=Const(1, 1),
-                i_OCEB=registers,
-                i_RSTA=Const(0, 1),
-                i_RSTB=Const(0, 1),
-                **_bits("i_CSA", Const(0, 3)),
-                **_bits("i_CSB", Const(0, 3)),
-                **_bits("i_ADA", write_address),
-                **_bits("i_ADB", read_address),
-                **_bits("i_DIA", Cat(written, Const(0, PORT_BITS - len(written)))),
-                **_bits("i_DIB", Const(0, PORT_BITS)),
-                **_bits("o_DOB", read),
+            m.submodules[f"block{n}"] = _block(
+                m,
+                width,
+                read_address=read_address,
+                registers=registers,
+                read_data=read_data[first : first + width],
+                write=write,
+                write_address=write_address,
+                write_data=write_data[first : first + width],
             )
+
+
+def _block(
+    m: Module,
+    width: int,
+    *,
+    read_address: Value,
+    registers: Value,
+    read_data: Value,
+    write: Value,
+    write_address: Value,
+    write_data: Value,
+) -> Instance:
+    read = Signal(PORT_BITS)
+    m.d.comb += read_data.eq(read)
+    return Instance(
+        "DP16KD",
+        p_DATA_WIDTH_A=width,
+        p_DATA_WIDTH_B=width,
+        p_REGMODE_A="NOREG",
+        p_REGMODE_B="OUTREG",
+        p_WRITEMODE_A="NORMAL",
+        p_WRITEMODE_B="NORMAL",
+        p_RESETMODE="SYNC",
+        p_GSR="DISABLED",
+        i_CLKA=ClockSignal(),
+        i_CLKB=ClockSignal(),
+        i_WEA=write,
+        i_WEB=Const(0, 1),
+        # Always enabled: only what `registers` takes counts, and an enable would be one more long wire. It also makes
+        # no difference then whether the output register needs the port's enable besides its own.
+        i_CEA=Const(1, 1),
+        i_CEB=Const(1, 1),
+        i_OCEA=Const(1, 1),
+        i_OCEB=registers,
+        i_RSTA=Const(0, 1),
+        i_RSTB=Const(0, 1),
+        **_bits("i_CSA", Const(0, 3)),
+        **_bits("i_CSB", Const(0, 3)),
+        **_bits("i_ADA", write_address),
+        **_bits("i_ADB", read_address),
+        **_bits("i_DIA", Cat(write_data, Const(0, PORT_BITS - len(write_data)))),
+        **_bits("i_DIB", Const(0, PORT_BITS)),
+        **_bits("o_DOB", read),
+    )
 
 
 def _bits(port: str, value: Value, *, first: int = 0) -> dict[str, object]:

@@ -14,7 +14,7 @@ from golden_model.matching.fuzzy import MAX_RULES
 from hdl.matching.correlation import SumOfAbsoluteDifferences
 from hdl.matching.feature_banks import READ_CYCLES, BankedFeature
 from hdl.matching.fuzzy import Sugeno
-from hdl.matching.nearest_neighbours import Pair
+from hdl.matching.mutual_neighbours import Pair
 from hdl.matching.orientation_histogram import OrientationHistogram
 
 WEIGHED = data.StructLayout(

@@ -17,7 +17,8 @@ from hdl.lib.delay import port_register
 from hdl.lib.views import view_signal
 from hdl.matching.feature_banks import FeatureBanks
 from hdl.matching.match_weigher import WEIGHED, MatchWeigher
-from hdl.matching.nearest_neighbours import MutualNearestNeighbours, NearestNeighbours
+from hdl.matching.mutual_neighbours import MutualNearestNeighbours
+from hdl.matching.nearest_neighbours import NearestNeighbours
 from hdl.streams import WordPayload, record_layout, words
 
 MATCH_LAYOUT = record_layout(MATCH)

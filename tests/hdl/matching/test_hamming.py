@@ -8,7 +8,8 @@ from amaranth.hdl import Fragment
 from golden_model.matching import hamming
 from hdl.lib.popcount import Popcount
 from hdl.matching.feature_banks import READ_CYCLES
-from hdl.matching.nearest_neighbours import RESULT_CYCLES, MutualNearestNeighbours, NearestNeighbours
+from hdl.matching.mutual_neighbours import MutualNearestNeighbours
+from hdl.matching.nearest_neighbours import RESULT_CYCLES, NearestNeighbours
 from sim.block_bench import BlockBench
 from sim.drivers import run_clocks
 from sim.recording import Pauses
