@@ -133,9 +133,10 @@ def _blend_bands(layers: Sequence[Layer], tile: Canvas) -> tuple[Intensities, Ma
     for index in np.flatnonzero(np.bincount(owner[owner >= 0])).tolist():
         shown = owner == index
         part = _with_margin(_bounds(shown, around)).intersection(around) or around
-        weight = shown[part.within(around)].astype(np.float32)
         where = part.within(around)
-        for level, band in enumerate(_bands(layers[index].pixels(part).astype(np.float32))):
+        weight = shown[where].astype(np.float32)
+        pixels = layers[index].pixels_around(part, shown[where])
+        for level, band in enumerate(_bands(pixels.astype(np.float32))):
             total[level][where] += band * _per_channel(weight, band)
             total_weight[level][where] += weight
             weight = cv2.pyrDown(weight)

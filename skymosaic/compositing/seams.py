@@ -15,6 +15,7 @@ import numpy as np
 from golden_model.arrays import Mask
 from skymosaic.compositing.layer import Layer, SeamMask
 from skymosaic.compositing.warp import Canvas, canvas_of, footprint
+from skymosaic.imagery.depth import ValueRange, in_8_bit
 
 NEARLY_FARTHEST = 0.6
 """A photograph may show a pixel if its claim is at least this share of the strongest claim to it."""
@@ -22,15 +23,17 @@ SURROUND_PX = 2
 """Pixels of a mask's rectangle beyond what a photograph may show: masks continue beyond their rectangle."""
 
 
-def seam_masks(thumbnails: Sequence[Layer], scale: float) -> list[SeamMask]:
+def seam_masks(thumbnails: Sequence[Layer], scale: float, values: ValueRange | None = None) -> list[SeamMask]:
     """Find the pixels that each photograph shows.
 
     Parameters
     ----------
     thumbnails : sequence of Layer
-        The photographs on a reduced reference frame, all BGR, with their gains.
+        The photographs on a reduced reference frame, all BGR, with their tones.
     scale : float
         Pixels of that frame per pixel of the mosaic's reference frame.
+    values : ValueRange or None
+        Shows thumbnails of 16 bits in 8.
 
     Returns
     -------
@@ -52,7 +55,7 @@ def seam_masks(thumbnails: Sequence[Layer], scale: float) -> list[SeamMask]:
         part = _surrounded(near_enough, canvas)
         parts.append(part)
         allowed.append(near_enough[part.within(canvas)].astype(np.uint8) * 255)
-        pixels.append(layer.pixels(part).astype(np.float32))
+        pixels.append(in_8_bit(layer.pixels(part, cv2.INTER_LINEAR), values).astype(np.float32))
     corners = [(part.x_px, part.y_px) for part in parts]
     finder: Any = cv2.detail.DpSeamFinder("COLOR_GRAD")
     found = finder.find(pixels, corners, allowed)

@@ -24,8 +24,8 @@ TILE_PX = 1024
 """Side of the tiles that are warped at once: they fit the processor's cache and OpenCV's size limit of 32767 px."""
 ROUNDING_PX = 1e-6
 """A corner this close to a pixel counts as on it, because composed transformations have rounding errors."""
-SUPPORT_PX = 3
-"""Pixels around a source position that bicubic interpolation may read, including rounding."""
+SUPPORT_PX = 5
+"""Pixels around a source position that Lanczos interpolation may read, including rounding."""
 
 
 class CanvasError(ValueError):
@@ -189,7 +189,7 @@ def backward(
     border : int
         OpenCV's border mode: by default 0 outside the image; or ``cv2.BORDER_REPLICATE``.
     interpolation : int
-        OpenCV's interpolation: bilinear as in the thesis, or ``cv2.INTER_CUBIC``, which keeps fine detail.
+        OpenCV's interpolation: bilinear as in the thesis, or ``cv2.INTER_LANCZOS4``, which keeps fine detail.
 
     Returns
     -------

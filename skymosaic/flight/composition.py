@@ -13,7 +13,7 @@ import numpy as np
 
 from golden_model.arrays import Array, Intensities, Mask, Pixels
 from skymosaic.compositing.blend import blend_layers, layers_of
-from skymosaic.compositing.exposure import deep_tones, exposure_tones
+from skymosaic.compositing.exposure import camera_levels, exposure_tones, toned_range
 from skymosaic.compositing.layer import Layer, SeamMask
 from skymosaic.compositing.seams import seam_masks
 from skymosaic.compositing.tone import NEUTRAL, Tone
@@ -30,6 +30,7 @@ from skymosaic.flight.layout import Layout
 from skymosaic.flight.mapping import NOWHERE, MapPlace, north_up, scale_for, usual_magnification
 from skymosaic.flight.sharpness import BLURRED, sharpness_ratios
 from skymosaic.flight.survey import Flight
+from skymosaic.flight.view import View
 from skymosaic.flight.workers import Workers
 from skymosaic.geometry.homography import resize_matrix
 from skymosaic.imagery.depth import ValueRange, common_range
@@ -222,15 +223,21 @@ def compose(
         composition = composition.changed(favour=[BLURRED_FAVOUR if ratio < BLURRED else 1.0 for ratio in ratios])
     thumbnails, reduction = _thumbnails(flight, layout, composition, scale)
     if equalise:
-        composition = composition.changed(tone=exposure_tones(thumbnails))
+        composition = _equalised(flight, layout, composition, thumbnails)
     if seams and blending == "multiband":
         toned = [replace(layer, tone=p.tone) for layer, p in zip(thumbnails, composition.placements, strict=True)]
-        composition = composition.changed(seam=seam_masks(toned, reduction))
-    if equalise and composition.values is not None and composition.values.deep:
-        samples = [flight.views[member].sample for member in layout.members]
-        tones, values = deep_tones([p.tone for p in composition.placements], samples, composition.values)
-        composition = replace(composition.changed(tone=tones), values=values)
+        composition = composition.changed(seam=seam_masks(toned, reduction, composition.values))
     return composition
+
+
+def _equalised(flight: Flight, layout: Layout, composition: Composition, thumbnails: Sequence[Layer]) -> Composition:
+    """The composition with tones, and with the range that they need where the photographs have 16 bits."""
+    values, views = composition.values, [flight.views[member] for member in layout.members]
+    if values is None or not values.deep:
+        return composition.changed(tone=exposure_tones(thumbnails))
+    samples = [view.sample for view in views]
+    tones = exposure_tones(thumbnails, camera_levels(samples, [view.taken.black_level for view in views]))
+    return replace(composition.changed(tone=tones), values=toned_range(tones, samples, values))
 
 
 def _arranged(
@@ -277,20 +284,25 @@ def _thumbnails(flight: Flight, layout: Layout, composition: Composition, scale:
     layers = []
     for view, placement in zip(views, composition.placements, strict=True):
         from_thumbnail = view.to_original @ np.linalg.inv(view.to_thumbnail)
-        pixels = view.thumbnail if view.thumbnail.ndim == 3 else cv2.cvtColor(view.thumbnail, cv2.COLOR_GRAY2BGR)
-        if composition.values is not None and view.value_range is not None:
-            pixels = view.value_range.shown_as(np.asarray(pixels, dtype=np.uint8), composition.values)
-        if flight.calibration is not None:
-            pixels = lens.straighten(np.asarray(pixels, dtype=np.uint8))
+        pixels = _shown(view, composition.values)
         layers.append(
             Layer(
-                image=np.asarray(pixels, dtype=np.uint8),
+                image=pixels if flight.calibration is None else lens.straighten(pixels),
                 transform=resize_matrix(reduction) @ placement.transform @ from_thumbnail,
                 visible=lens.visible((view.thumbnail.shape[1], view.thumbnail.shape[0])),
                 favour=placement.favour,
             )
         )
     return layers, reduction
+
+
+def _shown(view: View, values: ValueRange | None) -> Intensities:
+    """A thumbnail in colour: with the camera's numbers where the mosaic has 16 bits, else as ``values`` shows it."""
+    coloured = view.thumbnail if view.thumbnail.ndim == 3 else cv2.cvtColor(view.thumbnail, cv2.COLOR_GRAY2BGR)
+    pixels = np.asarray(coloured, dtype=np.uint8)
+    if values is None or view.value_range is None:
+        return pixels
+    return view.value_range.numbers(pixels) if values.deep else view.value_range.shown_as(pixels, values)
 
 
 @lru_cache(maxsize=1)

@@ -52,6 +52,11 @@ class ValueRange:
             pixels[rows] = np.clip(np.rint(levels), 0, 255)
         return pixels
 
+    def numbers(self, pixels: Pixels) -> NDArray[np.uint16]:
+        """The numbers of 16 bits that 8-bit pixels of this range show."""
+        values = self.low + np.arange(256) * (self.high - self.low) / 255
+        return np.asarray(np.clip(np.rint(values), 0, np.iinfo(np.uint16).max), dtype=np.uint16)[pixels]
+
     def shown_as(self, pixels: Pixels, other: ValueRange) -> Pixels:
         """8-bit pixels of this range as another range would show them."""
         values = self.low + np.arange(256) * (self.high - self.low) / 255

@@ -1,4 +1,4 @@
-"""What a camera wrote about a photograph into its EXIF and XMP data: GPS position, focal length, yaw, height."""
+"""What a camera wrote about a photograph into its EXIF and XMP data: position, focal length, yaw, height, black."""
 
 from __future__ import annotations
 
@@ -9,11 +9,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from skymosaic.imagery.decoding import opened
 
 _GPS_DIRECTORY = 0x8825
 _LATITUDE_SIGN, _LATITUDE, _LONGITUDE_SIGN, _LONGITUDE, _ALTITUDE_SIGN, _ALTITUDE = 1, 2, 3, 4, 5, 6
 _EXIF_DIRECTORY = 0x8769
+_BLACK_LEVEL = 0xC61A
 _FOCAL_MM, _FOCAL_35_MM = 0x920A, 0xA405
 _WIDTH, _HEIGHT_PX, _PLANE_X, _PLANE_UNIT = 0xA002, 0xA003, 0xA20E, 0xA210
 _MM_A_UNIT = {2: 25.4, 3: 10.0, 4: 1.0}
@@ -64,12 +67,15 @@ class Taken:
         Where the top of the photograph points, clockwise from north.
     height_m : float or None
         Above the place where the aircraft started.
+    black_level : float or None
+        What the sensor counts without light, in the file's own numbers.
     """
 
     position: Position | None = None
     focal_half_diagonals: float | None = None
     yaw_deg: float | None = None
     height_m: float | None = None
+    black_level: float | None = None
 
 
 def taken(path: Path) -> Taken:
@@ -83,7 +89,15 @@ def taken(path: Path) -> Taken:
     except Exception:
         return Taken()
     text = xmp.decode("utf-8", "replace") if isinstance(xmp, bytes) else str(xmp)
-    return Taken(_position(gps), _focal(details), _from_xmp(text, _YAW), _from_xmp(text, _HEIGHT))
+    return Taken(
+        _position(gps), _focal(details), _from_xmp(text, _YAW), _from_xmp(text, _HEIGHT), _black(exif.get(_BLACK_LEVEL))
+    )
+
+
+def _black(levels: Any) -> float | None:
+    """The mean of the levels, of which a sensor with a colour pattern has several."""
+    each = [_number(level) for level in (levels if isinstance(levels, tuple) else (levels,))]
+    return float(np.mean(each)) if min(each) > 0 else None
 
 
 def _position(gps: Mapping[int, Any]) -> Position | None:

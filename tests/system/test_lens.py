@@ -8,7 +8,6 @@ import pytest
 
 from golden_model.config import preset_config
 from sim.scene import lawnmower
-from skymosaic.compositing.tone import radius_of
 from skymosaic.compositing.warp import Canvas
 from skymosaic.flight.cache import ResultCache
 from skymosaic.flight.composition import compose
@@ -77,7 +76,7 @@ def test_exposures_agree_and_brightness_is_kept(flight, truth) -> None:
     kept, agreed = [], []
     for image, photometry, placement in zip(truth.images, truth.photometries, composition.placements, strict=True):
         tone = placement.tone
-        kept.append(tone.applied(image, radius_of(SIZE, whole)).mean() / image.mean())
+        kept.append(tone.applied(image, tone.factors(SIZE, whole)).mean() / image.mean())
         agreed.append(np.array(tone.gain) * photometry.gain * photometry.balance)
     assert 0.97 < np.median(kept) < 1.03
     assert np.std(np.log(agreed), axis=0).max() < 0.03

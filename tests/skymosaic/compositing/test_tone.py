@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from skymosaic.compositing.tone import NEUTRAL, SHOULDER_START, Tone, radius_of
+from skymosaic.compositing.tone import NEUTRAL, SHOULDER_START, Tone
 from skymosaic.compositing.warp import Canvas
 
 RAMP = np.arange(256, dtype=np.uint8)[None]
@@ -44,18 +44,22 @@ def test_channels_have_their_own_gains():
 
 
 def test_falloff_brightens_the_corners_as_given():
-    part = Canvas(0, 0, 401, 301)
-    radius = radius_of((401, 301), part)
-    toned = Tone((1.0,), (0.2, 0.1)).applied(np.full((301, 401), 100, np.uint8), radius)
+    size = (401, 301)
+    tone = Tone((1.0,), (0.2, 0.1))
+    toned = tone.applied(np.full((301, 401), 100, np.uint8), tone.factors(size, Canvas(0, 0, *size)))
     assert toned[150, 200] == 100
     assert toned[0, 0] == pytest.approx(100 * np.exp(0.3), abs=1.5)
 
 
-def test_radius_is_the_distance_from_the_centre_of_the_source_image():
+def test_factors_belong_to_places_of_the_source_image():
     turned = np.array([[0.0, -2.0, 900.0], [2.0, 0.0, 40.0], [1e-5, 2e-5, 1.0]])
     part = Canvas(30, 70, 333, 222)
-    radius = radius_of((640, 480), part, turned)
-    for x, y in ((0, 0), (332, 221), (100, 57)):
+    light = np.zeros((3, 5, 3))
+    light[..., 1] = np.linspace(-0.3, 0.5, 5)  # along x, green only
+    factors = Tone((1.0, 2.0, 1.0), (0.2, 0.0), light=light).factors((640, 480), part, turned)
+    for x, y in ((10, 10), (332, 221), (100, 57)):
         mapped = turned @ [part.x_px + x, part.y_px + y, 1]
-        exact = np.hypot(*(mapped[:2] / mapped[2] - [319.5, 239.5])) / 400
-        assert radius[y, x] == pytest.approx(exact, abs=2e-3)
+        at = mapped[:2] / mapped[2]
+        falloff = np.exp(0.2 * ((at - [319.5, 239.5]) ** 2).sum() / 400**2)
+        green = 2 * np.exp(-0.3 + 0.8 * np.clip(at[0] / 639, 0, 1))
+        np.testing.assert_allclose(factors[y, x], falloff * np.array([1, green, 1]), rtol=1e-2)
