@@ -6,7 +6,7 @@ Every mosaic is made by the command line in a process of its own, from an empty 
 is warped back into its frame and compared with it:
 
 error    median reprojection error of the tie points at 1600 px wide
-CPU      seconds of processor time for each placed photograph, from the files to the PNG file and the report
+CPU      seconds of processor time for each placed photograph, from the files to the mosaic and the report
 kept     brightness of the mosaic against the photograph's: median, smallest, largest
 burnt    share of pixels that are white in the mosaic and not in the photograph, percent
 misfit   mean absolute difference from the photograph once both have the same mean and contrast, percent of the mean
@@ -26,6 +26,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+import rasterio
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -44,10 +45,10 @@ def main(folders: list[str]) -> None:
     print("|", " | ".join(columns), "|\n|" + "---|" * len(columns))
     for folder in folders:
         with tempfile.TemporaryDirectory() as made:
-            cpu_seconds = mosaic_of(Path(folder).resolve(), Path(made))
+            mosaic, cpu_seconds = mosaic_of(Path(folder).resolve(), Path(made))
             report = json.loads((Path(made) / "report" / "report.json").read_text())
             numbers = report["mosaics"][0]
-            kept, burnt, misfit, ncc, sharp = measures(Path(made) / "mosaic.png", report).T
+            kept, burnt, misfit, ncc, sharp = measures(mosaic, report).T
         placed, scale = numbers["placed"], COMPARED_AT_PX / report["working_width_px"]
         print(
             f"| {Path(folder).name} | {placed} of {report['photographs']} | {scale * numbers['median_error_px']:.2f}"
@@ -58,19 +59,31 @@ def main(folders: list[str]) -> None:
         )
 
 
-def mosaic_of(folder: Path, made: Path) -> float:
-    """Make the mosaic and its report in the folder ``made``; returns seconds of processor time."""
-    command = [sys.executable, "-m", "skymosaic", "mosaic", str(folder), "-o", "mosaic.png", "--report", "report"]
+def mosaic_of(folder: Path, made: Path) -> tuple[Path, float]:
+    """Make the mosaic and its report in the folder ``made``; returns its file and seconds of processor time."""
+    # Photographs of 16 bits keep their numbers in .tif files only.
+    deep = any(path.suffix.lower() in (".tif", ".tiff") for path in folder.iterdir())
+    mosaic = made / ("mosaic.tif" if deep else "mosaic.png")
+    command = [sys.executable, "-m", "skymosaic", "mosaic", str(folder), "-o", mosaic.name, "--report", "report"]
     process = subprocess.Popen([*command, "--cache", "cache"], cwd=made, stderr=subprocess.DEVNULL)
     _, status, usage = os.wait4(process.pid, 0)
     if status:
         raise SystemExit(f"{folder}: no mosaic; run skymosaic mosaic on it to see why")
-    return usage.ru_utime + usage.ru_stime
+    return mosaic, usage.ru_utime + usage.ru_stime
+
+
+def picture(path: Path) -> NDArray[np.uint8]:
+    """The mosaic in 8 bits a channel, BGR. OpenCV reads no TIFF file of gray and alpha."""
+    if path.suffix == ".png":
+        return np.asarray(cv2.imread(str(path)), dtype=np.uint8)
+    with rasterio.open(path) as raster:
+        bands = raster.read([3, 2, 1] if raster.count > 2 else [1, 1, 1])
+    return np.ascontiguousarray(np.moveaxis(bands if bands.dtype == np.uint8 else bands >> 8, 0, -1).astype(np.uint8))
 
 
 def measures(mosaic_path: Path, report: dict[str, Any]) -> Array:
     """The measures of each photograph, (N, 5)."""
-    mosaic, transforms = cv2.imread(str(mosaic_path)), report["mosaics"][0]["transforms"]
+    mosaic, transforms = picture(mosaic_path), report["mosaics"][0]["transforms"]
     photographs = ((straightened(cv2.imread(name), report.get("lens")), matrix) for name, matrix in transforms.items())
     return np.array([row for photo, matrix in photographs if (row := measured(mosaic, photo, np.array(matrix)))])
 

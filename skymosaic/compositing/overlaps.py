@@ -95,8 +95,8 @@ def compared(thumbnails: Sequence[Layer], black: float, white: float) -> Overlap
     if not parts:
         none, no_pairs, no_counts = np.zeros((0, 3)), np.zeros((0, 2)), np.zeros(0, dtype=np.intp)
         return Overlaps(no_counts, no_counts, none, no_pairs, no_pairs, no_pairs, no_counts)
-    i, j, difference, at_i, at_j, falloff, pair = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return Overlaps(i, j, difference.astype(np.float64), at_i, at_j, falloff, pair)
+    first, second, difference, at_i, at_j, falloff, pair = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return Overlaps(first, second, difference.astype(np.float64), at_i, at_j, falloff, pair)
 
 
 def _cells(layer: Layer, black: float, white: float) -> _Cells:

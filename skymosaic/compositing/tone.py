@@ -70,7 +70,7 @@ class Tone:
         if self.is_neutral:
             return pixels
         planes = pixels[..., None] if pixels.ndim == 2 else pixels
-        factor = np.float32(self.gain) if factors is None else factors
+        factor = np.array(self.gain, dtype=np.float32) if factors is None else factors
         factor = np.broadcast_to(factor[..., : planes.shape[2]], planes.shape)
         black = np.float32(self.black)
         white = np.float32(np.iinfo(pixels.dtype).max) - black

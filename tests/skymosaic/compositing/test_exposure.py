@@ -111,7 +111,8 @@ def test_bright_ground_of_an_automatic_exposure_stays_below_white():
     after = [toned(layer, tone) for tone, layer in zip(tones, layers, strict=True)]
     kept = [one.mean() / layer.image.mean() for one, layer in zip(after, layers, strict=True)]
     assert np.median(kept) == pytest.approx(1, abs=0.02)
-    assert kept[0] < 0.9 < 1.1 < kept[-1]
+    assert kept[0] < 0.9
+    assert kept[-1] > 1.1
     assert tones[0].shoulder < SHOULDER_START
     assert white_share(after) <= white_share([layer.image for layer in layers]) + 0.001
 

@@ -123,8 +123,8 @@ def test_a_tile_beyond_the_horizon_still_shows_the_image():
 
 
 def test_source_window_is_the_near_border_where_the_image_is_not():
-    assert source_window((60, 40), np.eye(3), Canvas(200, 0, 10, 10)) == Canvas(59, 0, 1, 13)
-    assert source_window((60, 40), np.eye(3), Canvas(50, 30, 100, 100)) == Canvas(47, 27, 13, 13)
+    assert source_window((60, 40), np.eye(3), Canvas(200, 0, 10, 10)) == Canvas(59, 0, 1, 15)
+    assert source_window((60, 40), np.eye(3), Canvas(50, 30, 100, 100)) == Canvas(45, 25, 15, 15)
 
 
 def test_shrunk_keeps_the_geometry_and_averages():
