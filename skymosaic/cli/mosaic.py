@@ -38,7 +38,7 @@ from skymosaic.compositing.blend import METHODS
 from skymosaic.compositing.warp import CANVAS_LIMIT_PX
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.flight.check import check_flight
-from skymosaic.flight.output import PLAIN, Delivery, OutputForm
+from skymosaic.flight.output import GEOTIFF_SUFFIXES, PLAIN, Delivery, OutputForm
 from skymosaic.flight.survey import Flight
 from skymosaic.imagery.control_points import load_control_points
 from skymosaic.imagery.geotiff import COMPRESSIONS
@@ -254,5 +254,7 @@ def _show_mosaic(delivery: Delivery, path: Path) -> None:
         session.show(f"range: {values.in_words}")
     if delivery.georeference:
         session.show(map_line(delivery))
-    if delivery.map_note and (delivery.georeference or flight.pair is None):
+    # Who asks for a picture of two photographs expects no map; who asks for a .tif may.
+    wants_map = flight.pair is None or path.suffix.lower() in GEOTIFF_SUFFIXES
+    if delivery.map_note and (delivery.georeference or wants_map):
         session.tell(f"note: {delivery.map_note}")

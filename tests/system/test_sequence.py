@@ -234,6 +234,22 @@ def test_a_pair_with_gps_becomes_a_geotiff(flight, tmp_path: Path) -> None:
         np.testing.assert_array_equal(file.read(), again.read())
 
 
+def test_a_tif_without_the_extra_for_maps_is_a_plain_picture(flight, tmp_path: Path) -> None:
+    for index, east_m in ((0, 0.0), (1, 30.0)):
+        with_gps(tmp_path / f"{index}.jpg", flight.images[index], east_m, 0.0)
+    code = (
+        "import importlib.util as found, sys; find = found.find_spec; "
+        "found.find_spec = lambda name, *rest: None if name == 'rasterio' else find(name, *rest); "
+        "sys.argv = ['skymosaic', 'mosaic', '0.jpg', '1.jpg', '-o', 'm.tif']; import skymosaic.cli as c; c.main()"
+    )
+    result = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+    assert "the photographs have GPS, but maps need rasterio" in " ".join((result.stdout + result.stderr).split())
+    picture = cv2.imread(str(tmp_path / "m.tif"), cv2.IMREAD_UNCHANGED)
+    assert picture.shape[2] == 3
+    assert picture.any(axis=2).mean() > 0.5
+
+
 @pytest.mark.parametrize(
     ("options", "says"),
     [

@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, TiffImagePlugin
 from PIL.ExifTags import IFD
 
 from golden_model.config import preset_config
@@ -80,6 +80,16 @@ def test_yaw_and_height_are_read_from_xmp(tmp_path, properties):
     xmp = f"<x:xmpmeta xmlns:x='adobe:ns:meta/'><rdf:Description {properties}></rdf:Description></x:xmpmeta>"
     Image.new("RGB", (64, 64)).save(tmp_path / "dji.jpg", xmp=xmp.encode())
     assert taken(tmp_path / "dji.jpg") == Taken(yaw_deg=-12.5, height_m=50.3)
+
+
+def test_the_black_level_of_a_sensor_is_read(tmp_path):
+    for name, levels in (("black.tif", (5132, 5132, 5141, 5151)), ("none.tif", (0, 0, 0, 0))):
+        tags = TiffImagePlugin.ImageFileDirectory_v2()
+        tags[0xC61A] = levels
+        tags.tagtype[0xC61A] = 3
+        Image.fromarray(np.zeros((8, 8), np.uint16)).save(tmp_path / name, tiffinfo=tags)
+    assert taken(tmp_path / "black.tif").black_level == 5139
+    assert taken(tmp_path / "none.tif").black_level is None
 
 
 def test_metres_between_positions():
