@@ -134,6 +134,27 @@ class PairView:
 
 
 @dataclass(frozen=True)
+class Tile:
+    """A part of a mosaic in more detail than its picture has.
+
+    Attributes
+    ----------
+    picture : Path
+    scale : float
+        Pixels of the mosaic's picture a pixel of the tile, below 1.
+    x, y, width, height : float
+        In pixels of the mosaic's picture.
+    """
+
+    picture: Path
+    scale: float
+    x: float
+    y: float
+    width: float
+    height: float
+
+
+@dataclass(frozen=True)
 class ShownMosaic:
     """A mosaic as the page shows it.
 
@@ -146,12 +167,18 @@ class ShownMosaic:
     shown_size : (int, int)
     outlines : dict of str to (4, 2) ndarray
         Corners of each photograph placed, by its name, in pixels of the picture.
+    seams : tuple of (N, 2) ndarray
+        Closed lines around what each photograph shows, in pixels of the picture; empty where they are blended.
+    tiles : tuple of Tile
+        Empty where the picture shows everything.
     """
 
     picture: Path
     size: Size
     shown_size: Size
     outlines: dict[str, Array]
+    seams: tuple[Array, ...] = ()
+    tiles: tuple[Tile, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -247,7 +274,8 @@ class MosaicResult:
     def pictures(self) -> list[Path]:
         """The pictures that the page shows of it."""
         shown = [view.picture for view in (self.mosaic, self.map) if view]
-        return [*self.working_pictures, *shown]
+        tiles = [tile.picture for tile in self.mosaic.tiles] if self.mosaic else []
+        return [*self.working_pictures, *shown, *tiles]
 
 
 @dataclass(frozen=True)

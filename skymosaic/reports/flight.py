@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-import html
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,15 +19,12 @@ from skymosaic.geometry.homography import apply
 from skymosaic.imagery.depth import ValueRange
 from skymosaic.imagery.images import reduced, save, save_bytes
 from skymosaic.reports.footprints import write_footprints
-from skymosaic.reports.pair import PAGE, prepare, write_pair_report
+from skymosaic.reports.pages import render
+from skymosaic.reports.pair import prepare, write_pair_report
 
 FLAT = 0.05
 """A layout with a smaller share of matches off the plane counts as flat."""
 _STRONG_TIES = 200
-_GRAPH_STYLE = (
-    "<style>svg { width: 100%; background: #fafafa } polygon, line { vector-effect: non-scaling-stroke } "
-    "polygon { fill: #3572b00d; stroke: #3572b0 }</style>"
-)
 
 
 def write_report(folder: Path, flight: Flight, deliveries: Sequence[Delivery]) -> None:
@@ -67,7 +63,7 @@ def write_flight_report(folder: Path, deliveries: Sequence[Delivery], check: Fli
             write_footprints(folder / f"footprints_{number}", delivery)
     numbers = flight_numbers(deliveries, check)
     save_bytes(folder / "report.json", (json.dumps(numbers, indent=1) + "\n").encode())
-    save_bytes(folder / "index.html", _page(deliveries, check, numbers).encode())
+    save_bytes(folder / "index.html", _page(deliveries, check, numbers))
     return folder / "index.html"
 
 
@@ -202,7 +198,7 @@ def _link_numbers(flight: Flight, layout: Layout, row: int) -> dict[str, Any]:
     }
 
 
-def _page(deliveries: Sequence[Delivery], check: FlightCheck, numbers: dict[str, Any]) -> str:
+def _page(deliveries: Sequence[Delivery], check: FlightCheck, numbers: dict[str, Any]) -> bytes:
     flight = deliveries[0].flight
     placed = sum(len(delivery.layout.members) for delivery in deliveries)
     rows = [
@@ -210,15 +206,17 @@ def _page(deliveries: Sequence[Delivery], check: FlightCheck, numbers: dict[str,
         ("pairs", f"{numbers['pairs_tried']} tried, {numbers['links']} linked"),
         ("seconds", ", ".join(f"{stage} {value:.1f}" for stage, value in flight.seconds.items())),
     ]
-    parts = [_list("Left out", flight.left_out.values()), _list("Check before you leave the site", _advice(check))]
-    for number, delivery in enumerate(deliveries, start=1):
-        parts += [f"<h2>Mosaic {number}</h2><table>{_rows(_mosaic_rows(delivery))}</table>"]
-        parts += [_figure(f"<img src='mosaic_{number}.jpg' alt='mosaic {number}'>", "The mosaic, reduced")]
-        parts += [
-            _figure(_graph(delivery), "Links: thicker and greener with more ties; red where the layout disagrees")
-        ]
-        parts += [_link_table(delivery)]
-    return PAGE.format(title=f"flight of {len(flight.names)} photographs", rows=_rows(rows), figures="".join(parts))
+    return render(
+        "flight.html",
+        title=f"flight of {len(flight.names)} photographs",
+        rows=rows,
+        left_out=list(flight.left_out.values()),
+        advice=_advice(check),
+        mosaics=[
+            {"rows": _mosaic_rows(delivery), "graph": _graph(delivery), "links": _worst_first(delivery)}
+            for delivery in deliveries
+        ],
+    )
 
 
 def _mosaic_rows(delivery: Delivery) -> list[tuple[str, str]]:
@@ -248,57 +246,29 @@ def _advice(check: FlightCheck) -> list[str]:
     return [*check.problems, *single]
 
 
-def _graph(delivery: Delivery) -> str:
-    """The outlines on the canvas and the links between their centres, as SVG."""
-    layout, views, width_px = delivery.layout, delivery.flight.views, delivery.composition.size[0]
-    composition = delivery.composition
+def _graph(delivery: Delivery) -> dict[str, Any]:
+    """The outlines on the canvas, and the links between their centres."""
+    layout, views, composition = delivery.layout, delivery.flight.views, delivery.composition
     outlines = {
         member: apply(transform, Canvas(0, 0, *placement.size).corners)
         for member, placement, transform in zip(
             layout.members, composition.placements, composition.transforms, strict=True
         )
     }
-    centres = {member: corners.mean(axis=0) for member, corners in outlines.items()}
-    shapes = [
-        f"<polygon points='{' '.join(f'{x:.0f},{y:.0f}' for x, y in corners)}'/>" for corners in outlines.values()
-    ]
+    centres = {member: corners.mean(axis=0).round().astype(int).tolist() for member, corners in outlines.items()}
+    lines = []
     for link in (*layout.links, *layout.contradicting):
         (x1, y1), (x2, y2) = centres[link.left], centres[link.right]
         strength = min(1.0, link.ties / _STRONG_TIES)
-        color = "#c33" if link in layout.contradicting else f"hsl({120 * strength:.0f} 60% 40%)"
-        title = html.escape(f"{views[link.left].name} and {views[link.right].name}: {link.inliers} inliers")
-        shapes.append(
-            f"<line x1='{x1:.0f}' y1='{y1:.0f}' x2='{x2:.0f}' y2='{y2:.0f}' stroke='{color}' "
-            f"stroke-width='{1 + 4 * strength:.1f}'><title>{title}</title></line>"
-        )
-    for member, (x, y) in centres.items():
-        name = html.escape(Path(views[member].name).stem)
-        shapes.append(
-            f"<text x='{x:.0f}' y='{y:.0f}' font-size='{width_px / 90:.0f}' text-anchor='middle'>{name}</text>"
-        )
-    size = " ".join(map(str, delivery.composition.size))
-    return f"{_GRAPH_STYLE}<svg viewBox='0 0 {size}' xmlns='http://www.w3.org/2000/svg'>{''.join(shapes)}</svg>"
+        colour = "#c33" if link in layout.contradicting else f"hsl({120 * strength:.0f} 60% 40%)"
+        title = f"{views[link.left].name} and {views[link.right].name}: {link.inliers} inliers"
+        ends = {"x1": x1, "y1": y1, "x2": x2, "y2": y2}
+        lines.append({**ends, "colour": colour, "width": f"{1 + 4 * strength:.1f}", "title": title})
+    names = [(Path(views[member].name).stem, x, y) for member, (x, y) in centres.items()]
+    return {"size": composition.size, "outlines": list(outlines.values()), "lines": lines, "names": names}
 
 
-def _link_table(delivery: Delivery) -> str:
+def _worst_first(delivery: Delivery) -> list[dict[str, Any]]:
     layout = delivery.layout
     links = [_link_numbers(delivery.flight, layout, row) for row in range(len(layout.links))]
-    links.sort(key=lambda link: -link["median_error_px"])
-    head = "<tr><th>left</th><th>right</th><th>inliers</th><th>ties</th><th>median error, px</th></tr>"
-    body = "".join(
-        f"<tr>{''.join(f'<td>{html.escape(str(value))}</td>' for value in link.values())}</tr>" for link in links
-    )
-    return f"<details><summary>{len(links)} links, worst first</summary><table>{head}{body}</table></details>"
-
-
-def _list(title: str, items: Iterable[str]) -> str:
-    lines = "".join(f"<li>{html.escape(item)}</li>" for item in items)
-    return f"<h2>{title}</h2><ul>{lines}</ul>" if lines else ""
-
-
-def _figure(content: str, caption: str) -> str:
-    return f"<figure>{content}<figcaption>{caption}</figcaption></figure>"
-
-
-def _rows(rows: Iterable[tuple[str, str]]) -> str:
-    return "".join(f"<tr><th>{html.escape(key)}</th><td>{html.escape(value)}</td></tr>" for key, value in rows)
+    return sorted(links, key=lambda link: -link["median_error_px"])

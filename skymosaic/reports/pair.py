@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import html
 import json
 from pathlib import Path
 from typing import Any
@@ -16,21 +15,9 @@ from skymosaic.errors import InputError
 from skymosaic.imagery.images import save, save_bytes
 from skymosaic.pair import Pair
 from skymosaic.reports import figures
+from skymosaic.reports.pages import render
 
 _MOSAIC_WIDTH_PX = 1600
-PAGE = """<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><title>skymosaic: {title}</title>
-<style>
-body {{ font: 16px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 1100px; padding: 0 1rem; color: #222 }}
-img {{ max-width: 100%; border-radius: 4px }} figure {{ margin: 1.5rem 0 }} figcaption {{ color: #666 }}
-table {{ border-collapse: collapse }} td, th {{ padding: .2rem .9rem .2rem 0; text-align: left; vertical-align: top }}
-</style></head><body>
-<h1>{title}</h1>
-<table>{rows}</table>
-{figures}
-</body></html>
-"""
-"""Page of every report, with ``title``, ``rows`` of a table, and ``figures`` as HTML."""
 
 
 def prepare(folder: Path) -> None:
@@ -59,8 +46,8 @@ def write_pair_report(folder: Path, pair: Pair, mosaic: Pixels | None) -> Path:
     numbers = pair_numbers(pair)
     save_bytes(folder / "report.json", (json.dumps(numbers, indent=2) + "\n").encode())
     captions = {name: caption for name, (caption, _) in pictures.items()}
-    page = _page(f"{Path(pair.left.name).name} and {Path(pair.right.name).name}", numbers, captions)
-    save_bytes(folder / "index.html", page.encode())
+    title = f"{Path(pair.left.name).name} and {Path(pair.right.name).name}"
+    save_bytes(folder / "index.html", render("pair.html", title=title, rows=_rows(numbers), pictures=captions))
     return folder / "index.html"
 
 
@@ -85,19 +72,12 @@ def _photograph(pair: Pair, side: int) -> dict[str, Any]:
     }
 
 
-def _page(title: str, numbers: dict[str, Any], captions: dict[str, str]) -> str:
+def _rows(numbers: dict[str, Any]) -> list[tuple[str, str]]:
+    """Names and values of the page's table."""
     shown = {key: value for key, value in numbers.items() if key not in ("configuration", "homography")}
     if numbers["homography"]:
         shown["homography"] = "\n".join("  ".join(f"{h:.8g}" for h in row) for row in numbers["homography"])
-    rows = "".join(
-        f"<tr><th>{html.escape(key)}</th><td style='white-space: pre'>{html.escape(_plain(value))}</td></tr>"
-        for key, value in shown.items()
-    )
-    blocks = "".join(
-        f"<figure><img src='{name}' alt='{html.escape(text)}'><figcaption>{html.escape(text)}</figcaption></figure>"
-        for name, text in captions.items()
-    )
-    return PAGE.format(title=html.escape(title), rows=rows, figures=blocks)
+    return [(key, _plain(value)) for key, value in shown.items()]
 
 
 def _plain(value: object) -> str:

@@ -137,6 +137,12 @@ def outlines(quadrilaterals: Iterable[Array]) -> str:
     return "".join(parts)
 
 
+def seams(lines: Iterable[Array]) -> str:
+    """Closed lines (N, 2) around what each photograph shows, as one path."""
+    path = "".join("M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in line) + "Z" for line in lines)
+    return f'<path class="seam" d="{path}"/>'
+
+
 def links(quadrilaterals: Mapping[str, Array], linked: Iterable[tuple[str, str, int]]) -> str:
     """Lines between the centres of linked photographs, wider and greener with more inliers.
 

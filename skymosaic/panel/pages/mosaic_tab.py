@@ -1,4 +1,4 @@
-"""The mosaic with zoom, and layers over it: outlines, links, and the photographs that were left out."""
+"""The mosaic with zoom, and layers over it: outlines, seams, links, and the photographs that were left out."""
 
 from __future__ import annotations
 
@@ -26,6 +26,8 @@ class MosaicTab:
 
     def __init__(self, result: MosaicResult, mosaic: ShownMosaic) -> None:
         self._layers = {"Outlines": drawings.outlines(mosaic.outlines.values())}
+        if mosaic.seams:
+            self._layers["Seams"] = drawings.seams(mosaic.seams)
         if result.links:
             links = [(*link.names, link.inliers) for link in result.links]
             self._layers["Links"] = drawings.links(mosaic.outlines, links)
@@ -36,7 +38,12 @@ class MosaicTab:
             ui.element("div").classes("grow")
             for name in self._layers:
                 self._build_switch(name)
-        self._viewer = Viewer("Mosaic", [Picture(f"/picture/{mosaic.picture.name}", *mosaic.shown_size)])
+        picture = Picture(f"/picture/{mosaic.picture.name}", *mosaic.shown_size)
+        tiles = [
+            Picture(f"/picture/{tile.picture.name}", tile.width, tile.height, tile.x, tile.y, tile.scale)
+            for tile in mosaic.tiles
+        ]
+        self._viewer = Viewer("Mosaic", [picture], tiles=tiles)
         file_links("mosaic", result.files)
         if result.left_out:
             _left_out(result)

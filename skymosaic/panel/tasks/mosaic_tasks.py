@@ -15,22 +15,18 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
-from golden_model.arrays import Array
 from golden_model.config import to_toml
 from golden_model.formats import POSITION, decode_response
 from sim.backend import Progress
 from skymosaic.errors import RegistrationError
 from skymosaic.evaluation.hardware import compare
 from skymosaic.flight.check import check_flight
-from skymosaic.flight.composition import Composition
 from skymosaic.flight.output import Delivery
 from skymosaic.flight.survey import Flight
-from skymosaic.geometry.homography import apply
 from skymosaic.imagery.georeference import FEWEST_POSITIONS, has_maps
-from skymosaic.imagery.images import save, save_bytes
+from skymosaic.imagery.images import save_bytes
 from skymosaic.imagery.photographs import Source
 from skymosaic.mosaic_options import MosaicOptions
 from skymosaic.mosaicing import planned_sources
@@ -43,20 +39,17 @@ from skymosaic.panel.results import (
     MapView,
     MosaicResult,
     PairView,
-    ShownMosaic,
-    Size,
     picture_name,
 )
 from skymosaic.panel.steps import step_line
 from skymosaic.panel.tasks.map_picture import map_view
+from skymosaic.panel.tasks.mosaic_picture import PREVIEW_WIDTH_PX, outlines, page_picture, show_mosaic
 from skymosaic.registration import WORKING_WIDTH_PX, register
 from skymosaic.reports import pair as pair_report
 from skymosaic.reports.flight import write_report
 
 SEED = 0
 """The command line's default, so that the command beside a result repeats it exactly."""
-SHOWN_SIDE_PX = 3000
-"""Longer mosaics are reduced for the page; the archive has them in full size."""
 MOSAIC, MAP, REPORT, CONFIG = "mosaic.png", "mosaic.tif", "report", "config.toml"
 """Files and folders of a run."""
 
@@ -85,7 +78,7 @@ def make_mosaic(folder: Path, names: list[str], options: Options, views: Path, *
     with planned_sources(sources, mosaic_options(options, len(names)), _in_words(progress)) as plan:
         try:
             output = _output_of(plan.flight)
-            deliveries = plan.write(folder / output, preview_width_px=SHOWN_SIDE_PX)
+            deliveries = plan.write(folder / output, preview_width_px=PREVIEW_WIDTH_PX)
         except RegistrationError as error:
             if plan.flight.pair is None:
                 raise
@@ -100,7 +93,7 @@ def make_mosaic(folder: Path, names: list[str], options: Options, views: Path, *
         options=options,
         working_pictures=tuple(views / picture_name(name) for name in names),
         pair=_pair_to_show(plan.flight, folder, options, progress),
-        mosaic=_shown(deliveries[0], views / _picture_name(folder)) if deliveries else None,
+        mosaic=show_mosaic(deliveries[0], views, f"mosaic-{folder.name}") if deliveries else None,
         left_out=_left_out(plan.flight, deliveries[0], names) if deliveries else {},
         reason=reason,
         command=words,
@@ -152,7 +145,9 @@ def _map(delivery: Delivery, views: Path) -> MapView | None:
         return None
     picture = views / f"map-{delivery.path.parent.name}.png"
     composition = delivery.composition
-    return map_view(delivery.preview, composition.size, delivery.georeference, _outlines(composition), picture)
+    return map_view(
+        page_picture(delivery.preview), composition.size, delivery.georeference, outlines(composition), picture
+    )
 
 
 def _left_out(flight: Flight, delivery: Delivery, names: list[str]) -> dict[str, str]:
@@ -249,36 +244,6 @@ def command(names: list[str], options: Options, output: str = MOSAIC) -> str:
 
 def _if_damaged(options: Options) -> list[str]:
     return ["--damaged", options.damaged] if options.damaged != DAMAGED[0] else []
-
-
-def _outline(size: Size, transform: Array) -> Array:
-    """The corners of a photograph on the canvas, (4, 2)."""
-    width, height = size
-    frame = np.array([(0, 0), (width, 0), (width, height), (0, height)]) - 0.5
-    return apply(transform, frame)
-
-
-def _outlines(composition: Composition) -> dict[str, Array]:
-    """The outlines of the photographs on the canvas, by name."""
-    return {
-        placement.source.name: _outline(placement.size, transform)
-        for placement, transform in zip(composition.placements, composition.transforms, strict=True)
-    }
-
-
-def _picture_name(folder: Path) -> str:
-    """The page's picture of a run; each run needs a name of its own, as browsers cache what they have shown."""
-    return f"mosaic-{folder.name}.jpg"
-
-
-def _shown(delivery: Delivery, picture: Path) -> ShownMosaic:
-    """Save a picture of the mosaic for the page."""
-    image, size, composition = delivery.preview, delivery.composition.size, delivery.composition
-    outlines = _outlines(composition)
-    scale = min(1.0, SHOWN_SIDE_PX / max(image.shape))
-    shown = max(round(image.shape[1] * scale), 1), max(round(image.shape[0] * scale), 1)
-    save(picture, np.asarray(cv2.resize(image, shown, interpolation=cv2.INTER_AREA), dtype=np.uint8))
-    return ShownMosaic(picture, size, shown, {name: corners * shown[0] / size[0] for name, corners in outlines.items()})
 
 
 def _write(folder: Path, texts: dict[str, str]) -> None:

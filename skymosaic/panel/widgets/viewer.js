@@ -14,6 +14,8 @@ export default {
         @pointerleave="onLeave" @keydown="onKey">
         <image v-for="picture in pictures" :key="picture.href" :href="picture.href" :x="picture.x" :y="picture.y"
           :width="picture.width" :height="picture.height" preserveAspectRatio="none" />
+        <image v-for="tile in tilesInView" :key="tile.href" :href="tile.href" :x="tile.x" :y="tile.y"
+          :width="tile.width" :height="tile.height" preserveAspectRatio="none" />
         <g ref="drawing"></g>
         <g ref="highlight"></g>
       </svg>
@@ -27,14 +29,29 @@ export default {
         </button>
       </div>
     </div>`,
-  props: { pictures: Array, size: Array, drawing: String, label: String },
+  props: { pictures: Array, tiles: Array, size: Array, drawing: String, label: String },
   data() {
-    return { STEP, box: [0, 0, ...this.size], drag: null, pointer: null, timer: 0, filling: false };
+    return { STEP, box: [0, 0, ...this.size], drag: null, pointer: null, timer: 0, filling: false, screenWidth: 0 };
   },
   mounted() {
     // Fingers on the picture, by the browser's number; not reactive, as every move changes them.
     this.fingers = new Map();
     this.$refs.drawing.innerHTML = this.drawing;
+    this.resizes = new ResizeObserver(() => (this.screenWidth = this.$refs.svg.clientWidth * devicePixelRatio));
+    this.resizes.observe(this.$refs.svg);
+  },
+  beforeUnmount() { this.resizes.disconnect(); },
+  computed: {
+    // The coarsest tiles that have a pixel for each of the screen, or the finest; none where the picture has.
+    tilesInView() {
+      const [left, top, width, height] = this.box;
+      const shown = width / this.screenWidth;
+      if (!this.tiles.length || shown >= 1) return [];
+      const scales = this.tiles.map((tile) => tile.scale);
+      const scale = Math.max(Math.min(...scales), ...scales.filter((each) => each <= shown));
+      return this.tiles.filter((tile) => tile.scale === scale && tile.x < left + width && tile.x + tile.width > left &&
+        tile.y < top + height && tile.y + tile.height > top);
+    },
   },
   watch: {
     drawing(markup) { this.$refs.drawing.innerHTML = markup; },

@@ -1,4 +1,9 @@
-"""The element that shows pictures with a drawing over them, with zoom and pan."""
+"""The element that shows pictures with a drawing over them: zoom, pan, and tiles where a picture is zoomed into.
+
+Ours rather than OpenSeadragon or Leaflet: the lines of matches have to stay sharp and be found under the pointer at
+every zoom, one viewer with the same keys and gestures serves corners, matches and mosaics, and SVG shows a tile as it
+shows any picture. What is left is to choose the tiles, a dozen lines.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +16,14 @@ from nicegui.events import GenericEventArguments
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture, and its size and top left corner in viewer pixels."""
+    """A picture, its size and top left corner in viewer pixels, and how many of these are a pixel of it."""
 
     href: str
-    width: int
-    height: int
-    x: int = 0
-    y: int = 0
+    width: float
+    height: float
+    x: float = 0
+    y: float = 0
+    scale: float = 1
 
 
 @dataclass(frozen=True)
@@ -50,12 +56,17 @@ class Viewer(ui.element, component="viewer.js"):
     drawing : str
         SVG markup in viewer pixels. It is inserted without escaping: numbers and the panel's own words only, never
         text from a user.
+    tiles : sequence of Picture
+        Parts in more detail; only those in view are loaded, of the scale that the screen shows.
     """
 
-    def __init__(self, label: str, pictures: Sequence[Picture], drawing: str = "") -> None:
+    def __init__(
+        self, label: str, pictures: Sequence[Picture], drawing: str = "", tiles: Sequence[Picture] = ()
+    ) -> None:
         super().__init__()
         self.props["label"] = label
         self.props["pictures"] = [asdict(picture) for picture in pictures]
+        self.props["tiles"] = [asdict(tile) for tile in tiles]
         self.props["size"] = [
             max(picture.x + picture.width for picture in pictures),
             max(picture.y + picture.height for picture in pictures),
