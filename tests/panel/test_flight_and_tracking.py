@@ -68,6 +68,8 @@ def test_a_flight_becomes_one_mosaic(flight: Page) -> None:
     expect(flight.get_by_role("tabpanel", name="Mosaic")).to_contain_text(f"{PHOTOGRAPHS} photographs")
     flight.get_by_role("switch", name="Outlines").click()
     expect(mosaic_viewer(flight).locator("polygon")).to_have_count(PHOTOGRAPHS)
+    flight.get_by_role("switch", name="Seams").click()
+    expect(mosaic_viewer(flight).locator("path.seam")).to_have_count(1)
     open_tab(flight, "Numbers")
     expect(flight.get_by_role("tabpanel", name="Numbers")).to_contain_text(f"{PHOTOGRAPHS} of {PHOTOGRAPHS}")
 
