@@ -43,13 +43,14 @@ class MatchesTab:
                 self._build_filter(kind, f"{self._verdicts.count(kind)} {words}")
             self._build_density()
             ui.element("div").classes("grow")
-            ui.button(icon="chevron_left", on_click=lambda: self._step(-1)).props(
-                'flat round dense aria-label="Previous match"'
-            )
-            self._number = ui.label().classes("hint number").props('role="status" aria-label="Match shown"')
-            ui.button(icon="chevron_right", on_click=lambda: self._step(1)).props(
-                'flat round dense aria-label="Next match"'
-            )
+            with ui.element("div").classes("stepper"):
+                ui.button(icon="chevron_left", on_click=lambda: self._step(-1)).props(
+                    'flat round dense aria-label="Previous match"'
+                )
+                self._number = ui.label().classes("hint number").props('role="status" aria-label="Match shown"')
+                ui.button(icon="chevron_right", on_click=lambda: self._step(1)).props(
+                    'flat round dense aria-label="Next match"'
+                )
         pictures = side_by_side(list(zip(addresses, view.working_sizes, strict=True)), drawings.GAP_PX)
         self._viewer = Viewer("Matches between the photographs", pictures)
         self._viewer.on_pointer("hover", self._hover)

@@ -139,7 +139,7 @@ class ResultTabs:
     def _build_welcome(self) -> None:
         ui.html("Two overlapping photographs in, one mosaic out", tag="h2", sanitize=False)
         ui.label(
-            "Load two or more photographs on the left, or begin with a rendered example. Nothing leaves this machine."
+            "Load two or more photographs, or begin with a rendered example. Nothing leaves this machine."
         ).classes("lead")
         button = ui.button("Try the built-in pair", icon="flight", on_click=lambda: self._session.load_built_in(2))
         enabled_while_idle(button.props("unelevated no-caps size=lg"), self._session)
