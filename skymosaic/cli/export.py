@@ -17,6 +17,9 @@ from skymosaic.fuzzy.golden import ENTRIES, quantised
 from skymosaic.imagery.images import check_unused
 from skymosaic.temporary import temporary_folder
 
+BUILD = {"lanes": 16, "max_width_px": 1920, "max_height_px": 1080, "video_bits": 32}
+"""The accelerator's build, unless asked for another one."""
+
 
 def export(
     *,
@@ -26,10 +29,12 @@ def export(
     overwrite: OverwriteOption = False,
     preset: PresetOption = "aerial",
     config: ConfigOption = None,
-    lanes: Annotated[int, typer.Option(help="Descriptors compared at a time, a power of two.")] = 16,
-    max_width_px: Annotated[int, typer.Option("--max-width", help="Widest frame.")] = 1920,
-    max_height_px: Annotated[int, typer.Option("--max-height", help="Highest frame.")] = 1080,
-    video_bits: Annotated[int, typer.Option(help="Video input: 32 bits for a DMA, 24 RGB, 8 gray.")] = 32,
+    lanes: Annotated[int, typer.Option(help="Descriptors compared at a time, a power of two.")] = BUILD["lanes"],
+    max_width_px: Annotated[int, typer.Option("--max-width", help="Widest frame.")] = BUILD["max_width_px"],
+    max_height_px: Annotated[int, typer.Option("--max-height", help="Highest frame.")] = BUILD["max_height_px"],
+    video_bits: Annotated[int, typer.Option(help="Video input: 32 bits for a DMA, 24 RGB, 8 gray.")] = BUILD[
+        "video_bits"
+    ],
     rules: Annotated[
         Path | None, typer.Option(help="With --block fuzzy: your own system, an .fll or .fcl file.")
     ] = None,
@@ -38,10 +43,14 @@ def export(
     """Write Verilog, Vivado scripts, constraints, register map and board driver for a Xilinx kit; or one block."""
     if (board is None) == (block is None):
         raise InputError(f"export needs either --board ({', '.join(BOARDS)}) or --block")
+    build = {"lanes": lanes, "max_width_px": max_width_px, "max_height_px": max_height_px, "video_bits": video_bits}
+    if block is not None and (build != BUILD or preset != "aerial" or config is not None):
+        raise InputError("--block takes no option of the whole accelerator (--lanes, --preset, ...); leave it out")
     if rules is not None and block != "fuzzy":
         raise InputError(f"--rules {rules} makes the block fuzzy; add --block fuzzy, or leave it out")
+    if rules is None and entries != ENTRIES:
+        raise InputError("--entries is the length of the tables of --rules; add these, or leave it out")
     check_unused(output, overwrite=overwrite)
-    build = {"lanes": lanes, "max_width_px": max_width_px, "max_height_px": max_height_px, "video_bits": video_bits}
     with session.working("writing Verilog"):
         try:
             # Complete, or not at all: written beside the folder and then moved into it.

@@ -74,6 +74,7 @@ def test_the_bench_of_own_rules_passes(tmp_path: Path, rules: str | Path, entrie
         (("--entries", 5000), "at most 4096"),
         (("--rules", "four.fcl", "--entries", 16), "multiplies at most 3"),
         (("--block", "harris"), "add --block fuzzy"),
+        (("--lanes", 8), "no option of the whole accelerator"),
         (("--rules", "missing.fll"), "missing.fll: cannot be read"),
     ],
 )
