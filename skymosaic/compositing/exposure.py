@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -142,7 +143,8 @@ def _anchored(thumbnails: Sequence[Layer], tones: Sequence[Tone]) -> list[Tone]:
 
 
 def _white_share(pixels: Intensities) -> float:
-    return float((pixels.min(axis=2) > NEARLY_WHITE * np.iinfo(pixels.dtype).max).mean())
+    white = np.iinfo(pixels.dtype).max
+    return float(cv2.inRange(pixels, (NEARLY_WHITE * white + 1,) * 3, (white,) * 3).mean() / 255)
 
 
 def _toned(layer: Layer, tone: Tone) -> Intensities:

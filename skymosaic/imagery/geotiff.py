@@ -103,7 +103,8 @@ def write_cog(path: Path, raster: Path, compress: str = "deflate") -> None:
     """
     rasterio: Any = importlib.import_module("rasterio")
     copy = importlib.import_module("rasterio.shutil").copy
-    options = {"quality": JPEG_QUALITY} if compress == "jpeg" else {"predictor": "yes"}
+    # Several threads give the same bytes as one.
+    options = {"num_threads": "ALL_CPUS"} | ({"quality": JPEG_QUALITY} if compress == "jpeg" else {"predictor": "yes"})
     try:
         with replacing(path) as finished, warnings.catch_warnings():
             warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
