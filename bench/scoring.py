@@ -41,7 +41,7 @@ def simulate(count: int) -> None:
     async def run(ctx: Any) -> None:
         for payload in set_of_matches(left, right, weight):
             await bench.stream_put(ctx, dut.i_matches, payload)
-        found.extend(await clocked_scores(ctx, dut, hypotheses.reshape(-1, 9).tolist()))
+        found.extend(await clocked_scores(ctx, dut, hypotheses))
 
     bench = BlockBench(dut, cycle_limit=10 * (count + 100))
     bench.run(run)

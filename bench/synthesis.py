@@ -34,7 +34,7 @@ from hdl.accelerator import Accelerator, AcceleratorTop
 from hdl.feature.extractor import CandidateFeatures
 from hdl.feature.ring_window import RingWindow
 from hdl.front_end import FrontEnd
-from hdl.geometry.scoring import HomographyScoring
+from hdl.geometry.records import RecordScoring
 from hdl.level import Level
 from hdl.lib.ecp5 import Ecp5
 from hdl.matching.correlation import WindowCorrelation
@@ -123,7 +123,7 @@ def designs() -> dict[str, Design]:
         "window correlation": block(WindowCorrelation),
         "fuzzy correlation": block(FuzzyCorrelation),
         "matcher": block(Matcher, config=AERIAL.matcher, pattern=pattern, lanes=16, max_features=config.max_features),
-        "homography scoring": block(HomographyScoring),
+        "homography scoring": block(RecordScoring),
         "accelerator": Design(
             lambda: AcceleratorTop(Accelerator(config=AERIAL, max_width_px=WIDTH_PX, max_height_px=HEIGHT_PX)),
             front_end(config, WIDTH_PX, 2).memory_bits,

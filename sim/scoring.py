@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.geometry.scoring import MAX_MATCHES, Scores
-from hdl.geometry.scoring import HomographyScoring, set_of_matches
+from hdl.geometry.scoring import HomographyScoring, hypothesis_payloads, set_of_matches
 from sim.block_bench import BlockBench
 from sim.recording import NO_PAUSES, Pauses
 
@@ -44,7 +43,7 @@ def simulated_score(
         # One after the other: a hypothesis that comes before the first match is scored without matches.
         for payload in set_of_matches(left, right, weight):
             await bench.stream_put(ctx, dut.i_matches, payload)
-        for hypothesis in hypotheses.reshape(-1, 9).tolist():
+        for hypothesis in hypothesis_payloads(hypotheses):
             await bench.stream_put(ctx, dut.i_hypotheses, hypothesis)
 
     async def receive(ctx: Any) -> None:
@@ -56,17 +55,18 @@ def simulated_score(
     return Scores(*np.array(received, dtype=np.int64).reshape(-1, 3).T)
 
 
-async def clocked_scores(ctx: Any, dut: HomographyScoring, hypotheses: Sequence[Any]) -> list[tuple[int, Any]]:
+async def clocked_scores(ctx: Any, dut: HomographyScoring, hypotheses: NDArray[np.integer]) -> list[tuple[int, Any]]:
     """Offer hypotheses to the idle block without a pause: the clock in which each score comes, and the score.
 
     The first hypothesis is offered in clock 0. Scores are taken at once.
     """
     came: list[tuple[int, Any]] = []
+    payloads = hypothesis_payloads(hypotheses)
     taken = clock = 0
     ctx.set(dut.o.ready, 1)
     while len(came) < len(hypotheses):
         ctx.set(dut.i_hypotheses.valid, taken < len(hypotheses))
-        ctx.set(dut.i_hypotheses.payload, hypotheses[min(taken, len(hypotheses) - 1)])
+        ctx.set(dut.i_hypotheses.payload, payloads[min(taken, len(payloads) - 1)])
         if ctx.get(dut.o.valid):
             came.append((clock, ctx.get(dut.o.payload)))
         *_, was_taken = await ctx.tick().sample(dut.i_hypotheses.valid & dut.i_hypotheses.ready)

@@ -16,10 +16,10 @@ from golden_model.geometry import scoring
 from golden_model.matching import correlation, fuzzy
 from golden_model.matching.matcher import match
 from golden_model.pixel import fast, gray, half, nms, smooth, sobel
-from golden_model.records import MATCH
+from golden_model.records import FRAME_STATUS, MATCH, Tag
 from hdl.blocks.chain import Chain, Descriptor
 from hdl.blocks.vectors import Block, Row, answer_rows, packet, padded_status, pixel_rows, rows, sample_image
-from hdl.geometry.scoring import HomographyScoring, set_of_matches
+from hdl.geometry.records import RecordScoring
 from hdl.matching.correlation import WindowCorrelation
 from hdl.matching.fuzzy import Sugeno
 from hdl.matching.matcher import Matcher
@@ -242,24 +242,31 @@ def _matcher() -> Block:
 
 def _scoring() -> Block:
     rng = np.random.default_rng(7)
-    hypotheses = scoring.quantise(
-        np.eye(3) + rng.normal(0, 1, (20, 3, 3)) * np.array([[1e-3, 1e-3, 2], [1e-3, 1e-3, 2], [1e-7, 1e-7, 0]])
-    )
+    spread = np.array([[1e-3, 1e-3, 2], [1e-3, 1e-3, 2], [1e-7, 1e-7, 0]])
+    hypotheses = scoring.quantise(np.eye(3) + rng.normal(size=(20, 3, 3)) * spread)
     # The last two have no score: an element out of range, and all of them too small.
     hypotheses[-2, 0, 0] = 1 << scoring.ENTRY.bits
     hypotheses[-1] >>= 4
-    left = rng.integers(0, 1 << 14, (60, 2))
-    right, weight = np.abs(left + rng.integers(-60, 61, left.shape)), rng.integers(0, 256, len(left))
-    found = scoring.score(hypotheses, left, right, weight)
-    answers = zip(found.score.tolist(), found.support.tolist(), found.causes.tolist(), strict=True)
+    matches = np.zeros(60, MATCH.dtype)
+    left = rng.integers(0, 1 << 14, (len(matches), 2))
+    right = np.abs(left + rng.integers(-60, 61, left.shape))
+    matches["tag"], matches["weight"], matches["verdict"] = Tag.MATCH, rng.integers(0, 256, 60), rng.random(60) < 0.8
+    for side, points in (("left", left), ("right", right)):
+        matches[f"{side}_x"], matches[f"{side}_y"] = points.T
+    status = np.zeros((), FRAME_STATUS.dtype)
+    status["tag"], status["good"] = Tag.FRAME_STATUS, 1
+    kept = matches["verdict"] == 1
+    scores = scoring.score(hypotheses, left[kept], right[kept], matches["weight"][kept])
+    sent = packet(matches, padded_status(status, MATCH.record_bytes))
     return Block(
-        HomographyScoring(),
-        "Scores hypotheses of a homography by the weighted matches of a set, one match a clock.",
+        RecordScoring(),
+        "Scores homographies by the kept matches of a frame, one match a clock: packets of matches and of hypotheses "
+        "in, packets of scores out.",
         {
-            "i_matches": rows("i_matches", set_of_matches(left, right, weight)),
-            "i_hypotheses": rows("i_hypotheses", hypotheses.reshape(-1, 9).tolist()),
+            "i_matches": rows("i_matches", sent),
+            "i_hypotheses": rows("i_hypotheses", packet(scoring.hypothesis_records(hypotheses))),
         },
-        {"o": rows("o", [dict(zip(("score", "support", "causes"), each, strict=True)) for each in answers])},
+        {"o": rows("o", packet(scoring.score_records(scores)))},
     )
 
 

@@ -28,6 +28,8 @@ PAIR = data.StructLayout(dict.fromkeys(("left_x", "left_y", "right_x", "right_y"
 """Positions of a match, as match records have them."""
 HYPOTHESIS = data.ArrayLayout(signed(ENTRY.bits), 9)
 """A homography row by row, see `golden_model.geometry.scoring.quantise`."""
+ELEMENTS = tuple(f"h{row}{column}" for row in range(3) for column in range(3))
+"""Names of its elements in records."""
 PRODUCT_CYCLES = 2
 """A product passes the multiplier's own M and P registers; its operands come from registers."""
 TERM_CYCLES = PRODUCT_CYCLES + 2
@@ -46,7 +48,7 @@ class MatchGain(wiring.Component):
     i_hypothesis : In(HYPOTHESIS)
     i_match : In(PAIR)
         Both from registers; both may change in every clock.
-    o_gain : Out(range(17))
+    o_gain : Out(range(33))
         0 where the match does not support the hypothesis.
 
     Attributes
@@ -115,7 +117,7 @@ class MatchGain(wiring.Component):
         return error
 
     def _compare(self, m: Module, squared_error: Value, squared_depth: Value) -> None:
-        """The level is 16 squared_error / squared_depth, rounded down: each step decides one of its bits."""
+        """The level is 32 squared_error / squared_depth, rounded down: each step decides one of its bits."""
         near = delayed(m, squared_error < squared_depth, 1)
         divisor = delayed(m, squared_depth, 1)
         # Where the error is not smaller, bits are cut, but the level does not matter either.

@@ -18,11 +18,17 @@ from hdl.lib.delay import delayed
 from hdl.lib.skid_buffer import SkidBuffer
 from hdl.lib.views import view_signal
 
-SENT_HYPOTHESIS = data.ArrayLayout(signed(32), 9)
-"""A hypothesis as a host sends it, row by row."""
+SENT_HYPOTHESIS = data.StructLayout(
+    {"elements": data.ArrayLayout(signed(32), 9), "number": 16, "last": 1, "invalid": 1}
+)
+"""A hypothesis as a host sends it, row by row. ``number`` and ``last`` come back with its score; with ``invalid`` the
+elements mean nothing, and it is answered with `Cause.INVALID_RECORD`."""
 WEIGHED_PAIR = data.StructLayout({"pair": PAIR, "weight": WEIGHT.bits})
-SENT_MATCH = data.StructLayout({"match": WEIGHED_PAIR, "ends": 1})
-"""A match; or with ``ends`` no match but the end of the set."""
+FRAME_BITS = 32
+SENT_MATCH = data.StructLayout({"match": WEIGHED_PAIR, "ends": 1, "frame": FRAME_BITS})
+"""A match; or with ``ends`` no match but the end of the set, and the frame that the set is of."""
+_NOTE = data.StructLayout({"causes": len(Cause), "number": 16, "last": 1, "frame": FRAME_BITS})
+"""What waits for a hypothesis's score, beside its sums."""
 READ_CYCLES = 2
 """Clocks from an address to its match: the memory, and a register after it."""
 
@@ -52,12 +58,15 @@ class HomographyScoring(wiring.Component):
 
     Members
     -------
-    i_matches : In(stream of {match: {pair: PAIR, weight: 8}, ends: 1})
-        A set ends with a payload with ``ends``, which holds no match.
-    i_hypotheses : In(stream of ArrayLayout(signed(32), 9))
+    i_matches : In(stream of {match: {pair: PAIR, weight: 8}, ends: 1, frame: 32})
+        A set ends with a payload with ``ends``, which holds no match but the number of the frame.
+    i_hypotheses : In(stream of {elements: ArrayLayout(signed(32), 9), number: 16, last: 1, invalid: 1})
         `golden_model.geometry.scoring.quantise`; what does not fit 25 bits, or is too small, is refused with a cause.
-    o : Out(stream of {score, support, causes})
-        One for each hypothesis, in their order; see `golden_model.geometry.scoring.Scores`.
+    i_hold : In(1)
+        No hypothesis is started.
+    o : Out(stream of {score, support, causes, number: 16, last: 1, frame: 32})
+        One for each hypothesis, in their order; see `golden_model.geometry.scoring.Scores`. ``frame`` is that of the
+        set by which it was scored.
 
     Attributes
     ----------
@@ -72,6 +81,7 @@ class HomographyScoring(wiring.Component):
 
     i_matches: stream.Interface
     i_hypotheses: stream.Interface
+    i_hold: Signal
     o: stream.Interface
 
     # Address; memory; gain; its product with the weight; sum; skid buffer.
@@ -83,12 +93,13 @@ class HomographyScoring(wiring.Component):
         self.max_matches = max_matches
         support = max_matches * WEIGHT.max_raw
         self._result = data.StructLayout(
-            {"score": range(support * LEVELS + 1), "support": range(support + 1), "causes": len(Cause)}
+            {"score": range(support * LEVELS + 1), "support": range(support + 1), **_NOTE.members}
         )
         super().__init__(
             {
                 "i_matches": In(stream.Signature(SENT_MATCH)),
                 "i_hypotheses": In(stream.Signature(SENT_HYPOTHESIS)),
+                "i_hold": In(1),
                 "o": Out(stream.Signature(self._result)),
             }
         )
@@ -100,26 +111,32 @@ class HomographyScoring(wiring.Component):
         m.submodules.memory = memory
         read = memory.read_port()
         reading = Signal()
-        stored, too_many, loading = self._store(m, memory, reading)
+        stored, too_many, loading, frame = self._store(m, memory, reading)
         beat = self._read(m, read.addr, reading, stored, loading)
         match = delayed(m, read.data, READ_CYCLES - 1)
 
         hypothesis = view_signal(HYPOTHESIS, reset_less=True)
-        causes = Signal(len(Cause), reset_less=True)
+        note = view_signal(_NOTE, reset_less=True)
+        sent = self.i_hypotheses.payload
         m.d.comb += self.i_hypotheses.ready.eq(delayed(m, beat.first, READ_CYCLES - 1, reset_less=False))
         with m.If(self.i_hypotheses.ready):
-            m.d.sync += [part.eq(sent) for part, sent in zip(hypothesis, self.i_hypotheses.payload, strict=True)]
-            m.d.sync += causes.eq(Cat(*self._refused(), stored == 0, too_many))
+            m.d.sync += [element.eq(each) for element, each in zip(hypothesis, sent.elements, strict=True)]
+            m.d.sync += note.causes.eq(Cat(*self._refused(), stored == 0, too_many, sent.invalid))
+            m.d.sync += [note.number.eq(sent.number), note.last.eq(sent.last), note.frame.eq(frame)]
         m.submodules.gain = gain = MatchGain()
         m.d.comb += [gain.i_hypothesis.eq(hypothesis), gain.i_match.eq(match.pair)]
-        self._sum(m, beat, gain.o_gain, match.weight, causes)
+        self._sum(m, beat, gain.o_gain, match.weight, note)
         return m
 
-    def _store(self, m: Module, memory: Memory, reading: Value) -> tuple[Signal, Signal, Signal]:
-        """Take matches while none are read. Returns how many are stored, whether some were not, and is a set open."""
+    def _store(self, m: Module, memory: Memory, reading: Value) -> tuple[Signal, Signal, Signal, Signal]:
+        """Take matches while none are read.
+
+        Returns how many are stored, whether there were more, whether a set is open, and its frame.
+        """
         stored = Signal(range(self.max_matches + 1))
         too_many = Signal()
         loading = Signal()
+        frame = Signal(FRAME_BITS)
         write = memory.write_port()
         sent = self.i_matches
         position = Mux(loading, stored, 0)
@@ -135,8 +152,10 @@ class HomographyScoring(wiring.Component):
                 loading.eq(~sent.payload.ends),
                 stored.eq(position + write.en),
                 too_many.eq((too_many & loading) | (~sent.payload.ends & ~has_room)),
+                # It counts at the end of the set; until then nothing is scored.
+                frame.eq(sent.payload.frame),
             ]
-        return stored, too_many, loading
+        return stored, too_many, loading, frame
 
     def _read(self, m: Module, address: Signal, reading: Signal, stored: Value, loading: Value) -> _Beat:
         """Count through the matches once for each hypothesis."""
@@ -146,7 +165,7 @@ class HomographyScoring(wiring.Component):
         waiting = Signal()
         in_flight = Signal(range(IN_FLIGHT + 1))
         following = Signal.like(address, reset_less=True)
-        may_start = ~waiting & (in_flight != IN_FLIGHT) & ~loading & ~self.i_matches.valid
+        may_start = ~waiting & (in_flight != IN_FLIGHT) & ~loading & ~self.i_matches.valid & ~self.i_hold
         m.d.comb += [
             address.eq(following),
             # Without matches there is one address, whose match does not count.
@@ -164,11 +183,11 @@ class HomographyScoring(wiring.Component):
 
     def _refused(self) -> tuple[Value, Value]:
         """Whether an element does not fit the format, and whether all elements are too small, as `Cause` has them."""
-        beyond = [_exceeds(sent, ENTRY.bits) for sent in self.i_hypotheses.payload]
-        large = [_exceeds(sent, ENTRY.bits - 1) for sent in self.i_hypotheses.payload]
+        beyond = [_exceeds(sent, ENTRY.bits) for sent in self.i_hypotheses.payload.elements]
+        large = [_exceeds(sent, ENTRY.bits - 1) for sent in self.i_hypotheses.payload.elements]
         return Cat(*beyond).any(), ~Cat(*large).any()
 
-    def _sum(self, m: Module, beat: _Beat, gain: Value, weight: Value, causes: Value) -> None:
+    def _sum(self, m: Module, beat: _Beat, gain: Value, weight: Value, note: data.View) -> None:
         """Add up a hypothesis's gains; the score of a refused one is 0."""
         cycles = MatchGain.latency_cycles
         waiting_weight = delayed(m, weight, cycles)
@@ -176,7 +195,7 @@ class HomographyScoring(wiring.Component):
         share = delayed(m, Mux(gain.any(), waiting_weight, 0), PRODUCT_CYCLES)
         begins = delayed(m, beat.first, READ_CYCLES + cycles + PRODUCT_CYCLES)
         ends = delayed(m, beat.last, READ_CYCLES + cycles + PRODUCT_CYCLES + 1, reset_less=False)
-        why = delayed(m, causes, cycles + PRODUCT_CYCLES + 1)
+        told = delayed(m, note, cycles + PRODUCT_CYCLES + 1)
         m.submodules.output = output = SkidBuffer(shape=self._result)
         result = output.i.payload
         score = Signal.like(result.score, reset_less=True)
@@ -184,22 +203,33 @@ class HomographyScoring(wiring.Component):
         m.d.sync += [score.eq(Mux(begins, 0, score) + term), support.eq(Mux(begins, 0, support) + share)]
         m.d.comb += [
             output.i.valid.eq(ends),
-            result.causes.eq(why),
-            result.score.eq(Mux(why.any(), 0, score)),
-            result.support.eq(Mux(why.any(), 0, support)),
+            *(result[name].eq(told[name]) for name in _NOTE.members),
+            result.score.eq(Mux(told.causes.any(), 0, score)),
+            result.support.eq(Mux(told.causes.any(), 0, support)),
         ]
         wiring.connect(m, output.o, wiring.flipped(self.o))
 
 
 def set_of_matches(
-    left: NDArray[np.integer], right: NDArray[np.integer], weight: NDArray[np.integer]
+    left: NDArray[np.integer], right: NDArray[np.integer], weight: NDArray[np.integer], frame: int = 0
 ) -> list[dict[str, Any]]:
-    """Payloads of ``i_matches`` for a set: positions (N, 2), `golden_model.formats.POSITION`, and weights (N,)."""
+    """Payloads of ``i_matches`` for the set of a frame: positions (N, 2) in 1/16 px, and weights (N,)."""
     names = tuple(PAIR.members)
     rows = np.hstack((left, right, weight[:, np.newaxis])).tolist()
-    sent = [{"match": {"pair": dict(zip(names, row, strict=False)), "weight": row[-1]}, "ends": 0} for row in rows]
+    sent = [
+        {"match": {"pair": dict(zip(names, row, strict=False)), "weight": row[-1]}, "ends": 0, "frame": 0}
+        for row in rows
+    ]
     # What comes with the end is no match and does not count.
-    return [*sent, {"match": {"pair": dict.fromkeys(names, 0), "weight": 0}, "ends": 1}]
+    return [*sent, {"match": {"pair": dict.fromkeys(names, 0), "weight": 0}, "ends": 1, "frame": frame}]
+
+
+def hypothesis_payloads(hypotheses: NDArray[np.integer]) -> list[dict[str, Any]]:
+    """Payloads of ``i_hypotheses`` for hypotheses (M, 3, 3), numbered from 0; the last one is marked."""
+    return [
+        {"elements": elements, "number": number, "last": number == len(hypotheses) - 1, "invalid": 0}
+        for number, elements in enumerate(hypotheses.reshape(-1, 9).tolist())
+    ]
 
 
 def _exceeds(value: Value, bits: int) -> Value:

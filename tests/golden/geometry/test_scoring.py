@@ -89,7 +89,7 @@ def test_every_width_holds_the_extremes():
     # The limit of the error lies beyond the tolerance of the largest depth, so limited errors never count.
     assert scoring.ERROR_FACTOR * scoring.ERROR.max_raw**2 > scoring.LARGEST_SQUARED_DEPTH
     assert LEVELS * scoring.LARGEST_SQUARED_ERROR < 2**63
-    assert scoring.LARGEST_SCORE == MAX_MATCHES * 255 * LEVELS < 2**23 + 2**14
+    assert scoring.LARGEST_SCORE == MAX_MATCHES * 255 * LEVELS < 2**24
 
 
 def test_a_homography_is_scaled_to_its_largest_element():

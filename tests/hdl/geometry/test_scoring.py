@@ -7,8 +7,9 @@ import pytest
 from golden_model.formats import POSITION
 from golden_model.geometry import scoring as golden
 from golden_model.geometry.scoring import Cause, finish_cycles, quantise, score
-from hdl.geometry.scoring import IN_FLIGHT, HomographyScoring, set_of_matches
+from hdl.geometry.scoring import IN_FLIGHT, HomographyScoring, hypothesis_payloads, set_of_matches
 from sim.block_bench import BlockBench
+from sim.drivers import run_streams
 from sim.recording import NO_PAUSES, Pauses
 from sim.scoring import clocked_scores, simulated_score
 
@@ -48,12 +49,21 @@ def extreme_hypotheses():
     # The smallest elements that are large enough, and the largest that are not.
     limits = np.zeros((4, 3, 3), dtype=np.int64)
     limits[:, 0, 1] = (1 << 23, (1 << 23) - 1, -(1 << 23) - 1, -(1 << 23))
-    return np.concatenate((ends, anything, np.stack((plain, horizon, mirrored, point, *beyond, 0 * plain)), limits))
+    return np.concatenate(
+        (
+            ends,
+            anything,
+            np.stack((quantise(np.eye(3)[np.newaxis])[0], plain, horizon, mirrored, point, *beyond, 0 * plain)),
+            limits,
+        )
+    )
 
 
 def extreme_matches():
     corners = np.array([[0, 0], [POSITION.max_raw, 0], [0, POSITION.max_raw], [POSITION.max_raw] * 2])
     left, right = np.repeat(corners, 4, axis=0), np.tile(corners, (4, 1))
+    # Under the identity, squared errors of 1, 4, 9 and 16 sixteenths of the tolerance: ties of every comparison.
+    left[4:8], right[4:8] = 5000, 5000 + np.array([[12, 12], [-24, 24], [36, -36], [48, 48]])
     some = matches(14)
     weight = np.resize([255, 0, 1, 128], 16)
     return np.vstack((left, some[0])), np.vstack((right, some[1])), np.concatenate((weight, some[2]))
@@ -61,7 +71,7 @@ def extreme_matches():
 
 async def answer(ctx, bench, hypothesis):
     """Score, support and causes of one hypothesis."""
-    await bench.stream_put(ctx, bench.dut.i_hypotheses, hypothesis.ravel().tolist())
+    await bench.stream_put(ctx, bench.dut.i_hypotheses, hypothesis_payloads(hypothesis[np.newaxis])[0])
     payload = await bench.stream_get(ctx, bench.dut.o)
     return payload.score, payload.support, payload.causes
 
@@ -86,6 +96,14 @@ def test_extremes_equal_the_golden_model():
     assert {0, Cause.OUT_OF_RANGE, Cause.NOT_NORMALISED} == set(expected.causes)
     assert (expected.score > 0).sum() >= 3
     assert_equal(simulated_score(hypotheses, *given, max_matches=32), expected)
+
+
+def test_hypotheses_wait_for_a_set_that_begins_with_them():
+    given, hypotheses = matches(5), near_truth(2)
+    inputs = {"i_matches": set_of_matches(*given), "i_hypotheses": hypothesis_payloads(hypotheses)}
+    found = run_streams(HomographyScoring(max_matches=8), inputs, {"o": 2})["o"]
+    assert [each.score for each in found] == score(hypotheses, *given).score.tolist()
+    assert [(each.number, each.last) for each in found] == [(0, 0), (1, 1)]
 
 
 def test_sets_follow_each_other_without_a_trace():
@@ -114,14 +132,14 @@ def test_sets_follow_each_other_without_a_trace():
 def test_every_score_comes_in_the_predicted_clock():
     """With so many matches that hypotheses overlap, just so many, and with few, one and none."""
     dut = HomographyScoring(max_matches=64)
-    counts, hypotheses = (40, 24, 23, 7, 1, 0), 6
+    counts, hypotheses = (40, 25, 24, 7, 1, 0), 6
     found = []
 
     async def run(ctx):
         for count in counts:
             for payload in set_of_matches(*matches(count)):
                 await bench.stream_put(ctx, dut.i_matches, payload)
-            scores = await clocked_scores(ctx, dut, near_truth(hypotheses).reshape(-1, 9).tolist())
+            scores = await clocked_scores(ctx, dut, near_truth(hypotheses))
             found.append([clock for clock, _ in scores])
 
     bench = BlockBench(dut, cycle_limit=2000)
@@ -152,7 +170,7 @@ def test_reset_in_any_phase_leaves_nothing_behind():
     async def disturb(ctx, phase):
         await bench.pulse(ctx, bench.reset)
         sent = set_of_matches(*matches(9, seed=5))
-        ctx.set(dut.i_hypotheses.payload, hypotheses[0].ravel().tolist())
+        ctx.set(dut.i_hypotheses.payload, hypothesis_payloads(hypotheses)[0])
         ctx.set(dut.i_hypotheses.valid, 1)
         for clock in range(phase):
             ctx.set(dut.i_matches.payload, sent[min(clock, len(sent) - 1)])

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from golden_model.geometry.scoring import MAX_MATCHES
+from golden_model.geometry.scoring import LEVELS, MAX_MATCHES
 from sim.scene import pair as rendered_pair
 from sim.scoring import simulated_score
 from skymosaic import register
@@ -36,9 +36,9 @@ def test_integer_scores_rank_like_those_in_floating_point():
     spread = np.array([[1e-3, 1e-3, 1], [1e-3, 1e-3, 1], [1e-6, 1e-6, 1e-9]])
     homographies = TRUTH + rng.normal(size=(200, 3, 3)) * spread
     exact, integer = (scoring(*given)(homographies) for scoring in (prosac.transfer_scores, integer_scores))
-    # The integer gain is rounded up to a sixteenth.
-    assert (integer / 16 >= 0.999 * exact).all()
-    assert (integer / 16 - exact <= given[2].sum() / 16).all()
+    # The integer gain is rounded up to a whole step.
+    assert (integer / LEVELS >= 0.999 * exact).all()
+    assert (integer / LEVELS - exact <= given[2].sum() / LEVELS).all()
     assert np.corrcoef(exact, integer)[0, 1] > 0.999
 
 

@@ -1,0 +1,176 @@
+"""Homography scoring behind streams of 64-bit words: match packets as the matcher sends them, hypotheses, scores."""
+
+from __future__ import annotations
+
+from amaranth import Cat, Module, Mux, Signal
+from amaranth.lib import data, stream, wiring
+from amaranth.lib.wiring import In, Out
+
+from golden_model.geometry.scoring import MAX_MATCHES
+from golden_model.records import FRAME_STATUS, HYPOTHESIS, MATCH, SCORE, WORD_BYTES, Record, Tag
+from hdl.geometry.match_gain import ELEMENTS
+from hdl.geometry.scoring import HomographyScoring
+from hdl.lib.views import view_signal
+from hdl.streams import WordPayload, record_layout, words
+
+
+class RecordScoring(wiring.Component):
+    """`HomographyScoring` with records in and out, as an AXI DMA moves them.
+
+    Every packet of matches replaces the stored set: the kept matches of a good frame. A packet that is cut, holds
+    anything else or ends with a bad status leaves an empty set, so that no score comes from it. Hypotheses wait while
+    a packet of matches is under way, and matches wait, at most as many clocks as there are matches, while a hypothesis
+    is read through.
+
+    Every hypothesis is answered by one Score record with its number, and with the number of the frame whose matches
+    scored it, since one that comes late meets the next set. ``last`` comes with the score of the hypothesis that had
+    it. A record that is cut, or not a hypothesis, is answered with `Cause.INVALID_RECORD`.
+
+    A hypothesis takes max(N, 6) clocks with N matches, see `HomographyScoring`.
+
+    Parameters
+    ----------
+    max_matches : int
+        See `HomographyScoring`.
+
+    Members
+    -------
+    i_matches : In(stream of WordPayload)
+        Match records and a FrameStatus, the matcher's output.
+    i_hypotheses : In(stream of WordPayload)
+        `golden_model.records.HYPOTHESIS`, any number in a packet.
+    o : Out(stream of WordPayload)
+        `golden_model.records.SCORE`.
+    """
+
+    i_matches: stream.Interface
+    i_hypotheses: stream.Interface
+    o: stream.Interface
+
+    def __init__(self, *, max_matches: int = MAX_MATCHES) -> None:
+        self._scoring = HomographyScoring(max_matches=max_matches)
+        word_stream = stream.Signature(WordPayload)
+        super().__init__({"i_matches": In(word_stream), "i_hypotheses": In(word_stream), "o": Out(word_stream)})
+
+    def elaborate(self, platform: object) -> Module:
+        """Words to records, the scoring, records to words."""
+        m = Module()
+        m.submodules.scoring = self._scoring
+        self._take_matches(m)
+        self._take_hypotheses(m)
+        self._send_scores(m)
+        return m
+
+    def _take_matches(self, m: Module) -> None:
+        m.submodules.match_record = record = RecordCollector(record=MATCH)
+        wiring.connect(m, wiring.flipped(self.i_matches), record.i)
+        taken, stored = record.o.payload, self._scoring.i_matches
+        match = data.View(record_layout(MATCH), taken.record)
+        status = data.View(record_layout(FRAME_STATUS, MATCH.record_bytes), taken.record)
+        is_match = ~taken.cut & (match.tag == Tag.MATCH)
+        is_kept = is_match & match.verdict & ~taken.last
+        # Whether anything but matches came before the end.
+        spoilt = Signal()
+        is_good = ~taken.cut & (status.tag == Tag.FRAME_STATUS) & status.good & ~spoilt
+        # A bad packet ends twice: the second end is that of an empty set.
+        ends_again = Signal()
+        m.d.comb += [
+            stored.valid.eq(record.o.valid & (is_kept | taken.last)),
+            stored.payload.ends.eq(taken.last),
+            stored.payload.frame.eq(Mux(is_good, status.frame, 0)),
+            stored.payload.match.weight.eq(match.weight),
+            *(field.eq(match[name]) for name, field in _named(stored.payload.match.pair)),
+            record.o.ready.eq(Mux(taken.last, stored.ready & (is_good | ends_again), stored.ready | ~is_kept)),
+        ]
+        with m.If(record.o.valid & taken.last & stored.ready):
+            m.d.sync += ends_again.eq(~is_good & ~ends_again)
+        with m.If(record.o.valid & record.o.ready):
+            m.d.sync += spoilt.eq(~taken.last & (spoilt | ~is_match))
+        # From the first word of a packet to its last record.
+        under_way = Signal()
+        with m.If(self.i_matches.valid & self.i_matches.ready):
+            m.d.sync += under_way.eq(1)
+        with m.Elif(record.o.valid & record.o.ready & taken.last):
+            m.d.sync += under_way.eq(0)
+        m.d.comb += self._scoring.i_hold.eq(under_way | self.i_matches.valid)
+
+    def _take_hypotheses(self, m: Module) -> None:
+        m.submodules.hypothesis_record = record = RecordCollector(record=HYPOTHESIS)
+        wiring.connect(m, wiring.flipped(self.i_hypotheses), record.i)
+        taken, proposed = record.o.payload, self._scoring.i_hypotheses
+        sent = data.View(record_layout(HYPOTHESIS), taken.record)
+        m.d.comb += [
+            proposed.valid.eq(record.o.valid),
+            proposed.payload.number.eq(sent.number),
+            proposed.payload.last.eq(taken.last),
+            proposed.payload.invalid.eq(taken.cut | (sent.tag != Tag.HYPOTHESIS)),
+            *(element.eq(sent[name]) for element, name in zip(proposed.payload.elements, ELEMENTS, strict=True)),
+            record.o.ready.eq(proposed.ready),
+        ]
+
+    def _send_scores(self, m: Module) -> None:
+        score = view_signal(record_layout(SCORE))
+        found = self._scoring.o
+        low, high = words(score)
+        is_high = Signal()
+        m.d.comb += [
+            score.tag.eq(Tag.SCORE),
+            *(score[name].eq(found.payload[name]) for name in ("causes", "number", "support", "score", "frame")),
+            self.o.valid.eq(found.valid),
+            self.o.payload.data.eq(Mux(is_high, high, low)),
+            self.o.payload.last.eq(is_high & found.payload.last),
+            found.ready.eq(self.o.ready & is_high),
+        ]
+        with m.If(self.o.valid & self.o.ready):
+            m.d.sync += is_high.eq(~is_high)
+
+
+class RecordCollector(wiring.Component):
+    """Puts records of one length together from their words.
+
+    A record takes one clock more than it has words. After ``last`` the next word begins a record, whatever came before.
+
+    Parameters
+    ----------
+    record : Record
+        Gives the length.
+
+    Members
+    -------
+    i : In(stream of WordPayload)
+    o : Out(stream of {record, last: 1, cut: 1})
+        ``last``: the record's last word had it. ``cut``: ``last`` came too early, and the record means nothing.
+    """
+
+    i: stream.Interface
+    o: stream.Interface
+
+    def __init__(self, *, record: Record) -> None:
+        self._words = record.record_bytes // WORD_BYTES
+        collected = data.StructLayout({"record": 8 * record.record_bytes, "last": 1, "cut": 1})
+        super().__init__({"i": In(stream.Signature(WordPayload)), "o": Out(stream.Signature(collected))})
+
+    def elaborate(self, platform: object) -> Module:
+        """A shift register; it stands still while its record waits."""
+        m = Module()
+        record = Signal(self.o.payload.record.shape(), reset_less=True)
+        word = Signal(range(self._words))
+        complete = word == self._words - 1
+        last = self.i.payload.last
+        m.d.comb += [self.i.ready.eq(~self.o.valid), self.o.payload.record.eq(record)]
+        with m.If(self.i.valid & self.i.ready):
+            m.d.sync += [
+                record.eq(Cat(record, self.i.payload.data)[len(self.i.payload.data) :]),
+                word.eq(Mux(complete | last, 0, word + 1)),
+                self.o.valid.eq(complete | last),
+                self.o.payload.last.eq(last),
+                self.o.payload.cut.eq(~complete),
+            ]
+        with m.Elif(self.o.ready):
+            m.d.sync += self.o.valid.eq(0)
+        return m
+
+
+def _named(view: data.View) -> list[tuple[str, Signal]]:
+    """The fields of a view with their names."""
+    return [(str(name), view[name]) for name, _ in view.shape()]

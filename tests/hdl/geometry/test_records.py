@@ -1,0 +1,133 @@
+# amaranth: UnusedElaboratable=no
+"""Scoring behind records: packets in, packets out; whatever is broken is answered, and never with a score."""
+
+import numpy as np
+import pytest
+
+from golden_model.geometry.scoring import Cause, Scores, hypothesis_records, quantise, score, score_records
+from golden_model.records import FRAME_STATUS, MATCH, SCORE, Tag
+from hdl.blocks.vectors import packet, padded_status
+from hdl.geometry.records import RecordScoring
+from sim.block_bench import BlockBench
+from sim.drivers import run_streams
+from sim.recording import NO_PAUSES, Pauses
+
+HYPOTHESES = quantise(np.eye(3) + np.random.default_rng(1).normal(size=(3, 3, 3)) * 1e-4)
+CUT_WORDS = 3
+
+
+def match_records(count=20, seed=2):
+    """Matches near the identity, a third of them rejected."""
+    rng = np.random.default_rng(seed)
+    records = np.zeros(count, MATCH.dtype)
+    left = rng.integers(0, 5000, (count, 2))
+    right = np.abs(left + rng.integers(-50, 51, (count, 2)))
+    records["tag"], records["weight"] = Tag.MATCH, rng.integers(1, 256, count)
+    records["verdict"] = rng.random(count) < 2 / 3
+    records["left_x"], records["left_y"] = left.T
+    records["right_x"], records["right_y"] = right.T
+    return records
+
+
+def status(good=1, frame=0):
+    record = np.zeros((), FRAME_STATUS.dtype)
+    record["tag"], record["good"], record["frame"] = Tag.FRAME_STATUS, good, frame
+    return padded_status(record, MATCH.record_bytes)
+
+
+def expected(records, frame=0):
+    """The words of the scores by the kept ones of the matches."""
+    kept = records[records["verdict"] == 1]
+    points = [np.stack((kept[f"{side}_x"], kept[f"{side}_y"]), axis=1) for side in ("left", "right")]
+    return packet(score_records(score(HYPOTHESES, *points, kept["weight"]), frame))
+
+
+def refused(cause, frame=0):
+    zeros = np.zeros(len(HYPOTHESES), dtype=np.int64)
+    return packet(score_records(Scores(zeros, zeros, zeros + int(cause)), frame))
+
+
+def answers(steps, *, max_matches=32, pauses=NO_PAUSES):
+    """For each step, a port and the words to send to it, after the answers to the step before: all that came back."""
+    dut = RecordScoring(max_matches=max_matches)
+    bench = BlockBench(dut, pauses=pauses, cycle_limit=20_000)
+    received = []
+
+    async def send(ctx):
+        for port, words in steps:
+            before = len(received)
+            for word in words:
+                await bench.stream_put(ctx, getattr(dut, port), word)
+            while port == "i_hypotheses" and not any(word["last"] for word in received[before:]):
+                await ctx.tick()
+
+    async def receive(ctx):
+        while True:
+            word = await bench.stream_get(ctx, dut.o)
+            received.append({"data": word.data, "last": word.last})
+
+    bench.run(send, background=(receive,))
+    return received
+
+
+@pytest.mark.parametrize("pauses", [NO_PAUSES, Pauses(gaps=80, stalls=120, seed=3)], ids=["free", "pauses"])
+def test_kept_matches_score_every_hypothesis(pauses):
+    """Before any set, by one, and by the next."""
+    asked = ("i_hypotheses", packet(hypothesis_records(HYPOTHESES)))
+    first, second = match_records(), match_records(7, seed=9)
+    sets = [("i_matches", packet(records, status(frame=n))) for records, n in ((first, 5), (second, 1 << 31))]
+    found = answers([asked, sets[0], asked, sets[1], asked], pauses=pauses)
+    assert found == refused(Cause.NO_MATCHES) + expected(first, 5) + expected(second, 1 << 31)
+
+
+def test_hypotheses_wait_for_a_packet_of_matches_that_is_under_way():
+    records, words = match_records(), packet(hypothesis_records(HYPOTHESES))
+    # The first kept match comes late, so that nothing is stored yet when the first hypothesis is complete.
+    records["verdict"][:8] = 0
+    dut = RecordScoring(max_matches=32)
+    inputs = {"i_matches": packet(records, status(frame=3)), "i_hypotheses": words}
+    found = run_streams(dut, inputs, {"o": 2 * len(HYPOTHESES)})["o"]
+    assert [{"data": word.data, "last": word.last} for word in found] == expected(records, 3)
+
+
+def test_a_bad_packet_of_matches_leaves_an_empty_set():
+    good, asked = packet(match_records(), status()), ("i_hypotheses", packet(hypothesis_records(HYPOTHESES)))
+    unknown = match_records()
+    unknown["tag"][4] = Tag.FEATURE
+    cut = [*good[:-CUT_WORDS], {**good[-CUT_WORDS], "last": 1}]
+    broken = [
+        packet(match_records(), status(good=0)),
+        packet(match_records()),
+        packet(unknown, status()),
+        packet(match_records(5), status(), status()),
+        cut,
+        cut[-1:],
+    ]
+    steps = [step for words in broken for step in (("i_matches", good), asked, ("i_matches", words), asked)]
+    wanted = (expected(match_records()) + refused(Cause.NO_MATCHES)) * len(broken)
+    assert answers([*steps, ("i_matches", good), asked]) == wanted + expected(match_records())
+
+
+def test_a_broken_hypothesis_is_answered_and_the_next_packet_is_whole():
+    words = packet(hypothesis_records(HYPOTHESES))
+    wrong = hypothesis_records(HYPOTHESES)
+    wrong["tag"][1] = Tag.MATCH
+    cut = [*words[:7], {**words[7], "last": 1}]
+    found = answers(
+        [("i_matches", packet(match_records(), status())), ("i_hypotheses", cut), ("i_hypotheses", packet(wrong)),
+         ("i_hypotheses", words)]
+    )  # fmt: skip
+    scores = expected(match_records())
+    records = np.array([word["data"] for word in found], dtype=np.uint64).view(SCORE.dtype)
+    assert records["causes"].tolist() == [0, Cause.INVALID_RECORD, 0, Cause.INVALID_RECORD, 0, 0, 0, 0]
+    assert records["score"][[1, 3]].tolist() == [0, 0]
+    assert found[3]["last"] == 1
+    assert found[-len(scores) :] == scores
+
+
+def test_a_memory_that_is_too_small_is_a_cause():
+    records = match_records()
+    small = int(np.count_nonzero(records["verdict"])) - 1
+    steps = [("i_matches", packet(records, status())), ("i_hypotheses", packet(hypothesis_records(HYPOTHESES)))]
+    assert answers(steps, max_matches=small) == refused(Cause.TOO_MANY_MATCHES)
+    assert answers(steps, max_matches=small + 1) == expected(records)
