@@ -12,7 +12,7 @@ from typer.main import get_command
 
 from golden_model.config import PRESETS, to_toml
 from golden_model.feature.ilbp import PATTERNS
-from golden_model.records import FRAME_STATUS, MATCH, Record, feature_record
+from golden_model.records import FRAME_STATUS, HYPOTHESIS, MATCH, SCORE, Record, feature_record
 from skymosaic.cli import app
 
 TOP = Path(__file__).parents[2]
@@ -53,6 +53,8 @@ def records() -> str:
         "Feature": (feature_record(descriptor_bytes), "with the descriptor `ilbp-128`"),
         "Match": (MATCH, "one for each mutual match"),
         "Frame status": (FRAME_STATUS, "one at the end of each frame"),
+        "Hypothesis": (HYPOTHESIS, "a homography, sent to the scoring block"),
+        "Score": (SCORE, "the scoring block's answer"),
     }
     parts = [
         "# Records\n",

@@ -253,7 +253,7 @@ def _scoring() -> Block:
     matches["tag"], matches["weight"], matches["verdict"] = Tag.MATCH, rng.integers(0, 256, 60), rng.random(60) < 0.8
     for side, points in (("left", left), ("right", right)):
         matches[f"{side}_x"], matches[f"{side}_y"] = points.T
-    status = np.zeros((), FRAME_STATUS.dtype)
+    status = np.zeros(1, FRAME_STATUS.dtype)[0]
     status["tag"], status["good"] = Tag.FRAME_STATUS, 1
     kept = matches["verdict"] == 1
     scores = scoring.score(hypotheses, left[kept], right[kept], matches["weight"][kept])

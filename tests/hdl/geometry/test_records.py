@@ -13,6 +13,8 @@ from sim.drivers import run_streams
 from sim.recording import NO_PAUSES, Pauses
 
 HYPOTHESES = quantise(np.eye(3) + np.random.default_rng(1).normal(size=(3, 3, 3)) * 1e-4)
+# Where the second record is cut after three words, this byte stands where its tag would be.
+HYPOTHESES[0, 1, 2] = HYPOTHESES[0, 1, 2] & ~0xFF | Tag.HYPOTHESIS
 CUT_WORDS = 3
 
 
