@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import shlex
+import sys
 import unicodedata
 
 _UNSAFE = {"Cc", "Cf", "Cs", "Zl", "Zp"}
@@ -21,5 +24,11 @@ def one_line(text: str) -> str:
 
 
 def how_to_install(extra: str) -> str:
-    """How to add one of the extras of pyproject.toml. The package is on no index, so its source is named."""
-    return f"in the folder of the source, run pip install '.[{extra}]'"
+    """How to add one of the extras of pyproject.toml. The package is on no index, so its source is named.
+
+    ``pip`` alone is the active environment's; that of another environment, such as ``.venv`` of ``make demo`` or one of
+    pipx, is named by its Python.
+    """
+    is_active = sys.prefix == sys.base_prefix or os.environ.get("VIRTUAL_ENV") == sys.prefix
+    pip = "pip" if is_active else f"{shlex.quote(sys.executable)} -m pip"
+    return f"in the folder of the source, run {pip} install '.[{extra}]'"
