@@ -12,7 +12,7 @@ from golden_model.config import Config
 from golden_model.records import MATCH, WORD_BYTES
 from hdl.axi.axi_lite import AxiLiteInterface, AxiLiteSignature
 from hdl.axi.packet_gate import PacketGate
-from hdl.axi.register_map import ADDRESS_BITS, built_constants
+from hdl.axi.register_map import ADDRESS_BITS, REGISTERS, built_constants
 from hdl.axi.registers import RegisterFile
 from hdl.axi.video_input import VideoPayload
 from hdl.front_end import FrontEnd
@@ -20,6 +20,7 @@ from hdl.lib.skid_buffer import SkidBuffer
 from hdl.lib.views import view_signal
 from hdl.matching.matcher import Matcher
 from hdl.settings import FRONT_END, KEEP_ABOVE
+from hdl.shell.register_map import LIVE_REGISTERS
 from hdl.streams import WordPayload
 
 MATCHING_SETTINGS = data.StructLayout({KEEP_ABOVE.name: KEEP_ABOVE.bits, "hold_reference": 1, "take_reference": 1})
@@ -49,6 +50,9 @@ class Accelerator(wiring.Component):
         Largest frame.
     video_bits : {32, 24, 8}
         Width of the video input's data (`hdl.axi.video_input.VideoInput`).
+    live : bool
+        Registers of a streaming shell are there, too (`hdl.shell.live`), and the outputs pass every packet: the shell
+        discards those of a ring that is off, so that it sees one packet for each frame.
 
     Members
     -------
@@ -61,6 +65,10 @@ class Accelerator(wiring.Component):
         `hdl.axi.register_map`.
     o_interrupt : Out(1)
         Active high, level; software clears an event by writing 1.
+
+    Attributes
+    ----------
+    registers : RegisterFile
     """
 
     i_reset: Signal
@@ -78,15 +86,20 @@ class Accelerator(wiring.Component):
         max_width_px: int = 1920,
         max_height_px: int = 1080,
         video_bits: int = 32,
+        live: bool = False,
     ) -> None:
         self.config = config
         self.lanes = lanes
         self.max_width_px = max_width_px
         self.max_height_px = max_height_px
         self.video_bits = video_bits
+        self.live = live
         video = {"max_width_px": max_width_px, "max_height_px": max_height_px, "video_bits": video_bits}
-        self._registers = RegisterFile(
-            constants=built_constants(front_end=config.front_end, matcher=config.matcher, lanes=lanes, **video)
+        self.registers = RegisterFile(
+            constants=built_constants(
+                front_end=config.front_end, matcher=config.matcher, lanes=lanes, live=live, **video
+            ),
+            registers=LIVE_REGISTERS if live else REGISTERS,
         )
         self._front_end = FrontEnd(config=config.front_end, **video)
         self._matcher = Matcher(
@@ -95,7 +108,7 @@ class Accelerator(wiring.Component):
             lanes=lanes,
             max_features=config.front_end.max_features,
         )
-        self._feature_gate = PacketGate(record_bytes=self._registers.constants["built_feature_bytes"])
+        self._feature_gate = PacketGate(record_bytes=self.registers.constants["built_feature_bytes"])
         self._match_gate = PacketGate(record_bytes=MATCH.record_bytes)
         super().__init__(
             {
@@ -111,7 +124,7 @@ class Accelerator(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """The data path and the status, which ``clear`` resets; registers and outputs, which it does not."""
         m = Module()
-        registers = self._registers
+        registers = self.registers
         reset = Signal(init=1)
         clear = Signal(init=1)
         m.d.sync += [reset.eq(self.i_reset), clear.eq(self.i_reset | registers.o_clear)]
@@ -129,7 +142,7 @@ class Accelerator(wiring.Component):
         m = Module()
         m.submodules.front_end = self._front_end
         m.submodules.matcher = self._matcher
-        video, enable = self._front_end.i_video, self._registers.o_enable
+        video, enable = self._front_end.i_video, self.registers.o_enable
         m.d.comb += [
             video.valid.eq(self.i_video.valid & enable),
             video.payload.eq(self.i_video.payload),
@@ -144,7 +157,7 @@ class Accelerator(wiring.Component):
 
     def _matching_settings(self, m: Module) -> None:
         """Sample what the matcher needs at the start of each frame, and keep it until the frame is matched."""
-        registers, front_end, matcher = self._registers, self._front_end, self._matcher
+        registers, front_end, matcher = self.registers, self._front_end, self._matcher
         running = view_signal(MATCHING_SETTINGS, reset_less=True)
         with m.If(front_end.o_frame_starts):
             m.d.sync += [running[name].eq(getattr(registers, f"o_{name}")) for name, _ in MATCHING_SETTINGS]
@@ -186,17 +199,17 @@ class Accelerator(wiring.Component):
 
     def _settings(self, m: Module) -> None:
         """From the registers to the blocks."""
-        registers = self._registers
+        registers = self.registers
         m.d.comb += [
             *(self._front_end.settings[each.name].eq(getattr(registers, f"o_{each.name}")) for each in FRONT_END),
-            self._feature_gate.i_enable.eq(registers.o_features_enable),
-            self._match_gate.i_enable.eq(registers.o_matches_enable),
+            self._feature_gate.i_enable.eq(registers.o_features_enable | self.live),
+            self._match_gate.i_enable.eq(registers.o_matches_enable | self.live),
         ]
 
     def _status(self) -> Module:
         """From the blocks to the registers; events and counters change when a packet has left."""
         m = Module()
-        registers, features, matches = self._registers, self._feature_gate, self._match_gate
+        registers, features, matches = self.registers, self._feature_gate, self._match_gate
         frame_bad = features.o_done & ~features.o_status.good
         m.d.comb += [
             registers.i_video_waiting.eq(self.i_video.valid & ~self.i_video.ready),

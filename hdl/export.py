@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TypedDict, Unpack
 
@@ -14,14 +14,17 @@ from golden_model.records import FRAME_STATUS, MATCH, Tag, feature_record
 from hdl.accelerator import Accelerator, AcceleratorTop
 from hdl.axi import ip_xact, register_docs
 from hdl.axi.interfaces import vivado_attributes
-from hdl.axi.register_map import REGISTERS, Access, Field, built_constants, fields
+from hdl.axi.register_map import REGISTERS, Access, Field, Register, built_constants, fields
 from hdl.blocks.accelerator import accelerator_bench
 from hdl.blocks.export import core_file, module_ports
 from hdl.boards import SOURCES, board_facts
 from hdl.netlist import to_verilog
-from hdl.settings import FLAG, REQUESTED, SETTINGS
+from hdl.settings import FLAG, REQUESTED, SETTINGS, SHELL
+from hdl.shell.live import LiveAccelerator, LiveTop
+from hdl.shell.register_map import LIVE_REGISTERS
+from hdl.shell.slot import HEADER
 
-TOP = "skymosaic"
+TOP, LIVE_TOP = "skymosaic", "skymosaic_live"
 _WRITABLE = (Access.SETTING, Access.REQUEST, Access.COMMAND)
 
 
@@ -88,9 +91,7 @@ def export(folder: Path, *, board: str, config: Config, **build: Unpack[Build]) 
     _write_litex(folder / "litex", build["video_bits"])
     (folder / f"{TOP}.core").write_text(core_file(TOP, [f"rtl/{TOP}.v"], [f"sim/{name}" for name in bench]))
     _write_vivado(vivado, board, facts["family"], build["video_bits"])
-    (registers / "register_map.md").write_text(register_docs.markdown())
-    (registers / f"{TOP}.svd").write_text(register_docs.svd())
-    (registers / f"{TOP}_registers.h").write_text(register_docs.c_header())
+    _write_registers(registers, REGISTERS)
     has_processor = facts["family"].startswith("zynq")
     if has_processor:
         _write_pynq(folder / "pynq", config, build)
@@ -104,6 +105,38 @@ def export(folder: Path, *, board: str, config: Config, **build: Unpack[Build]) 
         **{name: str(value) for name, value in build.items()},
     }
     (folder / "README.md").write_text((SOURCES / "README.md").read_text().format(**facts) + use)
+
+
+def export_live(folder: Path, *, config: Config, **build: Unpack[Build]) -> None:
+    """Write the live build's Verilog, its registers, the reader of its rings, and a README into ``folder``.
+
+    Parameters
+    ----------
+    folder, config, **build
+        As for `export`.
+
+    Raises
+    ------
+    ValueError
+        For an impossible build; a live one has a video input of 24 or 8 bits.
+    OSError
+        If the folder cannot be written.
+    """
+    build = DEFAULT_BUILD | build
+    top = LiveTop(LiveAccelerator(config=config, **build))
+    text = to_verilog(top, name=LIVE_TOP, aliases=False)
+    for subfolder in ("rtl", "registers"):
+        (folder / subfolder).mkdir(parents=True, exist_ok=True)
+    (folder / "rtl" / f"{LIVE_TOP}.v").write_text(text)
+    _write_registers(folder / "registers", LIVE_REGISTERS)
+    facts = {name: str(value) for name, value in build.items()} | {"video": VIDEO[build["video_bits"]]}
+    (folder / "README.md").write_text((SOURCES / "live" / "README.md").read_text().format(**facts))
+
+
+def _write_registers(folder: Path, registers: Sequence[Register]) -> None:
+    (folder / "register_map.md").write_text(register_docs.markdown(registers))
+    (folder / f"{TOP}.svd").write_text(register_docs.svd(registers))
+    (folder / f"{TOP}_registers.h").write_text(register_docs.c_header(registers))
 
 
 def _write_vivado(folder: Path, board: str, family: str, video_bits: int) -> None:
@@ -133,16 +166,21 @@ def _write_pynq(folder: Path, config: Config, build: Build) -> None:
     (folder / "skymosaic_map.py").write_text(driver_map(config, **build))
 
 
-def driver_map(config: Config, **build: Unpack[Build]) -> str:
+def driver_map(config: Config, *, live: bool = False, **build: Unpack[Build]) -> str:
     """The Python module ``skymosaic_map``: registers, records and build constants for the driver."""
-    constants = built_constants(front_end=config.front_end, matcher=config.matcher, **(DEFAULT_BUILD | build))
+    registers = LIVE_REGISTERS if live else REGISTERS
+    constants = built_constants(
+        front_end=config.front_end, matcher=config.matcher, live=live, **(DEFAULT_BUILD | build)
+    )
     pattern = config.front_end.pattern
-    positions = {f.name: (r.offset, f.low, f.bits) for r in REGISTERS for f in r.fields}
-    writable = {f.name: _valid(f) for f in sorted(fields(*_WRITABLE), key=lambda field: field.name)}
+    positions = {f.name: (r.offset, f.low, f.bits) for r in registers for f in r.fields}
+    written = sorted(fields(*_WRITABLE, registers=registers), key=lambda field: field.name)
+    writable = {f.name: _valid(f) for f in written}
     records = {
         "FEATURE": feature_record(pattern.descriptor_bytes, pattern.window_bytes).dtype,
         "MATCH": MATCH.dtype,
         "STATUS": FRAME_STATUS.dtype,
+        **({"HEADER": HEADER} if live else {}),
     }
     lines = [
         f'"""Registers and records of the {TOP} accelerator. Generated; do not edit."""',
@@ -167,7 +205,7 @@ def _dictionary(name: str, entries: Mapping[str, object], comment: str) -> list[
 
 def _valid(field: Field) -> tuple[int, int]:
     """Smallest and largest value that may be written into a field."""
-    values = SETTINGS[field.name].values if field.access is Access.SETTING else FLAG
+    values = (SETTINGS | SHELL)[field.name].values if field.access is Access.SETTING else FLAG
     return values[0], values[-1]
 
 

@@ -96,6 +96,51 @@ SETTINGS = {
 }
 """Every setting, by name. `hdl.axi.register_map.REGISTERS` gives each its register and bits."""
 
+WORD_VALUES = range(1 << 32)
+RINGS = ("features", "matches")
+"""The rings of buffers in memory that a live build writes."""
+PAGE_BYTES = 4096
+"""Unit of a ring's base and of its slots; no AXI burst crosses a multiple of it."""
+FEWEST_SLOTS = 2
+TICK_CLOCKS = 1024
+"""Unit of the shell's time limits."""
+
+
+def _ring_settings(ring: str) -> tuple[Setting, ...]:
+    return (
+        Setting(f"{ring}_base_low", WORD_VALUES, 0, f"Address of the ring, low word: a multiple of {PAGE_BYTES}."),
+        Setting(f"{ring}_base_high", WORD_VALUES, 0, "Address of the ring, high word."),
+        Setting(f"{ring}_slots", range(257), 0, f"Slots of the ring, {FEWEST_SLOTS} to 256; each holds a packet."),
+        Setting(f"{ring}_slot_pages", range(4097), 0, f"Length of a slot in {PAGE_BYTES} bytes."),
+        Setting(f"{ring}_read", WORD_VALUES, 0, "Packets that software has read: their slots are free again."),
+    )
+
+
+SHELL = {
+    setting.name: setting
+    for setting in (
+        *(setting for ring in RINGS for setting in _ring_settings(ring)),
+        Setting(
+            "camera_timeout",
+            range(1 << 16),
+            15_000,
+            f"Pause after which the camera counts as stopped, in {TICK_CLOCKS} clocks; 0: never.",
+        ),
+        Setting("coalesce_count", range(256), 1, "Frames after which frames_ready is set."),
+        Setting(
+            "coalesce_timeout",
+            range(1 << 16),
+            0,
+            f"Time after which fewer frames set frames_ready, in {TICK_CLOCKS} clocks; 0: never.",
+        ),
+        Setting("frames_ready_mask", FLAG, 0, "For frames_ready."),
+        Setting("frame_dropped_mask", FLAG, 0, "For frame_dropped."),
+        Setting("camera_stops_mask", FLAG, 0, "For camera_stops."),
+        Setting("memory_error_mask", FLAG, 0, "For memory_error."),
+    )
+}
+"""Every setting of the shell of a live build, by name; `hdl.shell.register_map` gives each its register and bits."""
+
 REQUESTED = ("width_px", "height_px", "cell_log2", "per_cell", "detector", "threshold_code", "keep_above")
 """What a request to a board's server sets. The driver sets the others: ``gray_input`` follows from the frames."""
 

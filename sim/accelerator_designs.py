@@ -6,6 +6,7 @@ import dataclasses
 import functools
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +42,7 @@ def accelerator(config: Config, max_size_px: tuple[int, int], *, lanes: int = LA
         front_end=_as_built(config.front_end),
         matcher=dataclasses.replace(config.matcher, keep_above=0),
     )
-    size = {"max_width_px": max_size_px[0], "max_height_px": max_size_px[1]}
+    size: dict[str, Any] = {"max_width_px": max_size_px[0], "max_height_px": max_size_px[1]}
     return Design(
         "the accelerator",
         Ports(outputs=(FEATURES, MATCHES), control=CONTROL),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from hdl.axi.interfaces import BusInterface, bus_interfaces
 from hdl.axi.register_map import ADDRESS_BITS, REGISTER_BITS, REGISTERS, VERSION, Access, Register
@@ -22,7 +22,7 @@ _ACCESS = {
 }
 
 
-def component(name: str, ports: Mapping[str, Port], file: str) -> str:
+def component(name: str, ports: Mapping[str, Port], file: str, registers: Sequence[Register] = REGISTERS) -> str:
     """The component's XML.
 
     Parameters
@@ -32,6 +32,7 @@ def component(name: str, ports: Mapping[str, Port], file: str) -> str:
     ports : mapping of str to Port
     file : str
         Path of the Verilog, from the XML file.
+    registers : sequence of Register
     """
     ET.register_namespace("ipxact", NAMESPACE)
     root = ET.Element(_tag("component"))
@@ -43,7 +44,7 @@ def component(name: str, ports: Mapping[str, Port], file: str) -> str:
     _texts(block, name=MEMORY_MAP)
     addresses = _child(block, "addressBlock")
     _texts(addresses, name="control", baseAddress="0", range=str(1 << ADDRESS_BITS), width=str(REGISTER_BITS))
-    for register in REGISTERS:
+    for register in registers:
         _register(addresses, register)
     model = _child(root, "model")
     view = _child(_child(model, "views"), "view")
@@ -74,7 +75,7 @@ def _bus(parent: ET.Element, interface: BusInterface) -> None:
         _texts(_child(mapped, "logicalPort"), name=logical)
         _texts(_child(mapped, "physicalPort"), name=physical)
     mode = _child(element, "master" if interface.manager else "slave")
-    if interface.bus == "aximm":
+    if interface.bus == "aximm" and not interface.manager:
         ET.SubElement(mode, _tag("memoryMapRef"), {"memoryMapRef": MEMORY_MAP})
     if interface.parameters:
         parameters = _child(element, "parameters")

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 
 from hdl.axi.register_map import ADDRESS_BITS, REGISTER_BITS, REGISTERS, VERSION, Access, Field, Register
+from hdl.shell.register_map import LIVE_REGISTERS, SHELL_OFFSET
 
 NAME = "skymosaic"
 _SVD_ACCESS = {
@@ -17,17 +19,19 @@ _SVD_ACCESS = {
 }
 
 
-def markdown() -> str:
-    """The register map as a Markdown page (`docs/register_map.md`)."""
+def markdown(registers: Sequence[Register] = LIVE_REGISTERS) -> str:
+    """The register map as a Markdown page; with all registers, `docs/register_map.md`."""
     lines = [
         "# Register map",
         "",
         f"Version {'.'.join(map(str, VERSION))}. AXI4-Lite, {REGISTER_BITS}-bit registers, {1 << ADDRESS_BITS} bytes. "
         "An access to another address, or a write to a register that has no field to write, is answered with SLVERR. "
-        "Bits that are not listed read 0. Generated from `hdl/axi/register_map.py`.",
+        "Bits that are not listed read 0. Generated from `hdl/axi/register_map.py` and `hdl/shell/register_map.py`.",
         "",
     ]
-    for register in REGISTERS:
+    if registers[-1].offset >= SHELL_OFFSET:
+        lines += [f"Registers from 0x{SHELL_OFFSET:X} on exist in live builds only (`skymosaic export --live`).", ""]
+    for register in registers:
         lines += [f"## 0x{register.offset:02X} {register.name}", "", register.description, ""]
         lines += ["| bits | field | access | after reset | meaning |", "|---|---|---|---|---|"]
         lines += [_row(field) for field in register.fields]
@@ -41,7 +45,7 @@ def _row(field: Field) -> str:
     return f"| {bits} | `{field.name}` | {field.access.value} | {reset} | {field.description} |"
 
 
-def svd() -> str:
+def svd(registers: Sequence[Register] = REGISTERS) -> str:
     """The register map as a CMSIS-SVD device."""
     device = ET.Element("device", schemaVersion="1.3")
     _texts(
@@ -56,9 +60,9 @@ def svd() -> str:
     _texts(peripheral, name=NAME, baseAddress="0x0")
     block = ET.SubElement(peripheral, "addressBlock")
     _texts(block, offset="0x0", size=f"0x{1 << ADDRESS_BITS:X}", usage="registers")
-    registers = ET.SubElement(peripheral, "registers")
-    for register in REGISTERS:
-        _svd_register(registers, register)
+    parent = ET.SubElement(peripheral, "registers")
+    for register in registers:
+        _svd_register(parent, register)
     ET.indent(device)
     return '<?xml version="1.0" encoding="utf-8"?>\n' + ET.tostring(device, encoding="unicode") + "\n"
 
@@ -93,7 +97,7 @@ def _texts(parent: ET.Element, **texts: str) -> None:
         ET.SubElement(parent, tag).text = text
 
 
-def c_header() -> str:
+def c_header(registers: Sequence[Register] = REGISTERS) -> str:
     """Offsets, shifts and masks as C macros."""
     guard = f"{NAME.upper()}_REGISTERS_H"
     lines = [
@@ -101,7 +105,7 @@ def c_header() -> str:
         f"#ifndef {guard}",
         f"#define {guard}",
     ]
-    for register in REGISTERS:
+    for register in registers:
         lines += [
             "",
             f"/* {register.description} */",

@@ -1,23 +1,24 @@
 """The register map of the accelerator, declared once.
 
 The hardware (`hdl.axi.registers`), the Markdown, SVD and C descriptions (`hdl.axi.register_docs`) and the exported
-driver's constants (`hdl.export.driver_map`) come from `REGISTERS`; the settings in it come from `hdl.settings`.
+driver's constants (`hdl.export.driver_map`) come from `REGISTERS`; the settings in it come from `hdl.settings`. A live
+build has the registers of its shell behind them (`hdl.shell.register_map`).
 """
 
 from __future__ import annotations
 
 import enum
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from golden_model.config import DETECTORS, RULE_BASES, FrontEndConfig, MatcherConfig
 from golden_model.records import MATCH, Cause, feature_record
-from hdl.settings import SETTINGS
+from hdl.settings import SETTINGS, Setting
 
 REGISTER_BITS = 32
 ADDRESS_BITS = 12
 IDENTITY = int.from_bytes(b"SKYM", "big")
-VERSION = (0, 2, 0)
+VERSION = (0, 3, 0)
 
 
 class Access(enum.Enum):
@@ -74,10 +75,13 @@ _BAD = ", ".join(f"{cause.value} {str(cause.name).lower().replace('_', ' ')}" fo
 _CONSTANT, _STATUS = Access.CONSTANT, Access.STATUS
 
 
+def setting_field(setting: Setting, low: int) -> Field:
+    """The field of a setting, from bit ``low`` on."""
+    return Field(setting.name, low, setting.bits, Access.SETTING, setting.description, init=setting.reset)
+
+
 def _setting(name: str, low: int) -> Field:
-    """The field of a setting that `hdl.settings.SETTINGS` declares, from bit ``low`` on."""
-    setting = SETTINGS[name]
-    return Field(name, low, setting.bits, Access.SETTING, setting.description, init=setting.reset)
+    return setting_field(SETTINGS[name], low)
 
 
 REGISTERS = (
@@ -101,6 +105,7 @@ REGISTERS = (
             Field("built_detectors", 2, 2, _CONSTANT, f"Detectors to choose from, a bit each: {', '.join(DETECTORS)}."),
             Field("built_rule_base", 4, 2, _CONSTANT, "Index into " + ", ".join(RULE_BASES) + "."),
             Field("built_selection", 6, 1, _CONSTANT, "Whether corners are selected by cells."),
+            Field("built_live", 7, 1, _CONSTANT, "Whether a streaming shell and the registers from 0x100 on exist."),
             Field("built_descriptor_bytes", 8, 8, _CONSTANT, "Length of a descriptor."),
             Field("built_lanes", 16, 8, _CONSTANT, "Left descriptors compared at a time."),
             Field("built_video_bits", 24, 8, _CONSTANT, "Width of the video input's data: 32, 24 or 8."),
@@ -230,12 +235,12 @@ REGISTERS = (
         ),
     ),
 )
-"""Every register, in rising offset."""
+"""Every register that all builds have, in rising offset."""
 
 
-def fields(*accesses: Access) -> Iterator[Field]:
+def fields(*accesses: Access, registers: Sequence[Register] = REGISTERS) -> Iterator[Field]:
     """Every field with one of ``accesses``, in the order of the map."""
-    return (field for register in REGISTERS for field in register.fields if field.access in accesses)
+    return (field for register in registers for field in register.fields if field.access in accesses)
 
 
 def built_constants(
@@ -246,6 +251,7 @@ def built_constants(
     max_width_px: int,
     max_height_px: int,
     video_bits: int = 32,
+    live: bool = False,
 ) -> dict[str, int]:
     """The values of the constant fields for one build."""
     pattern = front_end.pattern
@@ -256,6 +262,7 @@ def built_constants(
         "built_detectors": (1 << len(DETECTORS)) - 1,
         "built_rule_base": RULE_BASES.index(matcher.rule_base),
         "built_selection": int(front_end.selection),
+        "built_live": int(live),
         "built_descriptor_bytes": pattern.descriptor_bytes,
         "built_lanes": lanes,
         "built_video_bits": video_bits,
@@ -267,19 +274,19 @@ def built_constants(
     }
 
 
-def register_writes(values: Mapping[str, int]) -> list[tuple[int, int]]:
-    """Addresses and words that set fields of `REGISTERS`; their other fields are reset.
+def register_writes(values: Mapping[str, int], *, registers: Sequence[Register] = REGISTERS) -> list[tuple[int, int]]:
+    """Addresses and words that set fields of ``registers``; the other fields of a register written are reset.
 
     Raises
     ------
     ValueError
         For a field that does not exist.
     """
-    unknown = values.keys() - {field.name for register in REGISTERS for field in register.fields}
+    unknown = values.keys() - {field.name for register in registers for field in register.fields}
     if unknown:
         raise ValueError(f"no register field {', '.join(sorted(unknown))}")
     return [
         (register.offset, sum(values.get(field.name, field.init) << field.low for field in register.fields))
-        for register in REGISTERS
+        for register in registers
         if any(field.name in values for field in register.fields)
     ]

@@ -1,8 +1,8 @@
-"""The register file: the hardware of `hdl.axi.register_map.REGISTERS`, behind AXI4-Lite."""
+"""The register file: the hardware of a register map, behind AXI4-Lite."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value
@@ -26,6 +26,8 @@ class RegisterFile(wiring.Component):
     ----------
     constants : mapping of str to int
         Value of every constant field (`hdl.axi.register_map.built_constants`).
+    registers : sequence of Register
+        The map.
 
     Members
     -------
@@ -45,14 +47,15 @@ class RegisterFile(wiring.Component):
         # The map makes the ports; a type checker cannot know their names.
         def __getattr__(self, name: str) -> Signal: ...
 
-    def __init__(self, *, constants: Mapping[str, int]) -> None:
+    def __init__(self, *, constants: Mapping[str, int], registers: Sequence[Register] = REGISTERS) -> None:
         self.constants = dict(constants)
+        self.registers = tuple(registers)
         out: Any = Out  # amaranth-stubs still call init by its old name, reset.
         super().__init__(
             {
                 "bus": In(AxiLiteSignature(address_bits=ADDRESS_BITS)),
-                **{f"i_{field.name}": In(field.bits) for field in fields(*_FROM_HARDWARE)},
-                **{f"o_{field.name}": out(field.bits, init=field.init) for field in fields(*_TO_HARDWARE)},
+                **{f"i_{field.name}": In(field.bits) for field in self._fields(*_FROM_HARDWARE)},
+                **{f"o_{field.name}": out(field.bits, init=field.init) for field in self._fields(*_TO_HARDWARE)},
                 "o_interrupt": Out(1),
             }
         )
@@ -63,20 +66,24 @@ class RegisterFile(wiring.Component):
         m.submodules.bus = bus = AxiLiteSubordinate(address_bits=ADDRESS_BITS)
         wiring.connect(m, wiring.flipped(self.bus), bus.bus)
         strobes = Cat(*(strobe.replicate(8) for strobe in bus.o_strobe))
-        for register in REGISTERS:
+        for register in self.registers:
             writes = bus.o_write & (bus.o_write_word == register.offset // 4)
             for field in register.fields:
                 bits = slice(field.low, field.low + field.bits)
                 self._update(m, field, writes, bus.o_data[bits], strobes[bits])
-        writable = [register.offset // 4 for register in REGISTERS if _is_writable(register)]
+        writable = [register.offset // 4 for register in self.registers if _is_writable(register)]
         m.d.comb += bus.i_write_known.eq(bus.o_write_word.matches(*writable))
         with m.Switch(bus.o_read_word):
-            for register in REGISTERS:
+            for register in self.registers:
                 with m.Case(register.offset // 4):
                     m.d.comb += [bus.i_read_known.eq(1), bus.i_data.eq(self._word(register))]
-        masked = [self._signal("o_", event) & getattr(self, f"o_{event.name}_mask") for event in fields(Access.EVENT)]
+        events = self._fields(Access.EVENT)
+        masked = [self._signal("o_", event) & getattr(self, f"o_{event.name}_mask") for event in events]
         m.d.comb += self.o_interrupt.eq(Cat(masked).any())
         return m
+
+    def _fields(self, *accesses: Access) -> Iterator[Field]:
+        return fields(*accesses, registers=self.registers)
 
     def _update(self, m: Module, field: Field, writes: Value, data: Value, strobe: Value) -> None:
         """Next value of a field. Where a write and the hardware meet in one clock, no event or request is lost."""

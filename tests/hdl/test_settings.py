@@ -4,8 +4,9 @@ import sys
 import pytest
 
 from golden_model.config import PRESETS
-from hdl.axi.register_map import Access, fields
-from hdl.settings import FRONT_END, REQUESTED, RUNNING, SETTINGS, frame_settings, matched_frame_settings
+from hdl.axi.register_map import REGISTERS, Access, fields
+from hdl.settings import FRONT_END, REQUESTED, RUNNING, SETTINGS, SHELL, frame_settings, matched_frame_settings
+from hdl.shell.register_map import LIVE_REGISTERS
 from hdl.streams import FRONT_END_SETTINGS
 from sim import front_end_top
 
@@ -16,9 +17,10 @@ def test_the_settings_load_without_amaranth() -> None:
 
 
 def test_every_setting_has_one_register_field_that_holds_its_values() -> None:
-    placed = {field.name: (field.bits, field.init) for field in fields(Access.SETTING)}
-    assert placed == {setting.name: (setting.bits, setting.reset) for setting in SETTINGS.values()}
-    assert all(0 <= setting.reset < 1 << setting.bits for setting in SETTINGS.values())
+    for settings, registers in ((SETTINGS, REGISTERS), (SETTINGS | SHELL, LIVE_REGISTERS)):
+        placed = {field.name: (field.bits, field.init) for field in fields(Access.SETTING, registers=registers)}
+        assert placed == {setting.name: (setting.bits, setting.reset) for setting in settings.values()}
+        assert all(0 <= setting.reset < 1 << setting.bits for setting in settings.values())
 
 
 def test_struct_and_ports_of_the_front_end_have_its_settings_in_order() -> None:

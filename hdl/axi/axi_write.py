@@ -1,0 +1,161 @@
+"""AXI4 writes with 64-bit addresses and 64-bit data: the channels, and a manager of bursts of one length."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from amaranth import Module, Signal
+from amaranth.lib import data, stream, wiring
+from amaranth.lib.wiring import In, Out
+
+from golden_model.records import WORD_BYTES
+from hdl.axi.axi_lite import Response
+
+BURST_WORDS = 16
+"""The longest burst of AXI3, too, which the memory ports of a Zynq-7000 have."""
+BURST_BYTES = BURST_WORDS * WORD_BYTES
+BURST_LOG2 = (BURST_BYTES - 1).bit_length()
+MAX_OUTSTANDING = 15
+INCREMENTING = 1
+"""AWBURST of a burst whose addresses rise."""
+MODIFIABLE = 0b0011
+"""AWCACHE: bufferable and modifiable, so that an interconnect may change the width."""
+BURST_WORD = data.StructLayout({"data": 8 * WORD_BYTES, "kept": 1})
+"""A word of a burst; it is written only where ``kept``."""
+
+
+class AxiWriteSignature(wiring.Signature):
+    """Write address, write data and write response; directions are the manager's.
+
+    There are no IDs: responses come in the order of the bursts.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(
+            {
+                "awaddr": Out(64),
+                "awlen": Out(8),
+                "awsize": Out(3),
+                "awburst": Out(2),
+                "awcache": Out(4),
+                "awprot": Out(3),
+                "awvalid": Out(1),
+                "awready": In(1),
+                "wdata": Out(8 * WORD_BYTES),
+                "wstrb": Out(WORD_BYTES),
+                "wlast": Out(1),
+                "wvalid": Out(1),
+                "wready": In(1),
+                "bresp": In(2),
+                "bvalid": In(1),
+                "bready": Out(1),
+            }
+        )
+
+    def create(self, *, path: Any = None, src_loc_at: int = 0) -> AxiWriteInterface:
+        """Make the ports."""
+        return AxiWriteInterface(self, path=path, src_loc_at=1 + src_loc_at)
+
+
+class AxiWriteInterface(wiring.PureInterface):
+    """Ports of an `AxiWriteSignature`."""
+
+    awaddr: Signal
+    awlen: Signal
+    awsize: Signal
+    awburst: Signal
+    awcache: Signal
+    awprot: Signal
+    awvalid: Signal
+    awready: Signal
+    wdata: Signal
+    wstrb: Signal
+    wlast: Signal
+    wvalid: Signal
+    wready: Signal
+    bresp: Signal
+    bvalid: Signal
+    bready: Signal
+
+
+class BurstWriter(wiring.Component):
+    """Writes bursts of 16 words, one after the other, at multiples of their length: none crosses 4 KiB.
+
+    Up to `MAX_OUTSTANDING` bursts wait for their response; a start beyond them waits.
+
+    Members
+    -------
+    i_start : In(1)
+        Start a burst; ignored unless ``o_ready``.
+    i_burst : In(57)
+        Its address in bursts, with ``i_start``.
+    i : In(stream of BURST_WORD)
+        Its words, taken when the address has been.
+    bus : Out(AxiWriteSignature)
+    o_ready : Out(1)
+        A burst may start.
+    o_done : Out(1)
+        The burst's last word is taken in this clock.
+    o_all_answered : Out(1)
+        No burst waits for its response.
+    o_error : Out(1)
+        A response other than OKAY comes in this clock.
+    """
+
+    i_start: Signal
+    i_burst: Signal
+    i: stream.Interface
+    bus: AxiWriteInterface
+    o_ready: Signal
+    o_done: Signal
+    o_all_answered: Signal
+    o_error: Signal
+
+    def __init__(self) -> None:
+        super().__init__(
+            {
+                "i_start": In(1),
+                "i_burst": In(64 - BURST_LOG2),
+                "i": In(stream.Signature(BURST_WORD)),
+                "bus": Out(AxiWriteSignature()),
+                "o_ready": Out(1),
+                "o_done": Out(1),
+                "o_all_answered": Out(1),
+                "o_error": Out(1),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """Address, then data; the responses whenever they come."""
+        m = Module()
+        bus, word = self.bus, self.i.payload
+        burst = Signal.like(self.i_burst, reset_less=True)
+        sending = Signal()
+        beat = Signal(range(BURST_WORDS))
+        outstanding = Signal(range(MAX_OUTSTANDING + 1))
+        m.d.comb += [
+            bus.awaddr.eq(burst << BURST_LOG2),
+            bus.awlen.eq(BURST_WORDS - 1),
+            bus.awsize.eq((WORD_BYTES - 1).bit_length()),
+            bus.awburst.eq(INCREMENTING),
+            bus.awcache.eq(MODIFIABLE),
+            bus.wdata.eq(word.data),
+            bus.wstrb.eq(word.kept.replicate(WORD_BYTES)),
+            bus.wlast.eq(beat == BURST_WORDS - 1),
+            bus.wvalid.eq(sending & self.i.valid),
+            self.i.ready.eq(sending & bus.wready),
+            self.o_ready.eq(~bus.awvalid & ~sending & (outstanding != MAX_OUTSTANDING)),
+            self.o_done.eq(bus.wvalid & bus.wready & bus.wlast),
+            self.o_all_answered.eq(outstanding == 0),
+            bus.bready.eq(1),
+            self.o_error.eq(bus.bvalid & (bus.bresp != Response.OKAY)),
+        ]
+        starts = self.i_start & self.o_ready
+        m.d.sync += outstanding.eq(outstanding + starts - bus.bvalid)
+        with m.If(starts):
+            m.d.sync += [burst.eq(self.i_burst), bus.awvalid.eq(1)]
+        with m.If(bus.awvalid & bus.awready):
+            m.d.sync += [bus.awvalid.eq(0), sending.eq(1)]
+        with m.If(self.i.valid & self.i.ready):
+            m.d.sync += [beat.eq(beat + 1), sending.eq(~bus.wlast)]
+        return m

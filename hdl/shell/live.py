@@ -1,0 +1,176 @@
+"""The live build: a camera in, packets of features and matches in memory, no software between."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from amaranth import ClockDomain, ClockSignal, Module, ResetInserter, Signal
+from amaranth.lib import data, wiring
+from amaranth.lib.cdc import ResetSynchronizer
+from amaranth.lib.wiring import In, Out
+
+from golden_model.records import MATCH, WORD_BYTES
+from hdl.accelerator import Accelerator
+from hdl.axi.axi_lite import AxiLiteInterface, AxiLiteSignature
+from hdl.axi.axi_write import AxiWriteInterface, AxiWriteSignature
+from hdl.axi.register_map import ADDRESS_BITS
+from hdl.axi.video_input import VideoPayload
+from hdl.settings import RINGS
+from hdl.shell.shell import Shell
+
+LIVE_VIDEO_BITS = (24, 8)
+SPARE_RECORDS = 2
+"""A packet that CONTROL.clear ends has a record more, and its FrameStatus."""
+
+
+class LiveAccelerator(wiring.Component):
+    """`Accelerator` in a `Shell`: the domain ``sync`` for everything but the camera's pixels, which have ``camera``.
+
+    Parameters
+    ----------
+    camera_depth, fifo_words : int
+        See `Shell`.
+    **build
+        See `Accelerator`; ``video_bits`` is 24 or 8.
+
+    Members
+    -------
+    i_reset : In(1)
+        Synchronous reset of everything in ``sync``.
+    i_camera_valid : In(1), i_camera : In(VideoPayload)
+        In ``camera``: AXI4-Stream video as UG934 has it, without ready.
+    features, matches : Out(AxiWriteSignature)
+        To memory.
+    control : In(AxiLiteSignature)
+        `hdl.shell.register_map.LIVE_REGISTERS`.
+    o_interrupt : Out(1)
+
+    Raises
+    ------
+    ValueError
+        For another width of the video.
+    """
+
+    i_reset: Signal
+    i_camera_valid: Signal
+    i_camera: data.View
+    features: AxiWriteInterface
+    matches: AxiWriteInterface
+    control: AxiLiteInterface
+    o_interrupt: Signal
+
+    def __init__(self, *, camera_depth: int = 2048, fifo_words: int = 512, **build: Any) -> None:
+        if build.get("video_bits") not in LIVE_VIDEO_BITS:
+            raise ValueError(f"a live build takes video of {' or '.join(map(str, LIVE_VIDEO_BITS))} bits")
+        self.accelerator = accelerator = Accelerator(live=True, **build)
+        capacity = accelerator.config.front_end.max_features + SPARE_RECORDS
+        words = {
+            "features": accelerator.registers.constants["built_feature_bytes"] // WORD_BYTES,
+            "matches": MATCH.record_bytes // WORD_BYTES,
+        }
+        self._shell = Shell(
+            registers=accelerator.registers,
+            record_words=words,
+            max_words={ring: capacity * words[ring] for ring in RINGS},
+            video_bits=accelerator.video_bits,
+            camera_depth=camera_depth,
+            fifo_words=fifo_words,
+        )
+        super().__init__(
+            {
+                "i_reset": In(1),
+                "i_camera_valid": In(1),
+                "i_camera": In(VideoPayload),
+                **{ring: Out(AxiWriteSignature()) for ring in RINGS},
+                "control": In(AxiLiteSignature(address_bits=ADDRESS_BITS)),
+                "o_interrupt": Out(1),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """Connect the shell around the accelerator."""
+        m = Module()
+        reset = Signal(init=1)
+        m.d.sync += reset.eq(self.i_reset)
+        m.submodules.accelerator = inner = self.accelerator
+        m.submodules.shell = ResetInserter(reset)(self._shell)
+        shell = self._shell
+        wiring.connect(m, shell.o_video, inner.i_video)
+        wiring.connect(m, inner.o_features, shell.i_features)
+        wiring.connect(m, inner.o_matches, shell.i_matches)
+        wiring.connect(m, wiring.flipped(self.control), inner.control)
+        for ring in RINGS:
+            wiring.connect(m, getattr(shell, ring), wiring.flipped(getattr(self, ring)))
+        m.d.comb += [
+            inner.i_reset.eq(self.i_reset),
+            shell.i_camera_valid.eq(self.i_camera_valid),
+            shell.i_camera.eq(self.i_camera),
+            self.o_interrupt.eq(inner.o_interrupt),
+        ]
+        return m
+
+
+class LiveTop(wiring.Component):
+    """`LiveAccelerator` with flat ports as AMD names them, and two clocks.
+
+    Members
+    -------
+    aclk, aresetn : In(1)
+        Clock of everything but the camera, and the synchronous reset of all, active low.
+    video_aclk : In(1)
+        The camera's pixel clock.
+    s_axis_video_* : AXI4-Stream, in ``video_aclk``
+        Its TREADY is always 1.
+    m_axi_features_*, m_axi_matches_* : AXI4, writes only
+    s_axi_ctrl_* : AXI4-Lite
+    interrupt : Out(1)
+        Active high, level.
+    """
+
+    if TYPE_CHECKING:
+        # The ports follow from tables; a type checker cannot know their names.
+        def __getattr__(self, name: str) -> Signal: ...
+
+    def __init__(self, live: LiveAccelerator) -> None:
+        self.live = live
+        self._buses = {"s_axi_ctrl": live.control, **{f"m_axi_{ring}": getattr(live, ring) for ring in RINGS}}
+        super().__init__(
+            {
+                "aclk": In(1),
+                "aresetn": In(1),
+                "video_aclk": In(1),
+                "s_axis_video_tdata": In(live.accelerator.video_bits),
+                **{f"s_axis_video_{name}": In(1) for name in ("tuser", "tlast", "tvalid")},
+                "s_axis_video_tready": Out(1),
+                **{
+                    f"{prefix}_{name}": member
+                    for prefix, bus in self._buses.items()
+                    for name, member in bus.signature.members.items()
+                },
+                "interrupt": Out(1),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """Connect ports by name."""
+        m = Module()
+        m.domains.sync = ClockDomain(reset_less=True)
+        m.domains.camera = ClockDomain()
+        m.submodules.camera_reset = ResetSynchronizer(~self.aresetn, domain="camera")
+        m.submodules.live = inner = self.live
+        m.d.comb += [
+            ClockSignal().eq(self.aclk),
+            ClockSignal("camera").eq(self.video_aclk),
+            inner.i_reset.eq(~self.aresetn),
+            inner.i_camera_valid.eq(self.s_axis_video_tvalid),
+            inner.i_camera.data.eq(self.s_axis_video_tdata),
+            inner.i_camera.first.eq(self.s_axis_video_tuser),
+            inner.i_camera.last.eq(self.s_axis_video_tlast),
+            self.s_axis_video_tready.eq(1),
+            self.interrupt.eq(inner.o_interrupt),
+        ]
+        for prefix, bus in self._buses.items():
+            for name, member in bus.signature.members.items():
+                outer, own = getattr(self, f"{prefix}_{name}"), getattr(bus, name)
+                m.d.comb += outer.eq(own) if member.flow == Out else own.eq(outer)
+        return m

@@ -1,0 +1,220 @@
+"""The streaming shell around the accelerator's streams: camera in front, rings in memory behind, registers beside."""
+
+from __future__ import annotations
+
+from amaranth import Cat, Module, Mux, ResetInserter, Signal, Value
+from amaranth.lib import data, fifo, stream, wiring
+from amaranth.lib.wiring import In, Out
+
+from hdl.axi.axi_write import AxiWriteInterface, AxiWriteSignature
+from hdl.axi.registers import RegisterFile
+from hdl.axi.video_input import VideoPayload
+from hdl.settings import FEWEST_SLOTS, PAGE_BYTES, RINGS, TICK_CLOCKS
+from hdl.shell.camera import CameraCrossing, CameraGate
+from hdl.shell.ring_writer import FRAME_INFO, RingWriter
+from hdl.streams import WordPayload
+
+MAX_IN_FLIGHT = 8
+"""Frames between the camera's gate and the end of their packets, at most; the accelerator holds about four."""
+CLEARING_CLOCKS = 8
+"""From CONTROL.clear until the accelerator's outputs offer what is left of a packet."""
+
+
+class Shell(wiring.Component):
+    """Admits whole frames of a camera while there are buffers for them, and writes their packets into two rings.
+
+    Every frame that is admitted has a slot in each ring that is on: it was free, and no other frame has been promised
+    it. Software frees slots by counting up ``features_read`` and ``matches_read``.
+
+    Parameters
+    ----------
+    registers : RegisterFile
+        With `hdl.shell.register_map.LIVE_REGISTERS`; the shell drives the fields of its own registers.
+    record_words, max_words : mapping of str to int
+        For each ring, the length of a record and of the longest packet.
+    video_bits : {24, 8}
+    camera_depth, fifo_words : int
+        Pixels and words that wait before the accelerator and behind it.
+
+    Members
+    -------
+    i_camera_valid : In(1), i_camera : In(VideoPayload)
+        In the domain ``camera``: a pixel in each clock with valid.
+    o_video : Out(stream of VideoPayload)
+        To the accelerator; its ready must not depend on its valid.
+    i_features, i_matches : In(stream of WordPayload)
+        From the accelerator: a packet for every frame of ``o_video``.
+    features, matches : Out(AxiWriteSignature)
+        To memory.
+    """
+
+    i_camera_valid: Signal
+    i_camera: data.View
+    o_video: stream.Interface
+    i_features: stream.Interface
+    i_matches: stream.Interface
+    features: AxiWriteInterface
+    matches: AxiWriteInterface
+
+    def __init__(
+        self,
+        *,
+        registers: RegisterFile,
+        record_words: dict[str, int],
+        max_words: dict[str, int],
+        video_bits: int,
+        camera_depth: int = 2048,
+        fifo_words: int = 512,
+    ) -> None:
+        self._registers = registers
+        self._crossing = CameraCrossing(video_bits=video_bits, depth=camera_depth)
+        self._gate = CameraGate()
+        self.rings = {
+            ring: RingWriter(record_words=record_words[ring], max_words=max_words[ring], fifo_words=fifo_words)
+            for ring in RINGS
+        }
+        super().__init__(
+            {
+                "i_camera_valid": In(1),
+                "i_camera": In(VideoPayload),
+                "o_video": Out(stream.Signature(VideoPayload)),
+                **{f"i_{ring}": In(stream.Signature(WordPayload)) for ring in RINGS},
+                **{ring: Out(AxiWriteSignature()) for ring in RINGS},
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """Crossing, gate, rings; what they tell the registers."""
+        m = Module()
+        registers, gate, crossing = self._registers, self._gate, self._crossing
+        m.submodules.crossing, m.submodules.gate = crossing, gate
+        wiring.connect(m, crossing.o, gate.i)
+        wiring.connect(m, gate.o, wiring.flipped(self.o_video))
+        time = Signal(64)
+        m.d.sync += time.eq(time + 1)
+        clearing, forgets = self._clear(m)
+        has_room, refused = [], []
+        for ring in RINGS:
+            room, faults = self._ring(m, ring, time, forgets)
+            has_room.append(room)
+            refused.append(faults)
+        refusal = Signal(registers.i_refused.shape())
+        m.d.comb += [
+            refusal.eq(Cat(*refused, registers.o_memory_mode)),
+            registers.i_refused.eq(refusal),
+            crossing.i_valid.eq(self.i_camera_valid),
+            crossing.i.eq(self.i_camera),
+            gate.i_pressed.eq(crossing.o_pressed),
+            gate.i_on.eq(registers.o_enable & ~clearing),
+            gate.i_refused.eq(refusal.any()),
+            gate.i_has_room.eq(Cat(has_room).all()),
+            gate.i_width_px.eq(registers.o_width_px),
+            gate.i_height_px.eq(registers.o_height_px),
+            gate.i_time.eq(time),
+            registers.i_camera_frames.eq(gate.o_frames),
+            registers.i_dropped.eq(gate.o_dropped),
+            registers.i_cut.eq(gate.o_cut),
+            registers.i_dropped_number.eq(gate.o_last_drop.number),
+            Cat(registers.i_dropped_time_low, registers.i_dropped_time_high).eq(gate.o_last_drop.time),
+            registers.i_dropped_reason.eq(gate.o_reason),
+            registers.i_frame_dropped.eq(gate.o_drops),
+            registers.i_memory_error.eq(Cat(ring.o_error for ring in self.rings.values()).any()),
+        ]
+        tick = time[: (TICK_CLOCKS - 1).bit_length()].all()
+        self._watch(m, tick)
+        self._coalesce(m, tick, forgets)
+        return m
+
+    def _clear(self, m: Module) -> tuple[Value, Value]:
+        """While the accelerator is cleared, no frame is admitted until what it still offers is in memory.
+
+        Then the frames that it has forgotten are forgotten here, too.
+        """
+        clearing, clocks = Signal(), Signal(range(CLEARING_CLOCKS))
+        offered = Cat(self.i_features.valid, self.i_matches.valid).any()
+        quiet = Cat(ring.o_idle for ring in self.rings.values()).all() & ~offered
+        forgets = clearing & (clocks == CLEARING_CLOCKS - 1) & quiet
+        with m.If(self._registers.o_clear):
+            m.d.sync += [clearing.eq(1), clocks.eq(0)]
+        with m.Elif(forgets):
+            m.d.sync += clearing.eq(0)
+        with m.Elif(clocks != CLEARING_CLOCKS - 1):
+            m.d.sync += clocks.eq(clocks + 1)
+        return clearing | self._registers.o_clear, forgets
+
+    def _ring(self, m: Module, ring: str, time: Value, forgets: Value) -> tuple[Value, Value]:
+        """A ring; returns whether it has room for another frame, and what is wrong with its settings."""
+        writer, gate = self.rings[ring], self._gate
+        m.submodules[ring] = writer
+        m.submodules[f"{ring}_infos"] = infos = ResetInserter(forgets)(
+            fifo.SyncFIFO(width=FRAME_INFO.size, depth=MAX_IN_FLIGHT)
+        )
+        wiring.connect(m, wiring.flipped(getattr(self, f"i_{ring}")), writer.i)
+        wiring.connect(m, writer.bus, wiring.flipped(getattr(self, ring)))
+        enable = getattr(self._registers, f"o_{ring}_enable")
+        base_low, base_high, slots, slot_pages, read = (
+            getattr(self._registers, f"o_{ring}_{name}")
+            for name in ("base_low", "base_high", "slots", "slot_pages", "read")
+        )
+        in_flight = Signal(range(MAX_IN_FLIGHT + 1))
+        used = Signal(32)
+        faults = Signal(3)
+        m.d.comb += used.eq(writer.o_written - read)
+        m.d.sync += [
+            in_flight.eq(Mux(forgets, 0, in_flight + gate.o_admits - (writer.o_ended & in_flight.any()))),
+            faults.eq(
+                Cat(
+                    enable & base_low[: (PAGE_BYTES - 1).bit_length()].any(),
+                    enable & ((slots < FEWEST_SLOTS) | (slot_pages < writer.needed_pages)),
+                    enable & (used > slots),
+                )
+            ),
+        ]
+        m.d.comb += [
+            infos.w_en.eq(gate.o_admits),
+            infos.w_data.eq(gate.o_info),
+            writer.i_info.valid.eq(infos.r_rdy),
+            writer.i_info.payload.eq(infos.r_data),
+            infos.r_en.eq(writer.i_info.ready),
+            writer.i_enable.eq(enable & ~faults[:2].any()),
+            writer.i_base_page.eq(Cat(base_low, base_high)[(PAGE_BYTES - 1).bit_length() :]),
+            writer.i_slots.eq(slots),
+            writer.i_slot_pages.eq(slot_pages),
+            writer.i_full.eq(used >= slots),
+            writer.i_time.eq(time),
+        ]
+        for name, value in (("written", writer.o_written), ("errors", writer.o_errors), ("lost", writer.o_lost)):
+            m.d.comb += getattr(self._registers, f"i_{ring}_{name}").eq(value)
+        return (in_flight != MAX_IN_FLIGHT) & (~enable | (used + in_flight < slots)), faults
+
+    def _watch(self, m: Module, tick: Value) -> None:
+        """The camera has stopped when no pixel came for the time that is set."""
+        registers, stopped = self._registers, self._registers.i_camera_stopped
+        idle = Signal(registers.o_camera_timeout.shape())
+        m.d.sync += registers.i_camera_stops.eq(0)
+        with m.If(self._gate.i.valid):
+            m.d.sync += [idle.eq(0), stopped.eq(0)]
+        with m.Elif(tick & registers.o_camera_timeout.any() & ~stopped):
+            m.d.sync += idle.eq(idle + 1)
+            with m.If(idle + 1 >= registers.o_camera_timeout):
+                m.d.sync += [stopped.eq(1), registers.i_camera_stops.eq(registers.o_enable)]
+
+    def _coalesce(self, m: Module, tick: Value, forgets: Value) -> None:
+        """An event for so many frames of which both packets have ended, or when the first has waited long enough."""
+        registers = self._registers
+        ahead = {ring: Signal(range(MAX_IN_FLIGHT + 2), name=f"{ring}_ahead") for ring in RINGS}
+        complete = Cat(signal.any() for signal in ahead.values()).all()
+        pending, waited = (
+            Signal(value.shape()) for value in (registers.o_coalesce_count, registers.o_coalesce_timeout)
+        )
+        for ring, signal in ahead.items():
+            m.d.sync += signal.eq(Mux(forgets, 0, signal + self.rings[ring].o_ended - complete))
+        timeout = registers.o_coalesce_timeout
+        fires = pending.any() & ((pending >= registers.o_coalesce_count) | (timeout.any() & (waited >= timeout)))
+        m.d.comb += registers.i_frames_ready.eq(fires)
+        with m.If(fires):
+            m.d.sync += [pending.eq(complete), waited.eq(0)]
+        with m.Else():
+            m.d.sync += pending.eq(pending + (complete & ~pending.all()))
+            with m.If(pending.any() & tick):
+                m.d.sync += waited.eq(waited + 1)

@@ -1,0 +1,45 @@
+"""What a slot of a ring holds: a header, and behind it a packet of records. Declared once, for hardware and host."""
+
+from __future__ import annotations
+
+import enum
+
+import numpy as np
+
+from golden_model.records import WORD_BYTES
+from hdl.settings import PAGE_BYTES
+
+HEADER_BYTES = 128
+"""Where the packet starts in its slot."""
+
+
+class HeaderFlag(enum.IntFlag):
+    """What is wrong with a packet in memory."""
+
+    OVERLONG = 1
+    MEMORY_ERROR = 2
+
+
+HEADER = np.dtype(
+    [
+        ("sequence", "<u4"),
+        ("length_bytes", "<u4"),
+        ("number", "<u4"),
+        ("flags", "<u4"),
+        ("time", "<u8"),
+        ("status", "<u8"),
+        ("clocks", "<u4"),
+        ("reserved", "<u4"),
+    ]
+)
+"""The header, a whole number of 64-bit words.
+
+``sequence`` counts the ring's packets from 1, so that memory of zeros holds none; ``length_bytes`` is the packet's, its
+FrameStatus included. ``number`` counts the camera's frames from 1, dropped ones too: gaps are drops. ``time`` is the
+clock of the frame's first pixel at the door, ``clocks`` the time from there to this header. ``status`` is the first
+word of the packet's FrameStatus, and ``flags`` has the bits of `HeaderFlag`."""
+
+
+def slot_pages(max_words: int) -> int:
+    """Pages of a slot that holds packets of up to ``max_words`` words."""
+    return -(-(HEADER_BYTES + max_words * WORD_BYTES) // PAGE_BYTES)

@@ -1,0 +1,152 @@
+"""Whole frames or none from a camera into memory: what is not delivered is reported, and nothing is ever wrong."""
+
+from typing import Any
+
+import pytest
+
+from hdl.settings import PAGE_BYTES, RINGS
+from hdl.shell.register_map import Reason, Refusal
+from hdl.shell.slot import HeaderFlag
+from sim.axi_memory import AxiMemory
+from tests.hdl.shell.bench import BASES, HEIGHT_PX, SLOTS, WIDTH_PX, Run, ShellBench, flight, frame, settings
+
+FRAMES = 6
+PAUSE = [None] * 60
+
+
+def memory(**rules: Any) -> AxiMemory:
+    return AxiMemory(BASES["features"], 2 * SLOTS * PAGE_BYTES, **rules)
+
+
+def check(bench: ShellBench, run: Run, *, whole: int | None = None) -> None:
+    """Everything the camera sent was delivered, cut or dropped, and what is marked good is what was sent."""
+    counts = bench.values
+    for ring in RINGS:
+        packets, emitted = run.delivered[ring], run.emitted[ring]
+        assert counts["camera_frames"] == len(run.sent) == counts["dropped"] + len(emitted)
+        numbers = [int(packet.header["number"]) for packet in packets]
+        assert numbers == sorted(set(numbers))
+        assert [int(packet.header["sequence"]) for packet in packets] == list(range(1, len(packets) + 1))
+        for packet in packets:
+            if packet.header["flags"]:
+                continue
+            words = emitted[int(packet.header["sequence"]) - 1]
+            assert packet.words.tolist() == words
+            status = words[-bench.shell.rings[ring].record_words]
+            assert int(packet.header["status"]) == status
+            pixels = run.sent[int(packet.header["number"])]
+            assert status >> 32 == pixels[0]
+            if status >> 8 & 1:
+                assert len(pixels) >= WIDTH_PX * HEIGHT_PX
+        if whole is not None:
+            assert len(packets) == whole
+            assert len(emitted) == whole
+    assert counts["cut"] == sum(not words[-3] >> 8 & 1 for words in run.emitted["features"])
+
+
+@pytest.mark.parametrize("camera_s", [0.97e-8, pytest.param(2.3e-8, marks=pytest.mark.slow)])
+def test_a_slow_memory_and_a_busy_accelerator_lose_nothing_unsaid(camera_s: float) -> None:
+    bench = ShellBench(seed=3, memory=memory(waits=90, latency_clocks=25, seed=3), camera_s=camera_s, busy=40)
+    run = bench.simulate(list(flight(5, seed=4)), clocks_after=500)
+    check(bench, run)
+    assert len(run.delivered["matches"]) == len(run.emitted["matches"]) >= 3
+    assert run.events["frames_ready"] == len(run.emitted["matches"])
+
+
+def test_a_host_that_never_reads_gets_the_oldest_frames_whole() -> None:
+    bench = ShellBench(seed=5, reads=False, coalesce_count=3)
+    run = bench.simulate(list(flight(SLOTS + 2)), clocks_after=200)
+    assert bench.values["dropped"] == 2 == run.events["frame_dropped"]
+    assert bench.values["dropped_reason"] == Reason.NO_BUFFER
+    assert run.events["frames_ready"] == 1
+    for ring in RINGS:
+        slots = [bench.slot(ring, number) for number in range(SLOTS)]
+        assert [int(slot.header["number"]) for slot in slots] == list(range(1, SLOTS + 1))
+        assert [slot.words.tolist() for slot in slots] == run.emitted[ring]
+
+
+def test_settings_that_cannot_work_are_refused() -> None:
+    changes = [
+        ({"features_base_low": BASES["features"] + 128 & 0xFFFF_FFFF}, Refusal.FEATURES_MISALIGNED),
+        ({"matches_slots": 1}, Refusal.MATCHES_TOO_SMALL),
+        ({"features_slot_pages": 0}, Refusal.FEATURES_TOO_SMALL),
+        ({"matches_read": 9}, Refusal.MATCHES_READ_AHEAD),
+        ({"memory_mode": 1}, Refusal.MEMORY_MODE),
+    ]
+    bench = ShellBench(reads=False)
+    beats: list[Any] = []
+    for change, refusal in changes:
+        usual = {name: settings().get(name, 0) for name in change}
+        beats += [change, *PAUSE[:8], *frame(0), {"refused": refusal}, usual, *PAUSE[:8]]
+    run = bench.simulate(beats, clocks_after=10)
+    assert bench.values["dropped"] == len(changes)
+    assert bench.values["dropped_reason"] == Reason.REFUSED
+    assert not run.emitted["features"]
+    assert not bench.memory.bytes.any()
+
+
+def test_error_responses_are_counted_and_no_damaged_packet_passes_for_whole() -> None:
+    bench = ShellBench(seed=7, memory=memory(errors=60, seed=2))
+    run = bench.simulate(list(flight(FRAMES)), clocks_after=250)
+    assert 0 < run.events["memory_error"] == bench.memory.error_count
+    for ring in RINGS:
+        assert len(run.delivered[ring]) == len(run.emitted[ring])
+        for sequence, (words, packet) in enumerate(zip(run.emitted[ring], run.delivered[ring], strict=True), 1):
+            # A header that was refused leaves an old sequence number.
+            is_whole = not packet.header["flags"] and packet.header["sequence"] == sequence
+            assert not is_whole or packet.words.tolist() == words
+    packets = [packet for ring in RINGS for packet in run.delivered[ring]]
+    assert any(packet.header["flags"] == HeaderFlag.MEMORY_ERROR for packet in packets)
+
+
+def test_a_camera_that_stops_and_resumes_makes_one_bad_frame() -> None:
+    whole, half = frame(1), frame(2)[: WIDTH_PX * 2 + 3]
+    bench = ShellBench(camera_timeout=1, coalesce_count=255, coalesce_timeout=1, camera_s=2e-8)
+    run = bench.simulate([*frame(0), *PAUSE, *half, *[None] * 1030, *whole, *PAUSE, *half, *whole], clocks_after=120)
+    check(bench, run, whole=5)
+    assert bench.values["cut"] == 2
+    assert run.events["camera_stops"] == 1
+    # The first frame was told of during the pause, by its time limit.
+    assert run.events["frames_ready"] == 1
+    good = [int(packet.header["status"]) >> 8 & 1 for packet in run.delivered["matches"]]
+    assert good == [1, 0, 1, 0, 1]
+
+
+def test_a_camera_that_changes_size_gives_no_wrong_frame() -> None:
+    wide, tall, small = frame(1, width=10), frame(2, height=HEIGHT_PX + 2), frame(3, width=6)
+    parts = [frame(0), wide, small, frame(4), tall, tall, frame(5), frame(6)]
+    bench = ShellBench()
+    run = bench.simulate([beat for part in parts for beat in (*part, *PAUSE)], clocks_after=100)
+    check(bench, run)
+    # Of a frame with more lines the upper ones are right; the frames after it are dropped until the size is.
+    numbers = [int(packet.header["number"]) for packet in run.delivered["features"] if packet.header["status"] >> 8 & 1]
+    assert numbers == [1, 4, 5, 8]
+    assert bench.values["cut"] == 2
+    assert bench.values["dropped"] == 2
+    assert bench.values["dropped_reason"] == Reason.TOO_LARGE
+
+
+def test_an_accelerator_that_hangs_costs_frames_and_not_the_camera() -> None:
+    bench = ShellBench(seed=1, busy=254, camera_s=0.9e-8)
+    bench.simulate(list(flight(FRAMES, gap=2)), clocks_after=10)
+    # The last pixels are still on their way.
+    assert bench.values["camera_frames"] >= FRAMES - 2
+    assert bench.values["dropped"] + bench.values["cut"] >= FRAMES - 3
+    assert bench.values["dropped_reason"] == Reason.OUTRUN
+
+
+def test_pixels_lost_in_the_crossing_cost_their_frames() -> None:
+    """A camera with a clock twice as fast as the design's: the queue overflows, and nothing wrong comes through."""
+    bench = ShellBench(seed=2, camera_s=0.4e-8, camera_depth=32)
+    frames = [beat for number in range(12) for beat in frame(number)]
+    run = bench.simulate([*frames, *[None] * 300, *frame(12), *PAUSE], clocks_after=200)
+    check(bench, run)
+    assert bench.values["dropped"] + bench.values["cut"] > 3
+    assert int(run.delivered["matches"][-1].header["number"]) == 13
+
+
+def test_the_memory_notices_a_broken_rule() -> None:
+    """What the other tests rely on."""
+    bench = ShellBench(memory=AxiMemory(BASES["features"], PAGE_BYTES))
+    with pytest.raises(AssertionError, match="is outside"):
+        bench.simulate(list(flight(1)), clocks_after=200)
