@@ -20,7 +20,7 @@ from hdl.blocks.export import core_file, module_ports
 from hdl.boards import SOURCES, board_facts
 from hdl.netlist import to_verilog
 from hdl.settings import FLAG, REQUESTED, SETTINGS, SHELL
-from hdl.shell.live import LiveAccelerator, LiveTop
+from hdl.shell.live import LIVE_VIDEO_BITS, LiveAccelerator, LiveTop
 from hdl.shell.register_map import LIVE_REGISTERS
 from hdl.shell.slot import HEADER
 
@@ -123,6 +123,8 @@ def export_live(folder: Path, *, config: Config, **build: Unpack[Build]) -> None
         If the folder cannot be written.
     """
     build = DEFAULT_BUILD | build
+    if build["video_bits"] not in LIVE_VIDEO_BITS:
+        raise ValueError(f"a live build takes video of {' or '.join(map(str, LIVE_VIDEO_BITS))} bits")
     top = LiveTop(LiveAccelerator(config=config, **build))
     text = to_verilog(top, name=LIVE_TOP, aliases=False)
     for subfolder in ("rtl", "registers"):

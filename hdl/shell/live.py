@@ -31,7 +31,7 @@ class LiveAccelerator(wiring.Component):
     camera_depth, fifo_words : int
         See `Shell`.
     **build
-        See `Accelerator`; ``video_bits`` is 24 or 8.
+        See `Accelerator`; ``video_bits`` is one of `LIVE_VIDEO_BITS`.
 
     Members
     -------
@@ -44,11 +44,6 @@ class LiveAccelerator(wiring.Component):
     control : In(AxiLiteSignature)
         `hdl.shell.register_map.LIVE_REGISTERS`.
     o_interrupt : Out(1)
-
-    Raises
-    ------
-    ValueError
-        For another width of the video.
     """
 
     i_reset: Signal
@@ -60,8 +55,6 @@ class LiveAccelerator(wiring.Component):
     o_interrupt: Signal
 
     def __init__(self, *, camera_depth: int = 2048, fifo_words: int = 512, **build: Any) -> None:
-        if build.get("video_bits") not in LIVE_VIDEO_BITS:
-            raise ValueError(f"a live build takes video of {' or '.join(map(str, LIVE_VIDEO_BITS))} bits")
         self.accelerator = accelerator = Accelerator(live=True, **build)
         capacity = accelerator.config.front_end.max_features + SPARE_RECORDS
         words = {

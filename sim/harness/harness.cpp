@@ -9,11 +9,13 @@
 
 #include MODEL
 #include "ports.hpp"
+#ifdef CONTROL
+#include "registers.hpp"
+#endif
 
 namespace {
 
 constexpr int RESET_CYCLES = 4;
-constexpr int ACCESS_CYCLES = 64;  // a register access that takes longer has failed
 constexpr uint8_t START_OF_FRAME = 1, END_OF_LINE = 2;
 
 struct Output {
@@ -137,45 +139,13 @@ struct Bench {
     }
 
 #ifdef CONTROL
-    // AXI4-Lite accesses; they return the response, or -1 if there is none.
-    int write(uint32_t address, uint32_t data) {
-        SET(CONTROL(awaddr), address);
-        SET(CONTROL(wdata), data);
-        SET(CONTROL(wstrb), 15);
-        bool address_offered = true, data_offered = true;
-        int response = -1;
-        for (int i = 0; i < ACCESS_CYCLES && response < 0; i++, cycle++) {
-            SET(CONTROL(awvalid), address_offered);
-            SET(CONTROL(wvalid), data_offered);
-            SET(CONTROL(bready), 1);
-            model.settle();
-            if (GET(CONTROL(awready))) address_offered = false;
-            if (GET(CONTROL(wready))) data_offered = false;
-            if (GET(CONTROL(bvalid))) response = GET(CONTROL(bresp));
-            model.edge();
-        }
-        SET(CONTROL(bready), 0);
-        return response;
+    void settle() { model.settle(); }
+    void edge() {
+        model.edge();
+        cycle++;
     }
-
-    int read(uint32_t address, uint32_t *data) {
-        SET(CONTROL(araddr), address);
-        bool address_offered = true;
-        int response = -1;
-        for (int i = 0; i < ACCESS_CYCLES && response < 0; i++, cycle++) {
-            SET(CONTROL(arvalid), address_offered);
-            SET(CONTROL(rready), 1);
-            model.settle();
-            if (GET(CONTROL(arready))) address_offered = false;
-            if (GET(CONTROL(rvalid))) {
-                response = GET(CONTROL(rresp));
-                *data = GET(CONTROL(rdata));
-            }
-            model.edge();
-        }
-        SET(CONTROL(rready), 0);
-        return response;
-    }
+    int write(uint32_t address, uint32_t data) { return write_register(*this, address, data); }
+    int read(uint32_t address, uint32_t *data) { return read_register(*this, address, data); }
 #endif
 };
 

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import pytest
 from amaranth import Cat, Elaboratable, Module, Mux, Signal, Value
 from amaranth.hdl import Assert, Assume, Cover
 
@@ -135,9 +136,11 @@ class _Ring(Elaboratable):
         return m
 
 
+@pytest.mark.slow
 def test_bursts_keep_the_rules(tmp_path: Path) -> None:
     prove(_Bursts(), tmp_path)
 
 
+@pytest.mark.slow
 def test_a_ring_is_never_left_and_no_slot_is_overwritten(tmp_path: Path) -> None:
     prove(_Ring(), tmp_path)

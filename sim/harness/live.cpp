@@ -1,0 +1,199 @@
+// Runs the live build between a camera with its own clock, a memory that waits and fails at random, and a host.
+//
+// The host is in Python: it reads the memory and the registers between calls of live_run().
+
+#include <cstdint>
+#include <deque>
+#include <vector>
+
+#include MODEL
+#include "ports.hpp"
+#include "registers.hpp"
+
+namespace {
+
+constexpr int RESET_CYCLES = 8;
+constexpr uint64_t PAGE_BYTES = 4096;
+
+struct Random {
+    uint64_t state;
+    uint32_t next() {  // xorshift64*
+        state ^= state >> 12;
+        state ^= state << 25;
+        state ^= state >> 27;
+        return static_cast<uint32_t>((state * 2685821657736338717ull) >> 32);
+    }
+    bool happens(uint32_t share) { return (next() & 255) < share; }
+};
+
+struct Burst {
+    uint64_t address, words;
+};
+
+// One AXI4 write port of the memory.
+struct Channel {
+    std::deque<Burst> bursts;
+    std::vector<std::pair<uint64_t, uint8_t>> words;
+    std::deque<std::pair<uint64_t, bool>> answers;  // cycle from which a response may come, and whether it is an error
+    bool awready = false, wready = false, answered = false;
+};
+
+struct Camera {
+    uint32_t width = 0, height = 0, line_blank = 0, frame_blank = 0, jitter = 0, steps = 1, period = 1;
+    std::deque<const uint8_t *> frames;
+    uint64_t phase = 0, x = 0, y = 0, pause = 0;
+    std::vector<uint64_t> last_pixels;  // cycle of each frame's last pixel
+};
+
+}  // namespace
+
+struct Bench {
+    Model model{""};
+    uint64_t cycle = 0, violations = 0, errors = 0;
+    Random random{88172645463325252ull};
+    uint8_t *memory = nullptr;
+    uint64_t base = 0, length = 0;
+    uint32_t waits = 0, latency = 0, failures = 0;
+    Channel features, matches;
+    Camera camera;
+
+    Bench() {
+        model.reset(true);
+        for (int i = 0; i < RESET_CYCLES; i++) {
+            settle();
+            edge();
+        }
+        model.reset(false);
+        cycle = 0;
+    }
+
+#define CHANNELS(X) X(features, m_axi_features_) X(matches, m_axi_matches_)
+
+    void settle() {
+#define DRIVE(channel, port)                                                                            \
+    {                                                                                                   \
+        Channel &c = channel;                                                                           \
+        c.awready = !random.happens(waits);                                                             \
+        c.wready = !random.happens(waits);                                                              \
+        c.answered = !c.answers.empty() && c.answers.front().first <= cycle;                            \
+        SET(port##awready, c.awready);                                                                  \
+        SET(port##wready, c.wready);                                                                    \
+        SET(port##bvalid, c.answered);                                                                  \
+        SET(port##bresp, c.answered && c.answers.front().second ? 2 : 0);                               \
+    }
+        CHANNELS(DRIVE)
+        SET(video_aclk, 0);
+        model.settle();
+    }
+
+    void edge() {
+#define TAKE(channel, port)                                                                             \
+    {                                                                                                   \
+        Channel &c = channel;                                                                           \
+        if (c.answered && GET(port##bready)) c.answers.pop_front();                                     \
+        if (c.awready && GET(port##awvalid)) open(c, GET(port##awaddr), GET(port##awlen) + 1);          \
+        if (c.wready && GET(port##wvalid)) word(c, GET(port##wdata), GET(port##wstrb), GET(port##wlast)); \
+    }
+        CHANNELS(TAKE)
+        model.edge();
+        cycle++;
+        // The camera's edges lie behind the others: its clock is asynchronous.
+        for (camera.phase += camera.steps; camera.phase >= camera.period; camera.phase -= camera.period) {
+            pixel();
+            SET(video_aclk, 1);
+            model.top.eval();
+            if (camera.phase >= 2 * camera.period) {
+                SET(video_aclk, 0);
+                model.top.eval();
+            }
+        }
+    }
+
+    void open(Channel &channel, uint64_t address, uint64_t words) {
+        const uint64_t bytes = 8 * words;
+        const bool crosses = address / PAGE_BYTES != (address + bytes - 1) / PAGE_BYTES;
+        if (crosses || address < base || address + bytes > base + length) violations++;
+        channel.bursts.push_back({address, words});
+    }
+
+    void word(Channel &channel, uint64_t data, uint8_t strobe, bool last) {
+        channel.words.push_back({data, strobe});
+        if (channel.bursts.empty() || last != (channel.words.size() == channel.bursts.front().words)) violations++;
+        if (!last || channel.bursts.empty()) return;
+        const bool fails = random.happens(failures);
+        errors += fails;
+        uint64_t offset = channel.bursts.front().address - base;
+        for (const auto &[value, kept] : channel.words)
+            for (int byte = 0; byte < 8; byte++, offset++)
+                if (!fails && (kept >> byte & 1) && offset < length) memory[offset] = value >> 8 * byte;
+        channel.answers.push_back({cycle + 1 + (latency ? random.next() % latency : 0), fails});
+        channel.words.clear();
+        channel.bursts.pop_front();
+    }
+
+    // What the camera shows in its next clock: a pixel, or a pause.
+    void pixel() {
+        Camera &c = camera;
+        const bool valid = !c.pause && !c.frames.empty();
+        SET(VIDEO(tvalid), valid);
+        if (c.pause) c.pause--;
+        if (!valid) return;
+        SET(VIDEO(tdata), c.frames.front()[c.y * c.width + c.x]);
+        SET(VIDEO(tuser), c.x == 0 && c.y == 0);
+        SET(VIDEO(tlast), c.x == c.width - 1);
+        if (++c.x < c.width) return;
+        c.x = 0;
+        c.pause = c.line_blank + (c.jitter ? random.next() % c.jitter : 0);
+        if (++c.y < c.height) return;
+        c.y = 0;
+        c.pause += c.frame_blank;
+        c.frames.pop_front();
+        c.last_pixels.push_back(cycle);
+    }
+};
+
+#pragma GCC visibility push(default)
+extern "C" {
+Bench *live_open() { return new Bench(); }
+void live_close(Bench *bench) { delete bench; }
+void live_memory(Bench *bench, uint8_t *memory, uint64_t base, uint64_t length) {
+    bench->memory = memory;
+    bench->base = base;
+    bench->length = length;
+}
+void live_rules(Bench *bench, uint32_t waits, uint32_t latency, uint32_t failures, uint64_t seed) {
+    bench->waits = waits;
+    bench->latency = latency;
+    bench->failures = failures;
+    bench->random.state ^= seed * 0x9E3779B97F4A7C15ull;
+}
+// The camera's clock has `steps` edges in `period` clocks of the design.
+void live_camera(Bench *bench, uint32_t width, uint32_t height, uint32_t line_blank, uint32_t frame_blank,
+                 uint32_t jitter, uint32_t steps, uint32_t period) {
+    Camera &camera = bench->camera;
+    camera.width = width;
+    camera.height = height;
+    camera.line_blank = line_blank;
+    camera.frame_blank = frame_blank;
+    camera.jitter = jitter;
+    camera.steps = steps;
+    camera.period = period;
+}
+void live_frame(Bench *bench, const uint8_t *pixels) { bench->camera.frames.push_back(pixels); }
+uint64_t live_waiting(const Bench *bench) { return bench->camera.frames.size(); }
+void live_run(Bench *bench, uint64_t clocks) {
+    for (uint64_t i = 0; i < clocks; i++) {
+        bench->settle();
+        bench->edge();
+    }
+}
+int live_write(Bench *bench, uint32_t address, uint32_t data) { return write_register(*bench, address, data); }
+int live_read(Bench *bench, uint32_t address, uint32_t *data) { return read_register(*bench, address, data); }
+uint64_t live_cycle(const Bench *bench) { return bench->cycle; }
+uint64_t live_violations(const Bench *bench) { return bench->violations; }
+uint64_t live_errors(const Bench *bench) { return bench->errors; }
+uint64_t live_last_pixels(const Bench *bench, const uint64_t **cycles) {
+    *cycles = bench->camera.last_pixels.data();
+    return bench->camera.last_pixels.size();
+}
+}
