@@ -131,6 +131,11 @@ def export_live(folder: Path, *, config: Config, **build: Unpack[Build]) -> None
         (folder / subfolder).mkdir(parents=True, exist_ok=True)
     (folder / "rtl" / f"{LIVE_TOP}.v").write_text(text)
     _write_registers(folder / "registers", LIVE_REGISTERS)
+    host = folder / "host"
+    host.mkdir(exist_ok=True)
+    for source in (SOURCES / "live").glob("*.py"):
+        shutil.copy(source, host)
+    (host / "skymosaic_map.py").write_text(driver_map(config, live=True, **build))
     facts = {name: str(value) for name, value in build.items()} | {"video": VIDEO[build["video_bits"]]}
     (folder / "README.md").write_text((SOURCES / "live" / "README.md").read_text().format(**facts))
 

@@ -41,6 +41,11 @@ def test_verilator_finds_nothing_but_what_is_allowed(tmp_path: Path) -> None:
     assert set(re.findall(r"%Warning-(\w+)", result.stderr)) <= ACCEPTED
     header = (tmp_path / "registers" / "skymosaic_registers.h").read_text()
     assert all(f"SKYMOSAIC_{register.name} " in header for register in LIVE_REGISTERS)
+    assert {path.name for path in (tmp_path / "host").iterdir()} == {
+        "live_bus.py",
+        "skymosaic_live.py",
+        "skymosaic_map.py",
+    }
     assert "not yet run" in (tmp_path / "README.md").read_text().lower()
 
 
