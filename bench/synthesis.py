@@ -51,6 +51,8 @@ from hdl.pixel.nms import Suppression
 from hdl.pixel.smooth import Binomial
 from hdl.pixel.sobel import Sobel
 from hdl.selection.selection import CellSelection
+from hdl.shell.camera import CameraCrossing, CameraGate
+from hdl.shell.ring_writer import RingWriter
 
 AERIAL, THESIS = PRESETS["aerial"], PRESETS["thesis"]
 WIDTH_PX, HEIGHT_PX = 1920, 1080
@@ -124,6 +126,9 @@ def designs() -> dict[str, Design]:
         "fuzzy correlation": block(FuzzyCorrelation),
         "matcher": block(Matcher, config=AERIAL.matcher, pattern=pattern, lanes=16, max_features=config.max_features),
         "homography scoring": block(RecordScoring),
+        "camera crossing": block(CameraCrossing, video_bits=24, depth=4096),
+        "camera gate": block(CameraGate),
+        "ring writer": block(RingWriter, record_words=6, max_words=6 * (config.max_features + 2)),
         "accelerator": Design(
             lambda: AcceleratorTop(Accelerator(config=AERIAL, max_width_px=WIDTH_PX, max_height_px=HEIGHT_PX)),
             front_end(config, WIDTH_PX, 2).memory_bits,

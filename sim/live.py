@@ -118,7 +118,6 @@ class LiveBench:
         self._library.live_rules(self._bench, rules.waits, rules.latency_clocks, rules.failures, rules.seed)
         self._library.live_camera(
             self._bench,
-            *size_px,
             *(camera.line_blank, camera.frame_blank, camera.jitter, camera.steps, camera.period),
         )
 
@@ -127,10 +126,10 @@ class LiveBench:
         self._library.live_close(self._bench)
 
     def show(self, frames: Sequence[NDArray[np.uint8]]) -> None:
-        """Let the camera show gray frames after those that it shows already."""
+        """Let the camera show gray frames of any size after those that it shows already."""
         for frame in frames:
             self._frames.append(np.ascontiguousarray(frame, np.uint8))
-            self._library.live_frame(self._bench, self._frames[-1].ctypes.data)
+            self._library.live_frame(self._bench, self._frames[-1].ctypes.data, frame.shape[1], frame.shape[0])
 
     def run(self, clocks: int) -> None:
         """Run for a number of clocks."""
@@ -198,8 +197,8 @@ def _load(path: Path) -> ctypes.CDLL:
         "live_close": (None, (pointer,)),
         "live_memory": (None, (pointer, pointer, wide, wide)),
         "live_rules": (None, (pointer, word, word, word, wide)),
-        "live_camera": (None, (pointer, *(word,) * 7)),
-        "live_frame": (None, (pointer, pointer)),
+        "live_camera": (None, (pointer, *(word,) * 5)),
+        "live_frame": (None, (pointer, pointer, word, word)),
         "live_run": (None, (pointer, wide)),
         "live_write": (ctypes.c_int, (pointer, word, word)),
         "live_read": (ctypes.c_int, (pointer, word, ctypes.POINTER(word))),

@@ -19,6 +19,10 @@ from hdl.settings import RINGS
 from hdl.shell.shell import Shell
 
 LIVE_VIDEO_BITS = (24, 8)
+FIFO_WORDS = 512
+CLOSING_PX = 1024
+"""A frame that was cut off is closed before the next one: the rest of its line, and up to so many pixels. The camera's
+next frame has to wait that long, or it would be cut off, too, and so on for ever."""
 SPARE_RECORDS = 2
 """A packet that CONTROL.clear ends has a record more, and its FrameStatus."""
 
@@ -28,8 +32,6 @@ class LiveAccelerator(wiring.Component):
 
     Parameters
     ----------
-    camera_depth, fifo_words : int
-        See `Shell`.
     **build
         See `Accelerator`; ``video_bits`` is one of `LIVE_VIDEO_BITS`.
 
@@ -54,7 +56,7 @@ class LiveAccelerator(wiring.Component):
     control: AxiLiteInterface
     o_interrupt: Signal
 
-    def __init__(self, *, camera_depth: int = 2048, fifo_words: int = 512, **build: Any) -> None:
+    def __init__(self, **build: Any) -> None:
         self.accelerator = accelerator = Accelerator(live=True, **build)
         capacity = accelerator.config.front_end.max_features + SPARE_RECORDS
         words = {
@@ -66,8 +68,8 @@ class LiveAccelerator(wiring.Component):
             record_words=words,
             max_words={ring: capacity * words[ring] for ring in RINGS},
             video_bits=accelerator.video_bits,
-            camera_depth=camera_depth,
-            fifo_words=fifo_words,
+            camera_depth=1 << (accelerator.max_width_px + CLOSING_PX - 1).bit_length(),
+            fifo_words=FIFO_WORDS,
         )
         super().__init__(
             {

@@ -63,8 +63,8 @@ class Shell(wiring.Component):
         record_words: dict[str, int],
         max_words: dict[str, int],
         video_bits: int,
-        camera_depth: int = 2048,
-        fifo_words: int = 512,
+        camera_depth: int,
+        fifo_words: int,
     ) -> None:
         self._registers = registers
         self._crossing = CameraCrossing(video_bits=video_bits, depth=camera_depth)

@@ -38,9 +38,14 @@ struct Channel {
     bool awready = false, wready = false, answered = false;
 };
 
+struct Frame {
+    const uint8_t *pixels;
+    uint32_t width, height;
+};
+
 struct Camera {
-    uint32_t width = 0, height = 0, line_blank = 0, frame_blank = 0, jitter = 0, steps = 1, period = 1;
-    std::deque<const uint8_t *> frames;
+    uint32_t line_blank = 0, frame_blank = 0, jitter = 0, steps = 1, period = 1;
+    std::deque<Frame> frames;
     uint64_t phase = 0, x = 0, y = 0, pause = 0;
     std::vector<uint64_t> last_pixels;  // cycle of each frame's last pixel
 };
@@ -138,13 +143,14 @@ struct Bench {
         SET(VIDEO(tvalid), valid);
         if (c.pause) c.pause--;
         if (!valid) return;
-        SET(VIDEO(tdata), c.frames.front()[c.y * c.width + c.x]);
+        const Frame frame = c.frames.front();
+        SET(VIDEO(tdata), frame.pixels[c.y * frame.width + c.x]);
         SET(VIDEO(tuser), c.x == 0 && c.y == 0);
-        SET(VIDEO(tlast), c.x == c.width - 1);
-        if (++c.x < c.width) return;
+        SET(VIDEO(tlast), c.x == frame.width - 1);
+        if (++c.x < frame.width) return;
         c.x = 0;
         c.pause = c.line_blank + (c.jitter ? random.next() % c.jitter : 0);
-        if (++c.y < c.height) return;
+        if (++c.y < frame.height) return;
         c.y = 0;
         c.pause += c.frame_blank;
         c.frames.pop_front();
@@ -168,18 +174,18 @@ void live_rules(Bench *bench, uint32_t waits, uint32_t latency, uint32_t failure
     bench->random.state ^= seed * 0x9E3779B97F4A7C15ull;
 }
 // The camera's clock has `steps` edges in `period` clocks of the design.
-void live_camera(Bench *bench, uint32_t width, uint32_t height, uint32_t line_blank, uint32_t frame_blank,
-                 uint32_t jitter, uint32_t steps, uint32_t period) {
+void live_camera(Bench *bench, uint32_t line_blank, uint32_t frame_blank, uint32_t jitter, uint32_t steps,
+                 uint32_t period) {
     Camera &camera = bench->camera;
-    camera.width = width;
-    camera.height = height;
     camera.line_blank = line_blank;
     camera.frame_blank = frame_blank;
     camera.jitter = jitter;
     camera.steps = steps;
     camera.period = period;
 }
-void live_frame(Bench *bench, const uint8_t *pixels) { bench->camera.frames.push_back(pixels); }
+void live_frame(Bench *bench, const uint8_t *pixels, uint32_t width, uint32_t height) {
+    bench->camera.frames.push_back({pixels, width, height});
+}
 uint64_t live_waiting(const Bench *bench) { return bench->camera.frames.size(); }
 void live_run(Bench *bench, uint64_t clocks) {
     for (uint64_t i = 0; i < clocks; i++) {

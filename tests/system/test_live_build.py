@@ -103,6 +103,20 @@ def test_errors_of_the_memory_cost_packets_and_a_restart_mends_everything(reader
     bench.close()
 
 
+def test_a_camera_that_breaks_frames_off_and_changes_size(reader: Any) -> None:
+    """The frame behind a broken one is whole: closing the broken one does not cost another."""
+    bench, live = opened(reader, seed=1)
+    whole = views(5)
+    bench.show([whole[0], whole[1][:50], whole[2], whole[3][:, :100], whole[4]])
+    frames = [(frame.number, frame.good, len(frame.features)) for frame in iter(lambda: _taken(live), None)]
+    assert [(number, good) for number, good, _ in frames] == [(1, True), (2, False), (3, True), (4, False), (5, True)]
+    assert all(count > 50 for _, good, count in frames if good)
+    assert live.counts()["cut"] == 2
+    assert live.counts()["dropped"] == 0
+    assert bench.violations == 0
+    bench.close()
+
+
 def _taken(live: Any) -> Any:
     frame = live.next_frame(0.05)
     if frame is not None:
