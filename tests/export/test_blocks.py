@@ -65,8 +65,8 @@ def test_the_command_writes_a_block_or_says_what_to_choose(tmp_path: Path) -> No
     assert (tmp_path / "sobel" / "sobel_tb.v").exists()
     for wrong, message in (
         (("--block", "canny"), "harris, fast, nms"),
-        ((), "either --board"),
-        (("--block", "sobel", "--board", "pynq_z2"), "either --board"),
+        ((), "one of --board"),
+        (("--block", "sobel", "--board", "pynq_z2"), "one of --board"),
     ):
         refused = skymosaic("export", *wrong, "-o", "other", cwd=tmp_path)
         assert refused.returncode == 2
