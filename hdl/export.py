@@ -104,7 +104,7 @@ def export(folder: Path, *, board: str, config: Config, **build: Unpack[Build]) 
         "video": VIDEO[build["video_bits"]],
         **{name: str(value) for name, value in build.items()},
     }
-    (folder / "README.md").write_text((SOURCES / "README.md").read_text().format(**facts) + use)
+    (folder / "README.md").write_text(((SOURCES / "README.md").read_text() + use).format(**facts))
 
 
 def export_live(folder: Path, *, config: Config, **build: Unpack[Build]) -> None:

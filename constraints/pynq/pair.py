@@ -8,7 +8,8 @@ from skymosaic_driver import Accelerator
 
 left, right = (np.load(path) for path in sys.argv[1:3])
 accelerator = Accelerator(PynqBus("skymosaic.bit"))
-# As the host derives them from the preset "aerial": larger frames have larger cells, or the features would not fit.
+# Of the preset "aerial". Cells are larger above 640x480, or the features of 1920x1080 would not fit; for sizes between,
+# the host keeps more in a cell.
 settings = {
     "width_px": left.shape[1],
     "height_px": left.shape[0],

@@ -1,4 +1,6 @@
-"""Loads the accelerator and serves it: sudo -E python3 serve.py [--bitstream FILE] [--host HOST --key FILE].
+"""Loads the accelerator and serves it: python3 serve.py [--bitstream FILE] [--host HOST --key FILE].
+
+It runs as root in PYNQ's Python environment; the export's README.md says how to start it.
 
 Without --host, only programs on the board itself (or an SSH tunnel) reach the server. With another host, a key is
 needed: a file of at least 16 bytes, of which each client has a copy (python3 -c "import secrets;
