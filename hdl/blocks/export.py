@@ -101,7 +101,9 @@ def _readme(name: str, block: Block, top: FlatBlock) -> str:
         f"iverilog -g2012 -o {name}_tb {name}.v {name}_tb.v && vvp -n {name}_tb",
         "```",
         "",
-        "prints `PASS`. The bench sends unknowns (X) where nothing is valid.",
+        "prints `PASS`. The bench sends unknowns (X) where nothing is valid. Its vectors are `*.hex`; "
+        "`*_specified.hex` have a 1 for each bit of the answers that is compared: near a frame's border answers are "
+        f"not specified. `{name}.core` describes both for FuseSoC.",
         "",
         f"Clock `{CLOCK}`, synchronous reset `{RESET}`, active high. Data of a stream are taken in a clock in which "
         "`valid` and `ready` are high; without a `ready`, in every clock with `valid`. `x`, `y` are the position of "
