@@ -102,13 +102,18 @@ def _readme(name: str, block: Block, top: FlatBlock) -> str:
         "```",
         "",
         "prints `PASS`. The bench sends unknowns (X) where nothing is valid. Its vectors are `*.hex`; "
-        "`*_specified.hex` have a 1 for each bit of the answers that is compared: near a frame's border answers are "
-        f"not specified. `{name}.core` describes both for FuseSoC.",
+        "`*_specified.hex` have a 1 for each bit of the answers that is compared. "
+        f"`{name}.core` describes module and bench for FuseSoC.",
         "",
         f"Clock `{CLOCK}`, synchronous reset `{RESET}`, active high. Data of a stream are taken in a clock in which "
-        "`valid` and `ready` are high; without a `ready`, in every clock with `valid`. `x`, `y` are the position of "
-        "the pixel that entered last.",
+        "`valid` and `ready` are high; without a `ready`, in every clock with `valid`.",
     ]
+    if "i_x" in top.signature.members:
+        lines += [
+            "",
+            "`x`, `y` are the position of the pixel that entered last. Answers are not specified where a window leaves "
+            "the frame.",
+        ]
     lag_px, latency_cycles = (getattr(block.component, each, None) for each in ("lag_px", "latency_cycles"))
     if lag_px:
         lines += ["", f"An answer at (x, y) is that of the pixel (x - {lag_px}, y - {lag_px})."]

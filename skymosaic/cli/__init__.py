@@ -28,7 +28,7 @@ COMMANDS = {
     "panel": ("panel", "Serve the front panel, a web page for this machine only."),
     "fuzzy": ("fuzzy", "Print the rules of the fuzzy systems, and draw them."),
     "thesis": ("thesis", "Repeat the thesis's experiments."),
-    "export": ("export", "Write Verilog, Vivado scripts, register map and driver for a Xilinx kit."),
+    "export": ("export", "Write Verilog and more: for a Xilinx kit, for a live camera, or of one block."),
     "compare": ("compare", "Compare the hardware with the golden model on a pair of photographs."),
 }
 """For each command its module in this folder and its line in ``skymosaic --help``."""
