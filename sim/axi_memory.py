@@ -28,6 +28,8 @@ class AxiMemory:
         Longest time from a burst's last word to its response.
     errors : int
         0..255: how often, in 1/256, a burst is answered by SLVERR; its words are not written then.
+    data_first : bool
+        Addresses are accepted only after a word of their burst, as AXI allows a memory to do.
     seed : int
 
     Attributes
@@ -41,11 +43,20 @@ class AxiMemory:
     """
 
     def __init__(
-        self, base: int, length_bytes: int, *, waits: int = 0, latency_clocks: int = 2, errors: int = 0, seed: int = 0
+        self,
+        base: int,
+        length_bytes: int,
+        *,
+        waits: int = 0,
+        latency_clocks: int = 2,
+        errors: int = 0,
+        data_first: bool = False,
+        seed: int = 0,
     ) -> None:
         self.base = base
         self.bytes = np.zeros(length_bytes, np.uint8)
         self.waits, self.latency_clocks, self.errors = waits, latency_clocks, errors
+        self.data_first = data_first
         self.error_count = 0
         self.stuck = False
         self._random = random.Random(seed)
@@ -62,12 +73,13 @@ class AxiMemory:
 
         async def testbench(ctx: Any) -> None:
             addresses: deque[tuple[int, int]] = deque()
-            words: list[tuple[int, int]] = []
+            words: deque[tuple[int, int, int]] = deque()
             responses: deque[tuple[int, int]] = deque()
             offered: dict[str, Any] = {}
             clock = before = 0
             while True:
                 ready = {channel: not self.stuck and self._random.randrange(256) >= self.waits for channel in "aw"}
+                ready["a"] &= bool(words) or not self.data_first
                 answers = bool(responses) and responses[0][0] <= clock
                 driven = ready["a"] | ready["w"] << 1 | answers << 2 | (responses[0][1] if answers else 0) << 3
                 # Each set lets the whole design settle: one for all, and only if something changes.
@@ -91,22 +103,22 @@ class AxiMemory:
                     assert self.base <= awaddr <= self.base + self.bytes.size - length, f"{awaddr:#x} is outside"
                     addresses.append((awaddr - self.base, awlen + 1))
                 if wvalid and ready["w"]:
-                    assert addresses, "data before their address"
-                    words.append((wdata, wstrb))
-                    assert wlast == (len(words) == addresses[0][1]), "WLAST at the wrong word"
-                    if wlast:
-                        due = clock + self._random.randint(0, self.latency_clocks)
-                        responses.append((due, self._write(addresses.popleft()[0], words)))
-                        words = []
+                    words.append((wdata, wstrb, wlast))
+                while addresses and len(words) >= addresses[0][1]:
+                    offset, length = addresses.popleft()
+                    burst = [words.popleft() for _ in range(length)]
+                    assert [n for n, word in enumerate(burst, 1) if word[2]] == [length], "WLAST at the wrong word"
+                    due = clock + self._random.randint(0, self.latency_clocks)
+                    responses.append((due, self._write(offset, burst)))
 
         return testbench
 
-    def _write(self, offset: int, words: list[tuple[int, int]]) -> int:
+    def _write(self, offset: int, words: list[tuple[int, int, int]]) -> int:
         """Store a burst; returns its response."""
         if self._random.randrange(256) < self.errors:
             self.error_count += 1
             return Response.SLVERR
-        for number, (word, strobe) in enumerate(words):
+        for number, (word, strobe, _) in enumerate(words):
             for byte in range(WORD_BYTES):
                 if strobe >> byte & 1:
                     self.bytes[offset + number * WORD_BYTES + byte] = word >> 8 * byte & 0xFF

@@ -7,6 +7,7 @@
     for frame in live:
         use(frame.number, frame.features, frame.matches)
     print(live.counts())
+    live.close()
 """
 
 import skymosaic_map as the_map
@@ -72,7 +73,7 @@ class Ring:
     def stop(self):
         """Switch the ring off, and wait until nothing of it is being written."""
         self.registers.write(**{f"{self.name}_enable": 0})
-        self.registers.wait_for(f"{self.name}_written", 0)
+        self.registers.wait_for(f"{self.name}_active", 0)
 
     def start(self):
         """Set the ring up from its first slot on, and switch it on."""
@@ -198,13 +199,17 @@ class Live:
 
     def restart(self):
         """Start over with empty rings, whatever was under way."""
-        self.registers.write(enable=0, clear=1)
-        for ring in self._rings.values():
-            ring.stop()
+        self.close()
         self.registers.write(**self.settings, memory_mode=0, hold_reference=int(self.hold_reference))
         for ring in self._rings.values():
             ring.start()
         self.registers.write(enable=1)
+
+    def close(self):
+        """Switch camera and rings off. Until then the accelerator writes the rings' memory: do not free it before."""
+        self.registers.write(enable=0, clear=1)
+        for ring in self._rings.values():
+            ring.stop()
 
     def counts(self):
         """What the shell has counted since its reset, and why the last frame was dropped."""

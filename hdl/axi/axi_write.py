@@ -18,8 +18,9 @@ BURST_LOG2 = (BURST_BYTES - 1).bit_length()
 MAX_OUTSTANDING = 15
 INCREMENTING = 1
 """AWBURST of a burst whose addresses rise."""
-MODIFIABLE = 0b0011
-"""AWCACHE: bufferable and modifiable, so that an interconnect may change the width."""
+MODIFIABLE = 0b0010
+"""AWCACHE: an interconnect may change the width. Not bufferable: a response then comes from the memory itself, so that
+after it every reader sees the burst."""
 BURST_WORD = data.StructLayout({"data": 8 * WORD_BYTES, "kept": 1})
 """A word of a burst; it is written only where ``kept``."""
 
@@ -81,7 +82,9 @@ class AxiWriteInterface(wiring.PureInterface):
 class BurstWriter(wiring.Component):
     """Writes bursts of 16 words, one after the other, at multiples of their length: none crosses 4 KiB.
 
-    Up to `MAX_OUTSTANDING` bursts wait for their response; a start beyond them waits.
+    Address and data are offered side by side, since a memory may wait for data before it accepts the address. Up to
+    `MAX_OUTSTANDING` bursts wait for their response; a start beyond them waits. A reset drops what is under way, so it
+    has to reset the interconnect, too.
 
     Members
     -------
@@ -90,7 +93,7 @@ class BurstWriter(wiring.Component):
     i_burst : In(57)
         Its address in bursts, with ``i_start``.
     i : In(stream of BURST_WORD)
-        Its words, taken when the address has been.
+        Its words, taken from the clock after ``i_start`` on.
     bus : Out(AxiWriteSignature)
     o_ready : Out(1)
         A burst may start.
@@ -126,7 +129,7 @@ class BurstWriter(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Address, then data; the responses whenever they come."""
+        """Address and data; the responses whenever they come."""
         m = Module()
         bus, word = self.bus, self.i.payload
         burst = Signal.like(self.i_burst, reset_less=True)
@@ -153,9 +156,9 @@ class BurstWriter(wiring.Component):
         starts = self.i_start & self.o_ready
         m.d.sync += outstanding.eq(outstanding + starts - bus.bvalid)
         with m.If(starts):
-            m.d.sync += [burst.eq(self.i_burst), bus.awvalid.eq(1)]
+            m.d.sync += [burst.eq(self.i_burst), bus.awvalid.eq(1), sending.eq(1)]
         with m.If(bus.awvalid & bus.awready):
-            m.d.sync += [bus.awvalid.eq(0), sending.eq(1)]
+            m.d.sync += bus.awvalid.eq(0)
         with m.If(self.i.valid & self.i.ready):
             m.d.sync += [beat.eq(beat + 1), sending.eq(~bus.wlast)]
         return m

@@ -71,6 +71,10 @@ SHELL_REGISTERS = (
         (
             Field("refused", 0, 8, _STATUS, f"Every frame is dropped because of: {_told(Refusal)}."),
             Field("camera_stopped", 8, 1, _STATUS, "No pixel came for longer than camera_timeout."),
+            *(
+                Field(f"{ring}_active", bit, 1, _STATUS, f"The ring of {ring} is on, or its last packet is under way.")
+                for bit, ring in enumerate(RINGS, start=9)
+            ),
             Field("dropped_reason", 16, 8, _STATUS, f"Of the frame dropped last: {_told(Reason)}."),
         ),
     ),
@@ -88,7 +92,10 @@ SHELL_REGISTERS = (
         (Field("cut", 0, 32, _STATUS, "Each ends with a bad FrameStatus when the next frame is admitted."),),
     ),
     Register(
-        "DROPPED_NUMBER", 0x110, "The last drop.", (Field("dropped_number", 0, 32, _STATUS, "Number of the frame."),)
+        "DROPPED_NUMBER",
+        0x110,
+        "The last drop. If this has changed after DROPPED_TIME has been read, read all three again.",
+        (Field("dropped_number", 0, 32, _STATUS, "Number of the frame."),),
     ),
     Register(
         "DROPPED_TIME_LOW", 0x114, "When it was.", (Field("dropped_time_low", 0, 32, _STATUS, "Clocks, low word."),)

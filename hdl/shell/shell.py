@@ -162,11 +162,12 @@ class Shell(wiring.Component):
         m.d.comb += used.eq(writer.o_written - read)
         m.d.sync += [
             in_flight.eq(Mux(forgets, 0, in_flight + gate.o_admits - (writer.o_ended & in_flight.any()))),
+            # Also while the ring is off: in the clock in which it is switched on, a fault has to be known already.
             faults.eq(
                 Cat(
-                    enable & base_low[: (PAGE_BYTES - 1).bit_length()].any(),
-                    enable & ((slots < FEWEST_SLOTS) | (slot_pages < writer.needed_pages)),
-                    enable & (used > slots),
+                    base_low[: (PAGE_BYTES - 1).bit_length()].any(),
+                    (slots < FEWEST_SLOTS) | (slot_pages < writer.needed_pages),
+                    used > slots,
                 )
             ),
         ]
@@ -183,9 +184,10 @@ class Shell(wiring.Component):
             writer.i_full.eq(used >= slots),
             writer.i_time.eq(time),
         ]
-        for name, value in (("written", writer.o_written), ("errors", writer.o_errors), ("lost", writer.o_lost)):
-            m.d.comb += getattr(self._registers, f"i_{ring}_{name}").eq(value)
-        return (in_flight != MAX_IN_FLIGHT) & (~enable | (used + in_flight < slots)), faults
+        for name in ("written", "errors", "lost", "active"):
+            m.d.comb += getattr(self._registers, f"i_{ring}_{name}").eq(getattr(writer, f"o_{name}"))
+        has_room = (in_flight != MAX_IN_FLIGHT) & (~enable | (used + in_flight < slots))
+        return has_room, Mux(enable, faults, 0)
 
     def _watch(self, m: Module, tick: Value) -> None:
         """The camera has stopped when no pixel came for the time that is set."""

@@ -30,10 +30,16 @@ struct Burst {
     uint64_t address, words;
 };
 
+struct Word {
+    uint64_t data;
+    uint8_t strobe;
+    bool last;
+};
+
 // One AXI4 write port of the memory.
 struct Channel {
     std::deque<Burst> bursts;
-    std::vector<std::pair<uint64_t, uint8_t>> words;
+    std::deque<Word> words;  // those of a burst may come before its address
     std::deque<std::pair<uint64_t, bool>> answers;  // cycle from which a response may come, and whether it is an error
     bool awready = false, wready = false, answered = false;
 };
@@ -97,7 +103,9 @@ struct Bench {
         Channel &c = channel;                                                                           \
         if (c.answered && GET(port##bready)) c.answers.pop_front();                                     \
         if (c.awready && GET(port##awvalid)) open(c, GET(port##awaddr), GET(port##awlen) + 1);          \
-        if (c.wready && GET(port##wvalid)) word(c, GET(port##wdata), GET(port##wstrb), GET(port##wlast)); \
+        if (c.wready && GET(port##wvalid))                                                              \
+            c.words.push_back({GET(port##wdata), static_cast<uint8_t>(GET(port##wstrb)), GET(port##wlast) != 0}); \
+        finish(c);                                                                                      \
     }
         CHANNELS(TAKE)
         model.edge();
@@ -121,19 +129,23 @@ struct Bench {
         channel.bursts.push_back({address, words});
     }
 
-    void word(Channel &channel, uint64_t data, uint8_t strobe, bool last) {
-        channel.words.push_back({data, strobe});
-        if (channel.bursts.empty() || last != (channel.words.size() == channel.bursts.front().words)) violations++;
-        if (!last || channel.bursts.empty()) return;
-        const bool fails = random.happens(failures);
-        errors += fails;
-        uint64_t offset = channel.bursts.front().address - base;
-        for (const auto &[value, kept] : channel.words)
-            for (int byte = 0; byte < 8; byte++, offset++)
-                if (!fails && (kept >> byte & 1) && offset < length) memory[offset] = value >> 8 * byte;
-        channel.answers.push_back({cycle + 1 + (latency ? random.next() % latency : 0), fails});
-        channel.words.clear();
-        channel.bursts.pop_front();
+    // Write the bursts of which address and all words are there.
+    void finish(Channel &channel) {
+        while (!channel.bursts.empty() && channel.words.size() >= channel.bursts.front().words) {
+            const Burst burst = channel.bursts.front();
+            channel.bursts.pop_front();
+            const bool fails = random.happens(failures);
+            errors += fails;
+            uint64_t offset = burst.address - base;
+            for (uint64_t i = 0; i < burst.words; i++) {
+                const Word word = channel.words.front();
+                channel.words.pop_front();
+                if (word.last != (i == burst.words - 1)) violations++;
+                for (int byte = 0; byte < 8; byte++, offset++)
+                    if (!fails && (word.strobe >> byte & 1) && offset < length) memory[offset] = word.data >> 8 * byte;
+            }
+            channel.answers.push_back({cycle + 1 + (latency ? random.next() % latency : 0), fails});
+        }
     }
 
     // What the camera shows in its next clock: a pixel, or a pause.

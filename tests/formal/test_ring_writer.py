@@ -23,7 +23,7 @@ class _Memory:
         self.ports = [self.awready, self.wready, self.answers, self.fails]
 
     def connect(self, m: Module, bus: object, *, stable: Value) -> Signal:
-        """Check the rules on ``bus``; ``stable`` is what must not change of a word. Returns the open bursts."""
+        """Check the rules on ``bus``; ``stable`` must not change while it waits. Returns the bursts not answered."""
         m.d.comb += [
             bus.awready.eq(self.awready),
             bus.wready.eq(self.wready),
@@ -32,25 +32,28 @@ class _Memory:
         ]
         held(m, Assert, bus.awvalid, bus.awready, bus.awaddr)
         held(m, Assert, bus.wvalid, bus.wready, stable, bus.wlast)
-        opened, written, beat = Signal(range(MAX_OUTSTANDING + 2)), Signal(range(MAX_OUTSTANDING + 2)), Signal(4)
+        addressed, written, beat = Signal(range(MAX_OUTSTANDING + 2)), Signal(range(MAX_OUTSTANDING + 2)), Signal(4)
         ends = bus.wvalid & bus.wready & bus.wlast
         addresses = bus.awvalid & bus.awready
-        m.d.sync += [opened.eq(opened + addresses - ends), written.eq(written + ends - self.answers)]
+        m.d.sync += [
+            addressed.eq(addressed + addresses - self.answers),
+            written.eq(written + ends - self.answers),
+        ]
         with m.If(bus.wvalid & bus.wready):
             m.d.sync += beat.eq(beat + 1)
         m.d.comb += [
-            Assume(~self.answers | (written != 0)),
-            Assert(written <= MAX_OUTSTANDING),
+            Assume(~self.answers | ((addressed != 0) & (written != 0))),
+            Assert((addressed <= MAX_OUTSTANDING) & (written <= MAX_OUTSTANDING)),
             Assert((bus.awlen == BURST_WORDS - 1) & (bus.awsize == (WORD_BYTES - 1).bit_length())),
         ]
         with m.If(bus.wvalid):
-            # Data only after their address; the last of 16 words says so.
-            m.d.comb += [Assert(opened == 1), Assert(bus.wlast == (beat == BURST_WORDS - 1))]
+            # Data of one burst only, whether its address waits or has been taken; the last of 16 words says so.
+            m.d.comb += [Assert(addressed + bus.awvalid == written + 1), Assert(bus.wlast == (beat == BURST_WORDS - 1))]
         with m.If(bus.awvalid):
             # Bursts at multiples of their length do not cross 4 KiB.
             m.d.comb += Assert(bus.awaddr % BURST_BYTES == 0)
         assert PAGE_BYTES % BURST_BYTES == 0
-        return written
+        return addressed
 
 
 class _Bursts(Elaboratable):
@@ -74,7 +77,7 @@ class _Bursts(Elaboratable):
         ]
         held(m, Assume, self.valid, bursts.i.ready, self.bit, self.kept)
         bus = bursts.bus
-        written = self.memory.connect(m, bus, stable=Cat(bus.wdata[0], bus.wstrb))
+        opened = self.memory.connect(m, bus, stable=Cat(bus.wdata[0], bus.wstrb))
         chosen = Signal(2)
         with m.If(self.start & bursts.o_ready):
             m.d.sync += chosen.eq(self.burst)
@@ -83,8 +86,10 @@ class _Bursts(Elaboratable):
         with m.If(bus.wvalid):
             m.d.comb += Assert((bus.wdata == self.bit) & (bus.wstrb == Mux(self.kept, 0xFF, 0)))
         with m.If(bursts.o_all_answered):
-            m.d.comb += Assert((written == 0) & ~bus.awvalid & ~bus.wvalid)
+            m.d.comb += Assert((opened == 0) & ~bus.awvalid & ~bus.wvalid)
         m.d.comb += [Cover(bursts.o_done & (chosen == 3)), Cover(bursts.o_error)]
+        # The address is in no hurry, and the data do not wait for it.
+        m.d.comb += Cover(bursts.o_done & bus.awvalid & ~bus.awready)
         return m
 
 
@@ -125,6 +130,7 @@ class _Ring(Elaboratable):
             m.d.sync += unread.eq(unread - 1)
         bus = writer.bus
         held(m, Assert, bus.awvalid, bus.awready, bus.awaddr)
+        held(m, Assert, bus.wvalid, bus.wready, bus.wstrb, bus.wlast)
         page = bus.awaddr[12:]
         with m.If(bus.awvalid):
             m.d.comb += [

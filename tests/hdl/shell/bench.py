@@ -26,9 +26,11 @@ MAX_RECORDS = 40
 SLOTS = 4
 BASES = {"features": 0x9_1000_0000, "matches": 0x9_1000_0000 + SLOTS * PAGE_BYTES}
 SYNC_S = 1e-8
+CHECKED = ("refused", *(f"{ring}_active" for ring in RINGS))
+"""Fields that only the shell sets."""
 
 Beat = tuple[int, int, int] | dict[str, int] | None
-"""A pixel (data, first, last), values of registers to set, or a clock without a pixel."""
+"""A pixel (data, first, last), values of registers to set or to check, or a clock without a pixel."""
 
 
 @dataclass
@@ -181,8 +183,8 @@ class ShellBench:
     def _access(self, ctx: Any, values: dict[str, int]) -> None:
         """Set registers, or check those that only the shell sets."""
         for name, value in values.items():
-            if name == "refused":
-                assert ctx.get(self.registers.i_refused) == value
+            if name in CHECKED:
+                assert ctx.get(getattr(self.registers, f"i_{name}")) == value
             else:
                 ctx.set(getattr(self.registers, f"o_{name}"), value)
 

@@ -54,7 +54,8 @@ def test_a_slow_memory_and_a_busy_accelerator_lose_nothing_unsaid(camera_s: floa
 
 
 def test_a_host_that_never_reads_gets_the_oldest_frames_whole() -> None:
-    bench = ShellBench(seed=5, reads=False, coalesce_count=3)
+    # A memory that waits for data before it accepts their address: the writer must not wait for that, too.
+    bench = ShellBench(seed=5, memory=memory(data_first=True), reads=False, coalesce_count=3)
     run = bench.simulate(list(flight(SLOTS + 2)), clocks_after=200)
     assert bench.values["dropped"] == 2 == run.events["frame_dropped"]
     assert bench.values["dropped_reason"] == Reason.NO_BUFFER
@@ -83,6 +84,18 @@ def test_settings_that_cannot_work_are_refused() -> None:
     assert bench.values["dropped_reason"] == Reason.REFUSED
     assert not run.emitted["features"]
     assert not bench.memory.bytes.any()
+
+
+@pytest.mark.parametrize("stuck", [False, True])
+def test_a_ring_is_active_until_nothing_of_it_is_being_written(stuck: bool) -> None:
+    bench = ShellBench(seed=6)
+    bench.memory.stuck = stuck
+    off = {"enable": 0, **{f"{ring}_enable": 0 for ring in RINGS}}
+    told = {f"{ring}_active": int(stuck) for ring in RINGS}
+    bench.simulate([*frame(0), *PAUSE[:8], off, *PAUSE, *PAUSE, *PAUSE, told], clocks_after=1)
+    # The first packet is under way, and `written` says nothing of it.
+    assert len(bench.run.emitted["features"]) == 1
+    assert not bench.run.delivered["features"] or not stuck
 
 
 def test_error_responses_are_counted_and_no_damaged_packet_passes_for_whole() -> None:
