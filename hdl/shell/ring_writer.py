@@ -139,22 +139,12 @@ class RingWriter(wiring.Component):
             with m.State("IDLE"):
                 self._idle(m, packet, waiting)
             with m.State("WAIT"):
-                with m.If(packet.burst == self.needed_pages << PAGE_BURSTS_LOG2):
-                    m.d.sync += packet.overlong.eq(1)
-                    m.next = "DISCARD"
-                with m.Elif(((waiting.r_level >= BURST_WORDS) | ends.any()) & bursts.o_ready):
-                    m.d.comb += bursts.i_start.eq(1)
-                    m.d.sync += packet.burst.eq(packet.burst + 1)
-                    m.next = "RECORDS"
+                self._wait(m, packet, bursts, (waiting.r_level >= BURST_WORDS) | ends.any())
             with m.State("RECORDS"):
                 self._records(m, packet, waiting, bursts)
             with m.State("DISCARD"):
-                m.d.comb += [waiting.r_en.eq(1), self.o_active.eq(packet.is_on | packet.overlong)]
-                with m.If(takes & is_last):
-                    m.next = "ANSWERS"
-                    with m.If(~packet.overlong):
-                        m.d.comb += self.o_ended.eq(1)
-                        m.next = "IDLE"
+                m.d.comb += waiting.r_en.eq(1)
+                self._discard(m, packet, takes & is_last)
             with m.State("ANSWERS"):
                 m.d.sync += packet.burst.eq(0)
                 with m.If(bursts.o_all_answered & (packet.burst == 0)):
@@ -199,6 +189,25 @@ class RingWriter(wiring.Component):
                 m.next = "WAIT"
             with m.Elif(packet.is_on):
                 m.d.sync += self.o_lost.eq(_saturated(self.o_lost))
+
+    def _wait(self, m: Module, packet: _Packet, bursts: BurstWriter, is_there: Value) -> None:
+        """Start the next burst as soon as its words are there."""
+        with m.If(packet.burst == self.needed_pages << PAGE_BURSTS_LOG2):
+            m.d.sync += packet.overlong.eq(1)
+            m.next = "DISCARD"
+        with m.Elif(is_there & bursts.o_ready):
+            m.d.comb += bursts.i_start.eq(1)
+            m.d.sync += packet.burst.eq(packet.burst + 1)
+            m.next = "RECORDS"
+
+    def _discard(self, m: Module, packet: _Packet, ends: Value) -> None:
+        """A packet without a slot ends here; one that was too long for its slot still gets a header."""
+        m.d.comb += self.o_active.eq(packet.is_on | packet.overlong)
+        with m.If(ends):
+            m.next = "ANSWERS"
+            with m.If(~packet.overlong):
+                m.d.comb += self.o_ended.eq(1)
+                m.next = "IDLE"
 
     def _records(self, m: Module, packet: _Packet, waiting: fifo.SyncFIFOBuffered, bursts: BurstWriter) -> None:
         """A burst of records; words without strobe behind the last one."""

@@ -20,7 +20,8 @@ from skymosaic.panel.archive import zipped
 from skymosaic.panel.origin_check import OriginCheck
 from skymosaic.panel.pages.mosaic_page import build_mosaic_page
 from skymosaic.panel.pages.tracking_page import build_tracking_page
-from skymosaic.panel.sessions import Session, Sessions
+from skymosaic.panel.session import Session
+from skymosaic.panel.sessions import Sessions
 from skymosaic.panel.tasks.jobs import prepare_workers
 from skymosaic.panel.uploads.received import UploadRefusedError
 from skymosaic.panel.uploads.storage import BUSY

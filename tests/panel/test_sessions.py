@@ -9,8 +9,9 @@ import nicegui.core
 import numpy as np
 import pytest
 
-from skymosaic.panel import sessions as sessions_module
-from skymosaic.panel.sessions import Session, Sessions
+from skymosaic.panel import session as session_module
+from skymosaic.panel.session import Session
+from skymosaic.panel.sessions import Sessions
 from skymosaic.panel.uploads import intake, storage
 from skymosaic.panel.uploads.received import UploadRefusedError
 
@@ -125,7 +126,7 @@ def test_uploads_beyond_a_limit_are_refused(
     sessions: Sessions, run_in_loop: Callable[[Scenario], None], monkeypatch: pytest.MonkeyPatch, limit: str, says: str
 ) -> None:
     session = sessions.get("one")
-    monkeypatch.setattr(sessions_module, limit, 1)
+    monkeypatch.setattr(session_module, limit, 1)
 
     async def scenario() -> None:
         refusals = []
@@ -185,7 +186,7 @@ def test_an_active_session_keeps_its_files(
 def test_the_limit_of_photographs_holds_for_uploads_at_once(
     sessions: Sessions, run_in_loop: Callable[[Scenario], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sessions_module, "MOST_PHOTOGRAPHS", 3)
+    monkeypatch.setattr(session_module, "MOST_PHOTOGRAPHS", 3)
     session = sessions.get("one")
 
     async def scenario() -> None:

@@ -17,7 +17,7 @@ from skymosaic.features.methods import backend_of
 from skymosaic.panel.options import Options, fault_of
 from skymosaic.panel.pages import drawings
 from skymosaic.panel.results import Upload
-from skymosaic.panel.sessions import Session
+from skymosaic.panel.session import Session
 from skymosaic.panel.widgets.viewer import Viewer, side_by_side
 from skymosaic.registration import extract_within_capacity
 

@@ -10,7 +10,7 @@ from skymosaic.panel.options import HARDWARE
 from skymosaic.panel.pages.page_layout import command_line
 from skymosaic.panel.pages.sidebar import enabled_while_idle
 from skymosaic.panel.results import HardwareResult, MosaicResult
-from skymosaic.panel.sessions import Session
+from skymosaic.panel.session import Session
 
 CLOCK_HZ = 150e6
 """The design's target on a Zynq-7020, not reached on a board yet; 1080p60 video needs 148.5 MHz."""

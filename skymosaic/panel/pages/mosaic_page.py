@@ -14,7 +14,7 @@ from skymosaic.panel.pages.numbers_tab import build_numbers_tab
 from skymosaic.panel.pages.page_layout import page_layout
 from skymosaic.panel.pages.sidebar import OptionsCard, PhotographsCard, RunCard, enabled_while_idle
 from skymosaic.panel.results import MosaicResult
-from skymosaic.panel.sessions import Session
+from skymosaic.panel.session import Session
 
 STEPS = (
     ("grain", "Corners", "appear as soon as photographs are loaded, and follow the threshold as you move it."),

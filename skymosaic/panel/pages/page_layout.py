@@ -9,7 +9,7 @@ from pathlib import Path
 
 from nicegui import ui
 
-from skymosaic.panel.sessions import Session
+from skymosaic.panel.session import Session
 
 PAGES = {"/": "Mosaic", "/tracking": "Tracking"}
 LOGO = (

@@ -10,7 +10,7 @@ from nicegui.elements.mixins.disableable_element import DisableableElement
 
 from skymosaic.panel.options import OPTION_VALUES, fault_of
 from skymosaic.panel.results import Upload
-from skymosaic.panel.sessions import Session
+from skymosaic.panel.session import Session
 from skymosaic.panel.uploads.received import MEBIBYTE, PHOTOGRAPH
 from skymosaic.panel.widgets.drop_zone import DropZone
 from skymosaic.panel.widgets.slider import Slider

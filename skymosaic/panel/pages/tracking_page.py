@@ -9,7 +9,7 @@ from nicegui import ui
 from skymosaic.panel.pages.page_layout import command_line, file_links, page_layout
 from skymosaic.panel.pages.sidebar import RunCard, enabled_while_idle, heading, option_select
 from skymosaic.panel.results import TrackingResult, Upload
-from skymosaic.panel.sessions import Session
+from skymosaic.panel.session import Session
 from skymosaic.panel.uploads.received import MEBIBYTE, PHOTOGRAPH, VIDEO, Kind
 from skymosaic.panel.widgets.drop_zone import DropZone
 
