@@ -100,7 +100,7 @@ class BurstWriter(wiring.Component):
     o_done : Out(1)
         The burst's last word is taken in this clock.
     o_all_answered : Out(1)
-        No burst waits for its response.
+        Every burst has been sent and answered.
     o_error : Out(1)
         A response other than OKAY comes in this clock.
     """
@@ -133,7 +133,7 @@ class BurstWriter(wiring.Component):
         m = Module()
         bus, word = self.bus, self.i.payload
         burst = Signal.like(self.i_burst, reset_less=True)
-        sending = Signal()
+        sending, is_sent = Signal(), Signal()
         beat = Signal(range(BURST_WORDS))
         outstanding = Signal(range(MAX_OUTSTANDING + 1))
         m.d.comb += [
@@ -147,9 +147,11 @@ class BurstWriter(wiring.Component):
             bus.wlast.eq(beat == BURST_WORDS - 1),
             bus.wvalid.eq(sending & self.i.valid),
             self.i.ready.eq(sending & bus.wready),
-            self.o_ready.eq(~bus.awvalid & ~sending & (outstanding != MAX_OUTSTANDING)),
+            is_sent.eq(~bus.awvalid & ~sending),
+            self.o_ready.eq(is_sent & (outstanding != MAX_OUTSTANDING)),
             self.o_done.eq(bus.wvalid & bus.wready & bus.wlast),
-            self.o_all_answered.eq(outstanding == 0),
+            # What has not been sent cannot have been answered, whatever a broken memory says.
+            self.o_all_answered.eq(is_sent & (outstanding == 0)),
             bus.bready.eq(1),
             self.o_error.eq(bus.bvalid & (bus.bresp != Response.OKAY)),
         ]
