@@ -147,7 +147,7 @@ class LiveBench:
 
     @property
     def violations(self) -> int:
-        """Bursts that broke a rule of AXI or left the memory."""
+        """How often an offer was withdrawn or changed, a burst crossed 4 KiB, left the memory or ended wrongly."""
         return int(self._library.live_violations(self._bench))
 
     @property

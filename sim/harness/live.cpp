@@ -36,8 +36,15 @@ struct Word {
     bool last;
 };
 
+// What a channel offered and the memory did not take: it must stay as it is.
+struct Offer {
+    bool waits = false;
+    uint64_t first = 0, second = 0;
+};
+
 // One AXI4 write port of the memory.
 struct Channel {
+    Offer address, data;
     std::deque<Burst> bursts;
     std::deque<Word> words;  // those of a burst may come before its address
     std::deque<std::pair<uint64_t, bool>> answers;  // cycle from which a response may come, and whether it is an error
@@ -101,6 +108,8 @@ struct Bench {
 #define TAKE(channel, port)                                                                             \
     {                                                                                                   \
         Channel &c = channel;                                                                           \
+        hold(c.address, GET(port##awvalid), c.awready, GET(port##awaddr), GET(port##awlen));            \
+        hold(c.data, GET(port##wvalid), c.wready, GET(port##wdata), GET(port##wstrb) << 1 | GET(port##wlast)); \
         if (c.answered && GET(port##bready)) c.answers.pop_front();                                     \
         if (c.awready && GET(port##awvalid)) open(c, GET(port##awaddr), GET(port##awlen) + 1);          \
         if (c.wready && GET(port##wvalid))                                                              \
@@ -120,6 +129,11 @@ struct Bench {
                 model.top.eval();
             }
         }
+    }
+
+    void hold(Offer &offer, bool valid, bool ready, uint64_t first, uint64_t second) {
+        if (offer.waits && (!valid || first != offer.first || second != offer.second)) violations++;
+        offer = {valid && !ready, first, second};
     }
 
     void open(Channel &channel, uint64_t address, uint64_t words) {
