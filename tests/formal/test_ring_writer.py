@@ -130,7 +130,6 @@ class _Ring(Elaboratable):
             m.d.sync += unread.eq(unread - 1)
         bus = writer.bus
         held(m, Assert, bus.awvalid, bus.awready, bus.awaddr)
-        held(m, Assert, bus.wvalid, bus.wready, bus.wstrb, bus.wlast)
         page = bus.awaddr[12:]
         with m.If(bus.awvalid):
             m.d.comb += [
