@@ -97,8 +97,8 @@ class BurstWriter(wiring.Component):
     bus : Out(AxiWriteSignature)
     o_ready : Out(1)
         A burst may start.
-    o_done : Out(1)
-        The burst's last word is taken in this clock.
+    o_sent : Out(1)
+        Address and words of every burst have been taken.
     o_all_answered : Out(1)
         Every burst has been sent and answered.
     o_error : Out(1)
@@ -110,7 +110,7 @@ class BurstWriter(wiring.Component):
     i: stream.Interface
     bus: AxiWriteInterface
     o_ready: Signal
-    o_done: Signal
+    o_sent: Signal
     o_all_answered: Signal
     o_error: Signal
 
@@ -122,7 +122,7 @@ class BurstWriter(wiring.Component):
                 "i": In(stream.Signature(BURST_WORD)),
                 "bus": Out(AxiWriteSignature()),
                 "o_ready": Out(1),
-                "o_done": Out(1),
+                "o_sent": Out(1),
                 "o_all_answered": Out(1),
                 "o_error": Out(1),
             }
@@ -133,7 +133,7 @@ class BurstWriter(wiring.Component):
         m = Module()
         bus, word = self.bus, self.i.payload
         burst = Signal.like(self.i_burst, reset_less=True)
-        sending, is_sent = Signal(), Signal()
+        sending = Signal()
         beat = Signal(range(BURST_WORDS))
         outstanding = Signal(range(MAX_OUTSTANDING + 1))
         m.d.comb += [
@@ -147,11 +147,10 @@ class BurstWriter(wiring.Component):
             bus.wlast.eq(beat == BURST_WORDS - 1),
             bus.wvalid.eq(sending & self.i.valid),
             self.i.ready.eq(sending & bus.wready),
-            is_sent.eq(~bus.awvalid & ~sending),
-            self.o_ready.eq(is_sent & (outstanding != MAX_OUTSTANDING)),
-            self.o_done.eq(bus.wvalid & bus.wready & bus.wlast),
+            self.o_sent.eq(~bus.awvalid & ~sending),
+            self.o_ready.eq(self.o_sent & (outstanding != MAX_OUTSTANDING)),
             # What has not been sent cannot have been answered, whatever a broken memory says.
-            self.o_all_answered.eq(is_sent & (outstanding == 0)),
+            self.o_all_answered.eq(self.o_sent & (outstanding == 0)),
             bus.bready.eq(1),
             self.o_error.eq(bus.bvalid & (bus.bresp != Response.OKAY)),
         ]

@@ -87,9 +87,9 @@ class _Bursts(Elaboratable):
             m.d.comb += Assert((bus.wdata == self.bit) & (bus.wstrb == Mux(self.kept, 0xFF, 0)))
         with m.If(bursts.o_all_answered):
             m.d.comb += Assert((opened == 0) & ~bus.awvalid & ~bus.wvalid)
-        m.d.comb += [Cover(bursts.o_done & (chosen == 3)), Cover(bursts.o_error)]
+        m.d.comb += [Cover(bursts.o_sent & (chosen == 3)), Cover(bursts.o_error)]
         # The address is in no hurry, and the data do not wait for it.
-        m.d.comb += Cover(bursts.o_done & bus.awvalid & ~bus.awready)
+        m.d.comb += Cover(bus.wvalid & bus.wready & bus.wlast & bus.awvalid & ~bus.awready)
         return m
 
 
