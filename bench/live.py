@@ -79,11 +79,11 @@ def flight(frames: int, size_px: tuple[int, int], seed: int) -> list[NDArray[np.
 
 def reader(size_px: tuple[int, int]) -> Any:
     """The exported reader for this build."""
-    folder = tempfile.mkdtemp()
     text = driver_map(AERIAL, live=True, max_width_px=size_px[0], max_height_px=size_px[1], video_bits=8)
-    Path(folder, "skymosaic_map.py").write_text(text)
-    sys.path[:0] = [folder, str(READER)]
-    return importlib.import_module("skymosaic_live")
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder, "skymosaic_map.py").write_text(text)
+        sys.path[:0] = [folder, str(READER)]
+        return importlib.import_module("skymosaic_live")
 
 
 def fly(frames: list[NDArray[np.uint8]], size_px: tuple[int, int], seed: int) -> dict[str, Any]:
