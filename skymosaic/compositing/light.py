@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
+from scipy.sparse.linalg import cg
 
 from golden_model.arrays import Array
 from skymosaic.compositing.overlaps import Overlaps
@@ -98,19 +99,11 @@ def _smoothness() -> Array:
 
 
 def _solved(system: sparse.csr_array, target: Array, start: Array) -> Array:
-    """Conjugate gradients for all three channels, scaled by the diagonal: a direct solution takes tens of seconds."""
-    scale = 1 / system.diagonal()[:, None]
-    found, left = start, target - system @ start
-    step = scaled = scale * left
-    size = (left * scaled).sum(axis=0)
-    enough = CLOSE_ENOUGH * np.linalg.norm(target, axis=0)
-    for _ in range(STEPS):
-        if (np.linalg.norm(left, axis=0) <= enough).all():
-            break
-        moved = system @ step
-        length = size / np.maximum((step * moved).sum(axis=0), np.finfo(np.float64).tiny)
-        found, left = found + length * step, left - length * moved
-        scaled = scale * left
-        before, size = size, (left * scaled).sum(axis=0)
-        step = scaled + size / np.maximum(before, np.finfo(np.float64).tiny) * step
-    return found
+    """Conjugate gradients for each channel, scaled by the diagonal: a direct solution takes tens of seconds."""
+    scale = sparse.diags_array(1 / system.diagonal())
+    return np.column_stack(
+        [
+            cg(system, wanted, x0=first, rtol=CLOSE_ENOUGH, maxiter=STEPS, M=scale)[0]
+            for wanted, first in zip(target.T, start.T, strict=True)
+        ]
+    )
