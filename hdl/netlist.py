@@ -33,8 +33,8 @@ ZEROS = re.compile(r"  cell \$meminit_v2 .*\n(?:    .*\n)*?    connect \\DATA \d
 UNINITIALISED = re.compile(r"^  reg (?:\[(\d+):0\] )?(\S+) ?\[(\d+):0\];\n(?!  initial begin)", re.MULTILINE)
 INTERNAL_ATTRIBUTES = ("generator", "top", "amaranth.hierarchy", "amaranth.decoding")
 SOURCE = re.compile(r'attribute \\src "([^"]*)"')
-FOLDERS = (Path(__file__).parents[1], Path(amaranth.__file__).parents[1])
-"""Paths in the export are relative to these: the project's and that of the installed packages."""
+FOLDERS = (Path(amaranth.__file__).parents[1], Path(__file__).parents[1])
+"""Exported paths are relative to these: installed packages, whose folder may be in the project, and the project."""
 
 Attributes = Mapping[str, Mapping[str, str]]
 
