@@ -5,17 +5,14 @@
 
 Frame rates are exact: clocks of the golden model's timeline, for 2,000 features, of which 1,400 match. The simulation
 runs the whole live build: a camera with its own clock, a memory with random latency and back-pressure, a host that
-reads the rings through the exported reader and pauses from time to time. Every frame that is delivered is compared
-with the golden model; every other one has to be counted as dropped. Latency is from a frame's last pixel at the camera
-to the end of its matches' header in memory.
+reads the rings through the exported reader, has homographies scored, some of them out of range, and pauses from time
+to time. Every frame that is delivered and every score is compared with the golden model; every other frame has to be
+counted as dropped. Latency is from a frame's last pixel at the camera to the end of its matches' header in memory.
 """
 
 from __future__ import annotations
 
-import importlib
 import json
-import sys
-import tempfile
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -29,20 +26,22 @@ from rich.table import Table
 
 from golden_model.config import PRESETS
 from golden_model.front_end import extract
+from golden_model.geometry.scoring import answers, quantise
 from golden_model.timing import FrameWork, timelines
-from hdl.export import driver_map
 from hdl.settings import REQUESTED, matched_frame_settings
 from sim.accelerator_designs import LANES
+from sim.exported import host_programs
 from sim.golden import matched
 from sim.live import CameraTiming, LiveBench, MemoryRules
 from sim.scene import lawnmower
 
-READER = Path(__file__).parents[1] / "constraints" / "live"
 AERIAL = PRESETS["aerial"]
 FEATURES, MATCHES = 2000, 1400
 WANTED = {"640x480": 60, "1280x720": 60, "1920x1080": 60, "3840x2160": 30}
 """Frames a second that a camera of this size has."""
 SLOTS = 8
+PROPOSED = 20
+"""Hypotheses a frame; there are three more."""
 PAUSE_EVERY, PAUSE_FRAMES = 25, 9
 """The host stops reading for so many frames, from time to time: longer than the ring holds."""
 
@@ -77,13 +76,20 @@ def flight(frames: int, size_px: tuple[int, int], seed: int) -> list[NDArray[np.
     return [cv2.cvtColor(images[n], cv2.COLOR_BGR2GRAY) for n in track(range(frames), "rendering", transient=True)]
 
 
-def reader(size_px: tuple[int, int]) -> Any:
-    """The exported reader for this build."""
-    text = driver_map(AERIAL, live=True, max_width_px=size_px[0], max_height_px=size_px[1], video_bits=8)
-    with tempfile.TemporaryDirectory() as folder:
-        Path(folder, "skymosaic_map.py").write_text(text)
-        sys.path[:0] = [folder, str(READER)]
-        return importlib.import_module("skymosaic_live")
+def proposals(matches: NDArray[np.void], rng: np.random.Generator) -> NDArray[np.int64]:
+    """Hypotheses from random fours of the kept matches, as a host proposes them; the last two are out of range."""
+    kept = matches[matches["verdict"] == 1]
+    found = [np.eye(3)]
+    for _ in range(PROPOSED if len(kept) >= 4 else 0):
+        four = rng.choice(kept, 4, replace=False)
+        left, right = (np.stack((four[f"{side}_x"], four[f"{side}_y"]), axis=1) / 16 for side in ("left", "right"))
+        H = cv2.getPerspectiveTransform(left.astype(np.float32), right.astype(np.float32))
+        if np.isfinite(H).all() and H.any():
+            found.append(H)
+    hypotheses = quantise(np.array([*found, np.eye(3), np.eye(3)]))
+    hypotheses[-2] <<= 2
+    hypotheses[-1] >>= 2
+    return hypotheses
 
 
 def fly(frames: list[NDArray[np.uint8]], size_px: tuple[int, int], seed: int) -> dict[str, Any]:
@@ -94,15 +100,22 @@ def fly(frames: list[NDArray[np.uint8]], size_px: tuple[int, int], seed: int) ->
     camera = CameraTiming(line_blank=size_px[0] // 8, frame_blank=20 * size_px[0], jitter=8, steps=99, period=100)
     rules = MemoryRules(waits=40, latency_clocks=120, seed=seed)
     bench = LiveBench(AERIAL, size_px, length_bytes=1 << 22, camera=camera, rules=rules, progress=Console().print)
-    live = reader(size_px).Live(bench, {name: settings[name] for name in (*REQUESTED, "gray_input")}, slots=SLOTS)
+    with host_programs("live", AERIAL, max_width_px=size_px[0], max_height_px=size_px[1], video_bits=8) as load:
+        wanted_settings = {name: settings[name] for name in (*REQUESTED, "gray_input")}
+        live = load("skymosaic_live").Live(bench, wanted_settings, slots=SLOTS)
+        scorer = load("skymosaic_scores").Scorer(bench)
     bench.show(frames)
-    delivered, latencies = [], []
+    rng = np.random.default_rng(seed)
+    delivered, latencies, matches_of, scored = [], [], {}, []
     frame_clocks = round((size_px[0] + camera.line_blank) * (size_px[1] + 20))
     while (frame := live.next_frame(2.5e-7 * frame_clocks)) is not None:
         assert frame.good
         delivered.append((frame.number, frame.features.copy(), frame.matches.copy()))
         latencies.append(frame.time + frame.clocks - bench.last_pixels[frame.number - 1])
+        matches_of[int(frame.match_status["frame"])] = frame.matches.copy()
+        hypotheses = proposals(matches_of[int(frame.match_status["frame"])], rng)
         live.release()
+        scored.append((hypotheses, scorer.score_integers(hypotheses)))
         if len(delivered) % PAUSE_EVERY == 0:
             bench.run(PAUSE_FRAMES * frame_clocks)
     counts = live.counts()
@@ -116,6 +129,11 @@ def fly(frames: list[NDArray[np.uint8]], size_px: tuple[int, int], seed: int) ->
             delivered, matched(((g.features, g.status, None) for g in golden), AERIAL, "previous"), strict=True
         )
     ]
+    same_scores = [
+        np.array_equal(record, answers(hypotheses[n : n + 1], matches_of[int(record["frame"])], record["frame"])[0])
+        for hypotheses, records in scored
+        for n, record in enumerate(_renumbered(records))
+    ]
     numbers = {number for number, *_ in delivered}
     return {
         "size": "x".join(map(str, size_px)),
@@ -125,11 +143,23 @@ def fly(frames: list[NDArray[np.uint8]], size_px: tuple[int, int], seed: int) ->
         "reported as dropped": counts["dropped"],
         "really missing": len(set(range(1, len(frames) + 1)) - numbers),
         "features a frame": round(np.mean([len(features) for _, features, _ in delivered])),
+        "hypotheses": len(same_scores),
+        "of these, answers equal to the golden model": sum(same_scores),
+        "hypotheses without a score, as counted": counts["unscored"],
+        "hypotheses without a score, as answered": sum(int(np.count_nonzero(each["causes"])) for _, each in scored),
         "latency, clocks (median)": int(np.median(latencies)),
         "latency, clocks (longest)": max(latencies),
         "AXI violations": bench.violations,
         "clocks": bench.cycle,
     }
+
+
+def _renumbered(records: NDArray[np.void]) -> NDArray[np.void]:
+    """Score records as if each had been asked for alone."""
+    assert (records["number"] == np.arange(len(records))).all()
+    alone = records.copy()
+    alone["number"] = 0
+    return alone
 
 
 def main(

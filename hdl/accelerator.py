@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from amaranth import ClockDomain, ClockSignal, Module, ResetInserter, Signal, Value
+from amaranth import ClockDomain, ClockSignal, Module, ResetInserter, Signal
 from amaranth.lib import data, fifo, stream, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -21,7 +21,7 @@ from hdl.lib.views import view_signal
 from hdl.matching.matcher import Matcher
 from hdl.settings import FRONT_END, KEEP_ABOVE
 from hdl.shell.register_map import LIVE_REGISTERS
-from hdl.streams import WordPayload
+from hdl.streams import WordPayload, fork
 
 MATCHING_SETTINGS = data.StructLayout({KEEP_ABOVE.name: KEEP_ABOVE.bits, "hold_reference": 1, "take_reference": 1})
 """Settings and request that the matcher obeys; each frame has its own."""
@@ -150,7 +150,7 @@ class Accelerator(wiring.Component):
         ]
         m.submodules.to_matcher = to_matcher = SkidBuffer(shape=WordPayload)
         wiring.connect(m, to_matcher.o, self._matcher.i_features)
-        self._fork(m, self._front_end.o_features, self._feature_gate.i, to_matcher.i)
+        fork(m, self._front_end.o_features, self._feature_gate.i, to_matcher.i)
         wiring.connect(m, self._matcher.o_matches, self._match_gate.i)
         self._matching_settings(m)
         return m
@@ -183,19 +183,6 @@ class Accelerator(wiring.Component):
         wiring.connect(m, matches.o, wiring.flipped(self.o_matches))
         m.d.comb += [features.i_clear.eq(clear), matches.i_clear.eq(clear)]
         return m
-
-    @staticmethod
-    def _fork(m: Module, source: stream.Interface, *sinks: stream.Interface) -> None:
-        """Send each payload to all sinks, in a clock in which all are ready.
-
-        Each valid depends on every sink's ready, so a ready must not depend on its valid (`SkidBuffer`).
-        """
-        all_ready: Value = sinks[0].ready
-        for sink in sinks[1:]:
-            all_ready = all_ready & sink.ready
-        m.d.comb += source.ready.eq(all_ready)
-        for sink in sinks:
-            m.d.comb += [sink.valid.eq(source.valid & all_ready), sink.payload.eq(source.payload)]
 
     def _settings(self, m: Module) -> None:
         """From the registers to the blocks."""

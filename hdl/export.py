@@ -5,12 +5,14 @@ from __future__ import annotations
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TypedDict, Unpack
+from typing import Literal, TypedDict, Unpack
 
 import numpy as np
 
 from golden_model.config import Config
-from golden_model.records import FRAME_STATUS, MATCH, Tag, feature_record
+from golden_model.formats import POSITION
+from golden_model.geometry.scoring import ENTRY
+from golden_model.records import FRAME_STATUS, HYPOTHESIS, MATCH, SCORE, Tag, feature_record
 from hdl.accelerator import Accelerator, AcceleratorTop
 from hdl.axi import ip_xact, register_docs
 from hdl.axi.interfaces import vivado_attributes
@@ -94,7 +96,7 @@ def export(folder: Path, *, board: str, config: Config, **build: Unpack[Build]) 
     _write_registers(registers, REGISTERS)
     has_processor = facts["family"].startswith("zynq")
     if has_processor:
-        _write_pynq(folder / "pynq", config, build)
+        write_host(folder / "pynq", "pynq", config, **build)
     use = (SOURCES / "systems" / ("pynq.md" if has_processor else "jtag.md")).read_text()
     facts |= {
         "board": board,
@@ -131,11 +133,7 @@ def export_live(folder: Path, *, config: Config, **build: Unpack[Build]) -> None
         (folder / subfolder).mkdir(parents=True, exist_ok=True)
     (folder / "rtl" / f"{LIVE_TOP}.v").write_text(text)
     _write_registers(folder / "registers", LIVE_REGISTERS)
-    host = folder / "host"
-    host.mkdir(exist_ok=True)
-    for source in (SOURCES / "live").glob("*.py"):
-        shutil.copy(source, host)
-    (host / "skymosaic_map.py").write_text(driver_map(config, live=True, **build))
+    write_host(folder / "host", "live", config, **build)
     facts = {name: str(value) for name, value in build.items()} | {"video": VIDEO[build["video_bits"]]}
     (folder / "README.md").write_text((SOURCES / "live" / "README.md").read_text().format(**facts))
 
@@ -165,12 +163,12 @@ def _write_litex(folder: Path, video_bits: int) -> None:
     (folder / "skymosaic_litex.py").write_text(text.replace("VIDEO_BITS = 32", f"VIDEO_BITS = {video_bits}"))
 
 
-def _write_pynq(folder: Path, config: Config, build: Build) -> None:
-    """Driver, server and example for a board with a processor."""
+def write_host(folder: Path, kind: Literal["pynq", "live"], config: Config, **build: Unpack[Build]) -> None:
+    """Write the programs of the host: driver, server and examples for a board with a processor, or a live reader."""
     folder.mkdir(parents=True, exist_ok=True)
-    for source in (SOURCES / "pynq").glob("*.py"):
+    for source in (*(SOURCES / "host").glob("*.py"), *(SOURCES / kind).glob("*.py")):
         shutil.copy(source, folder)
-    (folder / "skymosaic_map.py").write_text(driver_map(config, **build))
+    (folder / "skymosaic_map.py").write_text(driver_map(config, live=kind == "live", **build))
 
 
 def driver_map(config: Config, *, live: bool = False, **build: Unpack[Build]) -> str:
@@ -187,8 +185,10 @@ def driver_map(config: Config, *, live: bool = False, **build: Unpack[Build]) ->
         "FEATURE": feature_record(pattern.descriptor_bytes, pattern.window_bytes).dtype,
         "MATCH": MATCH.dtype,
         "STATUS": FRAME_STATUS.dtype,
-        **({"HEADER": HEADER} if live else {}),
+        **({"HEADER": HEADER, "HYPOTHESIS": HYPOTHESIS.dtype, "SCORE": SCORE.dtype} if live else {}),
     }
+    tags = (Tag.FRAME_STATUS, *((Tag.HYPOTHESIS, Tag.SCORE) if live else ()))
+    requests = {r.offset: sum(f.mask for f in r.fields if f.access is Access.REQUEST) for r in registers}
     lines = [
         f'"""Registers and records of the {TOP} accelerator. Generated; do not edit."""',
         "",
@@ -199,7 +199,9 @@ def driver_map(config: Config, *, live: bool = False, **build: Unpack[Build]) ->
         "# What a request to the server sets.",
         f"REQUESTED = {REQUESTED!r}",
         *_dictionary("BUILT", constants, "What the constant fields read."),
-        f"STATUS_TAG = {int(Tag.FRAME_STATUS)}",
+        *_dictionary("REQUEST_BITS", {k: v for k, v in requests.items() if v}, "Offset of a register: its requests"),
+        *(f"{tag.name.removeprefix('FRAME_')}_TAG = {int(tag)}" for tag in tags),
+        *([f"UNIT_PX, LARGEST_ELEMENT = {1 << POSITION.integer_bits}, {ENTRY.max_raw}"] if live else []),
         *(f"{name} = np.dtype({_dtype_text(dtype)})" for name, dtype in records.items()),
     ]
     return "\n".join(lines) + "\n"

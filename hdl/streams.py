@@ -18,7 +18,7 @@ away from there.
 
 # No postponed annotations here: data.Struct reads its fields from them.
 from amaranth import Cat, Module, Shape, ShapeLike, Value, ValueLike, unsigned
-from amaranth.lib import data
+from amaranth.lib import data, stream
 
 from golden_model.config import MAX_FRAME_PX
 from golden_model.formats import RESPONSE_CODE
@@ -45,6 +45,19 @@ def carry_scan(m: Module, source: data.View, sink: data.View, cycles: int) -> No
         sink.valid.eq(delayed(m, source.valid, cycles, reset_less=False)),
         Cat(sink.x, sink.y).eq(delayed(m, Cat(source.x, source.y), cycles)),
     ]
+
+
+def fork(m: Module, source: stream.Interface, *sinks: stream.Interface) -> None:
+    """Send each payload to all sinks, in a clock in which all are ready.
+
+    Each valid depends on every sink's ready, so a ready must not depend on its valid (`hdl.lib.skid_buffer`).
+    """
+    all_ready: Value = sinks[0].ready
+    for sink in sinks[1:]:
+        all_ready = all_ready & sink.ready
+    m.d.comb += source.ready.eq(all_ready)
+    for sink in sinks:
+        m.d.comb += [sink.valid.eq(source.valid & all_ready), sink.payload.eq(source.payload)]
 
 
 class PixelPayload(data.Struct):

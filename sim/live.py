@@ -23,6 +23,8 @@ from sim.recording import check_access
 BASE = 0x8_4000_0000
 """Address of the memory: beyond what 32 bits reach."""
 CLOCKS_OF_A_WAIT = 20_000
+CLOCKS_OF_A_LOOK = 500
+LONGEST_SCORING_CLOCKS = 5_000_000
 HARNESS = "live.cpp"
 
 
@@ -184,6 +186,26 @@ class LiveBench:
     def invalidate(self, buffer: NDArray[np.uint8]) -> None:
         """The simulated memory has no cache."""
 
+    def exchange(self, sent: NDArray[np.uint8], length_bytes: int, received: NDArray[np.uint8]) -> int:
+        """Send ``length_bytes`` of hypotheses as a packet, and receive their scores; returns the bytes of these.
+
+        Raises
+        ------
+        TimeoutError
+            If the scores do not come.
+        """
+        hypotheses = np.array(sent[:length_bytes]).view(np.uint64)
+        self._library.live_hypotheses(self._bench, hypotheses.ctypes.data, hypotheses.size)
+        for _ in range(LONGEST_SCORING_CLOCKS // CLOCKS_OF_A_LOOK):
+            self.run(CLOCKS_OF_A_LOOK)
+            if self._library.live_score_packets(self._bench):
+                words = ctypes.POINTER(ctypes.c_uint64)()
+                count = self._library.live_scores(self._bench, ctypes.byref(words))
+                scores = np.ctypeslib.as_array(words, (count,)).view(np.uint8)
+                received[: scores.size] = scores
+                return int(scores.size)
+        raise TimeoutError(f"no scores in {LONGEST_SCORING_CLOCKS} clocks")
+
     def wait(self, seconds: float) -> None:
         """Let the simulation go on; its time is not that of the host."""
         self.run(CLOCKS_OF_A_WAIT)
@@ -202,6 +224,9 @@ def _load(path: Path) -> ctypes.CDLL:
         "live_run": (None, (pointer, wide)),
         "live_write": (ctypes.c_int, (pointer, word, word)),
         "live_read": (ctypes.c_int, (pointer, word, ctypes.POINTER(word))),
+        "live_hypotheses": (None, (pointer, pointer, wide)),
+        "live_score_packets": (wide, (pointer,)),
+        "live_scores": (wide, (pointer, ctypes.POINTER(ctypes.POINTER(wide)))),
         "live_last_pixels": (wide, (pointer, ctypes.POINTER(ctypes.POINTER(wide)))),
         **{f"live_{name}": (wide, (pointer,)) for name in ("waiting", "cycle", "violations", "errors")},
     }

@@ -1,11 +1,14 @@
-"""Registers and memory of a live build under PYNQ 3.1. Not yet run on a board."""
+"""Registers, memory and the DMA of the scores of a live build under PYNQ 3.1. Not yet run on a board."""
 
 import time
 
 import numpy as np
 from pynq import MMIO, Overlay, allocate
+from skymosaic_registers import AcceleratorError
 
 REGISTER_BYTES = 4096
+POLL_SECONDS = 0.0002
+TIMEOUT_SECONDS = 5.0
 
 
 class LiveBus:
@@ -42,6 +45,24 @@ class LiveBus:
     def invalidate(self, buffer):
         """Forget what the processor's cache holds of the memory."""
         buffer.invalidate()
+
+    def exchange(self, sent, length_bytes, received):
+        """Send ``length_bytes`` of hypotheses as a packet, and receive their scores; returns the bytes of these.
+
+        The block design has an AXI DMA in simple mode, ``dma_scores``, at the two streams.
+        """
+        dma = self.overlay.dma_scores
+        dma.recvchannel.transfer(received)
+        dma.sendchannel.transfer(sent, 0, length_bytes)
+        end = time.monotonic() + TIMEOUT_SECONDS
+        while not (dma.sendchannel.idle and dma.recvchannel.idle):
+            if dma.sendchannel.error or dma.recvchannel.error:
+                raise AcceleratorError("the DMA of the scores reports an error; reload the overlay")
+            if time.monotonic() > end:
+                raise AcceleratorError(f"no scores within {TIMEOUT_SECONDS:g} s; reload the overlay")
+            time.sleep(POLL_SECONDS)
+        received.invalidate()
+        return dma.recvchannel.transferred
 
     def wait(self, seconds):
         """Do nothing for a while."""

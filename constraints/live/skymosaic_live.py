@@ -11,6 +11,7 @@
 """
 
 import skymosaic_map as the_map
+from skymosaic_registers import AcceleratorError, Registers
 
 RINGS = ("features", "matches")
 PAGE_BYTES = 4096
@@ -18,11 +19,10 @@ HEADER_BYTES = 128
 WAIT_SECONDS = 0.002
 TIMEOUT_SECONDS = 5.0
 SPARE_RECORDS = 2
-COUNTERS = ("camera_frames", "dropped", "cut", "features_errors", "matches_errors", "features_lost", "matches_lost")
-
-
-class LiveError(Exception):
-    """The accelerator cannot do what it was asked to; the message is one line with the reason and what to do."""
+COUNTERS = (
+    "camera_frames", "dropped", "cut", "features_errors", "matches_errors", "features_lost", "matches_lost", "scored",
+    "unscored",
+)  # fmt: skip
 
 
 class LiveFrame:
@@ -53,7 +53,7 @@ class Ring:
 
     Parameters
     ----------
-    registers : Registers
+    registers : LiveRegisters
     name : {"features", "matches"}
     dtype : numpy.dtype
         Of its records.
@@ -67,7 +67,7 @@ class Ring:
         self.buffer = registers.bus.allocate(slots * self.slot_pages * PAGE_BYTES)
         self.address = registers.bus.address(self.buffer)
         if self.address % PAGE_BYTES:
-            raise LiveError(f"the ring of {name} lies at {self.address:#x}; it must be a multiple of {PAGE_BYTES}")
+            raise AcceleratorError(f"the ring of {name} lies at {self.address:#x}, not at a multiple of {PAGE_BYTES}")
         self.read = 0
 
     def stop(self):
@@ -116,47 +116,8 @@ class Ring:
         self.registers.write(**{f"{self.name}_read": self.read})
 
 
-class Registers:
-    """The registers of a live build behind a bus.
-
-    Parameters
-    ----------
-    bus : LiveBus or an object with its methods
-
-    Raises
-    ------
-    LiveError
-        If another design is loaded.
-    """
-
-    def __init__(self, bus):
-        self.bus = bus
-        for name, expected in the_map.BUILT.items():
-            if self.read(name) != expected:
-                raise LiveError(
-                    f"{name} reads {self.read(name):#x}, this reader is for {expected:#x}; load the bitstream of the "
-                    "same export"
-                )
-
-    def read(self, field):
-        """The value of a register field."""
-        offset, low, bits = the_map.FIELDS[field]
-        return self.bus.read(offset) >> low & (1 << bits) - 1
-
-    def write(self, **fields):
-        """Set register fields; other fields of the same registers keep their values."""
-        words = {}
-        for name, value in fields.items():
-            if name not in the_map.WRITABLE:
-                raise LiveError(f"{name} cannot be written; valid: {', '.join(sorted(the_map.WRITABLE))}")
-            smallest, largest = the_map.WRITABLE[name]
-            if not smallest <= value <= largest:
-                raise LiveError(f"{name} is {value}; it must be {smallest} to {largest}")
-            offset, low, bits = the_map.FIELDS[name]
-            word = words.get(offset, self.bus.read(offset))
-            words[offset] = word & ~((1 << bits) - 1 << low) | value << low
-        for offset, word in words.items():
-            self.bus.write(offset, word)
+class LiveRegisters(Registers):
+    """Registers that can be waited for, with the time of the bus."""
 
     def wait_for(self, field, value):
         """Wait until a field has a value."""
@@ -164,7 +125,7 @@ class Registers:
             if self.read(field) == value:
                 return
             self.bus.wait(WAIT_SECONDS)
-        raise LiveError(f"{field} does not become {value}; the memory does not answer: load the bitstream again")
+        raise AcceleratorError(f"{field} does not become {value}; the memory does not answer: load the bitstream again")
 
 
 class Live:
@@ -187,7 +148,7 @@ class Live:
     """
 
     def __init__(self, bus, settings, slots=8, hold_reference=False):
-        self.registers = Registers(bus)
+        self.registers = LiveRegisters(bus)
         self.settings = settings
         self.hold_reference = hold_reference
         self.damaged = 0

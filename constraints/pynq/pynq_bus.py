@@ -5,7 +5,8 @@ import time
 import numpy as np
 from pynq import DefaultIP, Overlay, allocate
 
-from skymosaic_driver import CHANNELS, AcceleratorError
+from skymosaic_driver import CHANNELS
+from skymosaic_registers import AcceleratorError
 
 POLL_SECONDS = 0.0002
 RESET_SECONDS = 1.0

@@ -15,13 +15,10 @@ import itertools
 import numpy as np
 
 import skymosaic_map as the_map
+from skymosaic_registers import AcceleratorError, Registers
 
 CHANNELS = ("features", "matches")
 TIMEOUT_SECONDS = 5.0
-
-
-class AcceleratorError(Exception):
-    """The accelerator cannot do what it was asked to; the message is one line with the reason and what to do."""
 
 
 class Frame:
@@ -52,7 +49,7 @@ def _records(packet, dtype):
     return packet.view(dtype)[:-1], status
 
 
-class Accelerator:
+class Accelerator(Registers):
     """The accelerator behind a bus.
 
     Parameters
@@ -68,9 +65,8 @@ class Accelerator:
     """
 
     def __init__(self, bus, timeout_seconds=TIMEOUT_SECONDS):
-        self.bus = bus
+        super().__init__(bus)
         self.timeout_seconds = timeout_seconds
-        self._check_build()
         self.video_bits = self.read("built_video_bits")
         self.max_width_px, self.max_height_px = self.read("built_width_px"), self.read("built_height_px")
         # A packet that is ended early has a record more, and its FrameStatus.
@@ -80,41 +76,6 @@ class Accelerator:
             "matches": bus.allocate(capacity * the_map.MATCH.itemsize),
         }
         self._sent = bus.allocate(4 * self.max_width_px * self.max_height_px)
-
-    def _check_build(self):
-        """Check every constant field against the build that this folder was exported for."""
-        for name, expected in the_map.BUILT.items():
-            found = self.read(name)
-            if found != expected:
-                raise AcceleratorError(
-                    f"{name} reads {found:#x}, this driver is for {expected:#x}; load the bitstream of the same export"
-                )
-
-    def read(self, field):
-        """The value of a register field."""
-        offset, low, bits = the_map.FIELDS[field]
-        return self.bus.read(offset) >> low & (1 << bits) - 1
-
-    def check(self, fields):
-        """Check that every field can be written, and that its value is valid and was built."""
-        for name, value in fields.items():
-            if name not in the_map.WRITABLE:
-                raise AcceleratorError(f"{name} cannot be written; valid: {', '.join(sorted(the_map.WRITABLE))}")
-            smallest, largest = the_map.WRITABLE[name]
-            largest = min(largest, the_map.BUILT.get("built_" + name, largest))
-            if not smallest <= value <= largest:
-                raise AcceleratorError(f"{name} is {value}; it must be {smallest} to {largest}")
-
-    def write(self, **fields):
-        """Set register fields; other fields of the same registers keep their values."""
-        self.check(fields)
-        words = {}
-        for name, value in fields.items():
-            offset, low, bits = the_map.FIELDS[name]
-            word = words.get(offset, self.bus.read(offset))
-            words[offset] = word & ~((1 << bits) - 1 << low) | value << low
-        for offset, word in words.items():
-            self.bus.write(offset, word)
 
     def run(self, frames, settings, hold_reference):
         """Extract the features of each frame, and match it with its reference; the first frame has no matches.

@@ -184,6 +184,13 @@ def score_records(scores: Scores, frame: int = 0) -> Records:
     return records
 
 
+def answers(hypotheses: NDArray[np.integer], matches: Records, frame: int = 0) -> Records:
+    """The Score records for hypotheses (M, 3, 3) by the kept ones of a frame's Match records."""
+    kept = matches[matches["verdict"] == 1]
+    left, right = (np.stack((kept[f"{side}_x"], kept[f"{side}_y"]), axis=1) for side in ("left", "right"))
+    return score_records(score(hypotheses, left, right, kept["weight"]), frame)
+
+
 def _causes(h: NDArray[np.int64], matches: int, max_matches: int) -> NDArray[np.int64]:
     low, high = h.min(axis=(1, 2), initial=0), h.max(axis=(1, 2), initial=0)
     causes = np.where((low < ENTRY.min_raw) | (high > ENTRY.max_raw), int(Cause.OUT_OF_RANGE), 0)

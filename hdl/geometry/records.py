@@ -41,16 +41,28 @@ class RecordScoring(wiring.Component):
         `golden_model.records.HYPOTHESIS`, any number in a packet.
     o : Out(stream of WordPayload)
         `golden_model.records.SCORE`.
+    o_scored, o_refused : Out(1)
+        In the clock in which the last word of an answer leaves: whether it has a score, or causes instead.
     """
 
     i_matches: stream.Interface
     i_hypotheses: stream.Interface
     o: stream.Interface
+    o_scored: Signal
+    o_refused: Signal
 
     def __init__(self, *, max_matches: int = MAX_MATCHES) -> None:
         self._scoring = HomographyScoring(max_matches=max_matches)
         word_stream = stream.Signature(WordPayload)
-        super().__init__({"i_matches": In(word_stream), "i_hypotheses": In(word_stream), "o": Out(word_stream)})
+        super().__init__(
+            {
+                "i_matches": In(word_stream),
+                "i_hypotheses": In(word_stream),
+                "o": Out(word_stream),
+                "o_scored": Out(1),
+                "o_refused": Out(1),
+            }
+        )
 
     def elaborate(self, platform: object) -> Module:
         """Words to records, the scoring, records to words."""
@@ -120,6 +132,8 @@ class RecordScoring(wiring.Component):
             self.o.payload.data.eq(Mux(is_high, high, low)),
             self.o.payload.last.eq(is_high & found.payload.last),
             found.ready.eq(self.o.ready & is_high),
+            self.o_scored.eq(found.valid & found.ready & ~found.payload.causes.any()),
+            self.o_refused.eq(found.valid & found.ready & found.payload.causes.any()),
         ]
         with m.If(self.o.valid & self.o.ready):
             m.d.sync += is_high.eq(~is_high)

@@ -5,18 +5,21 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from amaranth import ClockDomain, ClockSignal, Module, ResetInserter, Signal
-from amaranth.lib import data, wiring
+from amaranth.lib import data, stream, wiring
 from amaranth.lib.cdc import ResetSynchronizer
 from amaranth.lib.wiring import In, Out
 
+from golden_model.geometry.scoring import MAX_MATCHES
 from golden_model.records import MATCH, WORD_BYTES
 from hdl.accelerator import Accelerator
 from hdl.axi.axi_lite import AxiLiteInterface, AxiLiteSignature
 from hdl.axi.axi_write import AxiWriteInterface, AxiWriteSignature
 from hdl.axi.register_map import ADDRESS_BITS
 from hdl.axi.video_input import VideoPayload
+from hdl.geometry.records import RecordScoring
 from hdl.settings import RINGS
 from hdl.shell.shell import Shell
+from hdl.streams import WordPayload
 
 LIVE_VIDEO_BITS = (24, 8)
 FIFO_WORDS = 512
@@ -28,7 +31,9 @@ SPARE_RECORDS = 2
 
 
 class LiveAccelerator(wiring.Component):
-    """`Accelerator` in a `Shell`: the domain ``sync`` for everything but the camera's pixels, which have ``camera``.
+    """`Accelerator` in a `Shell`, and scoring of hypotheses by the matches of the newest frame.
+
+    Everything is in the domain ``sync`` but the camera's pixels, which have ``camera``.
 
     Parameters
     ----------
@@ -43,6 +48,8 @@ class LiveAccelerator(wiring.Component):
         In ``camera``: AXI4-Stream video as UG934 has it, without ready.
     features, matches : Out(AxiWriteSignature)
         To memory.
+    i_hypotheses, o_scores : In and Out(stream of WordPayload)
+        See `hdl.geometry.records.RecordScoring`.
     control : In(AxiLiteSignature)
         `hdl.shell.register_map.LIVE_REGISTERS`.
     o_interrupt : Out(1)
@@ -53,6 +60,8 @@ class LiveAccelerator(wiring.Component):
     i_camera: data.View
     features: AxiWriteInterface
     matches: AxiWriteInterface
+    i_hypotheses: stream.Interface
+    o_scores: stream.Interface
     control: AxiLiteInterface
     o_interrupt: Signal
 
@@ -71,12 +80,15 @@ class LiveAccelerator(wiring.Component):
             camera_depth=1 << (accelerator.max_width_px + CLOSING_PX - 1).bit_length(),
             fifo_words=FIFO_WORDS,
         )
+        self._scoring = RecordScoring(max_matches=min(accelerator.config.front_end.max_features, MAX_MATCHES))
         super().__init__(
             {
                 "i_reset": In(1),
                 "i_camera_valid": In(1),
                 "i_camera": In(VideoPayload),
                 **{ring: Out(AxiWriteSignature()) for ring in RINGS},
+                "i_hypotheses": In(stream.Signature(WordPayload)),
+                "o_scores": Out(stream.Signature(WordPayload)),
                 "control": In(AxiLiteSignature(address_bits=ADDRESS_BITS)),
                 "o_interrupt": Out(1),
             }
@@ -96,6 +108,7 @@ class LiveAccelerator(wiring.Component):
         wiring.connect(m, wiring.flipped(self.control), inner.control)
         for ring in RINGS:
             wiring.connect(m, getattr(shell, ring), wiring.flipped(getattr(self, ring)))
+        self._score(m, reset)
         m.d.comb += [
             inner.i_reset.eq(self.i_reset),
             shell.i_camera_valid.eq(self.i_camera_valid),
@@ -103,6 +116,20 @@ class LiveAccelerator(wiring.Component):
             self.o_interrupt.eq(inner.o_interrupt),
         ]
         return m
+
+    def _score(self, m: Module, reset: Signal) -> None:
+        """Score hypotheses by the matches that the ring takes, and count them."""
+        m.submodules.scoring = ResetInserter(reset)(self._scoring)
+        scoring, registers = self._scoring, self.accelerator.registers
+        wiring.connect(m, self._shell.o_matches, scoring.i_matches)
+        wiring.connect(m, wiring.flipped(self.i_hypotheses), scoring.i_hypotheses)
+        wiring.connect(m, scoring.o, wiring.flipped(self.o_scores))
+        counts = {registers.i_scored: scoring.o_scored, registers.i_unscored: scoring.o_refused}
+        for count, happens in counts.items():
+            with m.If(reset):
+                m.d.sync += count.eq(0)
+            with m.Elif(happens):
+                m.d.sync += count.eq(count + 1)
 
 
 class LiveTop(wiring.Component):
@@ -117,6 +144,8 @@ class LiveTop(wiring.Component):
     s_axis_video_* : AXI4-Stream, in ``video_aclk``
         Its TREADY is always 1.
     m_axi_features_*, m_axi_matches_* : AXI4, writes only
+    s_axis_hypotheses_*, m_axis_scores_* : AXI4-Stream
+        Of 64 bits, as a DMA has them.
     s_axi_ctrl_* : AXI4-Lite
     interrupt : Out(1)
         Active high, level.
@@ -137,6 +166,13 @@ class LiveTop(wiring.Component):
                 "s_axis_video_tdata": In(live.accelerator.video_bits),
                 **{f"s_axis_video_{name}": In(1) for name in ("tuser", "tlast", "tvalid")},
                 "s_axis_video_tready": Out(1),
+                "s_axis_hypotheses_tdata": In(8 * WORD_BYTES),
+                **{f"s_axis_hypotheses_{name}": In(1) for name in ("tlast", "tvalid")},
+                "s_axis_hypotheses_tready": Out(1),
+                "m_axis_scores_tdata": Out(8 * WORD_BYTES),
+                "m_axis_scores_tkeep": Out(WORD_BYTES),
+                **{f"m_axis_scores_{name}": Out(1) for name in ("tlast", "tvalid")},
+                "m_axis_scores_tready": In(1),
                 **{
                     f"{prefix}_{name}": member
                     for prefix, bus in self._buses.items()
@@ -162,6 +198,15 @@ class LiveTop(wiring.Component):
             inner.i_camera.first.eq(self.s_axis_video_tuser),
             inner.i_camera.last.eq(self.s_axis_video_tlast),
             self.s_axis_video_tready.eq(1),
+            inner.i_hypotheses.valid.eq(self.s_axis_hypotheses_tvalid),
+            inner.i_hypotheses.payload.data.eq(self.s_axis_hypotheses_tdata),
+            inner.i_hypotheses.payload.last.eq(self.s_axis_hypotheses_tlast),
+            self.s_axis_hypotheses_tready.eq(inner.i_hypotheses.ready),
+            self.m_axis_scores_tdata.eq(inner.o_scores.payload.data),
+            self.m_axis_scores_tkeep.eq(~0),
+            self.m_axis_scores_tlast.eq(inner.o_scores.payload.last),
+            self.m_axis_scores_tvalid.eq(inner.o_scores.valid),
+            inner.o_scores.ready.eq(self.m_axis_scores_tready),
             self.interrupt.eq(inner.o_interrupt),
         ]
         for prefix, bus in self._buses.items():

@@ -130,6 +130,15 @@ SHELL_REGISTERS = (
             for bit, event in enumerate(("frames_ready", "frame_dropped", "camera_stops", "memory_error"))
         ),
     ),
+    Register(
+        "SCORED", 0x12C, "Scoring.", (Field("scored", 0, 32, _STATUS, "Hypotheses that got a score, since reset."),)
+    ),
+    Register(
+        "UNSCORED",
+        0x130,
+        "Hypotheses without a score.",
+        (Field("unscored", 0, 32, _STATUS, "Since reset; the answer to each tells the causes."),),
+    ),
     *(register for ring in RINGS for register in _ring_registers(ring)),
 )
 """Of the shell, in rising offset."""

@@ -12,7 +12,7 @@ from hdl.axi.video_input import VideoPayload
 from hdl.settings import FEWEST_SLOTS, PAGE_BYTES, RINGS, TICK_CLOCKS
 from hdl.shell.camera import CameraCrossing, CameraGate
 from hdl.shell.ring_writer import FRAME_INFO, RingWriter
-from hdl.streams import WordPayload
+from hdl.streams import WordPayload, fork
 
 MAX_IN_FLIGHT = 8
 """Frames between the camera's gate and the end of their packets, at most; the accelerator holds about four."""
@@ -44,6 +44,8 @@ class Shell(wiring.Component):
         To the accelerator; its ready must not depend on its valid.
     i_features, i_matches : In(stream of WordPayload)
         From the accelerator: a packet for every frame of ``o_video``.
+    o_matches : Out(stream of WordPayload)
+        Every word of ``i_matches``, when the ring takes it, too; its ready must not depend on its valid.
     features, matches : Out(AxiWriteSignature)
         To memory.
     """
@@ -53,6 +55,7 @@ class Shell(wiring.Component):
     o_video: stream.Interface
     i_features: stream.Interface
     i_matches: stream.Interface
+    o_matches: stream.Interface
     features: AxiWriteInterface
     matches: AxiWriteInterface
 
@@ -79,6 +82,7 @@ class Shell(wiring.Component):
                 "i_camera": In(VideoPayload),
                 "o_video": Out(stream.Signature(VideoPayload)),
                 **{f"i_{ring}": In(stream.Signature(WordPayload)) for ring in RINGS},
+                "o_matches": Out(stream.Signature(WordPayload)),
                 **{ring: Out(AxiWriteSignature()) for ring in RINGS},
             }
         )
@@ -149,7 +153,8 @@ class Shell(wiring.Component):
         m.submodules[f"{ring}_infos"] = infos = ResetInserter(forgets)(
             fifo.SyncFIFO(width=FRAME_INFO.size, depth=MAX_IN_FLIGHT)
         )
-        wiring.connect(m, wiring.flipped(getattr(self, f"i_{ring}")), writer.i)
+        taps = (self.o_matches,) if ring == "matches" else ()
+        fork(m, getattr(self, f"i_{ring}"), writer.i, *taps)
         wiring.connect(m, writer.bus, wiring.flipped(getattr(self, ring)))
         enable = getattr(self._registers, f"o_{ring}_enable")
         base_low, base_high, slots, slot_pages, read = (

@@ -1,6 +1,6 @@
 // Runs the live build between a camera with its own clock, a memory that waits and fails at random, and a host.
 //
-// The host is in Python: it reads the memory and the registers between calls of live_run().
+// The host is in Python: it reads memory, registers and scores, and sends hypotheses, between calls of live_run().
 
 #include <cstdint>
 #include <deque>
@@ -51,6 +51,15 @@ struct Channel {
     bool awready = false, wready = false, answered = false;
 };
 
+// The DMA of hypotheses and scores: it pauses as often as the memory.
+struct Scoring {
+    std::deque<uint64_t> hypotheses;  // the words of one packet
+    std::vector<uint64_t> scores;     // the words that came back
+    uint64_t packets = 0;             // how many of these ended a packet
+    Offer offer;
+    bool valid = false, ready = false;
+};
+
 struct Frame {
     const uint8_t *pixels;
     uint32_t width, height;
@@ -73,6 +82,7 @@ struct Bench {
     uint64_t base = 0, length = 0;
     uint32_t waits = 0, latency = 0, failures = 0;
     Channel features, matches;
+    Scoring scoring;
     Camera camera;
 
     Bench() {
@@ -100,6 +110,13 @@ struct Bench {
         SET(port##bresp, c.answered && c.answers.front().second ? 2 : 0);                               \
     }
         CHANNELS(DRIVE)
+        // What is offered stays until it is taken.
+        scoring.valid = !scoring.hypotheses.empty() && (scoring.valid || !random.happens(waits));
+        scoring.ready = !random.happens(waits);
+        SET(s_axis_hypotheses_tvalid, scoring.valid);
+        SET(s_axis_hypotheses_tdata, scoring.valid ? scoring.hypotheses.front() : 0);
+        SET(s_axis_hypotheses_tlast, scoring.hypotheses.size() == 1);
+        SET(m_axis_scores_tready, scoring.ready);
         SET(video_aclk, 0);
         model.settle();
     }
@@ -117,6 +134,7 @@ struct Bench {
         finish(c);                                                                                      \
     }
         CHANNELS(TAKE)
+        exchange();
         model.edge();
         cycle++;
         // The camera's edges lie behind the others: its clock is asynchronous.
@@ -128,6 +146,19 @@ struct Bench {
                 SET(video_aclk, 0);
                 model.top.eval();
             }
+        }
+    }
+
+    void exchange() {
+        const bool scored = GET(m_axis_scores_tvalid);
+        hold(scoring.offer, scored, scoring.ready, GET(m_axis_scores_tdata), GET(m_axis_scores_tlast));
+        if (scored && scoring.ready) {
+            scoring.scores.push_back(GET(m_axis_scores_tdata));
+            scoring.packets += GET(m_axis_scores_tlast);
+        }
+        if (scoring.valid && GET(s_axis_hypotheses_tready)) {
+            scoring.hypotheses.pop_front();
+            scoring.valid = false;
         }
     }
 
@@ -221,6 +252,17 @@ void live_run(Bench *bench, uint64_t clocks) {
 }
 int live_write(Bench *bench, uint32_t address, uint32_t data) { return write_register(*bench, address, data); }
 int live_read(Bench *bench, uint32_t address, uint32_t *data) { return read_register(*bench, address, data); }
+// A packet of hypotheses; what came back before is forgotten.
+void live_hypotheses(Bench *bench, const uint64_t *words, uint64_t count) {
+    bench->scoring.hypotheses.insert(bench->scoring.hypotheses.end(), words, words + count);
+    bench->scoring.scores.clear();
+    bench->scoring.packets = 0;
+}
+uint64_t live_score_packets(const Bench *bench) { return bench->scoring.packets; }
+uint64_t live_scores(const Bench *bench, const uint64_t **words) {
+    *words = bench->scoring.scores.data();
+    return bench->scoring.scores.size();
+}
 uint64_t live_cycle(const Bench *bench) { return bench->cycle; }
 uint64_t live_violations(const Bench *bench) { return bench->violations; }
 uint64_t live_errors(const Bench *bench) { return bench->errors; }

@@ -112,7 +112,7 @@ def test_everything_is_there(folder: Path) -> None:
     if "arty_a7" in folder.name:
         expected |= {"vivado/bitstream_pins.xdc"}
     else:
-        modules = ("driver", "server", "map")
+        modules = ("driver", "server", "map", "registers")
         expected |= {*(f"pynq/skymosaic_{name}.py" for name in modules)}
         expected |= {"pynq/pynq_bus.py", "pynq/serve.py", "pynq/pair.py"}
     assert found == expected

@@ -1,12 +1,9 @@
 """The board's server as it is exported, with a stand-in for the accelerator: no simulator is needed."""
 
-import importlib
 import socket
-import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
@@ -14,9 +11,8 @@ import pytest
 
 from golden_model.config import Config, FrontEndConfig
 from golden_model.records import FRAME_STATUS, MATCH, Tag, feature_record
-from hdl.export import driver_map
+from sim.exported import host_programs
 
-PYNQ = Path(__file__).parents[2] / "constraints" / "pynq"
 CONFIG = Config(front_end=FrontEndConfig(max_features=256))
 PATTERN = CONFIG.front_end.pattern
 FEATURE = feature_record(PATTERN.descriptor_bytes, PATTERN.window_bytes).dtype
@@ -46,14 +42,9 @@ class StandIn:
 
 
 @pytest.fixture(scope="module")
-def server_module(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ModuleType]:
-    folder = tmp_path_factory.mktemp("pynq")
-    (folder / "skymosaic_map.py").write_text(driver_map(CONFIG, lanes=16, max_width_px=192, max_height_px=160))
-    sys.path[:0] = [str(folder), str(PYNQ)]
-    yield importlib.import_module("skymosaic_server")
-    del sys.path[:2]
-    for name in ("skymosaic_map", "skymosaic_driver", "skymosaic_server"):
-        sys.modules.pop(name, None)
+def server_module() -> Iterator[ModuleType]:
+    with host_programs("pynq", CONFIG, lanes=16, max_width_px=192, max_height_px=160) as load:
+        yield load("skymosaic_server")
 
 
 Serve = Callable[..., AbstractContextManager[tuple[StandIn, str]]]

@@ -19,18 +19,17 @@ import numpy as np
 import pytest
 
 from golden_model.config import PRESETS, Config, to_toml
-from hdl.export import driver_map
 from hdl.settings import REQUESTED, matched_frame_settings
 from sim import board, verilator
 from sim.accelerator_designs import BUILT_SIZES_PX, FEATURES, LANES, MATCHES, accelerator
 from sim.backend import BackendError, load_backend
 from sim.compiled import Bench
+from sim.exported import host_programs
 from sim.recording import END_OF_LINE, Segment
 from sim.scene import pair as rendered_pair
 from skymosaic.cli import main
 from tests.system.command_line import only_error
 
-PYNQ = Path(__file__).parents[2] / "constraints" / "pynq"
 SIZE_PX = (160, 120)
 BUILT_PX = BUILT_SIZES_PX[0]
 CONFIG = PRESETS["aerial"]
@@ -95,18 +94,11 @@ class InterruptedBus(SimulatedBus):
 
 
 @pytest.fixture(scope="module")
-def driver(tmp_path_factory: pytest.TempPathFactory) -> Iterator[object]:
+def driver() -> Iterator[object]:
     """The driver's modules as they are exported, and their map."""
-    folder = tmp_path_factory.mktemp("pynq")
-    size = {"max_width_px": BUILT_PX[0], "max_height_px": BUILT_PX[1]}
-    (folder / "skymosaic_map.py").write_text(driver_map(CONFIG, lanes=LANES, **size))
-    names = ("skymosaic_map", "skymosaic_driver", "skymosaic_server")
-    sys.path[:0] = [str(folder), str(PYNQ)]
-    importlib.import_module("skymosaic_driver")
-    yield importlib.import_module("skymosaic_server")
-    del sys.path[:2]
-    for name in names:
-        del sys.modules[name]
+    with host_programs("pynq", CONFIG, lanes=LANES, max_width_px=BUILT_PX[0], max_height_px=BUILT_PX[1]) as load:
+        load("skymosaic_driver")
+        yield load("skymosaic_server")
 
 
 @pytest.fixture(autouse=True)

@@ -1,9 +1,7 @@
 """The whole live build: camera, accelerator, memory and the reader of the rings; delivered frames equal the model."""
 
-import importlib
 import sys
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,13 +9,13 @@ import pytest
 
 from golden_model.config import PRESETS
 from golden_model.front_end import extract
-from hdl.export import driver_map
+from golden_model.geometry.scoring import Cause, answers, quantise
 from hdl.settings import REQUESTED, matched_frame_settings
+from sim.exported import host_programs
 from sim.golden import matched
 from sim.live import CameraTiming, LiveBench, MemoryRules
 from sim.scene import pair as rendered_pair
 
-LIVE = Path(__file__).parents[2] / "constraints" / "live"
 SIZE_PX = (160, 120)
 CONFIG = PRESETS["aerial"]
 SLOTS = 3
@@ -27,16 +25,11 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def reader(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+def reader() -> Iterator[Any]:
     """The exported reader, with the map of this build."""
-    folder = tmp_path_factory.mktemp("live")
-    text = driver_map(CONFIG, live=True, max_width_px=SIZE_PX[0], max_height_px=SIZE_PX[1], video_bits=8)
-    (folder / "skymosaic_map.py").write_text(text)
-    sys.path[:0] = [str(folder), str(LIVE)]
-    yield importlib.import_module("skymosaic_live")
-    del sys.path[:2]
-    for name in ("skymosaic_map", "skymosaic_live"):
-        del sys.modules[name]
+    with host_programs("live", CONFIG, max_width_px=SIZE_PX[0], max_height_px=SIZE_PX[1], video_bits=8) as load:
+        load("skymosaic_scores")
+        yield load("skymosaic_live")
 
 
 def opened(reader: Any, **rules: int) -> tuple[LiveBench, Any]:
@@ -83,6 +76,37 @@ def test_a_host_that_pauses_loses_frames_that_are_reported(reader: Any) -> None:
     assert counts["dropped"] > 0
     assert sum(len(matches) for *_, matches in delivered) > 50
     assert (bench.violations, live.damaged) == (0, 0)
+    bench.close()
+
+
+def test_hypotheses_are_scored_by_the_newest_frame_while_the_camera_runs(reader: Any) -> None:
+    """Those that are out of range are answered with their cause, and counted."""
+    bench, live = opened(reader, waits=60, latency_clocks=60, seed=5)
+    scorer, rng = sys.modules["skymosaic_scores"].Scorer(bench), np.random.default_rng(1)
+    bench.show(views(5))
+    matches, scored = {}, []
+    while (frame := live.next_frame(0.05)) is not None:
+        matches[int(frame.match_status["frame"])] = frame.matches.copy()
+        homographies = np.eye(3) + rng.normal(size=(6, 3, 3)) * [[1e-3, 1e-3, 3], [1e-3, 1e-3, 3], [1e-6, 1e-6, 0]]
+        hypotheses = quantise(homographies)
+        np.testing.assert_array_equal(sys.modules["skymosaic_scores"].quantise(homographies), hypotheses)
+        hypotheses[2, 0, 1] = 1 << 24
+        hypotheses[3] >>= 2
+        scored.append((hypotheses, scorer.score_integers(hypotheses)))
+        live.release()
+    for hypotheses, found in scored:
+        # The packet of one frame may end between two hypotheses.
+        for each in np.unique(found["frame"]):
+            mine = found["frame"] == each
+            np.testing.assert_array_equal(found[mine], answers(hypotheses, matches[int(each)], each)[mine])
+    causes = np.concatenate([found["causes"] for _, found in scored])
+    assert (causes == 0).sum() >= 4 * (len(scored) - 1)
+    assert {int(Cause.OUT_OF_RANGE), int(Cause.NOT_NORMALISED)} <= set(causes.tolist())
+    counts = live.counts()
+    assert (counts["scored"], counts["unscored"]) == ((causes == 0).sum(), (causes != 0).sum())
+    assert bench.violations == 0
+    with pytest.raises(sys.modules["skymosaic_registers"].AcceleratorError, match="homography 0 is zero"):
+        scorer.score(np.zeros((1, 3, 3)))
     bench.close()
 
 

@@ -4,7 +4,8 @@
 import numpy as np
 import pytest
 
-from golden_model.geometry.scoring import Cause, Scores, hypothesis_records, quantise, score, score_records
+from golden_model.geometry.scoring import Cause, Scores, hypothesis_records, quantise, score_records
+from golden_model.geometry.scoring import answers as golden_answers
 from golden_model.records import FRAME_STATUS, MATCH, SCORE, Tag
 from hdl.blocks.vectors import packet, padded_status
 from hdl.geometry.records import RecordScoring
@@ -39,9 +40,7 @@ def status(good=1, frame=0):
 
 def expected(records, frame=0):
     """The words of the scores by the kept ones of the matches."""
-    kept = records[records["verdict"] == 1]
-    points = [np.stack((kept[f"{side}_x"], kept[f"{side}_y"]), axis=1) for side in ("left", "right")]
-    return packet(score_records(score(HYPOTHESES, *points, kept["weight"]), frame))
+    return packet(golden_answers(HYPOTHESES, records, frame))
 
 
 def refused(cause, frame=0):

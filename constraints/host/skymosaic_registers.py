@@ -1,0 +1,59 @@
+"""The accelerator's registers behind a bus, for every host program of an export. Needs Python 3.10, nothing else."""
+
+import skymosaic_map as the_map
+
+
+class AcceleratorError(Exception):
+    """The accelerator cannot do what it was asked to; the message is one line with the reason and what to do."""
+
+
+class Registers:
+    """Register fields by name.
+
+    Parameters
+    ----------
+    bus : object
+        Its ``read(offset)`` and ``write(offset, value)`` access a register of 32 bits.
+
+    Raises
+    ------
+    AcceleratorError
+        If another design is loaded, or a build that was not exported with this folder.
+    """
+
+    def __init__(self, bus):
+        self.bus = bus
+        for name, expected in the_map.BUILT.items():
+            found = self.read(name)
+            if found != expected:
+                raise AcceleratorError(
+                    f"{name} reads {found:#x}, this program is for {expected:#x}; load the bitstream of the same export"
+                )
+
+    def read(self, field):
+        """The value of a register field."""
+        offset, low, bits = the_map.FIELDS[field]
+        return self.bus.read(offset) >> low & (1 << bits) - 1
+
+    def check(self, fields):
+        """Check that every field can be written, and that its value is valid and was built."""
+        for name, value in fields.items():
+            if name not in the_map.WRITABLE:
+                raise AcceleratorError(f"{name} cannot be written; valid: {', '.join(sorted(the_map.WRITABLE))}")
+            smallest, largest = the_map.WRITABLE[name]
+            largest = min(largest, the_map.BUILT.get("built_" + name, largest))
+            if not smallest <= value <= largest:
+                raise AcceleratorError(f"{name} is {value}; it must be {smallest} to {largest}")
+
+    def write(self, **fields):
+        """Set register fields; other fields of the same registers keep their values."""
+        self.check(fields)
+        words = {}
+        for name, value in fields.items():
+            offset, low, bits = the_map.FIELDS[name]
+            # A request that is still pending reads 1, and would be made again.
+            kept = self.bus.read(offset) & ~the_map.REQUEST_BITS.get(offset, 0)
+            word = words.get(offset, kept)
+            words[offset] = word & ~((1 << bits) - 1 << low) | value << low
+        for offset, word in words.items():
+            self.bus.write(offset, word)

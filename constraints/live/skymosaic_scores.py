@@ -1,0 +1,72 @@
+"""Scores homographies by the matches that the accelerator holds. Needs Python 3.10 and numpy, nothing else."""
+
+import numpy as np
+import skymosaic_map as the_map
+from skymosaic_registers import AcceleratorError
+
+MOST_HYPOTHESES = 1024
+
+
+class Scorer:
+    """Sends hypotheses to the accelerator, which scores them by the matches of the newest frame.
+
+    Parameters
+    ----------
+    bus : LiveBus or an object with its methods
+    """
+
+    def __init__(self, bus):
+        self.bus = bus
+        self._sent = bus.allocate(MOST_HYPOTHESES * the_map.HYPOTHESIS.itemsize)
+        self._received = bus.allocate(MOST_HYPOTHESES * the_map.SCORE.itemsize)
+
+    def score(self, homographies):
+        """Score homographies.
+
+        Parameters
+        ----------
+        homographies : float64 ndarray, shape (M, 3, 3)
+            At least one and at most `MOST_HYPOTHESES`. They map pixels of the frame before to pixels of the newest
+            one; the third coordinate of a point in front of the camera is positive.
+
+        Returns
+        -------
+        structured ndarray, shape (M,)
+            Records of `skymosaic_map.SCORE`. ``frame`` is that of the matches, as their status has it. Where
+            ``causes`` is not 0, there is no score: no matches, or elements of which none is large enough.
+
+        Raises
+        ------
+        AcceleratorError
+            For a wrong number of homographies, one that is zero or not finite, or answers that do not come.
+        """
+        return self.score_integers(quantise(np.asarray(homographies, dtype=np.float64)))
+
+    def score_integers(self, hypotheses):
+        """As `score`, for integers (M, 3, 3) of 32 bits in the fixed point of `quantise`."""
+        if not 1 <= len(hypotheses) <= MOST_HYPOTHESES:
+            raise AcceleratorError(f"{len(hypotheses)} homographies; send 1 to {MOST_HYPOTHESES} at a time")
+        records = np.zeros(len(hypotheses), the_map.HYPOTHESIS)
+        records["tag"], records["number"] = the_map.HYPOTHESIS_TAG, np.arange(len(records))
+        for row, column in np.ndindex(3, 3):
+            records[f"h{row}{column}"] = hypotheses[:, row, column].astype(np.int32).view(np.uint32)
+        self._sent[: records.nbytes] = records.view(np.uint8)
+        length = len(records) * the_map.SCORE.itemsize
+        if self.bus.exchange(self._sent, records.nbytes, self._received) != length:
+            raise AcceleratorError(f"the scores do not have {length} bytes; load the bitstream again")
+        scores = np.array(self._received[:length]).view(the_map.SCORE)
+        if (scores["tag"] != the_map.SCORE_TAG).any() or (scores["number"] != records["number"]).any():
+            raise AcceleratorError("the answers are not the scores of these homographies; load the bitstream again")
+        return scores
+
+
+def quantise(homographies):
+    """Homographies (M, 3, 3) as integers: positions in units of 4096 px, the largest element 2^24 - 1."""
+    units = np.array([the_map.UNIT_PX, the_map.UNIT_PX, 1.0])
+    scaled = homographies * units / units[:, np.newaxis]
+    largest = np.abs(scaled).max(axis=(1, 2), initial=0)
+    wrong = np.flatnonzero(~(np.isfinite(largest) & (largest > 0)))
+    if wrong.size:
+        raise AcceleratorError(f"homography {wrong[0]} is zero or not finite; leave it out")
+    normalised = scaled / largest[:, np.newaxis, np.newaxis]
+    return np.floor(normalised * the_map.LARGEST_ELEMENT + 0.5).astype(np.int64)
