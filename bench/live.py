@@ -27,7 +27,7 @@ from rich.table import Table
 from golden_model.config import PRESETS
 from golden_model.front_end import extract
 from golden_model.geometry.scoring import answers, quantise
-from golden_model.timing import FrameWork, timelines
+from golden_model.timing import FrameWork, steady_pace
 from hdl.settings import REQUESTED, matched_frame_settings
 from sim.accelerator_designs import LANES
 from sim.exported import host_programs
@@ -56,17 +56,15 @@ class Rate(NamedTuple):
 
 
 def rates(clock_mhz: float) -> dict[str, Rate]:
-    """Frames a second and latency for each size: the slower of pixels and matching sets the pace."""
+    """Frames a second and latency for each size."""
     found = {}
     for name, wanted in WANTED.items():
         width, height = map(int, name.split("x"))
         rows = np.linspace(0, FEATURES - 1, MATCHES).astype(int)
         work = FrameWork(width, height, good=True, left=FEATURES, right=FEATURES, rows=rows)
-        # The first of two frames that follow each other: nothing waits for it.
-        line = timelines([work], AERIAL, lanes=LANES)[0]
-        matching = line.matches_end - line.accepted
-        clocks = max(width * height, matching)
-        found[name] = Rate(clocks, 1e6 * clock_mhz / clocks, (line.matches_end - line.last_pixel) / clock_mhz, wanted)
+        pace = steady_pace(work, AERIAL, lanes=LANES)
+        assert pace is not None
+        found[name] = Rate(pace[0], 1e6 * clock_mhz / pace[0], pace[1] / clock_mhz, wanted)
     return found
 
 

@@ -200,6 +200,16 @@ def timelines(works: Sequence[FrameWork], config: Config, *, lanes: int) -> list
     return list(_timelines(works, Latencies.of(config, lanes=lanes), config.front_end.border_px))
 
 
+def steady_pace(work: FrameWork, config: Config, *, lanes: int) -> tuple[int, int] | None:
+    """Clocks in which frames such as this one follow each other, and those from last pixel to last match.
+
+    The slower of pixels and matching sets the pace. None where the timeline is not predicted.
+    """
+    for line in timelines([work], config, lanes=lanes):
+        return max(work.width_px * work.height_px, line.matches_end - line.accepted), line.matches_end - line.last_pixel
+    return None
+
+
 def _timelines(works: Sequence[FrameWork], latencies: Latencies, border_px: int) -> Iterator[Timeline]:
     first_pixel, idle = 0, 0
     for number, work in enumerate(works):

@@ -124,8 +124,8 @@ class LiveAccelerator(wiring.Component):
         wiring.connect(m, self._shell.o_matches, scoring.i_matches)
         wiring.connect(m, wiring.flipped(self.i_hypotheses), scoring.i_hypotheses)
         wiring.connect(m, scoring.o, wiring.flipped(self.o_scores))
-        counts = {registers.i_scored: scoring.o_scored, registers.i_unscored: scoring.o_refused}
-        for count, happens in counts.items():
+        counted = ((registers.i_scored, scoring.o_scored), (registers.i_unscored, scoring.o_refused))
+        for count, happens in counted:
             with m.If(reset):
                 m.d.sync += count.eq(0)
             with m.Elif(happens):

@@ -29,6 +29,7 @@ from skymosaic.imagery.live_frames import live_frames
 from skymosaic.imagery.own_outputs import remember
 from skymosaic.imagery.photographs import is_folder
 from skymosaic.live.mosaic import LiveMosaic, LiveUpdate
+from skymosaic.live.pace import Pace
 from skymosaic.mosaic_options import MosaicOptions
 from skymosaic.registration import WORKING_WIDTH_PX
 
@@ -131,8 +132,9 @@ def _grow_and_write(
         canvas_limit_px=options.canvas_limit_px,
     )
     frames = live_frames(source, idle_seconds=idle_seconds, tell=session.tell, made=(output, preview))
+    pace = Pace(options.usual_config, options.backend)
     try:
-        grow(mosaic, frames, preview)
+        grow(mosaic, frames, preview, pace)
     except KeyboardInterrupt:
         session.tell("stopped")
     mosaic.finish()
@@ -147,6 +149,8 @@ def _grow_and_write(
             remember(made, [Path(source) / made.name])
     height_px, width_px = mosaic.image.shape[:2]
     session.numbers = {"size": [width_px, height_px], "frames": len(mosaic.transforms), "left_out": absent}
+    session.numbers["pace"] = pace.numbers
+    session.tell(str(pace))
     for made in (output, preview):
         session.wrote(made)
     session.show(f"mosaic {output} ({width_px}x{height_px}): {len(mosaic.transforms)} frames, {len(absent)} left out")
@@ -173,11 +177,12 @@ def report_absent(absent: Mapping[int, str], *, strict: bool) -> None:
         raise RegistrationError(f"{len(absent)} left out, and --strict allows none; nothing was written")
 
 
-def grow(mosaic: LiveMosaic, frames: Iterable[Photograph], preview: Path) -> None:
+def grow(mosaic: LiveMosaic, frames: Iterable[Photograph], preview: Path, pace: Pace) -> None:
     """Add frames as they come, print a line for each, and update the preview."""
     shown = 0.0
     for frame in frames:
         update = mosaic.add(frame.pixels)
+        pace.add(update)
         session.tell(f"{update.number} {frame.name}: {_description(update)}")
         if not update.reason and time.monotonic() - shown >= PREVIEW_SECONDS:
             images.save(preview, images.reduced(mosaic.image, PREVIEW_WIDTH_PX)[0])

@@ -47,12 +47,18 @@ class LiveUpdate:
         Why it was left out; empty if it was painted.
     submaps : int
         Number of submaps after this frame.
+    size_px : tuple of int
+        Width and height of the frame as registered.
+    features : structured ndarray or None
+        Its features; None if the frame could not be used.
     """
 
     number: int
     placement: Placement | None
     reason: str
     submaps: int
+    size_px: tuple[int, int] = (0, 0)
+    features: Records | None = None
 
 
 class LiveMosaic:
@@ -155,7 +161,7 @@ class LiveMosaic:
         except CanvasError as error:
             reason = str(error)
         self._reasons.append(reason)
-        return LiveUpdate(frame.number, placement, reason, len(self._submaps))
+        return LiveUpdate(frame.number, placement, reason, len(self._submaps), frame.size, frame.features)
 
     def finish(self) -> None:
         """Recompute the layout after the last frame."""

@@ -20,6 +20,7 @@ from skymosaic.geometry.homography import apply, estimate
 from skymosaic.imagery.live_frames import live_frames
 from skymosaic.imagery.video import writing
 from skymosaic.live.mosaic import LiveMosaic
+from skymosaic.live.pace import Pace
 from tests.system.command_line import skymosaic
 
 IMAGES, SIZE = 9, (480, 360)
@@ -188,11 +189,16 @@ def test_a_folder_is_watched_until_no_more_frames_arrive(frames, flight, tmp_pat
     told: list[str] = []
     live, preview = LiveMosaic(CONFIG), tmp_path / "preview.jpg"
     # The preview lies among the photographs and is none of them.
-    grow(live, live_frames(str(tmp_path), idle_seconds=2.0, tell=told.append, made=[preview]), preview)
+    pace = Pace(CONFIG, "rtl")
+    grow(live, live_frames(str(tmp_path), idle_seconds=2.0, tell=told.append, made=[preview]), preview, pace)
     assert preview.exists()
     assert len(live.transforms) == 4
     assert pair_errors_px(live.transforms, flight).max() < 1.0
     assert any("9.png" in line and "truncated" in line for line in told)
+    # 480x360 pixels take longer than matching their features.
+    assert pace.numbers["accelerator"]["clocks_per_frame"] == SIZE[0] * SIZE[1]
+    assert 0 < pace.numbers["accelerator"]["latency_ms"] < 1
+    assert (pace.numbers["seen"], pace.numbers["dropped"]) == (4, 0)
 
 
 def test_both_commands_make_the_same_mosaic_of_a_video(video: Path, tmp_path: Path) -> None:

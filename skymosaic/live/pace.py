@@ -1,0 +1,94 @@
+"""Live numbers: how many frames a second are processed, and what the accelerator takes for each of them."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+
+from golden_model.arrays import Records
+from golden_model.config import Config
+from golden_model.matching.matcher import match
+from golden_model.timing import FrameWork, steady_pace
+from sim.backend import BUILT_LANES
+from skymosaic.live.mosaic import LiveUpdate
+
+CLOCK_HZ = 150_000_000
+"""Clock of the accelerator on the boards of `skymosaic export`."""
+HARDWARE = ("rtl", "verilator", "cxxrtl", "pysim", "board")
+"""Backends whose frames pass the accelerator."""
+
+
+class Pace:
+    """Counts frames as they are added, and the accelerator's clocks for them.
+
+    Frames a second are those of this computer, and with a simulated accelerator mostly the simulation's. What the
+    accelerator itself takes is computed from its exact timeline (`golden_model.timing`), for frames that follow each
+    other without a pause: from the size of a frame, its features, and its matches with the frame before it.
+
+    Parameters
+    ----------
+    config : Config
+    backend : str
+        Of the live mosaic; only with a backend of `HARDWARE` are clocks computed.
+    """
+
+    def __init__(self, config: Config, backend: str) -> None:
+        self._config = config
+        self._has_clocks = backend.partition(":")[0] in HARDWARE
+        self._started_s = time.monotonic()
+        self._seconds = 0.0
+        self._frames = self._dropped = 0
+        self._before: Records | None = None
+        self._paces: list[tuple[int, int]] = []
+
+    def add(self, update: LiveUpdate) -> None:
+        """Count a frame that was added to the mosaic, or left out."""
+        self._frames += 1
+        self._dropped += bool(update.reason)
+        self._seconds = time.monotonic() - self._started_s
+        if self._has_clocks and update.features is not None:
+            self._add_clocks(update.features, update.size_px)
+            self._before = update.features
+
+    def _add_clocks(self, features: Records, size_px: tuple[int, int]) -> None:
+        """The first frame has nothing to match."""
+        if self._before is None:
+            return
+        matches = match(self._before, features, self._config.front_end.pattern, self._config.matcher)
+        rows = np.sort(matches["left_index"]).astype(int)
+        work = FrameWork(*size_px, good=True, left=len(self._before), right=len(features), rows=rows)
+        pace = steady_pace(work, self._config, lanes=BUILT_LANES)
+        self._paces += [pace] if pace else []
+
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """Frames, those dropped, frames a second; with clocks also the accelerator's, of its slowest frame."""
+        numbers: dict[str, Any] = {
+            "seen": self._frames,
+            "dropped": self._dropped,
+            "frames_per_second": round(self._frames / self._seconds, 2) if self._seconds else None,
+        }
+        if self._paces:
+            clocks, latency = (max(values) for values in zip(*self._paces, strict=True))
+            numbers["accelerator"] = {
+                "clocks_per_frame": clocks,
+                "frames_per_second": round(CLOCK_HZ / clocks, 1),
+                "latency_ms": round(1000 * latency / CLOCK_HZ, 3),
+            }
+        return numbers
+
+    def __str__(self) -> str:
+        """One line of all numbers."""
+        numbers = self.numbers
+        line = f"{self._frames} frames in {self._seconds:.1f} s, {self._dropped} dropped"
+        if numbers["frames_per_second"] is not None:
+            line += f": {numbers['frames_per_second']:g} a second"
+        if "accelerator" in numbers:
+            accelerator = numbers["accelerator"]
+            line += (
+                f"; the accelerator at {CLOCK_HZ / 1e6:g} MHz: {accelerator['frames_per_second']:g} a second, last "
+                f"pixel to last match {accelerator['latency_ms']:g} ms"
+            )
+        return line
