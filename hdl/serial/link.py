@@ -1,0 +1,224 @@
+"""What goes over the serial port: register accesses and pixels to the accelerator, answers and packets from it."""
+
+from __future__ import annotations
+
+import enum
+
+from amaranth import Cat, Const, Module, Mux, Signal
+from amaranth.lib import stream, wiring
+from amaranth.lib.wiring import In, Out
+
+from golden_model.records import WORD_BYTES
+from hdl.axi.axi_lite import AxiLiteInterface, AxiLiteSignature
+from hdl.axi.register_map import ADDRESS_BITS
+from hdl.axi.video_input import VideoPayload
+from hdl.streams import WordPayload
+
+FORGET_CLOCKS = 1 << 20
+"""After a pause of so many clocks inside a command, the next byte begins a command: 42 ms at 25 MHz."""
+
+
+class Command(enum.IntEnum):
+    """First byte of a command. Two more follow, lowest first: an address, or a number of pixels."""
+
+    READ = ord("R")
+    WRITE = ord("W")
+    """Followed by four bytes of data."""
+    PIXELS = ord("P")
+    """Followed by so many pixels."""
+    LAST_PIXELS = ord("L")
+    """The same; the last one ends the transfer."""
+
+
+class Message(enum.IntEnum):
+    """First byte of what the board sends. Those of words are followed by the eight bytes of one."""
+
+    ANSWER = ord("A")
+    """To a read or a write: AXI's response, of which bit 7 says that bytes were lost, and four bytes of data."""
+    FEATURES = 0x10
+    MATCHES = 0x20
+    LAST = 0x01
+    """With one of the two: the word ends its packet."""
+
+
+FIELD_BYTES, DATA_BYTES = 2, 4
+ANSWER_BYTES = 2 + DATA_BYTES
+WORD_MESSAGE_BYTES = 1 + WORD_BYTES
+LOST_BIT = 7
+
+
+class SerialLink(wiring.Component):
+    """Obeys commands byte by byte, and sends answers and the words of both packets, answers first.
+
+    An unknown command is one byte that is ignored, and an incomplete one is forgotten after `FORGET_CLOCKS`. While the
+    accelerator takes no pixel, no command is read.
+
+    Members
+    -------
+    i : In(stream of 8), o : Out(stream of 8)
+        Bytes from and to the port.
+    i_lost : In(1)
+        High for a clock where a byte was lost; the next answer says so.
+    o_video : Out(stream of VideoPayload)
+        Gray pixels, for an 8-bit input in memory mode.
+    i_features, i_matches : In(stream of WordPayload)
+    control : Out(AxiLiteSignature)
+    o_has_lost : Out(1)
+        Bytes were lost since the last answer.
+    """
+
+    i: stream.Interface
+    o: stream.Interface
+    i_lost: Signal
+    o_video: stream.Interface
+    i_features: stream.Interface
+    i_matches: stream.Interface
+    control: AxiLiteInterface
+    o_has_lost: Signal
+
+    def __init__(self) -> None:
+        super().__init__(
+            {
+                "i": In(stream.Signature(8)),
+                "o": Out(stream.Signature(8)),
+                "i_lost": In(1),
+                "o_video": Out(stream.Signature(VideoPayload)),
+                "i_features": In(stream.Signature(WordPayload)),
+                "i_matches": In(stream.Signature(WordPayload)),
+                "control": Out(AxiLiteSignature(address_bits=ADDRESS_BITS)),
+                "o_has_lost": Out(1),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """Commands, and what is sent."""
+        m = Module()
+        answer = Signal(8 * (ANSWER_BYTES - 1))
+        has_answer = Signal()
+        answer_sent = self._send(m, has_answer, answer)
+        self._obey(m, has_answer, answer)
+        with m.If(answer_sent):
+            m.d.sync += has_answer.eq(0)
+        with m.If(self.i_lost):
+            m.d.sync += self.o_has_lost.eq(1)
+        with m.Elif(answer_sent):
+            m.d.sync += self.o_has_lost.eq(0)
+        return m
+
+    def _obey(self, m: Module, has_answer: Signal, answer: Signal) -> None:
+        """Take a command, its address or number, its data; then do it."""
+        command, bus, video = _Command(), self.control, self.o_video
+        m.d.comb += [
+            bus.awaddr.eq(command.field),
+            bus.araddr.eq(command.field),
+            bus.wdata.eq(command.data),
+            bus.wstrb.eq(~0),
+            bus.bready.eq(1),
+            bus.rready.eq(1),
+            video.payload.data.eq(self.i.payload),
+            video.payload.last.eq((command.kind == Command.LAST_PIXELS) & (command.field == 1)),
+        ]
+        m.d.sync += [
+            command.idle.eq(Mux(self.i.valid, 0, command.idle + 1)),
+            command.left.eq(command.left - (self.i.valid & self.i.ready)),
+        ]
+        with m.FSM(name="command"):
+            self._gather(m, command)
+            self._pass_pixels(m, command)
+            self._access(m, command, has_answer, answer)
+
+    def _gather(self, m: Module, command: _Command) -> None:
+        """The bytes of a command, but its pixels."""
+        byte, takes = self.i.payload, self.i.valid & self.i.ready
+        ends = takes & (command.left == 1)
+        with m.State("COMMAND"):
+            m.d.comb += self.i.ready.eq(1)
+            m.d.sync += [command.kind.eq(byte), command.left.eq(FIELD_BYTES)]
+            m.d.sync += [command.addressed.eq(0), command.written.eq(0)]
+            with m.If(takes & Cat(byte == each for each in Command).any()):
+                m.next = "FIELD"
+        with m.State("FIELD"):
+            m.d.comb += self.i.ready.eq(1)
+            with m.If(takes):
+                m.d.sync += command.field.eq(Cat(command.field[8:], byte))
+            with m.If(command.idle.all()):
+                m.next = "COMMAND"
+            with m.Elif(ends):
+                m.d.sync += command.left.eq(DATA_BYTES)
+                m.next = "PIXELS"
+                with m.If(command.kind == Command.READ):
+                    m.next = "READ"
+                with m.Elif(command.kind == Command.WRITE):
+                    m.next = "DATA"
+        with m.State("DATA"):
+            m.d.comb += self.i.ready.eq(1)
+            with m.If(takes):
+                m.d.sync += command.data.eq(Cat(command.data[8:], byte))
+            with m.If(command.idle.all()):
+                m.next = "COMMAND"
+            with m.Elif(ends):
+                m.next = "WRITE"
+
+    def _pass_pixels(self, m: Module, command: _Command) -> None:
+        video, are_left = self.o_video, command.field != 0
+        with m.State("PIXELS"):
+            m.d.comb += [video.valid.eq(self.i.valid & are_left), self.i.ready.eq(video.ready & are_left)]
+            m.d.sync += command.field.eq(command.field - (video.valid & video.ready))
+            with m.If(~are_left | command.idle.all()):
+                m.next = "COMMAND"
+
+    def _access(self, m: Module, command: _Command, has_answer: Signal, answer: Signal) -> None:
+        """Reads and writes of registers."""
+        bus = self.control
+        with m.State("READ"):
+            m.d.comb += bus.arvalid.eq(~command.addressed)
+            m.d.sync += command.addressed.eq(command.addressed | bus.arready)
+            with m.If(bus.rvalid):
+                m.d.sync += [has_answer.eq(1), answer.eq(Cat(bus.rresp, Const(0, 6), bus.rdata))]
+                m.next = "ANSWER"
+        with m.State("WRITE"):
+            m.d.comb += [bus.awvalid.eq(~command.addressed), bus.wvalid.eq(~command.written)]
+            m.d.sync += [
+                command.addressed.eq(command.addressed | bus.awready),
+                command.written.eq(command.written | bus.wready),
+            ]
+            with m.If(bus.bvalid):
+                m.d.sync += [has_answer.eq(1), answer.eq(bus.bresp)]
+                m.next = "ANSWER"
+        with m.State("ANSWER"), m.If(~has_answer):
+            m.next = "COMMAND"
+
+    def _send(self, m: Module, has_answer: Signal, answer: Signal) -> Signal:
+        """One message after the other; high in the clock in which the answer has been taken over."""
+        message, left = Signal(8 * WORD_MESSAGE_BYTES), Signal(range(WORD_MESSAGE_BYTES + 1))
+        taken = Signal()
+        free = left == 0
+        lost = Cat(Const(0, LOST_BIT), self.o_has_lost, Const(0, len(answer) - LOST_BIT - 1))
+        m.d.comb += [self.o.valid.eq(~free), self.o.payload.eq(message[:8])]
+        with m.If(self.o.valid & self.o.ready):
+            m.d.sync += [message.eq(message >> 8), left.eq(left - 1)]
+        with m.If(free & has_answer):
+            m.d.comb += taken.eq(1)
+            m.d.sync += [message.eq(Cat(Const(Message.ANSWER, 8), answer | lost)), left.eq(ANSWER_BYTES)]
+        words = ((self.i_features, Message.FEATURES), (self.i_matches, Message.MATCHES))
+        for number, (port, tag) in enumerate(words):
+            earlier = has_answer | (self.i_features.valid if number else 0)
+            m.d.comb += port.ready.eq(free & ~earlier)
+            with m.If(port.valid & port.ready):
+                first = Const(tag, 8) | port.payload.last
+                m.d.sync += [message.eq(Cat(first[:8], port.payload.data)), left.eq(WORD_MESSAGE_BYTES)]
+        return taken
+
+
+class _Command:
+    """What is known of the command under way."""
+
+    def __init__(self) -> None:
+        self.kind = Signal(8)
+        self.field = Signal(16)
+        self.data = Signal(8 * DATA_BYTES)
+        self.left = Signal(range(max(FIELD_BYTES, DATA_BYTES) + 1))
+        # Clocks without a byte, and which channels of a write have been taken.
+        self.idle = Signal(range(FORGET_CLOCKS))
+        self.addressed = Signal()
+        self.written = Signal()

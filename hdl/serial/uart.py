@@ -1,0 +1,122 @@
+"""A serial port: eight data bits, no parity, one stop bit, lowest bit first."""
+
+from __future__ import annotations
+
+from amaranth import Cat, Module, Mux, Signal
+from amaranth.lib import stream, wiring
+from amaranth.lib.wiring import In, Out
+
+DATA_BITS = 8
+FEWEST_CLOCKS_PER_BIT = 4
+
+
+def _checked(clocks_per_bit: int) -> int:
+    if clocks_per_bit < FEWEST_CLOCKS_PER_BIT:
+        raise ValueError(f"clocks_per_bit is {clocks_per_bit}; it must be at least {FEWEST_CLOCKS_PER_BIT}")
+    return clocks_per_bit
+
+
+class UartReceiver(wiring.Component):
+    """Turns the level of a pin into bytes.
+
+    A bit is sampled in its middle. The receiver may be off by a quarter of a bit in ten, so both clocks may differ by
+    2 %. A byte comes half a stop bit before its end; whoever takes it has ten bits of time until the next one.
+
+    Parameters
+    ----------
+    clocks_per_bit : int
+        At least 4.
+
+    Members
+    -------
+    i_pin : In(1)
+        High while nothing is sent; asynchronous.
+    o_valid : Out(1), o_byte : Out(8)
+        High for one clock with each byte.
+    o_broken : Out(1)
+        High for one clock where a byte has no stop bit; it is dropped.
+
+    Raises
+    ------
+    ValueError
+        For too few clocks.
+    """
+
+    i_pin: Signal
+    o_valid: Signal
+    o_byte: Signal
+    o_broken: Signal
+
+    def __init__(self, *, clocks_per_bit: int) -> None:
+        self.clocks_per_bit = _checked(clocks_per_bit)
+        super().__init__({"i_pin": In(1), "o_valid": Out(1), "o_byte": Out(DATA_BITS), "o_broken": Out(1)})
+
+    def elaborate(self, platform: object) -> Module:
+        """Wait for a start bit, then sample in the middle of each bit."""
+        m = Module()
+        # Two registers against metastability, and one to see the edge.
+        pin = Signal(3, init=0b111)
+        m.d.sync += pin.eq(Cat(self.i_pin, pin))
+        level, before = pin[1], pin[2]
+        clock = Signal(range(self.clocks_per_bit))
+        bit = Signal(range(DATA_BITS + 2))
+        receiving = Signal()
+        m.d.sync += [self.o_valid.eq(0), self.o_broken.eq(0)]
+        with m.If(~receiving):
+            m.d.sync += [receiving.eq(before & ~level), clock.eq(self.clocks_per_bit // 2 - 1), bit.eq(0)]
+        with m.Elif(clock != 0):
+            m.d.sync += clock.eq(clock - 1)
+        with m.Else():
+            m.d.sync += [clock.eq(self.clocks_per_bit - 1), bit.eq(bit + 1)]
+            with m.If(bit == 0):
+                # A start bit that is over by now was a spike.
+                m.d.sync += receiving.eq(~level)
+            with m.Elif(bit <= DATA_BITS):
+                m.d.sync += self.o_byte.eq(Cat(self.o_byte[1:], level))
+            with m.Else():
+                m.d.sync += [receiving.eq(0), self.o_valid.eq(level), self.o_broken.eq(~level)]
+        return m
+
+
+class UartTransmitter(wiring.Component):
+    """Sends bytes one after the other: ten bits each.
+
+    Parameters
+    ----------
+    clocks_per_bit : int
+        At least 4.
+
+    Members
+    -------
+    i : In(stream of 8)
+    o_pin : Out(1)
+        High while nothing is sent.
+
+    Raises
+    ------
+    ValueError
+        For too few clocks.
+    """
+
+    i: stream.Interface
+    o_pin: Signal
+
+    def __init__(self, *, clocks_per_bit: int) -> None:
+        self.clocks_per_bit = _checked(clocks_per_bit)
+        super().__init__({"i": In(stream.Signature(DATA_BITS)), "o_pin": Out(1)})
+
+    def elaborate(self, platform: object) -> Module:
+        """A shift register; ones follow the stop bit."""
+        m = Module()
+        bits = Signal(DATA_BITS + 2, init=-1)
+        clock = Signal(range(self.clocks_per_bit))
+        left = Signal(range(DATA_BITS + 3))
+        m.d.comb += [self.i.ready.eq(left == 0), self.o_pin.eq(bits[0])]
+        with m.If(self.i.ready & self.i.valid):
+            m.d.sync += [bits.eq(Cat(0, self.i.payload, 1)), left.eq(DATA_BITS + 2), clock.eq(0)]
+        with m.Elif(left != 0):
+            ends = clock == self.clocks_per_bit - 1
+            m.d.sync += clock.eq(Mux(ends, 0, clock + 1))
+            with m.If(ends):
+                m.d.sync += [bits.eq(Cat(bits[1:], 1)), left.eq(left - 1)]
+        return m

@@ -1,0 +1,156 @@
+# amaranth: UnusedElaboratable=no
+"""The serial port with its commands, at the pins: bits in, bits out, a stub of the accelerator between."""
+
+from collections import deque
+
+import pytest
+from amaranth import Module
+from amaranth.lib import fifo, wiring
+from amaranth.lib.wiring import In, Out
+from amaranth.sim import Simulator
+
+from golden_model.records import WORD_BYTES
+from hdl.axi.axi_lite import AxiLiteSubordinate
+from hdl.axi.register_map import ADDRESS_BITS
+from hdl.serial.link import Command, Message, SerialLink
+from hdl.serial.uart import UartReceiver, UartTransmitter
+
+CLOCKS_PER_BIT = 4
+BYTE_CLOCKS = 10 * CLOCKS_PER_BIT
+
+
+class Board(wiring.Component):
+    """The link between the pins, with one register at address 8."""
+
+    def __init__(self) -> None:
+        self.link = SerialLink()
+        super().__init__({"i_pin": In(1, init=1), "o_pin": Out(1)})
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        m.submodules.link = link = self.link
+        m.submodules.receiver = receiver = UartReceiver(clocks_per_bit=CLOCKS_PER_BIT)
+        m.submodules.transmitter = transmitter = UartTransmitter(clocks_per_bit=CLOCKS_PER_BIT)
+        m.submodules.registers = registers = AxiLiteSubordinate(address_bits=ADDRESS_BITS)
+        m.submodules.waiting = waiting = fifo.SyncFIFOBuffered(width=8, depth=64)
+        wiring.connect(m, link.control, registers.bus)
+        wiring.connect(m, link.o, transmitter.i)
+        m.d.comb += [
+            receiver.i_pin.eq(self.i_pin),
+            self.o_pin.eq(transmitter.o_pin),
+            waiting.w_en.eq(receiver.o_valid),
+            waiting.w_data.eq(receiver.o_byte),
+            link.i.valid.eq(waiting.r_rdy),
+            link.i.payload.eq(waiting.r_data),
+            waiting.r_en.eq(link.i.ready),
+            link.i_lost.eq(receiver.o_broken),
+            registers.i_write_known.eq(registers.o_write_word == 2),
+            registers.i_read_known.eq(registers.o_read_word == 2),
+        ]
+        with m.If(registers.o_write & registers.i_write_known):
+            m.d.sync += registers.i_data.eq(registers.o_data)
+        return m
+
+
+def talk(sent: list[int], *, features=(), matches=(), answers: int = 0, stop_bits: bool = True):
+    """Send bytes as bits; returns the bytes that came back as bits, and the pixels that the accelerator got."""
+    board, received, pixels = Board(), [], []
+    wanted = answers + (1 + WORD_BYTES) * (len(features) + len(matches))
+    simulator = Simulator(board)
+    simulator.add_clock(1e-6)
+
+    async def send(ctx) -> None:
+        for number, byte in enumerate(sent):
+            for bit in (0, *(byte >> n & 1 for n in range(8)), int(stop_bits or number > 0)):
+                ctx.set(board.i_pin, bit)
+                await ctx.tick().repeat(CLOCKS_PER_BIT)
+            ctx.set(board.i_pin, 1)
+            if not stop_bits:
+                await ctx.tick().repeat(CLOCKS_PER_BIT)
+        await ctx.tick().repeat(BYTE_CLOCKS)
+
+    async def receive(ctx) -> None:
+        while len(received) < wanted:
+            while ctx.get(board.o_pin):
+                await ctx.tick()
+            await ctx.tick().repeat(CLOCKS_PER_BIT // 2)
+            byte = 0
+            for n in range(8):
+                await ctx.tick().repeat(CLOCKS_PER_BIT)
+                byte |= ctx.get(board.o_pin) << n
+            await ctx.tick().repeat(CLOCKS_PER_BIT)
+            assert ctx.get(board.o_pin), "no stop bit"
+            received.append(byte)
+
+    def offer(port, words):
+        async def testbench(ctx) -> None:
+            waiting = deque(words)
+            while waiting:
+                ctx.set(port.payload, waiting[0])
+                ctx.set(port.valid, 1)
+                *_, ready = await ctx.tick().sample(port.ready)
+                if ready:
+                    waiting.popleft()
+            ctx.set(port.valid, 0)
+
+        return testbench
+
+    async def take(ctx) -> None:
+        ctx.set(board.link.o_video.ready, 1)
+        while True:
+            *_, valid, beat = await ctx.tick().sample(board.link.o_video.valid, board.link.o_video.payload)
+            if valid:
+                pixels.append((beat.data, beat.last))
+
+    for testbench in (send, receive, offer(board.link.i_features, features), offer(board.link.i_matches, matches)):
+        simulator.add_testbench(testbench)
+    simulator.add_testbench(take, background=True)
+    simulator.run_until(1e-6 * (2 * BYTE_CLOCKS * (len(sent) + wanted + 4)))
+    return received, pixels
+
+
+def command(kind: Command, field: int, *more: int) -> list[int]:
+    return [kind, field & 0xFF, field >> 8, *more]
+
+
+def answer(data: int, response: int = 0) -> list[int]:
+    return [Message.ANSWER, response, *data.to_bytes(4, "little")]
+
+
+def test_registers_are_written_and_read() -> None:
+    written = command(Command.WRITE, 8, 0x78, 0x56, 0x34, 0x12)
+    sent = [0xFF, *written, *command(Command.READ, 8), *command(Command.READ, 12)]
+    received, _ = talk(sent, answers=18)
+    # The first byte is no command; no register is at 12.
+    assert received == answer(0) + answer(0x12345678) + answer(0x12345678, response=2)
+
+
+def test_pixels_arrive_in_order_and_the_last_one_ends_the_transfer() -> None:
+    sent = [
+        *command(Command.PIXELS, 3, 10, 20, 30),
+        *command(Command.PIXELS, 0),
+        *command(Command.LAST_PIXELS, 2, 5, 6),
+    ]
+    _, pixels = talk(sent)
+    assert pixels == [(10, 0), (20, 0), (30, 0), (5, 0), (6, 1)]
+
+
+def test_words_of_both_packets_are_told_apart_and_an_answer_overtakes_them() -> None:
+    features = [{"data": 0x0807060504030201, "last": 0}, {"data": 1, "last": 1}]
+    received, _ = talk(command(Command.READ, 8), features=features, matches=[{"data": 2, "last": 1}], answers=6)
+    words = [Message.FEATURES, *range(1, 9), Message.FEATURES | Message.LAST, 1, *[0] * 7]
+    last = [Message.MATCHES | Message.LAST, 2, *[0] * 7]
+    assert sorted(received) == sorted([*words, *last, *answer(0)])
+    # The answer comes between two words: after the first, second or third.
+    position = next(n for n in (9, 18, 27) if received[n : n + 6] == answer(0))
+    assert received[:position] + received[position + 6 :] == [*words, *last]
+
+
+def test_a_byte_without_stop_bit_is_dropped_and_reported_once() -> None:
+    received, _ = talk([0, *command(Command.READ, 8), *command(Command.READ, 8)], answers=12, stop_bits=False)
+    assert received == answer(0, response=0x80) + answer(0)
+
+
+def test_too_few_clocks_for_a_bit_are_refused() -> None:
+    with pytest.raises(ValueError, match="clocks_per_bit is 3"):
+        UartReceiver(clocks_per_bit=3)
