@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Literal, TypedDict, Unpack
+from typing import Any, Literal, TypedDict, Unpack
 
 import numpy as np
 
@@ -188,7 +188,8 @@ def driver_map(config: Config, *, live: bool = False, **build: Unpack[Build]) ->
         **({"HEADER": HEADER, "HYPOTHESIS": HYPOTHESIS.dtype, "SCORE": SCORE.dtype} if live else {}),
     }
     tags = (Tag.FRAME_STATUS, *((Tag.HYPOTHESIS, Tag.SCORE) if live else ()))
-    requests = {r.offset: sum(f.mask for f in r.fields if f.access is Access.REQUEST) for r in registers}
+    requests = ((r.offset, sum(f.mask for f in r.fields if f.access is Access.REQUEST)) for r in registers)
+    request_bits = {offset: bits for offset, bits in requests if bits}
     lines = [
         f'"""Registers and records of the {TOP} accelerator. Generated; do not edit."""',
         "",
@@ -199,7 +200,7 @@ def driver_map(config: Config, *, live: bool = False, **build: Unpack[Build]) ->
         "# What a request to the server sets.",
         f"REQUESTED = {REQUESTED!r}",
         *_dictionary("BUILT", constants, "What the constant fields read."),
-        *_dictionary("REQUEST_BITS", {k: v for k, v in requests.items() if v}, "Offset of a register: its requests"),
+        *_dictionary("REQUEST_BITS", request_bits, "Offset of a register: bits that request something"),
         *(f"{tag.name.removeprefix('FRAME_')}_TAG = {int(tag)}" for tag in tags),
         *([f"UNIT_PX, LARGEST_ELEMENT = {1 << POSITION.integer_bits}, {ENTRY.max_raw}"] if live else []),
         *(f"{name} = np.dtype({_dtype_text(dtype)})" for name, dtype in records.items()),
@@ -207,7 +208,7 @@ def driver_map(config: Config, *, live: bool = False, **build: Unpack[Build]) ->
     return "\n".join(lines) + "\n"
 
 
-def _dictionary(name: str, entries: Mapping[str, object], comment: str) -> list[str]:
+def _dictionary(name: str, entries: Mapping[Any, object], comment: str) -> list[str]:
     """Source lines of a dictionary, an entry a line."""
     return [f"# {comment}", f"{name} = {{", *(f"    {key!r}: {value!r}," for key, value in entries.items()), "}"]
 
