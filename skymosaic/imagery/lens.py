@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import tomllib
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import cv2
@@ -67,13 +67,15 @@ class Lens:
 
     def visible(self, size: tuple[int, int]) -> Pixels | None:
         """255 where a straightened photograph of ``size`` (width, height) shows ground, else 0; None if everywhere."""
-        if self.mask is None and self.matrix is None:
-            return None
-        mask = np.full(size[::-1], 255, np.uint8)
-        if self.mask is not None:
-            mask = np.asarray(cv2.resize(self.mask, size, interpolation=cv2.INTER_NEAREST), dtype=np.uint8)
-        straight = self.straighten(mask, cv2.INTER_LINEAR)
-        return np.where(straight == 255, straight, 0).astype(np.uint8)
+        return None if self.mask is None and self.matrix is None else _visible(self, size)
+
+    def __eq__(self, other: object) -> bool:
+        """Whether the other one corrects alike."""
+        return isinstance(other, Lens) and self.key == other.key
+
+    def __hash__(self) -> int:
+        """Of the key."""
+        return hash(self.key)
 
     def _maps(self, size: tuple[int, int]) -> tuple[NDArray[np.generic], NDArray[np.generic]]:
         assert self.size is not None
@@ -82,6 +84,16 @@ class Lens:
         scaled = resize_matrix(size[0] / self.size[0], size[1] / self.size[1]) @ self.matrix
         first, second = cv2.initUndistortRectifyMap(scaled, self.distortion, None, scaled, size, cv2.CV_16SC2)
         return first, second
+
+
+@lru_cache(maxsize=4)
+def _visible(lens: Lens, size: tuple[int, int]) -> Pixels:
+    """As `Lens.visible`, of a lens that hides something; kept, because each tile asks for it once a photograph."""
+    mask = np.full(size[::-1], 255, np.uint8)
+    if lens.mask is not None:
+        mask = np.asarray(cv2.resize(lens.mask, size, interpolation=cv2.INTER_NEAREST), dtype=np.uint8)
+    straight = lens.straighten(mask, cv2.INTER_LINEAR)
+    return np.where(straight == 255, straight, 0).astype(np.uint8)
 
 
 def load_lens(camera: Path | None, mask: Path | None) -> Lens:
