@@ -84,6 +84,8 @@ class MosaicOptions:
         Refuse a damaged JPEG (a flight of more than two photographs leaves it out), or use what can be decoded of it.
     lens : Lens or None
         Distortion and mask that all photographs share, from `skymosaic.imagery.lens.load_lens`.
+    band : str or None
+        Of multi-band sets, the band that registers the flight; None: see `skymosaic.imagery.band_sets.in_band_sets`.
     control : ControlPoints or None
         Ground control points, from `skymosaic.imagery.control_points.load_control_points`, instead of GPS.
     all_groups : bool
@@ -115,6 +117,7 @@ class MosaicOptions:
     refine: bool = False
     damaged: str = "refuse"
     lens: Lens | None = None
+    band: str | None = None
     control: ControlPoints | None = None
     all_groups: bool = False
     scheduler: str | None = None

@@ -21,6 +21,7 @@ from skymosaic.flight.layout import Layout
 from skymosaic.flight.mapping import place_on_map
 from skymosaic.flight.output import PLAIN, PREVIEW_WIDTH_PX, Delivery, OutputForm, deliver
 from skymosaic.flight.pair import flight_of_pair
+from skymosaic.flight.spectrum import in_all_bands
 from skymosaic.flight.survey import Flight, survey
 from skymosaic.flight.workers import Workers
 from skymosaic.imagery import images as pictures
@@ -110,7 +111,9 @@ class MosaicPlan:
         )
         if min(composition.size) < 1:
             raise InputError("the mosaic is smaller than a pixel; raise --scale, or lower --gsd")
-        return composition
+        if not self.sources[0].bands:
+            return composition
+        return in_all_bands(composition, self.flight, layout, self._workers, equalise=style.equalise)
 
     def bands(self, composition: Composition) -> Iterator[tuple[Intensities, Mask]]:
         """The blended picture in bands of whole rows from the top, and where they show a photograph."""
@@ -145,10 +148,11 @@ class MosaicPlan:
             For an output that cannot be written, is one of the photographs, or exists and must not be overwritten;
             for a form that does not suit it.
         """
-        form.check(output)
+        form.check(output, len(self.sources[0].bands))
         if form.tiles is not None:
             pictures.check_unused(form.tiles, overwrite=overwrite)
-        pictures.check_output(output, tuple(source.name for source in self.sources), overwrite=overwrite)
+        given = tuple(name for source in self.sources for name in source.files)
+        pictures.check_output(output, given, overwrite=overwrite)
         if self.options.all_groups:
             numbered = re.compile(re.escape(output.stem) + r"_\d+" + re.escape(output.suffix))
             for path in sorted(output.parent.iterdir()):

@@ -24,7 +24,7 @@ class Mosaic:
     Attributes
     ----------
     image : ndarray of uint8, shape (H, W, 3), or (H, W) where every photograph is gray
-        Of uint16 where every photograph has 16 bits.
+        Of uint16 where every photograph has 16 bits. Of multi-band sets (H, W, bands).
     transforms : dict of int to ndarray, shape (3, 3)
         For each photograph in the mosaic, its original pixels to canvas pixels. Of a photograph taken with a known
         camera, its pixels once the distortion is taken out.
@@ -76,7 +76,12 @@ class Mosaic:
             If nothing tells where the mosaic lies (the message says why), or the file cannot be written.
         """
         path = Path(path)
-        check_output(path, self.flight.names, GEOTIFF_SUFFIXES, overwrite=overwrite)
+        check_output(
+            path,
+            tuple(name for each in self.flight.sources for name in each.files),
+            GEOTIFF_SUFFIXES,
+            overwrite=overwrite,
+        )
         place = self.composition.place
         if place.georeference is None:
             raise InputError(

@@ -13,6 +13,7 @@ from skymosaic.errors import InputError
 from skymosaic.flight.composition import forget_decoded
 from skymosaic.flight.pair import flight_of_pair
 from skymosaic.flight.workers import Progress, Workers, silent
+from skymosaic.imagery.band_sets import in_band_sets
 from skymosaic.imagery.key_frames import flight_sources
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
@@ -96,7 +97,8 @@ def planned(
     images, options, progress
         As `mosaic`.
     tell : callable
-        Receives a line for each video that is cut off, or if the cache cannot be written.
+        Receives a line for each video that is cut off, for pictures that are not used, or if the cache cannot be
+        written.
 
     Raises
     ------
@@ -104,8 +106,10 @@ def planned(
         For a folder without pictures, an unreadable video, unusable options, or an absent scheduler.
     """
     progress("reading", 0, 0)
-    with flight_sources(images, tell) as sources, planned_sources(sources, options, progress, tell) as plan:
-        yield plan
+    with flight_sources(images, tell) as sources:
+        captures = in_band_sets(sources, options.band, tell)
+        with planned_sources(captures, options, progress, tell) as plan:
+            yield plan
 
 
 @contextmanager

@@ -44,6 +44,7 @@ NOT_LIVE = {
     "damaged": "--damaged",
     "lens": "--camera or --mask",
     "all_groups": "--all-groups",
+    "band": "--band",
     "scheduler": "--scheduler",
     "cache": "--cache",
     "memory_bytes": "--memory",

@@ -47,7 +47,7 @@ from skymosaic.imagery.lens import load_lens
 from skymosaic.mosaic_options import WARPS, MosaicOptions
 from skymosaic.mosaicing import planned
 from skymosaic.registration import WORKING_WIDTH_PX
-from skymosaic.reports.flight import flight_numbers, map_line, write_report
+from skymosaic.reports.flight import band_line, flight_numbers, map_line, write_report
 from skymosaic.reports.pair import prepare
 
 MEGABYTE = 1 << 20
@@ -92,6 +92,12 @@ def mosaic(
     damaged: DamagedOption = "refuse",
     camera: CameraOption = None,
     mask: MaskOption = None,
+    band: Annotated[
+        str | None,
+        typer.Option(
+            rich_help_panel=flight_options.MORE, help="Of multi-band sets, the one that registers the flight."
+        ),
+    ] = None,
     save_camera: Annotated[
         Path | None,
         typer.Option(
@@ -123,6 +129,7 @@ def mosaic(
         blending=blending,
         scale=scale,
         gsd_m=gsd_m,
+        band=band,
         control=load_control_points(gcp) if gcp else None,
         canvas_limit_px=canvas_mpx * MEGAPIXEL,
         config=configuration(preset, config),
@@ -250,6 +257,8 @@ def _show_mosaic(delivery: Delivery, path: Path) -> None:
     if delivery.tiles:
         session.wrote(delivery.tiles)
         session.show(f"tiles {delivery.tiles / 'index.html'}")
+    if delivery.composition.band_names:
+        session.show(f"bands: {band_line(delivery.composition)}")
     if values := delivery.composition.values:
         session.show(f"range: {values.in_words}")
     if delivery.georeference:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import groupby
 from typing import Any
@@ -24,6 +24,7 @@ from skymosaic.compositing.warp import (
     CanvasError,
     canvas_of,
     footprint,
+    magnification,
 )
 from skymosaic.errors import RegistrationError
 from skymosaic.flight.layout import Layout
@@ -33,7 +34,7 @@ from skymosaic.flight.survey import Flight
 from skymosaic.flight.view import View
 from skymosaic.flight.workers import Workers
 from skymosaic.geometry.homography import resize_matrix
-from skymosaic.imagery.depth import ValueRange, common_range
+from skymosaic.imagery.depth import ValueRange, common_range, in_8_bit
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import DecodedPhotographs, Source
 
@@ -95,6 +96,10 @@ class Composition:
         The range of photographs of more than 8 bits, one for all; where it is deep, the mosaic has 16 bits.
     place : MapPlace
         On the map; its georeference is that of the canvas's pixels.
+    band_names : tuple of str
+        Of a multi-band mosaic; else empty.
+    aligned_px : dict of str to float
+        The median error of the alignment of each band with the registering one, px.
     """
 
     placements: tuple[Placement, ...]
@@ -104,6 +109,8 @@ class Composition:
     lens: Lens
     values: ValueRange | None = None
     place: MapPlace = NOWHERE
+    band_names: tuple[str, ...] = ()
+    aligned_px: dict[str, float] = field(default_factory=dict)
 
     @property
     def size(self) -> tuple[int, int]:
@@ -124,11 +131,28 @@ class Composition:
             If a photograph can no longer be read.
         """
         tiles = list(self.canvas.tiles())
-        calls = [(self._for_tile(tile), tile, memory_bytes) for tile in tiles]
+        calls = [(self.for_tile(tile), tile, memory_bytes) for tile in tiles]
         rendered = zip(tiles, workers.run("mosaic", _render, calls), strict=True)
         for _, row in groupby(rendered, key=lambda item: item[0].y_px):
             pixels, shown = zip(*(tile for _, tile in row), strict=True)
             yield np.concatenate(pixels, axis=1), np.concatenate(shown, axis=1)
+
+    def rendered(self, tile: Canvas, memory_bytes: int) -> tuple[Intensities, Mask]:
+        """The pixels of one tile, and where they show a photograph."""
+        if not self.placements:
+            return self.empty(tile.width_px, tile.height_px), np.zeros((tile.height_px, tile.width_px), np.bool_)
+        images = [_decoded(memory_bytes).pixels(p.source, self.lens, self.values) for p in self.placements]
+        tones = [placement.tone for placement in self.placements]
+        layers = layers_of(images, [p.transform for p in self.placements], tones, coloured=self.coloured)
+        dressed = [
+            replace(layer, favour=p.favour, seam=p.seam, visible=self.lens.visible(layer.size))
+            for layer, p in zip(layers, self.placements, strict=True)
+        ]
+        return blend_layers(dressed, tile, method=self.blending)
+
+    def in_8_bit(self, pixels: Intensities) -> Pixels:
+        """Pixels of the mosaic as a picture of 8 bits shows them."""
+        return in_8_bit(pixels, self.values)
 
     def joined(self, bands: Iterable[tuple[Intensities, Mask]]) -> Intensities:
         """The whole picture, (H, W, 3) or (H, W), from its bands; never in memory twice."""
@@ -153,7 +177,7 @@ class Composition:
         moved = self.changed(transform=self.transforms)
         return replace(moved, canvas=Canvas(0, 0, *self.size))
 
-    def _for_tile(self, tile: Canvas) -> Composition:
+    def for_tile(self, tile: Canvas) -> Composition:
         """The placements that change a tile; some lie beyond its border, because bands reach over it."""
         around = replace(
             tile,
@@ -221,18 +245,28 @@ def compose(
     if equalise:
         ratios = sharpness_ratios(flight.views, flight.links)[list(layout.members)]
         composition = composition.changed(favour=[BLURRED_FAVOUR if ratio < BLURRED else 1.0 for ratio in ratios])
-    thumbnails, reduction = _thumbnails(flight, layout, composition, scale)
+    views = [flight.views[member] for member in layout.members]
+    thumbnails, reduction = thumbnails_of(flight, views, composition)
     if equalise:
-        composition = _equalised(flight, layout, composition, thumbnails)
+        composition = equalised(composition, views, thumbnails)
     if seams and blending == "multiband":
         toned = [replace(layer, tone=p.tone) for layer, p in zip(thumbnails, composition.placements, strict=True)]
         composition = composition.changed(seam=seam_masks(toned, reduction, composition.values))
     return composition
 
 
-def _equalised(flight: Flight, layout: Layout, composition: Composition, thumbnails: Sequence[Layer]) -> Composition:
-    """The composition with tones, and with the range that they need where the photographs have 16 bits."""
-    values, views = composition.values, [flight.views[member] for member in layout.members]
+def equalised(composition: Composition, views: Sequence[View], thumbnails: Sequence[Layer]) -> Composition:
+    """The composition with tones, and with the range that they need where the photographs have 16 bits.
+
+    Parameters
+    ----------
+    composition : Composition
+    views : sequence of View
+        Of its placements.
+    thumbnails : sequence of Layer
+        From `thumbnails_of`.
+    """
+    values = composition.values
     if values is None or not values.deep:
         return composition.changed(tone=exposure_tones(thumbnails))
     samples = [view.sample for view in views]
@@ -276,13 +310,14 @@ def _arranged(
     return Composition(placements, canvas, coloured, blending, flight.lens, values, place)
 
 
-def _thumbnails(flight: Flight, layout: Layout, composition: Composition, scale: float) -> tuple[list[Layer], float]:
-    """The thumbnails as layers of a reduced canvas, in colour, and the reduction."""
-    views, lens = [flight.views[member] for member in layout.members], flight.lens
+def thumbnails_of(flight: Flight, views: Sequence[View], composition: Composition) -> tuple[list[Layer], float]:
+    """The thumbnails of a composition's placements as layers of a reduced canvas, in colour, and the reduction."""
+    lens, placements = flight.lens, composition.placements
     widest = max(views, key=lambda view: view.size[0])
-    reduction = widest.thumbnail.shape[1] / widest.size[0] / scale
+    enlarged = float(np.median([magnification(placement.size, placement.transform) for placement in placements]))
+    reduction = widest.thumbnail.shape[1] / widest.size[0] / enlarged
     layers = []
-    for view, placement in zip(views, composition.placements, strict=True):
+    for view, placement in zip(views, placements, strict=True):
         from_thumbnail = view.to_original @ np.linalg.inv(view.to_thumbnail)
         pixels = _shown(view, composition.values)
         layers.append(
@@ -323,15 +358,4 @@ def forget_decoded() -> None:
 
 def _render(composition: Composition, tile: Canvas, memory_bytes: int) -> tuple[Intensities, Mask]:
     """The pixels of one tile, and where they show a photograph."""
-    placements, lens = composition.placements, composition.lens
-    if not placements:
-        return composition.empty(tile.width_px, tile.height_px), np.zeros((tile.height_px, tile.width_px), np.bool_)
-    values = composition.values
-    images = [_decoded(memory_bytes).pixels(placement.source, lens, values) for placement in placements]
-    tones = [placement.tone for placement in placements]
-    layers = layers_of(images, [placement.transform for placement in placements], tones, coloured=composition.coloured)
-    dressed = [
-        replace(layer, favour=placement.favour, seam=placement.seam, visible=lens.visible(layer.size))
-        for layer, placement in zip(layers, placements, strict=True)
-    ]
-    return blend_layers(dressed, tile, method=composition.blending)
+    return composition.rendered(tile, memory_bytes)

@@ -16,7 +16,6 @@ from skymosaic.flight.composition import Composition
 from skymosaic.flight.layout import Layout
 from skymosaic.flight.survey import Flight
 from skymosaic.imagery.band_writer import write_bands
-from skymosaic.imagery.depth import ValueRange, in_8_bit
 from skymosaic.imagery.georeference import NO_MAPS, Georeference, has_maps
 from skymosaic.imagery.geotiff import COMPRESSIONS, watched_by_raster, write_cog
 from skymosaic.imagery.images import save
@@ -42,14 +41,26 @@ class OutputForm:
     compress: str = "deflate"
     tiles: Path | None = None
 
-    def check(self, path: Path) -> None:
+    def check(self, path: Path, bands: int = 0) -> None:
         """Refuse what cannot apply to a file, before anything is computed.
+
+        Parameters
+        ----------
+        path : Path
+        bands : int
+            Of a multi-band mosaic; else 0.
 
         Raises
         ------
         InputError
-            For an unknown or unsuitable compression, or without the package for maps.
+            For an unknown or unsuitable compression, without the package for maps, or for bands that do not fit.
         """
+        if bands and not (_is_tiff(path) and has_maps()):
+            raise InputError(
+                f"{path}: {bands} bands take .tif, and the extra geo" + ("" if has_maps() else f"; {NO_MAPS}")
+            )
+        if bands and self != PLAIN:
+            raise InputError("compression and tiles are for gray or three colours, not for bands; leave them out")
         if self.compress not in COMPRESSIONS:
             raise InputError(f"compress is {self.compress!r}; valid: {', '.join(COMPRESSIONS)}")
         if self.compress != "deflate" and not _is_tiff(path):
@@ -138,19 +149,19 @@ def deliver(
     values, on_map = composition.values, composition.place.georeference
     if form.compress == "jpeg" and values is not None and values.deep:
         raise InputError(f"{path}: JPEG holds 8 bits, the photographs have 16; leave out the compression")
-    preview = _Preview(min(1.0, preview_width_px / composition.size[0]), values)
+    preview = _Preview(min(1.0, preview_width_px / composition.size[0]), composition)
     watched = preview.watch(bands)
     is_cog = _is_tiff(path) and has_maps()
     with temporary_folder(path.parent) as folder:
         raster = folder / "mosaic.tif"
         if is_cog or form.tiles is not None:
-            watched = watched_by_raster(raster, composition.size, watched, on_map)
+            watched = watched_by_raster(raster, composition.size, watched, on_map, composition.band_names)
         if is_cog:
             for _ in watched:
                 pass
             write_cog(path, raster, form.compress)
         else:
-            pictures = (pixels if _is_tiff(path) else in_8_bit(pixels, values) for pixels, _ in watched)
+            pictures = (pixels if _is_tiff(path) else composition.in_8_bit(pixels) for pixels, _ in watched)
             _write_picture(path, flight, composition, pictures)
         if form.tiles is not None:
             write_tiles(form.tiles, raster, path.stem, values)
@@ -178,17 +189,17 @@ def _why_not_on_the_map(path: Path) -> str:
 class _Preview:
     """Collects bands reduced by ``scale`` while they are written."""
 
-    def __init__(self, scale: float, values: ValueRange | None) -> None:
+    def __init__(self, scale: float, composition: Composition) -> None:
         self._scale = scale
-        self._values = values
+        self._composition = composition
         self._bands: list[Pixels] = []
 
     def watch(self, bands: Iterable[tuple[Intensities, Mask]]) -> Iterator[tuple[Intensities, Mask]]:
         """The bands, unchanged."""
         for band, shown in bands:
             size = (max(1, round(band.shape[1] * self._scale)), max(1, round(len(band) * self._scale)))
-            small = np.asarray(cv2.resize(band, size, interpolation=cv2.INTER_AREA), dtype=band.dtype)
-            self._bands.append(in_8_bit(small, self._values))
+            small = cv2.resize(self._composition.in_8_bit(band), size, interpolation=cv2.INTER_AREA)
+            self._bands.append(np.asarray(small, dtype=np.uint8))
             yield band, shown
 
     def image(self) -> Pixels:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,7 @@ def watched_by_raster(
     size: tuple[int, int],
     bands: Iterable[tuple[Intensities, Mask]],
     georeference: Georeference | None,
+    names: Sequence[str] = (),
 ) -> Iterator[tuple[Intensities, Mask]]:
     """The rows of a mosaic, unchanged; as they pass, they are written into a plain GeoTIFF with an alpha band.
 
@@ -39,6 +40,8 @@ def watched_by_raster(
         Rows from the top, gray, BGR or with any number of channels, all of one type; and where they show a photograph.
     georeference : Georeference or None
         None: the file says nothing about its place.
+    names : sequence of str
+        Of the channels, which then are bands instead of colours.
 
     Raises
     ------
@@ -50,10 +53,10 @@ def watched_by_raster(
         file, top = None, 0
         for pixels, shown in bands:
             planes = [pixels] if pixels.ndim == 2 else cv2.split(pixels)
-            planes = planes[::-1] if len(planes) == 3 else planes
+            planes = planes[::-1] if len(planes) == 3 and not names else planes
             try:
                 if file is None:
-                    file = stack.enter_context(_created(path, size, len(planes), pixels.dtype, georeference))
+                    file = stack.enter_context(_created(path, (*size, len(planes)), pixels.dtype, georeference, names))
                 opaque = shown * pixels.dtype.type(np.iinfo(pixels.dtype).max)
                 rows = rasterio.windows.Window(0, top, size[0], len(pixels))
                 file.write(np.stack([*planes, opaque]), window=rows)
@@ -64,9 +67,14 @@ def watched_by_raster(
 
 
 def _created(
-    path: Path, size: tuple[int, int], planes: int, kind: np.dtype[Any], georeference: Georeference | None
+    path: Path,
+    shape: tuple[int, int, int],
+    kind: np.dtype[Any],
+    georeference: Georeference | None,
+    names: Sequence[str],
 ) -> Any:
-    """A new file that waits for rows."""
+    """A new file of a width, a height and a number of channels, that waits for rows."""
+    width_px, height_px, planes = shape
     rasterio: Any = importlib.import_module("rasterio")
     place: dict[str, Any] = {}
     if georeference is not None:
@@ -74,14 +82,16 @@ def _created(
         corner = georeference.to_map @ np.array([[1, 0, -0.5], [0, 1, -0.5], [0, 0, 1]])
         place = {"crs": georeference.crs, "transform": rasterio.Affine(*corner[:2].ravel())}
     profile = {
-        "driver": "GTiff", "width": size[0], "height": size[1], "count": planes + 1, "dtype": kind, "tiled": True,
+        "driver": "GTiff", "width": width_px, "height": height_px, "count": planes + 1, "dtype": kind, "tiled": True,
         "compress": "deflate", "zlevel": 1, "bigtiff": "if_safer",
-        "photometric": "rgb" if planes == 3 else "minisblack",
+        "photometric": "rgb" if planes == 3 and not names else "minisblack",
     }  # fmt: skip
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
         file = rasterio.open(path, "w", **profile, **place)
     file.colorinterp = (*file.colorinterp[:planes], rasterio.enums.ColorInterp.alpha)
+    for number, name in enumerate(names, start=1):
+        file.set_band_description(number, name)
     return file
 
 

@@ -6,8 +6,8 @@ import dataclasses
 import hashlib
 import re
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from threading import Lock
@@ -39,6 +39,8 @@ class Source:
         Use what can be decoded of a damaged file.
     bend : callable or None
         Applied to the straightened pixels, for instance `skymosaic.compositing.mesh.Mesh.bend`; keeps their shape.
+    bands : mapping of str to Source
+        Of a multi-band set, all bands in the order in which they are written; empty for a photograph.
     """
 
     index: int
@@ -46,6 +48,12 @@ class Source:
     content: Path | Pixels
     keep_damaged: bool = False
     bend: Callable[[Intensities], Intensities] | None = None
+    bands: Mapping[str, Source] = field(default_factory=dict)
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Names of everything that belongs to it."""
+        return tuple(source.name for source in self.bands.values()) or (self.name,)
 
     @cached_property
     def digest(self) -> str:

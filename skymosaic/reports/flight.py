@@ -12,6 +12,7 @@ import numpy as np
 
 from skymosaic.compositing.warp import Canvas, magnification
 from skymosaic.flight.check import FlightCheck, check_flight
+from skymosaic.flight.composition import Composition
 from skymosaic.flight.layout import Layout
 from skymosaic.flight.output import PREVIEW_WIDTH_PX, Delivery
 from skymosaic.flight.survey import Flight
@@ -119,6 +120,8 @@ def _mosaic_numbers(delivery: Delivery) -> dict[str, Any]:
         "contradicting": [[flight.views[end].name for end in (x.left, x.right)] for x in layout.contradicting],
         **_map_numbers(delivery),
         "map_note": delivery.map_note,
+        "bands": list(composition.band_names),
+        "band_error_px": {name: round(error, 3) for name, error in composition.aligned_px.items()},
         "value_range": _range_numbers(composition.values),
         "seconds": round(delivery.seconds, 3),
     }
@@ -141,6 +144,13 @@ def map_line(delivery: Delivery) -> str:
         far = ", ".join(f"{name} ({offset:.0f} m off)" for name, offset in names)
         parts.append(f"without the {place.by} of {far}")
     return "; ".join(parts)
+
+
+def band_line(composition: Composition) -> str:
+    """The bands of a multi-band mosaic, in one line."""
+    registering = next(name for name in composition.band_names if name not in composition.aligned_px)
+    others = ", ".join(f"{name} {error:.2f} px" for name, error in composition.aligned_px.items())
+    return f"{', '.join(composition.band_names)}; registered by {registering}, median error of the others: {others}"
 
 
 def _ground_error_m(delivery: Delivery) -> float:
@@ -234,6 +244,8 @@ def _mosaic_rows(delivery: Delivery) -> list[tuple[str, str]]:
         ("reprojection error", f"median {layout.median_error_px:.2f} px, {ninety} at {width_px} px wide"),
         ("blending and writing", f"{delivery.seconds:.1f} s"),
     ]
+    if delivery.composition.band_names:
+        rows.append(("bands", band_line(delivery.composition)))
     if values := delivery.composition.values:
         rows.append(("range", values.in_words))
     if delivery.georeference:
