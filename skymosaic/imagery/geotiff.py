@@ -17,8 +17,14 @@ from skymosaic.errors import InputError
 from skymosaic.imagery.georeference import Georeference
 from skymosaic.imagery.images import replacing
 
-COMPRESSIONS = ("deflate", "jpeg")
 JPEG_QUALITY = 90
+DEFLATE_LEVEL = 3
+"""Takes 0.6 of the time of the usual level 6, for files that are larger by 5 %."""
+_OPTIONS: dict[str, dict[str, Any]] = {
+    "deflate": {"predictor": "yes", "level": DEFLATE_LEVEL},
+    "jpeg": {"quality": JPEG_QUALITY},
+}
+COMPRESSIONS = tuple(_OPTIONS)
 
 
 def watched_by_raster(
@@ -33,7 +39,7 @@ def watched_by_raster(
     Parameters
     ----------
     path : Path
-        Complete when the rows have ended.
+        Complete when the rows have ended. Not compressed, because it is read once and deleted.
     size : (int, int)
         Width and height, px.
     bands : iterable of (ndarray, ndarray)
@@ -83,7 +89,7 @@ def _created(
         place = {"crs": georeference.crs, "transform": rasterio.Affine(*corner[:2].ravel())}
     profile = {
         "driver": "GTiff", "width": width_px, "height": height_px, "count": planes + 1, "dtype": kind, "tiled": True,
-        "compress": "deflate", "zlevel": 1, "bigtiff": "if_safer",
+        "bigtiff": "if_safer",
         "photometric": "rgb" if planes == 3 and not names else "minisblack",
     }  # fmt: skip
     with warnings.catch_warnings():
@@ -114,7 +120,7 @@ def write_cog(path: Path, raster: Path, compress: str = "deflate") -> None:
     rasterio: Any = importlib.import_module("rasterio")
     copy = importlib.import_module("rasterio.shutil").copy
     # Several threads give the same bytes as one.
-    options = {"num_threads": "ALL_CPUS"} | ({"quality": JPEG_QUALITY} if compress == "jpeg" else {"predictor": "yes"})
+    options = {"num_threads": "ALL_CPUS"} | _OPTIONS[compress]
     try:
         with replacing(path) as finished, warnings.catch_warnings():
             warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
