@@ -92,26 +92,19 @@ class LevelMerge(wiring.Component):
         wiring.connect(m, wiring.flipped(self.o), output.o)
         record_words = self.record.record_bytes // WORD_BYTES
         word = Signal(range(record_words))
-        index = Signal(range(self.max_features + 1))
         record_ends = word == record_words - 1
-        full = Signal()
-        overflow = Signal()
-        sent = Signal()
-        exhausted = self._select_rows(m, features.i, restart=sent) & ~features.o.valid
         passing = Signal()
-        status, without_pixels = self._status(m, index, overflow, passing, sent)
-        numbers = view_signal(record_layout(self.record))
+        sent = Signal()
         # A status word is selected in one clock and sent in the next; `is_chosen` says that it has been selected.
-        status_word = Signal(WORD, reset_less=True)
         is_chosen = Signal()
-        m.d.sync += status_word.eq(Array(words(status))[word])
+        taken, given = (port.valid & port.ready for port in (features.o, output.i))
+        exhausted = self._select_rows(m, features.i, restart=sent) & ~features.o.valid
+        index, full, overflow = self._count(m, taken & record_ends, restart=sent)
+        status, without_pixels = self._status(m, index, overflow, passing, sent)
+        numbers, status_word = self._words(m, word, index, status)
         # Index and frame number are 0 in the words of the levels, so an OR inserts them.
-        m.d.comb += [
-            numbers.index.eq(index),
-            numbers.frame.eq(status.frame),
-            output.i.payload.data.eq(Mux(is_chosen, status_word, features.o.payload | Array(words(numbers))[word])),
-        ]
-        with m.If((features.o.valid & features.o.ready) | (output.i.valid & output.i.ready)):
+        m.d.comb += output.i.payload.data.eq(Mux(is_chosen, status_word, features.o.payload | numbers))
+        with m.If(taken | given):
             m.d.sync += word.eq(Mux(record_ends, 0, word + 1))
         with m.FSM():
             with m.State("Pass-Rows"):
@@ -121,26 +114,39 @@ class LevelMerge(wiring.Component):
                     # Features beyond the capacity are taken and dropped: waiting for space would hang the frame.
                     features.o.ready.eq(output.i.ready | full),
                 ]
-                with m.If(features.o.valid & features.o.ready):
-                    m.d.sync += overflow.eq(overflow | full)
-                    with m.If(record_ends & ~full):
-                        m.d.sync += [index.eq(index + 1), full.eq(index == self.max_features - 1)]
                 with m.If(self.o_pending & (exhausted | without_pixels)):
                     m.next = "Send-Status"
             with m.State("Send-Status"):
-                m.d.comb += [
-                    output.i.valid.eq(is_chosen),
-                    output.i.payload.last.eq(record_ends),
-                ]
+                m.d.comb += [output.i.valid.eq(is_chosen), output.i.payload.last.eq(record_ends)]
                 # Selecting one word out of the whole status takes a clock of its own, to keep the path short.
                 m.d.sync += is_chosen.eq(~(is_chosen & output.i.ready))
                 with m.If(is_chosen & output.i.ready & record_ends):
                     m.next = "Start-Over"
             with m.State("Start-Over"):
                 m.d.comb += sent.eq(1)
-                m.d.sync += [index.eq(0), full.eq(0), overflow.eq(0)]
                 m.next = "Pass-Rows"
         return m
+
+    def _count(self, m: Module, record: Value, *, restart: Value) -> tuple[Signal, Signal, Signal]:
+        """Count records up to the capacity: the count, whether all places are taken, and whether a record had none."""
+        index = Signal(range(self.max_features + 1))
+        full = Signal()
+        overflow = Signal()
+        with m.If(record):
+            m.d.sync += overflow.eq(overflow | full)
+            with m.If(~full):
+                m.d.sync += [index.eq(index + 1), full.eq(index == self.max_features - 1)]
+        with m.If(restart):
+            m.d.sync += [index.eq(0), full.eq(0), overflow.eq(0)]
+        return index, full, overflow
+
+    def _words(self, m: Module, word: Value, index: Value, status: data.View) -> tuple[Value, Signal]:
+        """A word of a record with nothing but index and frame number; the word of the status, a clock later."""
+        numbers = view_signal(record_layout(self.record))
+        status_word = Signal(WORD, reset_less=True)
+        m.d.sync += status_word.eq(Array(words(status))[word])
+        m.d.comb += [numbers.index.eq(index), numbers.frame.eq(status.frame)]
+        return Array(words(numbers))[word], status_word
 
     def _select_rows(self, m: Module, features: stream.Interface, *, restart: Value) -> Value:
         """Pass on the words of the level whose cell row is next; return whether all levels have ended."""

@@ -1,4 +1,4 @@
-"""A memory with an output register, for lines of pixels."""
+"""A memory with an output register, for lines of pixels and for features."""
 
 from __future__ import annotations
 

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from amaranth import Module, ShapeLike, Signal
+from amaranth import Module, Mux, ShapeLike, Signal
 from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
-from hdl.lib.delay import port_register
-
 
 class SkidBuffer(wiring.Component):
-    """Pass a stream on, with ``valid``, payload and ``ready`` all from registers.
+    """Pass a stream on; neither ``ready`` nor ``valid`` or the payload depend on the other side in the same clock.
 
-    ``ready`` reaches the input one clock late, so one more payload may arrive while the output is stalled; a second
-    register stores it. The throughput is one payload a clock. After reset the buffer is empty.
+    Two places are written and read in turn. ``ready`` and ``valid`` are registers, and the payload is chosen by one: a
+    late ``ready`` of the output only moves a pointer and enables no wide register. The throughput is one payload a
+    clock. After reset the buffer is empty.
 
     Parameters
     ----------
@@ -39,22 +38,24 @@ class SkidBuffer(wiring.Component):
         super().__init__({"i": In(stream.Signature(shape)), "o": Out(stream.Signature(shape))})
 
     def elaborate(self, platform: object) -> Module:
-        """The output register, and the register for the payload that arrives during a stall."""
+        """The two places, the pointers to them, and whether they are full or empty."""
         m = Module()
-        aside = Signal(self.shape, reset_less=True)
-        payload = port_register(m, self.o.payload)
-        waiting = Signal()
+        places = [Signal(self.shape, name=f"place{n}", reset_less=True) for n in range(2)]
+        write = Signal()
+        read = Signal()
         # `ready` is 0 after reset: a payload taken in the clock of the reset would be lost.
         ready = Signal()
-        m.d.comb += self.i.ready.eq(ready)
-        with m.If(ready):
-            m.d.sync += aside.eq(self.i.payload)
-        with m.If(self.o.ready | ~self.o.valid):
-            m.d.sync += [self.o.valid.eq(waiting | (self.i.valid & ready)), waiting.eq(0), ready.eq(1)]
-            with m.If(waiting):
-                m.d.sync += payload.eq(aside)
-            with m.Else():
-                m.d.sync += payload.eq(self.i.payload)
-        with m.Elif(self.i.valid & ready):
-            m.d.sync += [waiting.eq(1), ready.eq(0)]
+        m.d.comb += [self.i.ready.eq(ready), self.o.payload.eq(Mux(read, places[1], places[0]))]
+        for n, place in enumerate(places):
+            # A place that is free takes whatever comes; what counts is whether the pointer then leaves it.
+            with m.If(ready & (write == n)):
+                m.d.sync += place.eq(self.i.payload)
+        arrives, leaves = self.i.valid & ready, self.o.valid & self.o.ready
+        m.d.sync += [write.eq(write ^ arrives), read.eq(read ^ leaves)]
+        # With one payload inside, the pointers differ; with none or two they are equal.
+        differ = write ^ read
+        m.d.sync += [
+            self.o.valid.eq(arrives | (self.o.valid & (~leaves | ~differ))),
+            ready.eq(leaves | ~self.o.valid | (differ & ~arrives)),
+        ]
         return m

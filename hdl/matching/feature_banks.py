@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from amaranth import Array, Cat, Module, Mux, Signal
 from amaranth.lib import data, stream, wiring
-from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
 from golden_model.feature.ilbp import SECTORS, DescriptorPattern
 from golden_model.formats import POSITION
 from golden_model.records import FRAME_STATUS, WORD_BYTES, Tag, feature_record
-from hdl.lib.delay import delayed, port_register
+from hdl.lib.delay import delayed
+from hdl.lib.line_memory import LineMemory
 from hdl.streams import WordPayload, record_layout
 
 ROLES = ("reference", "current", "filling")
-READ_CYCLES = 3
-"""Clocks from an address to its feature: a register before the memory, the memory, a register after it."""
+READ_CYCLES = 1 + LineMemory.latency_cycles
+"""Clocks from an address to its feature: a register before the memory, the memory, its output register."""
 
 
 class BankedFeature(data.StructLayout):
@@ -114,17 +114,19 @@ class FeatureBanks(wiring.Component):
         reference, current, filling = self._roles(m)
         features = []
         for n in range(len(ROLES)):
-            bank: Memory = Memory(shape=self._feature, depth=self.max_features, init=[])
-            m.submodules[f"bank{n}"] = bank
-            write, read = bank.write_port(), bank.read_port()
-            m.d.comb += [write.en.eq(complete & ~ends_frame & (filling == n)), write.addr.eq(feature.index)]
+            m.submodules[f"bank{n}"] = bank = LineMemory(shape=self._feature, depth=self.max_features)
+            m.d.comb += [
+                bank.i_write.eq(complete & ~ends_frame & (filling == n)),
+                bank.i_write_address.eq(feature.index),
+                bank.i_read.eq(1),
+                bank.i_read_address.eq(delayed(m, Mux(reference == n, self.i_left_address, self.i_right_address), 1)),
+            ]
+            word = data.View(self._feature, bank.i_word)
             for name, field in self._feature:
                 # Sector and window have no bits where the pattern lacks them.
                 if field.width:
-                    m.d.comb += write.data[name].eq(feature[name])
-            address = port_register(m, read.addr)
-            m.d.sync += address.eq(Mux(reference == n, self.i_left_address, self.i_right_address))
-            features.append(delayed(m, read.data, 1))
+                    m.d.comb += word[name].eq(feature[name])
+            features.append(bank.o_word)
         m.d.comb += [self.o_left.eq(Array(features)[reference]), self.o_right.eq(Array(features)[current])]
         return m
 
