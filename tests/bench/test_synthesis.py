@@ -1,4 +1,4 @@
-"""The recorded areas of the blocks are those of the sources."""
+"""The recorded areas and logic levels of the blocks are those of the sources."""
 
 import json
 import subprocess
@@ -42,3 +42,26 @@ def test_a_changed_and_an_unrecorded_figure_are_told(tmp_path: Path, monkeypatch
     assert unknown.startswith("sobel: LUT not recorded -> ")
     synthesis.record({"gray": gray})
     assert synthesis.differences({"gray": gray}) == []
+
+
+def cell(kind: str, inputs: dict[str, int], outputs: dict[str, int]) -> dict[str, object]:
+    """A cell of a netlist: its pins, and the nets at them."""
+    directions = dict.fromkeys(inputs, "input") | dict.fromkeys(outputs, "output")
+    connections = {pin: [net, "0"] for pin, net in (inputs | outputs).items()}
+    return {"type": kind, "port_directions": directions, "connections": connections}
+
+
+def test_levels_are_counted_between_registers() -> None:
+    # Register, look-up table, carry, read address of a LUT RAM, register. Another path ends at the RAM's data input.
+    cells = {
+        "source": cell("FDRE", {"D": 9}, {"Q": 2}),
+        "lut": cell("LUT2", {"I0": 2, "I1": 9}, {"O": 3}),
+        "carry": cell("CARRY4", {"S": 3}, {"O": 4}),
+        "ram": cell("RAM32X1D", {"DPRA0": 4, "D": 7}, {"DPO": 5}),
+        "sink": cell("FDRE", {"D": 5}, {"Q": 6}),
+        "before data": cell("LUT1", {"I0": 6}, {"O": 7}),
+    }
+    assert synthesis.logic_levels({"cells": cells}) == 3
+    cells["after"] = cell("LUT1", {"I0": 5}, {"O": 8})
+    assert synthesis.logic_levels({"cells": cells}) == 4
+    assert synthesis.logic_levels({"cells": {"source": cells["source"]}}) == 0
