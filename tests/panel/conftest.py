@@ -9,7 +9,7 @@ from playwright.sync_api import Browser, ConsoleMessage, Page
 
 from sim.scene import pair as rendered_pair
 from skymosaic.panel.tasks.jobs import prepare_workers
-from tests.panel.visit import CHROMIUM, LONG_MS, WINDOW, chromium, running_panel
+from tests.panel.visit import CHROMIUM, chromium, open_page, running_panel
 
 
 @pytest.fixture(scope="session")
@@ -42,15 +42,13 @@ def is_complaint(message: ConsoleMessage) -> bool:
 @pytest.fixture
 def page(browser: Browser, panel: str) -> Iterator[Page]:
     """The panel's page in a new session; any error that the browser reports fails the test."""
-    context = browser.new_context(viewport=WINDOW)
-    context.set_default_timeout(LONG_MS)
-    opened = context.new_page()
+    opened = open_page(browser, "about:blank")
     complaints: list[str] = []
     opened.on("pageerror", lambda error: complaints.append(str(error)))
     opened.on("console", lambda message: complaints.append(message.text) if is_complaint(message) else None)
     opened.goto(panel)
     yield opened
-    context.close()
+    opened.context.close()
     assert complaints == []
 
 

@@ -3,14 +3,18 @@
 from collections.abc import Callable
 
 import pytest
-from axe_playwright_python.sync_playwright import Axe
+from axe_playwright_python.base import AXE_SCRIPT
 from playwright.sync_api import Browser, Page, expect
 
-from tests.panel.visit import LONG_MS, WINDOW, load_built_in_pair, make_mosaic, open_tab, photographs_loaded
-
-PHONE = {"width": 390, "height": 844}
-SETTLED_MS = 500
-"""Time for colours to change; in between, their contrast is lower."""
+from tests.panel.visit import (
+    PHONE,
+    WINDOW,
+    load_built_in_pair,
+    make_mosaic,
+    open_page,
+    open_tab,
+    photographs_loaded,
+)
 
 
 def welcome(page: Page) -> None:
@@ -83,32 +87,38 @@ LONG_STATES: dict[str, Callable[[Page], None]] = {
 }
 
 
-def barriers(page: Page, **options: object) -> list[str]:
-    """What axe-core finds, as rule and element."""
-    found = Axe().run(page, options=options or None).response["violations"]
+def barriers(page: Page, *rules: str) -> list[str]:
+    """What axe-core finds by its rules, or by some of them, as rule and element."""
+    if page.evaluate("window.axe === undefined"):
+        page.evaluate(AXE_SCRIPT)
+    options = {"resultTypes": ["violations"], **({"runOnly": rules} if rules else {})}
+    found = page.evaluate("async options => (await axe.run(options)).violations", options)
     return [f"{each['id']}: {node['html'][:200]}" for each in found for node in each["nodes"]]
+
+
+def drawn(page: Page) -> None:
+    """Wait until the page has drawn what was changed."""
+    page.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
 
 def walk(browser: Browser, panel: str, states: dict[str, Callable[[Page], None]]) -> list[str]:
     """Go through the states; returns the barriers of each, in light and dark, and where a phone scrolls sideways."""
-    page = browser.new_page(viewport=WINDOW, color_scheme="light")
-    page.set_default_timeout(LONG_MS)
-    page.goto(panel)
+    page = open_page(browser, panel, color_scheme="light")
     found = []
     for name, reach in states.items():
         reach(page)
-        page.wait_for_timeout(SETTLED_MS)
+        drawn(page)
         found += [f"{name}: {barrier}" for barrier in barriers(page)]
         page.emulate_media(color_scheme="dark")
-        page.wait_for_timeout(SETTLED_MS)
-        found += [f"{name}, dark: {barrier}" for barrier in barriers(page, runOnly=["color-contrast"])]
+        page.locator("body.body--dark").wait_for()
+        found += [f"{name}, dark: {barrier}" for barrier in barriers(page, "color-contrast")]
         page.set_viewport_size(PHONE)
-        page.wait_for_timeout(SETTLED_MS)
+        drawn(page)
         width = page.evaluate("Math.max(document.documentElement.scrollWidth, document.body.scrollWidth)")
         found += [f"{name}: {width} px wide on a phone"] if width > PHONE["width"] else []
         page.emulate_media(color_scheme="light")
         page.set_viewport_size(WINDOW)
-    page.close()
+    page.context.close()
     return found
 
 

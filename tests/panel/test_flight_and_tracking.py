@@ -15,13 +15,13 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from tests.panel.visit import (
-    LONG_MS,
     WINDOW,
     choose,
     corner_counts,
     make_mosaic,
     mosaic_viewer,
     names_reached_by_tab,
+    open_page,
     open_tab,
     photographs_loaded,
 )
@@ -54,14 +54,12 @@ def unpacked(page: Page, folder: Path, name: str) -> Path:
 @pytest.fixture(scope="module")
 def flight(browser: Browser, panel: str) -> Iterator[Page]:
     """A page of a session that has made the mosaic of the built-in flight."""
-    page = browser.new_page(viewport=WINDOW)
-    page.set_default_timeout(LONG_MS)
-    page.goto(panel)
+    page = open_page(browser, panel)
     page.get_by_role("button", name="Load the built-in flight").click()
     expect(photographs_loaded(page)).to_have_count(PHOTOGRAPHS)
     make_mosaic(page)
     yield page
-    page.close()
+    page.context.close()
 
 
 def test_a_flight_becomes_one_mosaic(flight: Page) -> None:
@@ -123,16 +121,14 @@ def test_the_mosaic_stays_when_photographs_are_removed(flight: Page) -> None:
 @pytest.fixture(scope="module")
 def tracked(browser: Browser, panel: str) -> Iterator[Page]:
     """A page of a session that has followed the car through the built-in film."""
-    page = browser.new_page(viewport=WINDOW)
-    page.set_default_timeout(LONG_MS)
-    page.goto(panel)
+    page = open_page(browser, panel)
     page.get_by_role("link", name="Tracking").click()
     page.get_by_role("button", name="Try the built-in film").click()
     expect(page.get_by_role("list", name="Video loaded").locator("li")).to_have_count(1)
     page.get_by_role("button", name="Follow the object").click()
     expect(page.get_by_text("Found in")).to_be_visible()
     yield page
-    page.close()
+    page.context.close()
 
 
 def test_an_object_is_followed_through_a_video(tracked: Page) -> None:

@@ -18,6 +18,15 @@ CHROMIUM_FLAGS = (
     "--disable-component-update", "--no-first-run",
 )  # fmt: skip
 WINDOW = {"width": 1280, "height": 720}
+PHONE = {"width": 390, "height": 844}
+AT_ONCE = """
+    addEventListener("DOMContentLoaded", () => {
+        const style = document.createElement("style");
+        style.textContent = "*, ::before, ::after { transition: none !important; animation: none !important; }";
+        document.head.append(style);
+    });
+"""
+"""Makes a page change without moving: whoever looks next sees its final state, and need not wait for it."""
 LONG_MS = 600_000
 """Limit of every wait: only a panel that hangs exceeds it, even on a busy machine."""
 MOST_CONTROLS = 100
@@ -51,6 +60,16 @@ def chromium() -> Iterator[Browser]:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(CHROMIUM_FLAGS))
         yield browser
         browser.close()
+
+
+def open_page(browser: Browser, address: str, **options: object) -> Page:
+    """A page in a new session."""
+    context = browser.new_context(**{"viewport": WINDOW, **options})
+    context.set_default_timeout(LONG_MS)
+    context.add_init_script(AT_ONCE)
+    page = context.new_page()
+    page.goto(address)
+    return page
 
 
 def corner_counts(page: Page) -> Locator:
