@@ -9,9 +9,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-FENCE = re.compile(
-    r"^```(?P<language>\w+)(?: title=\"(?P<title>[^\"]+)\")?\n(?P<body>.*?)^```$", re.MULTILINE | re.DOTALL
-)
+from docs.hooks.notebooks import FENCE
+
 OPTIONS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
 

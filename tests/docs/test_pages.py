@@ -5,14 +5,17 @@ import subprocess
 import sys
 from pathlib import Path
 
+import nbformat
 import pytest
 
+from docs.hooks.notebooks import FENCE, notebook
 from skymosaic.cli import COMMANDS
-from tests.docs.page_runner import FENCE, run_page
+from tests.docs.page_runner import run_page
 
 DOCS = Path(__file__).parents[2] / "docs"
 SLOW = {"change_a_rule.md", "export_to_a_kit.md", "flight_to_map.md"}
 """Pages whose commands take seconds to start, or write the Verilog of a whole accelerator."""
+TUTORIALS = 7
 FOREIGN = re.compile(r'<(?:script|img|iframe|link)\b[^>]*\b(?:src|href)="(?:https?:)?//[^"]*"')
 """What a page loads from another server."""
 RUN = {"pycon", "console"}
@@ -42,7 +45,7 @@ def test_the_page_prints_what_it_shows(page: Path, tmp_path: Path, monkeypatch: 
 
 def test_every_tutorial_is_run() -> None:
     tutorials = {path.name for path in DOCS.glob("tutorials/*.md")} - {"index.md"}
-    assert len(tutorials) == 7
+    assert len(tutorials) == TUTORIALS
     assert tutorials <= {path.name for path in with_blocks_to_run()}
 
 
@@ -53,6 +56,24 @@ def test_a_wrong_output_fails(tmp_path: Path) -> None:
         run_page(page)
 
 
+def test_a_page_becomes_a_notebook() -> None:
+    page = (
+        '# Title\n\nSee [here](../panel.md).\n\n```python title="two.py"\nTWO = 2\n```\n\n'
+        "```pycon\n>>> one = 1\n>>> one\n1\n>>> for _ in range(2):\n...     print(one)\n1\n1\n\n```\n\n"
+        "```console\n$ skymosaic --version\n0\n```\n\nEnd.\n"
+    )
+    cells = nbformat.reads(notebook(page), as_version=4).cells
+    shown = [(cell.source, [output.text for output in cell.get("outputs", [])]) for cell in cells]
+    assert shown == [
+        ("# Title\n\nSee here.", []),
+        ("%%writefile two.py\nTWO = 2", []),
+        ("one = 1\none", ["1\n"]),
+        ("for _ in range(2):\n    print(one)", ["1\n1\n"]),
+        ("!skymosaic --version", ["0\n"]),
+        ("End.", []),
+    ]
+
+
 def test_the_site_builds_strictly(tmp_path: Path) -> None:
     """Every link, page and reference exists; nothing is loaded from another server."""
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path / "site")]
@@ -61,6 +82,7 @@ def test_the_site_builds_strictly(tmp_path: Path) -> None:
     pages = list((tmp_path / "site").rglob("*.html"))
     assert len(pages) > 30
     assert [found for page in pages for found in FOREIGN.findall(page.read_text(encoding="utf-8"))] == []
+    assert len(list((tmp_path / "site" / "tutorials").glob("*.ipynb"))) == TUTORIALS
     commands = (tmp_path / "site" / "reference" / "command_line.html").read_text(encoding="utf-8")
     for name in COMMANDS:
         assert f"skymosaic {name}" in commands
