@@ -13,7 +13,7 @@ import numpy as np
 from golden_model.arrays import Pixels
 from skymosaic.errors import InputError
 from skymosaic.imagery.images import Photograph, load
-from skymosaic.imagery.photographs import is_folder, sources
+from skymosaic.imagery.photographs import entries, is_folder, sources
 from skymosaic.imagery.video import VideoReader, key_frames
 
 POLL_SECONDS = 0.2
@@ -47,6 +47,8 @@ def live_frames(
         for frame in key_frames(_camera(int(source))):
             yield Photograph(f"camera {source}, frame {frame.number}", frame.pixels)
     elif is_folder(Path(source)):
+        # A folder may be empty, or away for a while once it has been read; one that cannot be read now never will be.
+        entries(Path(source))
         yield from _appearing(Path(source), idle_seconds, tell, {path.resolve() for path in made})
     else:
         reader = VideoReader(source)

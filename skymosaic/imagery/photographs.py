@@ -121,11 +121,22 @@ def is_folder(path: Path) -> bool:
         return False
 
 
-def _pictures(folder: Path) -> list[Path]:
+def entries(folder: Path) -> list[Path]:
+    """What a folder contains.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    """
     try:
-        pictures = [path for path in folder.iterdir() if path.suffix.lower() in PHOTOGRAPH_SUFFIXES and path.is_file()]
+        return list(folder.iterdir())
     except OSError as error:
         raise InputError(f"{folder}: cannot be read ({error.strerror}); check its permissions") from None
+
+
+def _pictures(folder: Path) -> list[Path]:
+    pictures = [path for path in entries(folder) if path.suffix.lower() in PHOTOGRAPH_SUFFIXES and path.is_file()]
     # File systems and unfinished copies leave files whose names start with a dot.
     pictures = without_own_outputs(folder, [path for path in pictures if not path.name.startswith(".")])
     if not pictures:

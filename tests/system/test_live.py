@@ -234,3 +234,13 @@ def test_live_takes_one_source_and_no_report(video: Path, tmp_path: Path) -> Non
     result = skymosaic("mosaic", video, "--live", "--report", "r", "-o", "m.png", cwd=tmp_path)
     assert result.returncode == 2
     assert "--report: no effect with --live" in result.stderr
+
+
+def test_a_folder_that_cannot_be_read_is_refused_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def denied(_folder: Path) -> Iterator[Path]:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "iterdir", denied)
+    frames = live_frames(str(tmp_path), idle_seconds=None, tell=print)
+    with pytest.raises(InputError, match=rf"{tmp_path}: cannot be read \(Permission denied\); check its permissions"):
+        next(frames)
