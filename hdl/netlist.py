@@ -15,21 +15,22 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import amaranth
-from amaranth.back.rtlil import convert
+from amaranth.back import rtlil
 from amaranth.lib import wiring
 
 # Registers of 512 bits and more keep their processes: Yosys would split them where bits have different enables, and a
 # simulator would have to reassemble them in each clock.
-TIDY = ("proc -norom", "opt_expr", "opt_merge", "opt_clean", "opt_dff t:* r:WIDTH>=512 %d", "opt_clean")
-# Structs cross module boundaries as wide words, which Verilator packs and unpacks in each clock: flat, the same netlist
-# simulates 1.6 times as fast and compiles in two thirds of the time (measured).
+ENABLES = "opt_dff t:* r:WIDTH>=512 %d"
+TIDY = ("proc -norom", "opt_expr", "opt_merge", "opt_clean", ENABLES, "opt_clean")
+# Structs cross module boundaries as wide words, which a simulator packs and unpacks in each clock: flat, the same
+# netlist simulates 1.6 times as fast on Verilator and compiles in two thirds of the time (measured).
 FLATTEN = ("flatten", "opt_clean")
-# Zeros in the netlist become one statement a word: more than half of Yosys's time for a first build, and nine tenths
-# of the C++ that Verilator writes to initialise the model (measured). Simulators of two values clear memories by
-# themselves; for all others a loop in the exported Verilog does it.
-ZEROS = re.compile(r"  cell \$meminit_v2 .*\n(?:    .*\n)*?    connect \\DATA \d+'0+\n(?:    .*\n)*?  end\n")
+# For Verilator, which needs no second names: without them from the start, Yosys takes 0.7 and Verilator half of the
+# time (measured). Merging equal cells across modules helps Verilator, but would slow CXXRTL down.
+FLAT = ("proc -norom", "opt_expr", "opt_clean -purge", "flatten", "opt_merge", ENABLES, "opt_clean -purge")
 UNINITIALISED = re.compile(r"^  reg (?:\[(\d+):0\] )?(\S+) ?\[(\d+):0\];\n(?!  initial begin)", re.MULTILINE)
 INTERNAL_ATTRIBUTES = ("generator", "top", "amaranth.hierarchy", "amaranth.decoding")
 SOURCE = re.compile(r'attribute \\src "([^"]*)"')
@@ -60,24 +61,22 @@ def to_verilog(
         Passed to components. A `hdl.lib.technology.Technology` instantiates the multipliers and block RAMs of its
         family; without one, the tools infer them.
     flat : bool
-        Make one module, for simulation: names are prefixed with those of the modules they were in, and lines of the
-        Python source are not told.
+        Make one module, for simulation: names are prefixed with those of the modules they were in, second names are
+        gone, and lines of the Python source are not told.
     aliases : bool
-        Keep second names of signals and names of parts that nothing reads, which waves show.
+        Keep second names of signals and names of parts that nothing reads, which waves show; never if ``flat``.
     port_attributes : mapping of str to mapping of str to str, optional
         Attributes of the ports of the top module.
     """
     internal = (*INTERNAL_ATTRIBUTES, "src") if flat else INTERNAL_ATTRIBUTES
     remove = " ".join(f"-remove {attribute}" for attribute in internal)
-    # Merging equal cells across modules helps Verilator, but would slow CXXRTL down.
-    structure = (*FLATTEN, "opt_expr", "opt_merge", "opt_clean") if flat else ()
-    purge = () if aliases else ("opt_clean -purge",)
-    output = (*purge, "memory_collect", f"attrmap {remove}", f"attrmap -modattr {remove}", "write_verilog")
+    passes = FLAT if flat else TIDY if aliases else (*TIDY, "opt_clean -purge")
+    output = ("memory_collect", f"attrmap {remove}", f"attrmap -modattr {remove}", "write_verilog")
 
     def netlist() -> str:
         return _with_attributes(_netlist(component, name, platform, sources=not flat), port_attributes or {})
 
-    text = _written(netlist, (*TIDY, *structure, *output))
+    text = _written(netlist, (*passes, *output))
     return text if flat else UNINITIALISED.sub(_with_zeros, text)
 
 
@@ -109,9 +108,30 @@ def to_cxxrtl(component: wiring.Component, *, name: str = "top", debug: bool = F
 
 
 def _netlist(component: wiring.Component, name: str, platform: object, *, sources: bool) -> str:
-    with _no_collection():
-        netlist = convert(component, name=name, platform=platform, emit_src=sources)
-    return SOURCE.sub(lambda found: f'attribute \\src "{_relative(found[1])}"', ZEROS.sub("", netlist))
+    with _no_collection(), _no_zeros():
+        netlist = rtlil.convert(component, name=name, platform=platform, emit_src=sources)
+    return SOURCE.sub(lambda found: f'attribute \\src "{_relative(found[1])}"', netlist)
+
+
+@contextlib.contextmanager
+def _no_zeros() -> Iterator[None]:
+    """Memories that start with zeros are converted without their contents.
+
+    Simulators of two values clear memories by themselves; for all others a loop in the exported Verilog does it.
+    Written bit by bit, the zeros would take a quarter of Amaranth's time, more than half of Yosys's, and nine tenths of
+    the C++ with which Verilator initialises the model (measured).
+    """
+    emit_memory = rtlil.ModuleEmitter.emit_memory
+
+    def emit(self: object, index: int, memory: Any) -> None:
+        if any(memory.init):
+            emit_memory(self, index, memory)
+
+    rtlil.ModuleEmitter.emit_memory = emit
+    try:
+        yield
+    finally:
+        rtlil.ModuleEmitter.emit_memory = emit_memory
 
 
 def _relative(location: str) -> str:

