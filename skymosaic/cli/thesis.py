@@ -41,8 +41,7 @@ def thesis(
     with session.working("drawing"):
         shown = sources[most_inliers(measurements)]()
         source = f"those of {data.resolve().name}" if data else "neighbouring pictures of a rendered survey flight"
-        text = page.compose(measurements, source, pictures.of_pair(shown), shown.name)
-        save_bytes(output / "index.html", text.encode())
+        save_bytes(output / "index.html", page.compose(measurements, source, pictures.of_pair(shown), shown.name))
     trends = tables.trends(measurements)
     for trend in trends:
         session.show(f"{'holds' if trend.holds else 'does not hold':13}  {trend.statement}: {trend.numbers}")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import html
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
@@ -12,6 +11,7 @@ import cv2
 from golden_model.arrays import Pixels
 from skymosaic.reports import fuzzy_plots
 from skymosaic.reports.fuzzy_systems import PLOTTED_SYSTEMS
+from skymosaic.reports.pages import render
 from skymosaic.thesis import charts, tables
 from skymosaic.thesis.corners import CORNERS, QUALITY_TARGET
 from skymosaic.thesis.dataset import WORKING_WIDTH_PX
@@ -21,28 +21,7 @@ from skymosaic.thesis.tables import Sheet
 
 PICTURE_WIDTH_PX = 1200
 JPEG_QUALITY = 85
-
-_STYLE = """
-body { font: 16px/1.55 Georgia, 'DejaVu Serif', serif; color: #1d1d1d; margin: 2.5rem auto; max-width: 1000px;
-  padding: 0 1.2rem }
-h1 { font-size: 1.9rem; margin-bottom: .2rem }
-h2 { margin-top: 3rem; border-bottom: 1px solid #ccc; padding-bottom: .2rem }
-.lead { color: #555; margin-top: 0 }
-table { border-collapse: collapse; margin: 1rem 0; font: 14px/1.4 system-ui, 'DejaVu Sans', sans-serif }
-th, td { padding: .3rem .8rem; text-align: right; border-bottom: 1px solid #e4e4e4 }
-th { border-bottom: 2px solid #999; font-weight: 600; vertical-align: bottom }
-th:first-child, td:first-child { text-align: left }
-tr.thesis td { color: #666; background: #f6f6f4 }
-figure { margin: 1.2rem 0 }
-figcaption { color: #555; font-size: .9rem }
-img { width: 100% }
-.yes { color: #2a7f62; font-weight: 600 }
-.no { color: #a33; font-weight: 600 }
-.remark { background: #f6f6f4; border-left: 4px solid #bbb; padding: .6rem 1rem }
-details { margin: .8rem 0 }
-summary { cursor: pointer; color: #33658a }
-@media print { h2 { break-after: avoid } figure, table { break-inside: avoid } }
-"""
+SYSTEMS = ("correlation", "ilbp", "ransac")
 
 
 @dataclass(frozen=True)
@@ -176,7 +155,7 @@ SECTIONS = (
 )
 
 
-def compose(m: Measurements, source: str, pictures: Iterable[tuple[str, Pixels]], pair: str) -> str:
+def compose(m: Measurements, source: str, pictures: Iterable[tuple[str, Pixels]], pair: str) -> bytes:
     """The whole page as one self-contained HTML file.
 
     Parameters
@@ -189,24 +168,19 @@ def compose(m: Measurements, source: str, pictures: Iterable[tuple[str, Pixels]]
     pair : str
         The name of that pair.
     """
-    groups = ", ".join(f"{group} ({_pairs_of(m, group)})" for group in m.groups)
-    parts = [
-        "<h1>The thesis's experiments, repeated</h1>",
-        f"<p class=lead>Fuzzy feature matching for UAV image mosaicing, tables IV-1 to IV-7 and figure IV-6, on "
-        f"{len(m.pairs)} pairs: {_text(source)}. Groups: {_text(groups)}. Images are at most {WORKING_WIDTH_PX} px "
-        "wide.</p>",
-        "<p>Gray rows and dashed lines are the published figures; the others were measured for this page. The thesis's "
-        "scenes are not public, so the figures cannot be expected to agree, but the trends can.</p>",
-        _trends(m),
-        *(_section(section, m) for section in SECTIONS),
-        "<h2>The fuzzy systems</h2>",
-        *(_figure(fuzzy_plots.picture(PLOTTED_SYSTEMS[name]), "png", "") for name in ("correlation", "ilbp", "ransac")),
-        f"<h2>One pair in pictures: {_text(pair)}</h2>",
-        *(_figure(_jpeg(picture), "jpeg", caption) for caption, picture in pictures),
-    ]
-    return (
-        "<!doctype html><html lang=en><head><meta charset=utf-8><title>The thesis's experiments, repeated</title>"
-        f"<style>{_STYLE}</style></head><body>{''.join(parts)}</body></html>\n"
+    return render(
+        "thesis.html",
+        pairs=len(m.pairs),
+        source=source,
+        groups=", ".join(f"{group} ({_pairs_of(m, group)})" for group in m.groups),
+        working_width_px=WORKING_WIDTH_PX,
+        trends=tables.trends(m),
+        sections=[_section(section, m) for section in SECTIONS],
+        systems=[
+            _data(fuzzy_plots.picture(PLOTTED_SYSTEMS[name]), "png") for name in ("correlation", "ilbp", "ransac")
+        ],
+        pair=pair,
+        pictures=[(caption, _data(_jpeg(picture), "jpeg")) for caption, picture in pictures],
     )
 
 
@@ -214,43 +188,21 @@ def _pairs_of(m: Measurements, group: str) -> int:
     return len({line.pair for line in m.lines if line.group == group})
 
 
-def _trends(m: Measurements) -> str:
-    rows = "".join(
-        f"<tr><td>{_text(trend.statement)}</td><td class={'yes' if trend.holds else 'no'}>"
-        f"{'holds' if trend.holds else 'does not hold'}</td><td>{_text(trend.numbers)}</td></tr>"
-        for trend in tables.trends(m)
-    )
-    head = "<tr><th>the thesis shows that</th><th>here it</th><th></th></tr>"
-    return f"<h2>Which trends hold here</h2><table>{head}{rows}</table>"
+def _section(section: Section, m: Measurements) -> dict[str, object]:
+    """What the template shows of a section."""
+    return {
+        "title": section.title,
+        "question": section.question,
+        "sheets": [sheet(m) for sheet in section.sheets],
+        "chart": _data(section.chart(m), "svg+xml") if section.chart else "",
+        "remark": section.remark,
+        "by_group": tables.by_group(m, *section.by_group) if section.by_group else None,
+    }
 
 
-def _section(section: Section, m: Measurements) -> str:
-    parts = [f"<h2>{_text(section.title)}</h2><p>{_text(section.question)}</p>"]
-    parts += [_table(sheet(m)) for sheet in section.sheets]
-    if section.chart:
-        parts.append(_figure(section.chart(m), "svg+xml", ""))
-    parts.append(f"<p class=remark>{_text(section.remark)}</p>")
-    if section.by_group:
-        table, unit = section.by_group
-        parts.append(f"<details><summary>By group</summary>{_table(tables.by_group(m, table, unit))}</details>")
-    return "".join(parts)
-
-
-def _table(sheet: Sheet) -> str:
-    head = "".join(f"<th>{_text(heading)}</th>" for heading in sheet.headings)
-    rows = "".join(
-        f"<tr{' class=thesis' if row[0].startswith('thesis') else ''}>"
-        + "".join(f"<td>{_text(cell)}</td>" for cell in row)
-        + "</tr>"
-        for row in sheet.rows
-    )
-    return f"<table><tr>{head}</tr>{rows}</table>"
-
-
-def _figure(data: bytes, kind: str, caption: str) -> str:
-    encoded = base64.b64encode(data).decode()
-    text = f"<figcaption>{_text(caption)}</figcaption>" if caption else ""
-    return f"<figure><img src='data:image/{kind};base64,{encoded}' alt='{_text(caption)}'>{text}</figure>"
+def _data(picture: bytes, kind: str) -> str:
+    """A picture as an address, so that the page needs no other file."""
+    return f"data:image/{kind};base64,{base64.b64encode(picture).decode()}"
 
 
 def _jpeg(picture: Pixels) -> bytes:
@@ -259,7 +211,3 @@ def _jpeg(picture: Pixels) -> bytes:
         size = PICTURE_WIDTH_PX, round(height * PICTURE_WIDTH_PX / width)
         picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA).astype(picture.dtype, copy=False)
     return bytes(cv2.imencode(".jpg", picture, (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY))[1].tobytes())
-
-
-def _text(words: str) -> str:
-    return html.escape(words)

@@ -112,12 +112,12 @@ def test_the_csv_holds_every_value(measured: Measurements) -> None:
 
 def test_the_page_has_every_table_and_stands_alone(measured: Measurements, pair: DatasetPair) -> None:
     shown = list(pictures.of_pair(pair))
-    text = page.compose(measured, "a <rendered> flight", shown, pair.name)
+    text = page.compose(measured, "a <rendered> flight", shown, pair.name).decode()
     for number in range(1, 8):
         assert f"Table IV-{number}" in text
     assert "Figure IV-6" in text
     assert "a &lt;rendered&gt; flight" in text
-    assert "src='http" not in text
+    assert 'src="http' not in text
     assert text.count("data:image/svg+xml") == 7
     assert text.count("data:image/jpeg") == len(shown) == 7
     assert 0 <= most_inliers(measured) < FIRST_PAIRS
