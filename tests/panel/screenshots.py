@@ -1,14 +1,15 @@
-"""Makes the pictures for docs/panel.md and measures how long a user waits.
+"""Makes the pictures for docs/panel.md, or pictures of every state of the pages.
 
     python -m tests.panel.screenshots [FOLDER]
+    python -m tests.panel.screenshots --states FOLDER
 
-Prints the seconds from the command to its address and from the open page to the first mosaic, and the milliseconds from
-a move of the threshold to the redrawn corners.
+The first prints the seconds from the command to its address and from the open page to the first mosaic. The second
+shows every state in a small window, in a large one and on a phone, in light and dark: to be looked at after a change of
+the style.
 """
 
 from __future__ import annotations
 
-import statistics
 import sys
 import tempfile
 import time
@@ -18,29 +19,32 @@ import cv2
 import numpy as np
 from playwright.sync_api import Page, expect
 
+from tests.panel.states import LONG_STATES, STATES
 from tests.panel.visit import (
+    PHONE,
     WINDOW,
     chromium,
     load_built_in_pair,
     make_mosaic,
     middle_of,
+    open_page,
     open_tab,
     photographs_loaded,
     running_panel,
-    threshold_to_corners_ms,
 )
 
-ROUNDS = 20
 QUALITY = 60
-SETTLED_MS = 800
-"""Time for animations to end and the pointer's colour to fade."""
+SIZES = (WINDOW, {"width": 1920, "height": 1080}, PHONE)
+SCHEMES = ("light", "dark")
+SETTLED_MS = 300
+"""Time for pictures to be loaded."""
 
 
 def shoot(page: Page, folder: Path, name: str) -> None:
-    """Save the window as ``panel-NAME.webp``."""
+    """Save the window as ``NAME.webp``."""
     page.wait_for_timeout(SETTLED_MS)
     pixels = cv2.imdecode(np.frombuffer(page.screenshot(), np.uint8), cv2.IMREAD_COLOR)
-    cv2.imwrite(str(folder / f"panel-{name}.webp"), pixels, [cv2.IMWRITE_WEBP_QUALITY, QUALITY])
+    cv2.imwrite(str(folder / f"{name}.webp"), pixels, [cv2.IMWRITE_WEBP_QUALITY, QUALITY])
 
 
 def visit_pair(page: Page, folder: Path) -> None:
@@ -49,7 +53,7 @@ def visit_pair(page: Page, folder: Path) -> None:
     load_built_in_pair(page)
     make_mosaic(page)
     print(f"open page to first mosaic: {time.perf_counter() - started:.1f} s")
-    shoot(page, folder, "mosaic")
+    shoot(page, folder, "panel-mosaic")
     open_tab(page, "Matches")
     page.get_by_role("checkbox", name="kept, on the homography").click()
     page.get_by_role("checkbox", name="rejected by the rules").click()
@@ -57,18 +61,11 @@ def visit_pair(page: Page, folder: Path) -> None:
     viewer.locator("> svg").hover()
     page.mouse.click(*middle_of(viewer.locator("path.match.rejected:not(.chosen)")))
     page.get_by_role("checkbox", name="kept, on the homography").click()
-    shoot(page, folder, "matches")
+    shoot(page, folder, "panel-matches")
     open_tab(page, "Hardware")
     page.get_by_role("button", name="Compare with the golden model").click()
     expect(page.get_by_text("Equal, bit for bit")).to_be_visible()
-    shoot(page, folder, "hardware")
-
-
-def move_threshold(page: Page, _: Path) -> None:
-    """Measure how soon the corners follow the threshold."""
-    load_built_in_pair(page)
-    milliseconds = threshold_to_corners_ms(page, ROUNDS)
-    print(f"threshold to corners: median {statistics.median(milliseconds):.0f} ms, worst {max(milliseconds):.0f} ms")
+    shoot(page, folder, "panel-hardware")
 
 
 def visit_flight(page: Page, folder: Path) -> None:
@@ -77,7 +74,7 @@ def visit_flight(page: Page, folder: Path) -> None:
     expect(photographs_loaded(page)).to_have_count(9)
     make_mosaic(page)
     page.get_by_role("switch", name="Outlines").click()
-    shoot(page, folder, "flight")
+    shoot(page, folder, "panel-flight")
 
 
 def visit_tracking(page: Page, folder: Path) -> None:
@@ -87,21 +84,44 @@ def visit_tracking(page: Page, folder: Path) -> None:
     expect(page.get_by_role("list", name="Video loaded").locator("li")).to_have_count(1)
     page.get_by_role("button", name="Follow the object").click()
     expect(page.get_by_text("Found in")).to_be_visible()
-    shoot(page, folder, "tracking")
+    shoot(page, folder, "panel-tracking")
 
 
 def main(folder: Path) -> None:
     """Make every picture with one browser."""
-    folder.mkdir(parents=True, exist_ok=True)
     started = time.perf_counter()
     with tempfile.TemporaryDirectory() as log_folder, running_panel(Path(log_folder)) as address, chromium() as browser:
         print(f"command to address, browser started: {time.perf_counter() - started:.1f} s")
-        for visit in (visit_pair, move_threshold, visit_flight, visit_tracking):
-            page = browser.new_page(viewport=WINDOW)
-            page.goto(address)
+        for visit in (visit_pair, visit_flight, visit_tracking):
+            page = open_page(browser, address, color_scheme="light")
             visit(page, folder)
-            page.close()
+            page.context.close()
+
+
+def show_states(folder: Path) -> None:
+    """Save ``STATE-WIDTH-SCHEME.webp`` for every state, size of the window and colour scheme."""
+    with tempfile.TemporaryDirectory() as log_folder, running_panel(Path(log_folder)) as address, chromium() as browser:
+        for states in (STATES, LONG_STATES):
+            page = open_page(browser, address)
+            for name, reach in states.items():
+                reach(page)
+                for scheme in SCHEMES:
+                    page.emulate_media(color_scheme=scheme)
+                    for size in SIZES:
+                        page.set_viewport_size(size)
+                        shoot(page, folder, f"{name.replace(' ', '_')}-{size['width']}-{scheme}")
+                page.emulate_media(color_scheme="light")
+                page.set_viewport_size(WINDOW)
+            page.context.close()
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path("docs/images"))
+    match sys.argv[1:]:
+        case ["--states", target]:
+            chosen, work = Path(target), show_states
+        case [target]:
+            chosen, work = Path(target), main
+        case _:
+            chosen, work = Path("docs/images"), main
+    chosen.mkdir(parents=True, exist_ok=True)
+    work(chosen)

@@ -4,87 +4,10 @@ from collections.abc import Callable
 
 import pytest
 from axe_playwright_python.base import AXE_SCRIPT
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Page
 
-from tests.panel.visit import (
-    PHONE,
-    WINDOW,
-    load_built_in_pair,
-    make_mosaic,
-    open_page,
-    open_tab,
-    photographs_loaded,
-)
-
-
-def welcome(page: Page) -> None:
-    expect(page.get_by_role("button", name="Try the built-in pair")).to_be_visible()
-
-
-def matches(page: Page) -> None:
-    open_tab(page, "Matches")
-    page.get_by_role("button", name="Next match").click()
-    expect(page.locator(".explanation table.rules")).to_be_visible()
-
-
-def filled_window(page: Page) -> None:
-    open_tab(page, "Mosaic")
-    page.get_by_role("tabpanel", name="Mosaic").get_by_role("button", name="Fill the window").click()
-
-
-def numbers(page: Page) -> None:
-    page.keyboard.press("Escape")
-    page.get_by_role("tabpanel", name="Mosaic").get_by_role("button", name="Fill the window").click()
-    open_tab(page, "Numbers")
-
-
-def refused_options(page: Page) -> None:
-    page.get_by_role("combobox", name="Descriptor").click()
-    page.get_by_role("option", name="freak", exact=True).click()
-    expect(page.get_by_role("option")).to_have_count(0)
-    page.get_by_role("combobox", name="Detector").click()
-    page.get_by_role("option", name="orb", exact=True).click()
-
-
-def tracking(page: Page) -> None:
-    page.get_by_role("link", name="Tracking").click()
-    expect(page.get_by_role("button", name="Try the built-in film")).to_be_visible()
-
-
-STATES: dict[str, Callable[[Page], None]] = {
-    "welcome": welcome,
-    "corners": load_built_in_pair,
-    "mosaic": make_mosaic,
-    "matches": matches,
-    "filled window": filled_window,
-    "numbers": numbers,
-    "hardware": lambda page: open_tab(page, "Hardware"),
-    "options": refused_options,
-    "tracking": tracking,
-}
-"""The states of a pair, each reached from the one before."""
-
-
-def flight(page: Page) -> None:
-    page.get_by_role("button", name="Load the built-in flight").click()
-    expect(photographs_loaded(page)).to_have_count(9)
-    make_mosaic(page)
-
-
-def tracked(page: Page) -> None:
-    tracking(page)
-    page.get_by_role("button", name="Try the built-in film").click()
-    expect(page.get_by_role("list", name="Video loaded").locator("li")).to_have_count(1)
-    page.get_by_role("button", name="Follow the object").click()
-    expect(page.get_by_text("Found in")).to_be_visible()
-
-
-LONG_STATES: dict[str, Callable[[Page], None]] = {
-    "flight": flight,
-    "matches of a flight": matches,
-    "numbers of a flight": lambda page: open_tab(page, "Numbers"),
-    "tracked": tracked,
-}
+from tests.panel.states import LONG_STATES, STATES
+from tests.panel.visit import PHONE, WINDOW, open_page
 
 
 def barriers(page: Page, *rules: str) -> list[str]:
