@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import amaranth
-from amaranth.back import rtlil
+from amaranth.back.rtlil import ModuleEmitter, convert
 from amaranth.lib import wiring
 
 # Registers of 512 bits and more keep their processes: Yosys would split them where bits have different enables, and a
@@ -109,7 +109,7 @@ def to_cxxrtl(component: wiring.Component, *, name: str = "top", debug: bool = F
 
 def _netlist(component: wiring.Component, name: str, platform: object, *, sources: bool) -> str:
     with _no_collection(), _no_zeros():
-        netlist = rtlil.convert(component, name=name, platform=platform, emit_src=sources)
+        netlist = convert(component, name=name, platform=platform, emit_src=sources)
     return SOURCE.sub(lambda found: f'attribute \\src "{_relative(found[1])}"', netlist)
 
 
@@ -121,17 +121,17 @@ def _no_zeros() -> Iterator[None]:
     Written bit by bit, the zeros would take a quarter of Amaranth's time, more than half of Yosys's, and nine tenths of
     the C++ with which Verilator initialises the model (measured).
     """
-    emit_memory = rtlil.ModuleEmitter.emit_memory
+    emit_memory = ModuleEmitter.emit_memory
 
     def emit(self: object, index: int, memory: Any) -> None:
         if any(memory.init):
             emit_memory(self, index, memory)
 
-    rtlil.ModuleEmitter.emit_memory = emit
+    ModuleEmitter.emit_memory = emit
     try:
         yield
     finally:
-        rtlil.ModuleEmitter.emit_memory = emit_memory
+        ModuleEmitter.emit_memory = emit_memory
 
 
 def _relative(location: str) -> str:
