@@ -1,0 +1,230 @@
+"""What flights survive: rendered flights with one nuisance each, in three strengths, against their true homographies.
+
+    python bench/nuisances.py [NAME ...] [--pictures DIR]
+
+Each flight has ten photographs of 800×600 px (75 % forward, 60 % side overlap where nothing else is said). The error is
+the median distance, over the overlap of each two neighbouring photographs that were placed, between where the mosaic
+and where the truth puts a point of the first in the second; the largest of these medians is told, too.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import cv2
+import numpy as np
+import typer
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from golden_model.arrays import Array
+from sim.scene import Flight, lawnmower
+from skymosaic.errors import RegistrationError
+from skymosaic.geometry.homography import apply
+from skymosaic.mosaicing import mosaic
+
+SIZE_PX = (800, 600)
+SEED = 11
+IMAGES = 10
+LEAST_OVERLAP = 0.1
+THERMAL_BASE, THERMAL_NOISE = 7400, 3
+"""Raw numbers of an uncooled thermal camera at ground temperature."""
+
+Picture = np.ndarray[Any, np.dtype[Any]]
+Render = Callable[[float], Flight]
+Change = Callable[[Picture, int, float], Picture]
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """One nuisance: how it changes the flight, or its pictures, by strength.
+
+    Attributes
+    ----------
+    strengths : tuple of float
+        From what is common to what is hard.
+    meaning : str
+        What the strength is.
+    flight : callable
+        The flight of a strength.
+    change : callable
+        A picture, its number and the strength, to the picture that is saved.
+    jpeg : bool
+        Whether the strength is the quality of a JPEG file; otherwise files are lossless.
+    """
+
+    strengths: tuple[float, float, float]
+    meaning: str
+    flight: Render = lambda _strength: lawnmower(SEED, IMAGES, SIZE_PX)
+    change: Change = lambda picture, _number, _strength: picture
+    jpeg: bool = False
+
+
+def _light(**changes: Callable[[int, float], float]) -> Render:
+    """A flight whose photographs have other settings of `sim.scene.Photometry`, by number and strength."""
+
+    def render(strength: float) -> Flight:
+        flight = lawnmower(SEED, IMAGES, SIZE_PX)
+        settings = [{name: of(number, strength) for name, of in changes.items()} for number in range(IMAGES)]
+        changed = (replace(light, **one) for light, one in zip(flight.photometries, settings, strict=True))
+        return replace(flight, photometries=tuple(changed))
+
+    return render
+
+
+def _poses(**changes: Callable[[float, int, float], float]) -> Render:
+    """A flight whose poses are changed: the value of a pose, the number and the strength, to the new value."""
+
+    def render(strength: float) -> Flight:
+        flight = lawnmower(SEED, IMAGES, SIZE_PX)
+        poses = [
+            replace(pose, **{name: of(getattr(pose, name), number, strength) for name, of in changes.items()})
+            for number, pose in enumerate(flight.poses)
+        ]
+        return replace(flight, poses=tuple(poses))
+
+    return render
+
+
+def thermal(picture: Picture, number: int, contrast: float) -> Picture:
+    """Raw numbers of a thermal camera: few counts of contrast, blurred by its optics, with noise."""
+    gray = cv2.GaussianBlur(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), (0, 0), 1.2).astype(float)
+    noise = np.random.default_rng(number).normal(0, THERMAL_NOISE, gray.shape)
+    return np.asarray(np.clip(THERMAL_BASE + (255 - gray) / 255 * contrast + noise, 0, 65535).astype(np.uint16))
+
+
+def haze(picture: Picture, _number: int, contrast: float) -> Picture:
+    """A bright veil that leaves a share of the contrast."""
+    return np.asarray((picture * contrast + 220 * (1 - contrast)).astype(np.uint8))
+
+
+def overlay(picture: Picture, number: int, lines: float) -> Picture:
+    """Lines of white text and a frame at the same place in every picture, as a ground station burns them in."""
+    shown = picture.copy()
+    for line in range(int(lines)):
+        text = f"ALT 120.{number} m  SPD 12.3  N 45.1234 E 7.5678  BAT {78 - number}%"
+        cv2.putText(shown, text, (10, 24 + 24 * line), cv2.FONT_HERSHEY_SIMPLEX, 0.55, (255, 255, 255), 1, cv2.LINE_AA)
+    cv2.rectangle(shown, (620, 440), (780, 560), (0, 255, 255), 2)
+    return shown
+
+
+def vehicles(picture: Picture, number: int, count: float) -> Picture:
+    """Rectangles that move between the pictures."""
+    shown, rng = picture.copy(), np.random.default_rng(5)
+    for _ in range(int(count)):
+        (x, y), velocity = rng.uniform(0, 1, 2) * SIZE_PX, rng.uniform(-60, 60)
+        x, y = round((x + velocity * number) % SIZE_PX[0]), round(y)
+        cv2.rectangle(shown, (x, y), (x + 26, y + 12), rng.integers(0, 256, 3).tolist(), -1)
+    return shown
+
+
+def rolling_shutter(picture: Picture, number: int, shear_px: float) -> Picture:
+    """Lines shifted sideways while they are read: a shear that differs between pictures."""
+    y, x = np.indices(picture.shape[:2], dtype=np.float32)
+    shift = shear_px * np.sin(1.7 * number) * (y / len(picture) - 0.5)
+    return np.asarray(cv2.remap(picture, x + shift.astype(np.float32), y, cv2.INTER_CUBIC))
+
+
+def water(picture: Picture, number: int, share: float) -> Picture:
+    """Waves, new in every picture, over a share of it from the top."""
+    rows = round(share * len(picture))
+    waves = cv2.GaussianBlur(np.random.default_rng(number).normal(0, 40, (rows, SIZE_PX[0])), (0, 0), 4)
+    shown = picture.copy()
+    shown[:rows] = np.clip(np.array([120, 90, 60]) + 0.8 * waves[..., None], 0, 255)
+    return shown
+
+
+def _stops(number: int, stops: float) -> float:
+    """A gain that alternates between 1 and some stops less."""
+    return 2.0 ** (-stops * (number % 2))
+
+
+NUISANCES = {
+    "dark, with noise": Nuisance(
+        (0.3, 0.15, 0.07), "gain", _light(gain=lambda _, gain: gain, noise_sigma=lambda _n, _g: 4.0)
+    ),
+    "exposure jumps": Nuisance((1, 2, 3), "stops", _light(gain=_stops)),
+    "haze": Nuisance((0.5, 0.25, 0.1), "contrast left", change=haze),
+    "every third blurred": Nuisance(
+        (1.5, 3, 5), "sigma, px", _light(blur_sigma_px=lambda number, sigma: sigma if number % 3 == 1 else 0.5)
+    ),
+    "JPEG": Nuisance((30, 15, 5), "quality", jpeg=True),
+    "thermal, 16 bits": Nuisance((300, 100, 30), "contrast, counts", change=thermal),
+    "overlap": Nuisance(
+        (0.5, 0.35, 0.2),
+        "forward and side",
+        lambda overlap: lawnmower(SEED, IMAGES, SIZE_PX, forward_overlap=overlap, side_overlap=overlap),
+    ),
+    "any heading": Nuisance(
+        (30, 77, 180), "degrees between photographs", _poses(heading_deg=lambda old, number, turn: old + number * turn)
+    ),
+    "two heights": Nuisance(
+        (1.5, 2, 3), "ratio", _poses(altitude_px=lambda old, number, ratio: old * (ratio if number % 2 else 1))
+    ),
+    "camera leans forward": Nuisance((15, 25, 35), "degrees", _poses(pitch_deg=lambda _old, _number, pitch: pitch)),
+    "lens": Nuisance((-0.1, -0.25, -0.35), "k1", lambda k1: lawnmower(SEED, IMAGES + 4, SIZE_PX, k1=k1)),
+    "rolling shutter": Nuisance((2, 6, 12), "shear, px", change=rolling_shutter),
+    "text burned in": Nuisance((2, 6, 12), "lines", change=overlay),
+    "vehicles": Nuisance((25, 100, 300), "count", change=vehicles),
+    "water": Nuisance((0.3, 0.5, 0.7), "share of the picture", change=water),
+}
+
+
+def errors_px(flight: Flight, transforms: dict[int, Array]) -> list[float]:
+    """The median error of each two neighbours that were placed and overlap."""
+    x, y = (np.linspace(0, side - 1, 9) for side in SIZE_PX)
+    grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    found = []
+    for left in range(len(flight.poses) - 1):
+        right = left + 1
+        if not {left, right} <= transforms.keys() or flight.overlap_between(left, right) < LEAST_OVERLAP:
+            continue
+        true = apply(flight.homography_between(left, right), grid)
+        seen = ((true >= 0) & (true < SIZE_PX)).all(axis=1)
+        between = np.linalg.inv(transforms[right]) @ transforms[left]
+        found.append(float(np.median(np.linalg.norm(apply(between, grid[seen]) - true[seen], axis=1))))
+    return found
+
+
+def measured(nuisance: Nuisance, strength: float, picture: Path | None) -> tuple[str, str]:
+    """How many photographs are placed, and the errors, as the table shows them."""
+    flight = nuisance.flight(strength)
+    with tempfile.TemporaryDirectory() as folder:
+        suffix, quality = (".jpg", [cv2.IMWRITE_JPEG_QUALITY, int(strength)]) if nuisance.jpeg else (".tif", [])
+        for number, image in enumerate(flight.images):
+            path = Path(folder) / f"{number:02}{suffix}"
+            cv2.imwrite(str(path), nuisance.change(image, number, strength), quality)
+        try:
+            result = mosaic([folder])
+        except RegistrationError:
+            return f"0 of {len(flight.poses)}", ""
+    if picture:
+        cv2.imwrite(str(picture), cv2.convertScaleAbs(result.image, alpha=255 / result.image.max()))
+    errors = errors_px(flight, result.transforms)
+    placed = f"{len(result.placed)} of {len(flight.poses)}"
+    return placed, f"{np.median(errors):.2f} ({max(errors):.2f})" if errors else ""
+
+
+def main(
+    names: Annotated[list[str] | None, typer.Argument(help=f"Of: {', '.join(NUISANCES)}.")] = None,
+    pictures: Annotated[Path | None, typer.Option(help="Folder for the mosaics.")] = None,
+) -> None:
+    """Print a row for each nuisance."""
+    if pictures:
+        pictures.mkdir(parents=True, exist_ok=True)
+    table = Table("nuisance", "strength", "placed", "error, px (worst)")
+    for name in track(names or list(NUISANCES), console=Console(stderr=True)):
+        nuisance = NUISANCES[name]
+        for strength in nuisance.strengths:
+            picture = pictures / f"{name.replace(' ', '_')}_{strength}.png" if pictures else None
+            table.add_row(name, f"{strength} {nuisance.meaning}", *measured(nuisance, strength, picture))
+    Console().print(table)
+
+
+if __name__ == "__main__":
+    typer.run(main)
