@@ -16,7 +16,7 @@ from skymosaic.compositing.mesh import better_mesh, fit_mesh
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.features.positions import match_points
 from skymosaic.flight.cache import ResultCache
-from skymosaic.flight.composition import Composition, compose, keep_decoded
+from skymosaic.flight.composition import Composition, compose
 from skymosaic.flight.layout import Layout
 from skymosaic.flight.mapping import place_on_map
 from skymosaic.flight.output import PLAIN, PREVIEW_WIDTH_PX, Delivery, OutputForm, deliver
@@ -27,7 +27,7 @@ from skymosaic.flight.workers import Workers
 from skymosaic.imagery import images as pictures
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.own_outputs import remember
-from skymosaic.imagery.photographs import Source
+from skymosaic.imagery.photographs import Source, keep_decoded
 from skymosaic.mosaic_options import FLIGHT, PAIR, MosaicOptions
 from skymosaic.mosaic_result import Mosaic
 from skymosaic.pair import Pair

@@ -7,13 +7,14 @@ from pathlib import Path
 
 from golden_model.arrays import Intensities, Matrix
 from skymosaic.errors import InputError
-from skymosaic.flight.composition import Composition, forget_decoded
+from skymosaic.flight.composition import Composition
 from skymosaic.flight.layout import Layout
 from skymosaic.flight.output import GEOTIFF_SUFFIXES, deliver
 from skymosaic.flight.survey import Flight
 from skymosaic.flight.workers import Workers
 from skymosaic.imagery.georeference import Georeference
 from skymosaic.imagery.images import check_output
+from skymosaic.imagery.photographs import forget_decoded
 from skymosaic.pair import Pair
 
 

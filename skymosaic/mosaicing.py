@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,13 +9,12 @@ from typing import Any
 
 from golden_model.arrays import Pixels
 from skymosaic.errors import InputError
-from skymosaic.flight.composition import forget_decoded
 from skymosaic.flight.pair import flight_of_pair
 from skymosaic.flight.workers import Progress, Workers, silent
 from skymosaic.imagery.band_sets import in_band_sets
 from skymosaic.imagery.key_frames import flight_sources
 from skymosaic.imagery.lens import Lens
-from skymosaic.imagery.photographs import Source
+from skymosaic.imagery.photographs import Source, forget_decoded
 from skymosaic.mosaic_options import MosaicOptions
 from skymosaic.mosaic_plan import MosaicPlan
 from skymosaic.mosaic_result import Mosaic
@@ -121,7 +119,7 @@ def planned_sources(
 ) -> Iterator[MosaicPlan]:
     """`planned` for photographs that are already listed."""
     options.check(len(sources))
-    sources = [dataclasses.replace(source, keep_damaged=options.damaged == "keep") for source in sources]
+    sources = [source.keeping_damaged(keep=options.damaged == "keep") for source in sources]
     try:
         with Workers(options.scheduler, progress=progress) as workers:
             yield MosaicPlan(sources, options, workers, tell)

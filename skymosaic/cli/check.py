@@ -66,7 +66,7 @@ def check(
         Workers(scheduler, progress=progress) as workers,
     ):
         captures = in_band_sets(sources, tell=session.tell)
-        kept_damaged = [dataclasses.replace(source, keep_damaged=keep) for source in captures]
+        kept_damaged = [source.keeping_damaged(keep=keep) for source in captures]
         flight = survey(kept_damaged, settings, seed, workers, kept)
     found = check_flight(flight)
     session.seconds = flight.seconds

@@ -95,7 +95,8 @@ def mosaic(
     band: Annotated[
         str | None,
         typer.Option(
-            rich_help_panel=flight_options.MORE, help="Of multi-band sets, the one that registers the flight."
+            rich_help_panel=flight_options.MORE,
+            help="Of multi-band sets: the band that registers the flight, for instance nir or 2.",
         ),
     ] = None,
     save_camera: Annotated[

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from itertools import groupby
 from typing import Any
 
@@ -36,7 +35,7 @@ from skymosaic.flight.workers import Workers
 from skymosaic.geometry.homography import resize_matrix
 from skymosaic.imagery.depth import ValueRange, common_range, in_8_bit
 from skymosaic.imagery.lens import Lens
-from skymosaic.imagery.photographs import DecodedPhotographs, Source
+from skymosaic.imagery.photographs import Source, decoded
 
 MEMORY_BYTES = 1 << 30
 """Default limit of the decoded photographs a process keeps."""
@@ -141,7 +140,7 @@ class Composition:
         """The pixels of one tile, and where they show a photograph."""
         if not self.placements:
             return self.empty(tile.width_px, tile.height_px), np.zeros((tile.height_px, tile.width_px), np.bool_)
-        images = [_decoded(memory_bytes).pixels(p.source, self.lens, self.values) for p in self.placements]
+        images = [decoded(memory_bytes).pixels(p.source, self.lens, self.values) for p in self.placements]
         tones = [placement.tone for placement in self.placements]
         layers = layers_of(images, [p.transform for p in self.placements], tones, coloured=self.coloured)
         dressed = [
@@ -338,22 +337,6 @@ def _shown(view: View, values: ValueRange | None) -> Intensities:
     if values is None or view.value_range is None:
         return pixels
     return view.value_range.numbers(pixels) if values.deep else view.value_range.shown_as(pixels, values)
-
-
-@lru_cache(maxsize=1)
-def _decoded(limit_bytes: int) -> DecodedPhotographs:
-    """The photographs that this process keeps decoded."""
-    return DecodedPhotographs(limit_bytes)
-
-
-def keep_decoded(source: Source, lens: Lens, pixels: Pixels, limit_bytes: int) -> None:
-    """Keep the straightened pixels of a photograph that is decoded already for the tiles that this process renders."""
-    _decoded(limit_bytes).keep(source, lens, pixels)
-
-
-def forget_decoded() -> None:
-    """Give back the memory of all decoded photographs of this process."""
-    _decoded.cache_clear()
 
 
 def _render(composition: Composition, tile: Canvas, memory_bytes: int) -> tuple[Intensities, Mask]:

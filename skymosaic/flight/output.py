@@ -55,12 +55,12 @@ class OutputForm:
         InputError
             For an unknown or unsuitable compression, without the package for maps, or for bands that do not fit.
         """
-        if bands and not (_is_tiff(path) and has_maps()):
-            raise InputError(
-                f"{path}: {bands} bands take .tif, and the extra geo" + ("" if has_maps() else f"; {NO_MAPS}")
-            )
+        if bands and not _is_tiff(path):
+            raise InputError(f"{path}: a mosaic of {bands} bands must be a .tif")
+        if bands and not has_maps():
+            raise InputError(f"{path}: a mosaic of {bands} bands is written as a map; {NO_MAPS}")
         if bands and self != PLAIN:
-            raise InputError("compression and tiles are for gray or three colours, not for bands; leave them out")
+            raise InputError("compression and tiles are for photographs, not for multi-band sets; leave them out")
         if self.compress not in COMPRESSIONS:
             raise InputError(f"compress is {self.compress!r}; valid: {', '.join(COMPRESSIONS)}")
         if self.compress != "deflate" and not _is_tiff(path):

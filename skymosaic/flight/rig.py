@@ -75,11 +75,11 @@ def alignments(captures: Sequence[Source], reference: str, lens: Lens, workers: 
     RegistrationError
         If a band cannot be aligned: its pictures show other things, or the cameras moved against each other.
     """
-    some = np.unique(np.linspace(0, len(captures) - 1, min(len(captures), MOST_CAPTURES)).round().astype(int))
+    spread = np.unique(np.linspace(0, len(captures) - 1, min(len(captures), MOST_CAPTURES)).round().astype(int))
     bands = [band for band in captures[0].bands if band != reference]
     calls = [
         (captures[index].bands[reference], [captures[index].bands[band] for band in bands], lens)
-        for index in some.tolist()
+        for index in spread.tolist()
     ]
     to_original, compared = zip(*workers.run("bands", _compare, calls), strict=True)
     return {

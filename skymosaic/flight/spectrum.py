@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -82,33 +82,25 @@ def in_all_bands(
         If a band cannot be aligned.
     """
     captures = [flight.sources[member] for member in layout.members]
+    views = [flight.views[member] for member in layout.members]
     names = tuple(captures[0].bands)
     reference = next(name for name in names if captures[0].bands[name].content == captures[0].content)
-    _check_gray([flight.views[member] for member in layout.members])
+    _check_gray(views)
     aligned = alignments(captures, reference, flight.lens, workers)
-    each = []
-    for name in names:
-        if name == reference:
-            each.append(composition)
-            continue
-        sources = [dataclasses.replace(one.bands[name], keep_damaged=one.keep_damaged) for one in captures]
-        like = [flight.views[member] for member in layout.members]
-        calls = [(source, view, flight.settings) for source, view in zip(sources, like, strict=True)]
-        views = list(workers.run(f"band {name}", _view, calls))
-        _check_gray(views)
-        band = _in_band(composition, sources, views, aligned[name])
-        each.append(equalised(band, views, thumbnails_of(flight, views, band)[0]) if equalise else band)
-    kinds = {name: one.empty(1, 1).dtype for name, one in zip(names, each, strict=True)}
-    other = next((name for name in names if kinds[name] != kinds[names[0]]), None)
-    if other is not None:
-        raise InputError(
-            f"band {other} is written as {kinds[other]} and band {names[0]} as {kinds[names[0]]}; one file holds one "
-            "type: leave out the files of either"
-        )
+    each = {reference: composition}
+    for name, alignment in aligned.items():
+        sources = [capture.bands[name] for capture in captures]
+        calls = [(source, view, flight.settings) for source, view in zip(sources, views, strict=True)]
+        own_views = list(workers.run(f"band {name}", _view, calls))
+        _check_gray(own_views)
+        band = _in_band(composition, sources, own_views, alignment)
+        each[name] = equalised(band, own_views, thumbnails_of(flight, own_views, band)[0]) if equalise else band
+    ordered = {name: each[name] for name in names}
+    _check_one_type(ordered)
     aligned_px = {name: found.error_px for name, found in aligned.items()}
     named = dataclasses.replace(composition, band_names=names, aligned_px=aligned_px)
     shared = {field.name: getattr(named, field.name) for field in dataclasses.fields(named)}
-    return SpectralComposition(**shared, each=tuple(each), reference=names.index(reference))
+    return SpectralComposition(**shared, each=tuple(ordered.values()), reference=names.index(reference))
 
 
 def _in_band(
@@ -133,6 +125,18 @@ def _view(source: Source, like: View, settings: Settings) -> View:
         value_range=photograph.value_range,
         taken=taken(source.content),
     )
+
+
+def _check_one_type(each: Mapping[str, Composition]) -> None:
+    """Check that all bands fit into one file."""
+    types = {name: one.empty(1, 1).dtype for name, one in each.items()}
+    first = next(iter(types))
+    other = next((name for name, found in types.items() if found != types[first]), None)
+    if other is not None:
+        raise InputError(
+            f"band {other} is written as {types[other]} and band {first} as {types[first]}; one file holds one type: "
+            "leave out the files of either"
+        )
 
 
 def _check_gray(views: Sequence[View]) -> None:

@@ -61,7 +61,7 @@ def in_band_sets(
     captures, others = _grouped(sources)
     if len(captures) < FEWEST_CAPTURES or max(map(len, captures.values())) < 2:
         if band is not None:
-            raise InputError(f"band {band}: the photographs are no multi-band sets; leave out --band")
+            raise InputError(f"band {band}: the photographs are not multi-band sets; leave out --band")
         return list(sources)
     bands = _in_order({name for files in captures.values() for name in files})
     colour = [source for source in others if _is_colour(source, captures)]
@@ -69,7 +69,7 @@ def in_band_sets(
         stray = next(source for source in others if source not in colour)
         raise InputError(f"{stray.name}: belongs to no multi-band set, as the others do; put it into another folder")
     if colour:
-        tell(f"note {colour[0].name}: {len(colour)} colour pictures are no bands of the sets and not used")
+        tell(f"note {colour[0].name}: {len(colour)} colour pictures belong to no band and are not used")
     first = _registering(band, bands)
     return [
         dataclasses.replace(_checked(capture, files, bands)[first], index=index, bands={b: files[b] for b in bands})

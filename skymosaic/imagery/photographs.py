@@ -8,7 +8,7 @@ import re
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from threading import Lock
 
@@ -54,6 +54,11 @@ class Source:
     def files(self) -> tuple[str, ...]:
         """Names of everything that belongs to it."""
         return tuple(source.name for source in self.bands.values()) or (self.name,)
+
+    def keeping_damaged(self, *, keep: bool) -> Source:
+        """The same source, whose damaged files are used as far as they can be decoded, or refused."""
+        bands = {band: source.keeping_damaged(keep=keep) for band, source in self.bands.items()}
+        return dataclasses.replace(self, keep_damaged=keep, bands=bands)
 
     @cached_property
     def digest(self) -> str:
@@ -193,3 +198,19 @@ class DecodedPhotographs:
             self._held[_key(source, lens, values)] = pixels
             while self.held_bytes > self._limit_bytes:
                 self._held.popitem(last=False)
+
+
+@lru_cache(maxsize=1)
+def decoded(limit_bytes: int) -> DecodedPhotographs:
+    """The photographs that this process keeps decoded, for the tiles that it renders."""
+    return DecodedPhotographs(limit_bytes)
+
+
+def keep_decoded(source: Source, lens: Lens, pixels: Pixels, limit_bytes: int) -> None:
+    """Keep the straightened pixels of a photograph that is decoded already."""
+    decoded(limit_bytes).keep(source, lens, pixels)
+
+
+def forget_decoded() -> None:
+    """Give back the memory of all decoded photographs of this process."""
+    decoded.cache_clear()

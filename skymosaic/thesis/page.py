@@ -22,6 +22,7 @@ from skymosaic.thesis.tables import Sheet
 PICTURE_WIDTH_PX = 1200
 JPEG_QUALITY = 85
 SYSTEMS = ("correlation", "ilbp", "ransac")
+"""Fuzzy systems that the page shows."""
 
 
 @dataclass(frozen=True)
@@ -176,9 +177,7 @@ def compose(m: Measurements, source: str, pictures: Iterable[tuple[str, Pixels]]
         working_width_px=WORKING_WIDTH_PX,
         trends=tables.trends(m),
         sections=[_section(section, m) for section in SECTIONS],
-        systems=[
-            _data(fuzzy_plots.picture(PLOTTED_SYSTEMS[name]), "png") for name in ("correlation", "ilbp", "ransac")
-        ],
+        systems=[_data(fuzzy_plots.picture(PLOTTED_SYSTEMS[name]), "png") for name in SYSTEMS],
         pair=pair,
         pictures=[(caption, _data(_jpeg(picture), "jpeg")) for caption, picture in pictures],
     )

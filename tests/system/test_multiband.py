@@ -122,7 +122,13 @@ def cut(path: Path) -> None:
 
 
 def test_bands_need_a_tif(folder, tmp_path):
-    assert "m.png: 3 bands take .tif" in only_error(skymosaic("mosaic", folder, "-o", "m.png", cwd=tmp_path).stderr)
+    refused = skymosaic("mosaic", folder, "-o", "m.png", cwd=tmp_path)
+    assert "m.png: a mosaic of 3 bands must be a .tif" in only_error(refused.stderr)
+
+
+def test_damaged_bands_are_kept_where_that_is_wanted(folder):
+    capture = in_band_sets(sources([folder]))[0].keeping_damaged(keep=True)
+    assert [source.keep_damaged for source in (capture, *capture.bands.values())] == [True] * 4
 
 
 def test_names_tell_the_bands(tmp_path):
