@@ -44,7 +44,7 @@ class Pace:
         self._paces: list[tuple[int, int]] = []
 
     def add(self, update: LiveUpdate) -> None:
-        """Count a frame; it is dropped if it has a reason: unreadable, too few features, or beyond the canvas limit."""
+        """Count a frame; dropped: unreadable, with too few features, or beyond the canvas limit."""
         self._frames += 1
         self._dropped += bool(update.reason)
         self._seconds = time.monotonic() - self._started_s
