@@ -1,11 +1,13 @@
 """Predicts the clock of every step of a frame through the accelerator, from sizes, counts and matches alone.
 
-The prediction is exact for streams without pauses: a pixel in every clock, and outputs that are always taken. It is a
-model, not a recording: it adds up the latencies that the blocks state (`Latencies`), and follows the one place where
-waiting depends on data, the queue of mutual matches between the walk over the rows and the weighing of the matches.
+The prediction is exact for streams without pauses: a beat of one pixel or two in every clock, and outputs that are
+always taken. It is a model, not a recording: it adds up the latencies that the blocks state (`Latencies`), and follows
+the one place where waiting depends on data, the queue of mutual matches between the walk over the rows and the weighing
+of the matches.
 
 Not predicted: pauses of the streams, the first word of each feature, frames without selection by cells (their queue may
-hold pixels back), and what follows a frame whose matching delays the features of the next but one.
+hold pixels back), frames so narrow that a cell row has not left when the next one ends, and what follows a frame whose
+matching delays the features of the next but one.
 """
 
 from __future__ import annotations
@@ -32,7 +34,7 @@ class Latencies:
     record_words, match_words : int
         Length of a Feature and of a Match record in words.
     admission : int
-        From a pixel at the input to its beat: a skid buffer, and the register of frame admission.
+        From a beat at the input to the same beat inside: a skid buffer, and the register of frame admission.
     status : int
         From a frame's last beat to the first word of its status in the merge.
     status_word : int
@@ -187,8 +189,10 @@ class Timeline:
         return self.last_pixel - self.first_pixel + 1
 
 
-def timelines(works: Sequence[FrameWork], config: Config, *, lanes: int) -> list[Timeline]:
+def timelines(works: Sequence[FrameWork], config: Config, *, lanes: int, pixels_per_clock: int = 1) -> list[Timeline]:
     """Predict frames that follow each other without a pause.
+
+    A line of odd width takes a clock for its last pixel, too, where two pixels come in a clock.
 
     Returns
     -------
@@ -197,23 +201,27 @@ def timelines(works: Sequence[FrameWork], config: Config, *, lanes: int) -> list
     """
     if not config.front_end.selection:
         return []
-    return list(_timelines(works, Latencies.of(config, lanes=lanes), config.front_end.border_px))
+    # How long the lines of each frame take.
+    line_cycles = [-(-work.width_px // pixels_per_clock) for work in works]
+    return list(_timelines(works, line_cycles, Latencies.of(config, lanes=lanes), config.front_end.border_px))
 
 
-def steady_pace(work: FrameWork, config: Config, *, lanes: int) -> tuple[int, int] | None:
+def steady_pace(work: FrameWork, config: Config, *, lanes: int, pixels_per_clock: int = 1) -> tuple[int, int] | None:
     """Clocks in which frames such as this one follow each other, and those from last pixel to last match.
 
     The slower of pixels and matching sets the pace. None where the timeline is not predicted.
     """
-    for line in timelines([work], config, lanes=lanes):
-        return max(work.width_px * work.height_px, line.matches_end - line.accepted), line.matches_end - line.last_pixel
+    for line in timelines([work], config, lanes=lanes, pixels_per_clock=pixels_per_clock):
+        return max(line.status_cycles, line.matches_end - line.accepted), line.matches_end - line.last_pixel
     return None
 
 
-def _timelines(works: Sequence[FrameWork], latencies: Latencies, border_px: int) -> Iterator[Timeline]:
+def _timelines(
+    works: Sequence[FrameWork], line_cycles: Sequence[int], latencies: Latencies, border_px: int
+) -> Iterator[Timeline]:
     first_pixel, idle = 0, 0
     for number, work in enumerate(works):
-        last_pixel = first_pixel + work.width_px * work.height_px - 1
+        last_pixel = first_pixel + line_cycles[number] * work.height_px - 1
         last_word = (
             last_pixel + latencies.admission + latencies.status + latencies.status_word * (latencies.record_words - 1)
         )
@@ -227,7 +235,7 @@ def _timelines(works: Sequence[FrameWork], latencies: Latencies, border_px: int)
         idle = matched.weighed + 1 + latencies.match_words
         first_pixel = last_pixel + 1
         # A frame that waits for the matcher holds back the features of the next one, which come after its border.
-        if number + 1 < len(works) and accepted > first_pixel + border_px * works[number + 1].width_px:
+        if number + 1 < len(works) and accepted > first_pixel + border_px * line_cycles[number + 1]:
             return
 
 

@@ -14,7 +14,7 @@ from hdl.axi.axi_lite import AxiLiteInterface, AxiLiteSignature
 from hdl.axi.packet_gate import PacketGate
 from hdl.axi.register_map import ADDRESS_BITS, REGISTERS, built_constants
 from hdl.axi.registers import RegisterFile
-from hdl.axi.video_input import VideoPayload
+from hdl.axi.video_input import video_payload
 from hdl.front_end import FrontEnd
 from hdl.lib.skid_buffer import SkidBuffer
 from hdl.lib.views import view_signal
@@ -48,8 +48,8 @@ class Accelerator(wiring.Component):
         Left descriptors compared at a time.
     max_width_px, max_height_px : int
         Largest frame.
-    video_bits : {32, 24, 8}
-        Width of the video input's data (`hdl.axi.video_input.VideoInput`).
+    video_bits : {32, 24, 8, 48, 16}
+        Width of the video input's data (`hdl.axi.video_input.VideoInput`); 48 and 16 bring two pixels a clock.
     live : bool
         Registers of a streaming shell are there, too (`hdl.shell.live`), and the outputs pass every packet: the shell
         discards those of a ring that is off, so that it sees one packet for each frame.
@@ -58,7 +58,7 @@ class Accelerator(wiring.Component):
     -------
     i_reset : In(1)
         Synchronous reset of everything.
-    i_video : In(stream of VideoPayload)
+    i_video : In(stream of video_payload)
     o_features, o_matches : Out(stream of WordPayload)
         A packet for each frame: its records, then its FrameStatus.
     control : In(AxiLiteSignature)
@@ -113,7 +113,7 @@ class Accelerator(wiring.Component):
         super().__init__(
             {
                 "i_reset": In(1),
-                "i_video": In(stream.Signature(VideoPayload)),
+                "i_video": In(stream.Signature(video_payload(video_bits))),
                 "o_features": Out(stream.Signature(WordPayload)),
                 "o_matches": Out(stream.Signature(WordPayload)),
                 "control": In(AxiLiteSignature(address_bits=ADDRESS_BITS)),

@@ -44,6 +44,8 @@ VIDEO = {
     32: "32-bit words from a DMA, or AXI4-Stream video in their low bytes",
     24: "AXI4-Stream video in RGB, 8 bits a colour (UG934)",
     8: "AXI4-Stream video in gray, 8 bits (UG934)",
+    48: "AXI4-Stream video in RGB, two pixels a clock, 8 bits a colour (UG934)",
+    16: "AXI4-Stream video in gray, two pixels a clock, 8 bits each (UG934)",
 }
 
 
@@ -86,7 +88,7 @@ def export(folder: Path, *, board: str, config: Config, **build: Unpack[Build]) 
     for subfolder in (rtl, vivado, registers, simulation):
         subfolder.mkdir(parents=True, exist_ok=True)
     (rtl / f"{TOP}.v").write_text(text)
-    bench = accelerator_bench(TOP, module_ports(top), config).files()
+    bench = accelerator_bench(TOP, module_ports(top), config, video_bits=build["video_bits"]).files()
     for name, content in bench.items():
         (simulation / name).write_text(content)
     (folder / f"{TOP}.xml").write_text(ip_xact.component(TOP, module_ports(top), f"rtl/{TOP}.v"))

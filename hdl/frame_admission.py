@@ -9,7 +9,7 @@ from amaranth.lib.wiring import In, Out
 from golden_model.config import MAX_FRAME_PX, MIN_FRAME_PX
 from golden_model.records import FRAME_STATUS, Cause
 from hdl.lib.delay import delayed, port_register
-from hdl.streams import COORDINATE, PixelPayload, beat
+from hdl.streams import COORDINATE, beat, pixel_payload
 
 CAUSES = next(field.bits for field in FRAME_STATUS.fields if field.name == "causes")
 
@@ -29,7 +29,8 @@ class FrameAdmission(wiring.Component):
     A frame whose settings are not acceptable has no beats either (`Cause.INVALID_SETTINGS`): its first pixel reports
     it, and pixels are dropped up to the next start or, in memory mode, the end of the transfer.
 
-    Throughput is a pixel a clock, unless an input below forbids it.
+    Throughput is a beat a clock, unless an input below forbids it. A frame starts with the left pixel of a beat, and so
+    does each line.
 
     Parameters
     ----------
@@ -37,13 +38,15 @@ class FrameAdmission(wiring.Component):
         Number of last lines that the levels need in order to close.
     closing_px : int
         How much of each of these lines they need.
+    pixels_per_clock : {1, 2}
+        Pixels of a beat.
 
     Members
     -------
-    i : In(stream(PixelPayload))
+    i : In(stream(pixel_payload))
     i_memory_mode : In(1)
     i_width_px, i_height_px : In
-        At least 4.
+        At least 4 beats.
     i_acceptable : In(1)
         The settings are within what was built. Like size and mode, stable 2 clocks before ``i_may_start``.
     i_may_start : In(1)
@@ -79,12 +82,13 @@ class FrameAdmission(wiring.Component):
     o_end: Signal
     o_causes: Signal
 
-    def __init__(self, *, closing_lines: int, closing_px: int = MIN_FRAME_PX) -> None:
+    def __init__(self, *, closing_lines: int, closing_px: int = MIN_FRAME_PX, pixels_per_clock: int = 1) -> None:
         self.closing_lines = closing_lines
         self.closing_px = closing_px
+        self.pixels_per_clock = pixels_per_clock
         super().__init__(
             {
-                "i": In(stream.Signature(PixelPayload)),
+                "i": In(stream.Signature(pixel_payload(pixels_per_clock))),
                 "i_memory_mode": In(1),
                 "i_width_px": In(range(MAX_FRAME_PX + 1)),
                 "i_height_px": In(range(MAX_FRAME_PX + 1)),
@@ -92,7 +96,7 @@ class FrameAdmission(wiring.Component):
                 "i_may_start": In(1),
                 "i_may_end": In(1),
                 "i_hold": In(1),
-                "o": Out(beat(data=24)),
+                "o": Out(beat(pixels_per_clock, data=24)),
                 "o_running": Out(1),
                 "o_frame_ends": Out(1),
                 "o_start": Out(1),
@@ -137,7 +141,7 @@ class FrameAdmission(wiring.Component):
         color = port_register(m, self.o.data)
         m.d.sync += [
             self.o.valid.eq(emits),
-            color.eq(Mux(padding, 0, pixel.data)),
+            Value.cast(color).eq(Mux(padding, 0, Value.cast(pixel.data))),
             self.o_start.eq(starts),
             self.o_end.eq(ends),
         ]
@@ -199,15 +203,18 @@ class FrameAdmission(wiring.Component):
         is_last_line = Signal()
         skips = Signal()
         beat_x = port_register(m, self.o.x)
+        last_but_one: Value = self.i_width_px - 2
+        if self.pixels_per_clock == 2:
+            last_but_one = _even(self.i_width_px + 1, 4)
         m.d.sync += [
-            last_but_one_x.eq(self.i_width_px - 2),
+            last_but_one_x.eq(last_but_one),
             last_y.eq(self.i_height_px - 1),
             closing_x.eq(_even(self.i_width_px, self.closing_px)),
             closing_y.eq(_even(self.i_height_px, self.closing_lines)),
         ]
         with m.If(emits):
             following = Mux(padding & ~is_last_line, closing_x, 0)
-            m.d.sync += [x.eq(Mux(line_ends, following, x + 1)), line_ends.eq(x == last_but_one_x)]
+            m.d.sync += [x.eq(Mux(line_ends, following, x + self.pixels_per_clock)), line_ends.eq(x == last_but_one_x)]
         # The line counter runs a clock behind admission: y is the line of the beat at the output.
         with m.If(delayed(m, emits & line_ends, 1, reset_less=False) | dropped_line):
             m.d.sync += y.eq(Mux(is_last_line, 0, Mux(skips, closing_y, y + 1)))

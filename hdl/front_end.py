@@ -8,7 +8,7 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.config import MAX_FRAME_PX, MIN_FRAME_PX, FrontEndConfig
 from golden_model.records import feature_record
-from hdl.axi.video_input import VIDEO_BITS, VideoInput, VideoPayload
+from hdl.axi.video_input import VIDEO_BITS, VideoInput, video_payload
 from hdl.frame_admission import FrameAdmission
 from hdl.level import Level
 from hdl.level_merge import LevelMerge
@@ -23,7 +23,7 @@ from hdl.streams import FRONT_END_SETTINGS, WordPayload
 
 
 class FrontEnd(wiring.Component):
-    """Features of one or two levels, at one pixel a clock.
+    """Features of one or two levels, at one or two pixels a clock.
 
     Nothing stalls inside: pixels wait only at frame admission. They wait in three cases: a cell row would end before
     the previous one has left, a frame would end before the last frame's status has left, or the settings change. No
@@ -35,12 +35,12 @@ class FrontEnd(wiring.Component):
         Detector, threshold, cell and per-cell count are ignored here: they are run-time settings.
     max_width_px, max_height_px : int
         Largest frame, 64 to 4096.
-    video_bits : {32, 24, 8}
-        See `hdl.axi.video_input.VideoInput`.
+    video_bits : {32, 24, 8, 48, 16}
+        See `hdl.axi.video_input.VideoInput`: 48 and 16 bits bring two pixels a clock.
 
     Members
     -------
-    i_video : In(stream(VideoPayload))
+    i_video : In(stream(video_payload))
     settings : In(FRONT_END_SETTINGS)
         Sampled where a frame may start. A change takes effect after the frame before it has left completely. A frame
         whose settings are out of their range, or beyond what was built, is refused (`Cause.INVALID_SETTINGS`).
@@ -75,12 +75,14 @@ class FrontEnd(wiring.Component):
         self.max_width_px = max_width_px
         self.max_height_px = max_height_px
         self._video_input = VideoInput(video_bits=video_bits)
+        self.pixels_per_clock = self._video_input.pixels_per_clock
         self.levels = tuple(
-            Level(config=config, level=level, width_px=max_width_px >> level) for level in range(config.levels)
+            Level(config=config, level=level, width_px=max_width_px >> level, pixels_per_clock=self.pixels_per_clock)
+            for level in range(config.levels)
         )
         super().__init__(
             {
-                "i_video": In(stream.Signature(VideoPayload)),
+                "i_video": In(stream.Signature(video_payload(video_bits))),
                 "settings": In(FRONT_END_SETTINGS),
                 "o_frame_starts": Out(1),
                 "o_frame_ends": Out(1),
@@ -91,12 +93,12 @@ class FrontEnd(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Admission, gray, levels and merge; settings and threshold, which change only between frames."""
         m = Module()
-        m.submodules.skid_buffer = skid_buffer = SkidBuffer(shape=VideoPayload)
+        m.submodules.skid_buffer = skid_buffer = SkidBuffer(shape=self.i_video.payload.shape())
         m.submodules.video_input = video_input = self._video_input
         m.submodules.admission = admission = FrameAdmission(
-            closing_lines=max(level.closing_lines for level in self.levels)
+            closing_lines=max(level.closing_lines for level in self.levels), pixels_per_clock=self.pixels_per_clock
         )
-        m.submodules.gray = gray = Gray()
+        m.submodules.gray = gray = Gray(pixels_per_clock=self.pixels_per_clock)
         m.submodules.merge = merge = self._merge()
         wiring.connect(m, wiring.flipped(self.i_video), skid_buffer.i)
         wiring.connect(m, skid_buffer.o, video_input.i)
@@ -127,7 +129,7 @@ class FrontEnd(wiring.Component):
             merge.i_causes.eq(admission.o_causes),
             merge.i_threshold_code.eq(threshold_code),
         ]
-        for n, (level, pixels) in enumerate(zip(self.levels, self._pyramid(m, gray.o), strict=True)):
+        for n, (level, pixels) in enumerate(zip(self.levels, self._pyramid(m, gray.o, active), strict=True)):
             m.submodules[f"level{n}"] = level
             wiring.connect(m, level.o, merge.i_levels[n])
             m.d.comb += [
@@ -142,12 +144,15 @@ class FrontEnd(wiring.Component):
         record = feature_record(pattern.descriptor_bytes, pattern.window_bytes)
         return LevelMerge(record=record, levels=self.config.levels, max_features=self.config.max_features)
 
-    def _pyramid(self, m: Module, gray: data.View) -> list[data.View]:
+    def _pyramid(self, m: Module, gray: data.View, active: data.View) -> list[data.View]:
         """The pixels of each level."""
         if self.config.levels == 1:
             return [gray]
-        m.submodules.half = half = Half(width_px=self.max_width_px)
+        m.submodules.half = half = Half(width_px=self.max_width_px, pixels_per_clock=self.pixels_per_clock)
         m.d.comb += half.i.eq(gray)
+        if self.pixels_per_clock == 2:
+            # The right pixel of an odd line's last beat is beyond the line.
+            m.d.comb += half.i.valid.eq(gray.valid & (gray.x[1:] != active.width_px[1:]))
         return [gray, half.o]
 
     def _settings(self, m: Module, under_way: Value) -> tuple[data.View, Value, Value]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from amaranth import Cat, Module, Mux, Signal
+from amaranth import Cat, Module, Mux, Signal, Value
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -18,7 +18,15 @@ from hdl.pixel.window import LineBuffer, OffsetColumns
 from hdl.selection.level_scan import LevelScan
 from hdl.selection.record_serializer import FeatureWords
 from hdl.selection.selection import CellSelection, RasterSelection
-from hdl.streams import CANDIDATE, FRONT_END_SETTINGS, RowPayload, beat, carry_scan
+from hdl.streams import (
+    CANDIDATE,
+    FRONT_END_SETTINGS,
+    RowPayload,
+    beat,
+    carry_scan,
+    each_pixel,
+    pixel_beats,
+)
 
 INGRESS_CYCLES = 16
 """Upper bound of two delays together: admission of a pixel to its beat here, and ``o_hold`` to the last admission."""
@@ -39,17 +47,19 @@ class Level(wiring.Component):
     level : {0, 1}
     width_px : int
         Largest width of this level's lines.
+    pixels_per_clock : {1, 2}
+        Pixels of the full frame in a clock. A half-size level has one pixel a beat in any case.
 
     Members
     -------
     i : In(beat(pixel))
-        Gray pixels of this level, at most one a clock.
+        Gray pixels of this level, at most one beat a clock.
     i_settings : In(FRONT_END_SETTINGS)
         Stable from 2 clocks before a frame's first beat. Width and height are those of the full size.
     i_threshold_code : In(15)
         Smallest response code that survives. Stable during a frame.
     o_hold : Out(1)
-        Admit no more pixels: a cell row would end before the previous one has left. It rises `WARNING_PX` pixels
+        Admit no more pixels: a cell row would end before the previous one has left. It rises `WARNING_BEATS` beats
         early, to leave room for the pixels that are already in the pipeline.
     o_added : Out(1)
         The frame has one more feature.
@@ -72,39 +82,45 @@ class Level(wiring.Component):
     o_added: Signal
     o: stream.Interface
 
-    def __init__(self, *, config: FrontEndConfig, level: int, width_px: int) -> None:
+    def __init__(self, *, config: FrontEndConfig, level: int, width_px: int, pixels_per_clock: int = 1) -> None:
         self.level = level
         self.pattern = pattern = config.pattern
-        self._corners = Corners(config=config, width_px=width_px)
-        self._smooth = Binomial(window_px=5 if pattern.smoothed else 1)
-        self._rings = RingWindow(pattern=pattern, width_px=width_px)
+        self.pixels_per_clock = max(pixels_per_clock >> level, 1)
+        rate = {"pixels_per_clock": self.pixels_per_clock}
+        self._corners = Corners(config=config, width_px=width_px, **rate)
+        self._smooth = Binomial(window_px=5 if pattern.smoothed else 1, **rate)
+        self._rings = RingWindow(pattern=pattern, width_px=width_px, **rate)
         # Corners need lines below the pixel as well as above it, and so does the descriptor: the larger lag decides.
         self.lag_px = max(self._corners.lag_px, pattern.support_px)
-        self._scan = LevelScan(lag_px=self.lag_px, border_px=config.border_px, cells=config.selection)
+        self._scan = LevelScan(lag_px=self.lag_px, border_px=config.border_px, cells=config.selection, **rate)
         # Half-size lines are two lines, and an odd last line belongs to none.
         self.closing_lines = (self._scan.closing_lines << level) + level
-        # Corners of FAST may be 2 px apart in a line. A half-size pixel takes two clocks, hence twice the distance.
-        self._features = CandidateFeatures(pattern=pattern, spacing_cycles=2 << level, level=level, lag_px=self.lag_px)
-        self._gray_for_corners = OffsetColumns(shape=8, rows=3, distance_px=self.lag_px - self._corners.lag_px)
-        self._gray_for_rings = OffsetColumns(
-            shape=8, rows=self._smooth.window_px, distance_px=self.lag_px - pattern.support_px
+        # Corners of FAST may be 2 px apart in a line. A half-size pixel takes twice the time, hence twice the distance.
+        spacing_cycles = (2 << level) // pixels_per_clock
+        self._features = CandidateFeatures(
+            pattern=pattern, spacing_cycles=spacing_cycles, level=level, lag_px=self.lag_px
         )
-        columns = [offset.i.column for offset in (self._gray_for_corners, self._gray_for_rings)]
-        self._lines = LineBuffer(shape=8, lines=max(map(len, columns)) - 1, width_px=width_px)
+        self._gray_for_corners = OffsetColumns(shape=8, rows=3, distance_px=self.lag_px - self._corners.lag_px, **rate)
+        self._gray_for_rings = OffsetColumns(
+            shape=8, rows=self._smooth.window_px, distance_px=self.lag_px - pattern.support_px, **rate
+        )
+        offsets = (self._gray_for_corners, self._gray_for_rings)
+        lines = max(offset.distance_px + offset.rows for offset in offsets) - 1
+        self._lines = LineBuffer(shape=8, lines=lines, width_px=width_px, **rate)
         gray_cycles = self._lines.latency_cycles + OffsetColumns.latency_cycles
         self._candidate_cycles = gray_cycles + self._corners.latency_cycles + 1
         self._ring_cycles = gray_cycles + self._smooth.latency_cycles + self._rings.latency_cycles
         self.latency_cycles = self._candidate_cycles + self._features.latency_cycles
         self._selection: CellSelection | RasterSelection
         if config.selection:
-            self._selection = CellSelection(pattern=pattern, width_px=width_px)
+            self._selection = CellSelection(pattern=pattern, width_px=width_px, spacing_cycles=spacing_cycles)
         else:
-            # Features are at least 2 clocks apart, so that many may still come after the hold.
-            in_flight = (INGRESS_CYCLES + self.latency_cycles) // 2 + 1
+            # The distance of features limits how many may still come after the hold.
+            in_flight = (INGRESS_CYCLES + self.latency_cycles) // spacing_cycles + 1
             self._selection = RasterSelection(pattern=pattern, depth=RASTER_DEPTH, in_flight=in_flight)
         super().__init__(
             {
-                "i": In(beat(pixel=8)),
+                "i": In(beat(self.pixels_per_clock, pixel=8)),
                 "i_settings": In(FRONT_END_SETTINGS),
                 "i_threshold_code": In(RESPONSE_CODE.bits),
                 "o_hold": Out(1),
@@ -117,14 +133,15 @@ class Level(wiring.Component):
     @property
     def stages(self) -> dict[str, Stage]:
         """The intermediate planes, under the names of `golden_model.front_end.trace`."""
+        smoothed = pixel_beats(self._smooth.o, self.pixels_per_clock)
         return {
-            "gray": Stage(self.i, "pixel", 0),
+            "gray": Stage(pixel_beats(self.i, self.pixels_per_clock), "pixel", 0),
             **{
                 name: stage._replace(lag_px=stage.lag_px + self._gray_for_corners.distance_px)
                 for name, stage in self._corners.stages.items()
             },
-            "candidates": Stage(self._candidate, "code", self.lag_px),
-            "smoothed5": Stage(self._smooth.o, "pixel", self.lag_px - self._rings.lag_px),
+            "candidates": Stage([self._candidate], "code", self.lag_px),
+            "smoothed5": Stage(smoothed, "pixel", self.lag_px - self._rings.lag_px),
         }
 
     def elaborate(self, platform: object) -> Module:
@@ -148,7 +165,9 @@ class Level(wiring.Component):
     def _offset_columns(self, m: Module, name: str, offset: OffsetColumns) -> data.View:
         m.submodules[name] = offset
         carry_scan(m, self._lines.o, offset.i, 0)
-        m.d.comb += [pixel.eq(self._lines.o.column[n]) for n, pixel in enumerate(offset.i.column)]
+        columns = (each_pixel(each.column, self.pixels_per_clock) for each in (self._lines.o, offset.i))
+        for column, i_column in zip(*columns, strict=True):
+            m.d.comb += [pixel.eq(column[n]) for n, pixel in enumerate(i_column)]
         return offset.o
 
     def _connect_candidate(self, m: Module) -> None:
@@ -165,15 +184,33 @@ class Level(wiring.Component):
         wait_cycles = self._candidate_cycles - scan.latency_cycles
         inside = delayed(m, scan.o.inside, wait_cycles - 1)
         ends = delayed(m, Cat(scan.o.ends_row, scan.o.ends_level), wait_cycles)
-        corner = self._corners.o
-        carry_scan(m, corner, self._candidate, 1)
+        corners = self._corners.o
+        carry_scan(m, corners, self._candidate, 1)
         m.d.comb += Cat(self._candidate.ends_row, self._candidate.ends_level).eq(ends)
+        corner = pixel_beats(corners, self.pixels_per_clock)[0]
+        if self.pixels_per_clock == 2:
+            corner, inside = self._corner_of_two(m, inside)
         m.d.comb += [
             self._candidate.present.eq(delayed(m, corner.valid & inside & corner.code.any(), 1, reset_less=False)),
             self._candidate.code.eq(delayed(m, Mux(inside, corner.code, 0), 1)),
         ]
         for name in ("left", "right", "up", "down"):
             m.d.comb += self._candidate[name].eq(delayed(m, corner[name], 1))
+
+    def _corner_of_two(self, m: Module, inside: Value) -> tuple[data.View, Value]:
+        """The pixel of the beat that is a corner, and whether it is inside the border.
+
+        Two neighbours are never both corners (`hdl.pixel.nms`), but each may be inside or outside.
+        """
+        left, right = pixel_beats(self._corners.o, 2)
+        is_right = Signal()
+        m.d.comb += is_right.eq(inside[1] & right.code.any())
+        corner = data.View(left.shape(), Mux(is_right, right.as_value(), left.as_value()))
+        chosen = delayed(m, is_right, 1)
+        m.d.comb += self._candidate.x[0].eq(chosen)
+        # The ring pixels come a clock after the candidate.
+        m.d.comb += self._rings.i_second.eq(delayed(m, chosen, 1))
+        return corner, Mux(is_right, 1, inside[0])
 
     def _connect_features(self, m: Module) -> None:
         """Delay the smoothed pixels so that the ring pixels come one clock after their candidate."""

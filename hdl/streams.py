@@ -14,10 +14,17 @@ border, where a block's window leaves the frame, its output is unspecified; `Fro
 away from there.
 
 ``latency_cycles`` of a block counts the clocks from a beat at its input to the same beat at its output.
+
+A beat may hold two horizontally adjacent pixels (``pixels_per_clock`` = 2). Its scan position is that of the left one,
+whose x is even; pixel n of the beat has the scan position (x + n, y), with the same lag. A line of odd width ends with
+a beat whose right pixel is beyond the line: any value may be there, as everywhere outside of the frame.
 """
 
 # No postponed annotations here: data.Struct reads its fields from them.
-from amaranth import Cat, Module, Shape, ShapeLike, Value, ValueLike, unsigned
+from collections.abc import Sequence
+from typing import Any
+
+from amaranth import Cat, Elaboratable, Module, Shape, ShapeLike, Value, ValueLike, unsigned
 from amaranth.lib import data, stream
 
 from golden_model.config import MAX_FRAME_PX
@@ -31,9 +38,39 @@ COORDINATE = Shape.cast(range(MAX_FRAME_PX))
 WORD = unsigned(8 * WORD_BYTES)
 
 
-def beat(**payload: ShapeLike) -> data.StructLayout:
-    """Layout of a beat: ``valid``, the scan position ``x``, ``y``, and the payload's fields."""
-    return data.StructLayout({"valid": 1, "x": COORDINATE, "y": COORDINATE, **payload})
+def beat(pixels_per_clock: int = 1, /, **payload: ShapeLike) -> data.StructLayout:
+    """Layout of a beat: ``valid``, the scan position ``x``, ``y``, and the payload's fields.
+
+    In a beat of several pixels each field of the payload is an array, the leftmost pixel first.
+    """
+    fields = {name: pixels(shape, pixels_per_clock) for name, shape in payload.items()}
+    return data.StructLayout({"valid": 1, "x": COORDINATE, "y": COORDINATE, **fields})
+
+
+def pixels(shape: ShapeLike, pixels_per_clock: int) -> ShapeLike:
+    """Shape of a field in a beat: ``shape`` for one pixel, an array of it for several."""
+    return shape if pixels_per_clock == 1 else data.ArrayLayout(shape, pixels_per_clock)
+
+
+def each_pixel(field: Any, pixels_per_clock: int) -> list[Any]:
+    """The values of a field for each pixel of the beat."""
+    return [field] if pixels_per_clock == 1 else list(field)
+
+
+def pixel_beats(source: data.View, pixels_per_clock: int) -> list[data.View]:
+    """A beat for each pixel of a beat; ``x`` remains that of the leftmost."""
+    if pixels_per_clock == 1:
+        return [source]
+    fields = {str(name): field.shape for name, field in source.shape() if name not in ("valid", "x", "y")}
+    layout = beat(**{name: shape.elem_shape for name, shape in fields.items()})
+    scan = (source.valid, source.x, source.y)
+    return [data.View(layout, Cat(scan, (source[name][n] for name in fields))) for n in range(pixels_per_clock)]
+
+
+def add_submodules(m: Module, name: str, blocks: Sequence[Elaboratable]) -> None:
+    """Add the block of each pixel; a single one has the plain name."""
+    for n, block in enumerate(blocks):
+        m.submodules[name if len(blocks) == 1 else f"{name}{n}"] = block
 
 
 def carry_scan(m: Module, source: data.View, sink: data.View, cycles: int) -> None:
@@ -60,19 +97,16 @@ def fork(m: Module, source: stream.Interface, *sinks: stream.Interface) -> None:
         m.d.comb += [sink.valid.eq(source.valid & all_ready), sink.payload.eq(source.payload)]
 
 
-class PixelPayload(data.Struct):
-    """A pixel at the input of frame admission.
+def pixel_payload(pixels_per_clock: int = 1) -> data.StructLayout:
+    """The beat at the input of frame admission.
 
     Members
     -------
-    data : G in bits 7..0, B in 15..8, R in 23..16 (the order of UG934); or gray in 7..0.
+    data : for each pixel G in bits 7..0, B in 15..8, R in 23..16 (the order of UG934); or gray in 7..0.
     first : first pixel of a frame; without meaning in memory mode.
     last : last pixel of a line; in memory mode of a transfer.
     """
-
-    data: unsigned(24)
-    first: unsigned(1)
-    last: unsigned(1)
+    return data.StructLayout({"data": pixels(24, pixels_per_clock), "first": 1, "last": 1})
 
 
 class WordPayload(data.Struct):

@@ -108,7 +108,13 @@ REGISTERS = (
             Field("built_live", 7, 1, _CONSTANT, "Whether a streaming shell and the registers from 0x100 on exist."),
             Field("built_descriptor_bytes", 8, 8, _CONSTANT, "Length of a descriptor."),
             Field("built_lanes", 16, 8, _CONSTANT, "Left descriptors compared at a time."),
-            Field("built_video_bits", 24, 8, _CONSTANT, "Width of the video input's data: 32, 24 or 8."),
+            Field(
+                "built_video_bits",
+                24,
+                8,
+                _CONSTANT,
+                "Width of the video input's data: 32, 24 or 8; 48 or 16 with two pixels a clock.",
+            ),
         ),
     ),
     Register(

@@ -1,53 +1,71 @@
 """Video ingress: pixels from AXI4-Stream video, or from the plain stream of a DMA."""
 
-# No postponed annotations here: data.Struct reads its fields from them.
-from amaranth import Array, Cat, Module, Mux, Signal, unsigned
+from __future__ import annotations
+
+from amaranth import Array, Cat, Module, Mux, Signal
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
-from hdl.streams import PixelPayload
+from hdl.streams import each_pixel, pixel_payload
 
 GRAY_PER_WORD = 4
-VIDEO_BITS = (32, 24, 8)
-"""Widths of the input's data: 24 and 8 are those of UG934 for RGB and gray, 32 is that of a DMA's words."""
+VIDEO_BITS = (32, 24, 8, 48, 16)
+"""Widths of the input's data: 24 and 8 are those of UG934 for RGB and gray, 48 and 16 with two pixels a clock; 32 is
+that of a DMA's words."""
 
 
-class VideoPayload(data.Struct):
+def pixels_per_clock(video_bits: int) -> int:
+    """Pixels in a beat of video.
+
+    Raises
+    ------
+    ValueError
+        For another width.
+    """
+    if video_bits not in VIDEO_BITS:
+        raise ValueError(f"video_bits is {video_bits}; it must be one of {', '.join(map(str, VIDEO_BITS))}")
+    return 2 if video_bits in {48, 16} else 1
+
+
+def video_payload(video_bits: int) -> data.StructLayout:
     """A beat of the input stream.
 
     Members
     -------
     data : in video mode G, B, R from the lowest byte (UG934), or gray in the lowest; in memory mode R, G, B, X from
-        the lowest byte, or four gray pixels, the first one lowest. The upper bytes of a narrower port are 0.
+        the lowest byte, or four gray pixels, the first one lowest. The upper bytes of a narrower port are 0. Of two
+        pixels the left one is in the lower half of the port.
     first : TUSER[0], the start of a frame; ignored in memory mode.
     last : TLAST, the end of a line; in memory mode the end of a transfer.
     """
+    return data.StructLayout({"data": video_bits if pixels_per_clock(video_bits) > 1 else 32, "first": 1, "last": 1})
 
-    data: unsigned(32)
-    first: unsigned(1)
-    last: unsigned(1)
+
+VideoPayload = video_payload(VIDEO_BITS[0])
+"""One pixel a beat."""
 
 
 class VideoInput(wiring.Component):
-    """Converts the beats of the input stream to pixels, up to one a clock.
+    """Converts the beats of the input stream to pixels, up to one or two a clock.
 
     In memory mode, ``last`` of a pixel ends the transfer, and pixels left in a beat at the end of a frame are dropped.
     The path from input to output is combinational; between pixels only the byte of the beat is kept.
 
     Parameters
     ----------
-    video_bits : {32, 24, 8}
-        Width of the port that the beats come from. A beat of fewer than 32 bits holds one gray pixel in memory mode,
-        too; with 8 bits there is no colour.
+    video_bits : {32, 24, 8, 48, 16}
+        Width of the port that the beats come from. Only a beat of 32 bits holds more gray pixels in memory mode than in
+        video mode; with 8 bits a pixel there is no colour. Two pixels come with each beat of 48 or 16 bits; every line
+        begins with a new beat in both modes, and where it is odd, the upper pixel of its last beat is ignored.
 
     Members
     -------
-    i : In(stream of VideoPayload)
+    i : In(stream of video_payload)
     i_memory_mode, i_gray_input : In(1)
         May change only between frames.
     i_frame_ends : In(1)
         The pixel at ``o`` is the last of its frame.
-    o : Out(stream of PixelPayload)
+    o : Out(stream of pixel_payload)
 
     Attributes
     ----------
@@ -68,16 +86,16 @@ class VideoInput(wiring.Component):
     latency_cycles = 0
 
     def __init__(self, *, video_bits: int = VIDEO_BITS[0]) -> None:
-        if video_bits not in VIDEO_BITS:
-            raise ValueError(f"video_bits is {video_bits}; it must be one of {', '.join(map(str, VIDEO_BITS))}")
+        self.video_bits = video_bits
+        self.pixels_per_clock = pixels_per_clock(video_bits)
         self.gray_per_beat = GRAY_PER_WORD if video_bits == VIDEO_BITS[0] else 1
         super().__init__(
             {
-                "i": In(stream.Signature(VideoPayload)),
+                "i": In(stream.Signature(video_payload(video_bits))),
                 "i_memory_mode": In(1),
                 "i_gray_input": In(1),
                 "i_frame_ends": In(1),
-                "o": Out(stream.Signature(PixelPayload)),
+                "o": Out(stream.Signature(pixel_payload(self.pixels_per_clock))),
             }
         )
 
@@ -88,20 +106,23 @@ class VideoInput(wiring.Component):
         byte = Signal(range(GRAY_PER_WORD))
         unpacks = Signal()
         empties = Signal()
-        lanes = [beat.data.word_select(n, 8) for n in range(GRAY_PER_WORD)]
-        red, green, blue, _ = lanes
         m.d.comb += [
             unpacks.eq(self.i_memory_mode & self.i_gray_input),
             empties.eq(~unpacks | self.i_frame_ends | (byte == self.gray_per_beat - 1)),
             self.o.valid.eq(self.i.valid),
             self.i.ready.eq(self.o.ready & empties),
-            # The front end takes colours in the order of UG934: G in the lowest byte, then B, R.
-            pixel.data.eq(Mux(self.i_memory_mode, Cat(green, blue, red), beat.data)),
             pixel.first.eq(beat.first),
             pixel.last.eq(beat.last & empties),
         ]
-        with m.If(unpacks):
-            m.d.comb += pixel.data.eq(Array(lanes)[byte])
+        pixel_bits = len(beat.data) // self.pixels_per_clock
+        for n, color in enumerate(each_pixel(pixel.data, self.pixels_per_clock)):
+            bits = beat.data[n * pixel_bits :][:pixel_bits]
+            lanes = [bits[8 * lane : 8 * lane + 8] for lane in range(GRAY_PER_WORD)]
+            red, green, blue, _ = lanes
+            # The front end takes colours in the order of UG934: G in the lowest byte, then B, R.
+            m.d.comb += color.eq(Mux(self.i_memory_mode, Cat(green, blue, red), bits))
+            with m.If(unpacks):
+                m.d.comb += color.eq(Array(lanes[: self.gray_per_beat])[byte])
         with m.If(self.o.valid & self.o.ready):
             m.d.sync += byte.eq(Mux(empties, 0, byte + 1))
         return m

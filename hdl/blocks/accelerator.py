@@ -13,6 +13,7 @@ from golden_model.matching.matcher import match
 from golden_model.records import FRAME_STATUS, MATCH, WORD_BYTES
 from hdl.axi.interfaces import CLOCK, RESET
 from hdl.axi.register_map import IDENTITY, REGISTERS, register_writes
+from hdl.axi.video_input import pixels_per_clock
 from hdl.blocks.testbench import Port, VerilogBench
 from hdl.blocks.vectors import Row, packet, padded_status, sample_image
 from hdl.settings import RUNNING, matched_frame_settings
@@ -25,7 +26,7 @@ _CYCLES_WORD = next(offset for field, offset in FRAME_STATUS.offsets() if field.
 """The golden model has no clock."""
 
 
-def accelerator_bench(module: str, ports: dict[str, Port], config: Config) -> VerilogBench:
+def accelerator_bench(module: str, ports: dict[str, Port], config: Config, *, video_bits: int) -> VerilogBench:
     """A bench that reads a register, writes the settings, sends two gray frames as video, and compares all words.
 
     Parameters
@@ -35,6 +36,8 @@ def accelerator_bench(module: str, ports: dict[str, Port], config: Config) -> Ve
     ports : dict of str to Port
     config : Config
         What was built; the threshold is raised until the features fit.
+    video_bits : int
+        Width of the video input.
     """
     scene = sample_image(FRAME_PX, FRAME_PX + SHIFT_PX)
     images = [np.ascontiguousarray(scene[:, shift : shift + FRAME_PX]) for shift in (0, SHIFT_PX)]
@@ -60,7 +63,7 @@ def accelerator_bench(module: str, ports: dict[str, Port], config: Config) -> Ve
             f"{control}aw": [{f"{control}awaddr": address, f"{control}awprot": 0} for address, _ in writes],
             f"{control}w": [{f"{control}wdata": word, f"{control}wstrb": 0xF} for _, word in writes],
             f"{control}ar": [{f"{control}araddr": 0, f"{control}arprot": 0}],
-            "s_axis_video_t": [row for image in images for row in _video(image)],
+            "s_axis_video_t": [row for image in images for row in _video(image, video_bits)],
         },
         outputs={
             f"{control}b": [{f"{control}bresp": 0}] * len(writes),
@@ -91,15 +94,18 @@ def _writes(config: Config) -> list[tuple[int, int]]:
     return sorted(register_writes(settings), key=lambda write: write[0] == _CONTROL)
 
 
-def _video(image: NDArray[np.uint8]) -> list[Row]:
-    height, width = image.shape
+def _video(image: NDArray[np.uint8], video_bits: int) -> list[Row]:
+    """Beats of one or two gray pixels; of two, the left one is in the lower half."""
+    count = pixels_per_clock(video_bits)
+    weights = 1 << np.arange(count) * (video_bits // count)
+    beats = image.reshape(len(image), -1, count) @ weights
     return [
         {
-            "s_axis_video_tdata": int(image[y, x]),
+            "s_axis_video_tdata": int(beats[y, x]),
             "s_axis_video_tuser": int(x == y == 0),
-            "s_axis_video_tlast": int(x == width - 1),
+            "s_axis_video_tlast": int(x == beats.shape[1] - 1),
         }
-        for y, x in np.ndindex(height, width)
+        for y, x in np.ndindex(*beats.shape)
     ]
 
 

@@ -44,7 +44,7 @@ class CandidateFeatures(wiring.Component):
     Parameters
     ----------
     pattern : DescriptorPattern
-    spacing_cycles : {2, 4}
+    spacing_cycles : {1, 2, 4}
         Smallest distance of two candidates in clocks.
     level : {0, 1}
     lag_px : int
@@ -78,7 +78,7 @@ class CandidateFeatures(wiring.Component):
         self.pattern = pattern
         self.lag_px = lag_px
         self._descriptor = RingDescriptor(pattern=pattern, spacing_cycles=spacing_cycles)
-        self._position = SubPixel(level=level, lag_px=lag_px)
+        self._position = SubPixel(level=level, lag_px=lag_px, spacing_cycles=spacing_cycles)
         self.latency_cycles = max(self._descriptor.latency_cycles, self._position.latency_cycles)
         super().__init__(
             {

@@ -16,7 +16,7 @@ from hdl.lib.views import view_signal
 
 Ring = Sequence[Value] | View
 """The pixels of a ring by angle."""
-SPACING_CYCLES = (2, 4)
+SPACING_CYCLES = (1, 2, 4)
 """Smallest distance of two candidates in clocks: the time that one candidate may take."""
 
 
@@ -31,7 +31,7 @@ class RingDescriptor(wiring.Component):
     ----------
     pattern : DescriptorPattern
         What is compared.
-    spacing_cycles : {2, 4}
+    spacing_cycles : {1, 2, 4}
         Smallest distance of two candidates in clocks.
 
     Members
@@ -72,7 +72,7 @@ class RingDescriptor(wiring.Component):
         self._wait_cycles = 0
         if pattern.oriented:
             self._moments = RingMoments(radii_px=pattern.radii_px, groups=self.groups)
-            self._sector = Sector(moment=self._moments.o_mx.shape())
+            self._sector = Sector(moment=self._moments.o_mx.shape(), spacing_cycles=spacing_cycles)
             # Delay of the first group's comparisons (one clock) until the last group's moments have given the sector.
             self._wait_cycles = self.groups - 1 + self._moments.latency_cycles + self._sector.latency_cycles - 1
         # Early candidate, copy of the rings, first comparison, wait for the sector, collection of all groups.
@@ -122,9 +122,11 @@ class RingDescriptor(wiring.Component):
                 continue
             ring = view_signal(ArrayLayout(8, self.pattern.angles), name=f"ring{radius_px}", reset_less=True)
             loaded = [pixels[n - self.group_angles] for n in range(self.pattern.angles)]
-            rotated = ring.as_value().rotate_left(8 * self.group_angles)
+            following: Value = Cat(loaded)
+            if self.groups > 1:
+                following = Mux(load, following, ring.as_value().rotate_left(8 * self.group_angles))
             with m.If(rotate):
-                m.d.sync += ring.eq(Mux(load, Cat(loaded), rotated))
+                m.d.sync += ring.eq(following)
             rings.append(ring)
         return rings
 
@@ -160,6 +162,6 @@ class RingDescriptor(wiring.Component):
             angle = (sector + step * i)[: (self.pattern.angles - 1).bit_length()]
             position, group = angle[:position_bits], angle[position_bits:]
             # The last group comes first, hence the complement.
-            with m.If(collection.bit_select(~group, 1)):
+            with m.If(collection.bit_select(~group, 1) if self.groups > 1 else collection):
                 m.d.sync += bit.eq(columns[position])
         m.d.comb += self.o_descriptor.eq(Cat(bit[j] for j in range(self.pattern.descriptor_bytes) for bit in bits))

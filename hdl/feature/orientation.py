@@ -25,7 +25,7 @@ class RingMoments(wiring.Component):
     ----------
     radii_px : tuple of int
         Weight of each ring.
-    groups : {2, 4}
+    groups : {1, 2, 4}
         Groups of a candidate; each takes one clock.
 
     Members
@@ -51,8 +51,8 @@ class RingMoments(wiring.Component):
     o_my: Signal
 
     def __init__(self, *, radii_px: tuple[int, ...], groups: int) -> None:
-        if groups not in (2, 4):
-            raise ValueError(f"groups is {groups}; valid: 2, 4")
+        if groups not in (1, 2, 4):
+            raise ValueError(f"groups is {groups}; valid: 1, 2, 4")
         self.groups = groups
         group_angles = SECTORS // groups
         angles_rad = [2 * pi * sector / SECTORS for sector in range(SECTORS)]
@@ -87,11 +87,15 @@ class RingMoments(wiring.Component):
             m.d.comb += [radial.i_valid.eq(self.i_valid)]
             m.d.comb += [along.i_values[angle].eq(radial.o_sum) for along in (along_x, along_y)]
         m.d.comb += [along.i_valid.eq(self._radial[0].o_valid) for along in (along_x, along_y)]
+        mx = port_register(m, self.o_mx)
+        my = port_register(m, self.o_my)
+        if self.groups == 1:
+            with m.If(along_x.o_valid):
+                m.d.sync += [mx.eq(along_x.o_sum), my.eq(along_y.o_sum)]
+            return m
         # Rotating by a quarter is (x, y) -> (-y, x), by a half (x, y) -> (-x, -y).
         first = delayed(m, self.i_first, self.latency_cycles - 1)
         rotated_x, rotated_y = (-self.o_my, self.o_mx) if self.groups == 4 else (-self.o_mx, -self.o_my)
-        mx = port_register(m, self.o_mx)
-        my = port_register(m, self.o_my)
         with m.If(along_x.o_valid):
             m.d.sync += [
                 mx.eq(along_x.o_sum + Mux(first, 0, rotated_x)),
@@ -107,6 +111,8 @@ class Sector(wiring.Component):
     ----------
     moment : Shape
         Signed shape of the moments. Its most negative number must not occur: its magnitude would not fit.
+    spacing_cycles : int
+        Smallest distance of two moments in clocks.
 
     Members
     -------
@@ -124,7 +130,8 @@ class Sector(wiring.Component):
     i_my: Signal
     o_sector: Signal
 
-    def __init__(self, *, moment: Shape) -> None:
+    def __init__(self, *, moment: Shape, spacing_cycles: int = 2) -> None:
+        self.spacing_cycles = spacing_cycles
         length = unsigned(moment.width - 1)
         self._borders = [WeightedSum(weights=(tangent, -TANGENT_ONE), shape=length) for tangent in HALF_SECTOR_TANGENTS]
         self.latency_cycles = 3 + self._borders[0].latency_cycles + 1
@@ -152,10 +159,13 @@ class Sector(wiring.Component):
         steep = Signal(reset_less=True)
         longer = Signal(length, reset_less=True)
         shorter = Signal(length, reset_less=True)
+        # What is used for two clocks stays there only if the next moments do not follow in the next clock.
+        held_cycles = int(self.spacing_cycles == 1)
+        lengths = [delayed(m, length, held_cycles) for length in (along, across)]
         with m.If(folded):
             m.d.sync += steep.eq(along > across)
         with m.If(compared):
-            m.d.sync += [longer.eq(Mux(steep, along, across)), shorter.eq(Mux(steep, across, along))]
+            m.d.sync += [longer.eq(Mux(steep, *lengths)), shorter.eq(Mux(steep, *reversed(lengths)))]
 
         for n, border in enumerate(self._borders):
             m.submodules[f"border_{n}"] = border
@@ -163,7 +173,7 @@ class Sector(wiring.Component):
         beyond = [border.o_sum < 0 for border in self._borders]
         cycles = self._borders[0].latency_cycles
         # The folding bits wait for the comparisons with the borders, which use adders.
-        octant = delayed(m, Cat(steep, delayed(m, Cat(left, up), 2)), cycles)
+        octant = delayed(m, Cat(delayed(m, steep, held_cycles), delayed(m, Cat(left, up), 2)), cycles)
         sector = port_register(m, self.o_sector)
         with m.If(self._borders[0].o_valid):
             m.d.sync += sector.eq(self._unfolded(m, beyond, *octant))

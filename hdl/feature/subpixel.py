@@ -107,11 +107,12 @@ class SubPixel(wiring.Component):
         The centre of half-size pixel x is at 2 (x + 1/2) - 1/2 in the full frame.
     lag_px : int
         How far the candidate's pixel is left of and above the scan position.
+    spacing_cycles : int
+        Smallest distance of two candidates in clocks.
 
     Members
     -------
     i : In(CANDIDATE)
-        Candidates must be at least 2 clocks apart.
     o_x, o_y : Out(16)
         UQ(12, 4), 1/16 px; valid ``latency_cycles`` after the candidate, for at least one clock.
 
@@ -129,17 +130,19 @@ class SubPixel(wiring.Component):
     o_x: Signal
     o_y: Signal
 
-    def __init__(self, *, level: int, lag_px: int) -> None:
+    def __init__(self, *, level: int, lag_px: int, spacing_cycles: int = 2) -> None:
         if level not in (0, 1):
             raise ValueError(f"level is {level}; valid: 0, 1")
         self.level = level
         self.lag_px = lag_px
+        # Where candidates leave time for it, x and y take turns.
+        self.turns = min(spacing_cycles, 2)
         self._vertex = Vertex()
-        self.latency_cycles = 1 + self._vertex.latency_cycles + 2
+        self.latency_cycles = 1 + self._vertex.latency_cycles + self.turns
         super().__init__({"i": In(CANDIDATE), "o_x": Out(POSITION.bits), "o_y": Out(POSITION.bits)})
 
     def elaborate(self, platform: object) -> Module:
-        """One `Vertex` serves both directions: x in the first clock, y in the second."""
+        """One `Vertex` serves both directions, x in the first clock and y in the second; or there is one for each."""
         m = Module()
         m.submodules.vertex = vertex = self._vertex
         up = Signal(RESPONSE_CODE.bits, reset_less=True)
@@ -147,8 +150,14 @@ class SubPixel(wiring.Component):
         centre = Signal(RESPONSE_CODE.bits, reset_less=True)
         after = Signal(RESPONSE_CODE.bits, reset_less=True)
         down = Signal(RESPONSE_CODE.bits, reset_less=True)
-        # In the clock after a candidate its vertical neighbours move to the inputs of the divider.
-        m.d.sync += [before.eq(up), after.eq(down)]
+        y_offset: Value = vertex.o_offset
+        if self.turns == 1:
+            m.submodules.vertex_y = vertex_y = Vertex()
+            m.d.comb += [vertex_y.i_before.eq(up), vertex_y.i_centre.eq(centre), vertex_y.i_after.eq(down)]
+            y_offset = vertex_y.o_offset
+        else:
+            # In the clock after a candidate its vertical neighbours move to the inputs of the divider.
+            m.d.sync += [before.eq(up), after.eq(down)]
         with m.If(self.i.present):
             m.d.sync += [
                 up.eq(self.i.up),
@@ -161,18 +170,18 @@ class SubPixel(wiring.Component):
 
         x_cycles = 1 + vertex.latency_cycles
         x_done = delayed(m, self.i.present, x_cycles, reset_less=False)
-        y_done = delayed(m, x_done, 1, reset_less=False)
+        y_done = delayed(m, x_done, self.turns - 1, reset_less=False)
         column = Signal.like(self.i.x, reset_less=True)
         row = Signal.like(self.i.y, reset_less=True)
         m.d.sync += [column.eq(self.i.x - self.lag_px), row.eq(self.i.y - self.lag_px)]
         x = delayed(m, column, x_cycles - 1)
-        y = delayed(m, row, x_cycles)
+        y = delayed(m, row, x_cycles + self.turns - 2)
         full_x = port_register(m, self.o_x)
         full_y = port_register(m, self.o_y)
         with m.If(x_done):
             m.d.sync += full_x.eq(self._full_resolution(x, vertex.o_offset))
         with m.If(y_done):
-            m.d.sync += full_y.eq(self._full_resolution(y, vertex.o_offset))
+            m.d.sync += full_y.eq(self._full_resolution(y, y_offset))
         return m
 
     def _full_resolution(self, pixel: Value, offset: Value) -> Value:

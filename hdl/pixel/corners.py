@@ -15,13 +15,16 @@ from hdl.pixel.fast import Fast
 from hdl.pixel.gradients import GradientColumns
 from hdl.pixel.harris import RawResponse, ResponseCode, StructureTensor
 from hdl.pixel.nms import NEIGHBOURHOOD, Suppression
-from hdl.streams import beat, carry_scan
+from hdl.streams import add_submodules, beat, carry_scan, each_pixel, pixel_beats
 
 
 class Stage(NamedTuple):
-    """The hardware counterpart of a plane of `golden_model.front_end.trace`: a field of a beat, and its lag."""
+    """The hardware counterpart of a plane of `golden_model.front_end.trace`: a field of beats, and its lag.
 
-    beat: data.View
+    There is a beat for each pixel that is processed at the same time.
+    """
+
+    beats: list[data.View]
     field: str
     lag_px: int
 
@@ -37,6 +40,8 @@ class Corners(wiring.Component):
         Its ``detector`` and ``threshold`` are ignored: they are set at run time.
     width_px : int
         Largest width of a line.
+    pixels_per_clock : {1, 2}
+        Pixels of a beat.
 
     Members
     -------
@@ -60,25 +65,27 @@ class Corners(wiring.Component):
     i_threshold_code: Signal
     o: data.View
 
-    def __init__(self, *, config: FrontEndConfig, width_px: int) -> None:
-        self._columns = GradientColumns(smoothed=config.smoothed_gradients, width_px=width_px)
-        self._tensor = StructureTensor(window_px=config.tensor_window_px)
-        self._raw_response = RawResponse(k_numerator=config.harris_k_numerator, k_shift=config.harris_k_shift)
-        self._response_code = ResponseCode()
-        self._fast = Fast()
-        self._suppression = Suppression(radius_px=config.suppression_radius_px, width_px=width_px)
-        self._harris = (self._tensor, self._raw_response, self._response_code)
-        self._harris_cycles = sum(block.latency_cycles for block in self._harris)
+    def __init__(self, *, config: FrontEndConfig, width_px: int, pixels_per_clock: int = 1) -> None:
+        self.pixels_per_clock = pixels_per_clock
+        rate, k = {"pixels_per_clock": pixels_per_clock}, (config.harris_k_numerator, config.harris_k_shift)
+        self._columns = GradientColumns(smoothed=config.smoothed_gradients, width_px=width_px, **rate)
+        self._tensor = StructureTensor(window_px=config.tensor_window_px, **rate)
+        self._raw_responses = [RawResponse(k_numerator=k[0], k_shift=k[1]) for _ in range(pixels_per_clock)]
+        self._response_codes = [ResponseCode() for _ in range(pixels_per_clock)]
+        self._fast = Fast(**rate)
+        self._suppression = Suppression(radius_px=config.suppression_radius_px, width_px=width_px, **rate)
+        harris = (self._tensor, self._raw_responses[0], self._response_codes[0])
+        self._harris_cycles = sum(block.latency_cycles for block in harris)
         self._response_cycles = max(self._harris_cycles, self._fast.latency_cycles)
         self.response_lag_px = self._columns.gradient_lag_px + self._tensor.lag_px
         self.lag_px = self.response_lag_px + self._suppression.lag_px
         self.latency_cycles = self._columns.latency_cycles + self._response_cycles + self._suppression.latency_cycles
         super().__init__(
             {
-                "i": In(beat(column=data.ArrayLayout(PIXEL.bits, 3))),
+                "i": In(beat(pixels_per_clock, column=data.ArrayLayout(PIXEL.bits, 3))),
                 "i_fast": In(1),
                 "i_threshold_code": In(RESPONSE_CODE.bits),
-                "o": Out(beat(**NEIGHBOURHOOD)),
+                "o": Out(beat(pixels_per_clock, **NEIGHBOURHOOD)),
             }
         )
 
@@ -86,13 +93,18 @@ class Corners(wiring.Component):
     def stages(self) -> dict[str, Stage]:
         """The intermediate planes, under the names of `golden_model.front_end.trace`."""
         columns, lag_px = self._columns, self.response_lag_px
-        smoothed = {"smoothed": Stage(columns.smooth.o, "pixel", columns.smooth.lag_px)} if columns.smooth else {}
+        gradients, tensors, codes = (
+            pixel_beats(source, self.pixels_per_clock)
+            for source in (columns.sobel.o, self._tensor.o, self._suppression.i)
+        )
+        smooth = columns.smooth
+        smoothed = pixel_beats(smooth.o, self.pixels_per_clock) if smooth else []
         return {
-            **smoothed,
-            **{name: Stage(columns.sobel.o, name, columns.gradient_lag_px) for name in ("gradient_x", "gradient_y")},
-            **{f"tensor_{name}": Stage(self._tensor.o, name, lag_px) for name in "abc"},
-            "raw_response": Stage(self._raw_response.o, "raw", lag_px),
-            "response_code": Stage(self._suppression.i, "code", lag_px),
+            **({"smoothed": Stage(smoothed, "pixel", smooth.lag_px)} if smooth else {}),
+            **{name: Stage(gradients, name, columns.gradient_lag_px) for name in ("gradient_x", "gradient_y")},
+            **{f"tensor_{name}": Stage(tensors, name, lag_px) for name in "abc"},
+            "raw_response": Stage([block.o for block in self._raw_responses], "raw", lag_px),
+            "response_code": Stage(codes, "code", lag_px),
         }
 
     def elaborate(self, platform: object) -> Module:
@@ -100,8 +112,8 @@ class Corners(wiring.Component):
         m = Module()
         m.submodules.columns = columns = self._columns
         m.submodules.tensor = tensor = self._tensor
-        m.submodules.raw_response = raw_response = self._raw_response
-        m.submodules.response_code = response_code = self._response_code
+        add_submodules(m, "raw_response", self._raw_responses)
+        add_submodules(m, "response_code", self._response_codes)
         m.submodules.fast = fast = self._fast
         m.submodules.suppression = suppression = self._suppression
         # The scan position goes to both, so that both have it; only the chosen detector gets valid beats.
@@ -112,17 +124,29 @@ class Corners(wiring.Component):
             columns.i.eq(self.i),
             columns.i_fast.eq(self.i_fast),
             tensor.i.column.eq(columns.o.gradients),
-            raw_response.i.eq(tensor.o),
-            response_code.i.eq(raw_response.o),
-            response_code.i_threshold_code.eq(self.i_threshold_code),
+        ]
+        tensors = pixel_beats(tensor.o, self.pixels_per_clock)
+        harris = zip(tensors, self._raw_responses, self._response_codes, strict=True)
+        for of_pixel, raw_response, response_code in harris:
+            m.d.comb += [
+                raw_response.i.eq(of_pixel),
+                response_code.i.eq(raw_response.o),
+                response_code.i_threshold_code.eq(self.i_threshold_code),
+            ]
+        m.d.comb += [
             fast.i.column.eq(columns.o.pixels),
             fast.i_threshold_code.eq(self.i_threshold_code),
             suppression.i_fast.eq(self.i_fast),
             self.o.eq(suppression.o),
         ]
-        harris_code = delayed(m, response_code.o.code, self._response_cycles - self._harris_cycles)
-        fast_code = delayed(m, fast.o.code, self._response_cycles - fast.latency_cycles)
+        harris_wait, fast_wait = (self._response_cycles - each for each in (self._harris_cycles, fast.latency_cycles))
+        chosen_codes = []
+        for block, of_fast in zip(self._response_codes, each_pixel(fast.o.code, self.pixels_per_clock), strict=True):
+            harris_code = delayed(m, block.o.code, harris_wait)
+            fast_code = delayed(m, of_fast, fast_wait)
+            chosen_codes.append(Mux(self.i_fast, fast_code, harris_code))
         # Not taken from a detector: the one that rests has no valid beats.
         carry_scan(m, columns.o, suppression.i, self._response_cycles)
-        m.d.comb += suppression.i.code.eq(Mux(self.i_fast, fast_code, harris_code))
+        codes = each_pixel(suppression.i.code, self.pixels_per_clock)
+        m.d.comb += [code.eq(chosen) for code, chosen in zip(codes, chosen_codes, strict=True)]
         return m

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
@@ -10,7 +12,7 @@ from golden_model.formats import PIXEL, RESPONSE_CODE
 from golden_model.pixel.fast import CIRCLE, MARGIN_PX
 from hdl.lib.delay import Pipe, delayed
 from hdl.pixel.window import Window
-from hdl.streams import beat, carry_scan
+from hdl.streams import beat, carry_scan, each_pixel
 
 WINDOW_PX = 2 * MARGIN_PX + 1
 _EVENS_THEN_ODDS = (*CIRCLE[0::2], *CIRCLE[1::2])
@@ -28,6 +30,11 @@ class Fast(wiring.Component):
     The bits of the decisive pixel are found one after another, the highest first. Each is the answer to the same
     question: do nine contiguous pixels have a one here? A pixel whose bit differs from the answer is larger or smaller
     than the decisive one, whatever its lower bits are; from then on it counts as all ones or all zeros.
+
+    Parameters
+    ----------
+    pixels_per_clock : {1, 2}
+        Pixels of a beat.
 
     Members
     -------
@@ -52,14 +59,15 @@ class Fast(wiring.Component):
     # Clocks: window; brighter pixels; their arcs; complement; two for each bit; difference; threshold.
     latency_cycles = Window.latency_cycles + 3 + 2 * PIXEL.bits + 2
 
-    def __init__(self) -> None:
+    def __init__(self, *, pixels_per_clock: int = 1) -> None:
+        self.pixels_per_clock = pixels_per_clock
         column = data.ArrayLayout(PIXEL.bits, WINDOW_PX)
-        self._window = Window(shape=column, columns=WINDOW_PX)
+        self._window = Window(shape=column, columns=WINDOW_PX, pixels_per_clock=pixels_per_clock)
         super().__init__(
             {
-                "i": In(beat(column=column)),
+                "i": In(beat(pixels_per_clock, column=column)),
                 "i_threshold_code": In(RESPONSE_CODE.bits),
-                "o": Out(beat(code=PIXEL.bits)),
+                "o": Out(beat(pixels_per_clock, code=PIXEL.bits)),
             }
         )
 
@@ -69,18 +77,21 @@ class Fast(wiring.Component):
         m.submodules.window = window = self._window
         m.d.comb += window.i.eq(self.i)
         carry_scan(m, window.o, self.o, self.latency_cycles - window.latency_cycles)
-        columns = window.o.columns
-        centre, *circle = (columns[MARGIN_PX - x][MARGIN_PX - y] for x, y in ((0, 0), *_EVENS_THEN_ODDS))
-
         pipe = Pipe(m, window.o.valid)
+        for columns, o_code in zip(window.windows, each_pixel(self.o.code, self.pixels_per_clock), strict=True):
+            m.d.comb += o_code.eq(self._code(m, pipe, columns))
+        return m
+
+    def _code(self, m: Module, pipe: Pipe, columns: list[Any]) -> Value:
+        """The response code of the pixel in the middle of a window."""
+        centre, *circle = (columns[MARGIN_PX - x][MARGIN_PX - y] for x, y in ((0, 0), *_EVENS_THEN_ODDS))
         decisive, darker, cycles = self._decisive(m, pipe, circle, centre)
         reference = delayed(m, pipe.registered(centre, 0), cycles - 1) ^ darker.replicate(PIXEL.bits)
         # decisive - reference - 1; the carry out is 1 where the result is not negative.
         difference = decisive + ~reference
         score = pipe.registered(Mux(difference[-1], difference[: PIXEL.bits], 0), cycles)
         code = Mux(score < self.i_threshold_code, 0, score)
-        m.d.comb += self.o.code.eq(pipe.registered(code, cycles + 1))
-        return m
+        return pipe.registered(code, cycles + 1)
 
     @staticmethod
     def _decisive(m: Module, pipe: Pipe, circle: list[Value], centre: Value) -> tuple[Value, Value, int]:

@@ -13,7 +13,7 @@ from hdl.pixel.harris import GRADIENTS, TENSOR_LINES
 from hdl.pixel.smooth import Binomial
 from hdl.pixel.sobel import Sobel
 from hdl.pixel.window import LineBuffer
-from hdl.streams import beat, carry_scan
+from hdl.streams import beat, carry_scan, pixel_beats
 
 
 class GradientColumns(wiring.Component):
@@ -29,6 +29,8 @@ class GradientColumns(wiring.Component):
         Apply the 3x3 binomial before the gradients.
     width_px : int
         Largest width of a line.
+    pixels_per_clock : {1, 2}
+        Pixels of a beat.
 
     Members
     -------
@@ -53,22 +55,25 @@ class GradientColumns(wiring.Component):
     i_fast: Signal
     o: data.View
 
-    def __init__(self, *, smoothed: bool, width_px: int) -> None:
-        self.smooth = Binomial(window_px=3) if smoothed else None
-        self.sobel = Sobel()
+    def __init__(self, *, smoothed: bool, width_px: int, pixels_per_clock: int = 1) -> None:
+        self.pixels_per_clock = pixels_per_clock
+        rate = {"pixels_per_clock": pixels_per_clock}
+        self.smooth = Binomial(window_px=3, **rate) if smoothed else None
+        self.sobel = Sobel(**rate)
         self.pixel_lag_px = self.smooth.lag_px if self.smooth else 0
         self.gradient_lag_px = self.pixel_lag_px + self.sobel.lag_px
-        self._lines = LineBuffer(shape=GRADIENTS, lines=TENSOR_LINES - 1, width_px=width_px)
+        self._lines = LineBuffer(shape=GRADIENTS, lines=TENSOR_LINES - 1, width_px=width_px, **rate)
         self.latency_cycles = self.sobel.latency_cycles + self._lines.latency_cycles
         if self.smooth:
-            self._smoothed_lines = LineBuffer(shape=PIXEL.bits, lines=2, width_px=width_px)
+            self._smoothed_lines = LineBuffer(shape=PIXEL.bits, lines=2, width_px=width_px, **rate)
             self.latency_cycles += self.smooth.latency_cycles + self._smoothed_lines.latency_cycles
         super().__init__(
             {
-                "i": In(beat(column=data.ArrayLayout(PIXEL.bits, 3))),
+                "i": In(beat(pixels_per_clock, column=data.ArrayLayout(PIXEL.bits, 3))),
                 "i_fast": In(1),
                 "o": Out(
                     beat(
+                        pixels_per_clock,
                         gradients=data.ArrayLayout(GRADIENTS, TENSOR_LINES),
                         pixels=data.ArrayLayout(PIXEL.bits, WINDOW_PX),
                     )
@@ -84,16 +89,20 @@ class GradientColumns(wiring.Component):
         m.submodules.lines = lines = self._lines
         m.d.comb += sobel.i.eq(column)
         carry_scan(m, sobel.o, lines.i, 0)
-        gradients = Cat(sobel.o.gradient_x, sobel.o.gradient_y)
-        pair = delayed(m, Cat(column.column[0], column.column[2]), sobel.latency_cycles)
-        m.d.comb += Value.cast(lines.i.pixel).eq(Mux(self.i_fast, pair, gradients))
+        of_beats = (pixel_beats(each, self.pixels_per_clock) for each in (column, sobel.o, lines.i))
+        for above, gradient, stored in zip(*of_beats, strict=True):
+            gradients = Cat(gradient.gradient_x, gradient.gradient_y)
+            pair = delayed(m, Cat(above.column[0], above.column[2]), sobel.latency_cycles)
+            m.d.comb += Value.cast(stored.pixel).eq(Mux(self.i_fast, pair, gradients))
 
         carry_scan(m, lines.o, self.o, 0)
-        pairs = [Value.cast(pixel) for pixel in lines.o.column]
-        # The pair of an entry is two lines apart: the last two entries also hold the two oldest lines.
-        oldest = [pair >> PIXEL.bits for pair in pairs[TENSOR_LINES - 2 :]]
-        m.d.comb += self.o.gradients.eq(lines.o.column)
-        m.d.comb += [pixel.eq(source) for pixel, source in zip(self.o.pixels, [*pairs, *oldest], strict=True)]
+        of_beats = (pixel_beats(each, self.pixels_per_clock) for each in (lines.o, self.o))
+        for kept, out in zip(*of_beats, strict=True):
+            pairs = [Value.cast(pixel) for pixel in kept.column]
+            # The pair of an entry is two lines apart: the last two entries also hold the two oldest lines.
+            oldest = [pair >> PIXEL.bits for pair in pairs[TENSOR_LINES - 2 :]]
+            m.d.comb += out.gradients.eq(kept.column)
+            m.d.comb += [pixel.eq(source) for pixel, source in zip(out.pixels, [*pairs, *oldest], strict=True)]
         return m
 
     def _smoothed(self, m: Module, smooth: Binomial) -> data.View:
@@ -102,8 +111,11 @@ class GradientColumns(wiring.Component):
         m.submodules.smoothed_lines = lines = self._smoothed_lines
         m.d.comb += smooth.i.eq(self.i)
         carry_scan(m, smooth.o, lines.i, 0)
-        # In the pipe, the register holds still without a beat like those of the smoother.
-        middle = Pipe(m, self.i.valid).registered(self.i.column[1], 0)
-        passed = delayed(m, middle, smooth.latency_cycles)
-        m.d.comb += lines.i.pixel.eq(Mux(self.i_fast, passed, smooth.o.pixel))
+        # The middle of the window is a pixel further left: in this beat, or in the last one, which the pipe has kept.
+        middles = [above.column[1] for above in pixel_beats(self.i, self.pixels_per_clock)]
+        middle = Pipe(m, self.i.valid).registered(middles[-1], 0)
+        of_beats = (pixel_beats(each, self.pixels_per_clock) for each in (smooth.o, lines.i))
+        for left, smoothed, stored in zip([middle, *middles], *of_beats, strict=False):
+            passed = delayed(m, left, smooth.latency_cycles)
+            m.d.comb += stored.pixel.eq(Mux(self.i_fast, passed, smoothed.pixel))
         return lines.o

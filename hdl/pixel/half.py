@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from amaranth import Module, Signal
+from amaranth import Const, Module, Signal, Value
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -20,13 +20,15 @@ class Half(wiring.Component):
     ----------
     width_px : int
         Largest width of the full-size line.
+    pixels_per_clock : {1, 2}
+        Pixels of a beat at full size. Two pixels of a block that come in one beat must both be pixels of the line.
 
     Members
     -------
     i : In(beat(pixel))
         Full size.
     o : Out(beat(pixel))
-        Half size, with the half-size scan position.
+        Half size, with the half-size scan position; one pixel a beat.
 
     Attributes
     ----------
@@ -39,23 +41,29 @@ class Half(wiring.Component):
 
     latency_cycles = 3
 
-    def __init__(self, *, width_px: int) -> None:
+    def __init__(self, *, width_px: int, pixels_per_clock: int = 1) -> None:
         self.width_px = width_px
-        super().__init__({"i": In(beat(pixel=8)), "o": Out(beat(pixel=8))})
+        self.pixels_per_clock = pixels_per_clock
+        super().__init__({"i": In(beat(pixels_per_clock, pixel=8)), "o": Out(beat(pixel=8))})
 
     def elaborate(self, platform: object) -> Module:
         """Store the pair sums of even lines; add them to those of odd lines."""
         m = Module()
         m.submodules.memory = pairs_above = LineMemory(shape=9, depth=self.width_px // 2)
-        left = Signal(8, reset_less=True)
         pair = Signal(9, reset_less=True)
+        ends_pair: Value = self.i.x[0]
         with m.If(self.i.valid):
-            m.d.sync += [left.eq(self.i.pixel), pair.eq(left + self.i.pixel)]
+            if self.pixels_per_clock == 2:
+                m.d.sync += pair.eq(self.i.pixel[0] + self.i.pixel[1])
+                ends_pair = Const(1)
+            else:
+                left = Signal(8, reset_less=True)
+                m.d.sync += [left.eq(self.i.pixel), pair.eq(left + self.i.pixel)]
         m.d.comb += [pairs_above.i_read_address.eq(self.i.x >> 1), pairs_above.i_read.eq(self.i.valid)]
 
         column = delayed(m, self.i.x, 1)
         row = delayed(m, self.i.y, 1)
-        paired = delayed(m, self.i.valid & self.i.x[0], 1, reset_less=False)
+        paired = delayed(m, self.i.valid & ends_pair, 1, reset_less=False)
         # Written only in even lines, while the data that is read counts only in odd ones: no conflict at one address.
         m.d.comb += [
             pairs_above.i_write_address.eq(column >> 1),

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from typing import Any
+
 from amaranth import Cat, Const, Module, Mux, Shape, Signal, Value, signed, unsigned
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
@@ -20,12 +23,12 @@ from hdl.lib.delay import delayed
 from hdl.lib.multiplier import Multiplier
 from hdl.lib.weighted_sum import signed_digits
 from hdl.pixel.window import SeparableSum
-from hdl.streams import beat, carry_scan
+from hdl.streams import beat, carry_scan, each_pixel
 
 GRADIENTS = data.StructLayout({"x": signed(GRADIENT.bits), "y": signed(GRADIENT.bits)})
 TENSOR_LINES = 5
 """Lines of the largest window; a smaller window lies in the middle of it."""
-TENSOR = beat(a=TENSOR_DIAGONAL.bits, b=TENSOR_DIAGONAL.bits, c=signed(TENSOR_MIXED.bits))
+TENSOR = {"a": TENSOR_DIAGONAL.bits, "b": TENSOR_DIAGONAL.bits, "c": signed(TENSOR_MIXED.bits)}
 """The structure tensor: sums of Ix**2, Iy**2 and Ix Iy."""
 
 
@@ -38,6 +41,8 @@ class StructureTensor(wiring.Component):
     Parameters
     ----------
     window_px : {3, 5}
+    pixels_per_clock : {1, 2}
+        Pixels of a beat.
 
     Members
     -------
@@ -61,34 +66,39 @@ class StructureTensor(wiring.Component):
 
     lag_px = TENSOR_LINES // 2
 
-    def __init__(self, *, window_px: int) -> None:
+    def __init__(self, *, window_px: int, pixels_per_clock: int = 1) -> None:
         if window_px not in (3, 5):
             raise ValueError(f"window_px is {window_px}; valid: 3, 5")
         self.window_px = window_px
+        self.pixels_per_clock = pixels_per_clock
         square, mixed = unsigned(2 * GRADIENT.bits - 2), signed(2 * GRADIENT.bits - 1)
         self._sums = [self._box_sum(shape) for shape in (square, square, mixed)]
         self.latency_cycles = Multiplier.latency_cycles + self._sums[0].latency_cycles
-        super().__init__({"i": In(beat(column=data.ArrayLayout(GRADIENTS, TENSOR_LINES))), "o": Out(TENSOR)})
+        column = data.ArrayLayout(GRADIENTS, TENSOR_LINES)
+        super().__init__({"i": In(beat(pixels_per_clock, column=column)), "o": Out(beat(pixels_per_clock, **TENSOR))})
 
     def _box_sum(self, product: Shape) -> SeparableSum:
         # Zero weights around a smaller window keep its centre, and so the lag, the same.
         outside = (0,) * ((TENSOR_LINES - self.window_px) // 2)
         weights = (*outside, *(1,) * self.window_px, *outside)
-        return SeparableSum(vertical=weights, horizontal=weights, shape=product)
+        return SeparableSum(vertical=weights, horizontal=weights, shape=product, pixels_per_clock=self.pixels_per_clock)
 
     def elaborate(self, platform: object) -> Module:
         """A column of products and its sums."""
         m = Module()
         carry_scan(m, self.i, self.o, self.latency_cycles)
         product_valid = delayed(m, self.i.valid, Multiplier.latency_cycles, reset_less=False)
-        targets = (self.o.a, self.o.b, self.o.c)
-        for name, factors, total, target in zip("abc", ("xx", "yy", "xy"), self._sums, targets, strict=True):
+        for name, factors, total in zip("abc", ("xx", "yy", "xy"), self._sums, strict=True):
             m.submodules[f"sum_{name}"] = total
-            m.d.comb += [total.i.valid.eq(product_valid), target.eq(total.o.sum >> TENSOR_SHIFT)]
-            for line, (gradients, pixel) in enumerate(zip(self.i.column, total.i.column, strict=True)):
+            m.d.comb += total.i.valid.eq(product_valid)
+            for target, source in zip(*self._of_pixels(self.o[name], total.o.sum), strict=True):
+                m.d.comb += target.eq(source >> TENSOR_SHIFT)
+            columns = zip(*self._of_pixels(self.i.column, total.i.column), strict=True)
+            pairs = [pair for column, products in columns for pair in zip(column, products, strict=True)]
+            for n, (gradients, pixel) in enumerate(pairs):
                 a, b = (gradients[factor] for factor in factors)
                 product = Multiplier(a=a.shape(), b=b.shape(), product=pixel.shape())
-                m.submodules[f"product_{name}{line}"] = product
+                m.submodules[f"product_{name}{n}"] = product
                 m.d.comb += [
                     product.i_valid.eq(self.i.valid),
                     product.i_a.eq(a),
@@ -96,6 +106,9 @@ class StructureTensor(wiring.Component):
                     pixel.eq(product.o_product),
                 ]
         return m
+
+    def _of_pixels(self, *fields: Any) -> Iterator[list[Any]]:
+        return (each_pixel(field, self.pixels_per_clock) for field in fields)
 
 
 class RawResponse(wiring.Component):
@@ -127,7 +140,7 @@ class RawResponse(wiring.Component):
     def __init__(self, *, k_numerator: int, k_shift: int) -> None:
         self.k_numerator = k_numerator
         self.k_shift = k_shift
-        super().__init__({"i": In(TENSOR), "o": Out(beat(raw=signed(RAW_RESPONSE.bits)))})
+        super().__init__({"i": In(beat(**TENSOR)), "o": Out(beat(raw=signed(RAW_RESPONSE.bits)))})
 
     def elaborate(self, platform: object) -> Module:
         """One clock each: operands, multipliers, products, determinant and penalty, response."""

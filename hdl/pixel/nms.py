@@ -12,7 +12,7 @@ from amaranth.lib.wiring import In, Out
 from golden_model.formats import PIXEL, RESPONSE_CODE
 from hdl.lib.delay import Pipe, delayed
 from hdl.pixel.window import LineBuffer
-from hdl.streams import beat, carry_scan
+from hdl.streams import beat, carry_scan, each_pixel, pixel_beats
 
 CODE = RESPONSE_CODE.bits
 NEIGHBOURHOOD = {"code": CODE, "left": CODE, "right": CODE, "up": CODE, "down": CODE}
@@ -25,7 +25,7 @@ class Suppression(wiring.Component):
     Harris: a response survives if it is greater than every response before it in raster order and not smaller than any
     after it, so that the first of equal ones stays. Both maxima are built from maxima of columns and of growing runs
     of columns. FAST: the window is 3x3, scores have 8 bits, and none of several equal ones stays, so that a comparison
-    with each neighbour suffices.
+    with each neighbour suffices. With either rule, two horizontal neighbours never survive both.
 
     Parameters
     ----------
@@ -33,6 +33,8 @@ class Suppression(wiring.Component):
         Harris's window is (2 radius_px + 1) squared.
     width_px : int
         Largest width of a line.
+    pixels_per_clock : {1, 2}
+        Pixels of a beat.
 
     Members
     -------
@@ -56,16 +58,23 @@ class Suppression(wiring.Component):
     i_fast: Signal
     o: data.View
 
-    def __init__(self, *, radius_px: int, width_px: int) -> None:
+    def __init__(self, *, radius_px: int, width_px: int, pixels_per_clock: int = 1) -> None:
         if radius_px not in (1, 3):
             raise ValueError(f"radius_px is {radius_px}; valid: 1, 3")
         self.radius_px = radius_px
+        self.pixels_per_clock = pixels_per_clock
         self.lag_px = radius_px
-        self._lines = LineBuffer(shape=CODE, lines=2 * radius_px, width_px=width_px)
+        self._lines = LineBuffer(shape=CODE, lines=2 * radius_px, width_px=width_px, pixels_per_clock=pixels_per_clock)
         self._column_cycles = (radius_px - 1).bit_length()
         self._run_cycles = len(_run_lengths(2 * radius_px + 1)) - 1
         self.latency_cycles = self._lines.latency_cycles + self._column_cycles + self._run_cycles + 3
-        super().__init__({"i": In(beat(code=CODE)), "i_fast": In(1), "o": Out(beat(**NEIGHBOURHOOD))})
+        super().__init__(
+            {
+                "i": In(beat(pixels_per_clock, code=CODE)),
+                "i_fast": In(1),
+                "o": Out(beat(pixels_per_clock, **NEIGHBOURHOOD)),
+            }
+        )
 
     def elaborate(self, platform: object) -> Module:
         """Maxima before and after the centre in raster order, then the decision."""
@@ -75,66 +84,94 @@ class Suppression(wiring.Component):
         carry_scan(m, self.i, lines.i, 0)
         carry_scan(m, lines.o, self.o, self.latency_cycles - lines.latency_cycles)
         pipe = _Pipe(m, lines.o.valid)
-        radius, column = self.radius_px, lines.o.column
+        columns = each_pixel(lines.o.column, self.pixels_per_clock)
+        radius, column = self.radius_px, [list(line) for line in zip(*columns, strict=True)]
         runs = 2 * radius + 1
         above = pipe.largest_of_run(runs, *pipe.largest([column[n] for n in range(radius + 1, runs)]))
         below = pipe.largest_of_run(runs, *pipe.largest([column[n] for n in range(radius)]))
         cycles = above[1]
         # The centre line counts on both sides: pixels left of the centre come before it, those to the right after it.
-        beside, beside_cycles = pipe.largest_of_run(radius, column[radius], 0)
-        beside = delayed(m, beside, cycles - beside_cycles)
-        before, _ = pipe.largest([above[0], pipe.earlier(beside, cycles, radius + 1)[-1]], cycles)
-        after, cycles = pipe.largest([below[0], beside], cycles)
+        sides, side_cycles = pipe.largest_of_run(radius, column[radius], 0)
+        besides = []
+        for side in sides:
+            beside = delayed(m, side, cycles - side_cycles)
+            besides.append(beside)
+        before, _ = pipe.largest([above[0], pipe.earlier(besides, cycles, radius + 1)[-1]], cycles)
+        after, cycles = pipe.largest([below[0], besides], cycles)
 
-        up, line, down = (
-            [now, *pipe.earlier(now, cycles, radius + 1)]
-            for now in (delayed(m, column[radius + offset], cycles) for offset in (1, 0, -1))
-        )
+        lines_around = []
+        for offset in (1, 0, -1):
+            now = pipe.waiting(column[radius + offset], cycles)
+            lines_around.append([now, *pipe.earlier(now, cycles, radius + 1)])
+        for n, out in enumerate(pixel_beats(self.o, self.pixels_per_clock)):
+            around = [[values[n] for values in line] for line in lines_around]
+            self._decide(m, out, around, before[n], after[n])
+        return m
+
+    def _decide(self, m: Module, out: data.View, lines: list[Line], before: Value, after: Value) -> None:
+        """Keep the code of a pixel or not; ``lines`` are those above, at and below it, from the window's right on."""
+        up, line, down = lines
+        radius = self.radius_px
         centre = line[radius]
         around = [line[radius - 1], line[radius + 1], *up[radius - 1 : radius + 2], *down[radius - 1 : radius + 2]]
         larger = delayed(m, Cat(centre[: PIXEL.bits] > neighbour[: PIXEL.bits] for neighbour in around), 1)
         largest = delayed(m, (centre > before) & (centre >= after), 1)
         survives = Mux(self.i_fast, larger.all(), largest)
-        m.d.comb += self.o.code.eq(delayed(m, Mux(survives, delayed(m, centre, 1), 0), 1))
+        m.d.comb += out.code.eq(delayed(m, Mux(survives, delayed(m, centre, 1), 0), 1))
         beside_centre = {"left": line[radius + 1], "right": line[radius - 1], "up": up[radius], "down": down[radius]}
-        m.d.comb += [self.o[name].eq(delayed(m, code, 2)) for name, code in beside_centre.items()]
-        return m
+        m.d.comb += [out[name].eq(delayed(m, code, 2)) for name, code in beside_centre.items()]
+
+
+Line = list[Value]
+"""Values of a line or of a beat, pixel by pixel."""
 
 
 class _Pipe(Pipe):
-    """Current and earlier values of a beat; ``cycles`` is the delay of a value against the start of the pipe."""
+    """Current and earlier values of each pixel of a beat; ``cycles`` is their delay against the start of the pipe."""
 
-    def earlier(self, value: Value, cycles: int, beats: int) -> list[Signal]:
-        """The value 1, 2, ..., ``beats`` beats ago."""
-        values = []
-        for _ in range(beats):
-            value = self.registered(value, cycles)
-            values.append(value)
-        return values
+    def waiting(self, values: Line, cycles: int) -> Line:
+        """The values a fixed number of clocks later."""
+        return [delayed(self._m, value, cycles) for value in values]
 
-    def largest(self, values: Sequence[Value], cycles: int = 0) -> tuple[Value, int]:
+    def earlier(self, values: Line, cycles: int, distance_px: int) -> list[Line]:
+        """The values 1, 2, ..., ``distance_px`` pixels further left."""
+        count = len(values)
+        line = values[::-1]
+        while len(line) < distance_px + count:
+            for newer in line[-count:]:
+                value = self.registered(newer, cycles)
+                line.append(value)
+        return [line[distance : distance + count][::-1] for distance in range(1, distance_px + 1)]
+
+    def largest(self, values: Sequence[Line], cycles: int = 0) -> tuple[Line, int]:
         """The largest of the values, and its ``cycles``."""
         while len(values) > 1:
             pairs = [_larger(*pair) for pair in zip(values[0::2], values[1::2], strict=False)]
-            values = [self.registered(value, cycles) for value in (*pairs, *values[len(values) & ~1 :])]
+            values = [
+                [self.registered(value, cycles) for value in line] for line in (*pairs, *values[len(values) & ~1 :])
+            ]
             cycles += 1
         return values[0], cycles
 
-    def largest_of_run(self, beats: int, value: Value, cycles: int) -> tuple[Value, int]:
-        """The largest of the last ``beats`` values, and its ``cycles``, by maxima of runs of doubling length."""
-        for length, longer in pairwise(_run_lengths(beats)):
-            before = self.earlier(value, cycles, longer - length)[-1]
-            value = self.registered(_larger(value, before), cycles)
+    def largest_of_run(self, run_px: int, values: Line, cycles: int) -> tuple[Line, int]:
+        """The largest of the last ``run_px`` values, and its ``cycles``, by maxima of runs of doubling length."""
+        for length, longer in pairwise(_run_lengths(run_px)):
+            before = self.earlier(values, cycles, longer - length)[-1]
+            larger = _larger(values, before)
+            for n, each in enumerate(larger):
+                value = self.registered(each, cycles)
+                larger[n] = value
+            values = larger
             cycles += 1
-        return value, cycles
+        return values, cycles
 
 
-def _larger(a: Value, b: Value) -> Value:
-    return Mux(a > b, a, b)
+def _larger(a: Line, b: Line) -> Line:
+    return [Mux(one > other, one, other) for one, other in zip(a, b, strict=True)]
 
 
-def _run_lengths(beats: int) -> list[int]:
+def _run_lengths(run_px: int) -> list[int]:
     lengths = [1]
-    while lengths[-1] < beats:
-        lengths.append(min(2 * lengths[-1], beats))
+    while lengths[-1] < run_px:
+        lengths.append(min(2 * lengths[-1], run_px))
     return lengths

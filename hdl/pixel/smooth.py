@@ -9,7 +9,7 @@ from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
 from hdl.pixel.window import SeparableSum
-from hdl.streams import beat, carry_scan
+from hdl.streams import beat, carry_scan, each_pixel
 
 
 class Binomial(wiring.Component):
@@ -19,6 +19,8 @@ class Binomial(wiring.Component):
     ----------
     window_px : {1, 3, 5}
         1 passes the pixels unchanged.
+    pixels_per_clock : {1, 2}
+        Pixels of a beat.
 
     Members
     -------
@@ -40,15 +42,23 @@ class Binomial(wiring.Component):
     i: data.View
     o: data.View
 
-    def __init__(self, *, window_px: int) -> None:
+    def __init__(self, *, window_px: int, pixels_per_clock: int = 1) -> None:
         if window_px not in (1, 3, 5):
             raise ValueError(f"window_px is {window_px}; valid: 1, 3, 5")
         self.window_px = window_px
+        self.pixels_per_clock = pixels_per_clock
         self.lag_px = window_px // 2
         weights = tuple(comb(window_px - 1, n) for n in range(window_px))
-        self._sum = SeparableSum(vertical=weights, horizontal=weights, shape=unsigned(8))
+        self._sum = SeparableSum(
+            vertical=weights, horizontal=weights, shape=unsigned(8), pixels_per_clock=pixels_per_clock
+        )
         self.latency_cycles = self._sum.latency_cycles + 1
-        super().__init__({"i": In(beat(column=data.ArrayLayout(8, window_px))), "o": Out(beat(pixel=8))})
+        super().__init__(
+            {
+                "i": In(beat(pixels_per_clock, column=data.ArrayLayout(8, window_px))),
+                "o": Out(beat(pixels_per_clock, pixel=8)),
+            }
+        )
 
     def elaborate(self, platform: object) -> Module:
         """Weighted sum over the window, then rounding."""
@@ -57,8 +67,10 @@ class Binomial(wiring.Component):
         m.d.comb += weighted.i.eq(self.i)
         carry_scan(m, weighted.o, self.o, 1)
         shift = 2 * (self.window_px - 1)
-        pixel = Signal(8, reset_less=True)
-        with m.If(weighted.o.valid):
-            m.d.sync += pixel.eq((weighted.o.sum + (1 << shift >> 1)) >> shift)
-        m.d.comb += self.o.pixel.eq(pixel)
+        sums, o_pixels = (each_pixel(field, self.pixels_per_clock) for field in (weighted.o.sum, self.o.pixel))
+        for total, o_pixel in zip(sums, o_pixels, strict=True):
+            pixel = Signal(8, reset_less=True)
+            with m.If(weighted.o.valid):
+                m.d.sync += pixel.eq((total + (1 << shift >> 1)) >> shift)
+            m.d.comb += o_pixel.eq(pixel)
         return m

@@ -18,6 +18,11 @@ DERIVE = (1, 0, -1)
 class Sobel(wiring.Component):
     """Horizontal and vertical 3x3 gradients, positive where the image brightens to the right and downwards.
 
+    Parameters
+    ----------
+    pixels_per_clock : {1, 2}
+        Pixels of a beat.
+
     Members
     -------
     i : In(beat(column))
@@ -36,15 +41,18 @@ class Sobel(wiring.Component):
 
     lag_px = 1
 
-    def __init__(self) -> None:
-        self._along_x = SeparableSum(vertical=SMOOTH, horizontal=DERIVE, shape=unsigned(8))
-        self._along_y = SeparableSum(vertical=DERIVE, horizontal=SMOOTH, shape=unsigned(8))
+    def __init__(self, *, pixels_per_clock: int = 1) -> None:
+        self.pixels_per_clock = pixels_per_clock
+        self._along_x, self._along_y = (
+            SeparableSum(vertical=down, horizontal=along, shape=unsigned(8), pixels_per_clock=pixels_per_clock)
+            for down, along in ((SMOOTH, DERIVE), (DERIVE, SMOOTH))
+        )
         self.latency_cycles = self._along_x.latency_cycles
         gradient = signed(GRADIENT.bits)
         super().__init__(
             {
-                "i": In(beat(column=data.ArrayLayout(8, 3))),
-                "o": Out(beat(gradient_x=gradient, gradient_y=gradient)),
+                "i": In(beat(pixels_per_clock, column=data.ArrayLayout(8, 3))),
+                "o": Out(beat(pixels_per_clock, gradient_x=gradient, gradient_y=gradient)),
             }
         )
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from amaranth import Cat, Module, Shape, ShapeLike, Signal, Value
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
@@ -9,7 +11,7 @@ from amaranth.lib.wiring import In, Out
 from hdl.lib.delay import delayed
 from hdl.lib.line_memory import LineMemory
 from hdl.lib.weighted_sum import WeightedSum
-from hdl.streams import beat, carry_scan
+from hdl.streams import add_submodules, beat, carry_scan, each_pixel, pixels
 
 
 class LineBuffer(wiring.Component):
@@ -22,7 +24,9 @@ class LineBuffer(wiring.Component):
     lines : int
         Number of previous lines.
     width_px : int
-        Largest width of a line, at least 5.
+        Largest width of a line, at least 5 beats.
+    pixels_per_clock : {1, 2}
+        Pixels of a beat. Two share a word of the memory, which has half as many words then.
 
     Members
     -------
@@ -37,7 +41,7 @@ class LineBuffer(wiring.Component):
     Raises
     ------
     ValueError
-        For fewer than 1 line, or a width below 5.
+        For fewer than 1 line, or a width below 5 beats.
     """
 
     i: data.View
@@ -45,36 +49,50 @@ class LineBuffer(wiring.Component):
 
     latency_cycles = LineMemory.latency_cycles + 1
 
-    def __init__(self, *, shape: ShapeLike, lines: int, width_px: int) -> None:
+    def __init__(self, *, shape: ShapeLike, lines: int, width_px: int, pixels_per_clock: int = 1) -> None:
         if lines < 1:
             raise ValueError(f"lines is {lines}; it must be at least 1")
-        if width_px < 5:
-            raise ValueError(f"width_px is {width_px}; it must be at least 5, the clocks from a read to its write")
+        if width_px < 5 * pixels_per_clock:
+            raise ValueError(
+                f"width_px is {width_px}; it must be at least {5 * pixels_per_clock}: a read precedes its write by 5"
+            )
         self.shape = shape
         self.lines = lines
         self.width_px = width_px
-        super().__init__({"i": In(beat(pixel=shape)), "o": Out(beat(column=data.ArrayLayout(shape, lines + 1)))})
+        self.pixels_per_clock = pixels_per_clock
+        super().__init__(
+            {
+                "i": In(beat(pixels_per_clock, pixel=shape)),
+                "o": Out(beat(pixels_per_clock, column=data.ArrayLayout(shape, lines + 1))),
+            }
+        )
 
     def elaborate(self, platform: object) -> Module:
         """Read the column at x, register it, write it back shifted by one line.
 
-        Lines of at least 5 px keep each write ahead of the next read of the same address.
+        Lines of at least 5 beats keep each write ahead of the next read of the same address.
         """
         m = Module()
-        m.submodules.memory = lines = LineMemory(shape=data.ArrayLayout(self.shape, self.lines), depth=self.width_px)
+        count = self.pixels_per_clock
+        m.submodules.memory = lines = LineMemory(
+            shape=pixels(data.ArrayLayout(self.shape, self.lines), count), depth=-(-self.width_px // count)
+        )
         carry_scan(m, self.i, self.o, self.latency_cycles)
         column = Signal.like(self.o.column, reset_less=True)
         pixel = delayed(m, self.i.pixel, lines.latency_cycles)
+        above = zip(each_pixel(pixel, count), each_pixel(lines.o_word, count), strict=True)
         with m.If(delayed(m, self.i.valid, lines.latency_cycles, reset_less=False)):
-            m.d.sync += column.eq(Cat(pixel, lines.o_word))
+            m.d.sync += column.eq(Cat(above))
+        # The oldest line drops out.
+        kept_bits = len(Value.cast(lines.i_word)) // count
+        kept = (Cat(each)[:kept_bits] for each in each_pixel(column, count))
         m.d.comb += [
-            lines.i_read_address.eq(self.i.x),
+            lines.i_read_address.eq(self.i.x[count - 1 :]),
             lines.i_read.eq(self.i.valid),
             self.o.column.eq(column),
-            lines.i_write_address.eq(self.o.x),
+            lines.i_write_address.eq(self.o.x[count - 1 :]),
             lines.i_write.eq(self.o.valid),
-            # The oldest line drops out.
-            lines.i_word.eq(Cat(column)[: len(Value.cast(lines.i_word))]),
+            lines.i_word.eq(Cat(kept)),
         ]
         return m
 
@@ -87,12 +105,16 @@ class Window(wiring.Component):
     shape : ShapeLike
         Of a column.
     columns : int
+        Of the window around a pixel.
+    pixels_per_clock : {1, 2}
+        Pixels of a beat.
 
     Members
     -------
     i : In(beat(column))
     o : Out(beat(columns))
-        ``columns[n]`` is the column n pixels left of the scan position.
+        ``columns[n]`` is the column n pixels left of the beat's rightmost pixel. The windows of two pixels overlap, so
+        that there is one column more than in one window.
 
     Attributes
     ----------
@@ -104,20 +126,33 @@ class Window(wiring.Component):
 
     latency_cycles = 1
 
-    def __init__(self, *, shape: ShapeLike, columns: int) -> None:
+    def __init__(self, *, shape: ShapeLike, columns: int, pixels_per_clock: int = 1) -> None:
         if columns < 1:
             raise ValueError(f"columns is {columns}; it must be at least 1")
         self.shape = shape
         self.columns = columns
-        super().__init__({"i": In(beat(column=shape)), "o": Out(beat(columns=data.ArrayLayout(shape, columns)))})
+        self.pixels_per_clock = pixels_per_clock
+        super().__init__(
+            {
+                "i": In(beat(pixels_per_clock, column=shape)),
+                "o": Out(beat(columns=data.ArrayLayout(shape, columns + pixels_per_clock - 1))),
+            }
+        )
+
+    @property
+    def windows(self) -> list[list[Any]]:
+        """For each pixel of the beat its window: the column at its own scan position, and those left of it."""
+        starts = reversed(range(self.pixels_per_clock))
+        return [[self.o.columns[start + n] for n in range(self.columns)] for start in starts]
 
     def elaborate(self, platform: object) -> Module:
-        """Shift a column in at every valid beat."""
+        """Shift the beat's columns in at every valid beat."""
         m = Module()
         carry_scan(m, self.i, self.o, self.latency_cycles)
-        columns = [Signal(self.shape, name=f"column{n}", reset_less=True) for n in range(self.columns)]
+        columns = [Signal(self.shape, name=f"column{n}", reset_less=True) for n in range(len(self.o.columns))]
+        newest = reversed(each_pixel(self.i.column, self.pixels_per_clock))
         with m.If(self.i.valid):
-            m.d.sync += [new.eq(old) for new, old in zip(columns, [self.i.column, *columns], strict=False)]
+            m.d.sync += [new.eq(old) for new, old in zip(columns, [*newest, *columns], strict=False)]
         m.d.comb += [target.eq(column) for target, column in zip(self.o.columns, columns, strict=True)]
         return m
 
@@ -133,6 +168,8 @@ class OffsetColumns(wiring.Component):
         Pixels of an output column.
     distance_px : int
         Offset of the output columns, up and left.
+    pixels_per_clock : {1, 2}
+        Pixels of a beat.
 
     Members
     -------
@@ -150,13 +187,16 @@ class OffsetColumns(wiring.Component):
 
     latency_cycles = Window.latency_cycles
 
-    def __init__(self, *, shape: ShapeLike, rows: int, distance_px: int) -> None:
+    def __init__(self, *, shape: ShapeLike, rows: int, distance_px: int, pixels_per_clock: int = 1) -> None:
+        self.rows = rows
         self.distance_px = distance_px
-        self._window = Window(shape=data.ArrayLayout(shape, rows), columns=distance_px + 1)
+        self.pixels_per_clock = pixels_per_clock
+        column = data.ArrayLayout(shape, rows)
+        self._window = Window(shape=column, columns=distance_px + 1, pixels_per_clock=pixels_per_clock)
         super().__init__(
             {
-                "i": In(beat(column=data.ArrayLayout(shape, distance_px + rows))),
-                "o": Out(beat(column=data.ArrayLayout(shape, rows))),
+                "i": In(beat(pixels_per_clock, column=data.ArrayLayout(shape, distance_px + rows))),
+                "o": Out(beat(pixels_per_clock, column=column)),
             }
         )
 
@@ -166,8 +206,13 @@ class OffsetColumns(wiring.Component):
         m.submodules.window = window = self._window
         carry_scan(m, self.i, window.i, 0)
         carry_scan(m, window.o, self.o, 0)
-        m.d.comb += [pixel.eq(self.i.column[self.distance_px + n]) for n, pixel in enumerate(window.i.column)]
-        m.d.comb += self.o.column.eq(window.o.columns[self.distance_px])
+        i_columns, columns, o_columns = (
+            each_pixel(port.column, self.pixels_per_clock) for port in (self.i, window.i, self.o)
+        )
+        for i_column, column in zip(i_columns, columns, strict=True):
+            m.d.comb += [pixel.eq(i_column[self.distance_px + n]) for n, pixel in enumerate(column)]
+        for o_column, left in zip(o_columns, window.windows, strict=True):
+            m.d.comb += o_column.eq(left[self.distance_px])
         return m
 
 
@@ -180,6 +225,8 @@ class SeparableSum(wiring.Component):
         Weights, for the newest line and column first.
     shape : Shape
         Of a pixel.
+    pixels_per_clock : {1, 2}
+        Pixels of a beat.
 
     Members
     -------
@@ -196,33 +243,42 @@ class SeparableSum(wiring.Component):
     i: data.View
     o: data.View
 
-    def __init__(self, *, vertical: tuple[int, ...], horizontal: tuple[int, ...], shape: Shape) -> None:
-        self._down = WeightedSum(weights=vertical, shape=shape)
-        column_sum = self._down.o_sum.shape()
-        self._window = Window(shape=column_sum, columns=len(horizontal))
-        self._along = WeightedSum(weights=horizontal, shape=column_sum)
-        self.latency_cycles = self._down.latency_cycles + self._window.latency_cycles + self._along.latency_cycles
+    def __init__(
+        self, *, vertical: tuple[int, ...], horizontal: tuple[int, ...], shape: Shape, pixels_per_clock: int = 1
+    ) -> None:
+        self.pixels_per_clock = pixels_per_clock
+        self._down = [WeightedSum(weights=vertical, shape=shape) for _ in range(pixels_per_clock)]
+        column_sum = self._down[0].o_sum.shape()
+        self._window = Window(shape=column_sum, columns=len(horizontal), pixels_per_clock=pixels_per_clock)
+        self._along = [WeightedSum(weights=horizontal, shape=column_sum) for _ in range(pixels_per_clock)]
+        sums = (self._down[0], self._along[0])
+        self.latency_cycles = self._window.latency_cycles + sum(each.latency_cycles for each in sums)
         super().__init__(
             {
-                "i": In(beat(column=data.ArrayLayout(shape, len(vertical)))),
-                "o": Out(beat(sum=self._along.o_sum.shape())),
+                "i": In(beat(pixels_per_clock, column=data.ArrayLayout(shape, len(vertical)))),
+                "o": Out(beat(pixels_per_clock, sum=self._along[0].o_sum.shape())),
             }
         )
 
     def elaborate(self, platform: object) -> Module:
         """Sum each column, keep the recent sums side by side, add them up."""
         m = Module()
-        m.submodules.down, m.submodules.window, m.submodules.along = self._down, self._window, self._along
+        add_submodules(m, "down", self._down)
+        m.submodules.window = self._window
+        add_submodules(m, "along", self._along)
         carry_scan(m, self.i, self.o, self.latency_cycles)
+        columns, sums, o_sums = (
+            each_pixel(field, self.pixels_per_clock) for field in (self.i.column, self._window.i.column, self.o.sum)
+        )
         m.d.comb += [
-            self._down.i_valid.eq(self.i.valid),
-            self._window.i.valid.eq(self._down.o_valid),
-            self._window.i.column.eq(self._down.o_sum),
-            self._along.i_valid.eq(self._window.o.valid),
-            self.o.sum.eq(self._along.o_sum),
+            *(down.i_valid.eq(self.i.valid) for down in self._down),
+            self._window.i.valid.eq(self._down[0].o_valid),
+            *(column_sum.eq(down.o_sum) for column_sum, down in zip(sums, self._down, strict=True)),
+            *(along.i_valid.eq(self._window.o.valid) for along in self._along),
+            *(o_sum.eq(along.o_sum) for o_sum, along in zip(o_sums, self._along, strict=True)),
         ]
-        m.d.comb += [value.eq(pixel) for value, pixel in zip(self._down.i_values, self.i.column, strict=True)]
-        m.d.comb += [
-            value.eq(column) for value, column in zip(self._along.i_values, self._window.o.columns, strict=True)
-        ]
+        for down, column in zip(self._down, columns, strict=True):
+            m.d.comb += [value.eq(pixel) for value, pixel in zip(down.i_values, column, strict=True)]
+        for along, window in zip(self._along, self._window.windows, strict=True):
+            m.d.comb += [value.eq(column) for value, column in zip(along.i_values, window, strict=True)]
         return m

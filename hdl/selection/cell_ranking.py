@@ -30,7 +30,12 @@ _EMPTY = RANKING.const([{"response": 0, "slot": slot} for slot in range(MAX_PER_
 class Insertion(wiring.Component):
     """Inserts a feature into a ranking, behind every response that is not smaller.
 
-    Comparisons take one clock. The results appear in the next one, in which the inputs must still be the same.
+    Comparisons take one clock. The results appear in the next one.
+
+    Parameters
+    ----------
+    spacing_cycles : int
+        Smallest distance of two features in clocks. The inputs of a feature must stay so long, at most two clocks.
 
     Members
     -------
@@ -69,7 +74,8 @@ class Insertion(wiring.Component):
 
     latency_cycles = 1
 
-    def __init__(self) -> None:
+    def __init__(self, *, spacing_cycles: int = 2) -> None:
+        self.spacing_cycles = spacing_cycles
         super().__init__(
             {
                 "i_ranking": In(RANKING),
@@ -102,9 +108,10 @@ class Insertion(wiring.Component):
             taken.eq(Cat(rank.response.any() for rank in ranks) & ~self.i_empty.replicate(MAX_PER_CELL)),
             beaten.eq(wins & in_use),
         ]
+        held_cycles = int(self.spacing_cycles == 1)
         m.d.comb += [
-            ranking.eq(Mux(self.i_empty, _EMPTY, self.i_ranking)),
-            newcomer.response.eq(self.i_response),
+            ranking.eq(delayed(m, Mux(self.i_empty, _EMPTY, self.i_ranking), held_cycles)),
+            newcomer.response.eq(delayed(m, self.i_response, held_cycles)),
             newcomer.slot.eq(self.o_slot),
             self.o_added.eq(~taken.bit_select(self.i_last_place, 1)),
         ]
@@ -133,11 +140,12 @@ class CellRanking(wiring.Component):
     pattern : DescriptorPattern
     cells : int
         Largest number of cells in a row.
+    spacing_cycles : int
+        Smallest distance of two features in clocks.
 
     Members
     -------
     i : In(feature_beat)
-        Features at least 2 clocks apart.
     i_cell_log2 : In(4)
         log2 of the cell's side, 5 to 8.
     i_per_cell : In(4)
@@ -174,8 +182,9 @@ class CellRanking(wiring.Component):
 
     latency_cycles = 3
 
-    def __init__(self, *, pattern: DescriptorPattern, cells: int) -> None:
+    def __init__(self, *, pattern: DescriptorPattern, cells: int, spacing_cycles: int = 2) -> None:
         self.cells = cells
+        self.spacing_cycles = spacing_cycles
         super().__init__(
             {
                 "i": In(feature_beat(pattern)),
@@ -196,7 +205,7 @@ class CellRanking(wiring.Component):
         """Find the cell, read its ranking, compare, insert and write back: one clock each.
 
         When two features of one cell are only two clocks apart, the second would read the ranking before the first is
-        written. It takes the ranking from the insertion instead.
+        written. It takes the ranking from the insertion instead; so it does a clock later when they are a clock apart.
         """
         m = Module()
         # Few words of many bits fit LUT memory better than block RAM. Old rankings need not be cleared: `o_touched`
@@ -205,14 +214,20 @@ class CellRanking(wiring.Component):
             shape=RANKING, depth=self.cells, init=[], attrs={"ram_style": "distributed"}
         )
         m.submodules.rankings = rankings
-        m.submodules.insertion = insertion = Insertion()
+        m.submodules.insertion = insertion = Insertion(spacing_cycles=self.spacing_cycles)
         read, write = rankings.read_port(domain="comb"), rankings.write_port()
         cell = Signal.like(self.o_cell, reset_less=True)
         feature = Signal.like(self.i.feature, reset_less=True)
         ranking = view_signal(RANKING, reset_less=True)
         touched = Signal(reset_less=True)
-        compared_cell = port_register(m, self.o_cell)
-        compared_feature = port_register(m, self.o_feature)
+        # What is compared is also what leaves, unless the next feature may already be compared then.
+        current_cell, current_feature = self.o_cell, self.o_feature
+        if self.spacing_cycles == 1:
+            current_cell, current_feature = Signal.like(self.o_cell), Signal.like(self.o_feature)
+            m.d.comb += self.o_cell.eq(delayed(m, current_cell, 1))
+            m.d.comb += self.o_feature.eq(delayed(m, current_feature, 1))
+        compared_cell = port_register(m, current_cell)
+        compared_feature = port_register(m, current_feature)
         located = delayed(m, self.i.present, 1, reset_less=False)
         compared = delayed(m, located, 1, reset_less=False)
         arrived = delayed(m, compared, insertion.latency_cycles, reset_less=False)
@@ -224,7 +239,7 @@ class CellRanking(wiring.Component):
             m.d.sync += [
                 cell.eq(found),
                 feature.eq(self.i.feature),
-                is_in_last_cell.eq(compared & (found == self.o_cell)),
+                is_in_last_cell.eq(compared & (found == current_cell)),
             ]
         with m.If(located):
             m.d.sync += [
@@ -236,12 +251,17 @@ class CellRanking(wiring.Component):
         with m.If(self.i_clear):
             m.d.sync += self.o_touched.eq(0)
         with m.Elif(compared):
-            m.d.sync += self.o_touched.bit_select(self.o_cell, 1).eq(1)
+            m.d.sync += self.o_touched.bit_select(current_cell, 1).eq(1)
+        newest, is_empty = ranking.as_value(), ~touched
+        if self.spacing_cycles == 1:
+            # In the same cell as the feature of the clock before, which is being inserted.
+            follows = delayed(m, delayed(m, located & (found == cell), 1), 1)
+            newest, is_empty = Mux(follows, insertion.o_ranking.as_value(), newest), ~(touched | follows)
         m.d.comb += [
             read.addr.eq(cell),
-            insertion.i_ranking.eq(ranking),
-            insertion.i_empty.eq(~touched),
-            insertion.i_response.eq(self.o_feature.response),
+            insertion.i_ranking.eq(newest),
+            insertion.i_empty.eq(is_empty),
+            insertion.i_response.eq(current_feature.response),
             insertion.i_last_place.eq(delayed(m, (self.i_per_cell - 1)[:3], 1)),
             write.addr.eq(self.o_cell),
             write.data.eq(insertion.o_ranking),

@@ -12,7 +12,7 @@ from hdl.streams import COORDINATE, beat, carry_scan
 
 SPARE_LINES = 2
 """Lines left at the end of a frame, to count the last features before the next frame starts."""
-WARNING_PX = 24
+WARNING_BEATS = 24
 """How early the end of a cell row is announced; must be less than the width of the smallest level."""
 SMALLEST_LEVEL_PX = MIN_FRAME_PX // 2
 
@@ -31,6 +31,8 @@ class LevelScan(wiring.Component):
         features are counted before the next frame starts.
     cells : bool
         Whether there are cell rows; without them the level is a single row.
+    pixels_per_clock : {1, 2}
+        Pixels of a beat.
 
     Members
     -------
@@ -41,9 +43,10 @@ class LevelScan(wiring.Component):
     i_cell_log2 : In(4)
         log2 of the cell's side, 5 to 8.
     o : Out(beat(inside, ends_row, ends_level))
-        A feature may be at the pixel; the beat is the last of a cell row; it is the last of the level.
+        A feature may be at the pixel, a bit for each pixel of the beat; the beat is the last of a cell row; it is the
+        last of the level.
     o_row_closes : Out(1)
-        The latest beat is one of the last ``WARNING_PX`` before the end of a cell row.
+        The latest beat is one of the last ``WARNING_BEATS`` before the end of a cell row.
 
     Attributes
     ----------
@@ -66,11 +69,14 @@ class LevelScan(wiring.Component):
 
     latency_cycles = 3
 
-    def __init__(self, *, lag_px: int, border_px: int, cells: bool) -> None:
-        if border_px < lag_px + SPARE_LINES:
+    def __init__(self, *, lag_px: int, border_px: int, cells: bool, pixels_per_clock: int = 1) -> None:
+        # Two pixels a clock make the lines short, but not by more than a half.
+        needed_px = lag_px + SPARE_LINES + pixels_per_clock - 1
+        if border_px < needed_px:
             raise ValueError(
-                f"border_px is {border_px}; with this detector and descriptor the hardware needs {lag_px + SPARE_LINES}"
+                f"border_px is {border_px}; with this detector and descriptor the hardware needs {needed_px}"
             )
+        self.pixels_per_clock = pixels_per_clock
         self.lag_px = lag_px
         self.border_px = border_px
         self.cells = cells
@@ -78,11 +84,11 @@ class LevelScan(wiring.Component):
         self.closing_lines = min(border_px - lag_px, SMALLEST_LEVEL_PX - 1) + 1
         super().__init__(
             {
-                "i": In(beat(pixel=8)),
+                "i": In(beat(pixels_per_clock, pixel=8)),
                 "i_width_px": In(range(MAX_FRAME_PX + 1)),
                 "i_height_px": In(range(MAX_FRAME_PX + 1)),
                 "i_cell_log2": In(4),
-                "o": Out(beat(inside=1, ends_row=1, ends_level=1)),
+                "o": Out(beat(inside=pixels_per_clock, ends_row=1, ends_level=1)),
                 "o_row_closes": Out(1),
             }
         )
@@ -97,19 +103,25 @@ class LevelScan(wiring.Component):
         warning_x = Signal(COORDINATE, reset_less=True)
         cell_mask = Signal(max(CELL_SIZES_PX).bit_length() - 1, reset_less=True)
         spare_px = self.border_px - self.lag_px
+        last_beat: Value = self.i_width_px - 1
+        if self.pixels_per_clock == 2:
+            last_beat = Cat(0, last_beat[1:])
         # Registered, because settings are stable during a frame and the subtractions need not share a clock with the
         # comparisons.
         m.d.sync += [
-            last_x.eq(self.i_width_px - 1),
-            warning_x.eq(self.i_width_px - 1 - WARNING_PX),
+            last_x.eq(last_beat),
+            warning_x.eq(last_beat - WARNING_BEATS * self.pixels_per_clock),
             right_px.eq(Mux(self.i_width_px > spare_px, self.i_width_px - spare_px, 0)),
             bottom_px.eq(Mux(self.i_height_px > spare_px, self.i_height_px - spare_px, 0)),
             lowest_y.eq(self.i_height_px - self.closing_lines),
             cell_mask.eq((1 << self.i_cell_log2) - 1),
         ]
         x, y, first_px = self.i.x, self.i.y, self.border_px + self.lag_px
-        limits = (x >= first_px, y >= first_px, x < right_px, y < bottom_px)
-        inside = delayed(m, delayed(m, Cat(limits), 1).all(), 1)
+        inside_each = []
+        for n in range(self.pixels_per_clock):
+            limits = (x >= first_px - n, y >= first_px, x < right_px - n, y < bottom_px)
+            inside_each.append(delayed(m, delayed(m, Cat(limits), 1).all(), 1))
+        inside = Cat(inside_each)
         line_ends = delayed(m, x == last_x, 2)
         line_ends_soon = delayed(m, x >= warning_x, 2)
         is_lowest = delayed(m, y == lowest_y, 2)

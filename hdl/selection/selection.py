@@ -27,11 +27,12 @@ class CellSelection(wiring.Component):
     pattern : DescriptorPattern
     width_px : int
         Largest width of the level.
+    spacing_cycles : int
+        Smallest distance of two features in clocks.
 
     Members
     -------
     i : In(feature_beat)
-        Features at least 2 clocks apart.
     i_cell_log2 : In(4)
         log2 of the cell's side, 5 to 8.
     i_per_cell : In(4)
@@ -67,10 +68,11 @@ class CellSelection(wiring.Component):
 
     latency_cycles = CellRanking.latency_cycles + CellRows.latency_cycles
 
-    def __init__(self, *, pattern: DescriptorPattern, width_px: int) -> None:
+    def __init__(self, *, pattern: DescriptorPattern, width_px: int, spacing_cycles: int = 2) -> None:
         if width_px < 1:
             raise ValueError(f"width_px is {width_px}; it must be at least 1")
         self.pattern = pattern
+        self.spacing_cycles = spacing_cycles
         self.cells = -(-width_px >> SMALLEST_CELL_LOG2)
         super().__init__(
             {
@@ -102,7 +104,9 @@ class CellSelection(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Ranking, then storage; the end of a row is delayed until its last feature has been ranked."""
         m = Module()
-        m.submodules.ranking = ranking = CellRanking(pattern=self.pattern, cells=self.cells)
+        m.submodules.ranking = ranking = CellRanking(
+            pattern=self.pattern, cells=self.cells, spacing_cycles=self.spacing_cycles
+        )
         m.submodules.rows = rows = CellRows(pattern=self.pattern, cells=self.cells)
         ends_row, ends_level = delayed(
             m, Cat(self.i.ends_row, self.i.ends_level), ranking.latency_cycles, reset_less=False
@@ -140,13 +144,11 @@ class RasterSelection(wiring.Component):
     depth : int
         Length of the queue in features.
     in_flight : int
-        Features that may still arrive after admission has stopped: half the clocks from frame admission to here,
-        since features are at least 2 clocks apart.
+        Features that may still arrive after admission has stopped.
 
     Members
     -------
     i : In(feature_beat)
-        Features at least 2 clocks apart.
     o_busy : Out(1)
         No pixel may be admitted.
     o_added : Out(1)
