@@ -15,6 +15,7 @@ import golden_model
 import hdl
 from golden_model.config import Config, FrontEndConfig
 from hdl.accelerator import Accelerator, AcceleratorTop
+from hdl.axi.video_input import VIDEO_BITS
 from hdl.front_end import FrontEnd
 from sim import front_end_top
 from sim.backend import BUILT_LANES
@@ -34,10 +35,12 @@ def built_size_px(frames: Sequence[NDArray[np.uint8]]) -> tuple[int, int]:
     return next(size for size in BUILT_SIZES_PX if width_px <= size[0] and height_px <= size[1])
 
 
-def accelerator(config: Config, max_size_px: tuple[int, int], *, lanes: int = LANES) -> Design:
+def accelerator(
+    config: Config, max_size_px: tuple[int, int], *, lanes: int = LANES, video_bits: int = VIDEO_BITS[0]
+) -> Design:
     """The whole accelerator for frames up to a width and height."""
     config = as_built(config)
-    size: dict[str, Any] = {"max_width_px": max_size_px[0], "max_height_px": max_size_px[1]}
+    size: dict[str, Any] = {"max_width_px": max_size_px[0], "max_height_px": max_size_px[1], "video_bits": video_bits}
     return Design(
         "the accelerator",
         Ports(outputs=(FEATURES, MATCHES), control=CONTROL),
@@ -46,10 +49,16 @@ def accelerator(config: Config, max_size_px: tuple[int, int], *, lanes: int = LA
     )
 
 
-def front_end(config: FrontEndConfig, max_size_px: tuple[int, int], *, taps: tuple[Tap, ...] = ()) -> Design:
+def front_end(
+    config: FrontEndConfig,
+    max_size_px: tuple[int, int],
+    *,
+    taps: tuple[Tap, ...] = (),
+    video_bits: int = VIDEO_BITS[0],
+) -> Design:
     """The front end alone for frames up to a width and height, with ``taps`` that show stages."""
     config = _as_built(config)
-    size = {"max_width_px": max_size_px[0], "max_height_px": max_size_px[1]}
+    size = {"max_width_px": max_size_px[0], "max_height_px": max_size_px[1], "video_bits": video_bits}
     return Design(
         "the front end",
         Ports(outputs=(FEATURES,), settings=SETTINGS, taps=tuple(tap.port for tap in taps)),

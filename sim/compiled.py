@@ -242,7 +242,7 @@ class Bench:
                 self._library.bench_set(self._bench, index, segment.settings[name])
         for address, value in segment.writes:
             self.write(address, value)
-        data, flags = np.ascontiguousarray(segment.data, np.uint32), np.ascontiguousarray(segment.flags, np.uint8)
+        data, flags = np.ascontiguousarray(segment.data, np.uint64), np.ascontiguousarray(segment.flags, np.uint8)
         request = _Request(
             data.ctypes.data, flags.ctypes.data, data.size, segment.packets, segment.cycle_limit,
             pauses.gaps, pauses.stalls, pauses.seed,

@@ -31,7 +31,7 @@ class Ports:
     taps : tuple of str
         Prefixes of debugging outputs, which have only ``_tdata`` and ``_tvalid``.
     video : str
-        Prefix of the input: up to 32 bits of ``_tdata``, ``_tuser`` at the start of a frame, ``_tlast`` at the end of
+        Prefix of the input: up to 48 bits of ``_tdata``, ``_tuser`` at the start of a frame, ``_tlast`` at the end of
         a line, ``_tvalid`` and ``_tready``.
     """
 

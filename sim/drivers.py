@@ -158,13 +158,14 @@ def run_beats(
     settings: Mapping[str, Any] | None = None,
     pauses: Pauses = NO_PAUSES,
     drain_cycles: int = 64,
+    received_per_clock: int | None = None,
 ) -> tuple[Beats, Beats]:
     """Send frames as beats to the port ``i`` of a component and record those at its port ``o``.
 
     Parameters
     ----------
     dut : Component
-        In the domain ``sync``, with beats at ``i`` and ``o``.
+        In the domain ``sync``, with beats at ``i`` and ``o``; of more than one pixel if it has ``pixels_per_clock``.
     frames : sequence of mapping of str to ndarray
         For each frame, the planes of the payload's fields: shape (H, W) or, for arrays, (H, W, ...). They are sent in
         raster order without a pause between frames other than the seeded gaps, which hold garbage.
@@ -174,15 +175,19 @@ def run_beats(
         Gaps of the input.
     drain_cycles : int
         Clocks to run after the last beat.
+    received_per_clock : int, optional
+        Pixels of a beat at ``o``, where they are not as many as at ``i``.
 
     Returns
     -------
     sent, received : Beats
-        ``received.cycles - sent.cycles`` is the latency of a block that sends one beat for each beat.
+        One for each pixel, those beyond an odd line included. ``received.cycles - sent.cycles`` is the latency of a
+        block that sends one beat for each beat.
     """
     i, o = (getattr(dut, name) for name in ("i", "o"))
     layout = i.shape()
-    beats = [layout.const(beat).as_bits() for frame in frames for beat in _raster(frame)]
+    count = getattr(dut, "pixels_per_clock", 1)
+    beats = [layout.const(beat).as_bits() for frame in frames for beat in _raster(frame, count)]
     sent: list[tuple[int, int]] = []
     received: list[tuple[int, int]] = []
 
@@ -205,22 +210,34 @@ def run_beats(
     # Generous: even gaps of 255 leave one clock in 256 on average.
     bench = BlockBench(dut, settings=settings, cycle_limit=256 * (len(beats) + 1) + drain_cycles)
     bench.run(testbench)
-    return _decoded(sent, layout), _decoded(received, o.shape())
+    return _decoded(sent, layout, count), _decoded(received, o.shape(), received_per_clock or count)
 
 
-def _raster(frame: Mapping[str, NDArray[np.integer]]) -> Iterator[dict[str, Any]]:
+def _raster(frame: Mapping[str, NDArray[np.integer]], pixels_per_clock: int) -> Iterator[dict[str, Any]]:
+    """Beats in raster order; what a beat holds beyond an odd line is the line's last pixel once more."""
     height, width = next(iter(frame.values())).shape[:2]
-    for y, x in np.ndindex(height, width):
-        yield {"valid": 1, "x": x, "y": y, **{name: plane[y, x].tolist() for name, plane in frame.items()}}
+    for y, x in np.ndindex(height, -(-width // pixels_per_clock)):
+        left = x * pixels_per_clock
+        columns = [min(left + n, width - 1) for n in range(pixels_per_clock)]
+        payload = {name: [plane[y, column].tolist() for column in columns] for name, plane in frame.items()}
+        if pixels_per_clock == 1:
+            payload = {name: pixel for name, (pixel,) in payload.items()}
+        yield {"valid": 1, "x": left, "y": y, **payload}
 
 
-def _decoded(beats: Sequence[tuple[int, int]], layout: data.Layout) -> Beats:
+def _decoded(beats: Sequence[tuple[int, int]], layout: data.Layout, pixels_per_clock: int) -> Beats:
     fields = {
         str(name): np.array([_plain(bits >> field.offset, field.shape) for _, bits in beats])
         for name, field in layout
         if name != "valid"
     }
-    return Beats(np.array([cycle for cycle, _ in beats]), fields)
+    cycles = np.array([cycle for cycle, _ in beats])
+    if pixels_per_clock > 1:
+        scan = {name: np.repeat(fields.pop(name), pixels_per_clock) for name in "xy"}
+        scan["x"] += np.tile(np.arange(pixels_per_clock), len(beats))
+        fields = {**scan, **{name: values.reshape(-1, *values.shape[2:]) for name, values in fields.items()}}
+        cycles = np.repeat(cycles, pixels_per_clock)
+    return Beats(cycles, fields)
 
 
 def _plain(bits: int, shape: ShapeLike) -> Any:

@@ -19,15 +19,16 @@ SETTINGS = {setting.name: setting.bits for setting in FRONT_END}
 
 
 class Tap(NamedTuple):
-    """A stage to observe: its level, and its name in `golden_model.front_end.trace`."""
+    """A stage to observe: its level, its name in `golden_model.front_end.trace`, and which pixel of its beats."""
 
     level: int
     stage: str
+    pixel: int = 0
 
     @property
     def port(self) -> str:
         """Prefix of the tap's ports."""
-        return f"tap_level{self.level}_{self.stage}"
+        return f"tap_level{self.level}_{self.stage}" + "_right" * self.pixel
 
 
 TAP_WORD = np.dtype([("value", "<i4"), ("x", "<i2"), ("y", "<i2")])
@@ -65,20 +66,21 @@ class FrontEndTop(wiring.Component):
 
     def __init__(self, front_end: FrontEnd, *, taps: Sequence[Tap] = ()):
         self._front_end = front_end
-        self._stages = {tap.port: front_end.levels[tap.level].stages[tap.stage] for tap in taps}
+        self._stages = {tap: front_end.levels[tap.level].stages[tap.stage] for tap in taps}
         super().__init__(
             {
                 "aclk": In(1),
                 "aresetn": In(1),
                 **{name: In(bits) for name, bits in SETTINGS.items()},
-                **{f"s_axis_video_{name}": In(bits) for name, bits in _VIDEO.items()},
+                "s_axis_video_tdata": In(len(front_end.i_video.payload.data)),
+                **{f"s_axis_video_{name}": In(1) for name in ("tuser", "tlast", "tvalid")},
                 "s_axis_video_tready": Out(1),
                 "m_axis_features_tdata": Out(WORD),
                 "m_axis_features_tlast": Out(1),
                 "m_axis_features_tvalid": Out(1),
                 "m_axis_features_tready": In(1),
-                **{f"{tap}_tdata": Out(64) for tap in self._stages},
-                **{f"{tap}_tvalid": Out(1) for tap in self._stages},
+                **{f"{tap.port}_tdata": Out(64) for tap in self._stages},
+                **{f"{tap.port}_tvalid": Out(1) for tap in self._stages},
             }
         )
 
@@ -104,14 +106,12 @@ class FrontEndTop(wiring.Component):
         ]
         for tap, stage in self._stages.items():
             value, x, y = Signal(signed(32)), Signal(signed(16)), Signal(signed(16))
+            beat = stage.beats[tap.pixel]
             m.d.comb += [
-                value.eq(stage.beat[stage.field]),
-                x.eq(stage.beat.x - stage.lag_px),
-                y.eq(stage.beat.y - stage.lag_px),
-                getattr(self, f"{tap}_tvalid").eq(stage.beat.valid),
-                getattr(self, f"{tap}_tdata").eq(Cat(value, x, y)),
+                value.eq(beat[stage.field]),
+                x.eq(beat.x + tap.pixel - stage.lag_px),
+                y.eq(beat.y - stage.lag_px),
+                getattr(self, f"{tap.port}_tvalid").eq(beat.valid),
+                getattr(self, f"{tap.port}_tdata").eq(Cat(value, x, y)),
             ]
         return m
-
-
-_VIDEO = {"tdata": 32, "tuser": 1, "tlast": 1, "tvalid": 1}

@@ -61,7 +61,7 @@ class Segment:
 
     Parameters
     ----------
-    data : uint32 ndarray
+    data : uint64 ndarray
         One word per beat.
     flags : uint8 ndarray
         START_OF_FRAME and END_OF_LINE of each beat.
@@ -77,7 +77,7 @@ class Segment:
         Reset the design first, in whatever state it is.
     """
 
-    data: NDArray[np.uint32]
+    data: NDArray[np.uint64]
     flags: NDArray[np.uint8]
     packets: int
     cycle_limit: int
@@ -140,19 +140,26 @@ class Recording:
     taps: dict[str, NDArray[np.uint64]]
 
 
-def flat_frame(image: NDArray[np.uint8]) -> tuple[NDArray[np.uint32], NDArray[np.uint8]]:
+def flat_frame(image: NDArray[np.uint8], *, pair_bits: int = 0) -> tuple[NDArray[np.uint64], NDArray[np.uint8]]:
     """Beats of a frame in raster order: data and flags for a `Segment`.
 
     Parameters
     ----------
     image : uint8 ndarray, shape (H, W) or (H, W, 3) BGR
         Gray goes into bits 7..0; colour as AXI4-Stream video has it: G in bits 7..0, B in 15..8, R in 23..16.
+    pair_bits : {0, 16, 48}
+        Two pixels a beat for an input of so many bits, the left one in the lower half; 0: one pixel a beat. The last
+        beat of an odd line holds one pixel more than the line, of all ones.
     """
     if image.ndim == 2:
-        data = image.astype(np.uint32)
+        data: NDArray[np.uint64] = image.astype(np.uint64)
     else:
-        blue, green, red = np.moveaxis(image.astype(np.uint32), -1, 0)
+        blue, green, red = np.moveaxis(image.astype(np.uint64), -1, 0)
         data = green | blue << 8 | red << 16
+    if pair_bits:
+        ones = (1 << pair_bits // 2) - 1
+        padded = np.pad(data, ((0, 0), (0, data.shape[1] % 2)), constant_values=ones)
+        data = padded[:, 0::2] | padded[:, 1::2] << np.uint64(pair_bits // 2)
     flags = np.zeros(data.shape, np.uint8)
     flags[:, -1] = END_OF_LINE
     flags[0, 0] |= START_OF_FRAME

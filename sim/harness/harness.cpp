@@ -40,7 +40,7 @@ bool pauses(uint32_t share, uint32_t seed, uint32_t stream, uint64_t cycle) {
 }  // namespace
 
 struct Request {
-    const uint32_t *data;  // one per beat
+    const uint64_t *data;  // one per beat
     const uint8_t *flags;  // one per beat: START_OF_FRAME, END_OF_LINE
     uint64_t beats;
     uint64_t packets;      // the run is complete after so many packets on each output
@@ -116,7 +116,7 @@ struct Bench {
         return false;
     }
 
-    void offer(uint32_t data, uint8_t flags) {
+    void offer(uint64_t data, uint8_t flags) {
         SET(VIDEO(tdata), data);
         SET(VIDEO(tuser), (flags & START_OF_FRAME) != 0);
         SET(VIDEO(tlast), (flags & END_OF_LINE) != 0);

@@ -128,8 +128,8 @@ def test_the_scripts_run_where_only_known_commands_properties_and_pins_exist(fol
     assert (folder / "vivado" / "result" / "skymosaic.hwh").exists()
 
 
-@pytest.mark.parametrize("video_bits", [24, 8])
-def test_narrow_video_inputs_have_a_block_design(tmp_path: Path, verilog: str, video_bits: int) -> None:
+@pytest.mark.parametrize("video_bits", [24, 8, 48, 16])
+def test_other_video_inputs_have_a_block_design(tmp_path: Path, verilog: str, video_bits: int) -> None:
     folder = exported(tmp_path, "pynq_z2", verilog, video_bits=video_bits)
     tcl = vivado(folder, video_bits=video_bits)
     assert "skymosaic/s_axis_video" in tcl.splitlist(tcl.eval("array names connected"))

@@ -30,13 +30,14 @@ def transfer(seed, pixels=WIDTH_PX * HEIGHT_PX):
     return [(data, 0, int(n == pixels - 1)) for n, (data, _, _) in enumerate(frame(seed)[:pixels])]
 
 
-def admit(pixels, pauses=NO_PAUSES, **inputs):
+def admit(pixels, pauses=NO_PAUSES, *, width_px=WIDTH_PX, pixels_per_clock=1, **inputs):
     """Frames ``(causes, [(x, y, data), ...])`` that come out; ``pauses.stalls`` hold the admission of pixels."""
-    dut = FrameAdmission(closing_lines=CLOSING_LINES, closing_px=CLOSING_PX)
+    closing_px = CLOSING_PX * pixels_per_clock
+    dut = FrameAdmission(closing_lines=CLOSING_LINES, closing_px=closing_px, pixels_per_clock=pixels_per_clock)
     frames, beats = [], []
 
     async def testbench(ctx):
-        ctx.set(dut.i_width_px, WIDTH_PX)
+        ctx.set(dut.i_width_px, width_px)
         ctx.set(dut.i_height_px, HEIGHT_PX)
         ctx.set(dut.i_may_start, 1)
         ctx.set(dut.i_acceptable, 1)
@@ -58,7 +59,7 @@ def admit(pixels, pauses=NO_PAUSES, **inputs):
                 waiting.pop(0)
                 last_taken = cycle
             if beat.valid:
-                beats.append((beat.x, beat.y, beat.data))
+                beats.append((beat.x, beat.y, beat.data if pixels_per_clock == 1 else tuple(beat.data)))
             if ends:
                 frames.append((Cause(causes), beats.copy()))
                 beats.clear()
@@ -151,3 +152,39 @@ def test_frames_with_impossible_settings_are_refused(pauses):
     video = frame(1) + frame(2)
     assert admit(video, pauses, i_acceptable=0) == [refused, refused]
     assert admit(transfer(1) + transfer(2), pauses, i_acceptable=0, i_memory_mode=1) == [refused, refused]
+
+
+PAIRED_PX = 2 * WIDTH_PX
+
+
+def paired(beats):
+    """The same beats, each with two pixels."""
+    return [((data, data ^ 0xFFFFFF), first, last) for data, first, last in beats]
+
+
+def two_a_clock(frames):
+    """What comes of the same frames with two pixels a beat."""
+    return [
+        (cause, [(2 * x, y, (data, data ^ 0xFFFFFF) if data else (0, 0)) for x, y, data in beats])
+        for cause, beats in frames
+    ]
+
+
+@pytest.mark.parametrize("pauses", [NO_PAUSES, GAPS_AND_HOLDS], ids=["back_to_back", "gaps_and_holds"])
+@pytest.mark.parametrize("width_px", [PAIRED_PX, PAIRED_PX - 1], ids=["even", "odd"])
+def test_two_pixels_a_clock_make_half_as_many_beats(width_px, pauses):
+    """Lines of 7 beats as above, whether the last beat holds two pixels or one: good, short, long and cut off."""
+    frames = [frame(1), frame(3, drop={9}), frame(4), frame(5, double={9}), frame(6)]
+    beats = [pixel for one in frames for pixel in one]
+    expected = two_a_clock(admit(beats, pauses))
+    assert [cause for cause, _ in expected] == [0, Cause.SHORT_LINE, 0, Cause.LONG_LINE, 0]
+    found = admit(paired(beats), pauses, width_px=width_px, pixels_per_clock=2)
+    assert found == expected
+
+
+@pytest.mark.parametrize(("width_px", "closing_x"), [(PAIRED_PX, 6), (PAIRED_PX - 1, 4)])
+def test_a_frame_of_two_pixels_a_clock_that_ends_early_is_closed(width_px, closing_x):
+    (cause, beats), last = admit(paired(frame(1)[:9] + frame(2)), width_px=width_px, pixels_per_clock=2)
+    assert (cause, last) == (Cause.EARLY_END, *two_a_clock([good(frame(2))]))
+    closing = [(x, y) for y in range(CLOSING_Y, HEIGHT_PX) for x in range(closing_x, width_px, 2)]
+    assert [(x, y) for x, y, _ in beats[2 * WIDTH_PX :]] == closing

@@ -8,12 +8,15 @@ import cv2
 import numpy as np
 import pytest
 
-from golden_model.config import PRESETS
+from golden_model.config import MIN_FRAME_PX, PRESETS
 from golden_model.formats import decode_response
 from golden_model.front_end import extract
 from golden_model.pixel.threshold import next_code
 from golden_model.records import FRAME_STATUS, WORD_BYTES, Cause, feature_record
 from hdl.front_end import FrontEnd
+from hdl.pixel.gray import Gray
+from hdl.pixel.threshold import AdaptiveThreshold
+from hdl.selection.cell_ranking import CellRanking
 from hdl.settings import frame_settings
 from sim import cxxrtl, verilator
 from sim.accelerator_designs import FEATURES, front_end
@@ -26,17 +29,19 @@ FAST = dataclasses.replace(AERIAL, detector="fast", threshold=10)
 # Without selection a frame may have more corners than fit; this many do.
 THESIS = dataclasses.replace(PRESETS["thesis"].front_end, threshold=200_000)
 SIZE_PX = (1920, 1080)
+SMALL_PX = (160, 120)
 PAUSES = Pauses(gaps=90, stalls=210, seed=8)
 
 
 class FrontEndBench:
     """A compiled front end after its reset, compared with the golden model on the same frames.
 
-    ``config`` of a call replaces the configuration by another one of the same build.
+    ``config`` of a call replaces the configuration by another one of the same build. ``pair_bits`` is the width of an
+    input that takes two pixels a clock.
     """
 
-    def __init__(self, bench, config):
-        self.bench, self.config = bench, config
+    def __init__(self, bench, config, pair_bits=0):
+        self.bench, self.config, self.pair_bits = bench, config, pair_bits
         self.record = feature_record(config.pattern.descriptor_bytes, config.pattern.window_bytes)
         self.frames = 0
 
@@ -60,7 +65,7 @@ class FrontEndBench:
         config = config or self.config
         height_px, width_px = frames[0].shape[:2]
         first = 0 if options.get("reset") else self.frames
-        beats = [flat_frame(frame) for frame in frames]
+        beats = [flat_frame(frame, pair_bits=self.pair_bits) for frame in frames]
         gray_input = frames[0].ndim == 2
         packets, starts = self.run(
             beats, (width_px, height_px), len(frames), gray_input=gray_input, config=config, **options
@@ -78,10 +83,9 @@ def assert_golden(packet, golden):
         assert status[name] == golden.status[name], name
 
 
-def compiled(simulator, config):
-    return contextlib.closing(
-        Bench(simulator.shared_library(front_end(config, SIZE_PX)), front_end(config, SIZE_PX).ports)
-    )
+def compiled(simulator, config, size_px=SIZE_PX, **options):
+    design = front_end(config, size_px, **options)
+    return contextlib.closing(Bench(simulator.shared_library(design), design.ports))
 
 
 @pytest.fixture(scope="module")
@@ -170,7 +174,85 @@ def test_fast_is_a_setting_beside_harris(aerial, scene):
             assert features.size
 
 
-SMALL_PX = (160, 120)
+@pytest.mark.parametrize(("config", "video_bits"), [(AERIAL, 32), (AERIAL, 48), (THESIS, 32)])
+def test_the_last_features_of_the_smallest_frame_are_counted_before_it_ends(config, video_bits):
+    dut = FrontEnd(config=config, max_width_px=64, max_height_px=64, video_bits=video_bits)
+    counted = CellRanking.latency_cycles + AdaptiveThreshold.latency_cycles
+    for level in dut.levels:
+        # Level 1 ends with the second of two lines, and an odd last line is not its own.
+        lines = level.closing_lines - 1 - 2 * level.level
+        needed = Gray().latency_cycles + level.latency_cycles + counted
+        assert lines * MIN_FRAME_PX // dut.pixels_per_clock >= needed
+
+
+@pytest.fixture(scope="module")
+def two_pixels():
+    """Two pixels a clock, up to 4K."""
+    with compiled(verilator, AERIAL, (3840, 2160), video_bits=48) as bench:
+        yield FrontEndBench(bench, AERIAL, pair_bits=48)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size_px", [(640, 480), (1920, 1080), (3840, 2160)], ids=str)
+def test_two_pixels_a_clock_give_the_same_features_in_half_the_clocks(two_pixels, scene, size_px):
+    for config in (AERIAL, FAST):
+        starts, features = two_pixels.check([scene(number, size_px) for number in range(3)], config=config)
+        np.testing.assert_array_equal(np.diff(starts)[1:], size_px[0] * size_px[1] // 2)
+        assert np.count_nonzero(features["level"] == 0) >= 1000
+        assert np.count_nonzero(features["level"] == 1) >= 100
+        assert len(np.unique(features["sector"])) == 16
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("config", [AERIAL, FAST], ids=["harris", "fast"])
+@pytest.mark.parametrize("pauses", [NO_PAUSES, PAUSES], ids=["free", "pauses"])
+@pytest.mark.parametrize("size_px", [(64, 64), (65, 67), (127, 85), (641, 479)], ids=str)
+def test_two_pixels_a_clock_at_any_size_and_content(two_pixels, scene, size_px, pauses, config):
+    frames = [gray(scene(0, size_px)), *extremes(size_px), gray(scene(1, size_px))]
+    _, features = two_pixels.check(frames, config=config, pauses=pauses)
+    assert features.size
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("admitted", [1, 2500, SMALL_PX[0] * SMALL_PX[1] // 2 - 1])
+def test_two_pixels_a_clock_after_a_reset_in_mid_frame(two_pixels, scene, admitted):
+    beats = flat_frame(gray(scene(0, SMALL_PX)), pair_bits=two_pixels.pair_bits)
+    two_pixels.run([[part[:admitted] for part in beats]], SMALL_PX, 0)
+    two_pixels.check([gray(scene(number, SMALL_PX)) for number in (1, 2)], reset=True)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("pauses", [NO_PAUSES, PAUSES], ids=["free", "pauses"])
+def test_two_pixels_a_clock_survive_bad_frames(two_pixels, scene, pauses):
+    """A line that is too short, one that is too long, a frame that ends early; good frames between them are clean."""
+    frames = [gray(scene(number, SMALL_PX)) for number in range(4)]
+    first = two_pixels.frames
+    good = [np.stack(flat_frame(frame, pair_bits=two_pixels.pair_bits)) for frame in frames]
+    bad = [np.delete(good[0], 407, axis=1), np.insert(good[1], 407, good[1][:, 406], axis=1), good[2][:, :4800]]
+    beats = [beats for pair in zip(bad, good, strict=False) for beats in pair]
+    packets, _ = two_pixels.run(beats, SMALL_PX, 2 * len(bad), pauses=pauses)
+    causes = [status["causes"] for _, status in packets]
+    assert causes == [Cause.SHORT_LINE, 0, Cause.LONG_LINE, 0, Cause.EARLY_END, 0]
+    for number, packet in enumerate(packets[1::2]):
+        assert_golden(packet, extract(frames[number], AERIAL, frame=first + 2 * number + 1))
+
+
+@pytest.mark.slow
+def test_the_thesis_preset_at_two_pixels_a_clock(scene):
+    """Without selection, features leave one after the other: FAST's may follow each other in every clock."""
+    # Lines take half the clocks, so that one more is needed to end a frame.
+    config = dataclasses.replace(THESIS, threshold=200_000, border_px=THESIS.border_px + 1)
+    with compiled(verilator, config, video_bits=16) as opened:
+        bench = FrontEndBench(opened, config, pair_bits=16)
+        sparse = dataclasses.replace(config, detector="fast", threshold=40)
+        for pauses in (NO_PAUSES, PAUSES):
+            for each in (config, sparse):
+                _, features = bench.check(
+                    [gray(scene(number, (641, 479))) for number in range(2)], config=each, pauses=pauses
+                )
+                assert features.size > 200
+
+
 DROPPED, DOUBLED = 5 * SMALL_PX[0] + 7, 50 * SMALL_PX[0] + 7
 BAD_FRAMES = {
     "short_line": (lambda beats: np.delete(beats, DROPPED, axis=1), Cause.SHORT_LINE),

@@ -44,6 +44,15 @@ def test_latencies_are_those_that_the_blocks_state(pattern):
         assert latencies.count == timing.sugeno_cycles(fuzzy.aerial_orientation(pattern.bits)) + SQUARE_CYCLES + 2
 
 
+def test_two_pixels_a_clock_take_half_the_clocks():
+    """Odd lines take a clock more; what follows the last pixel takes as long as before."""
+    frames = [FrameWork(641, 480, good=True, left=50, right=60, rows=np.arange(9)) for _ in range(2)]
+    one, two = (timelines(frames, CONFIG, lanes=16, pixels_per_clock=each) for each in (1, 2))
+    assert [line.status_cycles for line in (*one, *two)] == [641 * 480] * 2 + [321 * 480] * 2
+    for slow, fast in zip(one, two, strict=True):
+        assert slow.delayed(-slow.last_pixel).matches == fast.delayed(-fast.last_pixel).matches
+
+
 def test_what_is_not_predicted_is_left_out():
     frame = FrameWork(640, 480, good=True, left=2000, right=2000, rows=np.arange(2000))
     # With four lanes a frame is not matched before the one after the next has features.

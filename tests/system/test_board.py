@@ -296,3 +296,17 @@ def test_frames_fit_the_builds_video_input(driver) -> None:
     assert as_words(gray, 8).view(np.uint8)[:6].tolist() == as_words(gray, 32).view(np.uint8)[:6].tolist()
     with pytest.raises(sys.modules["skymosaic_driver"].AcceleratorError, match="8-bit input"):
         as_words(np.zeros((2, 3, 3), np.uint8), 8)
+    # Two pixels at once: lines of three pixels get a fourth, and colours come as R, G, B of both.
+    assert as_words(gray, 16).view(np.uint8).tolist() == [0, 1, 2, 0, 3, 4, 5, 0]
+    pairs = as_words(gray, 48).view(np.uint64).tolist()
+    assert pairs == [0 | 1 << 24, 2, 3 | 4 << 24, 5]
+    assert as_words(np.arange(6, dtype=np.uint8).reshape(1, 2, 3), 48).view(np.uint8).tolist() == [
+        2,
+        1,
+        0,
+        5,
+        4,
+        3,
+        0,
+        0,
+    ]

@@ -5,13 +5,13 @@ from typing import Any
 
 import pytest
 
-from hdl.axi.video_input import VIDEO_BITS, VideoInput
+from hdl.axi.video_input import VIDEO_BITS, VideoInput, pixels_per_clock
 from sim.block_bench import BlockBench
 
 PIXELS = [0x11, 0x22, 0x33, 0x44, 0x55, 0x66]
 
 
-def received(video_bits: int, beats: list[int], *, memory_mode: int, gray: int) -> list[int]:
+def received(video_bits: int, beats: list[int], *, memory_mode: int, gray: int) -> list[Any]:
     """The pixels' data that come of ``beats``."""
     dut = VideoInput(video_bits=video_bits)
     bench = BlockBench(dut, settings={"i_memory_mode": memory_mode, "i_gray_input": gray})
@@ -29,7 +29,10 @@ def received(video_bits: int, beats: list[int], *, memory_mode: int, gray: int) 
     return pixels
 
 
-@pytest.mark.parametrize("video_bits", VIDEO_BITS)
+ONE_PIXEL = [bits for bits in VIDEO_BITS if pixels_per_clock(bits) == 1]
+
+
+@pytest.mark.parametrize("video_bits", ONE_PIXEL)
 def test_gray_from_memory(video_bits: int) -> None:
     beats = [0x44332211, 0xEEEE6655] if video_bits == 32 else PIXELS
     found = received(video_bits, beats, memory_mode=1, gray=1)
@@ -43,11 +46,29 @@ def test_colour_from_memory_comes_in_the_order_of_video(video_bits: int) -> None
     assert found == [0xAA + 0xBB00 + (pixel << 16) for pixel in PIXELS]
 
 
-@pytest.mark.parametrize("video_bits", VIDEO_BITS)
+@pytest.mark.parametrize("video_bits", ONE_PIXEL)
 def test_video_passes_unchanged(video_bits: int) -> None:
     assert received(video_bits, PIXELS, memory_mode=0, gray=1) == PIXELS
 
 
+@pytest.mark.parametrize("video_bits", [48, 16])
+@pytest.mark.parametrize("memory_mode", [0, 1])
+def test_two_gray_pixels_a_clock(video_bits: int, memory_mode: int) -> None:
+    beats = [left | right << video_bits // 2 for left, right in zip(PIXELS, reversed(PIXELS), strict=True)]
+    found = received(video_bits, beats, memory_mode=memory_mode, gray=1)
+    assert [[pixel & 0xFF for pixel in pair] for pair in found] == list(
+        map(list, zip(PIXELS, PIXELS[::-1], strict=True))
+    )
+
+
+@pytest.mark.parametrize(("memory_mode", "colour"), [(0, 0xBBAA00), (1, 0x00BBAA)])
+def test_two_coloured_pixels_a_clock(memory_mode: int, colour: int) -> None:
+    beats = [0xBBAA00 + pixel + (0xBBAA00 + pixel + 1 << 24) for pixel in PIXELS]
+    found = received(48, beats, memory_mode=memory_mode, gray=0)
+    shift = 16 * memory_mode
+    assert [list(pair) for pair in found] == [[colour + (p << shift), colour + (p + 1 << shift)] for p in PIXELS]
+
+
 def test_other_widths_are_refused() -> None:
-    with pytest.raises(ValueError, match="32, 24, 8"):
-        VideoInput(video_bits=16)
+    with pytest.raises(ValueError, match="32, 24, 8, 48, 16"):
+        VideoInput(video_bits=12)

@@ -23,8 +23,8 @@ def arcs():
     return np.block([tiles[n : n + 6] for n in range(0, len(tiles), 6)])
 
 
-@pytest.mark.parametrize("threshold", [1, 38])
-def test_scores_equal_the_golden_model(gray_frames, check_block, threshold):
+@pytest.mark.parametrize(("threshold", "pixels_per_clock"), [(1, 1), (38, 1), (20, 2)])
+def test_scores_equal_the_golden_model(gray_frames, check_block, threshold, pixels_per_clock):
     noise, _, checkerboard, *_ = gray_frames
     frames = [noise, checkerboard, arcs()]
     expected = [fast.response_code(frame, threshold) for frame in frames]
@@ -33,7 +33,7 @@ def test_scores_equal_the_golden_model(gray_frames, check_block, threshold):
     assert scores.max() > 250
     assert scores[scores > 0].min() == threshold
     check_block(
-        Fast(),
+        Fast(pixels_per_clock=pixels_per_clock),
         [{"column": columns(frame, WINDOW_PX)} for frame in frames],
         {"code": expected},
         margin_px=fast.MARGIN_PX,

@@ -5,31 +5,38 @@ import numpy as np
 import pytest
 
 from hdl.selection.level_scan import LevelScan
+from sim.drivers import run_beats
 
 LAG_PX, BORDER_PX, CELL_LOG2 = 4, 7, 5
 
 
 @pytest.mark.parametrize("shape", [(75, 33)])
 @pytest.mark.parametrize("cells", [True, False])
-def test_marks_belong_to_the_lagging_pixel(run_block, shape, cells):
+@pytest.mark.parametrize("pixels_per_clock", [1, 2])
+def test_marks_belong_to_the_lagging_pixel(pauses, shape, cells, pixels_per_clock):
     height_px, width_px = shape
-    dut = LevelScan(lag_px=LAG_PX, border_px=BORDER_PX, cells=cells)
+    dut = LevelScan(lag_px=LAG_PX, border_px=BORDER_PX, cells=cells, pixels_per_clock=pixels_per_clock)
     settings = {"i_width_px": width_px, "i_height_px": height_px, "i_cell_log2": CELL_LOG2}
+    frames = [{"pixel": np.zeros(shape, int)}] * 3
+    sent, received = run_beats(dut, frames, settings=settings, pauses=pauses, received_per_clock=1)
+    np.testing.assert_array_equal(received.cycles - sent.cycles[::pixels_per_clock], dut.latency_cycles)
     # During the first frame the sizes are still new.
-    _, *parts = run_block(dut, [{"pixel": np.zeros(shape, int)}] * 3, settings)
+    _, *parts = received.split()
 
     y, x = np.indices(shape) - LAG_PX
     inside = (x >= BORDER_PX) & (x < width_px - BORDER_PX) & (y >= BORDER_PX) & (y < height_px - BORDER_PX)
     line_ends, lowest = x == width_px - 1 - LAG_PX, height_px - 1 - BORDER_PX
     cell_ends = cells & (y >= 0) & (y % (1 << CELL_LOG2) == (1 << CELL_LOG2) - 1) & (y < lowest)
+    # Of two pixels of a beat the left one has the lower bit; the marks are at its position.
+    padded = np.pad(inside, ((0, 0), (0, width_px % pixels_per_clock)))
     expected = {
-        "inside": inside,
-        "ends_row": line_ends & (cell_ends | (y == lowest)),
-        "ends_level": line_ends & (y == lowest),
+        "inside": sum(padded[:, n::pixels_per_clock] << n for n in range(pixels_per_clock)),
+        "ends_row": (line_ends & (cell_ends | (y == lowest)))[:, ::pixels_per_clock],
+        "ends_level": (line_ends & (y == lowest))[:, ::pixels_per_clock],
     }
     for part in parts:
         for name, plane in expected.items():
-            np.testing.assert_array_equal(part.plane(name, shape), plane, name)
+            np.testing.assert_array_equal(part.plane(name, shape)[:, ::pixels_per_clock], plane, name)
 
 
 def test_a_border_wider_than_the_smallest_level_still_ends_it(run_block):

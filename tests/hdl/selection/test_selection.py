@@ -13,6 +13,7 @@ from sim.recording import Pauses
 PATTERN = PATTERNS["thesis-ilbp-1"]
 WIDTH_PX, HEIGHT_PX = 200, 150
 SPACING_PX = 2
+"""Of candidates in a line; with two pixels a clock they follow each other in every clock."""
 FLIGHT_CYCLES = 5
 """Clocks from frame admission to the selection."""
 CYCLE_LIMIT = 60_000
@@ -80,8 +81,9 @@ def golden(plane, cell_px, per_cell):
 class SelectionBench:
     """The pipeline in front of a selection with its frame admission, and the stream behind it."""
 
-    def __init__(self, dut, *, pauses, settings=None):
+    def __init__(self, dut, *, pauses, settings=None, spacing_cycles=SPACING_PX):
         self.dut = dut
+        self.spacing_cycles = spacing_cycles
         self.pauses = pauses
         self.bench = BlockBench(dut, settings=settings, pauses=pauses, cycle_limit=CYCLE_LIMIT)
         self.received = []
@@ -106,7 +108,9 @@ class SelectionBench:
             ctx.set(self.dut.i, beat)
             await self._tick(ctx)
             ctx.set(self.dut.i, {"feature": {"response": 0x5555}})
-            for _ in range(SPACING_PX - 1 + self.pauses.gap(number)):
+            # Between the end of a row and the next feature there is a border, however close features are.
+            wait_cycles = max(self.spacing_cycles, 2 * ("ends_row" in beat)) - 1
+            for _ in range(wait_cycles + self.pauses.gap(number)):
                 await self._tick(ctx)
 
     async def drain(self, ctx, ends):
@@ -135,12 +139,20 @@ STALLED = Pauses(gaps=60, stalls=240, seed=4)
 
 
 @pytest.mark.parametrize(
-    ("cell_log2", "per_cell", "pauses"),
-    [(5, 5, FREE), (5, 5, STALLED), (5, 1, FREE), (6, 8, STALLED), (7, 3, FREE), (8, 2, FREE)],
+    ("cell_log2", "per_cell", "pauses", "spacing_cycles"),
+    [
+        (5, 5, FREE, 2),
+        (5, 5, STALLED, 1),
+        (5, 1, FREE, 1),
+        (6, 8, STALLED, 2),
+        (7, 3, FREE, 2),
+        (8, 2, FREE, 1),
+    ],
 )
-def test_cells_keep_their_best_in_order(planes, cell_log2, per_cell, pauses):
-    dut = CellSelection(pattern=PATTERN, width_px=WIDTH_PX)
-    bench = SelectionBench(dut, pauses=pauses, settings={"i_cell_log2": cell_log2, "i_per_cell": per_cell})
+def test_cells_keep_their_best_in_order(planes, cell_log2, per_cell, pauses, spacing_cycles):
+    dut = CellSelection(pattern=PATTERN, width_px=WIDTH_PX, spacing_cycles=spacing_cycles)
+    settings = {"i_cell_log2": cell_log2, "i_per_cell": per_cell}
+    bench = SelectionBench(dut, pauses=pauses, settings=settings, spacing_cycles=spacing_cycles)
 
     async def play(ctx):
         for plane in planes:
