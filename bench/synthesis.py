@@ -75,11 +75,12 @@ class Design(NamedTuple):
     memory_bits: int = 0
 
 
-def front_end(config: FrontEndConfig, width_px: int, levels: int) -> Design:
+def front_end(config: FrontEndConfig, width_px: int, levels: int, video_bits: int = 32) -> Design:
     """The front end for frames up to ``width_px`` wide."""
     config = dataclasses.replace(config, levels=levels)
+    size = {"max_width_px": width_px, "max_height_px": max(HEIGHT_PX, width_px * 9 // 16)}
     return Design(
-        lambda: FrontEnd(config=config, max_width_px=width_px, max_height_px=HEIGHT_PX),
+        lambda: FrontEnd(config=config, video_bits=video_bits, **size),
         sum(line_memory_bits(config, width_px >> level) for level in range(levels)),
     )
 
@@ -124,6 +125,10 @@ def designs() -> dict[str, Design]:
             f"front end, {width_px} wide, {levels} level{'s' * (levels > 1)}": front_end(config, width_px, levels)
             for width_px in (640, WIDTH_PX)
             for levels in (1, 2)
+        },
+        **{
+            f"front end, {width_px} wide, two pixels a clock": front_end(config, width_px, 2, video_bits=48)
+            for width_px in (WIDTH_PX, 2 * WIDTH_PX)
         },
         "front end, thesis, 1920 wide": front_end(THESIS.front_end, WIDTH_PX, 1),
         "window correlation": block(WindowCorrelation),

@@ -75,7 +75,8 @@ class Accelerator(Registers):
             "features": bus.allocate(capacity * the_map.FEATURE.itemsize),
             "matches": bus.allocate(capacity * the_map.MATCH.itemsize),
         }
-        self._sent = bus.allocate(4 * self.max_width_px * self.max_height_px)
+        # Two pixels a clock: a line of odd width has one more.
+        self._sent = bus.allocate(4 * (self.max_width_px + 1) * self.max_height_px)
 
     def run(self, frames, settings, hold_reference):
         """Extract the features of each frame, and match it with its reference; the first frame has no matches.
@@ -136,8 +137,12 @@ class Accelerator(Registers):
 def as_words(frame, video_bits=32):
     """A frame in the format of memory mode: four gray pixels in a 32-bit word, or one pixel as R, G, B, X.
 
-    At an 8-bit input, gray pixels follow each other in the same way; at a 24-bit one, each has a word of its own.
+    At an 8-bit input, gray pixels follow each other in the same way; at a 24-bit one, each has a word of its own. An
+    input of 16 or 48 bits takes two pixels at once, and every line starts with a new pair: 16 bits of gray, or 64 bits
+    with R, G, B of both, or gray in their places, and two bytes that are dropped.
     """
+    if video_bits in (16, 48):
+        return _as_pairs(frame, video_bits)
     if frame.ndim == 2:
         pixels = frame.reshape(-1)
         if video_bits == 24:
@@ -148,3 +153,20 @@ def as_words(frame, video_bits=32):
     rgbx = np.zeros((*frame.shape[:2], 4), np.uint8)
     rgbx[..., :3] = frame[..., ::-1]
     return rgbx.reshape(-1).view(np.uint32)
+
+
+def _as_pairs(frame, video_bits):
+    """The words of a frame for an input that takes two pixels at once."""
+    height, width = frame.shape[:2]
+    if video_bits == 16:
+        if frame.ndim == 3:
+            raise AcceleratorError("this build has an input for gray frames only; convert the frame to gray")
+        pairs = np.zeros((height, -(-width // 2) * 2), np.uint8)
+        pairs[:, :width] = frame
+    else:
+        pixels = np.zeros((height, -(-width // 2) * 2, 3), np.uint8)
+        pixels[:, :width, : 1 if frame.ndim == 2 else 3] = frame.reshape(height, width, -1)[..., ::-1]
+        pairs = np.zeros((height, pixels.shape[1] // 2, 8), np.uint8)
+        pairs[..., :6] = pixels.reshape(height, -1, 6)
+    words = pairs.reshape(-1)
+    return np.concatenate((words, np.zeros(-words.size % 4, np.uint8))).view(np.uint32)

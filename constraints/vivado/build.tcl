@@ -27,8 +27,11 @@ proc make_dma {name directions} {
     set dma [create_bd_cell -type ip -vlnv xilinx.com:ip:axi_dma:7.1 $name]
     set_property -dict [concat {CONFIG.c_include_sg 0 CONFIG.c_sg_length_width 26} $directions] $dma
 }
-# A DMA has no stream of 24 bits: the fourth byte of its words is dropped.
-set dma_bits [expr {$board(video_bits) == 24 ? 32 : $board(video_bits)}]
+# A DMA has no stream of 24 or 48 bits: the last quarter of its words is dropped.
+set dma_bits $board(video_bits)
+if {$dma_bits % 24 == 0} {
+    set dma_bits [expr {$dma_bits / 3 * 4}]
+}
 make_dma dma_video "
     CONFIG.c_include_mm2s 1 CONFIG.c_include_s2mm 0
     CONFIG.c_m_axis_mm2s_tdata_width $dma_bits CONFIG.c_m_axi_mm2s_data_width 64
@@ -45,10 +48,12 @@ if {$dma_bits == $board(video_bits)} {
     connect_bd_intf_net [get_bd_intf_pins dma_video/M_AXIS_MM2S] [get_bd_intf_pins skymosaic/s_axis_video]
 } else {
     create_bd_cell -type ip -vlnv xilinx.com:ip:axis_subset_converter:1.1 to_rgb
-    set_property -dict {
-        CONFIG.S_TDATA_NUM_BYTES.VALUE_SRC USER CONFIG.M_TDATA_NUM_BYTES.VALUE_SRC USER
-        CONFIG.S_TDATA_NUM_BYTES 4 CONFIG.M_TDATA_NUM_BYTES 3 CONFIG.TDATA_REMAP {tdata[23:0]}
-    } [get_bd_cells to_rgb]
+    set last_bit [expr {$board(video_bits) - 1}]
+    set_property -dict [list \
+        CONFIG.S_TDATA_NUM_BYTES.VALUE_SRC USER CONFIG.M_TDATA_NUM_BYTES.VALUE_SRC USER \
+        CONFIG.S_TDATA_NUM_BYTES [expr {$dma_bits / 8}] CONFIG.M_TDATA_NUM_BYTES [expr {$board(video_bits) / 8}] \
+        CONFIG.TDATA_REMAP "tdata\[$last_bit:0\]" \
+    ] [get_bd_cells to_rgb]
     connect_bd_intf_net [get_bd_intf_pins dma_video/M_AXIS_MM2S] [get_bd_intf_pins to_rgb/S_AXIS]
     connect_bd_intf_net [get_bd_intf_pins to_rgb/M_AXIS] [get_bd_intf_pins skymosaic/s_axis_video]
     lappend clocked to_rgb/aclk

@@ -37,7 +37,10 @@ def export(
     max_height_px: Annotated[int, typer.Option("--max-height", help="Highest frame.")] = BUILD["max_height_px"],
     video_bits: Annotated[
         int | None,
-        typer.Option(help="Video input: 32 bits for a DMA (usual for a board), 24 RGB (usual live), 8 gray."),
+        typer.Option(
+            help="Video input: 32 bits for a DMA (usual for a board), 24 RGB (usual live), 8 gray; two pixels a clock: "
+            "48 RGB, 16 gray."
+        ),
     ] = None,
     rules: Annotated[
         Path | None, typer.Option(help="With --block fuzzy: your own system, an .fll or .fcl file.")
