@@ -15,6 +15,9 @@ SOURCES = next(
 """What an export copies: in an installed wheel data of this package, in the repository the folder at its top."""
 BOARDS = tuple(sorted(path.stem for path in (SOURCES / "boards").glob("*.tcl")))
 
+SERIAL_BOARD = "ulx3s"
+"""It has no processor: the accelerator is behind its serial port, and open tools build its bitstream."""
+
 
 def board_facts(board: str) -> dict[str, str]:
     """What the board's Tcl file says, by name; all boards have ``part``, ``family`` and ``clock_mhz``.

@@ -95,7 +95,7 @@ def export(folder: Path, *, board: str, config: Config, **build: Unpack[Build]) 
     _write_litex(folder / "litex", build["video_bits"])
     (folder / f"{TOP}.core").write_text(core_file(TOP, [f"rtl/{TOP}.v"], [f"sim/{name}" for name in bench]))
     _write_vivado(vivado, board, facts["family"], build["video_bits"])
-    _write_registers(registers, REGISTERS)
+    write_registers(registers, REGISTERS)
     has_processor = facts["family"].startswith("zynq")
     if has_processor:
         write_host(folder / "pynq", "pynq", config, **build)
@@ -134,13 +134,14 @@ def export_live(folder: Path, *, config: Config, **build: Unpack[Build]) -> None
     for subfolder in ("rtl", "registers"):
         (folder / subfolder).mkdir(parents=True, exist_ok=True)
     (folder / "rtl" / f"{LIVE_TOP}.v").write_text(text)
-    _write_registers(folder / "registers", LIVE_REGISTERS)
+    write_registers(folder / "registers", LIVE_REGISTERS)
     write_host(folder / "host", "live", config, **build)
     facts = {name: str(value) for name, value in build.items()} | {"video": VIDEO[build["video_bits"]]}
     (folder / "README.md").write_text((SOURCES / "live" / "README.md").read_text().format(**facts))
 
 
-def _write_registers(folder: Path, registers: Sequence[Register]) -> None:
+def write_registers(folder: Path, registers: Sequence[Register]) -> None:
+    """Write the map as Markdown, CMSIS-SVD and C header."""
     (folder / "register_map.md").write_text(register_docs.markdown(registers))
     (folder / f"{TOP}.svd").write_text(register_docs.svd(registers))
     (folder / f"{TOP}_registers.h").write_text(register_docs.c_header(registers))
@@ -165,10 +166,14 @@ def _write_litex(folder: Path, video_bits: int) -> None:
     (folder / "skymosaic_litex.py").write_text(text.replace("VIDEO_BITS = 32", f"VIDEO_BITS = {video_bits}"))
 
 
-def write_host(folder: Path, kind: Literal["pynq", "live"], config: Config, **build: Unpack[Build]) -> None:
-    """Write the programs of the host: driver, server and examples for a board with a processor, or a live reader."""
+HOST_FOLDERS = {"pynq": ("host", "server", "pynq"), "serial": ("host", "server", "serial"), "live": ("host", "live")}
+"""Where the programs of a host come from."""
+
+
+def write_host(folder: Path, kind: Literal["pynq", "serial", "live"], config: Config, **build: Unpack[Build]) -> None:
+    """Write the programs of the host: driver and server for a processor's DMAs or a serial port, or a live reader."""
     folder.mkdir(parents=True, exist_ok=True)
-    for source in (*(SOURCES / "host").glob("*.py"), *(SOURCES / kind).glob("*.py")):
+    for source in (path for name in HOST_FOLDERS[kind] for path in (SOURCES / name).glob("*.py")):
         shutil.copy(source, folder)
     (folder / "skymosaic_map.py").write_text(driver_map(config, live=kind == "live", **build))
 

@@ -17,13 +17,13 @@ from hdl.export import Build, write_host
 
 @contextlib.contextmanager
 def host_programs(
-    kind: Literal["pynq", "live"], config: Config, **build: Unpack[Build]
+    kind: Literal["pynq", "serial", "live"], config: Config, **build: Unpack[Build]
 ) -> Iterator[Callable[[str], ModuleType]]:
     """Write the programs for a build, and import them by name as long as the context lasts.
 
     Parameters
     ----------
-    kind : {"pynq", "live"}
+    kind : {"pynq", "serial", "live"}
     config, **build
         As for `hdl.export.export`.
     """

@@ -1,4 +1,4 @@
-"""The command that writes everything for a Xilinx kit."""
+"""The command that writes everything for a kit."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from typing import Annotated
 
 import typer
 
-from hdl.boards import BOARDS
+from golden_model.config import Config
+from hdl.boards import BOARDS, SERIAL_BOARD
 from skymosaic.cli.options import ConfigOption, OverwriteOption, PresetOption, choice, configuration
 from skymosaic.cli.session import session
 from skymosaic.errors import InputError
@@ -19,22 +20,28 @@ from skymosaic.temporary import temporary_folder
 
 BUILD = {"lanes": 16, "max_width_px": 1920, "max_height_px": 1080, "video_bits": 32}
 """The accelerator's build, unless asked for another one."""
-LIVE_VIDEO_BITS = 24
-"""Of a live build, unless asked for another one."""
+LIVE_BUILD = BUILD | {"video_bits": 24}
+SERIAL_BUILD = {"lanes": 4, "max_width_px": 320, "max_height_px": 240, "video_bits": 8}
 
 
 def export(
     *,
-    board: Annotated[str | None, choice(BOARDS, "The kit.")] = None,
+    board: Annotated[str | None, choice((*BOARDS, SERIAL_BOARD), "The kit.")] = None,
     block: Annotated[str | None, typer.Option(help="One block with a test bench, instead of all: harris, ...")] = None,
     live: Annotated[bool, typer.Option("--live", help="For a camera: packets of every frame go to memory.")] = False,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")],
     overwrite: OverwriteOption = False,
     preset: PresetOption = "aerial",
     config: ConfigOption = None,
-    lanes: Annotated[int, typer.Option(help="Descriptors compared at a time, a power of two.")] = BUILD["lanes"],
-    max_width_px: Annotated[int, typer.Option("--max-width", help="Widest frame.")] = BUILD["max_width_px"],
-    max_height_px: Annotated[int, typer.Option("--max-height", help="Highest frame.")] = BUILD["max_height_px"],
+    lanes: Annotated[
+        int | None, typer.Option(help="Descriptors compared at a time, a power of two: usually 16, on the ulx3s 4.")
+    ] = None,
+    max_width_px: Annotated[
+        int | None, typer.Option("--max-width", help="Widest frame: usually 1920, on the ulx3s 320.")
+    ] = None,
+    max_height_px: Annotated[
+        int | None, typer.Option("--max-height", help="Highest frame: usually 1080, on the ulx3s 240.")
+    ] = None,
     video_bits: Annotated[
         int | None,
         typer.Option(
@@ -42,23 +49,25 @@ def export(
             "48 RGB, 16 gray."
         ),
     ] = None,
+    build_it: Annotated[
+        bool, typer.Option("--build", help=f"With --board {SERIAL_BOARD}: make the bitstream, too, in ten minutes.")
+    ] = False,
     rules: Annotated[
         Path | None, typer.Option(help="With --block fuzzy: your own system, an .fll or .fcl file.")
     ] = None,
     entries: Annotated[int, typer.Option(min=2, help="With --rules: table entries of each input.")] = ENTRIES,
 ) -> None:
-    """Write Verilog, register map and more: for a Xilinx kit with its driver, for a live camera, or of one block."""
+    """Write Verilog, register map and more: for a kit with its driver, for a live camera, or of one block."""
     if (board is not None) + (block is not None) + live != 1:
-        raise InputError(f"export needs one of --board ({', '.join(BOARDS)}), --block and --live")
-    if video_bits is None:
-        video_bits = LIVE_VIDEO_BITS if live else BUILD["video_bits"]
-    build = {"lanes": lanes, "max_width_px": max_width_px, "max_height_px": max_height_px, "video_bits": video_bits}
-    if block is not None and (build != BUILD or preset != "aerial" or config is not None):
+        raise InputError(f"export needs one of --board ({', '.join((*BOARDS, SERIAL_BOARD))}), --block and --live")
+    sizes = {"lanes": lanes, "max_width_px": max_width_px, "max_height_px": max_height_px, "video_bits": video_bits}
+    asked = {name: value for name, value in sizes.items() if value is not None}
+    build = (LIVE_BUILD if live else SERIAL_BUILD if board == SERIAL_BOARD else BUILD) | asked
+    if build_it and board != SERIAL_BOARD:
+        raise InputError(f"--build makes the bitstream of --board {SERIAL_BOARD}; leave it out, or use Vivado")
+    if block is not None and (asked or preset != "aerial" or config is not None):
         raise InputError("--block takes no option of the whole accelerator (--lanes, --preset, ...); leave it out")
-    if rules is not None and block != "fuzzy":
-        raise InputError(f"--rules {rules} makes the block fuzzy; add --block fuzzy, or leave it out")
-    if rules is None and entries != ENTRIES:
-        raise InputError("--entries is the length of the tables of --rules; add these, or leave it out")
+    _check_rules(block, rules, entries)
     check_unused(output, overwrite=overwrite)
     with session.working("writing Verilog"):
         try:
@@ -70,6 +79,9 @@ def export(
                     _export_rules(made, rules, entries)
                 elif block is not None:
                     importlib.import_module("hdl.blocks.export").export_block(made, block)
+                elif board == SERIAL_BOARD:
+                    usual = preset == "aerial" and config is None
+                    _export_serial(made, None if usual else configuration(preset, config), build, build_it=build_it)
                 elif live:
                     importlib.import_module("hdl.export").export_live(
                         made, config=configuration(preset, config), **build
@@ -90,6 +102,14 @@ def export(
     session.show(f"wrote {output}; its README.md tells the next steps")
 
 
+def _check_rules(block: str | None, rules: Path | None, entries: int) -> None:
+    """Refuse options of the block fuzzy without it."""
+    if rules is not None and block != "fuzzy":
+        raise InputError(f"--rules {rules} makes the block fuzzy; add --block fuzzy, or leave it out")
+    if rules is None and entries != ENTRIES:
+        raise InputError("--entries is the length of the tables of --rules; add these, or leave it out")
+
+
 def _export_rules(folder: Path, rules: Path, entries: int) -> None:
     """Write the block of a system from a file."""
     system = load_system(rules)
@@ -98,6 +118,22 @@ def _export_rules(folder: Path, rules: Path, entries: int) -> None:
     except ValueError as error:
         raise InputError(f"{rules}: cannot be made of hardware: {error}") from None
     importlib.import_module("hdl.blocks.export").write_block(folder, "fuzzy", made)
+
+
+def _export_serial(folder: Path, config: Config | None, build: dict[str, int], *, build_it: bool) -> None:
+    """Write the folder of the board with a serial port; None is its own configuration."""
+    serial = importlib.import_module("hdl.serial.export")
+    serial.export_ulx3s(folder, **({} if config is None else {"config": config}), **build)
+    if not build_it:
+        return
+    session.tell("building the bitstream: synthesis, place and route")
+    try:
+        made = serial.build_bitstream(folder)
+    except serial.BuildError as error:
+        raise InputError(str(error)) from None
+    (length, mhz), used = (made.pop("bytes"), made.pop("clock_mhz")), made
+    told = ", ".join(f"{name} {count} of {available}" for name, (count, available) in used.items())
+    session.show(f"bitstream of {length} bytes; {mhz} MHz reached, 25 needed; {told}")
 
 
 def _existing(folder: Path) -> Path:

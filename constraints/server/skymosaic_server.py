@@ -8,11 +8,13 @@ HMAC-SHA256, with the key, of the challenge, the request's line and that SHA-256
 keeps others from using the board; nothing is encrypted.
 """
 
+import argparse
 import hashlib
 import hmac
 import ipaddress
 import itertools
 import json
+import pathlib
 import secrets
 import socketserver
 import time
@@ -20,6 +22,11 @@ import time
 import numpy as np
 import skymosaic_map as the_map
 
+PORT = 7020
+SHORTEST_KEY_BYTES = 16
+KEY_HELP = """Without --host, only programs on this machine (or an SSH tunnel) reach the server. With another host, a
+key is needed: a file of at least 16 bytes, of which each client has a copy.
+It can be made by: python3 -c "import secrets; print(secrets.token_hex())" > key"""
 MAX_LINE_BYTES = 65536
 MAX_FRAMES = 64
 IDLE_SECONDS = 30
@@ -232,6 +239,30 @@ class Server(socketserver.TCPServer):
         self.accelerator, self.key = accelerator, key
         self.idle_seconds, self.request_seconds = idle_seconds, request_seconds
         super().__init__(address, Handler)
+
+
+def options_parser(description):
+    """The options of a program that serves an accelerator; it may add its own."""
+    parser = argparse.ArgumentParser(description=description, epilog=KEY_HELP)
+    parser.add_argument("--host", default="127.0.0.1", help="address to listen on; 0.0.0.0: all")
+    parser.add_argument("--port", type=int, default=PORT)
+    parser.add_argument("--key", type=pathlib.Path, help="file with the key that clients must know")
+    return parser
+
+
+def serve(parser, opened):
+    """Serve what ``opened`` makes of the options, until the program is interrupted."""
+    options = parser.parse_args()
+    key = options.key.read_bytes().strip() if options.key else None
+    if key is not None and len(key) < SHORTEST_KEY_BYTES:
+        parser.error(f"{options.key} has less than {SHORTEST_KEY_BYTES} bytes")
+    try:
+        server = Server((options.host, options.port), opened(options), key)
+    except ValueError as error:
+        parser.error(str(error))
+    with server:
+        print(f"serving on {options.host}:{options.port}")
+        server.serve_forever()
 
 
 def _is_loopback(host):

@@ -1,0 +1,16 @@
+"""Serves the accelerator behind a serial port: python3 serve_serial.py /dev/ttyUSB0 [--host HOST --key FILE].
+
+It needs numpy and pyserial.
+"""
+
+import serial
+from serial_bus import BAUD, TIMEOUT_SECONDS, SerialBus
+from skymosaic_driver import Accelerator
+from skymosaic_server import options_parser, serve
+
+parser = options_parser(__doc__)
+parser.add_argument("device", help="serial port of the board, such as /dev/ttyUSB0")
+serve(
+    parser,
+    lambda options: Accelerator(SerialBus(serial.Serial(options.device, BAUD, timeout=TIMEOUT_SECONDS)), 20.0),
+)

@@ -1,0 +1,134 @@
+"""The ULX3S: its top at the pins, through the exported driver, and what `export --board ulx3s` writes and builds."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from golden_model.config import load_config
+from hdl.lib.ecp5 import Ecp5
+from hdl.serial import export
+from hdl.settings import REQUESTED, matched_frame_settings
+from sim.backend import load_backend
+from sim.exported import host_programs
+from sim.scene import pair as rendered_pair
+from sim.serial import SerialPort
+from tests.system.command_line import only_error, skymosaic
+
+SIZE_PX = (128, 96)
+
+
+class Line:
+    """A port that answers as it was told, in place of a board."""
+
+    in_waiting = 0
+
+    def __init__(self, *answers: bytes) -> None:
+        self.sent, self._answers = b"", [b"", *answers]
+
+    def write(self, data: bytes) -> None:
+        self.sent += data
+
+    def read(self, count: int) -> bytes:
+        return self._answers.pop(0) if self._answers else b""
+
+
+@pytest.fixture(scope="module")
+def programs() -> Iterator[Any]:
+    with host_programs("serial", export.DEFAULT_CONFIG, **export.DEFAULT_BUILD) as load:
+        yield load
+
+
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        (b"A\x80\0\0\0\0", "bytes were lost"),
+        (b"A\x02\0\0\0\0", "no such register"),
+        (b"login: ", "not from the accelerator"),
+        (b"", "does not answer"),
+    ],
+)
+def test_a_port_without_the_accelerator_is_told_in_one_line(programs, monkeypatch, answer: bytes, message: str) -> None:
+    serial_bus = programs("serial_bus")
+    monkeypatch.setattr(serial_bus, "ANSWER_SECONDS", 0)
+    line = Line(answer)
+    bus = serial_bus.SerialBus(line)
+    with pytest.raises(programs("skymosaic_registers").AcceleratorError, match=message):
+        # The limit of time is over, but what has come is used.
+        bus.read(8) if not answer else (bus._fetch(64), bus.read(8))
+    assert line.sent in (b"", b"R\x08\x00")
+
+
+def test_packets_that_mix_with_answers_are_sorted(programs) -> None:
+    line = Line(
+        bytes([0x10]) + bytes(range(8)) + b"A\0\x78\x56\x34\x12" + bytes([0x21]) + bytes(8) + bytes([0x11]) + bytes(8)
+    )
+    bus = programs("serial_bus").SerialBus(line)
+    bus._fetch(64)
+    assert bus.read(4) == 0x12345678
+    buffers = {name: np.zeros(64, np.uint8) for name in ("features", "matches")}
+    for name, buffer in buffers.items():
+        bus.start_receive(name, buffer)
+    bus.start_send(np.arange(3, dtype=np.uint8), 3)
+    assert bus.wait(1) == {"features": 16, "matches": 8}
+    assert line.sent == b"R\x04\x00L\x03\x00\x00\x01\x02"
+    assert buffers["features"][:8].tolist() == list(range(8))
+
+
+@pytest.mark.slow
+def test_bits_in_and_records_out_equal_the_golden_model(programs) -> None:
+    """The design and the baud of the bitstream, from the driver down to the pins."""
+    config = export.DEFAULT_CONFIG
+    port = SerialPort(config, progress=print)
+    accelerator = programs("skymosaic_driver").Accelerator(programs("serial_bus").SerialBus(port), 1e6)
+    images = [np.ascontiguousarray(image[..., 1]) for image in rendered_pair(seed=9, size=SIZE_PX).images]
+    settings = matched_frame_settings(config, *SIZE_PX, gray_input=True)
+    found = accelerator.run(images, {name: settings[name] for name in REQUESTED}, hold_reference=True)
+    for frame, expected in zip(found, load_backend("golden").run(images, config), strict=True):
+        np.testing.assert_array_equal(frame.features, expected.features)
+        np.testing.assert_array_equal(frame.matches, expected.matches)
+    assert len(found[1].matches) > 10
+    assert port.broken == 0
+    print(f"{port.cycle} clocks; {[len(frame.features) for frame in found]} features, {len(found[1].matches)} matches")
+    port.close()
+
+
+@pytest.mark.slow
+def test_open_tools_build_the_bitstream(tmp_path: Path) -> None:
+    result = skymosaic("export", "--board", "ulx3s", "--build", "-o", "made", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert (tmp_path / "made" / "build" / "skymosaic.bit").stat().st_size > 100_000
+    print(result.stdout)
+
+
+def test_the_export_has_what_its_readme_names(tmp_path: Path, monkeypatch) -> None:
+    # The Verilog takes long, and is written in another test.
+    monkeypatch.setattr(export, "to_verilog", lambda top, **options: str(type(options["platform"]) is Ecp5))
+    export.export_ulx3s(tmp_path)
+    found = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
+    host = ("serial_bus", "serve_serial", *(f"skymosaic_{name}" for name in ("driver", "map", "registers", "server")))
+    assert found == {
+        *("README.md", "ulx3s.lpf", "config.toml", f"rtl/{export.TOP}.v", *(f"host/{name}.py" for name in host)),
+        *(f"registers/{name}" for name in ("register_map.md", "skymosaic.svd", "skymosaic_registers.h")),
+    }
+    assert (tmp_path / "rtl" / f"{export.TOP}.v").read_text() == "True"
+    assert load_config(tmp_path / "config.toml") == export.DEFAULT_CONFIG
+    readme = (tmp_path / "README.md").read_text()
+    assert "Not yet run on a board" in readme
+    assert all(f"\n{tool} " in readme for tool, *_ in export.STEPS)
+    # Every port has a pin.
+    pins = (tmp_path / "ulx3s.lpf").read_text()
+    ports = {"clk_25mhz", "btn_fire1", "ftdi_txd", "ftdi_rxd", "wifi_gpio0", *(f"led[{n}]" for n in range(8))}
+    assert all(f'LOCATE COMP "{port}" SITE' in pins for port in ports)
+
+
+def test_a_bitstream_of_another_board_and_a_missing_tool_are_one_line(tmp_path: Path, monkeypatch) -> None:
+    result = skymosaic("export", "--board", "pynq_z2", "--build", "-o", "made", cwd=tmp_path)
+    assert result.returncode == 2
+    assert "--build makes the bitstream of --board ulx3s" in only_error(result.stderr)
+    assert not (tmp_path / "made").exists()
+    monkeypatch.setattr(export, "STEPS", (("no-such-tool",),))
+    with pytest.raises(export.BuildError, match=r"no-such-tool is not installed; .*\.\[ulx3s\]"):
+        export.build_bitstream(tmp_path)
