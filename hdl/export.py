@@ -173,8 +173,9 @@ HOST_FOLDERS = {"pynq": ("host", "server", "pynq"), "serial": ("host", "server",
 def write_host(folder: Path, kind: Literal["pynq", "serial", "live"], config: Config, **build: Unpack[Build]) -> None:
     """Write the programs of the host: driver and server for a processor's DMAs or a serial port, or a live reader."""
     folder.mkdir(parents=True, exist_ok=True)
-    for source in (path for name in HOST_FOLDERS[kind] for path in (SOURCES / name).glob("*.py")):
-        shutil.copy(source, folder)
+    for source in (path for name in HOST_FOLDERS[kind] for path in (SOURCES / name).iterdir()):
+        if source.suffix in {".py", ".ipynb"}:
+            shutil.copy(source, folder)
     (folder / "skymosaic_map.py").write_text(driver_map(config, live=kind == "live", **build))
 
 

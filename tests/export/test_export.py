@@ -3,6 +3,7 @@ import functools
 import os
 import re
 import subprocess
+import sys
 import tkinter
 from pathlib import Path
 
@@ -114,7 +115,7 @@ def test_everything_is_there(folder: Path) -> None:
     else:
         modules = ("driver", "server", "map", "registers")
         expected |= {*(f"pynq/skymosaic_{name}.py" for name in modules)}
-        expected |= {"pynq/pynq_bus.py", "pynq/serve.py", "pynq/pair.py"}
+        expected |= {f"pynq/{name}" for name in ("pynq_bus.py", "serve.py", "pair.py", "overlay.py", "skymosaic.ipynb")}
     assert found == expected
     assert "Not yet run in Vivado" in (folder / "README.md").read_text()
 
@@ -280,3 +281,33 @@ def test_an_unknown_board_is_refused_with_the_known_ones(tmp_path: Path) -> None
     with pytest.raises(ValueError, match="pynq_z2"):
         export.export(tmp_path, board="breadboard", **SMALL)
     assert not list(tmp_path.iterdir())
+
+
+HWH = """<EDKSYSTEM><MODULES><MODULE MODTYPE="{ps}"><MEMORYMAP>
+<MEMRANGE INSTANCE="skymosaic" MEMTYPE="REGISTER" BASEVALUE="{base}43C00000" HIGHVALUE="{base}43C0FFFF"/>
+<MEMRANGE INSTANCE="dma_video" MEMTYPE="REGISTER" BASEVALUE="0x40400000" HIGHVALUE="0x4040FFFF"/>
+<MEMRANGE INSTANCE="dma_features" MEMTYPE="REGISTER" BASEVALUE="0x40410000" HIGHVALUE="0x4041FFFF"/>
+<MEMRANGE INSTANCE="dma_matches" MEMTYPE="REGISTER" BASEVALUE="0x40420000" HIGHVALUE="0x4042FFFF"/>
+<MEMRANGE INSTANCE="ps" MEMTYPE="MEMORY" BASEVALUE="0x00000000" HIGHVALUE="0x1FFFFFFF"/>
+</MEMORYMAP></MODULE></MODULES></EDKSYSTEM>"""
+
+
+@pytest.mark.parametrize(
+    ("hwh", "reg"),
+    [
+        (HWH.format(ps="processing_system7", base="0x"), "<0x43c00000 0x10000>"),
+        (HWH.format(ps="zynq_ultra_ps_e", base="0x4"), "<0x4 0x43c00000 0x0 0x10000>"),
+    ],
+)
+def test_the_overlay_has_the_addresses_of_the_block_design(tmp_path: Path, hwh: str, reg: str) -> None:
+    (tmp_path / "skymosaic.hwh").write_text(hwh)
+    command = [sys.executable, export.SOURCES / "pynq" / "overlay.py", tmp_path / "skymosaic.hwh"]
+    text = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert f'"skymosaic";\n            reg = {reg};' in text
+    assert text.count("generic-uio") == 4
+    assert text.count("ikwzm,u-dma-buf") == 3
+    assert text.count("{") == text.count("}")
+    (tmp_path / "skymosaic.hwh").write_text(hwh.replace("dma_matches", "other"))
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert result.returncode
+    assert "no registers of dma_matches" in result.stderr

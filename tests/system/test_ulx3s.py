@@ -1,5 +1,7 @@
 """The ULX3S: its top at the pins, through the exported driver, and what `export --board ulx3s` writes and builds."""
 
+import dataclasses
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -7,7 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from golden_model.config import load_config
+from golden_model.config import PRESETS, Config, load_config
+from hdl.boards import SOURCES
+from hdl.export import Build
 from hdl.lib.ecp5 import Ecp5
 from hdl.serial import export
 from hdl.settings import REQUESTED, matched_frame_settings
@@ -17,7 +21,22 @@ from sim.scene import pair as rendered_pair
 from sim.serial import SerialPort
 from tests.system.command_line import only_error, skymosaic
 
-SIZE_PX = (128, 96)
+SIZE_PX = (96, 72)
+THESIS = PRESETS["thesis"]
+SMALL_CONFIG = dataclasses.replace(THESIS, front_end=dataclasses.replace(THESIS.front_end, max_features=256))
+SMALL_BUILD = Build(lanes=2, max_width_px=160, max_height_px=120, video_bits=8)
+
+
+COUNTER = f"""module {export.TOP}(
+  input clk_25mhz, input btn_fire1, input ftdi_txd, output ftdi_rxd, output [7:0] led, output wifi_gpio0);
+  reg [15:0] count = 0;
+  always @(posedge clk_25mhz) count <= btn_fire1 ? 0 : count + 1;
+  assign led = count[15:8];
+  assign ftdi_rxd = ftdi_txd;
+  assign wifi_gpio0 = 1;
+endmodule
+"""
+"""The ports of the top, and next to nothing between them."""
 
 
 class Line:
@@ -78,14 +97,19 @@ def test_packets_that_mix_with_answers_are_sorted(programs) -> None:
 
 
 @pytest.mark.slow
-def test_bits_in_and_records_out_equal_the_golden_model(programs) -> None:
-    """The design and the baud of the bitstream, from the driver down to the pins."""
-    config = export.DEFAULT_CONFIG
-    port = SerialPort(config, progress=print)
-    accelerator = programs("skymosaic_driver").Accelerator(programs("serial_bus").SerialBus(port), 1e6)
+@pytest.mark.parametrize(
+    ("config", "build"),
+    [(SMALL_CONFIG, SMALL_BUILD), (export.DEFAULT_CONFIG, export.DEFAULT_BUILD)],
+    ids=["small", "as built"],
+)
+def test_bits_in_and_records_out_equal_the_golden_model(config: Config, build: Build) -> None:
+    """At the baud of the bitstream, from the driver down to the pins."""
+    port = SerialPort(config, build, progress=print)
     images = [np.ascontiguousarray(image[..., 1]) for image in rendered_pair(seed=9, size=SIZE_PX).images]
     settings = matched_frame_settings(config, *SIZE_PX, gray_input=True)
-    found = accelerator.run(images, {name: settings[name] for name in REQUESTED}, hold_reference=True)
+    with host_programs("serial", config, **build) as load:
+        accelerator = load("skymosaic_driver").Accelerator(load("serial_bus").SerialBus(port), 1e6)
+        found = accelerator.run(images, {name: settings[name] for name in REQUESTED}, hold_reference=True)
     for frame, expected in zip(found, load_backend("golden").run(images, config), strict=True):
         np.testing.assert_array_equal(frame.features, expected.features)
         np.testing.assert_array_equal(frame.matches, expected.matches)
@@ -93,6 +117,17 @@ def test_bits_in_and_records_out_equal_the_golden_model(programs) -> None:
     assert port.broken == 0
     print(f"{port.cycle} clocks; {[len(frame.features) for frame in found]} features, {len(found[1].matches)} matches")
     port.close()
+
+
+@pytest.mark.slow
+def test_the_tools_make_a_bitstream_of_a_small_top_with_the_pins_of_the_board(tmp_path: Path) -> None:
+    (tmp_path / "rtl").mkdir()
+    (tmp_path / "rtl" / f"{export.TOP}.v").write_text(COUNTER)
+    shutil.copy(SOURCES / "ulx3s" / "ulx3s.lpf", tmp_path)
+    made = export.build_bitstream(tmp_path)
+    assert made["bytes"] == (tmp_path / "build" / "skymosaic.bit").stat().st_size > 100_000
+    assert made["clock_mhz"] > 100
+    assert made["TRELLIS_IO"][0] == 13
 
 
 @pytest.mark.slow

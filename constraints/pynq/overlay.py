@@ -1,0 +1,73 @@
+"""Writes a device-tree overlay for Linux without PYNQ: python3 overlay.py skymosaic.hwh > skymosaic.dtso.
+
+It reads the addresses that Vivado assigned from the .hwh file, and gives the registers of the accelerator and of the
+three DMAs to the driver generic-uio, and memory for a frame and its packets to u-dma-buf.
+"""
+
+import pathlib
+import sys
+import xml.etree.ElementTree as ET
+
+BLOCKS = ("skymosaic", "dma_video", "dma_features", "dma_matches")
+BUFFERS = {"frame": 16 << 20, "features": 1 << 20, "matches": 1 << 20}
+"""Bytes of each buffer: more than the largest build needs."""
+PARENT_CELLS = {"zynq": 1, "zynquplus": 2}
+"""Cells of an address at the root of the board's tree, by family."""
+
+
+def block_ranges(hwh):
+    """First address and length of the registers of each block, from the text of a .hwh file.
+
+    Raises
+    ------
+    ValueError
+        If a block is missing.
+    """
+    found = {}
+    for each in ET.fromstring(hwh).iter("MEMRANGE"):
+        name = each.get("INSTANCE")
+        if name in BLOCKS and each.get("MEMTYPE") == "REGISTER":
+            first, last = int(each.get("BASEVALUE"), 16), int(each.get("HIGHVALUE"), 16)
+            found[name] = first, last + 1 - first
+    missing = [name for name in BLOCKS if name not in found]
+    if missing:
+        raise ValueError(f"no registers of {', '.join(missing)}; give the .hwh of the same export")
+    return found
+
+
+def overlay(hwh, cells):
+    """The text of the overlay, for addresses and lengths of so many cells of 32 bits."""
+
+    def words(value):
+        return " ".join(f"{value >> 32 * n & 0xFFFFFFFF:#x}" for n in reversed(range(cells)))
+
+    nodes = [
+        f'        {name}@{first:x} {{\n            compatible = "generic-uio";\n'
+        f'            linux,uio-name = "{name}";\n            reg = <{words(first)} {words(length)}>;\n        }};'
+        for name, (first, length) in block_ranges(hwh).items()
+    ]
+    nodes += [
+        f'        udmabuf-{name} {{\n            compatible = "ikwzm,u-dma-buf";\n'
+        f'            device-name = "udmabuf-{name}";\n            size = <{size:#x}>;\n        }};'
+        for name, size in BUFFERS.items()
+    ]
+    head = [
+        "/dts-v1/;\n/plugin/;\n\n&{/} {\n    skymosaic {",
+        '        compatible = "simple-bus";',
+        f"        #address-cells = <{cells}>;\n        #size-cells = <{cells}>;\n        ranges;",
+    ]
+    return "\n".join([*head, *nodes, "    };\n};\n"])
+
+
+def main(path):
+    """Print the overlay for a .hwh file."""
+    hwh = pathlib.Path(path).read_text(encoding="utf-8")
+    family = "zynquplus" if "zynq_ultra_ps_e" in hwh else "zynq"
+    try:
+        print(overlay(hwh, PARENT_CELLS[family]), end="")
+    except (ValueError, ET.ParseError) as error:
+        raise SystemExit(f"{path}: {error}") from None
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

@@ -1,0 +1,42 @@
+"""The notebook of the export, executed as it is by a Jupyter kernel on the simulated accelerator, and its page."""
+
+import re
+from pathlib import Path
+
+import nbformat
+import numpy as np
+import pytest
+
+from bench import notebook
+from golden_model.config import PRESETS
+from sim.backend import load_backend
+from sim.scene import pair as rendered_pair
+
+SIZE_PX = (160, 120)
+PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "notebook.md"
+SOURCES = [cell.source for cell in nbformat.read(notebook.NOTEBOOK, as_version=4).cells]
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of Jupyter's own packages
+def test_the_notebook_runs_and_gives_what_the_golden_model_gives() -> None:
+    made = notebook.executed(SIZE_PX)
+    assert [cell.source for cell in made.cells] == SOURCES
+    outputs = [output for cell in made.cells for output in cell.get("outputs", [])]
+    printed = "".join(output.text for output in outputs if output.output_type == "stream")
+    images = [np.ascontiguousarray(image[..., 1]) for image in rendered_pair(seed=9, size=SIZE_PX).images]
+    left, right = load_backend("golden").run(images, PRESETS["aerial"])
+    assert f"left: {len(left.features)} features, {SIZE_PX[0] * SIZE_PX[1]} clocks" in printed
+    assert f"right: {len(right.features)} features" in printed
+    kept = np.count_nonzero(right.matches["verdict"])
+    assert f"{len(right.matches)} mutual matches, {kept} kept" in printed
+    assert sum("image/png" in output.get("data", {}) for output in outputs) == 3
+
+
+def test_the_page_in_docs_has_every_cell_and_its_pictures() -> None:
+    text = PAGE.read_text()
+    for source in SOURCES:
+        assert source in text or source.partition("\n")[2].strip() in text, "run: python bench/notebook.py"
+    pictures = re.findall(r"\]\((\S+\.webp)\)", text)
+    assert len(pictures) == 3
+    assert all((PAGE.parent / picture).is_file() for picture in pictures)
+    assert "not yet run on a board" in text
