@@ -90,11 +90,11 @@ class Overlay:
         if sent.buffer is None:
             # The rest of a packet is drained; its words do not matter.
             with contextlib.suppress(BackendError):
-                self.skymosaic.run(Segment(np.zeros(0, np.uint32), np.zeros(0, np.uint8), 1, DRAIN_CYCLES))
+                self.skymosaic.run(Segment(np.zeros(0, np.uint64), np.zeros(0, np.uint8), 1, DRAIN_CYCLES))
             for channel in receiving.values():
                 channel.start()
             return
-        data = np.array(sent.buffer).view(np.uint32)
+        data = np.array(sent.buffer).view(np.uint32).astype(np.uint64)
         flags = np.zeros(data.size, np.uint8)
         flags[-1] = END_OF_LINE
         recording = self.skymosaic.run(Segment(data, flags, 1, CYCLES_PER_WORD * data.size))
