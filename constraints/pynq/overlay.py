@@ -4,8 +4,8 @@ It reads the addresses that Vivado assigned from the .hwh file, and gives the re
 three DMAs to the driver generic-uio, and memory for a frame and its packets to u-dma-buf.
 """
 
+import argparse
 import pathlib
-import sys
 import xml.etree.ElementTree as ET
 
 BLOCKS = ("skymosaic", "dma_video", "dma_features", "dma_matches")
@@ -59,15 +59,22 @@ def overlay(hwh, cells):
     return "\n".join([*head, *nodes, "    };\n};\n"])
 
 
-def main(path):
+def main():
     """Print the overlay for a .hwh file."""
-    hwh = pathlib.Path(path).read_text(encoding="utf-8")
-    family = "zynquplus" if "zynq_ultra_ps_e" in hwh else "zynq"
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("hwh", type=pathlib.Path, help="from Vivado, beside the bitstream")
+    path = parser.parse_args().hwh
     try:
+        hwh = path.read_text(encoding="utf-8")
+        family = "zynquplus" if "zynq_ultra_ps_e" in hwh else "zynq"
         print(overlay(hwh, PARENT_CELLS[family]), end="")
-    except (ValueError, ET.ParseError) as error:
-        raise SystemExit(f"{path}: {error}") from None
+    except OSError as error:
+        parser.error(f"{path}: {error.strerror}")
+    except ET.ParseError as error:
+        parser.error(f"{path}: not XML ({error}); give the .hwh file that Vivado wrote")
+    except ValueError as error:
+        parser.error(f"{path}: {error}")
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    main()

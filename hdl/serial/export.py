@@ -25,7 +25,7 @@ DEFAULT_BUILD = Build(lanes=4, max_width_px=320, max_height_px=240, video_bits=8
 DEFAULT_CONFIG = dataclasses.replace(
     PRESETS["aerial"], front_end=dataclasses.replace(PRESETS["aerial"].front_end, levels=1, max_features=1024)
 )
-"""The preset aerial with one level and banks of 1024 features: half the logic."""
+"""The preset aerial with one level and banks of 1024 features, to need less logic."""
 DEVICE = ("--85k", "--package", "CABGA381", "--speed", "6")
 BITS_OF_A_BYTE = 10
 # Yosys 0.70's ABC9 ends without a word on the ring window; the older ABC takes its place.

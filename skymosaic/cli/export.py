@@ -21,7 +21,6 @@ from skymosaic.temporary import temporary_folder
 BUILD = {"lanes": 16, "max_width_px": 1920, "max_height_px": 1080, "video_bits": 32}
 """The accelerator's build, unless asked for another one."""
 LIVE_BUILD = BUILD | {"video_bits": 24}
-SERIAL_BUILD = {"lanes": 4, "max_width_px": 320, "max_height_px": 240, "video_bits": 8}
 
 
 def export(
@@ -50,7 +49,7 @@ def export(
         ),
     ] = None,
     build_it: Annotated[
-        bool, typer.Option("--build", help=f"With --board {SERIAL_BOARD}: make the bitstream, too, in ten minutes.")
+        bool, typer.Option("--build", help=f"With --board {SERIAL_BOARD}: make the bitstream, too.")
     ] = False,
     rules: Annotated[
         Path | None, typer.Option(help="With --block fuzzy: your own system, an .fll or .fcl file.")
@@ -62,7 +61,7 @@ def export(
         raise InputError(f"export needs one of --board ({', '.join((*BOARDS, SERIAL_BOARD))}), --block and --live")
     sizes = {"lanes": lanes, "max_width_px": max_width_px, "max_height_px": max_height_px, "video_bits": video_bits}
     asked = {name: value for name, value in sizes.items() if value is not None}
-    build = (LIVE_BUILD if live else SERIAL_BUILD if board == SERIAL_BOARD else BUILD) | asked
+    build = (LIVE_BUILD if live else BUILD) | asked
     if build_it and board != SERIAL_BOARD:
         raise InputError(f"--build makes the bitstream of --board {SERIAL_BOARD}; leave it out, or use Vivado")
     if block is not None and (asked or preset != "aerial" or config is not None):
@@ -81,7 +80,7 @@ def export(
                     importlib.import_module("hdl.blocks.export").export_block(made, block)
                 elif board == SERIAL_BOARD:
                     usual = preset == "aerial" and config is None
-                    _export_serial(made, None if usual else configuration(preset, config), build, build_it=build_it)
+                    _export_serial(made, None if usual else configuration(preset, config), asked, build_it=build_it)
                 elif live:
                     importlib.import_module("hdl.export").export_live(
                         made, config=configuration(preset, config), **build

@@ -309,5 +309,5 @@ def test_the_overlay_has_the_addresses_of_the_block_design(tmp_path: Path, hwh: 
     assert text.count("{") == text.count("}")
     (tmp_path / "skymosaic.hwh").write_text(hwh.replace("dma_matches", "other"))
     result = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert result.returncode
-    assert "no registers of dma_matches" in result.stderr
+    assert result.returncode == 2
+    assert "skymosaic.hwh: no registers of dma_matches" in result.stderr
