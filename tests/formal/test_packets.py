@@ -8,9 +8,9 @@ from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.records import WORD_BYTES, Cause, Tag
-from hdl.accelerator import Accelerator
 from hdl.axi.packet_gate import PacketGate
 from hdl.lib.skid_buffer import SkidBuffer
+from hdl.streams import fork
 from tests.formal.proofs import StreamContract, happened, held, prove
 
 RECORD_WORDS = 4
@@ -152,7 +152,7 @@ class _Branches(wiring.Component):
         m.submodules.two = two = SkidBuffer(shape=unsigned(2))
         wiring.connect(m, one.o, wiring.flipped(self.o))
         wiring.connect(m, two.o, wiring.flipped(self.other))
-        Accelerator._fork(m, wiring.flipped(self.i), one.i, two.i)
+        fork(m, wiring.flipped(self.i), one.i, two.i)
         return m
 
 

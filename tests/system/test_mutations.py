@@ -46,7 +46,7 @@ MUTATIONS = {
         "tests/hdl/feature/test_ilbp.py::test_sector_and_descriptor_equal_the_golden_model",
     ),
     "border": (
-        "hdl/selection/level_scan.py", "(x >= first_px,", "(x > first_px,",
+        "hdl/selection/level_scan.py", "(x >= first_px - n,", "(x > first_px - n,",
         "tests/hdl/selection/test_level_scan.py",
     ),
     "rounding of the sub-pixel position": (
