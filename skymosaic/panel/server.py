@@ -145,6 +145,8 @@ def _application(sessions: Sessions, port: int) -> FastAPI:
     def tracking_page() -> None:
         build_tracking_page(sessions.get(page_app.storage.browser["id"]))
 
+    # Long work has a bar of its own. Quasar's, for every request of a viewer, has no name for a screen reader.
+    page_app.config.quasar_config["loadingBar"]["skipHijack"] = True
     # Dark where the system is; the language is what a screen reader pronounces.
     ui.run_with(
         app, title="skymosaic", language="en-US", dark=None, show_welcome_message=False, gzip_middleware_factory=None

@@ -24,9 +24,16 @@ def drawn(page: Page) -> None:
     page.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
 
+def keep_loading(page: Page) -> None:
+    """Have a request under way that is never answered: what the page shows meanwhile must have no barriers either."""
+    page.route("**/never-answered", lambda _route: None)
+    page.evaluate("() => { const x = new XMLHttpRequest(); x.open('GET', '/never-answered'); x.send(); }")
+
+
 def walk(browser: Browser, panel: str, states: dict[str, Callable[[Page], None]]) -> list[str]:
     """Go through the states; returns the barriers of each, in light and dark, and where a phone scrolls sideways."""
     page = open_page(browser, panel, color_scheme="light")
+    keep_loading(page)
     found = []
     for name, reach in states.items():
         reach(page)
