@@ -59,7 +59,7 @@ def visit_pair(page: Page, folder: Path) -> None:
     page.get_by_role("checkbox", name="rejected by the rules").click()
     viewer = page.get_by_role("group", name="Matches between the photographs")
     viewer.locator("> svg").hover()
-    page.mouse.click(*middle_of(viewer.locator("path.match.rejected:not(.chosen)")))
+    page.mouse.click(*middle_of(viewer.locator("path.match.rejected:not(.chosen)").first))
     page.get_by_role("checkbox", name="kept, on the homography").click()
     shoot(page, folder, "panel-matches")
     open_tab(page, "Hardware")

@@ -6,7 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -105,7 +105,7 @@ def choose(page: Page, option: str, value: str) -> None:
 
 
 def middle_of(line: Locator) -> tuple[float, float]:
-    """The middle of the first line of an SVG path, in window pixels."""
+    """The middle of a line of an SVG path, in window pixels."""
     x, y = line.evaluate(
         """path => {
             const [x0, y0, x1, y1] = path.getAttribute("d").match(/-?[\\d.]+/g).slice(0, 4).map(Number);
@@ -116,8 +116,11 @@ def middle_of(line: Locator) -> tuple[float, float]:
     return x, y
 
 
-def threshold_to_corners_ms(page: Page, rounds: int) -> list[float]:
-    """Milliseconds from each key press that moves the threshold to the next frame the browser paints."""
+def threshold_to_corners_ms(page: Page, keys: Sequence[str]) -> list[float]:
+    """Milliseconds from each key press that moves the threshold to the next frame the browser paints.
+
+    The thumb is set to the middle of its range first. Each key has to change the corners.
+    """
     before = corner_counts(page).text_content()
     page.get_by_role("slider", name="Harris threshold").click()
     expect(corner_counts(page)).not_to_have_text(before)
@@ -130,9 +133,9 @@ def threshold_to_corners_ms(page: Page, rounds: int) -> list[float]:
         }"""
     )
     milliseconds = []
-    for number in range(rounds):
+    for key in keys:
         page.evaluate("window.painted = 0")
-        page.keyboard.press("ArrowLeft" if number % 2 else "ArrowRight")
+        page.keyboard.press(key)
         page.wait_for_function("window.painted > 0")
         milliseconds.append(page.evaluate("window.painted - window.pressed"))
     return milliseconds

@@ -63,13 +63,14 @@ def right_offset(view: PairView) -> int:
 
 
 def matches(lines: Array, verdicts: Sequence[str], shown: Sequence[int]) -> str:
-    """The matches with the indices in ``shown``, one path per verdict; rejected ones are drawn first."""
+    """The matches with the indices in ``shown``, rejected ones drawn first.
+
+    A path for each: browsers leave out those that are out of view, and dash a single line many times faster.
+    """
     parts = []
     for verdict in ("rejected", "outlier", "inlier"):
-        drawn = [index for index in shown if verdicts[index] == verdict]
-        if drawn:
-            path = _path("M%.1f %.1fL%.1f %.1f", lines[drawn])
-            parts.append(f'<path class="match {verdict}" d="{path}"/>')
+        drawn = lines[[index for index in shown if verdicts[index] == verdict]]
+        parts.append(_path(f'<path class="match {verdict}" d="M%.1f %.1fL%.1f %.1f"/>', drawn))
     return "".join(parts)
 
 

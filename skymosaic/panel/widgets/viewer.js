@@ -9,7 +9,7 @@ export default {
     <div class="viewer" :class="{filling}" role="group" :aria-label="label">
       <svg ref="svg" tabindex="0" role="img" :aria-label="label + '. Plus and minus zoom, arrow keys move, 0 shows all.'"
         :viewBox="box.join(' ')" preserveAspectRatio="xMidYMid meet" :class="{dragging: drag && drag.moved}"
-        :style="filling ? {} : {aspectRatio: size.join('/')}"
+        :style="{'--zoom': size[0] / box[2], aspectRatio: filling ? 'auto' : size.join('/')}"
         @wheel.prevent="onWheel" @pointerdown="onDown" @pointermove="onMove" @pointerup="onUp" @pointercancel="onUp"
         @pointerleave="onLeave" @keydown="onKey">
         <image v-for="picture in pictures" :key="picture.href" :href="picture.href" :x="picture.x" :y="picture.y"
