@@ -60,10 +60,14 @@ def _run_commands(body: str, where: str) -> int:
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False,
         )  # fmt: skip
         assert done.returncode == 0, f"{where}: {line}\nexit status {done.returncode}\n{done.stdout}"
-        pattern = ".*".join(re.escape(_one_line(part)) for part in expected.split("..."))
-        matches = re.fullmatch(pattern, _one_line(done.stdout))
-        assert matches, f"{where}: {line}\nexpected:\n{expected}\ngot:\n{done.stdout}"
+        assert is_printed(expected, done.stdout), f"{where}: {line}\nexpected:\n{expected}\ngot:\n{done.stdout}"
     return len(commands)
+
+
+def is_printed(expected: str, printed: str) -> bool:
+    """Whether a text is what a page says, where ``...`` stands for any text and white space does not count."""
+    pattern = ".*".join(re.escape(_one_line(part)) for part in expected.split("..."))
+    return re.fullmatch(pattern, _one_line(printed)) is not None
 
 
 def _one_line(text: str) -> str:

@@ -10,6 +10,7 @@ import pytest
 
 from docs.hooks.notebooks import FENCE, notebook
 from skymosaic.cli import COMMANDS
+from tests.docs.notebook_runner import run_notebook
 from tests.docs.page_runner import run_page
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -25,6 +26,10 @@ RUN = {"pycon", "console"}
 def with_blocks_to_run() -> list[Path]:
     pages = sorted([*DOCS.glob("tutorials/*.md"), *DOCS.glob("how-to/*.md")])
     return [page for page in pages if RUN & {fence["language"] for fence in FENCE.finditer(page.read_text())}]
+
+
+def tutorials() -> list[Path]:
+    return sorted(page for page in DOCS.glob("tutorials/*.md") if page.name != "index.md")
 
 
 @pytest.mark.parametrize(
@@ -44,9 +49,8 @@ def test_the_page_prints_what_it_shows(page: Path, tmp_path: Path, monkeypatch: 
 
 
 def test_every_tutorial_is_run() -> None:
-    tutorials = {path.name for path in DOCS.glob("tutorials/*.md")} - {"index.md"}
-    assert len(tutorials) == TUTORIALS
-    assert tutorials <= {path.name for path in with_blocks_to_run()}
+    assert len(tutorials()) == TUTORIALS
+    assert set(tutorials()) <= set(with_blocks_to_run())
 
 
 def test_a_wrong_output_fails(tmp_path: Path) -> None:
@@ -72,6 +76,13 @@ def test_a_page_becomes_a_notebook() -> None:
         ("!skymosaic --version", ["0\n"]),
         ("End.", []),
     ]
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of Jupyter's own packages
+@pytest.mark.parametrize("page", tutorials(), ids=lambda page: page.stem)
+def test_the_notebook_prints_what_its_page_shows(page: Path, tmp_path: Path) -> None:
+    assert run_notebook(page, tmp_path, DOCS.parent) == []
 
 
 def test_the_site_builds_strictly(tmp_path: Path) -> None:
