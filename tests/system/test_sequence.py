@@ -9,11 +9,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from PIL import Image
-from PIL.ExifTags import IFD
 
 from golden_model.config import preset_config
-from sim.scene import lawnmower
 from skymosaic import mosaic
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.flight import workers as flight_workers
@@ -25,22 +22,9 @@ from skymosaic.flight.workers import Workers
 from skymosaic.geometry.homography import apply, estimate
 from skymosaic.imagery.photographs import sources
 from tests.system.command_line import only_error, skymosaic
+from tests.system.conftest import IMAGES, SIZE
 
 DATA = Path(os.environ.get("SKYMOSAIC_DATA", Path(__file__).parents[3] / "shared" / "data"))
-IMAGES, SIZE = 9, (480, 360)
-
-
-@pytest.fixture(scope="module")
-def flight():
-    return lawnmower(seed=5, images=IMAGES, size=SIZE, forward_overlap=0.6, side_overlap=0.4)
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory, flight) -> Path:
-    folder = tmp_path_factory.mktemp("flight")
-    for index, image in enumerate(flight.images):
-        cv2.imwrite(str(folder / f"{index}.png"), image)
-    return folder
 
 
 def elsewhere(images: int) -> list[np.ndarray]:
@@ -160,39 +144,6 @@ def test_photographs_without_links_are_one_line(flight, tmp_path: Path) -> None:
     assert not (tmp_path / "m.png").exists()
 
 
-def with_gps(path: Path, image: np.ndarray, east_m: float, north_m: float) -> None:
-    """A JPEG whose EXIF says where it was taken, near 46 degrees north, 92 west."""
-    degrees = 46 + north_m / 111_147, 92 - east_m / (111_320 * np.cos(np.radians(46)))
-    exif = Image.Exif()
-    exif.get_ifd(IFD.Exif)[0xA405] = round(21.633 * 0.8 * SIZE[0] / (np.hypot(*SIZE) / 2))
-    minutes = [(int(value), float(60 * (value % 1)), 0.0) for value in degrees]
-    exif.get_ifd(IFD.GPSInfo).update({1: "N", 2: minutes[0], 3: "W", 4: minutes[1]})
-    Image.fromarray(image[..., ::-1]).save(path, quality=92, exif=exif)
-
-
-def test_gps_puts_the_mosaic_on_the_map(flight, tmp_path: Path) -> None:
-    rasterio = pytest.importorskip("rasterio")
-    metres_a_pixel = 0.15
-    for index, (image, pose) in enumerate(zip(flight.images, flight.poses, strict=True)):
-        with_gps(tmp_path / f"{index}.jpg", image, metres_a_pixel * pose.x_px, -metres_a_pixel * pose.y_px)
-    result = skymosaic("mosaic", tmp_path, "-o", "m.tif", "--report", "r", "--cache", "cache", cwd=tmp_path)
-    assert result.returncode == 0, result.stderr
-    assert "EPSG:32615, 0.1" in result.stdout
-    found = json.loads((tmp_path / "r" / "report.json").read_text())["mosaics"][0]
-    # The cameras lean: their positions are not what is in the middle of their photographs.
-    assert 0 < found["residual_m"] < 0.6
-    outlines = json.loads((tmp_path / "r" / "footprints_1.geojson").read_text())["features"]
-    assert [feature["properties"]["name"] for feature in outlines] == [f"{index}.jpg" for index in range(IMAGES)]
-    (ring,) = outlines[0]["geometry"]["coordinates"]
-    np.testing.assert_allclose(ring[0], [-92, 46], atol=2e-3)
-    assert (tmp_path / "r" / "footprints_1.kml").read_text().count("<Placemark>") == IMAGES
-    with rasterio.open(tmp_path / "m.tif") as file:
-        assert file.crs.to_epsg() == 32615
-        assert file.transform.a == -file.transform.e == pytest.approx(metres_a_pixel, rel=0.03)
-        assert file.transform.b == file.transform.d == 0
-        assert [file.width, file.height] == found["size"]
-
-
 def test_a_full_disk_is_one_line_and_leaves_no_mosaic(folder, tmp_path: Path) -> None:
     first = skymosaic("mosaic", folder, "-o", "m.png", "--cache", "cache", cwd=tmp_path)
     assert first.returncode == 0, first.stderr
@@ -220,36 +171,6 @@ def test_a_flight_of_16_bits_keeps_its_numbers(flight, tmp_path: Path) -> None:
     np.testing.assert_allclose(np.percentile(made.image[made.image > 0], (10, 50, 90)), expected, rtol=0.03)
 
 
-def test_a_pair_with_gps_becomes_a_geotiff(flight, tmp_path: Path) -> None:
-    rasterio = pytest.importorskip("rasterio")
-    for index, east_m in ((0, 0.0), (1, 30.0)):
-        with_gps(tmp_path / f"{index}.jpg", flight.images[index], east_m, 0.0)
-    result = skymosaic("mosaic", "0.jpg", "1.jpg", "-o", "m.tif", cwd=tmp_path)
-    assert result.returncode == 0, result.stderr
-    assert "nothing checks them" in result.stderr
-    place = mosaic([tmp_path / "0.jpg", tmp_path / "1.jpg"]).to_geotiff(tmp_path / "again.tif")
-    assert place.crs == "EPSG:32615"
-    with rasterio.open(tmp_path / "m.tif") as file, rasterio.open(tmp_path / "again.tif") as again:
-        assert file.crs.to_epsg() == again.crs.to_epsg() == 32615
-        np.testing.assert_array_equal(file.read(), again.read())
-
-
-def test_a_tif_without_the_extra_for_maps_is_a_plain_picture(flight, tmp_path: Path) -> None:
-    for index, east_m in ((0, 0.0), (1, 30.0)):
-        with_gps(tmp_path / f"{index}.jpg", flight.images[index], east_m, 0.0)
-    code = (
-        "import importlib.util as found, sys; find = found.find_spec; "
-        "found.find_spec = lambda name, *rest: None if name == 'rasterio' else find(name, *rest); "
-        "sys.argv = ['skymosaic', 'mosaic', '0.jpg', '1.jpg', '-o', 'm.tif']; import skymosaic.cli as c; c.main()"
-    )
-    result = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert result.returncode == 0, result.stderr
-    assert "the photographs have GPS, but maps need rasterio" in " ".join((result.stdout + result.stderr).split())
-    picture = cv2.imread(str(tmp_path / "m.tif"), cv2.IMREAD_UNCHANGED)
-    assert picture.shape[2] == 3
-    assert picture.any(axis=2).mean() > 0.5
-
-
 @pytest.mark.parametrize(
     ("options", "says"),
     [
@@ -270,23 +191,6 @@ def test_the_detector_applies_to_a_flight(flight) -> None:
     result = mosaic(list(flight.images)[:3], detector="fast")
     assert result.flight.settings.config.front_end.detector == "fast"
     assert len(result.placed) == 3
-
-
-def test_report_and_geotiff_and_scale(folder, tmp_path: Path) -> None:
-    result = skymosaic(
-        "mosaic", folder, "-o", "m.tif", "--report", "r", "--scale", "0.5", "--cache", "cache", cwd=tmp_path
-    )
-    assert result.returncode == 0, result.stderr
-    report = json.loads((tmp_path / "r" / "report.json").read_text())
-    assert report["mosaics"][0]["placed"] == IMAGES
-    assert report["mosaics"][0]["median_error_px"] < 1.0
-    assert "0 of 9 photographs have GPS" in report["mosaics"][0]["map_note"]
-    page = (tmp_path / "r" / "index.html").read_text()
-    assert page.count("<polygon") == IMAGES
-    assert (tmp_path / "r" / "mosaic_1.jpg").exists()
-    height, width = cv2.imread(str(tmp_path / "m.tif")).shape[:2]
-    assert [width, height] == report["mosaics"][0]["size"]
-    assert width < 4 * SIZE[0] / 2
 
 
 def test_check_tells_whether_the_flight_is_complete(folder, tmp_path: Path) -> None:

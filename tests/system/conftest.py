@@ -1,0 +1,23 @@
+"""A rendered flight, as pictures in memory and as files in a folder."""
+
+from pathlib import Path
+
+import cv2
+import pytest
+
+from sim.scene import Flight, lawnmower
+
+IMAGES, SIZE = 9, (480, 360)
+
+
+@pytest.fixture(scope="session")
+def flight() -> Flight:
+    return lawnmower(seed=5, images=IMAGES, size=SIZE, forward_overlap=0.6, side_overlap=0.4)
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory: pytest.TempPathFactory, flight: Flight) -> Path:
+    folder = tmp_path_factory.mktemp("flight")
+    for index, image in enumerate(flight.images):
+        cv2.imwrite(str(folder / f"{index}.png"), image)
+    return folder

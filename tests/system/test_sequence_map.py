@@ -1,0 +1,96 @@
+"""Flights and pairs that become maps, and what is written beside them."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+from PIL.ExifTags import IFD
+
+from skymosaic import mosaic
+from tests.system.command_line import skymosaic
+from tests.system.conftest import IMAGES, SIZE
+
+
+def with_gps(path: Path, image: np.ndarray, east_m: float, north_m: float) -> None:
+    """A JPEG whose EXIF says where it was taken, near 46 degrees north, 92 west."""
+    degrees = 46 + north_m / 111_147, 92 - east_m / (111_320 * np.cos(np.radians(46)))
+    exif = Image.Exif()
+    exif.get_ifd(IFD.Exif)[0xA405] = round(21.633 * 0.8 * SIZE[0] / (np.hypot(*SIZE) / 2))
+    minutes = [(int(value), float(60 * (value % 1)), 0.0) for value in degrees]
+    exif.get_ifd(IFD.GPSInfo).update({1: "N", 2: minutes[0], 3: "W", 4: minutes[1]})
+    Image.fromarray(image[..., ::-1]).save(path, quality=92, exif=exif)
+
+
+def test_gps_puts_the_mosaic_on_the_map(flight, tmp_path: Path) -> None:
+    rasterio = pytest.importorskip("rasterio")
+    metres_a_pixel = 0.15
+    for index, (image, pose) in enumerate(zip(flight.images, flight.poses, strict=True)):
+        with_gps(tmp_path / f"{index}.jpg", image, metres_a_pixel * pose.x_px, -metres_a_pixel * pose.y_px)
+    result = skymosaic("mosaic", tmp_path, "-o", "m.tif", "--report", "r", "--cache", "cache", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "EPSG:32615, 0.1" in result.stdout
+    found = json.loads((tmp_path / "r" / "report.json").read_text())["mosaics"][0]
+    # The cameras lean: their positions are not what is in the middle of their photographs.
+    assert 0 < found["residual_m"] < 0.6
+    outlines = json.loads((tmp_path / "r" / "footprints_1.geojson").read_text())["features"]
+    assert [feature["properties"]["name"] for feature in outlines] == [f"{index}.jpg" for index in range(IMAGES)]
+    (ring,) = outlines[0]["geometry"]["coordinates"]
+    np.testing.assert_allclose(ring[0], [-92, 46], atol=2e-3)
+    assert (tmp_path / "r" / "footprints_1.kml").read_text().count("<Placemark>") == IMAGES
+    with rasterio.open(tmp_path / "m.tif") as file:
+        assert file.crs.to_epsg() == 32615
+        assert file.transform.a == -file.transform.e == pytest.approx(metres_a_pixel, rel=0.03)
+        assert file.transform.b == file.transform.d == 0
+        assert [file.width, file.height] == found["size"]
+
+
+def test_a_pair_with_gps_becomes_a_geotiff(flight, tmp_path: Path) -> None:
+    rasterio = pytest.importorskip("rasterio")
+    for index, east_m in ((0, 0.0), (1, 30.0)):
+        with_gps(tmp_path / f"{index}.jpg", flight.images[index], east_m, 0.0)
+    result = skymosaic("mosaic", "0.jpg", "1.jpg", "-o", "m.tif", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "nothing checks them" in result.stderr
+    place = mosaic([tmp_path / "0.jpg", tmp_path / "1.jpg"]).to_geotiff(tmp_path / "again.tif")
+    assert place.crs == "EPSG:32615"
+    with rasterio.open(tmp_path / "m.tif") as file, rasterio.open(tmp_path / "again.tif") as again:
+        assert file.crs.to_epsg() == again.crs.to_epsg() == 32615
+        np.testing.assert_array_equal(file.read(), again.read())
+
+
+def test_a_tif_without_the_extra_for_maps_is_a_plain_picture(flight, tmp_path: Path) -> None:
+    for index, east_m in ((0, 0.0), (1, 30.0)):
+        with_gps(tmp_path / f"{index}.jpg", flight.images[index], east_m, 0.0)
+    code = (
+        "import importlib.util as found, sys; find = found.find_spec; "
+        "found.find_spec = lambda name, *rest: None if name == 'rasterio' else find(name, *rest); "
+        "sys.argv = ['skymosaic', 'mosaic', '0.jpg', '1.jpg', '-o', 'm.tif']; import skymosaic.cli as c; c.main()"
+    )
+    result = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+    assert "the photographs have GPS, but maps need rasterio" in " ".join((result.stdout + result.stderr).split())
+    picture = cv2.imread(str(tmp_path / "m.tif"), cv2.IMREAD_UNCHANGED)
+    assert picture.shape[2] == 3
+    assert picture.any(axis=2).mean() > 0.5
+
+
+def test_report_and_geotiff_and_scale(folder, tmp_path: Path) -> None:
+    result = skymosaic(
+        "mosaic", folder, "-o", "m.tif", "--report", "r", "--scale", "0.5", "--cache", "cache", cwd=tmp_path
+    )
+    assert result.returncode == 0, result.stderr
+    report = json.loads((tmp_path / "r" / "report.json").read_text())
+    assert report["mosaics"][0]["placed"] == IMAGES
+    assert report["mosaics"][0]["median_error_px"] < 1.0
+    assert "0 of 9 photographs have GPS" in report["mosaics"][0]["map_note"]
+    page = (tmp_path / "r" / "index.html").read_text()
+    assert page.count("<polygon") == IMAGES
+    assert (tmp_path / "r" / "mosaic_1.jpg").exists()
+    height, width = cv2.imread(str(tmp_path / "m.tif")).shape[:2]
+    assert [width, height] == report["mosaics"][0]["size"]
+    assert width < 4 * SIZE[0] / 2
