@@ -115,14 +115,23 @@ def backend_of(method: Method, backend: str, progress: Progress = silent) -> Bac
     InputError
         For a backend that does not compute the method.
     """
-    if method.on_accelerator:
-        return load_backend(backend, progress=progress)
-    if backend != "golden":
+    check_backend(method, backend)
+    return load_backend(backend, progress=progress) if method.on_accelerator else HostBackend(method)
+
+
+def check_backend(method: Method, backend: str) -> None:
+    """Check that a backend computes the method, without loading it.
+
+    Raises
+    ------
+    InputError
+        If it does not.
+    """
+    if backend != "golden" and not method.on_accelerator:
         raise InputError(
             f"backend {backend} computes only {_list(FRONT_END_DETECTORS)} with ILBP descriptors; {method.detector} "
             f"with {method.descriptor} runs on the host; leave out --backend"
         )
-    return HostBackend(method)
 
 
 @dataclass(frozen=True, eq=False)

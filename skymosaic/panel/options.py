@@ -15,7 +15,7 @@ from skymosaic.compositing.blend import METHODS as BLENDINGS
 from skymosaic.errors import InputError
 from skymosaic.features.descriptors import DESCRIPTORS
 from skymosaic.features.detectors import DETECTORS, FRONT_END_DETECTORS
-from skymosaic.features.methods import Method, choose
+from skymosaic.features.methods import Method, check_backend, choose
 from skymosaic.geometry.estimators import ESTIMATORS
 
 SOFTWARE = "golden"
@@ -134,6 +134,7 @@ class Options:
         base = preset_config(self.preset)
         base = dataclasses.replace(base, matcher=dataclasses.replace(base.matcher, rule_base=self.rule_base))
         method, config = choose(base, self.detector, self.descriptor)
+        check_backend(method, self.backend)
         value = self.scale.value(self.position)
         own = config.front_end
         if photographs > 2 and (not method.on_accelerator or self.estimator != "prosac" or self.refine):

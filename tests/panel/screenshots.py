@@ -40,10 +40,10 @@ SETTLED_MS = 300
 """Time for pictures to be loaded."""
 
 
-def shoot(page: Page, folder: Path, name: str) -> None:
-    """Save the window as ``NAME.webp``."""
+def shoot(page: Page, folder: Path, name: str, *, whole_page: bool = False) -> None:
+    """Save the window, or all that it can be scrolled to, as ``NAME.webp``."""
     page.wait_for_timeout(SETTLED_MS)
-    pixels = cv2.imdecode(np.frombuffer(page.screenshot(), np.uint8), cv2.IMREAD_COLOR)
+    pixels = cv2.imdecode(np.frombuffer(page.screenshot(full_page=whole_page), np.uint8), cv2.IMREAD_COLOR)
     cv2.imwrite(str(folder / f"{name}.webp"), pixels, [cv2.IMWRITE_WEBP_QUALITY, QUALITY])
 
 
@@ -109,7 +109,7 @@ def show_states(folder: Path) -> None:
                     page.emulate_media(color_scheme=scheme)
                     for size in SIZES:
                         page.set_viewport_size(size)
-                        shoot(page, folder, f"{name.replace(' ', '_')}-{size['width']}-{scheme}")
+                        shoot(page, folder, f"{name.replace(' ', '_')}-{size['width']}-{scheme}", whole_page=True)
                 page.emulate_media(color_scheme="light")
                 page.set_viewport_size(WINDOW)
             page.context.close()

@@ -30,10 +30,10 @@ def numbers(page: Page) -> None:
 
 def refused_options(page: Page) -> None:
     page.get_by_role("combobox", name="Descriptor").click()
-    page.get_by_role("option", name="freak", exact=True).click()
+    page.get_by_role("option", name="akaze", exact=True).click()
     expect(page.get_by_role("option")).to_have_count(0)
-    page.get_by_role("combobox", name="Detector").click()
-    page.get_by_role("option", name="orb", exact=True).click()
+    expect(page.get_by_text("the akaze descriptor needs akaze's own scale space")).to_be_visible()
+    expect(page.get_by_role("button", name="Make the mosaic")).to_be_disabled()
 
 
 def tracking(page: Page) -> None:
@@ -49,7 +49,7 @@ STATES: dict[str, Callable[[Page], None]] = {
     "filled window": filled_window,
     "numbers": numbers,
     "hardware": lambda page: open_tab(page, "Hardware"),
-    "options": refused_options,
+    "refused options": refused_options,
     "tracking": tracking,
 }
 """Of a pair."""

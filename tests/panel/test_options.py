@@ -65,6 +65,12 @@ def test_a_flight_has_fewer_options_than_a_pair() -> None:
         assert "keep only two photographs" in fault_of(changed, 3)
 
 
+def test_a_backend_that_does_not_compute_the_method_is_refused() -> None:
+    simulated = Options.of_preset("aerial").changed("backend", "rtl")
+    assert fault_of(simulated) == ""
+    assert "computes only harris, fast" in fault_of(simulated.changed("detector", "orb"))
+
+
 def test_a_board_is_offered_as_a_backend(tmp_path: Path) -> None:
     with running_panel(tmp_path, "--board", "192.0.2.7:5000") as address:
         for path in ("/", "/tracking"):
