@@ -44,7 +44,6 @@ NOT_LIVE = {
     "damaged": "--damaged",
     "lens": "--camera or --mask",
     "all_groups": "--all-groups",
-    "band": "--band",
     "scheduler": "--scheduler",
     "cache": "--cache",
     "memory_bytes": "--memory",
@@ -65,6 +64,9 @@ def live(
     strict: StrictOption = False,
     idle_seconds: IdleOption = None,
     scale: Annotated[float, typer.Option(help="Size of the mosaic against the frames.")] = 1.0,
+    band: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Of multi-band sets: the band that is shown, e.g. green or 2.")
+    ] = None,
     preset: PresetOption = "aerial",
     backend: BackendOption = "golden",
     address: AddressOption = None,
@@ -79,6 +81,7 @@ def live(
         backend=backend_at(backend, address),
         seed=seed,
         working_width_px=working_width_px,
+        band=band,
     )
     _grow_and_write(source, output, options, idle_seconds, overwrite=overwrite, strict=strict)
 
@@ -132,7 +135,8 @@ def _grow_and_write(
         scale=options.scale,
         canvas_limit_px=options.canvas_limit_px,
     )
-    frames = live_frames(source, idle_seconds=idle_seconds, tell=session.tell, made=(output, preview))
+    made = output, preview
+    frames = live_frames(source, idle_seconds=idle_seconds, tell=session.tell, made=made, band=options.band)
     pace = Pace(options.usual_config, options.backend)
     try:
         grow(mosaic, frames, preview, pace)
@@ -146,14 +150,14 @@ def _grow_and_write(
     with session.working("writing"):
         images.save(output, mosaic.image)
     if is_folder(Path(source)):
-        for made in (output, preview):
-            remember(made, [Path(source) / made.name])
+        for path in made:
+            remember(path, [Path(source) / path.name])
     height_px, width_px = mosaic.image.shape[:2]
     session.numbers = {"size": [width_px, height_px], "frames": len(mosaic.transforms), "left_out": absent}
     session.numbers["pace"] = pace.numbers
     session.tell(str(pace))
-    for made in (output, preview):
-        session.wrote(made)
+    for path in made:
+        session.wrote(path)
     session.show(f"mosaic {output} ({width_px}x{height_px}): {len(mosaic.transforms)} frames, {len(absent)} left out")
 
 

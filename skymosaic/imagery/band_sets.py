@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from skymosaic.errors import InputError
@@ -59,7 +59,7 @@ def in_band_sets(
         does not exist.
     """
     captures, others = _grouped(sources)
-    if len(captures) < FEWEST_CAPTURES or max(map(len, captures.values())) < 2:
+    if not _are_sets(captures):
         if band is not None:
             raise InputError(f"band {band}: the photographs are not multi-band sets; leave out --band")
         return list(sources)
@@ -75,6 +75,41 @@ def in_band_sets(
         dataclasses.replace(_checked(capture, files, bands)[first], index=index, bands={b: files[b] for b in bands})
         for index, (capture, files) in enumerate(captures.items())
     ]
+
+
+def of_one_band(sources: Sequence[Source], band: str | None) -> list[Source]:
+    """The files of one band, for what shows one band only.
+
+    Parameters
+    ----------
+    sources : sequence of Source
+        Of one folder.
+    band : str or None
+        None: all files, which must not be multi-band sets.
+
+    Raises
+    ------
+    InputError
+        For a name that no band has, and for sets without one.
+    """
+    captures, _ = _grouped(sources)
+    if band is not None:
+        name = _NAMES.get(band.upper(), band.lower())
+        if name not in BANDS and not name.isdecimal():
+            raise InputError(f"band {band}: valid: {', '.join(BANDS)}, or the number in the files' names")
+        wanted = name if name in BANDS else str(int(name))
+        return [files[wanted] for files in captures.values() if wanted in files]
+    if _are_sets(captures):
+        bands = _in_order({name for files in captures.values() for name in files})
+        raise InputError(
+            f"{Path(sources[0].name).parent}: multi-band sets ({', '.join(bands)}), of which one band can be shown; "
+            f"name it: --band {_registering(None, bands)}"
+        )
+    return list(sources)
+
+
+def _are_sets(captures: Mapping[_Capture, Mapping[str, Source]]) -> bool:
+    return len(captures) >= FEWEST_CAPTURES and max(map(len, captures.values())) > 1
 
 
 def _grouped(sources: Sequence[Source]) -> tuple[dict[_Capture, dict[str, Source]], list[Source]]:
@@ -129,7 +164,7 @@ def _checked(capture: _Capture, files: dict[str, Source], bands: Sequence[str]) 
             f"{capture[0] / capture[1]}: band {', '.join(missing)} is missing; copy it again from the camera, or "
             "remove the other files of this capture"
         )
-    sizes = {band: read_header(Path(files[band].name)).size for band in bands}
+    sizes = {band: _size_px(files[band]) for band in bands}
     other = next((band for band in bands if sizes[band] != sizes[bands[0]]), None)
     if other is not None:
         raise InputError(
@@ -137,3 +172,8 @@ def _checked(capture: _Capture, files: dict[str, Source], bands: Sequence[str]) 
             f"{sizes[bands[0]][0]}x{sizes[bands[0]][1]}; all bands need one size: remove the files of this one"
         )
     return files
+
+
+def _size_px(source: Source) -> tuple[int, int]:
+    assert isinstance(source.content, Path)
+    return read_header(source.content).size

@@ -12,6 +12,7 @@ import numpy as np
 
 from golden_model.arrays import Pixels
 from skymosaic.errors import InputError
+from skymosaic.imagery.band_sets import of_one_band
 from skymosaic.imagery.images import Photograph, load
 from skymosaic.imagery.photographs import entries, is_folder, sources
 from skymosaic.imagery.video import VideoReader, key_frames
@@ -22,7 +23,12 @@ SETTLED_SECONDS = 0.5
 
 
 def live_frames(
-    source: str, *, idle_seconds: float | None, tell: Callable[[str], None], made: Collection[Path] = ()
+    source: str,
+    *,
+    idle_seconds: float | None,
+    tell: Callable[[str], None],
+    made: Collection[Path] = (),
+    band: str | None = None,
 ) -> Iterator[Photograph]:
     """Yield frames as they arrive.
 
@@ -37,19 +43,23 @@ def live_frames(
         Receives a line for each file that cannot be used, and for each note about a video.
     made : collection of Path
         Pictures that the caller writes meanwhile; in the folder, they are not frames.
+    band : str or None
+        Of a folder with multi-band sets, the band whose files are the frames.
 
     Raises
     ------
     InputError
-        For a missing or unreadable source.
+        For a missing or unreadable source, multi-band sets without ``band``, and ``band`` without a folder.
     """
+    if band is not None and not is_folder(Path(source)):
+        raise InputError(f"band {band}: only a folder can hold multi-band sets; leave out --band")
     if source.isdecimal():
         for frame in key_frames(_camera(int(source))):
             yield Photograph(f"camera {source}, frame {frame.number}", frame.pixels)
     elif is_folder(Path(source)):
         # A folder may be empty, or away for a while once it has been read; one that cannot be read now never will be.
         entries(Path(source))
-        yield from _appearing(Path(source), idle_seconds, tell, {path.resolve() for path in made})
+        yield from _appearing(Path(source), idle_seconds, tell, {path.resolve() for path in made}, band)
     else:
         reader = VideoReader(source)
         for frame in key_frames(reader):
@@ -59,13 +69,17 @@ def live_frames(
 
 
 def _appearing(
-    folder: Path, idle_seconds: float | None, tell: Callable[[str], None], made: Collection[Path]
+    folder: Path,
+    idle_seconds: float | None,
+    tell: Callable[[str], None],
+    made: Collection[Path],
+    band: str | None,
 ) -> Iterator[Photograph]:
     """The pictures of a folder once they are complete, sorted by name; a picture that changes is yielded again."""
     taken: set[tuple[Path, int]] = set()
     last = time.monotonic()
     while idle_seconds is None or time.monotonic() - last < idle_seconds:
-        complete = _complete_pictures(folder)
+        complete = _complete_pictures(folder, band)
         new = [version for version in complete if version not in taken and version[0].resolve() not in made]
         for path, changed in new:
             taken.add((path, changed))
@@ -80,12 +94,13 @@ def _appearing(
             time.sleep(POLL_SECONDS)
 
 
-def _complete_pictures(folder: Path) -> list[tuple[Path, int]]:
-    """The folder's complete pictures, each with the time of its last change in ns."""
+def _complete_pictures(folder: Path, band: str | None) -> list[tuple[Path, int]]:
+    """The folder's complete pictures, or those of one band, each with the time of its last change in ns."""
     try:
-        paths = [Path(found.name) for found in sources([folder])]
+        pictures = sources([folder])
     except InputError:  # There are no pictures yet.
         return []
+    paths = [Path(found.name) for found in of_one_band(pictures, band)]
     complete = []
     for path in paths:
         with contextlib.suppress(OSError):  # The file may have been renamed or removed meanwhile.

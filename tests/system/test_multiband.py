@@ -14,7 +14,10 @@ from skymosaic.flight.workers import Workers
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.band_sets import in_band_sets
 from skymosaic.imagery.lens import Lens
+from skymosaic.imagery.live_frames import live_frames
 from skymosaic.imagery.photographs import sources
+from skymosaic.panel.options import Options
+from skymosaic.panel.tasks.mosaic_tasks import make_mosaic
 from tests.system.command_line import only_error, skymosaic
 
 CAPTURES, SIZE, MARGIN_PX = 5, (400, 300), 24
@@ -98,6 +101,32 @@ def test_one_geotiff_shows_the_same_ground_in_all_bands(folder, tmp_path):
     inside = cv2.erode(shown.astype(np.uint8), np.ones((15, 15))) > 0
     fine = [band - cv2.GaussianBlur(band, (0, 0), 4) for band in (plane.astype(np.float32) for plane in bands)]
     assert np.corrcoef(fine[0][inside], fine[2][inside])[0, 1] < -0.985
+
+
+def test_the_panel_writes_all_bands_of_uploaded_sets(folder, tmp_path):
+    rasterio = pytest.importorskip("rasterio")
+    run = shutil.copytree(folder, tmp_path / "run")
+    (tmp_path / "views").mkdir()
+    names = sorted(path.name for path in run.iterdir())
+    result = make_mosaic(run, names, Options.of_preset("aerial"), tmp_path / "views", progress=lambda _line: None)
+    assert result.facts["photographs placed"] == f"{CAPTURES} of {CAPTURES}"
+    assert result.facts["bands"].startswith("green, red, nir; registered by green")
+    assert result.command.split()[2 : 2 + len(names)] == names
+    with pytest.warns(rasterio.errors.NotGeoreferencedWarning), rasterio.open(run / "mosaic.tif") as file:
+        assert file.descriptions[:3] == ("green", "red", "nir")
+
+
+def test_a_live_mosaic_shows_one_named_band(folder):
+    def shown(band: str | None, source: str = str(folder)) -> list[str]:
+        return [Path(p.name).name for p in live_frames(source, idle_seconds=0.1, tell=lambda _line: None, band=band)]
+
+    assert shown("nir") == [f"IMG_{number:04}_NIR.TIF" for number in range(CAPTURES)]
+    with pytest.raises(InputError, match=r"multi-band sets \(green, red, nir\), .* name it: --band green"):
+        shown(None)
+    with pytest.raises(InputError, match="band thermal: valid: blue, green"):
+        shown("thermal")
+    with pytest.raises(InputError, match="only a folder can hold multi-band sets"):
+        shown("nir", "0")
 
 
 @pytest.mark.parametrize(

@@ -25,10 +25,12 @@ from skymosaic.evaluation.hardware import compare
 from skymosaic.flight.check import check_flight
 from skymosaic.flight.output import Delivery
 from skymosaic.flight.survey import Flight
+from skymosaic.imagery.band_sets import in_band_sets
 from skymosaic.imagery.georeference import FEWEST_POSITIONS, has_maps
 from skymosaic.imagery.images import save_bytes
 from skymosaic.imagery.photographs import Source
 from skymosaic.mosaic_options import MosaicOptions
+from skymosaic.mosaic_plan import MosaicPlan
 from skymosaic.mosaicing import planned_sources
 from skymosaic.pair import Pair
 from skymosaic.panel.explain import verdicts
@@ -46,7 +48,7 @@ from skymosaic.panel.tasks.map_picture import map_view
 from skymosaic.panel.tasks.mosaic_picture import PREVIEW_WIDTH_PX, outlines, page_picture, show_mosaic
 from skymosaic.registration import WORKING_WIDTH_PX, register
 from skymosaic.reports import pair as pair_report
-from skymosaic.reports.flight import write_report
+from skymosaic.reports.flight import band_line, write_report
 
 SEED = 0
 """The command line's default, so that the command beside a result repeats it exactly."""
@@ -55,7 +57,7 @@ MOSAIC, MAP, REPORT, CONFIG = "mosaic.png", "mosaic.tif", "report", "config.toml
 
 
 def make_mosaic(folder: Path, names: list[str], options: Options, views: Path, *, progress: Progress) -> MosaicResult:
-    """Make a mosaic of two photographs, or of a whole flight.
+    """Make a mosaic of two photographs, of a whole flight, or of a flight's multi-band sets.
 
     Parameters
     ----------
@@ -73,11 +75,13 @@ def make_mosaic(folder: Path, names: list[str], options: Options, views: Path, *
         If no two photographs of a flight can be linked. A pair that cannot be registered has a result that says why.
     """
     # Reports and reasons name photographs as here, without the folder.
-    sources = [Source(index, name, folder / name) for index, name in enumerate(names)]
+    photographs = [Source(index, name, folder / name) for index, name in enumerate(names)]
+    unused: list[str] = []
+    sources = in_band_sets(photographs, tell=unused.append)
     deliveries, reason, output = [], "", MOSAIC
     with planned_sources(sources, mosaic_options(options, len(names)), _in_words(progress)) as plan:
         try:
-            output = _output_of(plan.flight)
+            output = _output_of(plan)
             deliveries = plan.write(folder / output, preview_width_px=PREVIEW_WIDTH_PX)
         except RegistrationError as error:
             if plan.flight.pair is None:
@@ -94,7 +98,7 @@ def make_mosaic(folder: Path, names: list[str], options: Options, views: Path, *
         working_pictures=tuple(views / picture_name(name) for name in names),
         pair=_pair_to_show(plan.flight, folder, options, progress),
         mosaic=show_mosaic(deliveries[0], views, f"mosaic-{folder.name}") if deliveries else None,
-        left_out=_left_out(plan.flight, deliveries[0], names) if deliveries else {},
+        left_out=_left_out(plan.flight, deliveries[0]) if deliveries else {},
         reason=reason,
         command=words,
         seconds=plan.flight.seconds,
@@ -103,7 +107,7 @@ def make_mosaic(folder: Path, names: list[str], options: Options, views: Path, *
     if plan.flight.pair is not None:
         _write(folder, {"corners.csv": _corners_table(result.pair), "matches.csv": _matches_table(result.pair)})
         return result
-    return _with_flight(result, plan.flight, deliveries[0])
+    return _with_flight(result, plan.flight, deliveries[0], unused)
 
 
 def mosaic_options(options: Options, photographs: int) -> MosaicOptions:
@@ -133,10 +137,13 @@ def _in_words(progress: Progress) -> Callable[[str, int, int], None]:
     return report_stage
 
 
-def _output_of(flight: Flight) -> str:
-    """A GeoTIFF where the photographs have GPS and it can be written, otherwise a picture."""
-    on_map = sum(view.gps is not None for view in flight.views)
-    return MAP if on_map >= min(len(flight.views), FEWEST_POSITIONS) and has_maps() else MOSAIC
+def _output_of(plan: MosaicPlan) -> str:
+    """A GeoTIFF of multi-band sets, or where the photographs have GPS and it can be written; otherwise a picture."""
+    if plan.sources[0].bands:
+        return MAP
+    views = plan.flight.views
+    on_map = sum(view.gps is not None for view in views)
+    return MAP if on_map >= min(len(views), FEWEST_POSITIONS) and has_maps() else MOSAIC
 
 
 def _map(delivery: Delivery, views: Path) -> MapView | None:
@@ -150,8 +157,8 @@ def _map(delivery: Delivery, views: Path) -> MapView | None:
     )
 
 
-def _left_out(flight: Flight, delivery: Delivery, names: list[str]) -> dict[str, str]:
-    return {names[index]: reason for index, reason in flight.absent_from(delivery.layout).items()}
+def _left_out(flight: Flight, delivery: Delivery) -> dict[str, str]:
+    return {flight.names[index]: reason for index, reason in flight.absent_from(delivery.layout).items()}
 
 
 def _pair_to_show(flight: Flight, folder: Path, options: Options, progress: Progress) -> PairView:
@@ -162,9 +169,10 @@ def _pair_to_show(flight: Flight, folder: Path, options: Options, progress: Prog
     return PairView.of(*_registered(folder, _links(flight)[0].names, options, progress))
 
 
-def _with_flight(result: MosaicResult, flight: Flight, delivery: Delivery) -> MosaicResult:
+def _with_flight(result: MosaicResult, flight: Flight, delivery: Delivery, unused: list[str]) -> MosaicResult:
     """The result of more than two photographs, with their links and numbers."""
     layout, links = delivery.layout, _links(flight)
+    bands = {"bands": band_line(delivery.composition)} if delivery.composition.band_names else {}
     return dataclasses.replace(
         result,
         seconds=flight.seconds | {"blending and writing": delivery.seconds},
@@ -175,6 +183,8 @@ def _with_flight(result: MosaicResult, flight: Flight, delivery: Delivery) -> Mo
             "pairs linked": f"{len(links)} of {len(flight.links)} tried",
             "median error of the ties": f"{layout.median_error_px:.2f} px",
             "model": f"{layout.model}: {layout.reason}",
+            **bands,
+            **({"not used": "; ".join(unused)} if unused else {}),
         },
     )
 
