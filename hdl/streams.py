@@ -145,7 +145,7 @@ CANDIDATE = beat(
 """A corner candidate where ``present``: its response code (0 without a candidate) and those of its four neighbours.
 
 ``ends_row`` marks the last beat of a cell row: all its candidates have passed. ``ends_level``, valid with ``ends_row``,
-says that no candidate of this frame will follow. Candidates of a line are at least 2 beats apart.
+says that no candidate of this frame will follow. Candidates of a line are at least 2 px apart.
 """
 
 
