@@ -17,6 +17,7 @@ BOARDS = tuple(sorted(path.stem for path in (SOURCES / "boards").glob("*.tcl")))
 
 SERIAL_BOARD = "ulx3s"
 """It has no processor: the accelerator is behind its serial port, and open tools build its bitstream."""
+ALL_BOARDS = (*BOARDS, SERIAL_BOARD)
 
 
 def board_facts(board: str) -> dict[str, str]:
@@ -28,6 +29,6 @@ def board_facts(board: str) -> dict[str, str]:
         For an unknown board, naming the valid ones.
     """
     if board not in BOARDS:
-        raise ValueError(f"unknown board {board!r}; valid: {', '.join(BOARDS)}")
+        raise ValueError(f"unknown board {board!r}; valid: {', '.join(ALL_BOARDS)}")
     text = (SOURCES / "boards" / f"{board}.tcl").read_text()
     return dict(re.findall(r"^    (\w+) +\{?(.*?)\}?$", text, re.MULTILINE))

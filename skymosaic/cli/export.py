@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from golden_model.config import Config
-from hdl.boards import BOARDS, SERIAL_BOARD
+from hdl.boards import ALL_BOARDS, SERIAL_BOARD
 from skymosaic.cli.options import ConfigOption, OverwriteOption, PresetOption, choice, configuration
 from skymosaic.cli.session import session
 from skymosaic.errors import InputError
@@ -25,7 +25,7 @@ LIVE_BUILD = BUILD | {"video_bits": 24}
 
 def export(
     *,
-    board: Annotated[str | None, choice((*BOARDS, SERIAL_BOARD), "The kit.")] = None,
+    board: Annotated[str | None, choice(ALL_BOARDS, "The kit.")] = None,
     block: Annotated[str | None, typer.Option(help="One block with a test bench, instead of all: harris, ...")] = None,
     live: Annotated[bool, typer.Option("--live", help="For a camera: packets of every frame go to memory.")] = False,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")],
@@ -58,7 +58,7 @@ def export(
 ) -> None:
     """Write Verilog, register map and more: for a kit with its driver, for a live camera, or of one block."""
     if (board is not None) + (block is not None) + live != 1:
-        raise InputError(f"export needs one of --board ({', '.join((*BOARDS, SERIAL_BOARD))}), --block and --live")
+        raise InputError(f"export needs one of --board ({', '.join(ALL_BOARDS)}), --block and --live")
     sizes = {"lanes": lanes, "max_width_px": max_width_px, "max_height_px": max_height_px, "video_bits": video_bits}
     asked = {name: value for name, value in sizes.items() if value is not None}
     build = (LIVE_BUILD if live else BUILD) | asked
