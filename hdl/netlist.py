@@ -32,6 +32,9 @@ FLATTEN = ("flatten", "opt_clean")
 # time (measured). Merging equal cells across modules helps Verilator, but would slow CXXRTL down.
 FLAT = ("proc -norom", "opt_expr", "opt_clean -purge", "flatten", "opt_merge", ENABLES, "opt_clean -purge")
 UNINITIALISED = re.compile(r"^  reg (?:\[(\d+):0\] )?(\S+) ?\[(\d+):0\];\n(?!  initial begin)", re.MULTILINE)
+LONGEST_LOOP = 4096
+"""Words of the largest memory that is cleared. Yosys unrolls the loop in a time that grows with its square, 20 minutes
+and more for a whole frame; what is larger is a queue, of which nothing is read before it is written."""
 INTERNAL_ATTRIBUTES = ("generator", "top", "amaranth.hierarchy", "amaranth.decoding")
 SOURCE = re.compile(r'attribute \\src "([^"]*)"')
 FOLDERS = (Path(amaranth.__file__).parents[1], Path(__file__).parents[1])
@@ -90,8 +93,10 @@ def _with_attributes(netlist: str, attributes: Attributes) -> str:
 
 
 def _with_zeros(memory: re.Match[str]) -> str:
-    """The declaration of a memory, and a loop that clears it."""
+    """The declaration of a memory, and a loop that clears it, unless it is a long one."""
     bits, name, last = int(memory[1] or 0) + 1, memory[2], int(memory[3])
+    if last >= LONGEST_LOOP:
+        return memory[0]
     # An escaped name ends with a space.
     escaped = f"{name} " if name.startswith("\\") else name
     label = "clear_" + re.sub(r"\W", "_", name)
