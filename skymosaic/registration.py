@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -146,27 +147,17 @@ def register_photographs(
     front_end = backend_of(method, backend, progress) if isinstance(backend, str) else backend
     results, config = extract_within_capacity(front_end, [left, right], config)
     masks = [lens.visible((image.shape[1], image.shape[0])) if lens else None for image in (left, right)]
-    matches = matches_on_the_ground(results[1].matches, masks)
+    on_the_ground = partial(matches_on_the_ground, visible=masks)
     clock.lap("features and matches")
     rng = np.random.default_rng(seed)
-    search = Search(
-        front_end,
-        (left, right),
-        config,
-        rng,
-        lambda matches: matches_on_the_ground(matches, masks),
-        scoring=SCORINGS.get(estimator),
-    )
-    first = Evidence((results[0].features, results[1].features), matches)
-    found = search.run(effort, search.judged(first, *_estimated(estimator, matches, rng), passes=1))
+    search = Search(front_end, (left, right), config, rng, on_the_ground, scoring=SCORINGS.get(estimator))
+    first = Evidence((results[0].features, results[1].features), on_the_ground(results[1].matches))
+    found = search.run(effort, search.judged(first, *_estimated(estimator, first.matches, rng), passes=1))
     clock.lap("homography")
     homography, refined_inliers, inliers, matches = found.homography, 0, found.inliers, found.evidence.matches
     if refine and homography is not None:
         homography, refined_inliers = refine_pair(left, right, homography, config)
-        if refined_inliers:
-            left_points, right_points = match_points(matches)
-            near = np.linalg.norm(apply(homography, left_points) - right_points, axis=1) <= INLIER_PX
-            inliers = (matches["verdict"] == 1) & near
+        inliers = _inliers(matches, homography) if refined_inliers else inliers
         clock.lap("refinement")
     return Pair(
         left=photographs[0],
@@ -188,6 +179,13 @@ def register_photographs(
         backend=backend if isinstance(backend, str) else type(backend).__name__,
         seconds=clock.seconds,
     )
+
+
+def _inliers(matches: Records, homography: Matrix) -> Mask:
+    """Kept matches that a homography between the working images maps to within `INLIER_PX`."""
+    left, right = match_points(matches)
+    near = np.linalg.norm(apply(homography, left) - right, axis=1) <= INLIER_PX
+    return np.asarray((matches["verdict"] == 1) & near)
 
 
 def _estimated(estimator: str, matches: Records, rng: np.random.Generator) -> tuple[Matrix | None, Mask]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -68,35 +70,19 @@ def export(
         raise InputError("--block takes no option of the whole accelerator (--lanes, --preset, ...); leave it out")
     _check_rules(block, rules, entries)
     check_unused(output, overwrite=overwrite)
+    # All of these load Amaranth, which --help need not wait for.
+    write: Callable[[Path], None]
+    if rules is not None:
+        write = partial(_export_rules, rules=rules, entries=entries)
+    elif block is not None:
+        write = partial(_export_block, name=block)
+    elif board == SERIAL_BOARD:
+        own = None if preset == "aerial" and config is None else configuration(preset, config)
+        write = partial(_export_serial, config=own, build=asked, build_it=build_it)
+    else:
+        write = partial(_export_accelerator, board=board, config=configuration(preset, config), build=build)
     with session.working("writing Verilog"):
-        try:
-            # Complete, or not at all: written beside the folder and then moved into it.
-            with temporary_folder(_existing(output.absolute().parent)) as folder:
-                made = folder / "export"
-                # All four load Amaranth, which --help need not wait for.
-                if rules is not None:
-                    _export_rules(made, rules, entries)
-                elif block is not None:
-                    importlib.import_module("hdl.blocks.export").export_block(made, block)
-                elif board == SERIAL_BOARD:
-                    usual = preset == "aerial" and config is None
-                    _export_serial(made, None if usual else configuration(preset, config), asked, build_it=build_it)
-                elif live:
-                    importlib.import_module("hdl.export").export_live(
-                        made, config=configuration(preset, config), **build
-                    )
-                else:
-                    importlib.import_module("hdl.export").export(
-                        made, board=board, config=configuration(preset, config), **build
-                    )
-                for path in sorted(path for path in made.rglob("*") if path.is_file()):
-                    target = output / path.relative_to(made)
-                    target.parent.mkdir(parents=True, exist_ok=True)
-                    path.replace(target)
-        except ValueError as error:
-            raise InputError(str(error)) from None
-        except OSError as error:
-            raise InputError(f"{output}: cannot be written ({error.strerror}); choose another folder") from None
+        _write_whole(output, write)
     session.wrote(output)
     session.show(f"wrote {output}; its README.md tells the next steps")
 
@@ -107,6 +93,36 @@ def _check_rules(block: str | None, rules: Path | None, entries: int) -> None:
         raise InputError(f"--rules {rules} makes the block fuzzy; add --block fuzzy, or leave it out")
     if rules is None and entries != ENTRIES:
         raise InputError("--entries is the length of the tables of --rules; add these, or leave it out")
+
+
+def _write_whole(output: Path, write: Callable[[Path], None]) -> None:
+    """Have a folder written complete, or not at all: beside its place, and then moved there."""
+    try:
+        with temporary_folder(_existing(output.absolute().parent)) as folder:
+            made = folder / "export"
+            write(made)
+            for path in sorted(path for path in made.rglob("*") if path.is_file()):
+                target = output / path.relative_to(made)
+                target.parent.mkdir(parents=True, exist_ok=True)
+                path.replace(target)
+    except ValueError as error:
+        raise InputError(str(error)) from None
+    except OSError as error:
+        raise InputError(f"{output}: cannot be written ({error.strerror}); choose another folder") from None
+
+
+def _export_block(folder: Path, name: str) -> None:
+    """Write one block of the accelerator."""
+    importlib.import_module("hdl.blocks.export").export_block(folder, name)
+
+
+def _export_accelerator(folder: Path, board: str | None, config: Config, build: dict[str, int]) -> None:
+    """Write the accelerator for a board with a processor; without a board, that for a live camera."""
+    exports = importlib.import_module("hdl.export")
+    if board is None:
+        exports.export_live(folder, config=config, **build)
+    else:
+        exports.export(folder, board=board, config=config, **build)
 
 
 def _export_rules(folder: Path, rules: Path, entries: int) -> None:

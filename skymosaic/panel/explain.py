@@ -16,7 +16,7 @@ from golden_model.matching.fuzzy import ONE, SugenoSystem, Variable
 from golden_model.matching.matcher import circular_distance
 from skymosaic.features.descriptors import WINDOWS_PX
 from skymosaic.geometry.prosac import INLIER_PX
-from skymosaic.panel.results import PairView
+from skymosaic.panel.pair_view import PairView
 
 HIGHEST_WEIGHT = 256
 """The scale of a match record's ``weight``, UQ0.8."""

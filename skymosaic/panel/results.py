@@ -2,26 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-
-from golden_model.arrays import Array, Mask, Matrix, Records
-from golden_model.config import Config
+from golden_model.arrays import Array
 from skymosaic.evaluation.hardware import Comparison
-from skymosaic.features.descriptors import WINDOWS_PX
-from skymosaic.features.matchers import GOOD_MATCH_ABOVE
-from skymosaic.features.methods import Method
-from skymosaic.features.positions import match_points
-from skymosaic.geometry.homography import apply
-from skymosaic.pair import Pair
 from skymosaic.panel.options import Options
+from skymosaic.panel.pair_view import PairView, Size
 from skymosaic.tracking.output import TrackedCorners
 
-Size = tuple[int, int]
 SINGLE_FILES = (
     "mosaic.png", "mosaic.tif", "tracked.mp4", "matches.csv", "corners.csv", "hardware.json", "config.toml",
 )  # fmt: skip
@@ -60,77 +49,6 @@ class Upload:
     def pictures(self) -> list[Path]:
         """The pictures that the page shows of it."""
         return [self.working]
-
-
-@dataclass(frozen=True)
-class PairView:
-    """A registered pair without its pixels.
-
-    Attributes
-    ----------
-    names : (str, str)
-        Left and right.
-    working_sizes : (Size, Size)
-    features : tuple of structured arrays
-        Feature records of left and right, in 1/16 working px.
-    matches : structured array
-        Match records of all mutual matches.
-    residual_px : (M,) float64 or None
-        Distance of each match from the homography in the right working image; None if there is no homography.
-    inlier : (M,) bool
-        Kept, and within 2 px of the homography.
-    method : Method
-        How features were found, described and matched.
-    config : Config
-    numbers : dict
-        As `skymosaic.reports.pair.pair_numbers` returns them.
-    """
-
-    names: tuple[str, str]
-    working_sizes: tuple[Size, Size]
-    features: tuple[Records, Records]
-    matches: Records
-    residual_px: Array | None
-    inlier: Mask
-    method: Method
-    config: Config
-    numbers: dict[str, Any]
-
-    @classmethod
-    def of(cls, pair: Pair, numbers: dict[str, Any]) -> PairView:
-        """The view of a pair."""
-        # Measured on all matches, also on those rejected, to show how far off they are.
-        residual = None
-        if pair.homography is not None:
-            left, right = match_points(pair.matches)
-            residual = np.linalg.norm(apply(_in_working(pair), left) - right, axis=1)
-        sizes = tuple((image.shape[1], image.shape[0]) for image in pair.working)
-        return cls(
-            names=(pair.left.name, pair.right.name),
-            working_sizes=(sizes[0], sizes[1]),
-            features=pair.features,
-            matches=pair.matches,
-            residual_px=residual,
-            inlier=np.isin(pair.matches["left_index"], pair.inliers["left_index"]),
-            method=pair.method,
-            config=pair.config,
-            numbers=numbers,
-        )
-
-    @property
-    def kept(self) -> Mask:
-        """Which matches the fuzzy stage kept, (M,)."""
-        return np.asarray(self.matches["verdict"] == 1)
-
-    @property
-    def rule_names(self) -> Sequence[str]:
-        """The rule in words for each value of a match's ``rule``."""
-        return self.method.rule_names(self.config)
-
-    @property
-    def keep_above(self) -> int:
-        """The weight, UQ0.8, that a match must exceed to be kept."""
-        return GOOD_MATCH_ABOVE if self.method.descriptor in WINDOWS_PX else self.config.matcher.keep_above
 
 
 @dataclass(frozen=True)
@@ -340,11 +258,3 @@ class TrackingResult:
     def files(self) -> list[Path]:
         """The files that can be downloaded one by one."""
         return [path for name in SINGLE_FILES if (path := self.folder / name).exists()]
-
-
-def _in_working(pair: Pair) -> Matrix:
-    """The homography between the working images."""
-    assert pair.homography is not None
-    to_left, to_right = pair.to_original
-    working: Matrix = np.linalg.inv(to_right) @ pair.homography @ to_left
-    return working

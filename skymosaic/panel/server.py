@@ -1,34 +1,27 @@
-"""The panel's server on loopback: pages, uploads, pictures and the archive."""
+"""The panel's server on loopback, with its pages."""
 
 from __future__ import annotations
 
 import secrets
 import socket
 from collections.abc import Callable
-from typing import Literal
 
 import uvicorn
-from fastapi import FastAPI, Request
+from fastapi import FastAPI
 from nicegui import app as page_app
 from nicegui import ui
 from starlette.middleware.sessions import SessionMiddleware
-from starlette.requests import ClientDisconnect
-from starlette.responses import FileResponse, PlainTextResponse, Response, StreamingResponse
 
 from skymosaic.errors import InputError
-from skymosaic.panel.archive import zipped
+from skymosaic.panel.file_routes import FileRoutes
 from skymosaic.panel.origin_check import OriginCheck
 from skymosaic.panel.pages.mosaic_page import build_mosaic_page
 from skymosaic.panel.pages.tracking_page import build_tracking_page
-from skymosaic.panel.session import Session
 from skymosaic.panel.sessions import Sessions
 from skymosaic.panel.tasks.jobs import prepare_workers
-from skymosaic.panel.uploads.received import UploadRefusedError
-from skymosaic.panel.uploads.storage import BUSY
 
 HOST = "127.0.0.1"
 SECONDS_TO_CLOSE = 2
-SECONDS_TO_RETRY = 10
 
 
 def serve(port: int, boards: tuple[str, ...], announce: Callable[[str], None]) -> None:
@@ -78,11 +71,6 @@ def _listen(port: int) -> socket.socket:
     return listener
 
 
-def _refusal_headers(status: int) -> dict[str, str]:
-    closing = {"connection": "close"}
-    return closing | {"retry-after": str(SECONDS_TO_RETRY)} if status == BUSY else closing
-
-
 def _application(sessions: Sessions, port: int) -> FastAPI:
     """The application: the routes for files, and the pages, which NiceGUI serves."""
     app = FastAPI(openapi_url=None)
@@ -92,50 +80,7 @@ def _application(sessions: Sessions, port: int) -> FastAPI:
         SessionMiddleware, secret_key=secrets.token_urlsafe(), session_cookie=f"skymosaic_{port}", same_site="lax"
     )
 
-    def session_of(request: Request) -> Session | None:
-        identifier = request.session.get("id")
-        return sessions.get(identifier) if identifier else None
-
-    @app.post("/upload/{slot}")
-    async def upload(request: Request, slot: Literal["photograph", "template", "video"], name: str) -> Response:
-        session = session_of(request)
-        if session is None:
-            return PlainTextResponse("open the panel's page first", status_code=403)
-        try:
-            await session.upload(slot, request.stream(), name, request.is_disconnected)
-        except ClientDisconnect:
-            # The client has left; without an answer, the log would have a traceback.
-            return Response(status_code=400)
-        except UploadRefusedError as error:
-            # Close the connection instead of reading the rest of a body that may be too large.
-            return PlainTextResponse(str(error), status_code=error.status, headers=_refusal_headers(error.status))
-        return Response(status_code=204)
-
-    @app.get("/picture/{key}")
-    async def picture(request: Request, key: str) -> Response:
-        session = session_of(request)
-        path = session.picture(key) if session else None
-        if path is None:
-            return PlainTextResponse("no such picture", status_code=404)
-        # Names are free again when photographs and results are gone: a browser must ask each time.
-        return FileResponse(path, headers={"cache-control": "private, no-cache"})
-
-    @app.get("/file/{kind}/{name}")
-    async def file(request: Request, kind: str, name: str) -> Response:
-        session = session_of(request)
-        path = session.result_file(kind, name) if session else None
-        if path is None:
-            return PlainTextResponse("no such file", status_code=404)
-        return FileResponse(path, filename=name)
-
-    @app.get("/archive")
-    async def archive(request: Request) -> Response:
-        session = session_of(request)
-        folders = session.result_folders() if session else {}
-        if not folders:
-            return PlainTextResponse("there is no result yet", status_code=404)
-        disposition = {"content-disposition": 'attachment; filename="skymosaic.zip"'}
-        return StreamingResponse(zipped(folders), media_type="application/zip", headers=disposition)
+    FileRoutes(sessions).add_to(app)
 
     @ui.page("/")
     def mosaic_page() -> None:

@@ -9,7 +9,7 @@ from skymosaic import register
 from skymosaic.panel.explain import HIGHEST_WEIGHT, explain, verdicts
 from skymosaic.panel.pages import drawings
 from skymosaic.panel.pages.explanation import markup
-from skymosaic.panel.results import PairView
+from skymosaic.panel.pair_view import PairView
 from skymosaic.reports import pair as pair_report
 
 METHODS = {

@@ -17,7 +17,7 @@ from golden_model.formats import POSITION
 from golden_model.matching.fuzzy import ONE
 from skymosaic.features.positions import match_points
 from skymosaic.panel.explain import Input
-from skymosaic.panel.results import PairView
+from skymosaic.panel.pair_view import PairView
 
 GAP_PX = 12
 """Gap between the left and the right picture."""

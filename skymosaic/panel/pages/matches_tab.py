@@ -7,7 +7,7 @@ from nicegui import ui
 from skymosaic.panel.explain import explain, verdicts
 from skymosaic.panel.pages import drawings
 from skymosaic.panel.pages.explanation import markup
-from skymosaic.panel.results import PairView
+from skymosaic.panel.pair_view import PairView
 from skymosaic.panel.widgets.slider import Slider
 from skymosaic.panel.widgets.viewer import Pointer, Viewer, side_by_side
 

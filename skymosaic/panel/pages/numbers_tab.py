@@ -11,7 +11,8 @@ from nicegui import ui
 
 from skymosaic.evaluation.metrics import confusion
 from skymosaic.panel.pages.page_layout import command_line
-from skymosaic.panel.results import MosaicResult, PairView
+from skymosaic.panel.pair_view import PairView
+from skymosaic.panel.results import MosaicResult
 
 CORRECT_PX = 3.0
 """A match this close to the homography counts as correct in recall and precision."""

@@ -12,7 +12,8 @@ from golden_model.arrays import Array, Pixels
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.georeference import Georeference, on_globe, reprojected
 from skymosaic.imagery.images import save_bytes
-from skymosaic.panel.results import MapView, Size
+from skymosaic.panel.pair_view import Size
+from skymosaic.panel.results import MapView
 
 WEB_MERCATOR = "EPSG:3857"
 LONGEST_SIDE_PX = 2000

@@ -13,7 +13,8 @@ from skymosaic.flight.composition import Composition
 from skymosaic.flight.output import Delivery
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.images import save
-from skymosaic.panel.results import ShownMosaic, Size, Tile
+from skymosaic.panel.pair_view import Size
+from skymosaic.panel.results import ShownMosaic, Tile
 
 PREVIEW_WIDTH_PX = 8192
 """Mosaics up to this width are shown in full by tiles; wider ones are reduced to it."""

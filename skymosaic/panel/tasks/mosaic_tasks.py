@@ -35,14 +35,8 @@ from skymosaic.mosaicing import planned_sources
 from skymosaic.pair import Pair
 from skymosaic.panel.explain import verdicts
 from skymosaic.panel.options import AUTOMATIC, DAMAGED, Options
-from skymosaic.panel.results import (
-    HardwareResult,
-    LinkView,
-    MapView,
-    MosaicResult,
-    PairView,
-    picture_name,
-)
+from skymosaic.panel.pair_view import PairView
+from skymosaic.panel.results import HardwareResult, LinkView, MapView, MosaicResult, picture_name
 from skymosaic.panel.steps import step_line
 from skymosaic.panel.tasks.map_picture import map_view
 from skymosaic.panel.tasks.mosaic_picture import PREVIEW_WIDTH_PX, outlines, page_picture, show_mosaic
