@@ -132,6 +132,8 @@ class OptionsCard:
         self._selects: dict[str, ui.select] = {}
         with ui.element("section").classes("card"):
             heading("2", "Options")
+            # Above the options: the lower end of the card may lie behind the button that starts the run.
+            self._fault = ui.label().classes("fault").props('role="status"')
             with ui.element("div").classes("options"):
                 for name in LABELS:
                     self._selects[name] = option_select(session, name)
@@ -140,7 +142,6 @@ class OptionsCard:
                 )
                 self._refine.props("dense")
                 self._build_slider()
-            self._fault = ui.label().classes("fault").props('role="status"')
         self.update()
 
     def update(self) -> None:
