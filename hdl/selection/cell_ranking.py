@@ -278,7 +278,8 @@ class CellRanking(wiring.Component):
             # If the new feature has no place, the same ranking is written again.
             write.en.eq(arrived),
         ]
-        return read.data.as_value()
+        stored: Value = read.data.as_value()
+        return stored
 
     def _touched(self, m: Module, located: Value, cell: Value, compared: Value, current_cell: Value) -> Signal:
         """Whether the cell of the feature that is compared has another one already."""
