@@ -38,10 +38,11 @@ from sim.build_cache import cache_folder
 from sim.scene import Flight as RenderedFlight
 from sim.scene import lawnmower
 from skymosaic.flight.cache import ResultCache
-from skymosaic.flight.survey import survey
+from skymosaic.flight.survey import Flight, survey
 from skymosaic.flight.view import Settings
 from skymosaic.flight.workers import Workers
 from skymosaic.geometry.homography import apply, estimate
+from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import sources
 
 METHODS = ("skymosaic", "openstitching", "openstitching-sift", "opencv")
@@ -51,6 +52,8 @@ GRID_POINTS = 5
 JPEG_QUALITY = 95
 
 Result = dict[str, Any]
+Matches = tuple[str, str, Array, Array]
+"""Names of two photographs, and their matches in original pixels."""
 
 
 def python_of(method: str) -> str:
@@ -84,27 +87,24 @@ def run(method: str, folder: Path, width_px: int, memory_gb: float) -> Result:
     return result
 
 
-def our_matches(folder: Path, width_px: int) -> list[tuple[str, str, Array, Array]]:
-    """Names and matched points, in original pixels, of every pair of photographs that a homography joins."""
+def our_flight(folder: Path, width_px: int) -> Flight:
+    """The folder, laid out by skymosaic."""
+    settings = Settings(preset_config("aerial"), working_width_px=width_px)
     with Workers() as workers:
-        flight = survey(
-            sources([folder]),
-            Settings(preset_config("aerial"), working_width_px=width_px),
-            0,
-            workers,
-            ResultCache(None),
-        )
+        return survey(sources([folder]), settings, 0, workers, ResultCache(None))
+
+
+def matches_of(flight: Flight, lens: Lens) -> list[Matches]:
+    """Every pair of photographs that a homography joins, with its matches as ``lens`` straightens them."""
     found = []
     for link in (link for link in flight.links if link.holds):
-        left, right = flight.views[link.left], flight.views[link.right]
-        points = apply(left.to_original, link.left_points), apply(right.to_original, link.right_points)
-        found.append((Path(left.name).name, Path(right.name).name, *points))
+        ends = (flight.views[link.left], link.left_points), (flight.views[link.right], link.right_points)
+        left, right = (lens.straighten_points(apply(view.to_original, points), view.size) for view, points in ends)
+        found.append((Path(ends[0][0].name).name, Path(ends[1][0].name).name, left, right))
     return found
 
 
-def median_error_px(
-    transforms: dict[str, Any], matches: Sequence[tuple[str, str, Array, Array]], scale: float
-) -> float:
+def median_error_px(transforms: dict[str, Any], matches: Sequence[Matches], scale: float) -> float:
     """Median distance of matches under transformations to a common frame; NaN where none joins two placed images."""
     errors = [
         np.linalg.norm(apply(np.linalg.inv(transforms[right]) @ transforms[left], points) - targets, axis=1)
@@ -116,19 +116,24 @@ def median_error_px(
 
 def compare(folder: Path, methods: Sequence[str], rounds: int, width_px: int, memory_gb: float) -> dict[str, Result]:
     """Every method on a folder; seconds and memory are medians over the rounds."""
-    matches = our_matches(folder, width_px)
+    flight = our_flight(folder, width_px)
+    # Our transformations are those of photographs without the distortion that was found.
+    straight, as_seen = matches_of(flight, flight.lens), matches_of(flight, Lens())
     results: dict[str, list[Result]] = {method: [] for method in methods}
     for _ in track(range(rounds), description=folder.name, transient=True):
         for method in methods:
             results[method].append(run(method, folder, width_px, memory_gb))
-    original_width_px = cv2.imread(str(sources([folder])[0].content)).shape[1]
     summary = {}
     for method, outcomes in results.items():
         placed = len(outcomes[0]["transforms"])
         seconds = float(np.median([outcome["seconds"] for outcome in outcomes]))
         summary[method] = {
             "placed": placed,
-            "error_px": median_error_px(outcomes[0]["transforms"], matches, REPORTED_WIDTH_PX / original_width_px),
+            "error_px": median_error_px(
+                outcomes[0]["transforms"],
+                straight if method == "skymosaic" else as_seen,
+                REPORTED_WIDTH_PX / flight.views[0].size[0],
+            ),
             "seconds": seconds,
             "seconds_a_placed_image": seconds / placed if placed else float("nan"),
             "cpu_seconds": float(np.median([outcome["cpu_seconds"] for outcome in outcomes])),
@@ -144,7 +149,8 @@ def position_errors(transforms: dict[str, Any], truth: RenderedFlight, names: Se
     grid = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
     placed = [(index, np.array(transforms[name])) for index, name in enumerate(names) if name in transforms]
     found = np.array([apply(transform, grid) for _, transform in placed])
-    true = np.array([apply(np.linalg.inv(truth.homographies[index]), grid) for index, _ in placed])
+    from_ground = truth.homographies
+    true = np.array([apply(np.linalg.inv(from_ground[index]), grid) for index, _ in placed])
     alignment = estimate(found.reshape(-1, 2), true.reshape(-1, 2), model="similarity")
     return np.linalg.norm(apply(alignment, found) - true, axis=-1).mean(axis=1), true.mean(axis=1)
 
