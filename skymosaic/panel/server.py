@@ -22,6 +22,8 @@ from skymosaic.panel.tasks.jobs import prepare_workers
 
 HOST = "127.0.0.1"
 SECONDS_TO_CLOSE = 2
+SECONDS_TO_RECONNECT = 30
+"""With the usual 3, a page reloads itself when a busy browser has not answered for 2 seconds."""
 
 
 def serve(port: int, boards: tuple[str, ...], announce: Callable[[str], None]) -> None:
@@ -94,6 +96,12 @@ def _application(sessions: Sessions, port: int) -> FastAPI:
     page_app.config.quasar_config["loadingBar"]["skipHijack"] = True
     # Dark where the system is; the language is what a screen reader pronounces.
     ui.run_with(
-        app, title="skymosaic", language="en-US", dark=None, show_welcome_message=False, gzip_middleware_factory=None
+        app,
+        title="skymosaic",
+        language="en-US",
+        dark=None,
+        reconnect_timeout=SECONDS_TO_RECONNECT,
+        show_welcome_message=False,
+        gzip_middleware_factory=None,
     )
     return app
