@@ -7,6 +7,7 @@ import json
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Unpack
 
@@ -93,8 +94,14 @@ def export_ulx3s(folder: Path, *, config: Config = DEFAULT_CONFIG, **build: Unpa
     (folder / "README.md").write_text((SOURCES / "ulx3s" / "README.md").read_text().format(**facts))
 
 
-def build_bitstream(folder: Path) -> dict[str, Any]:
-    """Make ``build/skymosaic.bit`` in the folder of an export.
+def build_bitstream(folder: Path, tell: Callable[[str], None] = lambda _line: None) -> dict[str, Any]:
+    """Make ``build/skymosaic.bit`` in the folder of an export; for the whole accelerator a matter of minutes.
+
+    Parameters
+    ----------
+    folder : Path
+    tell : callable
+        Receives the name of each tool when it starts.
 
     Returns
     -------
@@ -108,6 +115,7 @@ def build_bitstream(folder: Path) -> dict[str, Any]:
     """
     (folder / "build").mkdir(exist_ok=True)
     for tool, *arguments in STEPS:
+        tell(tool)
         done = subprocess.run([_found(tool), *arguments], cwd=folder, capture_output=True, text=True, check=False)
         if done.returncode:
             lines = (done.stderr + done.stdout).splitlines()

@@ -141,9 +141,9 @@ def _export_serial(folder: Path, config: Config | None, build: dict[str, int], *
     serial.export_ulx3s(folder, **({} if config is None else {"config": config}), **build)
     if not build_it:
         return
-    session.tell("building the bitstream: synthesis, place and route")
+    session.tell("building the bitstream, about a quarter of an hour")
     try:
-        made = serial.build_bitstream(folder)
+        made = serial.build_bitstream(folder, tell=lambda tool: session.tell(f"running {tool}"))
     except serial.BuildError as error:
         raise InputError(str(error)) from None
     (length, mhz), used = (made.pop("bytes"), made.pop("clock_mhz")), made
