@@ -80,12 +80,13 @@ def _signs(features: Records) -> Float32:
 def _agreeing(left: Records, right: Records, likeness: Float32) -> int:
     if likeness.size == 0:
         return 0
-    right_index = likeness.argmax(axis=1)
-    left_index = np.flatnonzero(likeness.argmax(axis=0)[right_index] == np.arange(len(left)))
-    right_index = right_index[left_index]
     bits = 8 * left["descriptor"].shape[1]
-    close = likeness[left_index, right_index] >= (1 - 2 * CLOSE_BITS) * bits
-    relative_orientation = (right["sector"][right_index[close]] - left["sector"][left_index[close]]) % SECTORS
+    nearest = likeness.argmax(axis=1)
+    # Few are close, so the way back is looked up for these alone: columns are slow to search.
+    left_index = np.flatnonzero(likeness[np.arange(len(left)), nearest] >= (1 - 2 * CLOSE_BITS) * bits)
+    mutual = likeness[:, nearest[left_index]].argmax(axis=0) == left_index
+    left_index = left_index[mutual]
+    relative_orientation = (right["sector"][nearest[left_index]] - left["sector"][left_index]) % SECTORS
     histogram = np.bincount(relative_orientation, minlength=SECTORS)
     return int((histogram + np.roll(histogram, 1) + np.roll(histogram, -1)).max())
 
