@@ -21,13 +21,12 @@ def pauses(request: pytest.FixtureRequest) -> Pauses:
 def gray_frames() -> list[NDArray[np.uint8]]:
     """Frames of different content, with the extremes, at an odd size."""
     noise = np.random.default_rng(11).integers(0, 256, (2, *SHAPE), dtype=np.uint8)
-    black, white = np.zeros(SHAPE, np.uint8), np.full(SHAPE, 255, np.uint8)
     y, x = np.indices(SHAPE)
+    white_and_black = np.where(x < 10, 255, 0).astype(np.uint8)
+    white_and_black[9, 16] = 255
     checkerboard = ((x + y) % 2 * 255).astype(np.uint8)
-    hot_pixel = black.copy()
-    hot_pixel[9, 11] = 255
     steps = np.where((x // 4 + y // 4) % 2, noise[1] // 16, 255 - noise[1] // 16).astype(np.uint8)
-    return [noise[0], white, checkerboard, black, hot_pixel, steps]
+    return [noise[0], white_and_black, checkerboard, steps]
 
 
 @pytest.fixture
