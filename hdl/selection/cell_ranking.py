@@ -208,49 +208,19 @@ class CellRanking(wiring.Component):
         written. It takes the ranking from the insertion instead; so it does a clock later when they are a clock apart.
         """
         m = Module()
+        # Few words of many bits fit LUT memory better than block RAM. Old rankings need not be cleared: `o_touched`
+        # tells which rankings belong to this row.
+        rankings: memory.Memory = memory.Memory(
+            shape=RANKING, depth=self.cells, init=[], attrs={"ram_style": "distributed"}
+        )
+        m.submodules.rankings = rankings
         m.submodules.insertion = insertion = Insertion(spacing_cycles=self.spacing_cycles)
+        read, write = rankings.read_port(domain="comb"), rankings.write_port()
         cell = Signal.like(self.o_cell, reset_less=True)
         feature = Signal.like(self.i.feature, reset_less=True)
-        found = Signal.like(cell)
-        located = delayed(m, self.i.present, 1, reset_less=False)
-        compared = delayed(m, located, 1, reset_less=False)
-        arrived = delayed(m, compared, insertion.latency_cycles, reset_less=False)
-        current_cell, current_feature = self._compared(m, located, cell, feature)
-        # A shift by 0 to 3: cells have 32 to 256 px.
-        m.d.comb += found.eq(self.i.x[SMALLEST_CELL_LOG2:] >> (self.i_cell_log2 - SMALLEST_CELL_LOG2)[:2])
-        is_in_last_cell = Signal(reset_less=True)
-        with m.If(self.i.present):
-            m.d.sync += [
-                cell.eq(found),
-                feature.eq(self.i.feature),
-                is_in_last_cell.eq(compared & (found == current_cell)),
-            ]
         ranking = view_signal(RANKING, reset_less=True)
-        stored = self._stored(m, cell, insertion.o_ranking, arrived)
-        with m.If(located):
-            m.d.sync += ranking.eq(Mux(is_in_last_cell, insertion.o_ranking.as_value(), stored))
-        newest, is_empty = ranking.as_value(), ~self._touched(m, located, cell, compared, current_cell)
-        if self.spacing_cycles == 1:
-            # In the same cell as the feature of the clock before, which is being inserted.
-            follows = delayed(m, delayed(m, located & (found == cell), 1), 1)
-            newest, is_empty = Mux(follows, insertion.o_ranking.as_value(), newest), is_empty & ~follows
-        m.d.comb += [
-            insertion.i_ranking.eq(newest),
-            insertion.i_empty.eq(is_empty),
-            insertion.i_response.eq(current_feature.response),
-            insertion.i_last_place.eq(delayed(m, (self.i_per_cell - 1)[:3], 1)),
-            self.o_kept.eq(arrived & insertion.o_kept),
-            self.o_slot.eq(insertion.o_slot),
-            self.o_order.eq(insertion.o_order),
-            self.o_added.eq(insertion.o_added),
-        ]
-        return m
-
-    def _compared(self, m: Module, located: Value, cell: Value, feature: data.View) -> tuple[Value, data.View]:
-        """The feature that is compared, and its cell; they are also what leaves.
-
-        Unless the next feature may already be compared then: in that case they leave a clock later.
-        """
+        touched = Signal(reset_less=True)
+        # What is compared is also what leaves, unless the next feature may already be compared then.
         current_cell, current_feature = self.o_cell, self.o_feature
         if self.spacing_cycles == 1:
             current_cell, current_feature = Signal.like(self.o_cell), Signal.like(self.o_feature)
@@ -258,36 +228,48 @@ class CellRanking(wiring.Component):
             m.d.comb += self.o_feature.eq(delayed(m, current_feature, 1))
         compared_cell = port_register(m, current_cell)
         compared_feature = port_register(m, current_feature)
+        located = delayed(m, self.i.present, 1, reset_less=False)
+        compared = delayed(m, located, 1, reset_less=False)
+        arrived = delayed(m, compared, insertion.latency_cycles, reset_less=False)
+        found = Signal.like(cell)
+        is_in_last_cell = Signal(reset_less=True)
+        # A shift by 0 to 3: cells have 32 to 256 px.
+        m.d.comb += found.eq(self.i.x[SMALLEST_CELL_LOG2:] >> (self.i_cell_log2 - SMALLEST_CELL_LOG2)[:2])
+        with m.If(self.i.present):
+            m.d.sync += [
+                cell.eq(found),
+                feature.eq(self.i.feature),
+                is_in_last_cell.eq(compared & (found == current_cell)),
+            ]
         with m.If(located):
-            m.d.sync += [compared_cell.eq(cell), compared_feature.eq(feature)]
-        return current_cell, current_feature
-
-    def _stored(self, m: Module, cell: Value, ranking: data.View, arrived: Value) -> Value:
-        """The ranking in memory of a cell. That of the feature that leaves is written in the clock of ``arrived``."""
-        # Few words of many bits fit LUT memory better than block RAM. Old rankings need not be cleared: `o_touched`
-        # tells which rankings belong to this row.
-        rankings: memory.Memory = memory.Memory(
-            shape=RANKING, depth=self.cells, init=[], attrs={"ram_style": "distributed"}
-        )
-        m.submodules.rankings = rankings
-        read, write = rankings.read_port(domain="comb"), rankings.write_port()
-        m.d.comb += [
-            read.addr.eq(cell),
-            write.addr.eq(self.o_cell),
-            write.data.eq(ranking),
-            # If the new feature has no place, the same ranking is written again.
-            write.en.eq(arrived),
-        ]
-        stored: Value = read.data.as_value()
-        return stored
-
-    def _touched(self, m: Module, located: Value, cell: Value, compared: Value, current_cell: Value) -> Signal:
-        """Whether the cell of the feature that is compared has another one already."""
-        touched = Signal(reset_less=True)
-        with m.If(located):
-            m.d.sync += touched.eq(self.o_touched.bit_select(cell, 1) & ~self.i_clear)
+            m.d.sync += [
+                compared_cell.eq(cell),
+                compared_feature.eq(feature),
+                ranking.eq(Mux(is_in_last_cell, insertion.o_ranking.as_value(), read.data.as_value())),
+                touched.eq(self.o_touched.bit_select(cell, 1) & ~self.i_clear),
+            ]
         with m.If(self.i_clear):
             m.d.sync += self.o_touched.eq(0)
         with m.Elif(compared):
             m.d.sync += self.o_touched.bit_select(current_cell, 1).eq(1)
-        return touched
+        newest, is_empty = ranking.as_value(), ~touched
+        if self.spacing_cycles == 1:
+            # In the same cell as the feature of the clock before, which is being inserted.
+            follows = delayed(m, delayed(m, located & (found == cell), 1), 1)
+            newest, is_empty = Mux(follows, insertion.o_ranking.as_value(), newest), ~(touched | follows)
+        m.d.comb += [
+            read.addr.eq(cell),
+            insertion.i_ranking.eq(newest),
+            insertion.i_empty.eq(is_empty),
+            insertion.i_response.eq(current_feature.response),
+            insertion.i_last_place.eq(delayed(m, (self.i_per_cell - 1)[:3], 1)),
+            write.addr.eq(self.o_cell),
+            write.data.eq(insertion.o_ranking),
+            # If the new feature has no place, the same ranking is written again.
+            write.en.eq(arrived),
+            self.o_kept.eq(arrived & insertion.o_kept),
+            self.o_slot.eq(insertion.o_slot),
+            self.o_order.eq(insertion.o_order),
+            self.o_added.eq(insertion.o_added),
+        ]
+        return m
