@@ -33,7 +33,7 @@ VERILATOR_FLAGS = (
     "-Wno-fatal", "-Wno-lint", "-Wno-style", "-Wno-SYMRSVDWORD",
 )  # fmt: skip
 # GCC finds precompiled headers by -include; without the first word files of larger designs do not compile.
-MAKE_VARIABLES = "CFG_CXXFLAGS_PCH_I=-include OPT_FAST=-Og"
+MAKE_VARIABLES = "CFG_CXXFLAGS_PCH_I=-include OPT_FAST=-Og OPT_GLOBAL=-O0"
 
 
 class _PackagedVerilator(Verilator):

@@ -11,7 +11,7 @@ from bench import synthesis
 
 SCRIPT = Path(synthesis.__file__)
 RECORDED = json.loads(synthesis.RECORDED.read_text())
-QUICK = ("gray", "sobel")
+QUICK = "sobel"
 
 
 def check(*names: str) -> subprocess.CompletedProcess[str]:
@@ -20,8 +20,8 @@ def check(*names: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False, cwd=SCRIPT.parents[1])
 
 
-def test_quick_blocks_have_the_recorded_area() -> None:
-    done = check(*QUICK)
+def test_a_quick_block_has_its_recorded_area() -> None:
+    done = check(QUICK)
     assert done.returncode == 0, done.stderr
 
 

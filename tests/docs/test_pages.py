@@ -14,7 +14,7 @@ from tests.docs.notebook_runner import run_notebook
 from tests.docs.page_runner import run_page
 
 DOCS = Path(__file__).parents[2] / "docs"
-SLOW = {"change_a_rule.md", "export_to_a_kit.md", "flight_to_map.md"}
+SLOW = {"change_a_rule.md", "export_to_a_kit.md", "flight_to_map.md", "fuzzy_systems.md"}
 """Pages whose commands take seconds to start, or write the Verilog of a whole accelerator."""
 TUTORIALS = 7
 FOREIGN = re.compile(r'<(?:script|img|iframe|link)\b[^>]*\b(?:src|href)="(?:https?:)?//[^"]*"')

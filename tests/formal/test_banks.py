@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import pytest
 from amaranth import Array, Cat, Const, Elaboratable, Module, Mux, Signal, Value
 from amaranth.hdl import Assert, Assume, Cover
 
@@ -173,5 +174,6 @@ class _Rows(Elaboratable):
         m.d.comb += [Cover((rows == 1) & (features == 3)), Cover(o.valid & ends & self.write & self.close)]
 
 
+@pytest.mark.slow
 def test_a_row_that_leaves_is_not_written(tmp_path: Path) -> None:
     prove(_Rows(), tmp_path)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+import pytest
 from amaranth import Array, Elaboratable, Module, Mux, Signal, Value
 from amaranth.hdl import Assert, Assume, Cover
 
@@ -142,5 +143,6 @@ class _Merge(Elaboratable):
         m.d.comb += [Cover(overflows), Cover((frames == 1) & (words == RECORD_WORDS))]
 
 
+@pytest.mark.slow
 def test_two_levels_leave_in_turn_and_whole(tmp_path: Path) -> None:
     prove(_Merge(), tmp_path)

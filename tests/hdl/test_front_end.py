@@ -137,8 +137,14 @@ def test_whole_frames_are_equal_and_follow_without_a_bubble(simulator, scene):
     assert len(np.unique(features["sector"])) == 16
 
 
-@pytest.mark.parametrize("pauses", [NO_PAUSES, PAUSES], ids=["free", "pauses"])
-@pytest.mark.parametrize("size_px", [(64, 64), (65, 67), (127, 85), (641, 479)], ids=str)
+@pytest.mark.parametrize(
+    ("size_px", "pauses"),
+    [
+        *((size_px, pauses) for size_px in [(64, 64), (65, 67), (127, 85)] for pauses in (NO_PAUSES, PAUSES)),
+        pytest.param((641, 479), NO_PAUSES, marks=pytest.mark.slow),
+        ((641, 479), PAUSES),
+    ],
+)
 def test_frames_of_any_size_and_content_equal_the_golden_model(aerial, scene, size_px, pauses):
     frames = [gray(scene(0, size_px)), *extremes(size_px), gray(scene(1, size_px))]
     _, features = aerial.check(frames, pauses=pauses)

@@ -135,6 +135,7 @@ def compiled_accelerator() -> None:
     verilator.shared_library(accelerator(PRESETS["aerial"], BUILT_SIZES_PX[0]), progress=print)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("compiled_accelerator")
 def test_hardware_equals_the_golden_model(made: Page) -> None:
     open_tab(made, "Hardware")

@@ -147,6 +147,7 @@ def test_tab_reaches_the_controls_of_the_tracking_page(tracked: Page) -> None:
         assert any(part in name for name in names), (part, names)
 
 
+@pytest.mark.slow
 def test_the_tracking_archive_has_video_and_corners_and_its_command_repeats_them(tracked: Page, tmp_path: Path) -> None:
     again = unpacked(tracked, tmp_path, "tracking")
     rows = list(csv.DictReader((again / "corners.csv").read_text().splitlines()))

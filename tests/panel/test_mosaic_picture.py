@@ -63,6 +63,7 @@ def test_seams_lie_where_their_photograph_shows(tmp_path: Path) -> None:
     assert np.allclose(line.max(axis=0), (494.5, 194.5))
 
 
+@pytest.mark.slow
 def test_the_page_loads_the_tiles_that_are_zoomed_into(page: Page, photographs: list[Path], tmp_path: Path) -> None:
     larger = [tmp_path / path.name for path in photographs]
     for path, target in zip(photographs, larger, strict=True):

@@ -71,6 +71,7 @@ def abort(address: str, cookie: str) -> None:
         time.sleep(0.2)
 
 
+@pytest.mark.slow
 def test_a_crowd_is_served_and_nothing_is_left(panel, tmp_path: Path, temp: Path) -> None:
     process, address = panel
     with ThreadPoolExecutor(VISITORS) as pool:

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 from sim.scene import pair as rendered_pair
-from skymosaic.cli import main
 from skymosaic.imagery.video import writing
 from tests.system.command_line import only_error
 
@@ -44,20 +43,6 @@ def film(path: Path, *frames: np.ndarray) -> None:
     with writing(path, Fraction(25)) as write:
         for frame in frames:
             write(frame)
-
-
-@pytest.fixture
-def run(capfdbinary: pytest.CaptureFixture[bytes], monkeypatch: pytest.MonkeyPatch):
-    """Exit status, standard output and standard error of a command."""
-
-    def command(*words: str) -> tuple[int, bytes, str]:
-        monkeypatch.setattr(sys, "argv", ["skymosaic", *words])
-        with pytest.raises(SystemExit) as end:
-            main()
-        printed = capfdbinary.readouterr()
-        return int(end.value.code or 0), printed.out, printed.err.decode()
-
-    return command
 
 
 def documented(command: str) -> set[str]:

@@ -201,6 +201,7 @@ def test_a_folder_is_watched_until_no_more_frames_arrive(frames, flight, tmp_pat
     assert (pace.numbers["seen"], pace.numbers["dropped"]) == (4, 0)
 
 
+@pytest.mark.slow
 def test_both_commands_make_the_same_mosaic_of_a_video(video: Path, tmp_path: Path) -> None:
     for command in (("live", video), ("mosaic", video, "--live")):
         result = skymosaic(*command, "-o", f"{command[0]}.png", cwd=tmp_path)

@@ -60,6 +60,7 @@ MUTATIONS = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", MUTATIONS)
 def test_a_planted_fault_fails_a_test(tmp_path, fault):
     file, line, faulty, test = MUTATIONS[fault]

@@ -134,9 +134,8 @@ def test_the_first_stage_that_differs_is_named(frames):
     assert found.actual == found.expected + 1
 
 
-@pytest.mark.parametrize(
-    ("shift", "stage"), [(7, "level 0 tensor_a"), pytest.param(TENSOR_SHIFT, None, marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("shift", "stage"), [(7, "level 0 tensor_a"), (TENSOR_SHIFT, None)])
 def test_a_fault_in_the_hardware_is_located(frames, monkeypatch, shift, stage):
     config = dataclasses.replace(AERIAL.front_end, levels=1)
     crop = np.ascontiguousarray(frames[0][100:164, 100:164])

@@ -234,6 +234,7 @@ def test_a_killed_run_goes_on_and_ends_the_same(folder, tmp_path: Path) -> None:
         np.testing.assert_array_equal(cached.transforms[index], fresh.transforms[index])
 
 
+@pytest.mark.slow
 def test_a_cluster_of_processes_gives_the_same(folder) -> None:
     distributed = pytest.importorskip("distributed")
     options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": None}

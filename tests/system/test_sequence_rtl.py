@@ -24,7 +24,7 @@ def flight() -> list[np.ndarray]:
     return [cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in images]
 
 
-@pytest.mark.parametrize("reference", ["previous", "held"])
+@pytest.mark.parametrize("reference", ["previous", pytest.param("held", marks=pytest.mark.slow)])
 def test_no_frame_waits_and_every_match_comes_in_time(flight: list[np.ndarray], reference: Reference) -> None:
     design = accelerator(CONFIG, BUILT_SIZES_PX[0])
     (recording,) = verilator.simulate(design, frame_segments(flight, CONFIG, reference), progress=print)

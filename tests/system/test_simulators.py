@@ -152,7 +152,7 @@ def test_settings_are_checked(simulator):
         simulator.simulate(DESIGN, [segment(random_images(1), bias=256)])
 
 
-@pytest.mark.parametrize("simulator", SIMULATORS)
+@pytest.mark.parametrize("simulator", [pysim, cxxrtl, pytest.param(verilator, marks=pytest.mark.slow)])
 def test_waves(simulator, tmp_path):
     path = tmp_path / "waves.vcd"
     images = random_images(1)

@@ -110,6 +110,7 @@ def test_the_csv_holds_every_value(measured: Measurements) -> None:
     assert set(rows[0]) == {"table", "setting", "pair", "group", "quantity", "value"}
 
 
+@pytest.mark.slow
 def test_the_page_has_every_table_and_stands_alone(measured: Measurements, pair: DatasetPair) -> None:
     shown = list(pictures.of_pair(pair))
     text = page.compose(measured, "a <rendered> flight", shown, pair.name).decode()
