@@ -95,13 +95,22 @@ def our_flight(folder: Path, width_px: int) -> Flight:
 
 
 def matches_of(flight: Flight, lens: Lens) -> list[Matches]:
-    """Every pair of photographs that a homography joins, with its matches as ``lens`` straightens them."""
+    """Every pair of photographs that a homography joins, with its matches as ``lens`` shows them."""
     found = []
     for link in (link for link in flight.links if link.holds):
         ends = (flight.views[link.left], link.left_points), (flight.views[link.right], link.right_points)
-        left, right = (lens.straighten_points(apply(view.to_original, points), view.size) for view, points in ends)
+        left, right = (bent(apply(view.to_original, points), lens) for view, points in ends)
         found.append((Path(ends[0][0].name).name, Path(ends[1][0].name).name, left, right))
     return found
+
+
+def bent(points: Array, lens: Lens) -> Array:
+    """Points (N, 2) of a straightened photograph where the camera's picture shows them, px."""
+    if lens.matrix is None:
+        return points
+    rays = cv2.convertPointsToHomogeneous(apply(np.linalg.inv(lens.matrix), points))
+    pixels, _ = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), lens.matrix, lens.distortion)
+    return np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
 
 
 def median_error_px(transforms: dict[str, Any], matches: Sequence[Matches], scale: float) -> float:
@@ -118,7 +127,7 @@ def compare(folder: Path, methods: Sequence[str], rounds: int, width_px: int, me
     """Every method on a folder; seconds and memory are medians over the rounds."""
     flight = our_flight(folder, width_px)
     # Our transformations are those of photographs without the distortion that was found.
-    straight, as_seen = matches_of(flight, flight.lens), matches_of(flight, Lens())
+    straight, as_seen = matches_of(flight, Lens()), matches_of(flight, flight.lens)
     results: dict[str, list[Result]] = {method: [] for method in methods}
     for _ in track(range(rounds), description=folder.name, transient=True):
         for method in methods:

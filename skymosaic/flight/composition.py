@@ -321,7 +321,7 @@ def thumbnails_of(flight: Flight, views: Sequence[View], composition: Compositio
         pixels = _shown(view, composition.values)
         layers.append(
             Layer(
-                image=pixels if flight.calibration is None else lens.straighten(pixels),
+                image=pixels,
                 transform=resize_matrix(reduction) @ placement.transform @ from_thumbnail,
                 visible=lens.visible((view.thumbnail.shape[1], view.thumbnail.shape[0])),
                 favour=placement.favour,

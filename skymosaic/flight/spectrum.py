@@ -86,11 +86,12 @@ def in_all_bands(
     names = tuple(captures[0].bands)
     reference = next(name for name in names if captures[0].bands[name].content == captures[0].content)
     _check_gray(views)
+    settings = dataclasses.replace(flight.settings, lens=flight.lens)
     aligned = alignments(captures, reference, flight.lens, workers)
     each = {reference: composition}
     for name, alignment in aligned.items():
         sources = [capture.bands[name] for capture in captures]
-        calls = [(source, view, flight.settings) for source, view in zip(sources, views, strict=True)]
+        calls = [(source, view, settings) for source, view in zip(sources, views, strict=True)]
         own_views = list(workers.run(f"band {name}", _view, calls))
         _check_gray(own_views)
         band = _in_band(composition, sources, own_views, alignment)

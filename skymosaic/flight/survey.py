@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,8 +54,7 @@ class Flight:
     pair : Pair or None
         The registration of two photographs, see `skymosaic.flight.pair`.
     calibration : Calibration or None
-        What the ties told about the lens. Links and layouts are then those of straightened photographs; features and
-        thumbnails of the views are as the camera saw them.
+        What the ties told about the lens. Views, links and layouts are then those of straightened photographs.
     """
 
     names: tuple[str, ...]
@@ -101,6 +100,10 @@ class Surveyor:
         self._estimator = estimator
         self._workers = workers
         self._cache = cache
+
+    def through(self, lens: Lens) -> Surveyor:
+        """One whose views are of photographs that ``lens`` straightens."""
+        return Surveyor(replace(self._settings, lens=lens), self._estimator, self._workers, self._cache)
 
     def describe(self, sources: Sequence[Source]) -> list[View | str]:
         """The view of each source, or why there is none."""
@@ -195,7 +198,9 @@ def survey(sources: Sequence[Source], settings: Settings, seed: int, workers: Wo
     if settings.lens.matrix is None:
         calibration = calibrate(of, parts[0], held, settings.lens.mask, cache)
     if calibration is not None:
-        held = straightened_links(held, of, calibration.distortion)
+        of = _without_distortion(surveyor.through(calibration.lens), tuple(seen), of, links, calibration.distortion)
+        held = _held(links)
+    clock.lap("lens")
     layouts = tuple(lay_out(of, members, held) for members in parts if len(members) > 1)
     clock.lap("layout")
     alone = (members[0] for members in parts if len(members) == 1)
@@ -274,6 +279,29 @@ def _look_again(
     described = surveyor.describe([sources[view] for view in involved])
     closer = dict(zip(involved, (view for view in described if isinstance(view, View)), strict=True))
     links |= surveyor.link(closer, pairs)
+
+
+def _without_distortion(
+    surveyor: Surveyor,
+    sources: Sequence[Source],
+    of: Sequence[View],
+    links: dict[Candidate, Link],
+    distortion: float,
+) -> tuple[View, ...]:
+    """Views of the straightened photographs; their links replace those that hold.
+
+    Near the border of a bent photograph a corner looks different from what it is in the middle of a neighbour, and its
+    position is off: features have to be found again. Where the new ones do not link two views, the old ties stay.
+    """
+    described = surveyor.describe(sources)
+    if (reason := next((view for view in described if isinstance(view, str)), None)) is not None:
+        raise InputError(reason)
+    views = tuple(view for view in described if isinstance(view, View))
+    bent = straightened_links(_held(links), of, distortion)
+    held = {(link.left, link.right): link for link in bent}
+    links |= held
+    links |= {pair: link for pair, link in surveyor.link(views, held).items() if link.holds}
+    return views
 
 
 def _why_alone(view: int, of: Sequence[View], links: Iterable[Link]) -> str:
