@@ -142,6 +142,7 @@ class LinkedGroup:
         self.links = [link for link in links if link.left in row and link.right in row]
         self._members = members
         self._normalised = [normalisation(views[member].working_size) for member in members]
+        self.units_px = [1 / float(matrix[0, 0]) for matrix in self._normalised]
         self._ties = []
         for link in self.links:
             left, right = row[link.left], row[link.right]
@@ -168,8 +169,7 @@ class LinkedGroup:
             count = len(tie.left_points)
             rows = np.linspace(0, count - 1, min(count, most)).astype(np.intp)[chosen]
             ties.append(Ties(tie.left, tie.right, tie.left_points[rows], tie.right_points[rows]))
-        units_px = [1 / float(matrix[0, 0]) for matrix in self._normalised]
-        return Network(ties, units_px, self.reference, distortion)
+        return Network(ties, self.units_px, self.reference, distortion)
 
     def to_ground(self, transforms: Array) -> dict[int, Array]:
         """Transformations (V, 3, 3) of normalised coordinates, converted to pixels, by view."""

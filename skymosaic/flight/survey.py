@@ -15,7 +15,7 @@ from skymosaic.flight import view as flight_view
 from skymosaic.flight.cache import ResultCache, key_of
 from skymosaic.flight.layout import Layout, groups, lay_out, rough_transforms
 from skymosaic.flight.links import Candidate, Link, PairEstimator, verify
-from skymosaic.flight.self_calibration import Calibration, calibrate, straightened_links
+from skymosaic.flight.self_calibration import Calibration, calibrate, remaining_distortion, straightened_links
 from skymosaic.flight.view import Settings, View, describe
 from skymosaic.flight.workers import Workers
 from skymosaic.geometry.prosac import MIN_INLIERS
@@ -99,25 +99,25 @@ class Surveyor:
         self._settings = settings
         self._estimator = estimator
         self._workers = workers
-        self._cache = cache
+        self.cache = cache
 
     def through(self, lens: Lens) -> Surveyor:
         """One whose views are of photographs that ``lens`` straightens."""
-        return Surveyor(replace(self._settings, lens=lens), self._estimator, self._workers, self._cache)
+        return Surveyor(replace(self._settings, lens=lens), self._estimator, self._workers, self.cache)
 
     def describe(self, sources: Sequence[Source]) -> list[View | str]:
         """The view of each source, or why there is none."""
         found: dict[int, View | str] = {}
         for index, source in enumerate(sources):
             key = self._settings.key(source)
-            if arrays := self._cache.load(key):
+            if arrays := self.cache.load(key):
                 found[index] = flight_view.unpacked(arrays, source.name, key)
         missing = [index for index in range(len(sources)) if index not in found]
         calls = [(sources[index], self._settings) for index in missing]
         for index, view in zip(missing, self._workers.run("features", _describe, calls), strict=True):
             found[index] = view
             if isinstance(view, View):
-                self._cache.save(view.key, view.packed())
+                self.cache.save(view.key, view.packed())
         return [found[index] for index in range(len(sources))]
 
     def link(self, of: Sequence[View] | Mapping[int, View], pairs: Iterable[Candidate]) -> dict[Candidate, Link]:
@@ -125,13 +125,13 @@ class Surveyor:
         keys = {pair: self._pair_key(of[pair[0]], of[pair[1]]) for pair in sorted(pairs)}
         found: dict[Candidate, Link] = {}
         for pair, key in keys.items():
-            if arrays := self._cache.load(key):
+            if arrays := self.cache.load(key):
                 found[pair] = pair_links.unpacked(arrays, *pair)
         missing = [pair for pair in keys if pair not in found]
         calls = [(self._estimator, pair, *(of[side].features for side in pair)) for pair in missing]
         for pair, link in zip(missing, self._workers.run("pairs", verify, calls), strict=True):
             found[pair] = link
-            self._cache.save(keys[pair], link.packed())
+            self.cache.save(keys[pair], link.packed())
         return found
 
     def _pair_key(self, left: View, right: View) -> str:
@@ -198,7 +198,7 @@ def survey(sources: Sequence[Source], settings: Settings, seed: int, workers: Wo
     if settings.lens.matrix is None:
         calibration = calibrate(of, parts[0], held, settings.lens.mask, cache)
     if calibration is not None:
-        of = _without_distortion(surveyor.through(calibration.lens), tuple(seen), of, links, calibration.distortion)
+        of, calibration = _without_distortion(surveyor, tuple(seen), of, links, members=parts[0], found=calibration)
         held = _held(links)
     clock.lap("lens")
     layouts = tuple(lay_out(of, members, held) for members in parts if len(members) > 1)
@@ -286,22 +286,25 @@ def _without_distortion(
     sources: Sequence[Source],
     of: Sequence[View],
     links: dict[Candidate, Link],
-    distortion: float,
-) -> tuple[View, ...]:
-    """Views of the straightened photographs; their links replace those that hold.
+    *,
+    members: Sequence[int],
+    found: Calibration,
+) -> tuple[tuple[View, ...], Calibration]:
+    """Views of the straightened photographs, whose links replace those that hold, and the distortion by these links.
 
     Near the border of a bent photograph a corner looks different from what it is in the middle of a neighbour, and its
     position is off: features have to be found again. Where the new ones do not link two views, the old ties stay.
     """
-    described = surveyor.describe(sources)
+    straight = surveyor.through(found.lens)
+    described = straight.describe(sources)
     if (reason := next((view for view in described if isinstance(view, str)), None)) is not None:
         raise InputError(reason)
     views = tuple(view for view in described if isinstance(view, View))
-    bent = straightened_links(_held(links), of, distortion)
-    held = {(link.left, link.right): link for link in bent}
-    links |= held
-    links |= {pair: link for pair, link in surveyor.link(views, held).items() if link.holds}
-    return views
+    held = {(link.left, link.right): link for link in straightened_links(_held(links), of, found.distortion)}
+    held |= {pair: link for pair, link in straight.link(views, held).items() if link.holds}
+    remaining = remaining_distortion(views, members, list(held.values()), surveyor.cache)
+    links |= {(link.left, link.right): link for link in straightened_links(list(held.values()), views, remaining)}
+    return views, found.with_remaining(remaining)
 
 
 def _why_alone(view: int, of: Sequence[View], links: Iterable[Link]) -> str:

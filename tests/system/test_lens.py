@@ -70,17 +70,14 @@ def test_the_distortion_is_found_and_does_not_cost_accuracy(flight, truth) -> No
 
 
 def test_features_are_found_again_in_straightened_photographs(flight) -> None:
-    found = [
-        (view.points[:, None] == points).all(axis=2).any(axis=0)
-        for link in flight.links
-        if link.holds
+    for link in flight.links:
         for view, points in (
             (flight.views[link.left], link.left_points),
             (flight.views[link.right], link.right_points),
-        )
-    ]
-    # The ties of a link that only holds in the photographs as they were taken are straightened instead.
-    assert np.concatenate(found).mean() > 0.9
+        ):
+            away_px = np.linalg.norm(view.points[:, None] - points, axis=2).min(axis=0)
+            # The coefficient that the new ties tell moves them once more, by less than this.
+            assert (away_px < 0.2).all()
 
 
 def test_exposures_agree_and_brightness_is_kept(flight, truth) -> None:
