@@ -91,6 +91,7 @@ def test_tab_reaches_the_controls_of_a_flight(flight: Page) -> None:
     assert {"Pair of the flight", "Look at it", "Remove all"} <= set(names_reached_by_tab(flight))
 
 
+@pytest.mark.slow
 def test_the_command_of_a_flight_repeats_its_mosaic(flight: Page, tmp_path: Path) -> None:
     again = unpacked(flight, tmp_path, "mosaic")
     assert (again / "report" / "index.html").exists()

@@ -116,6 +116,7 @@ def test_a_blurred_image_shows_only_where_no_other_does(flight) -> None:
     assert [photo.name for photo in checked.photographs if "blurred" in photo.problems] == ["image 4"]
 
 
+@pytest.mark.slow
 def test_two_flights_make_two_groups(folder, tmp_path: Path) -> None:
     for path in folder.iterdir():
         (tmp_path / f"a{path.name}").write_bytes(path.read_bytes())

@@ -9,8 +9,12 @@ from skymosaic.cli import app
 from skymosaic.reports.fuzzy_plots import picture
 from skymosaic.reports.fuzzy_systems import PLOTTED_SYSTEMS
 
+QUICK = ("aerial-turn", "ransac")
 
-@pytest.mark.parametrize("name", PLOTTED_SYSTEMS)
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name not in QUICK)) for name in PLOTTED_SYSTEMS]
+)
 def test_each_system_has_a_picture_with_curves_and_surface(name: str) -> None:
     decoded = cv2.imdecode(np.frombuffer(picture(PLOTTED_SYSTEMS[name]), np.uint8), cv2.IMREAD_COLOR)
     height, width = decoded.shape[:2]

@@ -138,6 +138,7 @@ def test_photographs_are_reduced_and_their_truth_with_them(tmp_path: Path, pair:
     np.testing.assert_allclose(read.truth, pair.truth, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_command_writes_page_and_measurements(tmp_path: Path, pair: DatasetPair) -> None:
     for side, image in (("left", pair.left), ("right", pair.right)):
         cv2.imwrite(str(tmp_path / f"{side}.png"), image)
