@@ -56,9 +56,7 @@ class Sources:
     includes : tuple of Path
         Folders of headers.
     each_cycle : tuple of Path
-        C++ files that run in each cycle.
-    level : str or None
-        Optimisation of these; None: in full, which is slow, or less if `QUICK_COMPILE` is set.
+        C++ files that run in each cycle; compiled with full optimisation, or with less if `QUICK_COMPILE` is set.
     others : tuple of Path
         Other C++ files.
     rare : tuple of Path
@@ -72,7 +70,6 @@ class Sources:
     each_cycle: tuple[Path, ...] = ()
     others: tuple[Path, ...] = ()
     rare: tuple[Path, ...] = ()
-    level: str | None = None
     harness: str = "harness.cpp"
 
 
@@ -87,8 +84,7 @@ def compile_library(folder: Path, sources: Sources, *, waves: bool, progress: Pr
     flags = [*CXX_FLAGS, f'-DMODEL="{sources.model}"', *(f"-I{path}" for path in (HARNESS, *sources.includes))]
     if waves:
         flags += ["-DWAVES", "-DVM_TRACE=1", "-DVM_TRACE_VCD=1"]
-    level = sources.level or _optimisation()
-    jobs = [(path, level) for path in (HARNESS / sources.harness, *sources.each_cycle)]
+    jobs = [(path, _optimisation()) for path in (HARNESS / sources.harness, *sources.each_cycle)]
     jobs += [(path, "-O1") for path in sources.others]
     jobs += [(path, "-O0") for path in sources.rare]
     # The largest first: the cores end together.

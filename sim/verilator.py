@@ -20,9 +20,6 @@ VERILATOR_FLAGS = (
     "--timescale-override", "1ns/1ns",
     "-Wno-fatal", "-Wno-lint", "-Wno-style", "--prefix", "Vtop",
 )  # fmt: skip
-LEVEL = "-Og"
-"""Verilator has optimised already: -O3 makes the accelerator 1.1 times as fast, but compiles for 1.7 times as long
-(``skymosaic compare`` of the demo pair, in turns). A first build is waited for more often than a long run."""
 RUNTIME_SOURCES = ("verilated.cpp", "verilated_threads.cpp")
 
 
@@ -56,12 +53,11 @@ def shared_library(
             each_cycle=_joined(folder / "each_cycle", sorted(set(made) - set(rare)), os.cpu_count() or 1),
             others=(root / "include" / "verilated_vcd_c.cpp",) if waves else (),
             rare=(*_joined(folder / "rare", rare), *_joined(folder / "runtime", runtime)),
-            level=LEVEL,
             harness=harness,
         )
         compiled.compile_library(folder, sources, waves=waves, progress=progress)
 
-    key = digest(verilog, ports, " ".join((*flags, LEVEL, harness)), version("verilator"), compiler)
+    key = digest(verilog, ports, " ".join((*flags, harness)), version("verilator"), compiler)
     folder = cached(f"verilator-{key}", build, what=f"{design.name} for Verilator", progress=progress)
     return folder / compiled.LIBRARY_NAME
 
