@@ -15,6 +15,8 @@ from skymosaic.compositing.warp import Canvas, shrunk
 
 METHODS = ("average", "distance", "multiband")
 BANDS = 5
+DETAIL_PX = 32
+"""Fine detail farther from a tile than this changes only bands that hold none of it."""
 TINY = float(np.finfo(np.float32).tiny)
 
 
@@ -128,22 +130,27 @@ def _blend_bands(layers: Sequence[Layer], tile: Canvas) -> tuple[Intensities, Ma
         # The bands of one photograph add up to the photograph.
         return layers[int(owner.max())].pixels(tile), np.ones((tile.height_px, tile.width_px), dtype=np.bool_)
     shape = (*owner.shape, *layers[0].image.shape[2:])
-    total = [np.zeros((shape[0] >> k, shape[1] >> k, *shape[2:]), dtype=np.float32) for k in range(BANDS + 1)]
-    total_weight = [np.zeros(band.shape[:2], dtype=np.float32) for band in total]
+    in_detail = np.zeros(owner.shape, dtype=np.bool_)
+    in_detail[tile.grown(DETAIL_PX).within(around)] = True
+    finest = np.zeros(shape, dtype=np.float32)
+    coarser = [np.zeros((shape[0] >> k, shape[1] >> k, *shape[2:]), dtype=np.float32) for k in range(1, BANDS + 1)]
+    weights = [np.zeros(band.shape[:2], dtype=np.float32) for band in coarser]
     for index in np.flatnonzero(np.bincount(owner[owner >= 0])).tolist():
         shown = owner == index
         part = _with_margin(_bounds(shown, around)).intersection(around) or around
         where = part.within(around)
         weight = shown[where].astype(np.float32)
-        pixels = layers[index].pixels_around(part, shown[where])
-        for level, band in enumerate(_bands(pixels.astype(np.float32))):
-            total[level][where] += band * _per_channel(weight, band)
-            total_weight[level][where] += weight
-            weight = cv2.pyrDown(weight)
-            where = _halved(where)
-    blended = _divided(total[-1], total_weight[-1])
-    for band, weight in zip(total[-2::-1], total_weight[-2::-1], strict=True):
+        bands = _bands(layers[index].pixels_around(part, (shown & in_detail)[where]).astype(np.float32))
+        # A pixel has one owner, so the finest band needs no weights.
+        cv2.copyTo(next(bands), shown[where].astype(np.uint8), finest[where])
+        for total, total_weight, band in zip(coarser, weights, bands, strict=True):
+            weight, where = cv2.pyrDown(weight), _halved(where)
+            total[where] += band * _per_channel(weight, band)
+            total_weight[where] += weight
+    blended = _divided(coarser[-1], weights[-1])
+    for band, weight in zip(coarser[-2::-1], weights[-2::-1], strict=True):
         blended = cv2.pyrUp(blended) + _divided(band, weight)
+    blended = cv2.pyrUp(blended) + finest
     blended[owner < 0] = 0
     inside = tile.within(around)
     return _rounded(blended[inside], layers[0].image.dtype), owner[inside] >= 0
@@ -164,10 +171,8 @@ def _with_margin(part: Canvas) -> Canvas:
     Reduction and expansion by `BANDS` levels reach less than two coarsest pixels in each direction. With this margin,
     aligned to the reference frame, the bands of neighbouring tiles agree.
     """
-    cell = 1 << BANDS
-    x, y = part.x_px // cell - 4, part.y_px // cell - 4
-    last_x, last_y = -(-(part.x_px + part.width_px) // cell) + 4, -(-(part.y_px + part.height_px) // cell) + 4
-    return Canvas(cell * x, cell * y, cell * (last_x - x), cell * (last_y - y))
+    cell_px = 1 << BANDS
+    return part.aligned(cell_px).grown(4 * cell_px)
 
 
 def _halved(where: tuple[slice, slice]) -> tuple[slice, slice]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import groupby
 
 import cv2
 import numpy as np
@@ -16,7 +17,7 @@ from skymosaic.geometry.homography import apply, resize_matrix
 SMALLEST_WEIGHT = 1e-3
 """Weight of a pixel on the image's own border, so that it still counts where no other image covers the pixel."""
 BEYOND = cv2.BORDER_REPLICATE
-FINE_BLOCK_PX, FINE_REACH_PX = 128, 8
+FINE_BLOCK_PX, FINE_REACH_PX = 32, 8
 """Fine detail is computed in blocks of this side, and so far beyond what is shown: the finest two bands reach it."""
 
 
@@ -103,17 +104,19 @@ class Layer:
         return self._toned(part, backward(self.image, self.transform, part, border=BEYOND, interpolation=interpolation))
 
     def pixels_around(self, part: Canvas, shown: Mask) -> Intensities:
-        """As `pixels`, but fine detail only where it is ``shown``; elsewhere for the low frequencies of a blend.
+        """As `pixels`, but fine detail only near where it is ``shown``; elsewhere for the low frequencies of a blend.
 
         Lanczos's kernel keeps the energy of fine detail, of which bicubic interpolation loses a tenth, but takes ten
         times as long as bilinear interpolation.
         """
         near = cv2.dilate(shown.astype(np.uint8), np.ones((2 * FINE_REACH_PX + 1,) * 2, np.uint8))
-        warped = np.empty((part.height_px, part.width_px, *self.image.shape[2:]), dtype=self.image.dtype)
-        for block in part.tiles(FINE_BLOCK_PX):
-            where = block.within(part)
-            interpolation = cv2.INTER_LANCZOS4 if near[where].any() else cv2.INTER_LINEAR
-            warped[where] = backward(self.image, self.transform, block, border=BEYOND, interpolation=interpolation)
+        warped = backward(self.image, self.transform, part, border=BEYOND)
+        blocks = (block for block in part.tiles(FINE_BLOCK_PX) if near[block.within(part)].any())
+        for _, row in groupby(blocks, key=lambda block: block.y_px):
+            run = list(row)
+            whole = replace(run[0], width_px=run[-1].x_px + run[-1].width_px - run[0].x_px)
+            fine = backward(self.image, self.transform, whole, border=BEYOND, interpolation=cv2.INTER_LANCZOS4)
+            warped[whole.within(part)] = fine
         return self._toned(part, warped)
 
     def _toned(self, part: Canvas, warped: Intensities) -> Intensities:

@@ -87,7 +87,7 @@ class Tone:
             toned[bright] = start + room * above / (1 + above * (1 - 1 / above_at_white))
         if black:
             toned = np.maximum(toned + black, 0)
-        return np.asarray(np.rint(toned), dtype=pixels.dtype).reshape(pixels.shape)
+        return np.asarray(np.rint(toned, out=toned), dtype=pixels.dtype).reshape(pixels.shape)
 
     def factors(self, size: tuple[int, int], part: Canvas, to_image: Array | None = None) -> Float32:
         """The factors on a photograph's intensities.
@@ -104,9 +104,12 @@ class Tone:
         -------
         ndarray of float32, shape (height_px, width_px, 1 or 3)
         """
-        columns, rows = (max(side // FIELD_STEP_PX, 1) + 1 for side in (part.width_px, part.height_px))
-        x = part.x_px + np.linspace(0, part.width_px - 1, columns)
-        y = part.y_px + np.linspace(0, part.height_px - 1, rows)
+        # Nodes lie in the middle of cells of the reference frame, so parts that overlap agree.
+        cells = part.grown(FIELD_STEP_PX).aligned(FIELD_STEP_PX)
+        x, y = (
+            first + FIELD_STEP_PX * np.arange(side // FIELD_STEP_PX) + (FIELD_STEP_PX - 1) / 2
+            for first, side in ((cells.x_px, cells.width_px), (cells.y_px, cells.height_px))
+        )
         points = np.stack(np.meshgrid(x, y), axis=-1)
         if to_image is not None:
             points = apply(to_image, points)
@@ -117,20 +120,11 @@ class Tone:
             nodes = np.array(self.light.shape[1::-1]) - 1
             places = (np.clip(points / last, 0, 1) * nodes).astype(np.float32)
             light = cv2.remap(self.light.astype(np.float32), places[..., 0], places[..., 1], cv2.INTER_LINEAR)
-            logs = logs + light.reshape(rows, columns, -1)
-        return _enlarged(np.exp(logs).astype(np.float32), part)
+            logs = logs + light.reshape(len(y), len(x), -1)
+        size = (cells.width_px, cells.height_px)
+        enlarged = cv2.resize(np.exp(logs).astype(np.float32), size, interpolation=cv2.INTER_LINEAR)
+        return np.asarray(enlarged.reshape(*size[::-1], -1)[part.within(cells)], dtype=np.float32)
 
 
 NEUTRAL = Tone()
 """Changes nothing."""
-
-
-def _enlarged(coarse: Float32, part: Canvas) -> Float32:
-    """A grid whose first and last samples lie on the first and last pixels of ``part``, interpolated to its pixels."""
-    rows, columns = coarse.shape[:2]
-    across, down = (columns - 1) / max(part.width_px - 1, 1), (rows - 1) / max(part.height_px - 1, 1)
-    size = (part.width_px, part.height_px)
-    matrix = np.array([[across, 0.0, 0.0], [0.0, down, 0.0]])
-    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    enlarged = cv2.warpAffine(coarse, matrix, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(enlarged, dtype=np.float32).reshape(part.height_px, part.width_px, -1)

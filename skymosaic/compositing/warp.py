@@ -67,6 +67,16 @@ class Canvas:
         height = min(self.y_px + self.height_px, other.y_px + other.height_px) - y
         return Canvas(x, y, width, height) if width > 0 and height > 0 else None
 
+    def grown(self, by_px: int) -> Canvas:
+        """The rectangle with a margin on every side."""
+        return Canvas(self.x_px - by_px, self.y_px - by_px, self.width_px + 2 * by_px, self.height_px + 2 * by_px)
+
+    def aligned(self, cell_px: int) -> Canvas:
+        """The smallest rectangle of whole cells of the reference frame that contains this one."""
+        x, y = self.x_px // cell_px, self.y_px // cell_px
+        last_x, last_y = -(-(self.x_px + self.width_px) // cell_px), -(-(self.y_px + self.height_px) // cell_px)
+        return Canvas(cell_px * x, cell_px * y, cell_px * (last_x - x), cell_px * (last_y - y))
+
     def within(self, other: Canvas) -> tuple[slice, slice]:
         """The rows and columns of this rectangle in an array of ``other``, which must contain it."""
         x, y = self.x_px - other.x_px, self.y_px - other.y_px

@@ -178,13 +178,7 @@ class Composition:
 
     def for_tile(self, tile: Canvas) -> Composition:
         """The placements that change a tile; some lie beyond its border, because bands reach over it."""
-        around = replace(
-            tile,
-            x_px=tile.x_px - BAND_REACH_PX,
-            y_px=tile.y_px - BAND_REACH_PX,
-            width_px=tile.width_px + 2 * BAND_REACH_PX,
-            height_px=tile.height_px + 2 * BAND_REACH_PX,
-        )
+        around = tile.grown(BAND_REACH_PX)
         shown = (p for p in self.placements if p.shows_in(around))
         return replace(self, placements=tuple(shown))
 
