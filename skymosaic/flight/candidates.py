@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from golden_model.arrays import Array, Float32, Records
-from golden_model.feature.ilbp import SECTORS
+from golden_model.arrays import Array
 from skymosaic.flight.layout import outline, overlap
 from skymosaic.flight.links import Candidate, Link
 from skymosaic.flight.view import View
@@ -26,9 +25,6 @@ NEXT_IN_ORDER = 2
 NEAREST_BY_GPS = 4
 MOST_ALIKE = 4
 """Number of partners that each view proposes by order, by GPS, and by similarity."""
-COMPACT_FEATURES = 256
-CLOSE_BITS = 0.22
-"""Share of differing bits below which two features may be the same point."""
 FEWEST_VOTES = 9
 """Views without common ground get 2 to 11 votes (measured)."""
 MOST_PREDICTED = 2
@@ -54,41 +50,6 @@ def _nearest_by_gps(views: Sequence[View]) -> list[Candidate]:
     metres = np.array([gps.metres_from(known[0][1]) for _, gps in known])
     _, nearest = KDTree(metres).query(metres, k=min(NEAREST_BY_GPS + 1, len(known)))
     return [(known[row][0], known[other][0]) for row, others in enumerate(nearest) for other in others if other != row]
-
-
-def compact(features: Records) -> Records:
-    """The 256 strongest features of a view, few enough to compare every view with every other."""
-    strongest = np.argsort(-features["response"].astype(np.int64), kind="stable")[:COMPACT_FEATURES]
-    chosen: Records = features[strongest]
-    return chosen
-
-
-def votes(one: Records, others: Sequence[Records]) -> list[int]:
-    """Number of close mutual matches that agree on a relative orientation, for ``one`` against each of ``others``."""
-    signs = _signs(one)
-    return [_agreeing(one, other, signs @ _signs(other).T) for other in others]
-
-
-def _signs(features: Records) -> Float32:
-    """The bits of the descriptors as -1 and 1, (F, B): their products are B - 2 times the Hamming distances.
-
-    A matrix product is several times faster than counting bits, and every view is compared with every other.
-    """
-    return np.unpackbits(features["descriptor"], axis=1).astype(np.float32) * 2 - 1
-
-
-def _agreeing(left: Records, right: Records, likeness: Float32) -> int:
-    if likeness.size == 0:
-        return 0
-    bits = 8 * left["descriptor"].shape[1]
-    nearest = likeness.argmax(axis=1)
-    # Few are close, so the way back is looked up for these alone: columns are slow to search.
-    left_index = np.flatnonzero(likeness[np.arange(len(left)), nearest] >= (1 - 2 * CLOSE_BITS) * bits)
-    mutual = likeness[:, nearest[left_index]].argmax(axis=0) == left_index
-    left_index = left_index[mutual]
-    relative_orientation = (right["sector"][nearest[left_index]] - left["sector"][left_index]) % SECTORS
-    histogram = np.bincount(relative_orientation, minlength=SECTORS)
-    return int((histogram + np.roll(histogram, 1) + np.roll(histogram, -1)).max())
 
 
 def predicted(

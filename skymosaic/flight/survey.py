@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skymosaic.errors import InputError
-from skymosaic.flight import candidates
+from skymosaic.flight import candidates, resemblance
 from skymosaic.flight import links as pair_links
 from skymosaic.flight import view as flight_view
 from skymosaic.flight.cache import ResultCache, key_of
@@ -235,12 +235,16 @@ def _distinct(sources: Sequence[Source]) -> tuple[list[Source], dict[int, str]]:
 
 
 def _look_up(of: Sequence[View], workers: Workers) -> NDArray[np.int64]:
-    """Votes for every two views from their compact features, (V, V); see `skymosaic.flight.candidates.votes`."""
-    compacts = [candidates.compact(view.features) for view in of]
-    calls = [(one, compacts[index + 1 :]) for index, one in enumerate(compacts)]
+    """Votes for pairs of views that share words, (V, V), else 0; see `skymosaic.flight.resemblance`."""
+    compacts = [resemblance.compact(view.features) for view in of]
+    partners: dict[int, list[int]] = {view: [] for view in range(len(of))}
+    for one, other in resemblance.likely_pairs(compacts):
+        partners[one].append(other)
+    calls = [(compacts[one], [compacts[other] for other in others]) for one, others in partners.items()]
     votes = np.zeros((len(of), len(of)), dtype=np.int64)
-    for index, row in enumerate(workers.run("look-up", candidates.votes, calls)):
-        votes[index, index + 1 :] = votes[index + 1 :, index] = row
+    rows = workers.run("look-up", resemblance.votes, calls)
+    for (one, others), row in zip(partners.items(), rows, strict=True):
+        votes[one, others] = votes[others, one] = row
     return votes
 
 

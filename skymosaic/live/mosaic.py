@@ -18,8 +18,9 @@ from golden_model.config import Config
 from sim.backend import load_backend
 from skymosaic.compositing.warp import CANVAS_LIMIT_PX, Canvas, CanvasError
 from skymosaic.errors import InputError
-from skymosaic.flight.candidates import FEWEST_VOTES, votes
+from skymosaic.flight.candidates import FEWEST_VOTES
 from skymosaic.flight.links import PairEstimator
+from skymosaic.flight.resemblance import votes
 from skymosaic.geometry.homography import apply, estimate, resize_matrix
 from skymosaic.imagery.images import reduced_for_front_end
 from skymosaic.live.submap import Frame, Placement, Submap

@@ -14,9 +14,9 @@ import numpy as np
 from golden_model.arrays import Array, Float32, Pixels, Records
 from skymosaic.compositing.warp import Canvas, CanvasError
 from skymosaic.flight.adjustment import MODELS, Network, Ties, shapes
-from skymosaic.flight.candidates import compact
 from skymosaic.flight.layout import normalisation
 from skymosaic.flight.links import TIE_PX, PairEstimator, verify
+from skymosaic.flight.resemblance import compact
 from skymosaic.geometry.homography import apply, estimate, scaled
 from skymosaic.geometry.prosac import MIN_INLIERS
 from skymosaic.live.growing_canvas import GrowingCanvas

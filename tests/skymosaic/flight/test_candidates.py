@@ -1,14 +1,8 @@
 from types import SimpleNamespace
 
-import cv2
 import numpy as np
-import pytest
 
-from golden_model.config import preset_config
-from golden_model.feature.ilbp import SECTORS
-from golden_model.front_end import extract
-from golden_model.matching.hamming import distances, mutual_matches
-from skymosaic.flight.candidates import CLOSE_BITS, compact, predicted, votes
+from skymosaic.flight.candidates import predicted
 from skymosaic.flight.links import Link
 
 SIZE_PX = (400, 300)
@@ -56,18 +50,3 @@ def test_what_the_network_lacks_comes_first():
     across = [abs(left // COLUMNS - right // COLUMNS) for left, right in links if right - left > 2]
     assert len(across) > 20
     assert min(across) >= 1
-
-
-def test_votes_count_as_the_matcher_would():
-    grain = np.random.default_rng(3).integers(0, 256, (240, 400), dtype=np.uint8)
-    ground = cv2.normalize(cv2.GaussianBlur(grain, (0, 0), 2), None, 0, 255, cv2.NORM_MINMAX)
-    config = preset_config("aerial").front_end
-    one, other = (compact(extract(view, config).features) for view in (ground[:, :320], ground[:, 80:]))
-    bits = 8 * one["descriptor"].shape[1]
-    left, right, best, _ = mutual_matches(distances(one["descriptor"], other["descriptor"]), bits)
-    close = best <= CLOSE_BITS * bits
-    turn = (other["sector"][right[close]] - one["sector"][left[close]]) % SECTORS
-    counts = np.bincount(turn, minlength=SECTORS)
-    assert votes(one, [other, other[:0]]) == [max((counts + np.roll(counts, 1) + np.roll(counts, -1)).tolist()), 0]
-    assert votes(one, [other])[0] > 50
-    assert votes(one, [other])[0] == pytest.approx(votes(other, [one])[0], abs=2)
