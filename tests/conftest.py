@@ -1,12 +1,14 @@
-"""Settings of every test, and how tests are shared out: `make test` runs them in two processes."""
+"""Settings of every test, how `make test` shares them out, and the command line in a test's process."""
 
 import os
+import sys
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
 from sim.compiled import QUICK_COMPILE
+from skymosaic.cli import main
 
 # The same examples on every machine, and no limit on time that a busy one would break.
 settings.register_profile("reproducible", derandomize=True, database=None, deadline=None)
@@ -32,3 +34,18 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put `LONG_FILES` first; `make test` gives whole files to its processes in this order."""
     ranks = {ROOT / file: rank for rank, file in enumerate(LONG_FILES)}
     items.sort(key=lambda item: ranks.get(item.path, len(ranks)))
+
+
+@pytest.fixture
+def run(tmp_path: Path, capfdbinary: pytest.CaptureFixture[bytes], monkeypatch: pytest.MonkeyPatch):
+    """Exit status, standard output and standard error of a command in the temporary folder."""
+    monkeypatch.chdir(tmp_path)
+
+    def command(*words: str) -> tuple[int, bytes, str]:
+        monkeypatch.setattr(sys, "argv", ["skymosaic", *words])
+        with pytest.raises(SystemExit) as end:
+            main()
+        printed = capfdbinary.readouterr()
+        return int(end.value.code or 0), printed.out, printed.err.decode()
+
+    return command

@@ -9,7 +9,7 @@ import pytest
 
 from hdl.blocks.catalogue import CATALOGUE
 from hdl.blocks.export import export_block
-from tests.system.command_line import only_error, skymosaic
+from tests.system.command_line import only_error
 
 pytestmark = pytest.mark.skipif(shutil.which("iverilog") is None, reason="iverilog is absent")
 QUICK = ("gray", "fast", "nms", "fuzzy")
@@ -59,16 +59,16 @@ def test_an_unknown_block_is_refused_with_the_known_ones(tmp_path: Path) -> None
     assert not list(tmp_path.iterdir())
 
 
-def test_the_command_writes_a_block_or_says_what_to_choose(tmp_path: Path) -> None:
-    done = skymosaic("export", "--block", "sobel", "-o", "sobel", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
+def test_the_command_writes_a_block_or_says_what_to_choose(tmp_path: Path, run) -> None:
+    status, _, error = run("export", "--block", "sobel", "-o", "sobel")
+    assert status == 0, error
     assert (tmp_path / "sobel" / "sobel_tb.v").exists()
     for wrong, message in (
         (("--block", "canny"), "harris, fast, nms"),
         ((), "one of --board"),
         (("--block", "sobel", "--board", "pynq_z2"), "one of --board"),
     ):
-        refused = skymosaic("export", *wrong, "-o", "other", cwd=tmp_path)
-        assert refused.returncode == 2
-        assert message in only_error(refused.stderr)
+        status, _, error = run("export", *wrong, "-o", "other")
+        assert status == 2
+        assert message in only_error(error)
         assert not (tmp_path / "other").exists()
