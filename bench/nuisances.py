@@ -164,7 +164,7 @@ NUISANCES = {
         (30, 77, 180), "degrees between photographs", _poses(heading_deg=lambda old, number, turn: old + number * turn)
     ),
     "two heights": Nuisance(
-        (1.5, 2, 3), "ratio", _poses(altitude_px=lambda old, number, ratio: old * (ratio if number % 2 else 1))
+        (1.5, 3, 5), "ratio", _poses(altitude_px=lambda old, number, ratio: old * (ratio if number % 2 else 1))
     ),
     "camera leans forward": Nuisance((15, 25, 35), "degrees", _poses(pitch_deg=lambda _old, _number, pitch: pitch)),
     "lens": Nuisance((-0.1, -0.25, -0.35), "k1", lambda k1: lawnmower(SEED, IMAGES + 4, SIZE_PX, k1=k1)),

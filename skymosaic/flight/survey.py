@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skymosaic.errors import InputError
 from skymosaic.flight import candidates, resemblance
-from skymosaic.flight import links as pair_links
-from skymosaic.flight import view as flight_view
-from skymosaic.flight.cache import ResultCache, key_of
+from skymosaic.flight.cache import ResultCache
 from skymosaic.flight.layout import Layout, groups, lay_out, rough_transforms
-from skymosaic.flight.links import Candidate, Link, PairEstimator, verify
+from skymosaic.flight.links import Candidate, Link, PairEstimator
+from skymosaic.flight.second_look import across_heights, with_more_features
 from skymosaic.flight.self_calibration import Calibration, calibrate, remaining_distortion, straightened_links
-from skymosaic.flight.view import Settings, View, describe
+from skymosaic.flight.surveyor import Surveyor
+from skymosaic.flight.view import Settings, View
 from skymosaic.flight.workers import Workers
 from skymosaic.geometry.prosac import MIN_INLIERS
 from skymosaic.imagery.lens import Lens
@@ -27,7 +27,6 @@ from skymosaic.stopwatch import Stopwatch
 MAX_ROUNDS = 6
 """How often a better layout may propose further pairs."""
 SECOND_LOOK_SAMPLES = 20_000
-SECOND_LOOK_PARTNERS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,69 +83,6 @@ class Flight:
         return dict(sorted((self.left_out | apart).items()))
 
 
-class Surveyor:
-    """Computes views and links, or takes them from the cache.
-
-    Parameters
-    ----------
-    settings : Settings
-    estimator : PairEstimator
-    workers : Workers
-    cache : ResultCache
-    """
-
-    def __init__(self, settings: Settings, estimator: PairEstimator, workers: Workers, cache: ResultCache) -> None:
-        self._settings = settings
-        self._estimator = estimator
-        self._workers = workers
-        self.cache = cache
-
-    def through(self, lens: Lens) -> Surveyor:
-        """One whose views are of photographs that ``lens`` straightens."""
-        return Surveyor(replace(self._settings, lens=lens), self._estimator, self._workers, self.cache)
-
-    def describe(self, sources: Sequence[Source]) -> list[View | str]:
-        """The view of each source, or why there is none."""
-        found: dict[int, View | str] = {}
-        for index, source in enumerate(sources):
-            key = self._settings.key(source)
-            if arrays := self.cache.load(key):
-                found[index] = flight_view.unpacked(arrays, source.name, key)
-        missing = [index for index in range(len(sources)) if index not in found]
-        calls = [(sources[index], self._settings) for index in missing]
-        for index, view in zip(missing, self._workers.run("features", _describe, calls), strict=True):
-            found[index] = view
-            if isinstance(view, View):
-                self.cache.save(view.key, view.packed())
-        return [found[index] for index in range(len(sources))]
-
-    def link(self, of: Sequence[View] | Mapping[int, View], pairs: Iterable[Candidate]) -> dict[Candidate, Link]:
-        """The link of each pair, whether it holds or not."""
-        keys = {pair: self._pair_key(of[pair[0]], of[pair[1]]) for pair in sorted(pairs)}
-        found: dict[Candidate, Link] = {}
-        for pair, key in keys.items():
-            if arrays := self.cache.load(key):
-                found[pair] = pair_links.unpacked(arrays, *pair)
-        missing = [pair for pair in keys if pair not in found]
-        calls = [(self._estimator, pair, *(of[side].features for side in pair)) for pair in missing]
-        for pair, link in zip(missing, self._workers.run("pairs", verify, calls), strict=True):
-            found[pair] = link
-            self.cache.save(keys[pair], link.packed())
-        return found
-
-    def _pair_key(self, left: View, right: View) -> str:
-        estimator = self._estimator
-        return key_of("pair", left.key, right.key, estimator.config.matcher, estimator.seed, estimator.max_samples)
-
-
-def _describe(source: Source, settings: Settings) -> View | str:
-    """`describe`, but returns the reason instead of raising: one bad file does not end a flight."""
-    try:
-        return describe(source, settings)
-    except InputError as error:
-        return str(error)
-
-
 def survey(sources: Sequence[Source], settings: Settings, seed: int, workers: Workers, cache: ResultCache) -> Flight:
     """Compute the layouts of a flight.
 
@@ -189,8 +125,10 @@ def survey(sources: Sequence[Source], settings: Settings, seed: int, workers: Wo
     _explore(surveyor, of, links)
     if (further := settings.second_look()) is not None:
         estimator = PairEstimator(further.config, seed, SECOND_LOOK_SAMPLES)
-        _look_again(Surveyor(further, estimator, workers, cache), tuple(seen), of, links, votes)
-        _explore(surveyor, of, links)
+        closer = Surveyor(further, estimator, workers, cache)
+        links |= with_more_features(closer, tuple(seen), of, links, votes)
+    links |= across_heights(surveyor, of, links)
+    _explore(surveyor, of, links)
     clock.lap("pairs")
     held = _held(links)
     parts = groups(len(of), held)
@@ -261,28 +199,6 @@ def _explore(surveyor: Surveyor, of: Sequence[View], links: dict[Candidate, Link
         if not proposed:
             return
         links |= surveyor.link(of, proposed)
-
-
-def _look_again(
-    surveyor: Surveyor,
-    sources: Sequence[Source],
-    of: Sequence[View],
-    links: dict[Candidate, Link],
-    votes: NDArray[np.int64],
-) -> None:
-    """Match groups without a link to the largest again with more features: neighbours in order, most similar views."""
-    parts = groups(len(of), _held(links))
-    pairs: set[Candidate] = set()
-    for members in parts[1:]:
-        outside = np.setdiff1d(np.arange(len(of)), members)
-        for view in members:
-            alike = outside[np.argsort(-votes[view, outside], kind="stable")[:SECOND_LOOK_PARTNERS]]
-            before, after = outside[outside < view][-1:], outside[outside > view][:1]
-            pairs |= {(min(view, other), max(view, other)) for other in np.concatenate([alike, before, after]).tolist()}
-    involved = sorted({view for pair in pairs for view in pair})
-    described = surveyor.describe([sources[view] for view in involved])
-    closer = dict(zip(involved, (view for view in described if isinstance(view, View)), strict=True))
-    links |= surveyor.link(closer, pairs)
 
 
 def _without_distortion(

@@ -154,15 +154,39 @@ def describe(source: Source, settings: Settings) -> View:
     """
     photograph = source.photograph(settings.lens)
     working, to_original = reduced_for_front_end(photograph.pixels, settings.working_width_px, source.name)
+    features = _features(working, settings, source.name)
+    return view_of(source, photograph, settings, working=working, to_original=to_original, features=features)
+
+
+def in_thumbnail(view: View, settings: Settings) -> View:
+    """The view with the features of its thumbnail, which is then its working image.
+
+    Raises
+    ------
+    InputError
+        For a thumbnail that the front end cannot take.
+    """
+    from_thumbnail = np.linalg.inv(view.to_thumbnail).astype(np.float64)
+    return dataclasses.replace(
+        view,
+        key=key_of("thumbnail", view.key),
+        working_size=(view.thumbnail.shape[1], view.thumbnail.shape[0]),
+        to_original=view.to_original @ from_thumbnail,
+        to_thumbnail=np.eye(3),
+        features=_features(view.thumbnail, settings, view.name),
+    )
+
+
+def _features(working: Pixels, settings: Settings, name: str) -> Records:
+    """The features of an image that show the ground."""
     backend = load_backend(settings.backend)
     try:
         results, _ = extract_within_capacity(backend, [working], settings.config)
     except ValueError as error:  # for instance, more cells than features
-        raise InputError(f"{source.name}: the front end cannot take it: {error}") from None
-    features = results[0].features
+        raise InputError(f"{name}: the front end cannot take it: {error}") from None
+    features: Records = results[0].features
     visible = settings.lens.visible((working.shape[1], working.shape[0]))
-    features = features[on_the_ground(feature_points(features), visible)]
-    return view_of(source, photograph, settings, working=working, to_original=to_original, features=features)
+    return features[on_the_ground(feature_points(features), visible)]
 
 
 def view_of(
