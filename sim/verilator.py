@@ -16,7 +16,7 @@ from sim.design import Design
 from sim.hardware import HardwareBackend
 
 VERILATOR_FLAGS = (
-    "--cc", "-O3", "--x-assign", "fast", "--x-initial", "fast", "--no-assert", "--output-split", "20000",
+    "--cc", "-O3", "--x-assign", "fast", "--x-initial", "fast", "--no-assert", "--output-split", "5000",
     "--timescale-override", "1ns/1ns",
     "-Wno-fatal", "-Wno-lint", "-Wno-style", "--prefix", "Vtop",
 )  # fmt: skip
