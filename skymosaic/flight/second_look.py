@@ -13,7 +13,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from skymosaic.flight import resemblance
 from skymosaic.flight.layout import groups
 from skymosaic.flight.links import Candidate, Link
 from skymosaic.flight.surveyor import Surveyor
@@ -41,7 +40,7 @@ def with_more_features(
     sources, of : sequence of Source and of View
     links : mapping of (int, int) to Link
     votes : ndarray of int64, shape (V, V)
-        From `skymosaic.flight.resemblance.votes`.
+        From `Surveyor.votes`.
     """
     parts = groups(len(of), [link for link in links.values() if link.holds])
     pairs: set[Candidate] = set()
@@ -66,28 +65,20 @@ def across_heights(surveyor: Surveyor, of: Sequence[View], links: Mapping[Candid
     if not apart:
         return {}
     alone = np.concatenate(apart).tolist()
-    small = dict(enumerate(surveyor.in_thumbnails(of)))
-    full = dict(enumerate(of))
+    small = surveyor.in_thumbnails(of)
     found: dict[Candidate, Link] = {}
-    for reduced in (alone, largest):
-        views = full | {index: small[index] for index in reduced}
-        for pair, link in surveyor.link(views, _most_alike(views, alone, largest)).items():
+    for reduced in (set(alone), set(largest)):
+        views = [small[index] if index in reduced else view for index, view in enumerate(of)]
+        votes = surveyor.votes(views)[np.ix_(alone, largest)]
+        best = np.argsort(-votes, axis=1, kind="stable")[:, :PARTNERS]
+        pairs = {(view, largest[other]) for view, row in zip(alone, best.tolist(), strict=True) for other in row}
+        for pair, link in surveyor.link(views, {(min(pair), max(pair)) for pair in pairs}).items():
             if link.holds and (pair not in found or link.ties > found[pair].ties):
                 found[pair] = _in_working_px(link, views, of)
     return found
 
 
-def _most_alike(views: Mapping[int, View], alone: Sequence[int], largest: Sequence[int]) -> set[Candidate]:
-    compacts = {index: resemblance.compact(view.features) for index, view in views.items()}
-    pairs: set[Candidate] = set()
-    for view in alone:
-        votes = np.array(resemblance.votes(compacts[view], [compacts[other] for other in largest]))
-        for other in np.argsort(-votes, kind="stable")[:PARTNERS].tolist():
-            pairs.add((min(view, largest[other]), max(view, largest[other])))
-    return pairs
-
-
-def _in_working_px(link: Link, views: Mapping[int, View], of: Sequence[View]) -> Link:
+def _in_working_px(link: Link, views: Sequence[View], of: Sequence[View]) -> Link:
     """A link of ``views`` with its points in the working px of ``of``."""
     left, right = (
         apply(np.linalg.inv(of[index].to_original) @ views[index].to_original, points)

@@ -5,11 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from skymosaic.errors import InputError
-from skymosaic.flight import candidates, resemblance
+from skymosaic.flight import candidates
 from skymosaic.flight.cache import ResultCache
 from skymosaic.flight.layout import Layout, groups, lay_out, rough_transforms
 from skymosaic.flight.links import Candidate, Link, PairEstimator
@@ -120,7 +117,7 @@ def survey(sources: Sequence[Source], settings: Settings, seed: int, workers: Wo
         raise InputError(f"none of the {len(sources)} photographs can be used: {next(iter(left_out.values()))}")
     of = tuple(seen.values())
     clock.lap("features")
-    votes = _look_up(of, workers)
+    votes = surveyor.votes(of)
     links = surveyor.link(of, candidates.first_candidates(of, votes))
     _explore(surveyor, of, links)
     if (further := settings.second_look()) is not None:
@@ -170,20 +167,6 @@ def _distinct(sources: Sequence[Source]) -> tuple[list[Source], dict[int, str]]:
         if same is not source:
             left_out[source.index] = f"{source.name}: the same photograph as {same.name}"
     return list(first.values()), left_out
-
-
-def _look_up(of: Sequence[View], workers: Workers) -> NDArray[np.int64]:
-    """Votes for pairs of views that share words, (V, V), else 0; see `skymosaic.flight.resemblance`."""
-    compacts = [resemblance.compact(view.features) for view in of]
-    partners: dict[int, list[int]] = {view: [] for view in range(len(of))}
-    for one, other in resemblance.likely_pairs(compacts):
-        partners[one].append(other)
-    calls = [(compacts[one], [compacts[other] for other in others]) for one, others in partners.items()]
-    votes = np.zeros((len(of), len(of)), dtype=np.int64)
-    rows = workers.run("look-up", resemblance.votes, calls)
-    for (one, others), row in zip(partners.items(), rows, strict=True):
-        votes[one, others] = votes[others, one] = row
-    return votes
 
 
 def _held(links: Mapping[Candidate, Link]) -> list[Link]:

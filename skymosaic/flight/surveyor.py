@@ -5,8 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from skymosaic.errors import InputError
 from skymosaic.flight import links as pair_links
+from skymosaic.flight import resemblance
 from skymosaic.flight import view as flight_view
 from skymosaic.flight.cache import ResultCache, key_of
 from skymosaic.flight.links import Candidate, Link, PairEstimator, verify
@@ -55,6 +59,19 @@ class Surveyor:
     def in_thumbnails(self, of: Sequence[View]) -> list[View]:
         """The views with the features of their thumbnails; without any where the front end cannot take one."""
         return list(self._workers.run("thumbnails", _in_thumbnail, [(view, self._settings) for view in of]))
+
+    def votes(self, of: Sequence[View]) -> NDArray[np.int64]:
+        """Votes for pairs of views that share words, (V, V), else 0; see `skymosaic.flight.resemblance`."""
+        compacts = [resemblance.compact(view.features) for view in of]
+        partners: dict[int, list[int]] = {view: [] for view in range(len(of))}
+        for one, other in resemblance.likely_pairs(compacts):
+            partners[one].append(other)
+        calls = [(compacts[one], [compacts[other] for other in others]) for one, others in partners.items()]
+        votes = np.zeros((len(of), len(of)), dtype=np.int64)
+        rows = self._workers.run("look-up", resemblance.votes, calls)
+        for (one, others), row in zip(partners.items(), rows, strict=True):
+            votes[one, others] = votes[others, one] = row
+        return votes
 
     def link(self, of: Sequence[View] | Mapping[int, View], pairs: Iterable[Candidate]) -> dict[Candidate, Link]:
         """The link of each pair, whether it holds or not."""
