@@ -6,6 +6,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 CLOCK, RESET, INTERRUPT = "aclk", "aresetn", "interrupt"
+BUS_VENDOR, BUS_VERSION = "xilinx.com", "1.0"
+"""What the names of AMD's bus definitions begin and end with; Vivado knows them by no other name."""
 _LIBRARY = {"axis": ("interface", "axis"), "axi": ("interface", "aximm")}
 _SIGNALS = {CLOCK: "clock", RESET: "reset", INTERRUPT: "interrupt"}
 _SIGNAL_PORTS = {CLOCK: "CLK", RESET: "RST", INTERRUPT: "INTERRUPT"}
@@ -20,7 +22,7 @@ class BusInterface:
     name : str
         Of the interface; of a bus, also the prefix of its ports.
     library, bus : str
-        Vendor ``xilinx.com``, version 1.0: ``interface`` ``axis`` or ``aximm``, ``signal`` ``clock`` and so on.
+        Of AMD's definitions: ``interface`` ``axis`` or ``aximm``, ``signal`` ``clock`` and so on.
     manager : bool
         Whether it starts transfers, or drives the signal.
     ports : dict of str to str
@@ -63,7 +65,7 @@ def vivado_attributes(ports: Iterable[str]) -> dict[str, dict[str, str]]:
     """Attributes X_INTERFACE_INFO and X_INTERFACE_PARAMETER of each port (UG994): Vivado makes the buses from them."""
     attributes: dict[str, dict[str, str]] = {}
     for interface in bus_interfaces(ports):
-        kind = f"xilinx.com:{interface.library}:{interface.bus}:1.0"
+        kind = f"{BUS_VENDOR}:{interface.library}:{interface.bus}:{BUS_VERSION}"
         for name, port in interface.ports.items():
             attributes[port] = {"X_INTERFACE_INFO": f"{kind} {interface.name} {name}"}
             if interface.parameters:

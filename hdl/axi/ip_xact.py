@@ -5,7 +5,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 
-from hdl.axi.interfaces import BusInterface, bus_interfaces
+from hdl.axi.interfaces import BUS_VENDOR, BUS_VERSION, BusInterface, bus_interfaces
 from hdl.axi.register_map import ADDRESS_BITS, REGISTER_BITS, REGISTERS, VERSION, Access, Register
 from hdl.blocks.testbench import Port
 
@@ -65,7 +65,7 @@ def component(name: str, ports: Mapping[str, Port], file: str, registers: Sequen
 def _bus(parent: ET.Element, interface: BusInterface) -> None:
     element = _child(parent, "busInterface")
     _texts(element, name=interface.name)
-    identity = {"vendor": "xilinx.com", "library": interface.library, "version": "1.0"}
+    identity = {"vendor": BUS_VENDOR, "library": interface.library, "version": BUS_VERSION}
     ET.SubElement(element, _tag("busType"), {**identity, "name": interface.bus})
     abstraction = _child(_child(element, "abstractionTypes"), "abstractionType")
     ET.SubElement(abstraction, _tag("abstractionRef"), {**identity, "name": f"{interface.bus}_rtl"})
