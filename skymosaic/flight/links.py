@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,6 +63,11 @@ class Link:
         """The link as arrays for a file, without the indices, which are valid for one list of photographs only."""
         counts = np.array([self.inliers, self.near])
         return {"left_points": self.left_points, "right_points": self.right_points, "counts": counts}
+
+
+def holding(links: Mapping[Candidate, Link]) -> list[Link]:
+    """The links that hold."""
+    return [link for link in links.values() if link.holds]
 
 
 def unpacked(arrays: Arrays, left: int, right: int) -> Link:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skymosaic.flight.layout import groups
-from skymosaic.flight.links import Candidate, Link
+from skymosaic.flight.links import Candidate, Link, holding
 from skymosaic.flight.surveyor import Surveyor
 from skymosaic.flight.view import View
 from skymosaic.geometry.homography import apply
@@ -42,7 +42,7 @@ def with_more_features(
     votes : ndarray of int64, shape (V, V)
         From `Surveyor.votes`.
     """
-    parts = groups(len(of), [link for link in links.values() if link.holds])
+    parts = groups(len(of), holding(links))
     pairs: set[Candidate] = set()
     for members in parts[1:]:
         outside = np.setdiff1d(np.arange(len(of)), members)
@@ -61,7 +61,7 @@ def across_heights(surveyor: Surveyor, of: Sequence[View], links: Mapping[Candid
 
     Arguments as of `with_more_features`.
     """
-    largest, *apart = groups(len(of), [link for link in links.values() if link.holds])
+    largest, *apart = groups(len(of), holding(links))
     if not apart:
         return {}
     alone = np.concatenate(apart).tolist()
@@ -69,7 +69,7 @@ def across_heights(surveyor: Surveyor, of: Sequence[View], links: Mapping[Candid
     found: dict[Candidate, Link] = {}
     for reduced in (set(alone), set(largest)):
         views = [small[index] if index in reduced else view for index, view in enumerate(of)]
-        votes = surveyor.votes(views)[np.ix_(alone, largest)]
+        votes = surveyor.votes(views, across=alone)[np.ix_(alone, largest)]
         best = np.argsort(-votes, axis=1, kind="stable")[:, :PARTNERS]
         pairs = {(view, largest[other]) for view, row in zip(alone, best.tolist(), strict=True) for other in row}
         for pair, link in surveyor.link(views, {(min(pair), max(pair)) for pair in pairs}).items():

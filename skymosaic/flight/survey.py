@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from skymosaic.errors import InputError
 from skymosaic.flight import candidates
 from skymosaic.flight.cache import ResultCache
 from skymosaic.flight.layout import Layout, groups, lay_out, rough_transforms
-from skymosaic.flight.links import Candidate, Link, PairEstimator
+from skymosaic.flight.links import Candidate, Link, PairEstimator, holding
 from skymosaic.flight.second_look import across_heights, with_more_features
 from skymosaic.flight.self_calibration import Calibration, calibrate, remaining_distortion, straightened_links
 from skymosaic.flight.surveyor import Surveyor
@@ -127,14 +127,14 @@ def survey(sources: Sequence[Source], settings: Settings, seed: int, workers: Wo
     links |= across_heights(surveyor, of, links)
     _explore(surveyor, of, links)
     clock.lap("pairs")
-    held = _held(links)
+    held = holding(links)
     parts = groups(len(of), held)
     calibration = None
     if settings.lens.matrix is None:
         calibration = calibrate(of, parts[0], held, settings.lens.mask, cache)
     if calibration is not None:
         of, calibration = _without_distortion(surveyor, tuple(seen), of, links, members=parts[0], found=calibration)
-        held = _held(links)
+        held = holding(links)
     clock.lap("lens")
     layouts = tuple(lay_out(of, members, held) for members in parts if len(members) > 1)
     clock.lap("layout")
@@ -169,14 +169,10 @@ def _distinct(sources: Sequence[Source]) -> tuple[list[Source], dict[int, str]]:
     return list(first.values()), left_out
 
 
-def _held(links: Mapping[Candidate, Link]) -> list[Link]:
-    return [link for link in links.values() if link.holds]
-
-
 def _explore(surveyor: Surveyor, of: Sequence[View], links: dict[Candidate, Link]) -> None:
     """Add links that the present layout predicts: closed loops, and neighbours that were not candidates before."""
     for _ in range(MAX_ROUNDS):
-        held = _held(links)
+        held = holding(links)
         rough = [rough_transforms(of, part, held) for part in groups(len(of), held) if len(part) > 2]
         proposed = {pair for transforms in rough for pair in candidates.predicted(of, transforms, links)}
         if not proposed:
@@ -203,7 +199,7 @@ def _without_distortion(
     if (reason := next((view for view in described if isinstance(view, str)), None)) is not None:
         raise InputError(reason)
     views = tuple(view for view in described if isinstance(view, View))
-    held = {(link.left, link.right): link for link in straightened_links(_held(links), of, found.distortion)}
+    held = {(link.left, link.right): link for link in straightened_links(holding(links), of, found.distortion)}
     held |= {pair: link for pair, link in straight.link(views, held).items() if link.holds}
     remaining = remaining_distortion(views, members, list(held.values()), surveyor.cache)
     links |= {(link.left, link.right): link for link in straightened_links(list(held.values()), views, remaining)}

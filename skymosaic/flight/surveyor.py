@@ -60,12 +60,17 @@ class Surveyor:
         """The views with the features of their thumbnails; without any where the front end cannot take one."""
         return list(self._workers.run("thumbnails", _in_thumbnail, [(view, self._settings) for view in of]))
 
-    def votes(self, of: Sequence[View]) -> NDArray[np.int64]:
-        """Votes for pairs of views that share words, (V, V), else 0; see `skymosaic.flight.resemblance`."""
+    def votes(self, of: Sequence[View], across: Sequence[int] = ()) -> NDArray[np.int64]:
+        """Votes for pairs of views that share words, (V, V), else 0; see `skymosaic.flight.resemblance`.
+
+        Where there is an ``across``, only for pairs of one of these views with one of the others.
+        """
         compacts = [resemblance.compact(view.features) for view in of]
         partners: dict[int, list[int]] = {view: [] for view in range(len(of))}
+        inside = set(across)
         for one, other in resemblance.likely_pairs(compacts):
-            partners[one].append(other)
+            if not inside or (one in inside) != (other in inside):
+                partners[one].append(other)
         calls = [(compacts[one], [compacts[other] for other in others]) for one, others in partners.items()]
         votes = np.zeros((len(of), len(of)), dtype=np.int64)
         rows = self._workers.run("look-up", resemblance.votes, calls)
