@@ -61,6 +61,8 @@ class Sources:
         Other C++ files.
     rare : tuple of Path
         C++ files that run when a simulation opens, or never; compiled without optimisation.
+    objects : tuple of Path
+        Object files of `compile_objects`.
     harness : str
         The file of `HARNESS` that runs the model.
     """
@@ -70,6 +72,7 @@ class Sources:
     each_cycle: tuple[Path, ...] = ()
     others: tuple[Path, ...] = ()
     rare: tuple[Path, ...] = ()
+    objects: tuple[Path, ...] = ()
     harness: str = "harness.cpp"
 
 
@@ -81,28 +84,42 @@ def compile_library(folder: Path, sources: Sources, *, waves: bool, progress: Pr
     BackendError
         If the compiler fails, with its first error.
     """
-    flags = [*CXX_FLAGS, f'-DMODEL="{sources.model}"', *(f"-I{path}" for path in (HARNESS, *sources.includes))]
+    flags = [f'-DMODEL="{sources.model}"', *(f"-I{path}" for path in (HARNESS, *sources.includes))]
     if waves:
         flags += ["-DWAVES", "-DVM_TRACE=1", "-DVM_TRACE_VCD=1"]
     jobs = [(path, _optimisation()) for path in (HARNESS / sources.harness, *sources.each_cycle)]
     jobs += [(path, "-O1") for path in sources.others]
     jobs += [(path, "-O0") for path in sources.rare]
-    # The largest first: the cores end together.
-    jobs.sort(key=lambda job: job[0].stat().st_size, reverse=True)
-    objects = [folder / f"{path.stem}.o" for path, _ in jobs]
+    made = compile_objects(folder, jobs, flags, progress)
+    linked = map(str, (*made, *sources.objects))
+    run_tool([_compiler(), "-shared", "-o", str(folder / LIBRARY_NAME), *linked])
+    for path in made:
+        path.unlink()
 
+
+def compile_objects(
+    folder: Path, jobs: Sequence[tuple[Path, str]], flags: Sequence[str], progress: Progress
+) -> list[Path]:
+    """Compile files, each at its own level of optimisation, on all cores; return the object files in ``folder``.
+
+    Raises
+    ------
+    BackendError
+        If the compiler fails, with its first error.
+    """
+    # The largest first: the cores end together.
+    by_size = sorted(jobs, key=lambda job: job[0].stat().st_size, reverse=True)
     done = itertools.count(1)
 
-    def compile_one(job: tuple[Path, str], target: Path) -> None:
+    def compile_one(job: tuple[Path, str]) -> Path:
         source, optimisation = job
-        run_tool([_compiler(), *flags, optimisation, "-c", str(source), "-o", str(target)])
+        target = folder / f"{source.stem}.o"
+        run_tool([_compiler(), *CXX_FLAGS, *flags, optimisation, "-c", str(source), "-o", str(target)])
         progress(f"compiled {next(done)} of {len(jobs)} files ({source.name})")
+        return target
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        list(pool.map(compile_one, jobs, objects))
-    run_tool([_compiler(), "-shared", "-o", str(folder / LIBRARY_NAME), *map(str, objects)])
-    for made in objects:
-        made.unlink()
+        return list(pool.map(compile_one, by_size))
 
 
 def _optimisation() -> str:

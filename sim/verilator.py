@@ -21,6 +21,7 @@ VERILATOR_FLAGS = (
     "-Wno-fatal", "-Wno-lint", "-Wno-style", "--prefix", "Vtop",
 )  # fmt: skip
 RUNTIME_SOURCES = ("verilated.cpp", "verilated_threads.cpp")
+"""Verilator's own part of every model. A model calls it in each clock, so it is optimised, and compiled only once."""
 
 
 def shared_library(
@@ -46,13 +47,13 @@ def shared_library(
         compiled.run_tool(command, env={**os.environ, "VERILATOR_ROOT": str(root)})
         made = sorted(folder.glob("Vtop*.cpp"))
         rare = [path for path in made if _is_slow(path)]
-        runtime = [root / "include" / name for name in RUNTIME_SOURCES]
         sources = compiled.Sources(
             model="verilator.hpp",
-            includes=(folder, root / "include", root / "include" / "vltstd"),
+            includes=(folder, *_includes(root)),
             each_cycle=_joined(folder / "each_cycle", sorted(set(made) - set(rare)), os.cpu_count() or 1),
             others=(root / "include" / "verilated_vcd_c.cpp",) if waves else (),
-            rare=(*_joined(folder / "rare", rare), *_joined(folder / "runtime", runtime)),
+            rare=_joined(folder / "rare", rare),
+            objects=_runtime(root, compiler, progress),
             harness=harness,
         )
         compiled.compile_library(folder, sources, waves=waves, progress=progress)
@@ -60,6 +61,22 @@ def shared_library(
     key = digest(verilog, ports, " ".join((*flags, harness)), version("verilator"), compiler)
     folder = cached(f"verilator-{key}", build, what=f"{design.name} for Verilator", progress=progress)
     return folder / compiled.LIBRARY_NAME
+
+
+def _runtime(root: Path, compiler: str, progress: Progress) -> tuple[Path, ...]:
+    """The object files of `RUNTIME_SOURCES`, compiled the first time."""
+
+    def build(folder: Path) -> None:
+        jobs = [(root / "include" / name, "-O1") for name in RUNTIME_SOURCES]
+        compiled.compile_objects(folder, jobs, [f"-I{path}" for path in _includes(root)], progress)
+
+    key = digest(version("verilator"), compiler)
+    folder = cached(f"verilator-runtime-{key}", build, what="Verilator's runtime", progress=progress)
+    return tuple((folder / name).with_suffix(".o") for name in RUNTIME_SOURCES)
+
+
+def _includes(root: Path) -> tuple[Path, ...]:
+    return root / "include", root / "include" / "vltstd"
 
 
 def _joined(name: Path, sources: list[Path], units: int = 1) -> tuple[Path, ...]:
