@@ -251,7 +251,7 @@ class CellRanking(wiring.Component):
         with m.If(self.i_clear):
             m.d.sync += self.o_touched.eq(0)
         with m.Elif(compared):
-            m.d.sync += self.o_touched.bit_select(current_cell, 1).eq(1)
+            m.d.sync += self.o_touched.eq(self.o_touched | (1 << current_cell))
         newest, is_empty = ranking.as_value(), ~touched
         if self.spacing_cycles == 1:
             # In the same cell as the feature of the clock before, which is being inserted.
