@@ -14,7 +14,7 @@ from hdl.feature.orientation import RingMoments, Sector
 from hdl.lib.delay import delayed
 from hdl.lib.views import view_signal
 
-Ring = Sequence[Value] | View
+Ring = Sequence[Value]
 """The pixels of a ring by angle."""
 SPACING_CYCLES = (1, 2, 4)
 """Smallest distance of two candidates in clocks: the time that one candidate may take."""
@@ -120,14 +120,17 @@ class RingDescriptor(wiring.Component):
                     m.d.sync += centre.eq(pixels[0])
                 rings.append([centre] * self.pattern.angles)
                 continue
-            ring = view_signal(ArrayLayout(8, self.pattern.angles), name=f"ring{radius_px}", reset_less=True)
-            loaded = [pixels[n - self.group_angles] for n in range(self.pattern.angles)]
-            following: Value = Cat(loaded)
-            if self.groups > 1:
-                following = Mux(load, following, ring.as_value().rotate_left(8 * self.group_angles))
-            with m.If(rotate):
-                m.d.sync += ring.eq(following)
-            rings.append(ring)
+            # A register per group: compiled simulations rotate whole words, and no register reads itself.
+            shape = ArrayLayout(8, self.group_angles)
+            groups = [view_signal(shape, name=f"ring{radius_px}_{n}", reset_less=True) for n in range(self.groups)]
+            for group, register in enumerate(groups):
+                first = (group - 1) * self.group_angles
+                following: Value = Cat(pixels[first + n] for n in range(self.group_angles))
+                if self.groups > 1:
+                    following = Mux(load, following, groups[group - 1].as_value())
+                with m.If(rotate):
+                    m.d.sync += register.eq(following)
+            rings.append([register[n] for register in groups for n in range(self.group_angles)])
         return rings
 
     def _comparisons(self, m: Module, rings: list[Ring], arrived: Value) -> View:

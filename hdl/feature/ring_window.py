@@ -4,21 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from amaranth import Cat, Module, Mux, Signal
+from amaranth import Cat, Module, Mux, Signal, Value
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.feature.ilbp import DescriptorPattern
+from hdl.lib.views import view_signal
 from hdl.pixel.window import LineBuffer
 from hdl.streams import beat, each_pixel
+
+LINES_PER_REGISTER = 8
 
 
 class RingWindow(wiring.Component):
     """Ring pixels around the pixel ``lag_px`` left of and above the scan position.
 
-    One memory holds ``2 * lag_px`` lines. Each line with ring pixels feeds a chain of registers, as long as its
-    leftmost ring pixel requires; stretches without a tap pack into shift-register LUTs. Within ``lag_px`` of the
-    frame's border the pixels are unspecified. Nothing needs a reset.
+    One memory holds ``2 * lag_px`` lines. Each line with ring pixels feeds a chain of places, as long as its leftmost
+    ring pixel requires; stretches without a tap pack into shift-register LUTs. Within ``lag_px`` of the frame's border
+    the pixels are unspecified. Nothing needs a reset.
 
     Parameters
     ----------
@@ -63,24 +66,51 @@ class RingWindow(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """The column at the scan position, and a chain of registers for each line that has ring pixels."""
+        """The column at the scan position, and a chain of places for each line that has ring pixels."""
         m = Module()
         m.submodules.lines = lines = self._lines
         m.d.comb += lines.i.eq(self.i)
-        offsets = {offset for ring in self.pattern.offsets for offset in ring}
-        chains = {}
-        # y points down: the line that is `lag_px - y` above the scan position.
-        for y in sorted({y for _, y in offsets}):
-            above = self.lag_px - y
-            length = self.lag_px - min(x for x, line in offsets if line == y) + self.pixels_per_clock
-            chains[y] = Signal(data.ArrayLayout(8, length), name=f"line{above}", reset_less=True)
-            newest = [column[above] for column in reversed(each_pixel(lines.o.column, self.pixels_per_clock))]
-            with m.If(lines.o.valid):
-                m.d.sync += chains[y].eq(Cat(newest, chains[y]))
+        pixels = self._chains(m)
         for ring, o_ring in zip(self.pattern.offsets, self.o_pixels, strict=True):
             for (x, y), o_pixel in zip(ring, o_ring, strict=True):
-                pixel = chains[y][self.lag_px - x]
+                place = self.lag_px - x
+                pixel = pixels[y, place]
                 if self.pixels_per_clock == 2:
-                    pixel = Mux(self.i_second, pixel, chains[y][self.lag_px - x + 1])
+                    pixel = Mux(self.i_second, pixel, pixels[y, place + 1])
                 m.d.comb += o_pixel.eq(pixel)
         return m
+
+    def _chains(self, m: Module) -> dict[tuple[int, int], Value]:
+        """Pixels by line and place: y as in the pattern's offsets, and the distance from the newest pixel.
+
+        A register holds one place of several lines and copies the place before it, so that compiled simulations copy
+        machine words. A register per line would read itself, and Verilator keeps a second copy of those.
+        """
+        pixels: dict[tuple[int, int], Value] = {}
+        newest = list(reversed(each_pixel(self._lines.o.column, self.pixels_per_clock)))
+        lengths = self._lengths()
+        by_length = sorted(lengths, key=lambda y: (-lengths[y], y))
+        for first in range(0, len(by_length), LINES_PER_REGISTER):
+            together = by_length[first : first + LINES_PER_REGISTER]
+            for place in range(lengths[together[0]]):
+                held = [y for y in together if place < lengths[y]]
+                name = f"lines{first}_{place}"
+                register = view_signal(data.ArrayLayout(8, len(held)), name=name, reset_less=True)
+                # y points down: the line that is `lag_px - y` above the scan position.
+                following = [
+                    newest[place][self.lag_px - y]
+                    if place < self.pixels_per_clock
+                    else pixels[y, place - self.pixels_per_clock]
+                    for y in held
+                ]
+                with m.If(self._lines.o.valid):
+                    m.d.sync += register.eq(Cat(following))
+                pixels.update({(y, place): register[n] for n, y in enumerate(held)})
+        return pixels
+
+    def _lengths(self) -> dict[int, int]:
+        """Places of each line that has ring pixels."""
+        lengths: dict[int, int] = {}
+        for x, y in (offset for ring in self.pattern.offsets for offset in ring):
+            lengths[y] = max(lengths.get(y, 0), self.lag_px - x + self.pixels_per_clock)
+        return lengths
