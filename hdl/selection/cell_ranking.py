@@ -39,6 +39,8 @@ class Insertion(wiring.Component):
 
     Members
     -------
+    i_valid : In(1)
+        The inputs belong to a feature.
     i_ranking : In(RANKING)
     i_empty : In(1)
         Every place is free, regardless of ``i_ranking``.
@@ -62,6 +64,7 @@ class Insertion(wiring.Component):
     latency_cycles : int
     """
 
+    i_valid: Signal
     i_ranking: data.View
     i_empty: Signal
     i_response: Signal
@@ -78,6 +81,7 @@ class Insertion(wiring.Component):
         self.spacing_cycles = spacing_cycles
         super().__init__(
             {
+                "i_valid": In(1),
                 "i_ranking": In(RANKING),
                 "i_empty": In(1),
                 "i_response": In(RESPONSE_CODE.bits),
@@ -102,17 +106,18 @@ class Insertion(wiring.Component):
         wins = Cat(rank.response < self.i_response for rank in ranks) | self.i_empty.replicate(MAX_PER_CELL)
         in_use = Cat(self.i_last_place >= place for place in range(MAX_PER_CELL))
         slot = port_register(m, self.o_slot)
-        m.d.sync += [
-            slot.eq(Mux(self.i_empty, self.i_last_place, last_slot)),
-            self.o_kept.eq((wins & in_use).any()),
-            taken.eq(Cat(rank.response.any() for rank in ranks) & ~self.i_empty.replicate(MAX_PER_CELL)),
-            beaten.eq(wins & in_use),
-        ]
+        with m.If(self.i_valid):
+            m.d.sync += [
+                slot.eq(Mux(self.i_empty, self.i_last_place, last_slot)),
+                taken.eq(Cat(rank.response.any() for rank in ranks) & ~self.i_empty.replicate(MAX_PER_CELL)),
+                beaten.eq(wins & in_use),
+            ]
         held_cycles = int(self.spacing_cycles == 1)
         m.d.comb += [
             ranking.eq(delayed(m, Mux(self.i_empty, _EMPTY, self.i_ranking), held_cycles)),
             newcomer.response.eq(delayed(m, self.i_response, held_cycles)),
             newcomer.slot.eq(self.o_slot),
+            self.o_kept.eq(beaten.any()),
             self.o_added.eq(~taken.bit_select(self.i_last_place, 1)),
         ]
         # A beaten place takes the entry above it if that one is beaten too, else the new feature.
@@ -259,6 +264,7 @@ class CellRanking(wiring.Component):
             newest, is_empty = Mux(follows, insertion.o_ranking.as_value(), newest), ~(touched | follows)
         m.d.comb += [
             read.addr.eq(cell),
+            insertion.i_valid.eq(compared),
             insertion.i_ranking.eq(newest),
             insertion.i_empty.eq(is_empty),
             insertion.i_response.eq(current_feature.response),
