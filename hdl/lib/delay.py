@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from typing import TypeVar
 
-from amaranth import Module, Signal, Value, ValueCastable, ValueLike, tracer
+from amaranth import Cat, Module, Signal, Value, ValueCastable, ValueLike, tracer
 from amaranth.lib import data
 
 Delayed = TypeVar("Delayed", Value, data.View)
+WORD_BITS = 64
+"""What a machine shifts at once."""
+LEAST_SHARED_STAGES = 8
+"""With fewer, a compiled simulation is slower: a register that reads itself is often copied before it is shifted."""
 
 
 def delayed(m: Module, value: Delayed, cycles: int, *, reset_less: bool = True) -> Delayed:
@@ -17,17 +21,34 @@ def delayed(m: Module, value: Delayed, cycles: int, *, reset_less: bool = True) 
     ``reset_less=False``, otherwise a stale valid survives reset. Call this outside of any ``m.If``: inside, the
     registers would only advance while the condition holds.
 
-    The registers are named after the variable that the result is assigned to, or else after the signal that is
-    delayed: ``x_after2`` is ``x`` two clocks later.
+    The last register is named after the variable that the result is assigned to, or else after the signal that is
+    delayed: ``x_after2`` is ``x`` two clocks later. Earlier stages of a long, narrow delay share registers, the newest
+    in the lowest bits: compiled simulations then shift a machine word instead of copying every stage.
     """
-    name = tracer.get_var_name(depth=2, default="")
-    for cycle in range(1, cycles + 1):
-        named = (name if cycle == cycles else f"{name}_stage{cycle}") if name else later(value)
-        # One frame further up, or every register would be said to come from here.
-        register = Signal.like(value, name=named, reset_less=reset_less, src_loc_at=1)
-        m.d.sync += register.eq(value)
-        value = register
-    return value
+    if cycles == 0:
+        return value
+    name = tracer.get_var_name(depth=2, default="") or later(value, cycles)
+    # One frame further up, or every register would be said to come from here.
+    result: Delayed = Signal.like(value, name=name, reset_less=reset_less, src_loc_at=1)
+    last = Value.cast(result)
+    assert isinstance(last, Signal)
+    bits = len(last)
+    shared = WORD_BITS // max(bits, 1)
+    stages = shared if min(shared, cycles - 1) >= LEAST_SHARED_STAGES else 1
+    oldest = Value.cast(value)
+    for first in range(1, cycles, stages):
+        count = min(stages, cycles - first)
+        register = Signal(
+            count * bits,
+            name=f"{name}_stage{first}" + (f"to{first + count - 1}" if count > 1 else ""),
+            init=sum((last.init % (1 << bits)) << n * bits for n in range(count)),
+            reset_less=reset_less,
+            src_loc_at=1,
+        )
+        m.d.sync += register.eq(Cat(oldest, register))
+        oldest = register[-bits:]
+    m.d.sync += last.eq(oldest)
+    return result
 
 
 def port_register(m: Module, port: Delayed) -> Delayed:
@@ -41,10 +62,12 @@ def port_register(m: Module, port: Delayed) -> Delayed:
     return register
 
 
-def later(value: ValueLike) -> str:
-    """Name for ``value`` one clock later."""
-    name, after, cycles = (_first_name(Value.cast(value)) or "constant").rpartition("_after")
-    return f"{name}_after{int(cycles) + 1}" if after and cycles.isdigit() else f"{name}{after}{cycles}_after1"
+def later(value: ValueLike, cycles: int = 1) -> str:
+    """Name for ``value`` a number of clocks later."""
+    name, after, earlier = (_first_name(Value.cast(value)) or "constant").rpartition("_after")
+    if after and earlier.isdigit():
+        return f"{name}_after{int(earlier) + cycles}"
+    return f"{name}{after}{earlier}_after{cycles}"
 
 
 def _first_name(value: Value) -> str:

@@ -1,0 +1,100 @@
+"""Delays, whose registers hold one or several stages, against a queue."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+import numpy as np
+import pytest
+from amaranth import Module, Signal, signed, unsigned
+from amaranth.hdl import Fragment, ResetInserter, Shape
+from amaranth.lib import data
+from amaranth.sim import Simulator
+
+from hdl.lib.delay import LEAST_SHARED_STAGES, WORD_BITS, delayed
+
+CLOCKS = 300
+
+
+def simulated(m: Module, run: Any) -> None:
+    """Run a testbench."""
+    simulator = Simulator(Fragment.get(m, None))
+    simulator.add_clock(1e-6)
+    simulator.add_testbench(run)
+    simulator.run()
+
+
+@pytest.mark.parametrize("cycles", [0, 1, 2, LEAST_SHARED_STAGES, LEAST_SHARED_STAGES + 1, 10, 64, 65, 66, 130])
+@pytest.mark.parametrize("shape", [unsigned(1), signed(3), unsigned(8), unsigned(9), signed(WORD_BITS), unsigned(70)])
+def test_a_value_comes_a_number_of_clocks_later(shape: Shape, cycles: int) -> None:
+    m = Module()
+    value = Signal(shape)
+    result = delayed(m, value, cycles)
+    rng = np.random.default_rng(cycles)
+    queue = deque([0] * cycles)
+
+    async def run(context: Any) -> None:
+        for clock in range(CLOCKS):
+            low = -(1 << shape.width - 1) if shape.signed else 0
+            sent = int.from_bytes(rng.bytes(9), "little") % (1 << shape.width) + low
+            context.set(value, sent)
+            queue.append(sent)
+            assert context.get(result) == queue.popleft(), f"clock {clock}"
+            await context.tick()
+
+    if not cycles:
+        m.d.sync += Signal().eq(1)  # a simulation needs a clock
+    simulated(m, run)
+
+
+@pytest.mark.parametrize("cycles", [3, 20, 100])
+def test_a_reset_empties_every_stage_of_a_valid_bit_and_none_of_its_data(cycles: int) -> None:
+    m = Module()
+    reset, source = Signal(), Signal(data.StructLayout({"valid": 1, "payload": 4}))
+    valid = delayed(m, source.valid, cycles, reset_less=False)
+    payload = delayed(m, source.payload, cycles)
+
+    async def run(context: Any) -> None:
+        context.set(source, {"valid": 1, "payload": 9})
+        await context.tick().repeat(cycles)
+        assert (context.get(valid), context.get(payload)) == (1, 9)
+        context.set(reset, 1)
+        await context.tick()
+        context.set(reset, 0)
+        for clock in range(cycles):
+            assert (context.get(valid), context.get(payload)) == (0, 9), f"clock {clock}"
+            await context.tick()
+        assert context.get(valid) == 1
+
+    simulated(ResetInserter(reset)(m), run)
+
+
+@pytest.mark.parametrize("cycles", [1, 9, 70])
+def test_every_stage_starts_with_the_value_of_the_signal(cycles: int) -> None:
+    m = Module()
+    value = Signal(signed(4), init=-3)
+    result = delayed(m, value, cycles)
+
+    async def run(context: Any) -> None:
+        context.set(value, 5)
+        for clock in range(cycles):
+            assert context.get(result) == -3, f"clock {clock}"
+            await context.tick()
+        assert context.get(result) == 5
+
+    simulated(m, run)
+
+
+def test_a_view_keeps_its_layout() -> None:
+    m = Module()
+    value = Signal(data.StructLayout({"x": 3, "y": signed(4)}))
+    result = delayed(m, value, 12)
+    assert result.shape() == value.shape()
+
+    async def run(context: Any) -> None:
+        context.set(value, {"x": 5, "y": -7})
+        await context.tick().repeat(12)
+        assert (context.get(result.x), context.get(result.y)) == (5, -7)
+
+    simulated(m, run)
