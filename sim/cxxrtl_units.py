@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -19,6 +19,7 @@ EVAL = re.compile(r"bool p_top::eval\(performer \*performer\) \{\n(.*?)\n\tretur
 LOCAL = re.compile(r"\tvalue<\d+> (\w+);")
 OUTLINE = re.compile(r"/\*outline\*/ value<\d+> (\w+);")
 """Members of the class in a model for waves: they have the names and values of the local variables."""
+NAME = re.compile(r"\w+")
 EDGE = re.compile(r"\tbool \w+ = this->\w+\(\);")
 COMMENT = re.compile(r"\t+//.*\n")
 ENABLED = re.compile(r"\tif \((posedge_\w+)\) \{\n\t\tif \((.+)\) \{\n\t\t\t(\w+\.next\b.*;)\n\t\t\}\n\t\}\n")
@@ -44,7 +45,11 @@ class Units(NamedTuple):
 
 
 def split(model: str) -> Units:
-    """Split a model that CXXRTL wrote; the local variables of its evaluation become members of the class."""
+    """Split a model that CXXRTL wrote.
+
+    Local variables of its evaluation that two parts share become members of the class. The others stay local to their
+    part, where the compiler need not store them.
+    """
     declaration, definitions = COMMIT.sub(r"\1.curr = \1.next;", model).split(CLASS_END)
     evaluation = EVAL.search(definitions)
     assert evaluation is not None
@@ -55,16 +60,24 @@ def split(model: str) -> Units:
     skipped = {*(match[0] for match in found), *edges, "\tbool converged = false;"}
     bodies = list(_parts(line for line in lines if line not in skipped))
     calls = [f"\teval_{number}();" for number in range(len(bodies))]
-    values = [match[0] for match in found if match[1] not in outlines]
     members = [f"\tvoid eval_{number}();" for number in range(len(bodies))]
-    header = [declaration, *values, *members, CLASS_END, NAMESPACE_END]
+    used = Counter(name for body in bodies for name in set(NAME.findall("\n".join(body))))
+    values = {match[1]: match[0] for match in found if match[1] not in outlines}
+    shared = [value for name, value in values.items() if used[name] > 1]
+    header = [declaration, *shared, *members, CLASS_END, NAMESPACE_END]
     shell = ["bool p_top::eval(performer *performer) {", *calls, "\treturn false;", "}\n"]
     rest = definitions.replace(evaluation[0], "\n".join(shell))
+    local = {name: value for name, value in values.items() if used[name] == 1}
     return Units(
         header="\n".join(header),
-        each_cycle=[_unit(number, [*edges, *body]) for number, body in enumerate(bodies)],
+        each_cycle=[_unit(number, [*edges, *_declared(body, local), *body]) for number, body in enumerate(bodies)],
         rest=f'#include "design.hpp"\nnamespace cxxrtl_design {{\n{rest}',
     )
+
+
+def _declared(body: list[str], local: dict[str, str]) -> list[str]:
+    """The declarations of the local variables that a part uses."""
+    return [local[name] for name in sorted(set(NAME.findall("\n".join(body))) & local.keys())]
 
 
 def _by_enable(evaluation: str) -> str:
