@@ -22,6 +22,11 @@ OUTLINE = re.compile(r"/\*outline\*/ value<\d+> (\w+);")
 NAME = re.compile(r"\w+")
 EDGE = re.compile(r"\tbool \w+ = this->\w+\(\);")
 COMMENT = re.compile(r"\t+//.*\n")
+NEXT = re.compile(r"(\w+)\.next\b")
+COPY = re.compile(r"\t\t(\w+)\.curr = \1\.next;\n")
+LEAST_GROUP = 4
+"""Registers with the same enable that are copied under a condition; for fewer, the condition costs more (measured)."""
+COMMIT_START = "\t\tbool changed = false;\n"
 ENABLED = re.compile(r"\tif \((posedge_\w+)\) \{\n\t\tif \((.+)\) \{\n\t\t\t(\w+\.next\b.*;)\n\t\t\}\n\t\}\n")
 """Assignment of a register's next value if its enable is high. Only the clock edge reads next values."""
 
@@ -53,7 +58,8 @@ def split(model: str) -> Units:
     declaration, definitions = COMMIT.sub(r"\1.curr = \1.next;", model).split(CLASS_END)
     evaluation = EVAL.search(definitions)
     assert evaluation is not None
-    lines = _by_enable(COMMENT.sub("", evaluation[1])).splitlines()
+    by_enable, groups = _by_enable(COMMENT.sub("", evaluation[1]))
+    lines = by_enable.splitlines()
     found = [match for match in map(LOCAL.fullmatch, lines) if match]
     outlines = set(OUTLINE.findall(declaration))
     edges = [line for line in lines if EDGE.fullmatch(line)]
@@ -64,7 +70,7 @@ def split(model: str) -> Units:
     used = Counter(name for body in bodies for name in set(NAME.findall("\n".join(body))))
     values = {match[1]: match[0] for match in found if match[1] not in outlines}
     shared = [value for name, value in values.items() if used[name] > 1]
-    header = [declaration, *shared, *members, CLASS_END, NAMESPACE_END]
+    header = [_committed_by_enable(declaration, groups), *shared, *members, CLASS_END, NAMESPACE_END]
     shell = ["bool p_top::eval(performer *performer) {", *calls, "\treturn false;", "}\n"]
     rest = definitions.replace(evaluation[0], "\n".join(shell))
     local = {name: value for name, value in values.items() if used[name] == 1}
@@ -80,20 +86,55 @@ def _declared(body: list[str], local: dict[str, str]) -> list[str]:
     return [local[name] for name in sorted(set(NAME.findall("\n".join(body))) & local.keys())]
 
 
-def _by_enable(evaluation: str) -> str:
-    """Rewrite the evaluation: one condition at the end for all registers with the same enable, not one for each bit."""
+def _by_enable(evaluation: str) -> tuple[str, list[set[str]]]:
+    """Rewrite the evaluation: one condition at the end for all registers with the same enable, not one for each bit.
+
+    Also returned: the registers of each condition that change nowhere else, if they are at least `LEAST_GROUP`.
+    """
     registers: defaultdict[tuple[str, str], list[str]] = defaultdict(list)
 
     def take(register: re.Match[str]) -> str:
         edge, enable, assignment = register.groups()
-        registers[edge, enable].append(f"\t\t{assignment}")
+        registers[edge, enable].append(assignment)
         return ""
 
-    rest = ENABLED.sub(take, evaluation + "\n")
-    return rest + "\n".join(
-        "\n".join([f"\tif ({edge} && ({enable})) {{", *assignments, "\t}"])
-        for (edge, enable), assignments in registers.items()
-    )
+    parts = [ENABLED.sub(take, evaluation + "\n")]
+    changes = Counter(NEXT.findall(evaluation))
+    groups: list[set[str]] = []
+    for (edge, enable), assignments in registers.items():
+        group = {name for name in map(_register, assignments) if changes[name] == 1}
+        statements = [f"\t\t{assignment}" for assignment in assignments]
+        if len(group) >= LEAST_GROUP:
+            statements.append(f"\t\tenabled_{len(groups)} = true;")
+            groups.append(group)
+        parts += [f"\tif ({edge} && ({enable})) {{", *statements, "\t}"]
+    return "\n".join(parts), groups
+
+
+def _register(assignment: str) -> str:
+    """The register of an assignment to its next value."""
+    return assignment.partition(".next")[0]
+
+
+def _committed_by_enable(declaration: str, groups: list[set[str]]) -> str:
+    """Copy the next values of registers only after a clock in which their enable was high."""
+    group_of = {name: number for number, group in enumerate(groups) for name in group}
+    copies: defaultdict[int, list[str]] = defaultdict(list)
+
+    def take(copy: re.Match[str]) -> str:
+        if copy[1] not in group_of:
+            return copy[0]
+        copies[group_of[copy[1]]].append(copy[0])
+        return ""
+
+    others = COPY.sub(take, declaration)
+    start = others.index(COMMIT_START) + len(COMMIT_START)
+    conditions = [
+        f"\t\tif (enabled_{number}) {{\n\t\tenabled_{number} = false;\n{''.join(lines)}\t\t}}\n"
+        for number, lines in copies.items()
+    ]
+    flags = [f"\tbool enabled_{number} = false;\n" for number in range(len(groups))]
+    return "".join([others[:start], *conditions, others[start:], *flags])
 
 
 def _parts(lines: Iterator[str]) -> Iterator[list[str]]:
