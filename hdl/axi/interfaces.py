@@ -21,7 +21,7 @@ class BusInterface:
     ----------
     name : str
         Of the interface; of a bus, also the prefix of its ports.
-    library, bus : str
+    bus_library, bus : str
         Of AMD's definitions: ``interface`` ``axis`` or ``aximm``, ``signal`` ``clock`` and so on.
     manager : bool
         Whether it starts transfers, or drives the signal.
@@ -32,7 +32,7 @@ class BusInterface:
     """
 
     name: str
-    library: str
+    bus_library: str
     bus: str
     manager: bool
     ports: dict[str, str]
@@ -65,7 +65,7 @@ def vivado_attributes(ports: Iterable[str]) -> dict[str, dict[str, str]]:
     """Attributes X_INTERFACE_INFO and X_INTERFACE_PARAMETER of each port (UG994): Vivado makes the buses from them."""
     attributes: dict[str, dict[str, str]] = {}
     for interface in bus_interfaces(ports):
-        kind = f"{BUS_VENDOR}:{interface.library}:{interface.bus}:{BUS_VERSION}"
+        kind = f"{BUS_VENDOR}:{interface.bus_library}:{interface.bus}:{BUS_VERSION}"
         for name, port in interface.ports.items():
             attributes[port] = {"X_INTERFACE_INFO": f"{kind} {interface.name} {name}"}
             if interface.parameters:

@@ -65,7 +65,7 @@ def component(name: str, ports: Mapping[str, Port], file: str, registers: Sequen
 def _bus(parent: ET.Element, interface: BusInterface) -> None:
     element = _child(parent, "busInterface")
     _texts(element, name=interface.name)
-    identity = {"vendor": BUS_VENDOR, "library": interface.library, "version": BUS_VERSION}
+    identity = {"vendor": BUS_VENDOR, "library": interface.bus_library, "version": BUS_VERSION}
     ET.SubElement(element, _tag("busType"), {**identity, "name": interface.bus})
     abstraction = _child(_child(element, "abstractionTypes"), "abstractionType")
     ET.SubElement(abstraction, _tag("abstractionRef"), {**identity, "name": f"{interface.bus}_rtl"})
