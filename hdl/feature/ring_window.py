@@ -9,11 +9,12 @@ from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.feature.ilbp import DescriptorPattern
+from hdl.lib.delay import WORD_BITS
 from hdl.lib.views import view_signal
 from hdl.pixel.window import LineBuffer
 from hdl.streams import beat, each_pixel
 
-LINES_PER_REGISTER = 8
+LINES_PER_REGISTER = WORD_BITS // 8
 
 
 class RingWindow(wiring.Component):

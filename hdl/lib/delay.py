@@ -9,7 +9,7 @@ from amaranth.lib import data
 
 Delayed = TypeVar("Delayed", Value, data.View)
 WORD_BITS = 64
-"""What a machine shifts at once."""
+"""What a compiled simulation copies or shifts at once."""
 LEAST_SHARED_STAGES = 8
 """With fewer, a compiled simulation is slower: a register that reads itself is often copied before it is shifted."""
 
