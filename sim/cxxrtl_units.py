@@ -12,7 +12,7 @@ UNIT_LINES = 2500
 
 # CXXRTL compares each register with its next value and copies it if they differ, to report whether the model has
 # settled. We never read that report; plain copies make the simulation twice as fast (measured).
-COMMIT = re.compile(r"if \(((?!memory_)\w+)\.commit\(observer\)\) changed = true;")
+COMMIT = re.compile(r"\t\tif \(((?!memory_)\w+)\.commit\(observer\)\) changed = true;\n")
 CLASS_END = "}; // struct p_top\n"
 NAMESPACE_END = "} // namespace cxxrtl_design\n"
 EVAL = re.compile(r"bool p_top::eval\(performer \*performer\) \{\n(.*?)\n\treturn converged;\n\}\n", re.DOTALL)
@@ -23,7 +23,6 @@ NAME = re.compile(r"\w+")
 EDGE = re.compile(r"\tbool \w+ = this->\w+\(\);")
 COMMENT = re.compile(r"\t+//.*\n")
 NEXT = re.compile(r"(\w+)\.next\b")
-COPY = re.compile(r"\t\t(\w+)\.curr = \1\.next;\n")
 LEAST_GROUP = 4
 """Registers with the same enable that are copied under a condition; for fewer, the condition costs more (measured)."""
 COMMIT_START = "\t\tbool changed = false;\n"
@@ -55,7 +54,7 @@ def split(model: str) -> Units:
     Local variables of its evaluation that two parts share become members of the class. The others stay local to their
     part, where the compiler need not store them.
     """
-    declaration, definitions = COMMIT.sub(r"\1.curr = \1.next;", model).split(CLASS_END)
+    declaration, definitions = model.split(CLASS_END)
     evaluation = EVAL.search(definitions)
     assert evaluation is not None
     by_enable, groups = _by_enable(COMMENT.sub("", evaluation[1]))
@@ -67,23 +66,19 @@ def split(model: str) -> Units:
     bodies = list(_parts(line for line in lines if line not in skipped))
     calls = [f"\teval_{number}();" for number in range(len(bodies))]
     members = [f"\tvoid eval_{number}();" for number in range(len(bodies))]
-    used = Counter(name for body in bodies for name in set(NAME.findall("\n".join(body))))
+    names = [set(NAME.findall("\n".join(body))) for body in bodies]
+    parts_with = Counter(name for part in names for name in part)
     values = {match[1]: match[0] for match in found if match[1] not in outlines}
-    shared = [value for name, value in values.items() if used[name] > 1]
+    shared = [value for name, value in values.items() if parts_with[name] > 1]
     header = [_committed_by_enable(declaration, groups), *shared, *members, CLASS_END, NAMESPACE_END]
     shell = ["bool p_top::eval(performer *performer) {", *calls, "\treturn false;", "}\n"]
     rest = definitions.replace(evaluation[0], "\n".join(shell))
-    local = {name: value for name, value in values.items() if used[name] == 1}
+    local = [[values[name] for name in sorted(part & values.keys()) if parts_with[name] == 1] for part in names]
     return Units(
         header="\n".join(header),
-        each_cycle=[_unit(number, [*edges, *_declared(body, local), *body]) for number, body in enumerate(bodies)],
+        each_cycle=[_unit(number, [*edges, *local[number], *body]) for number, body in enumerate(bodies)],
         rest=f'#include "design.hpp"\nnamespace cxxrtl_design {{\n{rest}',
     )
-
-
-def _declared(body: list[str], local: dict[str, str]) -> list[str]:
-    """The declarations of the local variables that a part uses."""
-    return [local[name] for name in sorted(set(NAME.findall("\n".join(body))) & local.keys())]
 
 
 def _by_enable(evaluation: str) -> tuple[str, list[set[str]]]:
@@ -102,7 +97,7 @@ def _by_enable(evaluation: str) -> tuple[str, list[set[str]]]:
     changes = Counter(NEXT.findall(evaluation))
     groups: list[set[str]] = []
     for (edge, enable), assignments in registers.items():
-        group = {name for name in map(_register, assignments) if changes[name] == 1}
+        group = {name for name in NEXT.findall(" ".join(assignments)) if changes[name] == 1}
         statements = [f"\t\t{assignment}" for assignment in assignments]
         if len(group) >= LEAST_GROUP:
             statements.append(f"\t\tenabled_{len(groups)} = true;")
@@ -111,23 +106,20 @@ def _by_enable(evaluation: str) -> tuple[str, list[set[str]]]:
     return "\n".join(parts), groups
 
 
-def _register(assignment: str) -> str:
-    """The register of an assignment to its next value."""
-    return assignment.partition(".next")[0]
-
-
 def _committed_by_enable(declaration: str, groups: list[set[str]]) -> str:
-    """Copy the next values of registers only after a clock in which their enable was high."""
+    """Copy the next values of registers, those of a group only after a clock in which its enable was high."""
     group_of = {name: number for number, group in enumerate(groups) for name in group}
     copies: defaultdict[int, list[str]] = defaultdict(list)
 
-    def take(copy: re.Match[str]) -> str:
-        if copy[1] not in group_of:
-            return copy[0]
-        copies[group_of[copy[1]]].append(copy[0])
+    def take(commit: re.Match[str]) -> str:
+        name = commit[1]
+        copy = f"\t\t{name}.curr = {name}.next;\n"
+        if name not in group_of:
+            return copy
+        copies[group_of[name]].append(copy)
         return ""
 
-    others = COPY.sub(take, declaration)
+    others = COMMIT.sub(take, declaration)
     start = others.index(COMMIT_START) + len(COMMIT_START)
     conditions = [
         f"\t\tif (enabled_{number}) {{\n\t\tenabled_{number} = false;\n{''.join(lines)}\t\t}}\n"
