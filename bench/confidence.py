@@ -1,4 +1,4 @@
-"""Fits the predicted error of `skymosaic.confidence`, and shows how well it tells right pairs from wrong ones.
+"""Fits the predicted error of `skymosaic.registration.confidence`, and shows how well it separates right from wrong.
 
     python bench/confidence.py --fit DIR [--relief 2] --test DIR [--roc roc.png] [--json FILE]
 
@@ -28,10 +28,10 @@ from scipy.optimize import lsq_linear
 from known_sets import read_set
 from relief_pairs import HEIGHTS_PX, OVERLAPS, relief_pairs
 from skymosaic import register
-from skymosaic.confidence import COEFFICIENTS, INTERCEPT, measures
 from skymosaic.evaluation.metrics import grid_error
 from skymosaic.geometry.homography import apply
-from skymosaic.pair import Pair
+from skymosaic.registration.confidence import COEFFICIENTS, INTERCEPT, measures
+from skymosaic.registration.pair import Pair
 
 Array = NDArray[np.float64]
 

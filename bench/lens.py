@@ -25,8 +25,8 @@ from sequence import JPEG_QUALITY, position_errors
 from sim.scene import lawnmower
 from sim.scene.flight import Flight
 from skymosaic.flight.cache import ResultCache
+from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.survey import survey
-from skymosaic.flight.view import Settings
 from skymosaic.flight.workers import Workers
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import sources

@@ -29,11 +29,11 @@ from golden_model.front_end import extract
 from golden_model.geometry.scoring import answers, quantise
 from golden_model.timing import FrameWork, steady_pace
 from hdl.settings import REQUESTED, matched_frame_settings
-from sim.accelerator_designs import LANES
-from sim.exported import host_programs
-from sim.golden import matched
-from sim.live import CameraTiming, LiveBench, MemoryRules
+from sim.backends.golden import matched
+from sim.benches.exported import host_programs
+from sim.benches.live import CameraTiming, LiveBench, MemoryRules
 from sim.scene import lawnmower
+from sim.simulators.accelerator_designs import LANES
 
 AERIAL = PRESETS["aerial"]
 FEATURES, MATCHES = 2000, 1400

@@ -17,12 +17,12 @@ import numpy as np
 import typer
 
 from golden_model.arrays import Points
-from skymosaic.flight.mapping import camera_positions
+from skymosaic.flight.picture.mapping import camera_positions
 from skymosaic.geometry.homography import DegenerateError, apply, estimate
-from skymosaic.imagery.georeference import fit_to_map, utm
-from skymosaic.mosaic_options import MosaicOptions
-from skymosaic.mosaicing import planned
-from skymosaic.registration import WORKING_WIDTH_PX
+from skymosaic.maps.georeference import fit_to_map, utm
+from skymosaic.mosaicking.api import planned
+from skymosaic.mosaicking.options import MosaicOptions
+from skymosaic.registration.register import WORKING_WIDTH_PX
 
 DATA = Path(os.environ.get("SKYMOSAIC_DATA", Path(__file__).parents[2] / "shared" / "data")) / "flights"
 

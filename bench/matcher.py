@@ -28,10 +28,10 @@ from golden_model.feature.ilbp import PATTERNS, SECTORS, DescriptorPattern
 from golden_model.matching.matcher import match
 from golden_model.records import FRAME_STATUS, MATCH, Tag, feature_record
 from hdl.matching.matcher import Matcher
-from sim import verilator
-from sim.accelerator_designs import MATCHES, source_key
-from sim.design import Design, Ports
-from sim.recording import START_OF_FRAME, Segment
+from sim.simulators import verilator
+from sim.simulators.accelerator_designs import MATCHES, source_key
+from sim.simulators.design import Design, Ports
+from sim.simulators.recording import START_OF_FRAME, Segment
 
 CONFIG = MatcherConfig()
 DESCRIPTORS, LANES = ("ilbp-128", "ilbp-256"), (8, 16)

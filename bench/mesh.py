@@ -23,8 +23,8 @@ from rich.table import Table
 from known_sets import read_set
 from skymosaic import register
 from skymosaic.compositing.mesh import better_mesh, fit_mesh, held_out_shares
-from skymosaic.confidence import overlap_correlation
 from skymosaic.features.positions import match_points
+from skymosaic.registration.confidence import overlap_correlation
 
 RELIEF_SHARE = 0.85
 """Pairs with fewer held-out matches within 2 px of the homography are counted as ones with relief."""

@@ -21,14 +21,14 @@ import typer
 from nbclient import NotebookClient
 
 from golden_model.config import PRESETS
-from hdl.boards import SOURCES
-from hdl.export import write_host
+from hdl.export.accelerator import write_host
+from hdl.export.boards import SOURCES
 from sim.scene import pair as rendered_pair
 
 ROOT = Path(__file__).parents[1]
 NOTEBOOK = SOURCES / "pynq" / "skymosaic.ipynb"
 SIZE_PX = (320, 240)
-STAND_IN = "from sim.pynq_stand_in import DefaultIP, Overlay, allocate\n"
+STAND_IN = "from sim.benches.pynq_stand_in import DefaultIP, Overlay, allocate\n"
 HEAD = """<!-- Written by `python bench/notebook.py`. -->
 
 !!! note

@@ -26,7 +26,7 @@ from golden_model.arrays import Array
 from sim.scene import Flight, lawnmower
 from skymosaic.errors import RegistrationError
 from skymosaic.geometry.homography import apply
-from skymosaic.mosaicing import mosaic
+from skymosaic.mosaicking.api import mosaic
 
 SIZE_PX = (800, 600)
 SEED = 11

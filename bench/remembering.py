@@ -15,7 +15,7 @@ from golden_model.config import Config
 from golden_model.front_end import FrameFeatures, extract
 from golden_model.matching.matcher import match
 from golden_model.records import MATCH
-from sim.backend import FrameResult, Reference
+from sim.backends.interface import FrameResult, Reference
 
 Value = TypeVar("Value")
 
@@ -31,7 +31,7 @@ class RememberingBackend:
     def run(
         self, frames: Sequence[NDArray[np.uint8]], config: Config, *, reference: Reference = "held"
     ) -> list[FrameResult]:
-        """See `sim.backend.Backend.run`; only a held reference is known here."""
+        """See `sim.backends.interface.Backend.run`; only a held reference is known here."""
         if reference != "held":
             raise ValueError(f"reference is {reference!r}; only 'held' is remembered")
         results: list[FrameResult] = []

@@ -34,12 +34,12 @@ from rich.table import Table
 
 from golden_model.arrays import Array
 from golden_model.config import preset_config
-from sim.build_cache import cache_folder
 from sim.scene import Flight as RenderedFlight
 from sim.scene import lawnmower
+from sim.simulators.build_cache import cache_folder
 from skymosaic.flight.cache import ResultCache
+from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.survey import Flight, survey
-from skymosaic.flight.view import Settings
 from skymosaic.flight.workers import Workers
 from skymosaic.geometry.homography import apply, estimate
 from skymosaic.imagery.lens import Lens

@@ -28,11 +28,11 @@ from rich.table import Table
 
 from golden_model.config import PRESETS
 from hdl.settings import frame_settings
-from sim import accelerator_designs, cxxrtl, pysim, verilator
-from sim.design import Design
-from sim.hardware import frame_segments
-from sim.recording import Recording, Segment, flat_frame
 from sim.scene import pair as rendered_pair
+from sim.simulators import accelerator_designs, cxxrtl, pysim, verilator
+from sim.simulators.design import Design
+from sim.simulators.hardware import frame_segments
+from sim.simulators.recording import Recording, Segment, flat_frame
 
 SIMULATORS = {"verilator": verilator, "cxxrtl": cxxrtl, "pysim": pysim}
 AERIAL = PRESETS["aerial"]

@@ -21,9 +21,9 @@ from rich.progress import track
 
 from remembering import RememberingBackend
 from skymosaic import register
-from skymosaic.effort import EFFORTS
 from skymosaic.imagery.images import load, reduced
 from skymosaic.imagery.photographs import sources
+from skymosaic.registration.passes import EFFORTS
 
 WIDTH_PX = 640
 FRAMES_A_PHOTOGRAPH = 12

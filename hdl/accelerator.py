@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from amaranth import ClockDomain, ClockSignal, Module, ResetInserter, Signal
@@ -12,15 +13,14 @@ from golden_model.config import Config
 from golden_model.records import MATCH, WORD_BYTES
 from hdl.axi.axi_lite import AxiLiteInterface, AxiLiteSignature
 from hdl.axi.packet_gate import PacketGate
-from hdl.axi.register_map import ADDRESS_BITS, REGISTERS, built_constants
-from hdl.axi.registers import RegisterFile
 from hdl.axi.video_input import video_payload
 from hdl.front_end import FrontEnd
 from hdl.lib.skid_buffer import SkidBuffer
 from hdl.lib.views import view_signal
 from hdl.matching.matcher import Matcher
+from hdl.registers.register_file import RegisterFile
+from hdl.registers.register_map import ADDRESS_BITS, REGISTERS, Register, built_constants
 from hdl.settings import FRONT_END, KEEP_ABOVE
-from hdl.shell.register_map import LIVE_REGISTERS
 from hdl.streams import WordPayload, fork
 
 MATCHING_SETTINGS = data.StructLayout({KEEP_ABOVE.name: KEEP_ABOVE.bits, "hold_reference": 1, "take_reference": 1})
@@ -50,9 +50,9 @@ class Accelerator(wiring.Component):
         Largest frame.
     video_bits : {32, 24, 8, 48, 16}
         Width of the video input's data (`hdl.axi.video_input.VideoInput`); 48 and 16 bring two pixels a clock.
-    live : bool
-        Registers of a streaming shell are there, too (`hdl.shell.live`), and the outputs pass every packet: the shell
-        discards those of a ring that is off, so that it sees one packet for each frame.
+    shell_registers : sequence of Register
+        Registers of a streaming shell (`hdl.shell.live`). With any, the outputs pass every packet: the shell discards
+        those of a ring that is off, so that it sees one packet for each frame.
 
     Members
     -------
@@ -62,7 +62,7 @@ class Accelerator(wiring.Component):
     o_features, o_matches : Out(stream of WordPayload)
         A packet for each frame: its records, then its FrameStatus.
     control : In(AxiLiteSignature)
-        `hdl.axi.register_map`.
+        `hdl.registers.register_map`.
     o_interrupt : Out(1)
         Active high, level; software clears an event by writing 1.
 
@@ -86,20 +86,20 @@ class Accelerator(wiring.Component):
         max_width_px: int = 1920,
         max_height_px: int = 1080,
         video_bits: int = 32,
-        live: bool = False,
+        shell_registers: Sequence[Register] = (),
     ) -> None:
         self.config = config
         self.lanes = lanes
         self.max_width_px = max_width_px
         self.max_height_px = max_height_px
         self.video_bits = video_bits
-        self.live = live
+        self.live = live = bool(shell_registers)
         video = {"max_width_px": max_width_px, "max_height_px": max_height_px, "video_bits": video_bits}
         self.registers = RegisterFile(
             constants=built_constants(
                 front_end=config.front_end, matcher=config.matcher, lanes=lanes, live=live, **video
             ),
-            registers=LIVE_REGISTERS if live else REGISTERS,
+            registers=(*REGISTERS, *shell_registers),
         )
         self._front_end = FrontEnd(config=config.front_end, **video)
         self._matcher = Matcher(

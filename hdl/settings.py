@@ -94,7 +94,7 @@ SETTINGS = {
         Setting("frame_bad_mask", FLAG, 0, "For frame_bad."),
     )
 }
-"""Every setting, by name. `hdl.axi.register_map.REGISTERS` gives each its register and bits."""
+"""Every setting, by name. `hdl.registers.register_map.REGISTERS` gives each its register and bits."""
 
 WORD_VALUES = range(1 << 32)
 RINGS = ("features", "matches")
@@ -139,7 +139,7 @@ SHELL = {
         Setting("memory_error_mask", FLAG, 0, "For memory_error."),
     )
 }
-"""Every setting of the shell of a live build, by name; `hdl.shell.register_map` gives each its register and bits."""
+"""The settings of a live build's shell by name; `hdl.registers.live_register_map` gives each its register and bits."""
 
 REQUESTED = ("width_px", "height_px", "cell_log2", "per_cell", "detector", "threshold_code", "keep_above")
 """What a request to a board's server sets. The driver sets the others: ``gray_input`` follows from the frames."""

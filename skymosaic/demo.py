@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 
 from golden_model.config import preset_config
-from sim.backend import Progress, silent
+from sim.backends.interface import Progress, silent
 from sim.scene import pair as rendered_pair
 from skymosaic.errors import RegistrationError
 from skymosaic.evaluation.hardware import Comparison, compare
 from skymosaic.evaluation.metrics import grid_error
 from skymosaic.imagery.images import save
-from skymosaic.mosaicing import mosaic
-from skymosaic.pair import Pair
-from skymosaic.registration import WORKING_WIDTH_PX
+from skymosaic.mosaicking.api import mosaic
+from skymosaic.registration.pair import Pair
+from skymosaic.registration.register import WORKING_WIDTH_PX
 from skymosaic.reports import pair as pair_report
 from skymosaic.stopwatch import Stopwatch
 

@@ -9,12 +9,12 @@ from amaranth import Shape
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In
 
-from hdl.axi.register_map import VERSION
 from hdl.blocks.catalogue import CATALOGUE
 from hdl.blocks.flat import CLOCK, RESET, FlatBlock
 from hdl.blocks.testbench import Port, VerilogBench
 from hdl.blocks.vectors import Block
 from hdl.netlist import to_verilog
+from hdl.registers.register_map import VERSION
 
 
 def export_block(folder: Path, name: str) -> None:

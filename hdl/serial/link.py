@@ -10,8 +10,8 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.records import WORD_BYTES
 from hdl.axi.axi_lite import AxiLiteInterface, AxiLiteSignature
-from hdl.axi.register_map import ADDRESS_BITS
 from hdl.axi.video_input import VideoPayload
+from hdl.registers.register_map import ADDRESS_BITS
 from hdl.streams import WordPayload
 
 FORGET_CLOCKS = 1 << 20

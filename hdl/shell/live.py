@@ -14,9 +14,10 @@ from golden_model.records import MATCH, WORD_BYTES
 from hdl.accelerator import Accelerator
 from hdl.axi.axi_lite import AxiLiteInterface, AxiLiteSignature
 from hdl.axi.axi_write import AxiWriteInterface, AxiWriteSignature
-from hdl.axi.register_map import ADDRESS_BITS
 from hdl.axi.video_input import VideoPayload
 from hdl.geometry.records import RecordScoring
+from hdl.registers.live_register_map import SHELL_REGISTERS
+from hdl.registers.register_map import ADDRESS_BITS
 from hdl.settings import RINGS
 from hdl.shell.shell import Shell
 from hdl.streams import WordPayload
@@ -51,7 +52,7 @@ class LiveAccelerator(wiring.Component):
     i_hypotheses, o_scores : In and Out(stream of WordPayload)
         See `hdl.geometry.records.RecordScoring`.
     control : In(AxiLiteSignature)
-        `hdl.shell.register_map.LIVE_REGISTERS`.
+        `hdl.registers.live_register_map.LIVE_REGISTERS`.
     o_interrupt : Out(1)
     """
 
@@ -66,7 +67,7 @@ class LiveAccelerator(wiring.Component):
     o_interrupt: Signal
 
     def __init__(self, **build: Any) -> None:
-        self.accelerator = accelerator = Accelerator(live=True, **build)
+        self.accelerator = accelerator = Accelerator(shell_registers=SHELL_REGISTERS, **build)
         capacity = accelerator.config.front_end.max_features + SPARE_RECORDS
         words = {
             "features": accelerator.registers.constants["built_feature_bytes"] // WORD_BYTES,

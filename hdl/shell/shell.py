@@ -7,8 +7,8 @@ from amaranth.lib import data, fifo, stream, wiring
 from amaranth.lib.wiring import In, Out
 
 from hdl.axi.axi_write import AxiWriteInterface, AxiWriteSignature
-from hdl.axi.registers import RegisterFile
 from hdl.axi.video_input import VideoPayload
+from hdl.registers.register_file import RegisterFile
 from hdl.settings import FEWEST_SLOTS, PAGE_BYTES, RINGS, TICK_CLOCKS
 from hdl.shell.camera import CameraCrossing, CameraGate
 from hdl.shell.ring_writer import FRAME_INFO, RingWriter
@@ -29,7 +29,7 @@ class Shell(wiring.Component):
     Parameters
     ----------
     registers : RegisterFile
-        With `hdl.shell.register_map.LIVE_REGISTERS`; the shell drives the fields of its own registers.
+        With `hdl.registers.live_register_map.LIVE_REGISTERS`; the shell drives the fields of its own registers.
     record_words, max_words : mapping of str to int
         For each ring, the length of a record and of the longest packet.
     video_bits : {24, 8}

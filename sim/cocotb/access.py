@@ -8,10 +8,10 @@ import cocotb
 from cocotb.triggers import ClockCycles, RisingEdge
 from cocotbext.axi import AxiResp
 
-from hdl.axi.register_map import IDENTITY, REGISTERS, VERSION, Access, Register, built_constants
-from sim.accelerator_designs import FEATURES, MATCHES
+from hdl.registers.register_map import IDENTITY, REGISTERS, VERSION, Access, Register, built_constants
 from sim.cocotb.bench import REGISTER_BYTES, Bench, scene, transfer
 from sim.cocotb.runner import CONFIG, LANES, MAX_SIZE_PX
+from sim.simulators.accelerator_designs import FEATURES, MATCHES
 
 KNOWN_ADDRESSES = {register.offset for register in REGISTERS}
 UNKNOWN_ADDRESSES = sorted({*range(0, max(KNOWN_ADDRESSES) + 8, 4), 0x200, 0xFFC} - KNOWN_ADDRESSES)

@@ -24,16 +24,16 @@ from numpy.typing import NDArray
 
 from golden_model.arrays import Pixels
 from golden_model.front_end import extract
-from hdl.axi.register_map import REGISTERS, register_writes
+from hdl.registers.register_map import REGISTERS, register_writes
 from hdl.settings import RUNNING, matched_frame_settings
-from sim.accelerator_designs import CONTROL, FEATURES, MATCHES
-from sim.backend import FrameResult, Reference
+from sim.backends.golden import matched
+from sim.backends.interface import FrameResult, Reference
 from sim.cocotb.runner import CONFIG
-from sim.golden import matched
-from sim.hardware import frame_result
-from sim.recording import flat_frame
 from sim.scene import pair as rendered_pair
-from sim.scoreboard import first_mismatch
+from sim.simulators.accelerator_designs import CONTROL, FEATURES, MATCHES
+from sim.simulators.hardware import frame_result
+from sim.simulators.recording import flat_frame
+from sim.simulators.scoreboard import first_mismatch
 
 CLOCK_NS = 10
 RESET_CYCLES = 4

@@ -12,10 +12,10 @@ from cocotbext.axi import AxiStreamFrame
 
 from golden_model.arrays import Pixels
 from golden_model.records import WORD_BYTES, Cause, Tag, feature_record
-from sim.accelerator_designs import FEATURES
-from sim.backend import FrameResult
+from sim.backends.interface import FrameResult
 from sim.cocotb.bench import Bench, assert_golden, lines, scene, transfer
 from sim.cocotb.runner import CONFIG, MAX_SIZE_PX
+from sim.simulators.accelerator_designs import FEATURES
 
 SIZE_PX = (112, 80)
 FAULTY_LINE = 7

@@ -9,11 +9,11 @@ import numpy as np
 from cocotb.triggers import ClockCycles
 
 from golden_model.arrays import Pixels
-from sim.accelerator_designs import FEATURES, MATCHES
-from sim.backend import Reference
+from sim.backends.interface import Reference
 from sim.cocotb.bench import Bench, assert_golden, golden, lines, scene, transfer
 from sim.cocotb.runner import CONFIG, MAX_SIZE_PX
-from sim.hardware import frame_result
+from sim.simulators.accelerator_designs import FEATURES, MATCHES
+from sim.simulators.hardware import frame_result
 
 ODD_SIZE_PX = (125, 101)
 LEAST_FEATURES, LEAST_MATCHES = 60, 15

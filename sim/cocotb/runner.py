@@ -10,10 +10,10 @@ from cocotb_tools.config import libs_dir
 from cocotb_tools.runner import Icarus, Runner, Verilator
 
 from golden_model.config import Config, FrontEndConfig
-from sim.accelerator_designs import accelerator
-from sim.backend import Progress, silent
-from sim.build_cache import cached, digest
-from sim.verilator import package_folder
+from sim.backends.interface import Progress, silent
+from sim.simulators.accelerator_designs import accelerator
+from sim.simulators.build_cache import cached, digest
+from sim.simulators.verilator import package_folder
 
 CONFIG = Config(front_end=FrontEndConfig(max_features=80))
 MAX_SIZE_PX = (160, 128)

@@ -29,7 +29,7 @@ struct Output {
     uint64_t packets() const { return ends.size() / 2; }
 };
 
-// Whether a stream pauses in a cycle, with a probability in 1/256; sim/recording.py has the same hash.
+// Whether a stream pauses in a cycle, with a probability in 1/256; sim/simulators/recording.py has the same hash.
 bool pauses(uint32_t share, uint32_t seed, uint32_t stream, uint64_t cycle) {
     if (share == 0) return false;
     uint32_t hash = (seed ^ (stream << 24) ^ static_cast<uint32_t>(cycle)) * 2654435761u;
@@ -149,7 +149,7 @@ struct Bench {
 #endif
 };
 
-// The functions that sim/compiled.py calls. All other symbols are hidden, since one process loads several designs.
+// The functions that sim/simulators/compiled.py calls. All other symbols are hidden, since one process loads several designs.
 #pragma GCC visibility push(default)
 extern "C" {
 Bench *bench_open(const char *waves) { return new Bench(waves); }

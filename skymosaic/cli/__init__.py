@@ -12,7 +12,7 @@ import typer
 from typer.core import TyperGroup
 from typer.main import get_command
 
-from sim.backend import BackendError
+from sim.backends.interface import BackendError
 from skymosaic.cli.common import QuietOption, VerboseOption, with_common_options
 from skymosaic.cli.session import session
 from skymosaic.cli.terminal import abandon_output, ended_by_signals, open_outputs, without_library_messages

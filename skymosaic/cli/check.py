@@ -9,7 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from golden_model.text import one_line
-from sim.build_cache import cache_folder
+from sim.simulators.build_cache import cache_folder
 from skymosaic.cli.flight_options import CacheOption, CameraOption, MaskOption, PhotographsArgument, SchedulerOption
 from skymosaic.cli.options import (
     AddressOption,
@@ -27,14 +27,14 @@ from skymosaic.cli.session import session
 from skymosaic.errors import RegistrationError
 from skymosaic.flight.cache import ResultCache
 from skymosaic.flight.check import FlightCheck, check_flight
+from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.survey import Flight, survey
-from skymosaic.flight.view import Settings
 from skymosaic.flight.workers import Workers
 from skymosaic.imagery.band_sets import in_band_sets
 from skymosaic.imagery.images import keeps_damaged
 from skymosaic.imagery.key_frames import flight_sources
 from skymosaic.imagery.lens import load_lens
-from skymosaic.registration import WORKING_WIDTH_PX
+from skymosaic.registration.register import WORKING_WIDTH_PX
 
 
 def check(

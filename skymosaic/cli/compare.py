@@ -22,7 +22,7 @@ from skymosaic.cli.options import (
 from skymosaic.cli.session import session
 from skymosaic.evaluation.hardware import compare as compare_pair
 from skymosaic.imagery.images import check_unused
-from skymosaic.registration import WORKING_WIDTH_PX
+from skymosaic.registration.register import WORKING_WIDTH_PX
 
 
 def compare(

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from sim.backend import BACKENDS, BackendError
+from sim.backends.interface import BACKENDS, BackendError
 from skymosaic.cli.options import OverwriteOption, choice
 from skymosaic.cli.session import session
 from skymosaic.demo import Demonstration, make_demo, simulated

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from golden_model.config import Config
-from hdl.boards import ALL_BOARDS, SERIAL_BOARD
+from hdl.export.boards import ALL_BOARDS, SERIAL_BOARD
 from skymosaic.cli.options import ConfigOption, OverwriteOption, PresetOption, choice, configuration
 from skymosaic.cli.session import session
 from skymosaic.errors import InputError
@@ -118,7 +118,7 @@ def _export_block(folder: Path, name: str) -> None:
 
 def _export_accelerator(folder: Path, board: str | None, config: Config, build: dict[str, int]) -> None:
     """Write the accelerator for a board with a processor; without a board, that for a live camera."""
-    exports = importlib.import_module("hdl.export")
+    exports = importlib.import_module("hdl.export.accelerator")
     if board is None:
         exports.export_live(folder, config=config, **build)
     else:
@@ -137,7 +137,7 @@ def _export_rules(folder: Path, rules: Path, entries: int) -> None:
 
 def _export_serial(folder: Path, config: Config | None, build: dict[str, int], *, build_it: bool) -> None:
     """Write the folder of the board with a serial port; None is its own configuration."""
-    serial = importlib.import_module("hdl.serial.export")
+    serial = importlib.import_module("hdl.export.ulx3s")
     serial.export_ulx3s(folder, **({} if config is None else {"config": config}), **build)
     if not build_it:
         return

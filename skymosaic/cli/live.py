@@ -30,8 +30,8 @@ from skymosaic.imagery.own_outputs import remember
 from skymosaic.imagery.photographs import is_folder
 from skymosaic.live.mosaic import LiveMosaic, LiveUpdate
 from skymosaic.live.pace import Pace
-from skymosaic.mosaic_options import MosaicOptions
-from skymosaic.registration import WORKING_WIDTH_PX
+from skymosaic.mosaicking.options import MosaicOptions
+from skymosaic.registration.register import WORKING_WIDTH_PX
 
 PREVIEW_WIDTH_PX = 1280
 PREVIEW_SECONDS = 1.0

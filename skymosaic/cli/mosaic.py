@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from sim.build_cache import cache_folder
+from sim.simulators.build_cache import cache_folder
 from skymosaic.cli import flight_options
 from skymosaic.cli.flight_options import CacheOption, CameraOption, MaskOption, PhotographsArgument, SchedulerOption
 from skymosaic.cli.live import IdleOption, grow_instead, report_absent
@@ -38,15 +38,15 @@ from skymosaic.compositing.blend import METHODS
 from skymosaic.compositing.warp import CANVAS_LIMIT_PX
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.flight.check import check_flight
-from skymosaic.flight.output import GEOTIFF_SUFFIXES, PLAIN, Delivery, OutputForm
+from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, PLAIN, Delivery, OutputForm
 from skymosaic.flight.survey import Flight
-from skymosaic.imagery.control_points import load_control_points
-from skymosaic.imagery.geotiff import COMPRESSIONS
 from skymosaic.imagery.images import check_output, check_unused, save_bytes
 from skymosaic.imagery.lens import load_lens
-from skymosaic.mosaic_options import WARPS, MosaicOptions
-from skymosaic.mosaicing import planned
-from skymosaic.registration import WORKING_WIDTH_PX
+from skymosaic.maps.control_points import load_control_points
+from skymosaic.maps.geotiff import COMPRESSIONS
+from skymosaic.mosaicking.api import planned
+from skymosaic.mosaicking.options import WARPS, MosaicOptions
+from skymosaic.registration.register import WORKING_WIDTH_PX
 from skymosaic.reports.flight import band_line, flight_numbers, map_line, write_report
 from skymosaic.reports.pair import prepare
 

@@ -14,16 +14,16 @@ from rich.text import Text
 
 from golden_model.config import PRESETS, Config, load_config, preset_config
 from golden_model.text import how_to_install, one_line
-from sim.backend import BACKENDS
+from sim.backends.interface import BACKENDS
 from skymosaic.cli.session import session
-from skymosaic.effort import EFFORTS
 from skymosaic.errors import InputError
 from skymosaic.features.descriptors import DESCRIPTORS
 from skymosaic.features.detectors import DETECTORS
 from skymosaic.geometry.estimators import ESTIMATORS
 from skymosaic.imagery import images
 from skymosaic.imagery.images import DAMAGED
-from skymosaic.pair import Pair
+from skymosaic.registration.pair import Pair
+from skymosaic.registration.passes import EFFORTS
 
 HARDWARE = tuple(name for name in BACKENDS if name != "golden")
 """Backends that can differ from the golden model."""

@@ -26,8 +26,8 @@ from skymosaic.cli.options import (
 )
 from skymosaic.cli.session import session
 from skymosaic.errors import RegistrationError
-from skymosaic.registration import WORKING_WIDTH_PX
-from skymosaic.registration import register as register_pair
+from skymosaic.registration.register import WORKING_WIDTH_PX
+from skymosaic.registration.register import register as register_pair
 
 
 def register(

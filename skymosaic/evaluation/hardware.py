@@ -11,10 +11,10 @@ from typing import Any
 from golden_model.arrays import Pixels
 from golden_model.config import Config
 from golden_model.timing import Timeline
-from sim.backend import FrameResult, Mismatch, load_backend, silent
-from sim.scoreboard import Coverage, first_clock_mismatch, first_mismatch, predicted
+from sim.backends.interface import FrameResult, Mismatch, load_backend, silent
+from sim.simulators.scoreboard import Coverage, first_clock_mismatch, first_mismatch, predicted
 from skymosaic.imagery.images import keeps_damaged, load, reduced
-from skymosaic.registration import extract_within_capacity
+from skymosaic.registration.register import extract_within_capacity
 
 
 @dataclass(frozen=True)
@@ -85,11 +85,11 @@ def compare(
     left, right : path or ndarray of uint8
     config : Config
     backend : str
-        As for `skymosaic.registration.register`.
+        As for `skymosaic.registration.register.register`.
     working_width_px : int
         Wider photographs are reduced first.
     damaged : {"refuse", "keep"}
-        As for `skymosaic.registration.register`.
+        As for `skymosaic.registration.register.register`.
     waves : Path or None
         File for a simulation's waves (VCD): tens of kilobytes per clock cycle, so for small frames only.
     progress : callable

@@ -1,7 +1,7 @@
 """Valid combinations of detector and descriptor, and a host backend that computes them.
 
 Harris and FAST with an ILBP descriptor run on the accelerator, so every backend computes them. All other combinations
-are computed here, with the same `sim.backend.Backend` interface.
+are computed here, with the same `sim.backends.interface.Backend` interface.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from golden_model.front_end import extract
 from golden_model.matching import fuzzy, matcher
 from golden_model.pixel.gray import to_gray
 from golden_model.records import FRAME_STATUS, MATCH, Tag
-from sim.backend import Backend, FrameResult, Progress, Reference, load_backend, silent
+from sim.backends.interface import Backend, FrameResult, Progress, Reference, load_backend, silent
 from skymosaic.errors import InputError
 from skymosaic.features import detectors, matchers
 from skymosaic.features.descriptors import ANGLE_IGNORED, DESCRIPTORS, TRACKED, WINDOWS_PX, describe
@@ -153,7 +153,7 @@ class HostBackend(Backend):
     def run(
         self, frames: Sequence[NDArray[np.uint8]], config: Config, *, reference: Reference = "held"
     ) -> list[FrameResult]:
-        """See `sim.backend.Backend.run`."""
+        """See `sim.backends.interface.Backend.run`."""
         results: list[FrameResult] = []
         left = None
         for number, image in enumerate(frames):

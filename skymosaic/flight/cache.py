@@ -22,8 +22,7 @@ SOURCES = (
     "golden_model",
     "hdl",
     "sim",
-    *(f"skymosaic/{name}" for name in ("features", "flight", "geometry", "imagery")),
-    *(f"skymosaic/{name}.py" for name in ("effort", "registration")),
+    *(f"skymosaic/{name}" for name in ("features", "flight", "geometry", "imagery", "registration")),
 )
 """The code that computes what is kept; its text is part of every key, because results change within a version too."""
 Arrays = dict[str, NDArray[np.generic]]

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from golden_model.arrays import Array
-from skymosaic.flight.layout import outline, overlap
-from skymosaic.flight.links import Candidate, Link
-from skymosaic.flight.view import View
+from skymosaic.flight.layout.layout import outline, overlap
+from skymosaic.flight.linking.links import Candidate, Link
+from skymosaic.flight.linking.view import View
 
 NEXT_IN_ORDER = 2
 NEAREST_BY_GPS = 4

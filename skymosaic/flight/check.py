@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from skymosaic.flight.layout import Layout, groups, outline, overlap
-from skymosaic.flight.links import Link
-from skymosaic.flight.sharpness import BLURRED, CLIPPED, sharpness_ratios
+from skymosaic.flight.layout.layout import Layout, groups, outline, overlap
+from skymosaic.flight.linking.links import Link
+from skymosaic.flight.picture.sharpness import BLURRED, CLIPPED, sharpness_ratios
 from skymosaic.flight.survey import Flight
 
 LITTLE_OVERLAP = 0.3

@@ -13,10 +13,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from skymosaic.flight.layout import groups
-from skymosaic.flight.links import Candidate, Link, holding
-from skymosaic.flight.surveyor import Surveyor
-from skymosaic.flight.view import View
+from skymosaic.flight.layout.layout import groups
+from skymosaic.flight.linking.links import Candidate, Link, holding
+from skymosaic.flight.linking.surveyor import Surveyor
+from skymosaic.flight.linking.view import View
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.photographs import Source
 

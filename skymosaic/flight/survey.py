@@ -8,17 +8,17 @@ from dataclasses import dataclass
 from skymosaic.errors import InputError
 from skymosaic.flight import candidates
 from skymosaic.flight.cache import ResultCache
-from skymosaic.flight.layout import Layout, groups, lay_out, rough_transforms
-from skymosaic.flight.links import Candidate, Link, PairEstimator, holding
+from skymosaic.flight.layout.layout import Layout, groups, lay_out, rough_transforms
+from skymosaic.flight.layout.self_calibration import Calibration, calibrate, remaining_distortion, straightened_links
+from skymosaic.flight.linking.links import Candidate, Link, PairEstimator, holding
+from skymosaic.flight.linking.surveyor import Surveyor
+from skymosaic.flight.linking.view import Settings, View
 from skymosaic.flight.second_look import across_heights, with_more_features
-from skymosaic.flight.self_calibration import Calibration, calibrate, remaining_distortion, straightened_links
-from skymosaic.flight.surveyor import Surveyor
-from skymosaic.flight.view import Settings, View
 from skymosaic.flight.workers import Workers
 from skymosaic.geometry.prosac import MIN_INLIERS
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
-from skymosaic.pair import Pair
+from skymosaic.registration.pair import Pair
 from skymosaic.stopwatch import Stopwatch
 
 MAX_ROUNDS = 6
@@ -48,7 +48,7 @@ class Flight:
     seconds : dict of str to float
         Wall time of each stage.
     pair : Pair or None
-        The registration of two photographs, see `skymosaic.flight.pair`.
+        The registration of two photographs, see `skymosaic.flight.two_photographs`.
     calibration : Calibration or None
         What the ties told about the lens. Views, links and layouts are then those of straightened photographs.
     """

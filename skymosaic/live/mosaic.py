@@ -15,16 +15,16 @@ import numpy as np
 
 from golden_model.arrays import Array, Pixels, Records
 from golden_model.config import Config
-from sim.backend import load_backend
+from sim.backends.interface import load_backend
 from skymosaic.compositing.warp import CANVAS_LIMIT_PX, Canvas, CanvasError
 from skymosaic.errors import InputError
 from skymosaic.flight.candidates import FEWEST_VOTES
-from skymosaic.flight.links import PairEstimator
-from skymosaic.flight.resemblance import votes
+from skymosaic.flight.linking.links import PairEstimator
+from skymosaic.flight.linking.resemblance import votes
 from skymosaic.geometry.homography import apply, estimate, resize_matrix
 from skymosaic.imagery.images import reduced_for_front_end
 from skymosaic.live.submap import Frame, Placement, Submap
-from skymosaic.registration import WORKING_WIDTH_PX, extract_within_capacity
+from skymosaic.registration.register import WORKING_WIDTH_PX, extract_within_capacity
 
 LATEST = 3
 """A new frame is first matched with this many of the latest frames."""

@@ -11,7 +11,7 @@ from golden_model.arrays import Records
 from golden_model.config import Config
 from golden_model.matching.matcher import match
 from golden_model.timing import FrameWork, steady_pace
-from sim.backend import BUILT_LANES
+from sim.backends.interface import BUILT_LANES
 from skymosaic.live.mosaic import LiveUpdate
 
 CLOCK_HZ = 150_000_000

@@ -13,10 +13,10 @@ import numpy as np
 
 from golden_model.arrays import Array, Float32, Pixels, Records
 from skymosaic.compositing.warp import Canvas, CanvasError
-from skymosaic.flight.adjustment import MODELS, Network, Ties, shapes
-from skymosaic.flight.layout import normalisation
-from skymosaic.flight.links import TIE_PX, PairEstimator, verify
-from skymosaic.flight.resemblance import compact
+from skymosaic.flight.layout.adjustment import MODELS, Network, Ties, shapes
+from skymosaic.flight.layout.layout import normalisation
+from skymosaic.flight.linking.links import TIE_PX, PairEstimator, verify
+from skymosaic.flight.linking.resemblance import compact
 from skymosaic.geometry.homography import apply, estimate, scaled
 from skymosaic.geometry.prosac import MIN_INLIERS
 from skymosaic.live.growing_canvas import GrowingCanvas
@@ -273,6 +273,6 @@ def _fitted(guess: Frame, tied: list[Tied]) -> tuple[Array, Array]:
 
 
 def _deformation(shape: Array) -> Array:
-    """The transformation (3, 3) with a small stretch and tilt (4,), see `skymosaic.flight.adjustment.shapes`."""
+    """The transformation (3, 3) with a small stretch and tilt (4,), see `skymosaic.flight.layout.adjustment.shapes`."""
     along_axes, along_diagonals, tilt_x, tilt_y = shape
     return np.array([[1 + along_axes, along_diagonals, 0], [along_diagonals, 1 - along_axes, 0], [tilt_x, tilt_y, 1]])

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from golden_model.config import PRESETS, RULE_BASES, Config, preset_config
-from sim.backend import BACKENDS
+from sim.backends.interface import BACKENDS
 from skymosaic.compositing.blend import METHODS as BLENDINGS
 from skymosaic.errors import InputError
 from skymosaic.features.descriptors import DESCRIPTORS

@@ -15,7 +15,7 @@ from skymosaic.features.matchers import GOOD_MATCH_ABOVE
 from skymosaic.features.methods import Method
 from skymosaic.features.positions import match_points
 from skymosaic.geometry.homography import apply
-from skymosaic.pair import Pair
+from skymosaic.registration.pair import Pair
 
 Size = tuple[int, int]
 

@@ -11,7 +11,7 @@ import numpy as np
 from golden_model.arrays import Array, Pixels, Records
 from golden_model.formats import POSITION
 from skymosaic.features.positions import match_points
-from skymosaic.pair import Pair
+from skymosaic.registration.pair import Pair
 
 Color = tuple[int, int, int]
 LEVEL_COLORS: tuple[Color, ...] = ((60, 220, 255), (255, 170, 60))

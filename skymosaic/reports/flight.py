@@ -12,9 +12,9 @@ import numpy as np
 
 from skymosaic.compositing.warp import Canvas, magnification
 from skymosaic.flight.check import FlightCheck, check_flight
-from skymosaic.flight.composition import Composition
-from skymosaic.flight.layout import Layout
-from skymosaic.flight.output import PREVIEW_WIDTH_PX, Delivery
+from skymosaic.flight.layout.layout import Layout
+from skymosaic.flight.picture.composition import Composition
+from skymosaic.flight.picture.output import PREVIEW_WIDTH_PX, Delivery
 from skymosaic.flight.survey import Flight
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.depth import ValueRange

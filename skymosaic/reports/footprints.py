@@ -9,10 +9,10 @@ from xml.etree import ElementTree as XmlTree
 import numpy as np
 
 from golden_model.arrays import Points
-from skymosaic.flight.output import Delivery
+from skymosaic.flight.picture.output import Delivery
 from skymosaic.geometry.homography import apply
-from skymosaic.imagery.georeference import on_globe
 from skymosaic.imagery.images import save_bytes
+from skymosaic.maps.georeference import on_globe
 
 _KML = "http://www.opengis.net/kml/2.2"
 

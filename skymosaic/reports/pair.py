@@ -13,7 +13,7 @@ import numpy as np
 from golden_model.arrays import Pixels
 from skymosaic.errors import InputError
 from skymosaic.imagery.images import save, save_bytes
-from skymosaic.pair import Pair
+from skymosaic.registration.pair import Pair
 from skymosaic.reports import figures
 from skymosaic.reports.pages import render
 

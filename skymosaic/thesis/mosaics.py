@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from skymosaic.errors import RegistrationError
-from skymosaic.mosaicing import mosaic
+from skymosaic.mosaicking.api import mosaic
 from skymosaic.thesis.dataset import DatasetPair
 from skymosaic.thesis.measurements import Line
 

@@ -10,9 +10,9 @@ import numpy as np
 from golden_model.arrays import Pixels
 from golden_model.config import PRESETS
 from skymosaic.errors import RegistrationError
-from skymosaic.mosaicing import mosaic_of_pair
-from skymosaic.pair import Pair
-from skymosaic.registration import register
+from skymosaic.mosaicking.api import mosaic_of_pair
+from skymosaic.registration.pair import Pair
+from skymosaic.registration.register import register
 from skymosaic.reports import figures
 from skymosaic.thesis.corners import threshold_of
 from skymosaic.thesis.dataset import DatasetPair

@@ -13,7 +13,7 @@ from skymosaic.evaluation.metrics import grid_error, rmse
 from skymosaic.features.methods import HostBackend, choose
 from skymosaic.features.positions import match_points
 from skymosaic.geometry import estimators, fuzzy_ransac
-from skymosaic.registration import register
+from skymosaic.registration.register import register
 from skymosaic.thesis.dataset import DatasetPair
 from skymosaic.thesis.matches import filtered, is_registered
 from skymosaic.thesis.measurements import Line

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from golden_model.arrays import Array, Pixels
 from golden_model.config import Config
-from sim.backend import Backend
+from sim.backends.interface import Backend
 from skymosaic.compositing.warp import Canvas, backward, shrunk
 from skymosaic.features.positions import feature_points, match_points
 from skymosaic.geometry.homography import apply, resize_matrix

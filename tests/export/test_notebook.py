@@ -9,7 +9,7 @@ import pytest
 
 from bench import notebook
 from golden_model.config import PRESETS
-from sim.backend import load_backend
+from sim.backends.interface import load_backend
 from sim.scene import pair as rendered_pair
 
 SIZE_PX = (160, 120)

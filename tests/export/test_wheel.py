@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from hdl.boards import BOARDS, SOURCES
+from hdl.export.boards import BOARDS, SOURCES
 from tests.system.command_line import only_error
 
 CLONE = Path(__file__).parents[2]
@@ -46,7 +46,7 @@ def test_the_wheel_carries_every_package_with_its_types_and_the_data_of_the_expo
 
 
 def test_the_boards_are_found_in_the_wheel_and_in_the_clone(environment: Path, tmp_path: Path) -> None:
-    code = "from hdl.boards import BOARDS, SOURCES; print(SOURCES, *BOARDS)"
+    code = "from hdl.export.boards import BOARDS, SOURCES; print(SOURCES, *BOARDS)"
     source, *boards = subprocess.run(
         [str(environment / "bin" / "python"), "-I", "-c", code],
         cwd=tmp_path,

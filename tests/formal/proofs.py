@@ -21,8 +21,8 @@ from amaranth.back import rtlil
 from amaranth.hdl import Assert, Assume, Cover
 from amaranth.lib import wiring
 
-from sim.backend import Progress, silent
-from sim.build_cache import cached
+from sim.backends.interface import Progress, silent
+from sim.simulators.build_cache import cached
 
 CPU_SECONDS_LIMIT = 900
 """Processor time of each tool, whatever else the machine does; ten times what the longest proof takes."""

@@ -6,8 +6,8 @@ import pytest
 from amaranth.lib import wiring
 from numpy.typing import NDArray
 
-from sim.drivers import Beats, run_beats
-from sim.recording import Pauses
+from sim.benches.drivers import Beats, run_beats
+from sim.simulators.recording import Pauses
 
 SHAPE = (19, 23)
 

@@ -6,9 +6,9 @@ from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
 from hdl.lib.skid_buffer import SkidBuffer
-from sim.block_bench import BlockBench, CycleLimitError
-from sim.drivers import run_clocks
-from sim.recording import NO_PAUSES, Pauses
+from sim.benches.block_bench import BlockBench, CycleLimitError
+from sim.benches.drivers import run_clocks
+from sim.simulators.recording import NO_PAUSES, Pauses
 
 
 class CountingStream(wiring.Component):

@@ -6,8 +6,8 @@ import pytest
 
 from golden_model.records import Cause
 from hdl.frame_admission import FrameAdmission
-from sim.block_bench import BlockBench
-from sim.recording import NO_PAUSES, Pauses
+from sim.benches.block_bench import BlockBench
+from sim.simulators.recording import NO_PAUSES, Pauses
 
 WIDTH_PX, HEIGHT_PX = 7, 6
 CLOSING_LINES, CLOSING_PX = 2, 4

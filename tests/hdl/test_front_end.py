@@ -19,11 +19,11 @@ from hdl.pixel.gray import Gray
 from hdl.pixel.threshold import AdaptiveThreshold
 from hdl.selection.cell_ranking import CellRanking
 from hdl.settings import frame_settings
-from sim import cxxrtl, verilator
-from sim.accelerator_designs import FEATURES, front_end
-from sim.compiled import Bench
-from sim.recording import NO_PAUSES, Pauses, Segment, flat_frame
 from sim.scene import pair
+from sim.simulators import cxxrtl, verilator
+from sim.simulators.accelerator_designs import FEATURES, front_end
+from sim.simulators.compiled import Bench
+from sim.simulators.recording import NO_PAUSES, Pauses, Segment, flat_frame
 
 AERIAL = PRESETS["aerial"].front_end
 FAST = dataclasses.replace(AERIAL, detector="fast", threshold=10)

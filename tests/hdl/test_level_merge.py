@@ -8,8 +8,8 @@ from golden_model.feature.ilbp import ILBP_128
 from golden_model.records import FRAME_STATUS, Cause, Tag, feature_record
 from golden_model.selection.selection import emission_order
 from hdl.level_merge import LevelMerge
-from sim.block_bench import BlockBench
-from sim.recording import NO_PAUSES, Pauses
+from sim.benches.block_bench import BlockBench
+from sim.simulators.recording import NO_PAUSES, Pauses
 
 RECORD = feature_record(ILBP_128.descriptor_bytes)
 MAX_FEATURES = 12

@@ -4,11 +4,11 @@ import sys
 import pytest
 
 from golden_model.config import PRESETS
-from hdl.axi.register_map import REGISTERS, Access, fields
+from hdl.registers.live_register_map import LIVE_REGISTERS
+from hdl.registers.register_map import REGISTERS, Access, fields
 from hdl.settings import FRONT_END, REQUESTED, RUNNING, SETTINGS, SHELL, frame_settings, matched_frame_settings
-from hdl.shell.register_map import LIVE_REGISTERS
 from hdl.streams import FRONT_END_SETTINGS
-from sim import front_end_top
+from sim.simulators import front_end_top
 
 
 def test_the_settings_load_without_amaranth() -> None:

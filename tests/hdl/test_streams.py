@@ -7,8 +7,8 @@ from golden_model.feature.ilbp import PATTERNS
 from golden_model.records import FRAME_STATUS, MATCH, feature_record
 from hdl.lib.skid_buffer import SkidBuffer
 from hdl.streams import record_layout
-from sim.drivers import run_streams
-from sim.recording import NO_PAUSES, Pauses
+from sim.benches.drivers import run_streams
+from sim.simulators.recording import NO_PAUSES, Pauses
 
 FEATURES = [feature_record(pattern.descriptor_bytes, pattern.window_bytes) for pattern in PATTERNS.values()]
 

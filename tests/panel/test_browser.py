@@ -14,8 +14,8 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from golden_model.config import PRESETS
-from sim import verilator
-from sim.accelerator_designs import BUILT_SIZES_PX, accelerator
+from sim.simulators import verilator
+from sim.simulators.accelerator_designs import BUILT_SIZES_PX, accelerator
 from tests.panel.visit import (
     WINDOW,
     choose,

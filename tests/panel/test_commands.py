@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from sim.backend import silent
+from sim.backends.interface import silent
 from sim.scene import pair as rendered_pair
 from skymosaic.cli import app
 from skymosaic.panel.options import Options

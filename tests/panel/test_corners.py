@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from sim.backend import load_backend
+from sim.backends.interface import load_backend
 from sim.scene import pair as rendered_pair
 from skymosaic.panel.options import Options
 from skymosaic.panel.pages.corners_tab import detect

@@ -10,7 +10,7 @@ from PIL import Image
 from PIL.ExifTags import IFD
 from playwright.sync_api import Page, expect
 
-from sim.backend import silent
+from sim.backends.interface import silent
 from sim.scene import lawnmower
 from skymosaic.panel.options import Options
 from skymosaic.panel.tasks.mosaic_tasks import make_mosaic

@@ -10,7 +10,7 @@ from playwright.sync_api import Page, expect
 
 from skymosaic.compositing.layer import SeamMask
 from skymosaic.compositing.warp import Canvas
-from skymosaic.flight.composition import Composition, Placement
+from skymosaic.flight.picture.composition import Composition, Placement
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
 from skymosaic.panel.tasks import mosaic_picture

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page
 
-from skymosaic.imagery.georeference import Georeference
-from skymosaic.imagery.geotiff import watched_by_raster
-from skymosaic.imagery.tiles import write_tiles
+from skymosaic.maps.georeference import Georeference
+from skymosaic.maps.geotiff import watched_by_raster
+from skymosaic.maps.tiles import write_tiles
 
 pytest.importorskip("rasterio")
 WIDTH, HEIGHT = 900, 700

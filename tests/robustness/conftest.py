@@ -11,7 +11,7 @@ import pytest
 
 from golden_model.config import Config, FrontEndConfig
 from golden_model.records import FRAME_STATUS, MATCH, Tag, feature_record
-from sim.exported import host_programs
+from sim.benches.exported import host_programs
 
 CONFIG = Config(front_end=FrontEndConfig(max_features=256))
 PATTERN = CONFIG.front_end.pattern

@@ -27,9 +27,9 @@ from PIL.ExifTags import IFD
 
 from golden_model.config import load_config, preset_config, to_toml
 from golden_model.records import FRAME_STATUS, MATCH, Tag, feature_record
-from sim import board
-from sim.backend import BackendError, silent
-from sim.build_cache import cached
+from sim.backends import board
+from sim.backends.interface import BackendError, silent
+from sim.simulators.build_cache import cached
 from skymosaic.errors import InputError
 from skymosaic.flight.cache import ResultCache
 from skymosaic.imagery import images

@@ -19,14 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.records import MATCH, Cause, feature_record
-from hdl.axi.register_map import IDENTITY, register_writes
-from sim import verilator
-from sim.accelerator_designs import FEATURES, MATCHES, accelerator
-from sim.backend import FrameResult, Progress, silent
-from sim.compiled import Bench
-from sim.hardware import frame_result, packet_status
-from sim.recording import Output, Pauses, Segment
-from sim.scoreboard import first_mismatch
+from hdl.registers.register_map import IDENTITY, register_writes
+from sim.backends.interface import FrameResult, Progress, silent
+from sim.simulators import verilator
+from sim.simulators.accelerator_designs import FEATURES, MATCHES, accelerator
+from sim.simulators.compiled import Bench
+from sim.simulators.hardware import frame_result, packet_status
+from sim.simulators.recording import Output, Pauses, Segment
+from sim.simulators.scoreboard import first_mismatch
 from tests.robustness.soak_frames import BUILT_PX, CONFIG, SentFrame, Source
 
 LANES = 4

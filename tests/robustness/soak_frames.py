@@ -14,8 +14,8 @@ from golden_model.front_end import FrameFeatures, extract
 from golden_model.matching.matcher import match
 from golden_model.records import MATCH, Cause
 from hdl.settings import RUNNING, matched_frame_settings
-from sim.backend import FrameResult
-from sim.recording import END_OF_LINE, flat_frame
+from sim.backends.interface import FrameResult
+from sim.simulators.recording import END_OF_LINE, flat_frame
 
 BUILT_PX, MAX_FEATURES = 128, 256
 """A small build simulates fast, and small frames are many."""

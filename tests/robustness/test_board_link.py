@@ -9,8 +9,8 @@ import pytest
 
 from golden_model.records import FRAME_STATUS
 from hdl.settings import REQUESTED
-from sim.backend import BackendError, load_backend
-from sim.board import KEY_VARIABLE
+from sim.backends.board import KEY_VARIABLE
+from sim.backends.interface import BackendError, load_backend
 from tests.robustness.conftest import CONFIG, FEATURE
 
 FRAME = np.zeros((64, 96), np.uint8)

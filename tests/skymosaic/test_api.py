@@ -12,7 +12,7 @@ import skymosaic
 from sim.scene import pair as rendered_pair
 from skymosaic.errors import InputError
 from skymosaic.geometry.homography import apply
-from skymosaic.pair import KINDS, Pair
+from skymosaic.registration.pair import KINDS, Pair
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from sim.golden import GoldenBackend
+from sim.backends.golden import GoldenBackend
 from sim.scene import Camera, CameraPose, Photometry, render_ground, render_view
 from sim.scene.camera import visible_box
 from skymosaic import register

@@ -20,13 +20,14 @@ import pytest
 
 from golden_model.config import PRESETS, Config, to_toml
 from hdl.settings import REQUESTED, matched_frame_settings
-from sim import board, verilator
-from sim.accelerator_designs import BUILT_SIZES_PX, FEATURES, LANES, MATCHES, accelerator
-from sim.backend import BackendError, load_backend
-from sim.compiled import Bench
-from sim.exported import host_programs
-from sim.recording import END_OF_LINE, Segment
+from sim.backends import board
+from sim.backends.interface import BackendError, load_backend
+from sim.benches.exported import host_programs
 from sim.scene import pair as rendered_pair
+from sim.simulators import verilator
+from sim.simulators.accelerator_designs import BUILT_SIZES_PX, FEATURES, LANES, MATCHES, accelerator
+from sim.simulators.compiled import Bench
+from sim.simulators.recording import END_OF_LINE, Segment
 from skymosaic.cli import main
 from tests.system.command_line import only_error
 

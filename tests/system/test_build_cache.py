@@ -10,13 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from sim.backend import BackendError, silent
-from sim.build_cache import cache_folder, cached, digest
+from sim.backends.interface import BackendError, silent
+from sim.simulators.build_cache import cache_folder, cached, digest
 
 SLOW_BUILD = """
 import sys, time
 from pathlib import Path
-from sim.build_cache import cached
+from sim.simulators.build_cache import cached
 
 def build(folder):
     with Path(sys.argv[1]).open("a") as log:
@@ -148,7 +148,8 @@ def test_unwritable_cache_costs_the_cache_only(tmp_path, monkeypatch, reason):
 
 
 def test_imports_without_fcntl():
-    code = "import sys; sys.modules['fcntl'] = None; import skymosaic, skymosaic.cli.mosaic, sim.verilator, sim.board"
+    modules = "skymosaic.cli.mosaic, sim.simulators.verilator, sim.backends.board"
+    code = f"import sys; sys.modules['fcntl'] = None; import {modules}"
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
     subprocess.run([sys.executable, "-c", code], check=True, env=environment)
 

@@ -10,9 +10,9 @@ from golden_model.config import preset_config
 from sim.scene import lawnmower
 from skymosaic.compositing.warp import Canvas
 from skymosaic.flight.cache import ResultCache
-from skymosaic.flight.composition import compose
+from skymosaic.flight.linking.view import Settings
+from skymosaic.flight.picture.composition import compose
 from skymosaic.flight.survey import survey
-from skymosaic.flight.view import Settings
 from skymosaic.flight.workers import Workers
 from skymosaic.geometry.homography import apply, estimate
 from skymosaic.imagery.lens import Lens, load_lens
@@ -103,7 +103,9 @@ def test_the_lens_is_kept_beside_the_links_and_as_a_camera_file(folder, flight, 
     assert made.returncode == 0, made.stderr
     lens = load_lens(camera, None)
     assert lens.key == flight.calibration.lens.key
-    monkeypatch.setattr("skymosaic.flight.self_calibration._measured", lambda *_args, **_options: pytest.fail("again"))
+    monkeypatch.setattr(
+        "skymosaic.flight.layout.self_calibration._measured", lambda *_args, **_options: pytest.fail("again")
+    )
     assert surveyed([folder], cache=tmp_path / "cache").calibration.k1 == flight.calibration.k1
     again = surveyed([folder], lens)
     assert again.calibration is None

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from golden_model.config import preset_config
-from sim.backend import load_backend
+from sim.backends.interface import load_backend
 from sim.scene import lawnmower
 from skymosaic import mosaic
 from skymosaic.cli.live import grow

@@ -11,9 +11,9 @@ from golden_model.config import PRESETS
 from golden_model.front_end import extract
 from golden_model.geometry.scoring import Cause, answers, quantise
 from hdl.settings import REQUESTED, matched_frame_settings
-from sim.exported import host_programs
-from sim.golden import matched
-from sim.live import CameraTiming, LiveBench, MemoryRules
+from sim.backends.golden import matched
+from sim.benches.exported import host_programs
+from sim.benches.live import CameraTiming, LiveBench, MemoryRules
 from sim.scene import pair as rendered_pair
 
 SIZE_PX = (160, 120)

@@ -9,7 +9,7 @@ import pytest
 
 from sim.scene import lawnmower
 from skymosaic.errors import InputError, RegistrationError
-from skymosaic.flight.rig import alignments
+from skymosaic.flight.bands.rig import alignments
 from skymosaic.flight.workers import Workers
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.band_sets import in_band_sets

@@ -12,7 +12,7 @@ from skymosaic import mosaic, register
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.evaluation.metrics import grid_error
 from skymosaic.imagery.lens import Lens
-from skymosaic.mosaicing import mosaic_of_pair
+from skymosaic.mosaicking.api import mosaic_of_pair
 
 DATA = Path(os.environ.get("SKYMOSAIC_DATA", Path(__file__).parents[3] / "shared" / "data"))
 VGA = (640, 480)

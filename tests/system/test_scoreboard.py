@@ -8,11 +8,11 @@ import pytest
 from golden_model.config import PRESETS
 from golden_model.front_end import trace
 from golden_model.pixel.harris import TENSOR_SHIFT
-from sim import pysim
-from sim.backend import FrameClocks, load_backend
+from sim.backends.interface import FrameClocks, load_backend
 from sim.scene import pair as rendered_pair
-from sim.scoreboard import Coverage, first_clock_mismatch, first_mismatch, first_stage_mismatch, predicted
-from sim.stages import locate_mismatch
+from sim.simulators import pysim
+from sim.simulators.scoreboard import Coverage, first_clock_mismatch, first_mismatch, first_stage_mismatch, predicted
+from sim.simulators.stages import locate_mismatch
 
 AERIAL = PRESETS["aerial"]
 

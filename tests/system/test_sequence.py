@@ -16,8 +16,8 @@ from skymosaic.errors import InputError, RegistrationError
 from skymosaic.flight import workers as flight_workers
 from skymosaic.flight.cache import ResultCache
 from skymosaic.flight.check import check_flight
+from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.survey import survey
-from skymosaic.flight.view import Settings
 from skymosaic.flight.workers import Workers
 from skymosaic.geometry.homography import apply, estimate
 from skymosaic.imagery.photographs import sources

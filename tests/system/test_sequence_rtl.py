@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 
 from golden_model.config import PRESETS
-from sim import verilator
-from sim.accelerator_designs import BUILT_SIZES_PX, MATCHES, accelerator
-from sim.backend import Reference, load_backend
-from sim.hardware import frame_segments, results_of
+from sim.backends.interface import Reference, load_backend
 from sim.scene import lawnmower
-from sim.scoreboard import Coverage, first_clock_mismatch, first_mismatch, predicted
+from sim.simulators import verilator
+from sim.simulators.accelerator_designs import BUILT_SIZES_PX, MATCHES, accelerator
+from sim.simulators.hardware import frame_segments, results_of
+from sim.simulators.scoreboard import Coverage, first_clock_mismatch, first_mismatch, predicted
 
 FRAMES, SIZE_PX = 6, (640, 480)
 FRAME_CYCLES = SIZE_PX[0] * SIZE_PX[1]

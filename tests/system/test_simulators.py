@@ -11,11 +11,12 @@ from amaranth.lib import memory, wiring
 from amaranth.lib.fifo import SyncFIFOBuffered
 from amaranth.lib.wiring import In, Out
 
-from sim import backend, cxxrtl, pysim, verilator
-from sim.backend import BackendError
-from sim.build_cache import digest_files
-from sim.design import Design, Ports
-from sim.recording import NO_PAUSES, Pauses, Segment, flat_frame
+from sim.backends import interface as backend
+from sim.backends.interface import BackendError
+from sim.simulators import cxxrtl, pysim, verilator
+from sim.simulators.build_cache import digest_files
+from sim.simulators.design import Design, Ports
+from sim.simulators.recording import NO_PAUSES, Pauses, Segment, flat_frame
 
 WIDTH, HEIGHT = 64, 16
 SIMULATORS = (pysim, cxxrtl, verilator)

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from golden_model.config import preset_config
-from sim.backend import load_backend
+from sim.backends.interface import load_backend
 from sim.scene import pursuit
-from sim.scoreboard import first_mismatch
+from sim.simulators.scoreboard import first_mismatch
 from skymosaic.cli.track import track as track_command
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.geometry.homography import apply

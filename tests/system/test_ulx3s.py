@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 
 from golden_model.config import PRESETS, Config, load_config
-from hdl.boards import SOURCES
-from hdl.export import Build
+from hdl.export import ulx3s as export
+from hdl.export.accelerator import Build
+from hdl.export.boards import SOURCES
 from hdl.lib.ecp5 import Ecp5
-from hdl.serial import export
 from hdl.settings import REQUESTED, matched_frame_settings
-from sim.backend import load_backend
-from sim.exported import host_programs
+from sim.backends.interface import load_backend
+from sim.benches.exported import host_programs
+from sim.benches.serial import SerialPort
 from sim.scene import pair as rendered_pair
-from sim.serial import SerialPort
 from tests.system.command_line import only_error, skymosaic
 
 THESIS = PRESETS["thesis"]

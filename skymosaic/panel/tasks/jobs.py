@@ -23,7 +23,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
-from sim.backend import BackendError
+from sim.backends.interface import BackendError
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.panel.steps import Steps
 

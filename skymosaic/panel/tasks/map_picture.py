@@ -10,8 +10,8 @@ import numpy as np
 
 from golden_model.arrays import Array, Pixels
 from skymosaic.geometry.homography import apply
-from skymosaic.imagery.georeference import Georeference, on_globe, reprojected
 from skymosaic.imagery.images import save_bytes
+from skymosaic.maps.georeference import Georeference, on_globe, reprojected
 from skymosaic.panel.pair_view import Size
 from skymosaic.panel.results import MapView
 

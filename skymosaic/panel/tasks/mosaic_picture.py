@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Array, Pixels
-from skymosaic.flight.composition import Composition
-from skymosaic.flight.output import Delivery
+from skymosaic.flight.picture.composition import Composition
+from skymosaic.flight.picture.output import Delivery
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.images import save
 from skymosaic.panel.pair_view import Size

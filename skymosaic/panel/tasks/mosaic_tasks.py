@@ -19,20 +19,19 @@ import numpy as np
 
 from golden_model.config import to_toml
 from golden_model.formats import POSITION, decode_response
-from sim.backend import Progress
+from sim.backends.interface import Progress
 from skymosaic.errors import RegistrationError
 from skymosaic.evaluation.hardware import compare
 from skymosaic.flight.check import check_flight
-from skymosaic.flight.output import Delivery
+from skymosaic.flight.picture.output import Delivery
 from skymosaic.flight.survey import Flight
 from skymosaic.imagery.band_sets import in_band_sets
-from skymosaic.imagery.georeference import FEWEST_POSITIONS, has_maps
 from skymosaic.imagery.images import save_bytes
 from skymosaic.imagery.photographs import Source
-from skymosaic.mosaic_options import MosaicOptions
-from skymosaic.mosaic_plan import MosaicPlan
-from skymosaic.mosaicing import planned_sources
-from skymosaic.pair import Pair
+from skymosaic.maps.georeference import FEWEST_POSITIONS, has_maps
+from skymosaic.mosaicking.api import planned_sources
+from skymosaic.mosaicking.options import MosaicOptions
+from skymosaic.mosaicking.plan import MosaicPlan
 from skymosaic.panel.explain import verdicts
 from skymosaic.panel.options import AUTOMATIC, DAMAGED, Options
 from skymosaic.panel.pair_view import PairView
@@ -40,7 +39,8 @@ from skymosaic.panel.results import HardwareResult, LinkView, MapView, MosaicRes
 from skymosaic.panel.steps import step_line
 from skymosaic.panel.tasks.map_picture import map_view
 from skymosaic.panel.tasks.mosaic_picture import PREVIEW_WIDTH_PX, outlines, page_picture, show_mosaic
-from skymosaic.registration import WORKING_WIDTH_PX, register
+from skymosaic.registration.pair import Pair
+from skymosaic.registration.register import WORKING_WIDTH_PX, register
 from skymosaic.reports import pair as pair_report
 from skymosaic.reports.flight import band_line, write_report
 

@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 from golden_model.config import preset_config
-from sim.backend import Progress
+from sim.backends.interface import Progress
 from skymosaic.errors import RegistrationError
 from skymosaic.imagery.images import save_bytes
 from skymosaic.imagery.video import VideoReader, writing

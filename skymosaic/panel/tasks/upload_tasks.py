@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from golden_model.arrays import Pixels
-from sim.backend import Progress
+from sim.backends.interface import Progress
 from sim.scene import lawnmower, pursuit
 from sim.scene import pair as rendered_pair
 from skymosaic.errors import InputError
@@ -17,7 +17,7 @@ from skymosaic.imagery.decoding import LARGEST_AREA_PX
 from skymosaic.imagery.images import load, reduced, save
 from skymosaic.imagery.video import DEFAULT_RATE, VideoReader, writing
 from skymosaic.panel.results import Upload, picture_name
-from skymosaic.registration import WORKING_WIDTH_PX
+from skymosaic.registration.register import WORKING_WIDTH_PX
 
 BUILT_IN_SEED = 9
 FLIGHT_SIZE = (800, 600)

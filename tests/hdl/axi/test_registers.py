@@ -4,10 +4,10 @@ import pytest
 
 from golden_model.config import FrontEndConfig, MatcherConfig
 from hdl.axi.axi_lite import Response
-from hdl.axi.register_map import REGISTERS, Access, built_constants, fields
-from hdl.axi.registers import RegisterFile
-from hdl.shell.register_map import LIVE_REGISTERS
-from sim.block_bench import BlockBench
+from hdl.registers.live_register_map import LIVE_REGISTERS
+from hdl.registers.register_file import RegisterFile
+from hdl.registers.register_map import REGISTERS, Access, built_constants, fields
+from sim.benches.block_bench import BlockBench
 
 CYCLE_LIMIT = 200
 CONSTANTS = built_constants(

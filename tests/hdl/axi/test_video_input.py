@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from hdl.axi.video_input import VIDEO_BITS, VideoInput, pixels_per_clock
-from sim.block_bench import BlockBench
+from sim.benches.block_bench import BlockBench
 
 PIXELS = [0x11, 0x22, 0x33, 0x44, 0x55, 0x66]
 

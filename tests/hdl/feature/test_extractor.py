@@ -12,8 +12,8 @@ from hdl.feature.ring_window import RingWindow
 from hdl.lib.delay import delayed
 from hdl.pixel.nms import NEIGHBOURHOOD
 from hdl.streams import COORDINATE, beat, carry_scan
-from sim.drivers import run_beats
-from sim.recording import Pauses
+from sim.benches.drivers import run_beats
+from sim.simulators.recording import Pauses
 
 NEIGHBOURS = {"left": (-1, 0), "right": (1, 0), "up": (0, -1), "down": (0, 1)}
 

@@ -11,9 +11,9 @@ from golden_model.feature.ilbp import PATTERNS, describe, gather
 from hdl.feature.ilbp import RingDescriptor
 from hdl.feature.ring_window import RingWindow
 from hdl.streams import beat, carry_scan
-from sim.block_bench import BlockBench
-from sim.drivers import run_beats, run_clocks
-from sim.recording import Pauses
+from sim.benches.block_bench import BlockBench
+from sim.benches.drivers import run_beats, run_clocks
+from sim.simulators.recording import Pauses
 
 CENTRE_PX = 20
 PATCH_PX = 2 * CENTRE_PX + 1

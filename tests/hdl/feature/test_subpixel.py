@@ -5,7 +5,7 @@ import pytest
 from golden_model.feature import subpixel
 from golden_model.formats import encode_response
 from hdl.feature.subpixel import SubPixel
-from sim.drivers import run_clocks
+from sim.benches.drivers import run_clocks
 
 CANDIDATES = 400
 LAG_PX = 17

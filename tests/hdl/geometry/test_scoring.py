@@ -8,10 +8,10 @@ from golden_model.formats import POSITION
 from golden_model.geometry import scoring as golden
 from golden_model.geometry.scoring import Cause, finish_cycles, quantise, score
 from hdl.geometry.scoring import IN_FLIGHT, HomographyScoring, hypothesis_payloads, set_of_matches
-from sim.block_bench import BlockBench
-from sim.drivers import run_streams
-from sim.recording import NO_PAUSES, Pauses
-from sim.scoring import clocked_scores, simulated_score
+from sim.benches.block_bench import BlockBench
+from sim.benches.drivers import run_streams
+from sim.benches.scoring import clocked_scores, simulated_score
+from sim.simulators.recording import NO_PAUSES, Pauses
 
 PAUSES = Pauses(gaps=120, stalls=150, seed=7)
 TRUTH = np.array([[1.02, 0.05, 30], [-0.04, 0.97, 10], [1e-5, 2e-5, 1]])

@@ -15,10 +15,10 @@ from golden_model.matching.hamming import distances, mutual_matches
 from hdl.matching.correlation import PIXELS, WindowCorrelation
 from hdl.matching.fuzzy import Sugeno
 from hdl.matching.fuzzy_correlation import FuzzyCorrelation, scale_constants
-from sim.block_bench import BlockBench
-from sim.drivers import run_streams
-from sim.recording import NO_PAUSES, Pauses
+from sim.benches.block_bench import BlockBench
+from sim.benches.drivers import run_streams
 from sim.scene import pair
+from sim.simulators.recording import NO_PAUSES, Pauses
 
 PAUSES = Pauses(gaps=100, stalls=180, seed=4)
 

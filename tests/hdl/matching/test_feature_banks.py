@@ -6,8 +6,8 @@ import pytest
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.records import FRAME_STATUS, Tag, feature_record
 from hdl.matching.feature_banks import READ_CYCLES, FeatureBanks
-from sim.block_bench import BlockBench
-from sim.recording import NO_PAUSES, Pauses
+from sim.benches.block_bench import BlockBench
+from sim.simulators.recording import NO_PAUSES, Pauses
 
 MAX_FEATURES = 16
 

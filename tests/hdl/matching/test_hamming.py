@@ -10,9 +10,9 @@ from hdl.lib.popcount import Popcount
 from hdl.matching.feature_banks import READ_CYCLES
 from hdl.matching.mutual_neighbours import MutualNearestNeighbours
 from hdl.matching.nearest_neighbours import RESULT_CYCLES, NearestNeighbours
-from sim.block_bench import BlockBench
-from sim.drivers import run_clocks
-from sim.recording import Pauses
+from sim.benches.block_bench import BlockBench
+from sim.benches.drivers import run_clocks
+from sim.simulators.recording import Pauses
 
 
 def some_equal(rng, count, bits):

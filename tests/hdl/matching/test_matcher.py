@@ -11,9 +11,9 @@ from golden_model.records import FRAME_STATUS, MATCH, Cause, Tag, feature_record
 from hdl.matching.match_weigher import MatchWeigher
 from hdl.matching.matcher import Matcher
 from hdl.matching.nearest_neighbours import NearestNeighbours
-from sim.block_bench import BlockBench
-from sim.golden import matched
-from sim.recording import NO_PAUSES, Pauses
+from sim.backends.golden import matched
+from sim.benches.block_bench import BlockBench
+from sim.simulators.recording import NO_PAUSES, Pauses
 
 ILBP_32 = PATTERNS["thesis-ilbp-4"]
 LANES, MAX_FEATURES = 4, 32

@@ -16,7 +16,7 @@ from hdl.pixel.nms import Suppression
 from hdl.pixel.smooth import Binomial
 from hdl.pixel.sobel import Sobel
 from hdl.pixel.window import LineBuffer, OffsetColumns, Window
-from sim.drivers import run_beats
+from sim.benches.drivers import run_beats
 from tests.hdl.pixel.columns import columns
 
 WIDTH_PX = 24

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from hdl.selection.level_scan import LevelScan
-from sim.drivers import run_beats
+from sim.benches.drivers import run_beats
 
 LAG_PX, BORDER_PX, CELL_LOG2 = 4, 7, 5
 

@@ -5,8 +5,8 @@ from golden_model.feature.ilbp import PATTERNS
 from golden_model.records import Tag, feature_record
 from hdl.feature.extractor import feature_layout
 from hdl.selection.record_serializer import FeatureWords
-from sim.drivers import run_streams
-from sim.recording import Pauses
+from sim.benches.drivers import run_streams
+from sim.simulators.recording import Pauses
 
 FEATURES = 40
 ENDS_AFTER = {11: [0], 12: [0, 1], 39: [1]}

@@ -7,8 +7,8 @@ import pytest
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.selection import selection
 from hdl.selection.selection import CellSelection, RasterSelection
-from sim.block_bench import BlockBench
-from sim.recording import Pauses
+from sim.benches.block_bench import BlockBench
+from sim.simulators.recording import Pauses
 
 PATTERN = PATTERNS["thesis-ilbp-1"]
 WIDTH_PX, HEIGHT_PX = 200, 150

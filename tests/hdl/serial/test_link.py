@@ -11,7 +11,7 @@ from amaranth.sim import Simulator
 
 from golden_model.records import WORD_BYTES
 from hdl.axi.axi_lite import AxiLiteSubordinate
-from hdl.axi.register_map import ADDRESS_BITS
+from hdl.registers.register_map import ADDRESS_BITS
 from hdl.serial.link import Command, Message, SerialLink
 from hdl.serial.uart import UartReceiver, UartTransmitter
 

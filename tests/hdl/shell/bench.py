@@ -13,12 +13,12 @@ from amaranth.hdl import Elaboratable
 from amaranth.sim import Simulator
 
 from golden_model.records import WORD_BYTES, Tag
-from hdl.axi.register_map import Access, fields
+from hdl.registers.live_register_map import LIVE_REGISTERS
+from hdl.registers.register_map import Access, fields
 from hdl.settings import PAGE_BYTES, RINGS
-from hdl.shell.register_map import LIVE_REGISTERS
 from hdl.shell.shell import Shell
 from hdl.shell.slot import HEADER, HEADER_BYTES
-from sim.axi_memory import AxiMemory
+from sim.benches.axi_memory import AxiMemory
 
 WIDTH_PX, HEIGHT_PX = 8, 4
 RECORD_WORDS = {"features": 3, "matches": 2}

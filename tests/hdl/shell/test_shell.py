@@ -4,10 +4,10 @@ from typing import Any
 
 import pytest
 
+from hdl.registers.live_register_map import Reason, Refusal
 from hdl.settings import PAGE_BYTES, RINGS
-from hdl.shell.register_map import Reason, Refusal
 from hdl.shell.slot import HeaderFlag
-from sim.axi_memory import AxiMemory
+from sim.benches.axi_memory import AxiMemory
 from tests.hdl.shell.bench import BASES, HEIGHT_PX, SLOTS, WIDTH_PX, Run, ShellBench, flight, frame, settings
 
 FRAMES = 6

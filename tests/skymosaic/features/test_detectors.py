@@ -25,7 +25,7 @@ from skymosaic.features.detectors import (
 from skymosaic.features.methods import HostBackend, Method, backend_of, choose
 from skymosaic.features.positions import match_points
 from skymosaic.geometry.homography import apply
-from skymosaic.registration import register
+from skymosaic.registration.register import register
 
 FLIGHT = rendered_pair(seed=1)
 SOME_DESCRIPTORS = ("ilbp-128", "thesis-ilbp-4", "window-10", "sift", "orb", "brisk", "freak", "klt")

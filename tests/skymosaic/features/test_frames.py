@@ -3,7 +3,7 @@ import pytest
 
 from golden_model.config import preset_config
 from golden_model.front_end import extract
-from sim.golden import GoldenBackend
+from sim.backends.golden import GoldenBackend
 from sim.scene import pair as rendered_pair
 from skymosaic.features.frames import Change, changed, in_image, matches_in_images, swapped
 from skymosaic.features.guided_matching import guided_matches

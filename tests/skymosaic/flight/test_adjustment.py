@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from sim.scene import Camera, CameraPose
-from skymosaic.flight.adjustment import FOCAL_HALF_DIAGONALS, Network, Ties, generators, shapes, stretch_of_tilt
+from skymosaic.flight.layout.adjustment import FOCAL_HALF_DIAGONALS, Network, Ties, generators, shapes, stretch_of_tilt
 from skymosaic.geometry.homography import apply
 
 UNIT_PX = 800.0

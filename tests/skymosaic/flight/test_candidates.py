@@ -3,7 +3,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from skymosaic.flight.candidates import predicted
-from skymosaic.flight.links import Link
+from skymosaic.flight.linking.links import Link
 
 SIZE_PX = (400, 300)
 COLUMNS, ROWS, STEP_PX = 8, 6, (60, 70)

@@ -15,7 +15,7 @@ from sim.scene import pair as rendered_pair
 from skymosaic import temporary
 from skymosaic.errors import InputError
 from skymosaic.flight.cache import ResultCache, key_of
-from skymosaic.flight.view import Settings, describe, unpacked
+from skymosaic.flight.linking.view import Settings, describe, unpacked
 from skymosaic.imagery.exif import Position, Taken, taken
 from skymosaic.imagery.lens import Lens, load_lens
 from skymosaic.imagery.own_outputs import remember

@@ -6,14 +6,14 @@ import pytest
 
 from sim.scene import lawnmower
 from skymosaic.errors import InputError
-from skymosaic.flight.mapping import camera_positions, place_on_map, scale_for
-from skymosaic.flight.output import OutputForm
+from skymosaic.flight.picture.mapping import camera_positions, place_on_map, scale_for
+from skymosaic.flight.picture.output import OutputForm
 from skymosaic.geometry.homography import apply
-from skymosaic.imagery.control_points import load_control_points
 from skymosaic.imagery.exif import Taken
 from skymosaic.imagery.lens import Lens
-from skymosaic.mosaic_options import MosaicOptions
-from skymosaic.mosaicing import planned
+from skymosaic.maps.control_points import load_control_points
+from skymosaic.mosaicking.api import planned
+from skymosaic.mosaicking.options import MosaicOptions
 
 SIZE = (480, 360)
 METRES, CORNER = 0.15, np.array([430_000.0, 5_190_000.0])

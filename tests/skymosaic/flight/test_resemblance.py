@@ -6,7 +6,7 @@ from golden_model.config import preset_config
 from golden_model.feature.ilbp import SECTORS
 from golden_model.front_end import extract
 from golden_model.matching.hamming import distances, mutual_matches
-from skymosaic.flight.resemblance import CLOSE_BITS, COMPACT_FEATURES, LIKELY, compact, likely_pairs, votes
+from skymosaic.flight.linking.resemblance import CLOSE_BITS, COMPACT_FEATURES, LIKELY, compact, likely_pairs, votes
 
 VIEWS, SHARED, WRONG_BITS = 100, 24, 0.1
 DESCRIPTOR = np.dtype([("descriptor", np.uint8, 16)])

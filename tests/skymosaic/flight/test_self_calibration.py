@@ -3,11 +3,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from skymosaic.flight.adjustment import FOCAL_HALF_DIAGONALS
-from skymosaic.flight.distortion import bending_of, straightened
-from skymosaic.flight.layout import lay_out, normalisation
-from skymosaic.flight.links import Link
-from skymosaic.flight.self_calibration import calibrate, straightened_links
+from skymosaic.flight.layout.adjustment import FOCAL_HALF_DIAGONALS
+from skymosaic.flight.layout.distortion import bending_of, straightened
+from skymosaic.flight.layout.layout import lay_out, normalisation
+from skymosaic.flight.layout.self_calibration import calibrate, straightened_links
+from skymosaic.flight.linking.links import Link
 from skymosaic.geometry.homography import apply
 
 SIZE_PX = (1280, 960)

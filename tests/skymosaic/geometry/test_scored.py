@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from golden_model.geometry.scoring import LEVELS, MAX_MATCHES
+from sim.benches.scoring import simulated_score
 from sim.scene import pair as rendered_pair
-from sim.scoring import simulated_score
 from skymosaic import register
 from skymosaic.geometry import estimators, prosac
 from skymosaic.geometry.homography import apply

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from skymosaic.errors import InputError
-from skymosaic.imagery.control_points import Sighting, load_control_points
+from skymosaic.maps.control_points import Sighting, load_control_points
 
 pytest.importorskip("rasterio")
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from skymosaic.imagery.exif import Position
-from skymosaic.imagery.georeference import fit_to_map, on_globe, utm
+from skymosaic.maps.georeference import fit_to_map, on_globe, utm
 
 pytest.importorskip("rasterio")
 

@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from skymosaic.imagery.georeference import Georeference
-from skymosaic.imagery.geotiff import watched_by_raster, write_cog
+from skymosaic.maps.georeference import Georeference
+from skymosaic.maps.geotiff import watched_by_raster, write_cog
 
 rasterio = pytest.importorskip("rasterio")
 cogeo = pytest.importorskip("rio_cogeo.cogeo")

@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from skymosaic.imagery.georeference import Georeference, on_globe
-from skymosaic.imagery.geotiff import watched_by_raster
-from skymosaic.imagery.tiles import TILE_PX, write_tiles
+from skymosaic.maps.georeference import Georeference, on_globe
+from skymosaic.maps.geotiff import watched_by_raster
+from skymosaic.maps.tiles import TILE_PX, write_tiles
 
 pytest.importorskip("rasterio")
 WIDTH, HEIGHT, METRES = 900, 700, 0.1

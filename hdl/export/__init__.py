@@ -1,0 +1,1 @@
+"""What leaves the project: Verilog, IP packaging, boards and register documents."""

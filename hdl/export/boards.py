@@ -1,0 +1,30 @@
+"""The boards that can be exported for, known without loading the hardware.
+
+A board is a Tcl file in ``constraints/boards/``: its part, family, clock and memory. The file of its family in
+``constraints/systems/`` builds what surrounds the accelerator.
+"""
+
+import re
+from pathlib import Path
+
+SOURCES = next(path for path in (folder / "constraints" for folder in Path(__file__).parents[1:3]) if path.is_dir())
+"""What an export copies: in an installed wheel data of this package, in the repository the folder at its top."""
+BOARDS = tuple(sorted(path.stem for path in (SOURCES / "boards").glob("*.tcl")))
+
+SERIAL_BOARD = "ulx3s"
+"""It has no processor: the accelerator is behind its serial port, and open tools build its bitstream."""
+ALL_BOARDS = (*BOARDS, SERIAL_BOARD)
+
+
+def board_facts(board: str) -> dict[str, str]:
+    """What the board's Tcl file says, by name; all boards have ``part``, ``family`` and ``clock_mhz``.
+
+    Raises
+    ------
+    ValueError
+        For an unknown board, naming the valid ones.
+    """
+    if board not in BOARDS:
+        raise ValueError(f"unknown board {board!r}; valid: {', '.join(ALL_BOARDS)}")
+    text = (SOURCES / "boards" / f"{board}.tcl").read_text()
+    return dict(re.findall(r"^    (\w+) +\{?(.*?)\}?$", text, re.MULTILINE))

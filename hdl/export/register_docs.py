@@ -1,0 +1,122 @@
+"""The register map as documentation and for tools: Markdown, CMSIS-SVD, a C header."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+
+from hdl.registers.live_register_map import LIVE_REGISTERS, SHELL_OFFSET
+from hdl.registers.register_map import ADDRESS_BITS, REGISTER_BITS, REGISTERS, VERSION, Access, Field, Register
+
+NAME = "skymosaic"
+_SVD_ACCESS = {
+    Access.CONSTANT: "read-only",
+    Access.STATUS: "read-only",
+    Access.SETTING: "read-write",
+    Access.REQUEST: "read-write",
+    Access.EVENT: "read-write",
+    Access.COMMAND: "write-only",
+}
+
+
+def markdown(registers: Sequence[Register] = LIVE_REGISTERS) -> str:
+    """The register map as a Markdown page; with all registers, `docs/register_map.md`."""
+    lines = [
+        "# Register map",
+        "",
+        f"Version {'.'.join(map(str, VERSION))}. AXI4-Lite, {REGISTER_BITS}-bit registers, {1 << ADDRESS_BITS} bytes. "
+        "An access to another address, or a write to a register that has no field to write, is answered with SLVERR. "
+        "Bits that are not listed read 0. Generated from `hdl/registers/register_map.py` and "
+        "`hdl/registers/live_register_map.py`.",
+        "",
+    ]
+    if registers[-1].offset >= SHELL_OFFSET:
+        lines += [f"Registers from 0x{SHELL_OFFSET:X} on exist in live builds only (`skymosaic export --live`).", ""]
+    for register in registers:
+        lines += [f"## 0x{register.offset:02X} {register.name}", "", register.description, ""]
+        lines += ["| bits | field | access | after reset | meaning |", "|---|---|---|---|---|"]
+        lines += [_row(field) for field in register.fields]
+        lines.append("")
+    return "\n".join(lines)
+
+
+def _row(field: Field) -> str:
+    bits = f"{field.low + field.bits - 1}:{field.low}" if field.bits > 1 else str(field.low)
+    reset = "built in" if field.access is Access.CONSTANT else str(field.init)
+    return f"| {bits} | `{field.name}` | {field.access.value} | {reset} | {field.description} |"
+
+
+def svd(registers: Sequence[Register] = REGISTERS) -> str:
+    """The register map as a CMSIS-SVD device."""
+    device = ET.Element("device", schemaVersion="1.3")
+    _texts(
+        device,
+        name=NAME,
+        version=".".join(map(str, VERSION)),
+        description="UAV vision front end",
+        addressUnitBits="8",
+        width=str(REGISTER_BITS),
+    )
+    peripheral = ET.SubElement(ET.SubElement(device, "peripherals"), "peripheral")
+    _texts(peripheral, name=NAME, baseAddress="0x0")
+    block = ET.SubElement(peripheral, "addressBlock")
+    _texts(block, offset="0x0", size=f"0x{1 << ADDRESS_BITS:X}", usage="registers")
+    parent = ET.SubElement(peripheral, "registers")
+    for register in registers:
+        _svd_register(parent, register)
+    ET.indent(device)
+    return '<?xml version="1.0" encoding="utf-8"?>\n' + ET.tostring(device, encoding="unicode") + "\n"
+
+
+def _svd_register(parent: ET.Element, register: Register) -> None:
+    element = ET.SubElement(parent, "register")
+    reset = sum(field.init << field.low for field in register.fields)
+    _texts(
+        element,
+        name=register.name,
+        description=register.description,
+        addressOffset=f"0x{register.offset:X}",
+        resetValue=f"0x{reset:X}",
+    )
+    fields = ET.SubElement(element, "fields")
+    for field in register.fields:
+        described = ET.SubElement(fields, "field")
+        _texts(
+            described,
+            name=field.name,
+            description=field.description,
+            bitOffset=str(field.low),
+            bitWidth=str(field.bits),
+            access=_SVD_ACCESS[field.access],
+        )
+        if field.access is Access.EVENT:
+            _texts(described, modifiedWriteValues="oneToClear")
+
+
+def _texts(parent: ET.Element, **texts: str) -> None:
+    for tag, text in texts.items():
+        ET.SubElement(parent, tag).text = text
+
+
+def c_header(registers: Sequence[Register] = REGISTERS) -> str:
+    """Offsets, shifts and masks as C macros."""
+    guard = f"{NAME.upper()}_REGISTERS_H"
+    lines = [
+        f"/* Registers of the {NAME} accelerator, version {'.'.join(map(str, VERSION))}. Generated; do not edit. */",
+        f"#ifndef {guard}",
+        f"#define {guard}",
+    ]
+    for register in registers:
+        lines += [
+            "",
+            f"/* {register.description} */",
+            f"#define {NAME.upper()}_{register.name} 0x{register.offset:02X}u",
+        ]
+        for field in register.fields:
+            macro = f"{NAME.upper()}_{register.name}_{field.name.upper()}"
+            lines += [f"#define {macro}_SHIFT {field.low}u", f"#define {macro}_MASK 0x{field.mask:08X}u"]
+    return "\n".join([*lines, "", f"#endif /* {guard} */", ""])
+
+
+if __name__ == "__main__":
+    print(markdown(), end="")

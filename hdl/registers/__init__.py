@@ -1,0 +1,1 @@
+"""The AXI4-Lite register maps and the register file that serves them."""

@@ -1,0 +1,129 @@
+"""The register file: the hardware of a register map, behind AXI4-Lite."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from amaranth import Cat, Const, Module, Mux, Signal, Value
+from amaranth.lib import wiring
+from amaranth.lib.wiring import In, Out
+
+from hdl.axi.axi_lite import AxiLiteInterface, AxiLiteSignature, AxiLiteSubordinate
+from hdl.registers.register_map import ADDRESS_BITS, REGISTERS, Access, Field, Register, fields
+
+_FROM_HARDWARE = {Access.STATUS: "i_", Access.EVENT: "i_", Access.REQUEST: "i_"}
+_TO_HARDWARE = {Access.SETTING: "o_", Access.EVENT: "o_", Access.REQUEST: "o_", Access.COMMAND: "o_"}
+
+
+class RegisterFile(wiring.Component):
+    """Registers on the software's side, one signal for each field on the hardware's.
+
+    An access to an unknown address, or a write to a register without a writable field, is answered with SLVERR and
+    has no effect. Byte strobes are respected; the two lowest address bits are ignored.
+
+    Parameters
+    ----------
+    constants : mapping of str to int
+        Value of every constant field (`hdl.registers.register_map.built_constants`).
+    registers : sequence of Register
+        The map.
+
+    Members
+    -------
+    bus : In(AxiLiteSignature)
+    i_<field> : In
+        The value of a STATUS field; a pulse that sets an EVENT; a pulse that acknowledges a REQUEST.
+    o_<field> : Out
+        The value of a SETTING; the state of an EVENT; a pending REQUEST; a one-clock pulse for a COMMAND.
+    o_interrupt : Out(1)
+        High while an event and its mask are set.
+    """
+
+    bus: AxiLiteInterface
+    o_interrupt: Signal
+
+    if TYPE_CHECKING:
+        # The map makes the ports; a type checker cannot know their names.
+        def __getattr__(self, name: str) -> Signal: ...
+
+    def __init__(self, *, constants: Mapping[str, int], registers: Sequence[Register] = REGISTERS) -> None:
+        self.constants = dict(constants)
+        self.registers = tuple(registers)
+        out: Any = Out  # amaranth-stubs still call init by its old name, reset.
+        super().__init__(
+            {
+                "bus": In(AxiLiteSignature(address_bits=ADDRESS_BITS)),
+                **{f"i_{field.name}": In(field.bits) for field in self._fields(*_FROM_HARDWARE)},
+                **{f"o_{field.name}": out(field.bits, init=field.init) for field in self._fields(*_TO_HARDWARE)},
+                "o_interrupt": Out(1),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        """Field registers, the answer to a write, the word of a read, the interrupt."""
+        m = Module()
+        m.submodules.bus = bus = AxiLiteSubordinate(address_bits=ADDRESS_BITS)
+        wiring.connect(m, wiring.flipped(self.bus), bus.bus)
+        strobes = Cat(*(strobe.replicate(8) for strobe in bus.o_strobe))
+        for register in self.registers:
+            writes = bus.o_write & (bus.o_write_word == register.offset // 4)
+            for field in register.fields:
+                bits = slice(field.low, field.low + field.bits)
+                self._update(m, field, writes, bus.o_data[bits], strobes[bits])
+        writable = [register.offset // 4 for register in self.registers if _is_writable(register)]
+        m.d.comb += bus.i_write_known.eq(bus.o_write_word.matches(*writable))
+        with m.Switch(bus.o_read_word):
+            for register in self.registers:
+                with m.Case(register.offset // 4):
+                    m.d.comb += [bus.i_read_known.eq(1), bus.i_data.eq(self._word(register))]
+        events = self._fields(Access.EVENT)
+        masked = [self._signal("o_", event) & getattr(self, f"o_{event.name}_mask") for event in events]
+        m.d.comb += self.o_interrupt.eq(Cat(masked).any())
+        return m
+
+    def _fields(self, *accesses: Access) -> Iterator[Field]:
+        return fields(*accesses, registers=self.registers)
+
+    def _update(self, m: Module, field: Field, writes: Value, data: Value, strobe: Value) -> None:
+        """Next value of a field. Where a write and the hardware meet in one clock, no event or request is lost."""
+        ones = Mux(writes, data & strobe, 0)
+        match field.access:
+            case Access.SETTING:
+                with m.If(writes):
+                    m.d.sync += self._signal("o_", field).eq((self._signal("o_", field) & ~strobe) | (data & strobe))
+            case Access.COMMAND:
+                m.d.sync += self._signal("o_", field).eq(ones)
+            case Access.REQUEST:
+                obeyed = self._signal("i_", field)
+                m.d.sync += self._signal("o_", field).eq((self._signal("o_", field) & ~obeyed) | ones)
+            case Access.EVENT:
+                happened = self._signal("i_", field)
+                m.d.sync += self._signal("o_", field).eq((self._signal("o_", field) & ~ones) | happened)
+
+    def _word(self, register: Register) -> Value:
+        """The word that a read returns; unused bits are 0."""
+        parts: list[Value] = []
+        for field in sorted(register.fields, key=lambda field: field.low):
+            gap = field.low - len(Cat(parts))
+            parts += [Const(0, gap), self._value(field)]
+        return Cat(parts)
+
+    def _value(self, field: Field) -> Value:
+        match field.access:
+            case Access.CONSTANT:
+                return Const(self.constants[field.name], field.bits)
+            case Access.STATUS:
+                return self._signal("i_", field)
+            case Access.COMMAND:
+                return Const(0, field.bits)
+            case _:
+                return self._signal("o_", field)
+
+    def _signal(self, prefix: str, field: Field) -> Signal:
+        signal: Signal = getattr(self, prefix + field.name)
+        return signal
+
+
+def _is_writable(register: Register) -> bool:
+    return any(field.access not in (Access.CONSTANT, Access.STATUS) for field in register.fields)

@@ -1,0 +1,298 @@
+"""The register map of the accelerator, declared once.
+
+The hardware (`hdl.registers.register_file`), the Markdown, SVD and C descriptions (`hdl.export.register_docs`) and the
+exported driver's constants (`hdl.export.accelerator.driver_map`) come from `REGISTERS`; the settings in it come from
+`hdl.settings`. A live build has the registers of its shell behind them (`hdl.registers.live_register_map`).
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from golden_model.config import DETECTORS, RULE_BASES, FrontEndConfig, MatcherConfig
+from golden_model.records import MATCH, Cause, feature_record
+from hdl.settings import SETTINGS, Setting
+
+REGISTER_BITS = 32
+ADDRESS_BITS = 12
+IDENTITY = int.from_bytes(b"SKYM", "big")
+VERSION = (0, 3, 0)
+
+
+class Access(enum.Enum):
+    """Who writes a field, and how."""
+
+    CONSTANT = "constant"
+    STATUS = "read only"
+    SETTING = "read/write"
+    REQUEST = "write 1 to request; reads 1 until obeyed"
+    EVENT = "read; write 1 to clear"
+    COMMAND = "write 1; reads 0"
+
+
+@dataclass(frozen=True)
+class Field:
+    """A bit field of a register.
+
+    Attributes
+    ----------
+    name : str
+        Unique in the map.
+    low, bits : int
+        Lowest bit and width.
+    access : Access
+    description : str
+    init : int
+        Value after reset.
+    """
+
+    name: str
+    low: int
+    bits: int
+    access: Access
+    description: str
+    init: int = 0
+
+    @property
+    def mask(self) -> int:
+        """The field's bits in its register."""
+        return ((1 << self.bits) - 1) << self.low
+
+
+@dataclass(frozen=True)
+class Register:
+    """A 32-bit register at a byte ``offset``."""
+
+    name: str
+    offset: int
+    description: str
+    fields: tuple[Field, ...]
+
+
+_BAD = ", ".join(f"{cause.value} {str(cause.name).lower().replace('_', ' ')}" for cause in Cause)
+_CONSTANT, _STATUS = Access.CONSTANT, Access.STATUS
+
+
+def setting_field(setting: Setting, low: int) -> Field:
+    """The field of a setting, from bit ``low`` on."""
+    return Field(setting.name, low, setting.bits, Access.SETTING, setting.description, init=setting.reset)
+
+
+def _setting(name: str, low: int) -> Field:
+    return setting_field(SETTINGS[name], low)
+
+
+REGISTERS = (
+    Register("ID", 0x00, "Identifies the accelerator.", (Field("identity", 0, 32, _CONSTANT, '"SKYM" in ASCII.'),)),
+    Register(
+        "VERSION",
+        0x04,
+        "Version of the register map and the records.",
+        (
+            Field("version_patch", 0, 8, _CONSTANT, "Changes that software cannot see."),
+            Field("version_minor", 8, 8, _CONSTANT, "Registers or fields were added."),
+            Field("version_major", 16, 8, _CONSTANT, "Software must be changed."),
+        ),
+    ),
+    Register(
+        "BUILD",
+        0x08,
+        "What was built.",
+        (
+            Field("built_levels", 0, 2, _CONSTANT, "Pyramid levels."),
+            Field("built_detectors", 2, 2, _CONSTANT, f"Detectors to choose from, a bit each: {', '.join(DETECTORS)}."),
+            Field("built_rule_base", 4, 2, _CONSTANT, "Index into " + ", ".join(RULE_BASES) + "."),
+            Field("built_selection", 6, 1, _CONSTANT, "Whether corners are selected by cells."),
+            Field("built_live", 7, 1, _CONSTANT, "Whether a streaming shell and the registers from 0x100 on exist."),
+            Field("built_descriptor_bytes", 8, 8, _CONSTANT, "Length of a descriptor."),
+            Field("built_lanes", 16, 8, _CONSTANT, "Left descriptors compared at a time."),
+            Field(
+                "built_video_bits",
+                24,
+                8,
+                _CONSTANT,
+                "Width of the video input's data: 32, 24 or 8; 48 or 16 with two pixels a clock.",
+            ),
+        ),
+    ),
+    Register(
+        "BUILD_SIZE",
+        0x0C,
+        "Largest frame.",
+        (
+            Field("built_width_px", 0, 16, _CONSTANT, "Width."),
+            Field("built_height_px", 16, 16, _CONSTANT, "Height."),
+        ),
+    ),
+    Register(
+        "BUILD_RECORDS",
+        0x10,
+        "Capacity and lengths of records.",
+        (
+            Field("built_max_features", 0, 16, _CONSTANT, "Most features of a frame."),
+            Field(
+                "built_feature_bytes", 16, 8, _CONSTANT, "Bytes of a Feature record and of its stream's FrameStatus."
+            ),
+            Field("built_match_bytes", 24, 8, _CONSTANT, "Bytes of a Match record and of its stream's FrameStatus."),
+        ),
+    ),
+    Register(
+        "CONTROL",
+        0x20,
+        "What is switched on. A frame keeps the settings with which it started, those below included, until it has "
+        "been matched; `enable` takes effect at once, `features_enable` and `matches_enable` with the next "
+        "packet. A frame whose settings are out of range, or larger than what was built, is refused: its pixels are "
+        "dropped, and its status is bad.",
+        (
+            _setting("enable", 0),
+            _setting("memory_mode", 1),
+            _setting("gray_input", 2),
+            _setting("features_enable", 3),
+            _setting("matches_enable", 4),
+            _setting("hold_reference", 5),
+            _setting("adaptive", 6),
+            Field(
+                "clear",
+                8,
+                1,
+                Access.COMMAND,
+                "Forget frames and reference; settings stay. A packet under way ends with a bad FrameStatus.",
+            ),
+        ),
+    ),
+    Register(
+        "REFERENCE",
+        0x24,
+        "The held reference.",
+        (
+            Field(
+                "take_reference",
+                0,
+                1,
+                Access.REQUEST,
+                "The next good frame to start becomes the reference, unmatched.",
+            ),
+        ),
+    ),
+    Register("SIZE", 0x28, "Size of the frames.", (_setting("width_px", 0), _setting("height_px", 16))),
+    Register("SELECTION", 0x2C, "Selection by cells.", (_setting("cell_log2", 0), _setting("per_cell", 8))),
+    Register(
+        "THRESHOLD", 0x30, "Detector and its threshold.", (_setting("threshold_code", 0), _setting("detector", 16))
+    ),
+    Register("TARGET", 0x34, "Target of the adaptive threshold.", (_setting("target_features", 0),)),
+    Register("KEEP", 0x38, "Limit of the fuzzy weight.", (_setting("keep_above", 0),)),
+    Register(
+        "STATUS",
+        0x40,
+        "What waits at the moment.",
+        (
+            Field("video_waiting", 0, 1, _STATUS, "A pixel waits at the input."),
+            Field("features_waiting", 1, 1, _STATUS, "A word waits for its DMA on the features' stream."),
+            Field("matches_waiting", 2, 1, _STATUS, "A word waits for its DMA on the matches' stream."),
+        ),
+    ),
+    Register("FRAMES", 0x44, "Frames seen since clear.", (Field("frames", 0, 32, _STATUS, "Good and bad ones."),)),
+    Register("BAD_FRAMES", 0x48, "Bad frames since clear.", (Field("bad_frames", 0, 32, _STATUS, "Void frames."),)),
+    Register("CAUSES", 0x4C, "Why the last bad frame was bad.", (Field("causes", 0, 16, _STATUS, f"{_BAD}."),)),
+    Register(
+        "LAST_FEATURES",
+        0x50,
+        "Features and threshold of the last frame.",
+        (
+            Field("last_features", 0, 16, _STATUS, "Number of features."),
+            Field("last_threshold", 16, 15, _STATUS, "Threshold code the frame was detected with."),
+        ),
+    ),
+    Register(
+        "LAST_MATCHES",
+        0x54,
+        "Matches of the last frame that was matched.",
+        (
+            Field("last_matches", 0, 16, _STATUS, "Number of mutual matches."),
+            Field("last_kept", 16, 16, _STATUS, "Number of matches that the fuzzy weight kept."),
+        ),
+    ),
+    Register(
+        "LAST_CYCLES",
+        0x58,
+        "Duration of the last frame.",
+        (Field("last_cycles", 0, 32, _STATUS, "Clock cycles from the first pixel to the last word."),),
+    ),
+    Register(
+        "IRQ_STATUS",
+        0x60,
+        "Events; the interrupt is high while any event is set that IRQ_MASK enables.",
+        (
+            Field("frame_done", 0, 1, Access.EVENT, "A frame's features have left."),
+            Field("matches_done", 1, 1, Access.EVENT, "A frame's matches have left."),
+            Field("frame_bad", 2, 1, Access.EVENT, "A frame was bad."),
+        ),
+    ),
+    Register(
+        "IRQ_MASK",
+        0x64,
+        "Which events interrupt.",
+        (
+            _setting("frame_done_mask", 0),
+            _setting("matches_done_mask", 1),
+            _setting("frame_bad_mask", 2),
+        ),
+    ),
+)
+"""Every register that all builds have, in rising offset."""
+
+
+def fields(*accesses: Access, registers: Sequence[Register] = REGISTERS) -> Iterator[Field]:
+    """Every field with one of ``accesses``, in the order of the map."""
+    return (field for register in registers for field in register.fields if field.access in accesses)
+
+
+def built_constants(
+    *,
+    front_end: FrontEndConfig,
+    matcher: MatcherConfig,
+    lanes: int,
+    max_width_px: int,
+    max_height_px: int,
+    video_bits: int = 32,
+    live: bool = False,
+) -> dict[str, int]:
+    """The values of the constant fields for one build."""
+    pattern = front_end.pattern
+    return {
+        "identity": IDENTITY,
+        **dict(zip(("version_major", "version_minor", "version_patch"), VERSION, strict=True)),
+        "built_levels": front_end.levels,
+        "built_detectors": (1 << len(DETECTORS)) - 1,
+        "built_rule_base": RULE_BASES.index(matcher.rule_base),
+        "built_selection": int(front_end.selection),
+        "built_live": int(live),
+        "built_descriptor_bytes": pattern.descriptor_bytes,
+        "built_lanes": lanes,
+        "built_video_bits": video_bits,
+        "built_width_px": max_width_px,
+        "built_height_px": max_height_px,
+        "built_max_features": front_end.max_features,
+        "built_feature_bytes": feature_record(pattern.descriptor_bytes, pattern.window_bytes).record_bytes,
+        "built_match_bytes": MATCH.record_bytes,
+    }
+
+
+def register_writes(values: Mapping[str, int], *, registers: Sequence[Register] = REGISTERS) -> list[tuple[int, int]]:
+    """Addresses and words that set fields of ``registers``; the other fields of a register written are reset.
+
+    Raises
+    ------
+    ValueError
+        For a field that does not exist.
+    """
+    unknown = values.keys() - {field.name for register in registers for field in register.fields}
+    if unknown:
+        raise ValueError(f"no register field {', '.join(sorted(unknown))}")
+    return [
+        (register.offset, sum(values.get(field.name, field.init) << field.low for field in register.fields))
+        for register in registers
+        if any(field.name in values for field in register.fields)
+    ]

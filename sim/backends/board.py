@@ -1,0 +1,211 @@
+"""The accelerator on a board as a backend: a client of the server that the export contains."""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import json
+import os
+import socket
+from collections.abc import Sequence
+from io import BufferedIOBase
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.config import Config
+from golden_model.records import FRAME_STATUS, MATCH, Cause, Tag, feature_record
+from golden_model.text import one_line
+from hdl.settings import matched_frame_settings
+from sim.backends.interface import Backend, BackendError, FrameResult, Reference
+
+PORT = 7020
+TIMEOUT_SECONDS = 30.0
+LARGEST_HEADER_BYTES = 1 << 16
+LONGEST_REASON = 500
+KEY_VARIABLE = "SKYMOSAIC_BOARD_KEY"
+"""Environment variable that names the file with the key of a board's server."""
+
+
+class BoardBackend(Backend):
+    """Features and matches computed by a board.
+
+    Parameters
+    ----------
+    address : str
+        ``HOST`` or ``HOST:PORT`` of the server that the export contains.
+    """
+
+    def __init__(self, address: str) -> None:
+        host, _, port = address.partition(":")
+        if not address:
+            raise BackendError("the address of the board is missing; give it with --address HOST[:PORT]")
+        if not host or (port and not (port.isdecimal() and int(port) < 1 << 16)):
+            raise BackendError(f"{address!r} is not the address of a board; give HOST or HOST:PORT")
+        self.address = host, int(port or PORT)
+        self.where = one_line(f"{host}:{port or PORT}")
+
+    def run(
+        self, frames: Sequence[NDArray[np.uint8]], config: Config, *, reference: Reference = "held"
+    ) -> list[FrameResult]:
+        """See `sim.backends.interface.Backend.run`; all frames must have one shape.
+
+        Raises
+        ------
+        BackendError
+            If the board cannot be reached, refuses the frames, or sends an answer that cannot be parsed.
+        """
+        shapes = {frame.shape for frame in frames}
+        if len(shapes) != 1:
+            raise BackendError("a board takes frames of one size and kind in a run; crop or convert the photographs")
+        (shape,) = shapes
+        request = {
+            "shape": list(shape),
+            "frames": len(frames),
+            "settings": matched_frame_settings(config, shape[1], shape[0], gray_input=len(shape) == 2),
+            "hold_reference": reference == "held",
+        }
+        pattern = config.front_end.pattern
+        feature = feature_record(pattern.descriptor_bytes, pattern.window_bytes).dtype
+        longest = _longest_packets(config.front_end.max_features, feature)
+        parts = self._exchange(json.dumps(request).encode(), frames, longest * len(frames))
+        try:
+            results = [_result(packet, feature) for packet in zip(*[iter(parts)] * 4, strict=True)]
+        except ValueError as error:
+            raise BackendError(
+                f"the board was built for other records: {error}; export the design again and rebuild it"
+            ) from None
+        for index, result in enumerate(results):
+            _check_status(result, int(results[0].status["frame"]) + index, shape, self.where)
+        return results
+
+    def _exchange(
+        self, header: bytes, frames: Sequence[NDArray[np.uint8]], longest: Sequence[tuple[int, int]]
+    ) -> list[bytes]:
+        """Send a request and return the packets; ``longest`` has for each its largest length and its records' size."""
+        where = self.where
+        try:
+            with (
+                socket.create_connection(self.address, TIMEOUT_SECONDS) as connection,
+                connection.makefile("rwb") as link,
+            ):
+                link.write(header + b"\n")
+                link.flush()
+                # Wait for the server to accept the settings before sending frames: if it refuses them and closes the
+                # connection while we are sending, its reason is lost.
+                answer = _header(link, where)
+                if "challenge" in answer:
+                    link.write(_proof(str(answer["challenge"]), header, frames, where))
+                    link.flush()
+                    _header(link, where)
+                for frame in frames:
+                    link.write(np.ascontiguousarray(frame).data)
+                link.flush()
+                return _answer(link, where, longest)
+        except OSError as error:
+            raise BackendError(
+                f"no board answers at {where} ({error.strerror or error}); start serve.py on it, or check the address"
+            ) from None
+
+
+def _header(link: BufferedIOBase, where: str) -> dict[str, Any]:
+    """The server's next line, an object; raises what it reports as an error."""
+    try:
+        header: Any = json.loads(link.readline(LARGEST_HEADER_BYTES))
+    # RecursionError: JSON that is nested thousands of times.
+    except (ValueError, RecursionError):
+        header = None
+    if type(header) is not dict:
+        raise BackendError(f"the answer from {where} does not come from a board's server; check the address") from None
+    if "error" in header:
+        raise BackendError(f"the board at {where} reports: {one_line(str(header['error'])[:LONGEST_REASON])}")
+    answer: dict[str, Any] = header
+    return answer
+
+
+def _proof(challenge: str, header: bytes, frames: Sequence[NDArray[np.uint8]], where: str) -> bytes:
+    """The line that proves to a server that we know its key."""
+    name = os.environ.get(KEY_VARIABLE)
+    if not name:
+        raise BackendError(f"the board at {where} asks for its key; set {KEY_VARIABLE} to the file that holds it")
+    try:
+        key = Path(name).read_bytes().strip()
+    except OSError as error:
+        raise BackendError(f"{KEY_VARIABLE}: {one_line(name)} cannot be read ({error.strerror})") from None
+    digest = hashlib.sha256()
+    for frame in frames:
+        digest.update(np.ascontiguousarray(frame).data)
+    code = hmac.new(key, challenge.encode() + header + digest.hexdigest().encode(), hashlib.sha256).hexdigest()
+    return json.dumps({"frames": digest.hexdigest(), "hmac": code}).encode() + b"\n"
+
+
+def _longest_packets(max_features: int, feature: np.dtype[np.void]) -> list[tuple[int, int]]:
+    """Largest length and size of a record for the four packets of a frame: features, status, matches, status."""
+    status = FRAME_STATUS.dtype.itemsize
+    features, matches = (max_features * size for size in (feature.itemsize, MATCH.dtype.itemsize))
+    return [(features, feature.itemsize), (status, status), (matches, MATCH.dtype.itemsize), (status, status)]
+
+
+def _answer(link: BufferedIOBase, where: str, longest: Sequence[tuple[int, int]]) -> list[bytes]:
+    lengths = _header(link, where).get("lengths")
+    # Before anything is read: no answer to this request is longer.
+    if type(lengths) is not list or [*map(type, lengths)] != [int] * len(longest):
+        raise BackendError(f"the board at {where} announces other packets than were asked for; check its server")
+    if not all(0 <= length <= most for length, (most, _) in zip(lengths, longest, strict=True)):
+        raise BackendError(f"the board at {where} announces packets of an invalid length; check its server")
+    if any(length % size for length, (_, size) in zip(lengths, longest, strict=True)):
+        raise BackendError(
+            f"the board at {where} was built for other records, whose lengths differ; export the design again and "
+            "rebuild it"
+        )
+    parts = [link.read(length) for length in lengths]
+    if [len(part) for part in parts] != lengths:
+        raise BackendError(f"the board at {where} stopped in the middle of an answer; check its server")
+    return parts
+
+
+def _result(parts: tuple[bytes, ...], feature: np.dtype[np.void]) -> FrameResult:
+    features, status, matches, match_status = parts
+    (status_record,) = np.frombuffer(status, FRAME_STATUS.dtype)
+    (match_record,) = np.frombuffer(match_status, FRAME_STATUS.dtype)
+    return FrameResult(
+        features=np.frombuffer(features, feature),
+        matches=np.frombuffer(matches, MATCH.dtype),
+        status=status_record,
+        match_status=match_record,
+        cycles=int(status_record["cycles"]),
+    )
+
+
+def _check_status(result: FrameResult, number: int, shape: tuple[int, ...], where: str) -> None:
+    """Check that both statuses belong to the frame that was sent, and that it was taken in whole.
+
+    A frame with too many features is bad too, but complete; the caller raises the threshold and sends it again.
+    """
+    for status in (result.status, result.match_status):
+        if status["tag"] != Tag.FRAME_STATUS:
+            fault = "an answer without a frame's status"
+        elif int(status["frame"]) != number % (1 << 32):
+            fault = f"frame {int(status['frame'])} instead of {number % (1 << 32)}"
+        elif (status["height"], status["width"]) != shape[:2]:
+            fault = f"a frame of {status['width']}x{status['height']}"
+        elif int(status["causes"]) & ~Cause.TOO_MANY_FEATURES or bool(status["good"]) == bool(status["causes"]):
+            fault = f"a bad frame (causes {int(status['causes']):#x})"
+        else:
+            continue
+        raise BackendError(f"the board at {where} sent {fault}; restart serve.py on it")
+
+
+def load(address: str, *, waves: Path | None) -> BoardBackend:
+    """Make this backend for `sim.backends.interface.load_backend`.
+
+    Raises
+    ------
+    BackendError
+        For a missing or invalid address; if waves are requested.
+    """
+    if waves is not None:
+        raise BackendError("a board cannot write waves; use verilator, cxxrtl or pysim")
+    return BoardBackend(address)

@@ -1,0 +1,200 @@
+"""The interface of everything that computes features: frames in, features and matches out."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.config import Config
+from golden_model.text import how_to_install
+
+Reference = Literal["held", "previous"]
+"""Which frame each later frame is matched with: the first of the run (a pair, a template) or the one before it."""
+
+BACKENDS = {
+    "golden": "sim.backends.golden",
+    "rtl": "sim.simulators.verilator",
+    "verilator": "sim.simulators.verilator",
+    "cxxrtl": "sim.simulators.cxxrtl",
+    "pysim": "sim.simulators.pysim",
+    "board": "sim.backends.board",
+}
+"""The module of each backend; ``rtl`` is the fastest simulation of the hardware."""
+
+BUILT_LANES = 16
+"""Left descriptors that the simulated accelerator compares at a time."""
+
+Progress = Callable[[str], None]
+"""Receives one line of text when something slow starts, advances or ends."""
+
+
+def silent(_line: str) -> None:
+    """No-op progress callback."""
+
+
+class BackendError(Exception):
+    """A backend cannot do what was asked; the message is one line: what is wrong, and what to do about it."""
+
+
+@dataclass(frozen=True)
+class FrameClocks:
+    """When a simulated frame passed the ports, in clocks since reset.
+
+    Parameters
+    ----------
+    segment : int
+        Number of the run of frames that followed each other without a gap.
+    first_pixel : int
+        Its first pixel was taken.
+    features_end, matches_end : int
+        The last word of each packet was taken.
+    """
+
+    segment: int
+    first_pixel: int
+    features_end: int
+    matches_end: int
+
+
+@dataclass(frozen=True, eq=False)
+class FrameResult:
+    """The result for one frame.
+
+    Parameters
+    ----------
+    features : structured ndarray
+        Feature records (`golden_model.records.feature_record`) in the order in which the hardware sends them.
+    matches : structured ndarray
+        Match records (`golden_model.records.MATCH`): left is the reference, right is this frame. Empty without a
+        reference.
+    status : structured scalar
+        The FrameStatus record at the end of the features.
+    match_status : structured scalar
+        The FrameStatus record at the end of the matches.
+    cycles : int or None
+        Clocks from the first pixel in to the last word out; None for backends without a clock.
+    clocks : FrameClocks or None
+        None unless the result was simulated.
+    """
+
+    features: NDArray[np.void]
+    matches: NDArray[np.void]
+    status: np.void
+    match_status: np.void
+    cycles: int | None
+    clocks: FrameClocks | None = None
+
+
+@dataclass(frozen=True)
+class Mismatch:
+    """The first difference between two results.
+
+    Parameters
+    ----------
+    frame : int
+    stage : str
+        A stage of the front end with its pyramid level, or a field of a record.
+    x, y : float or None
+        Position in pixels: in the stage's level for a stage, in the full frame for a record. For a count, the position
+        of the first record that is missing or extra. None for a status.
+    expected, actual : object
+        The two values.
+    """
+
+    frame: int
+    stage: str
+    x: float | None
+    y: float | None
+    expected: Any
+    actual: Any
+
+    def __str__(self) -> str:
+        position = "" if self.x is None else f", x {self.x:g}, y {self.y:g}"
+        return f"frame {self.frame}, {self.stage}{position}: expected {self.expected}, got {self.actual}"
+
+
+class Backend(Protocol):
+    """Computes features and matches: the golden model, a simulation of the hardware, or a board."""
+
+    def run(
+        self, frames: Sequence[NDArray[np.uint8]], config: Config, *, reference: Reference = "held"
+    ) -> list[FrameResult]:
+        """Compute the features of each frame, and its matches with its reference; the first frame has no reference.
+
+        Parameters
+        ----------
+        frames : sequence of uint8 ndarray, shape (H, W) or (H, W, 3) BGR
+            Sizes may differ between frames.
+        config : Config
+            What to compute.
+        reference : {"held", "previous"}
+            Match each later frame with the first frame, or with the frame before it.
+
+        Raises
+        ------
+        ValueError
+            For a frame that the configuration cannot process.
+        BackendError
+            If the backend cannot run.
+        """
+        ...
+
+    def locate(self, image: NDArray[np.uint8], config: Config, *, frame: int) -> Mismatch | None:
+        """Find the first stage of the front end that differs from the golden model.
+
+        Parameters
+        ----------
+        image : uint8 ndarray, shape (H, W) or (H, W, 3) BGR
+            The frame whose result differs.
+        config : Config
+            What was computed.
+        frame : int
+            Number of the frame, for the message.
+
+        Returns
+        -------
+        Mismatch or None
+            None if every stage agrees, or if the backend does not show its stages, which is the default.
+        """
+        return None
+
+
+def load_backend(name: str, *, progress: Progress = silent, waves: Path | None = None) -> Backend:
+    """Load the backend ``name``.
+
+    Parameters
+    ----------
+    name : str
+        A key of `BACKENDS`; a board is named with its address, ``board:HOST[:PORT]``.
+    progress : callable
+        Receives a line of text when something slow (a first build) starts, advances or ends.
+    waves : Path or None
+        Wave file (VCD) that a simulation writes for each run; the golden model and a board have no waves.
+
+    Raises
+    ------
+    BackendError
+        For an unknown name (the message lists the valid ones), a board without an address, or a wave file that cannot
+        be written.
+    """
+    kind, _, address = name.partition(":")
+    if kind not in BACKENDS or (address and kind != "board"):
+        raise BackendError(f"unknown backend {name!r}; valid: {', '.join(BACKENDS)}")
+    if waves is not None:
+        try:
+            waves.touch()
+        except OSError as error:
+            raise BackendError(f"cannot write the waves to {waves}: {error.strerror}") from error
+    # Imported on demand: the golden model needs neither Amaranth nor a compiler.
+    try:
+        load = importlib.import_module(BACKENDS[kind]).load
+    except ModuleNotFoundError as error:
+        raise BackendError(f"backend {kind} needs {error.name}; {how_to_install('sim')}") from None
+    backend: Backend = load(address, waves=waves) if kind == "board" else load(progress=progress, waves=waves)
+    return backend

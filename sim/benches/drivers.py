@@ -1,0 +1,261 @@
+"""Whole block tests in one call: streams, frames of beats, or inputs clock by clock, on `sim.benches.block_bench`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from amaranth.hdl import Shape, ShapeLike, Value, ValueLike
+from amaranth.lib import data, wiring
+from numpy.typing import NDArray
+
+from sim.benches.block_bench import BlockBench, CycleLimitError, Garbage, Testbench
+from sim.simulators.recording import NO_PAUSES, Pauses
+
+
+def run_streams(
+    dut: wiring.Component[Any],
+    inputs: Mapping[str, Sequence[Any]],
+    counts: Mapping[str, int],
+    *,
+    settings: Mapping[str, Any] | None = None,
+    pauses: Pauses = NO_PAUSES,
+    cycle_limit: int = 10_000,
+) -> dict[str, list[Any]]:
+    """Stream payloads through a component and return what leaves it.
+
+    Parameters
+    ----------
+    dut : Component
+        In the domain ``sync``.
+    inputs : mapping of str to sequence
+        For each input port, the payloads to send.
+    counts : mapping of str to int
+        For each output port, how many payloads to wait for.
+    settings : mapping of str to values, optional
+        Other input ports, set once.
+    pauses : Pauses
+        Gaps of the inputs, stalls of the outputs.
+    cycle_limit : int
+
+    Returns
+    -------
+    dict of str to list
+        The payloads of each output port, in order.
+
+    Raises
+    ------
+    AssertionError
+        If an output breaks the stream rules (a payload changes or vanishes before it is taken), or the counts are
+        not reached within the limit.
+    """
+    bench = BlockBench(dut, settings=settings, pauses=pauses, cycle_limit=cycle_limit)
+    received: dict[str, list[Any]] = {name: [] for name in counts}
+    sources = [_source(bench, name, payloads) for name, payloads in inputs.items()]
+    sinks = [_sink(bench, name, count, received[name]) for name, count in counts.items()]
+    try:
+        bench.run(*sources, *sinks)
+    except CycleLimitError as error:
+        taken = {name: len(payloads) for name, payloads in received.items()}
+        raise AssertionError(f"{error}; received: {taken}") from None
+    return received
+
+
+def _source(bench: BlockBench, name: str, payloads: Sequence[Any]) -> Testbench:
+    async def testbench(ctx: Any) -> None:
+        for payload in payloads:
+            await bench.stream_put(ctx, getattr(bench.dut, name), payload)
+
+    return testbench
+
+
+def _sink(bench: BlockBench, name: str, count: int, received: list[Any]) -> Testbench:
+    async def testbench(ctx: Any) -> None:
+        while len(received) < count:
+            received.append(await bench.stream_get(ctx, getattr(bench.dut, name)))
+
+    return testbench
+
+
+def run_clocks(
+    dut: wiring.Component[Any],
+    inputs: Iterable[Sequence[tuple[ValueLike, Any]]],
+    outputs: Sequence[ValueLike],
+) -> list[tuple[Any, ...]]:
+    """Set inputs clock by clock, and return what the outputs were in each clock.
+
+    Parameters
+    ----------
+    dut : Component
+        In the domain ``sync``.
+    inputs : iterable of sequences of (port, value)
+        For each clock, the ports to set; the others keep their values.
+    outputs : sequence of ports
+
+    Returns
+    -------
+    list of tuple
+        For each clock, the values of ``outputs`` before its end: those of a block that needs L clocks come L entries
+        after their inputs.
+    """
+    rows = list(inputs)
+    sampled: list[tuple[Any, ...]] = []
+
+    async def testbench(ctx: Any) -> None:
+        for row in rows:
+            for port, value in row:
+                ctx.set(port, value)
+            _, _, *values = await ctx.tick().sample(*outputs)
+            sampled.append(tuple(values))
+
+    BlockBench(dut, cycle_limit=len(rows) + 1).run(testbench)
+    return sampled
+
+
+@dataclass(frozen=True, eq=False)
+class Beats:
+    """Valid beats (`hdl.streams.beat`) in order.
+
+    Parameters
+    ----------
+    cycles : int64 ndarray, shape (N,)
+        Clock of each beat.
+    fields : dict of str to ndarray
+        ``x``, ``y`` and the fields of the payload, each of shape (N,) or, for arrays in the payload, (N, ...).
+    """
+
+    cycles: NDArray[np.int64]
+    fields: dict[str, NDArray[Any]]
+
+    def plane(self, field: str, shape: tuple[int, int], *, lag_px: int = 0) -> NDArray[Any]:
+        """A field as a plane of ``shape``, each value at the pixel it belongs to; pixels without a beat are 0.
+
+        ``lag_px`` says how far that pixel lies to the left of and above the beat's position.
+        """
+        values = self.fields[field]
+        x, y = self.fields["x"] - lag_px, self.fields["y"] - lag_px
+        inside = (x >= 0) & (y >= 0) & (x < shape[1]) & (y < shape[0])
+        plane = np.zeros((*shape, *values.shape[1:]), values.dtype)
+        plane[y[inside], x[inside]] = values[inside]
+        return plane
+
+    def split(self) -> list[Beats]:
+        """The beats of each frame; a new frame starts where y decreases."""
+        starts = np.flatnonzero(np.diff(self.fields["y"]) < 0) + 1
+        parts = {name: np.split(values, starts) for name, values in self.fields.items()}
+        return [
+            Beats(cycles, {name: part[number] for name, part in parts.items()})
+            for number, cycles in enumerate(np.split(self.cycles, starts))
+        ]
+
+
+def run_beats(
+    dut: wiring.Component[Any],
+    frames: Sequence[Mapping[str, NDArray[np.integer]]],
+    *,
+    settings: Mapping[str, Any] | None = None,
+    pauses: Pauses = NO_PAUSES,
+    drain_cycles: int = 64,
+    received_per_clock: int | None = None,
+) -> tuple[Beats, Beats]:
+    """Send frames as beats to the port ``i`` of a component and record those at its port ``o``.
+
+    Parameters
+    ----------
+    dut : Component
+        In the domain ``sync``, with beats at ``i`` and ``o``; of more than one pixel if it has ``pixels_per_clock``.
+    frames : sequence of mapping of str to ndarray
+        For each frame, the planes of the payload's fields: shape (H, W) or, for arrays, (H, W, ...). They are sent in
+        raster order without a pause between frames other than the seeded gaps, which hold garbage.
+    settings : mapping of str to values, optional
+        Other input ports, set once.
+    pauses : Pauses
+        Gaps of the input.
+    drain_cycles : int
+        Clocks to run after the last beat.
+    received_per_clock : int, optional
+        Pixels of a beat at ``o``, where they are not as many as at ``i``.
+
+    Returns
+    -------
+    sent, received : Beats
+        One for each pixel, those beyond an odd line included. ``received.cycles - sent.cycles`` is the latency of a
+        block that sends one beat for each beat.
+    """
+    i, o = (getattr(dut, name) for name in ("i", "o"))
+    layout = i.shape()
+    count = getattr(dut, "pixels_per_clock", 1)
+    packed = _packer(layout)
+    beats = [packed(beat) for frame in frames for beat in _raster(frame, count)]
+    sent: list[tuple[int, int]] = []
+    received: list[tuple[int, int]] = []
+
+    async def testbench(ctx: Any) -> None:
+        garbage = Garbage(pauses.seed)
+        waiting = iter(beats)
+        left, cycle = len(beats), 0
+        while left or cycle <= sent[-1][0] + drain_cycles:
+            garbage.put(ctx, i)
+            ctx.set(i.valid, 0)
+            if left and not pauses.gap(cycle):
+                sent.append((cycle, next(waiting)))
+                ctx.set(Value.cast(i), sent[-1][1])
+                left -= 1
+            *_, valid, bits = await ctx.tick().sample(o.valid, Value.cast(o))
+            if valid:
+                received.append((cycle, bits))
+            cycle += 1
+
+    # Generous: even gaps of 255 leave one clock in 256 on average.
+    bench = BlockBench(dut, settings=settings, cycle_limit=256 * (len(beats) + 1) + drain_cycles)
+    bench.run(testbench)
+    return _decoded(sent, layout, count), _decoded(received, o.shape(), received_per_clock or count)
+
+
+def _raster(frame: Mapping[str, NDArray[np.integer]], pixels_per_clock: int) -> Iterator[dict[str, Any]]:
+    """Beats in raster order; what a beat holds beyond an odd line is the line's last pixel once more."""
+    height, width = next(iter(frame.values())).shape[:2]
+    for y, x in np.ndindex(height, -(-width // pixels_per_clock)):
+        left = x * pixels_per_clock
+        columns = [min(left + n, width - 1) for n in range(pixels_per_clock)]
+        payload = {name: [plane[y, column].tolist() for column in columns] for name, plane in frame.items()}
+        if pixels_per_clock == 1:
+            payload = {name: pixel for name, (pixel,) in payload.items()}
+        yield {"valid": 1, "x": left, "y": y, **payload}
+
+
+def _decoded(beats: Sequence[tuple[int, int]], layout: data.Layout, pixels_per_clock: int) -> Beats:
+    fields = {
+        str(name): np.array([unpacked(bits >> field.offset) for _, bits in beats])
+        for name, field in layout
+        if name != "valid"
+        for unpacked in (_unpacker(field.shape),)
+    }
+    cycles = np.array([cycle for cycle, _ in beats])
+    if pixels_per_clock > 1:
+        scan = {name: np.repeat(fields.pop(name), pixels_per_clock) for name in "xy"}
+        scan["x"] += np.tile(np.arange(pixels_per_clock), len(beats))
+        fields = {**scan, **{name: values.reshape(-1, *values.shape[2:]) for name, values in fields.items()}}
+        cycles = np.repeat(cycles, pixels_per_clock)
+    return Beats(cycles, fields)
+
+
+def _packer(shape: ShapeLike) -> Callable[[Any], int]:
+    """What turns a value of a shape into bits: ``Layout.const`` would take a quarter of a test's time (measured)."""
+    if isinstance(shape, data.Layout):
+        fields = [(name, field.offset, _packer(field.shape)) for name, field in shape]
+        return lambda value: sum(packed(value[name]) << offset for name, offset, packed in fields)
+    mask = (1 << Shape.cast(shape).width) - 1
+    return lambda value: int(value) & mask
+
+
+def _unpacker(shape: ShapeLike) -> Callable[[int], Any]:
+    """What turns the low bits of a number into an integer, or into lists where the shape is an array."""
+    if isinstance(shape, data.ArrayLayout):
+        elements = [(field.offset, _unpacker(field.shape)) for _, field in shape]
+        return lambda bits: [unpacked(bits >> offset) for offset, unpacked in elements]
+    plain = Shape.cast(shape)
+    mask, sign = (1 << plain.width) - 1, (1 << plain.width >> 1) if plain.signed else 0
+    return lambda bits: ((bits & mask) ^ sign) - sign

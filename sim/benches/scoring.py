@@ -1,0 +1,76 @@
+"""Scores hypotheses in Amaranth's simulator, with the signature of `golden_model.geometry.scoring.score`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.geometry.scoring import MAX_MATCHES, Scores
+from hdl.geometry.scoring import HomographyScoring, hypothesis_payloads, set_of_matches
+from sim.benches.block_bench import BlockBench
+from sim.simulators.recording import NO_PAUSES, Pauses
+
+
+def simulated_score(
+    hypotheses: NDArray[np.integer],
+    left: NDArray[np.integer],
+    right: NDArray[np.integer],
+    weight: NDArray[np.integer],
+    *,
+    max_matches: int = MAX_MATCHES,
+    pauses: Pauses = NO_PAUSES,
+) -> Scores:
+    """Send a set of matches and all hypotheses through `hdl.geometry.scoring.HomographyScoring`.
+
+    Parameters and result as in `golden_model.geometry.scoring.score`. A few thousand clocks a second; with N matches a
+    hypothesis takes N.
+
+    Raises
+    ------
+    AssertionError
+        If the block breaks the stream rules, or is slower than it says.
+    """
+    dut = HomographyScoring(max_matches=max_matches)
+    cycles = len(weight) + 1 + len(hypotheses) * (len(weight) + dut.latency_cycles)
+    # A stream that pauses in p of 256 clocks takes 256 / (256 - p) as long.
+    slower = 256 // (256 - max(pauses.gaps, pauses.stalls)) + 1
+    bench = BlockBench(dut, pauses=pauses, cycle_limit=4 * slower * cycles + 100)
+    received = []
+
+    async def send(ctx: Any) -> None:
+        # One after the other: a hypothesis that comes before the first match is scored without matches.
+        for payload in set_of_matches(left, right, weight):
+            await bench.stream_put(ctx, dut.i_matches, payload)
+        for hypothesis in hypothesis_payloads(hypotheses):
+            await bench.stream_put(ctx, dut.i_hypotheses, hypothesis)
+
+    async def receive(ctx: Any) -> None:
+        for _ in hypotheses:
+            found = await bench.stream_get(ctx, dut.o)
+            received.append((found.score, found.support, found.causes))
+
+    bench.run(send, receive)
+    return Scores(*np.array(received, dtype=np.int64).reshape(-1, 3).T)
+
+
+async def clocked_scores(ctx: Any, dut: HomographyScoring, hypotheses: NDArray[np.integer]) -> list[tuple[int, Any]]:
+    """Offer hypotheses to the idle block without a pause: the clock in which each score comes, and the score.
+
+    The first hypothesis is offered in clock 0. Scores are taken at once.
+    """
+    came: list[tuple[int, Any]] = []
+    payloads = hypothesis_payloads(hypotheses)
+    taken = clock = 0
+    ctx.set(dut.o.ready, 1)
+    while len(came) < len(hypotheses):
+        ctx.set(dut.i_hypotheses.valid, taken < len(hypotheses))
+        ctx.set(dut.i_hypotheses.payload, payloads[min(taken, len(payloads) - 1)])
+        if ctx.get(dut.o.valid):
+            came.append((clock, ctx.get(dut.o.payload)))
+        *_, was_taken = await ctx.tick().sample(dut.i_hypotheses.valid & dut.i_hypotheses.ready)
+        taken += was_taken
+        clock += 1
+    await ctx.tick()
+    return came

@@ -1,0 +1,1 @@
+"""Whole designs in Verilator and in Amaranth's own simulator."""

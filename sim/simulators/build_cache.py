@@ -1,0 +1,186 @@
+"""A cache in the user's folder for what takes long to build: Verilog and compiled simulators."""
+
+from __future__ import annotations
+
+import atexit
+import hashlib
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+
+from filelock import FileLock, Timeout
+from platformdirs import user_cache_path
+
+from sim.backends.interface import BackendError, Progress
+
+CHECKSUMS = "checksums"
+"""File of each folder in the cache: a line for each other file, with its SHA-256 and its path."""
+LEAST_FREE_BYTES = 64 << 20
+"""A build that fails with less space than this on the disk is tried again elsewhere."""
+
+
+def cache_folder() -> Path:
+    """The project's folder in the user's cache: on Linux in ``XDG_CACHE_HOME``, or ``~/.cache`` if that is not set."""
+    return user_cache_path("skymosaic", appauthor=False)
+
+
+def digest(*parts: str) -> str:
+    """A short key for ``parts``: it changes when any part changes."""
+    state = hashlib.sha256()
+    for part in parts:
+        encoded = part.encode()
+        state.update(len(encoded).to_bytes(8, "little") + encoded)
+    return state.hexdigest()[:20]
+
+
+def digest_files(paths: Iterable[Path]) -> str:
+    """A key for the names and contents of files, in the order of their names."""
+    return digest(*(text for path in sorted(paths) for text in (path.name, path.read_text(encoding="utf-8"))))
+
+
+def cached(name: str, build: Callable[[Path], None], *, what: str, progress: Progress) -> Path:
+    """Return the folder ``name`` of the cache; ``build`` fills it the first time.
+
+    Several processes can call it at once: the later ones wait for the first. A build that is killed leaves no broken
+    folder, since a folder gets its final name only when it is complete. The files of a folder are compared with their
+    checksums each time; a damaged folder is built again. Where the cache cannot be written, the folder is built in a
+    temporary place for this process.
+
+    Parameters
+    ----------
+    name : str
+        Folder name: what it contains, and the `digest` of everything that it depends on.
+    build : callable
+        Fills the empty folder it is given; may be called twice.
+    what : str
+        Name of what is built, for messages.
+    progress : callable
+        Receives a line when a build starts and one with its duration; not called if the folder exists.
+
+    Raises
+    ------
+    BackendError
+        If neither the cache nor a temporary folder can be written; ``build`` may raise others.
+    """
+    folder = cache_folder() / name
+    if _is_intact(folder):
+        return folder
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with _locked(_lock_of(folder), what, progress):
+            if not _is_intact(folder):
+                _build_in_place(folder, build, what, progress)
+    except (OSError, BackendError) as error:
+        if isinstance(error, BackendError) and not _is_full(folder.parent):
+            raise
+        reason = getattr(error, "strerror", None) or "its disk is full"
+        progress(f"cannot write the cache {folder.parent} ({reason}); {what} is built for this run only")
+        return _built_for_this_process(name, build, what, progress)
+    return folder
+
+
+def _built_for_this_process(name: str, build: Callable[[Path], None], what: str, progress: Progress) -> Path:
+    try:
+        folder = _temporary_cache() / name
+        if not _is_intact(folder):
+            _build_in_place(folder, build, what, progress)
+    except OSError as error:
+        raise BackendError(
+            f"cannot write {what} to a temporary folder: {error.strerror or error}; free space on the disk, or set "
+            "XDG_CACHE_HOME or TMPDIR to a folder that can be written"
+        ) from error
+    return folder
+
+
+@cache
+def _temporary_cache() -> Path:
+    folder = Path(tempfile.mkdtemp(prefix="skymosaic-cache-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
+
+
+def _is_full(folder: Path) -> bool:
+    try:
+        return shutil.disk_usage(folder).free < LEAST_FREE_BYTES
+    except OSError:
+        return True
+
+
+def _build_in_place(folder: Path, build: Callable[[Path], None], what: str, progress: Progress) -> None:
+    _remove_left_overs(folder)
+    # Each attempt has its own folder, so that a compiler that outlives a killed build cannot write into the next one.
+    part = Path(tempfile.mkdtemp(prefix=f"{folder.name}.", suffix=".part", dir=folder.parent))
+    where = "once; later runs find it" if folder.parent == cache_folder() else "for this run only,"
+    progress(f"building {what} ({where} in {folder.parent})")
+    started = time.monotonic()
+    try:
+        build(part)
+        (part / CHECKSUMS).write_text(_checksums(part, sorted(_files(part))), encoding="utf-8")
+        # A damaged folder is moved away first: a rename replaces empty folders only.
+        if folder.exists():
+            folder.rename(part.with_name(f"{part.name}.damaged.part"))
+        part.rename(folder)
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+        shutil.rmtree(part.with_name(f"{part.name}.damaged.part"), ignore_errors=True)
+    progress(f"built {what} in {time.monotonic() - started:.0f} s")
+
+
+def _remove_left_overs(folder: Path) -> None:
+    """Remove what killed builds left: of ``folder``, whose lock we hold, and of folders that are not being built."""
+    for left_over in folder.parent.glob("*.part"):
+        built = folder.with_name(left_over.name.partition(".")[0])
+        if built == folder:
+            shutil.rmtree(left_over, ignore_errors=True)
+            continue
+        try:
+            with FileLock(_lock_of(built), timeout=0):
+                shutil.rmtree(left_over, ignore_errors=True)
+        except Timeout:  # being built
+            continue
+
+
+def _is_intact(folder: Path) -> bool:
+    """Whether every file that was built still has its checksum."""
+    try:
+        recorded = (folder / CHECKSUMS).read_text(encoding="utf-8")
+        paths = [folder / line.partition(" ")[2] for line in recorded.splitlines()]
+        return bool(paths) and _checksums(folder, paths) == recorded
+    # Damage can make the record anything: text that is not UTF-8, names that the file system cannot have.
+    except (OSError, ValueError):
+        return False
+
+
+def _checksums(folder: Path, paths: Iterable[Path]) -> str:
+    lines = []
+    for path in paths:
+        with path.open("rb") as file:
+            lines.append(f"{hashlib.file_digest(file, 'sha256').hexdigest()} {path.relative_to(folder).as_posix()}\n")
+    return "".join(lines)
+
+
+def _files(folder: Path) -> Iterator[Path]:
+    return (path for path in folder.rglob("*") if path.is_file())
+
+
+def _lock_of(folder: Path) -> Path:
+    return folder.with_suffix(".lock")
+
+
+@contextmanager
+def _locked(path: Path, what: str, progress: Progress) -> Iterator[None]:
+    """Hold an exclusive lock; the system releases it when the process ends, even if it is killed."""
+    lock = FileLock(path)
+    try:
+        lock.acquire(timeout=0)
+    except Timeout:
+        progress(f"waiting for another process that builds {what}")
+        lock.acquire()
+    try:
+        yield
+    finally:
+        lock.release()

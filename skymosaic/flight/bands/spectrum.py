@@ -1,0 +1,146 @@
+"""Mosaics of multi-band sets: one band is laid out, the others follow it on the same canvas."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from golden_model.arrays import Intensities, Mask, Pixels
+from skymosaic.compositing.tone import NEUTRAL
+from skymosaic.compositing.warp import Canvas
+from skymosaic.errors import InputError
+from skymosaic.flight.bands.rig import Alignment, alignments
+from skymosaic.flight.layout.layout import Layout
+from skymosaic.flight.linking.view import THUMBNAIL_WIDTH_PX, Settings, View
+from skymosaic.flight.picture.composition import Composition, equalised, thumbnails_of
+from skymosaic.flight.survey import Flight
+from skymosaic.flight.workers import Workers
+from skymosaic.imagery.depth import common_range
+from skymosaic.imagery.exif import taken
+from skymosaic.imagery.images import reduced
+from skymosaic.imagery.photographs import Source
+
+
+@dataclass(frozen=True, eq=False)
+class SpectralComposition(Composition):
+    """The mosaic of all bands; what it shares with a `Composition` is that of the registering band.
+
+    Attributes
+    ----------
+    each : tuple of Composition
+        One for each band, all on the same canvas.
+    reference : int
+        Index of the registering band.
+    """
+
+    each: tuple[Composition, ...] = ()
+    reference: int = 0
+
+    def rendered(self, tile: Canvas, memory_bytes: int) -> tuple[Intensities, Mask]:
+        """The pixels of one tile, (H, W, bands), and where all bands show a photograph; elsewhere 0."""
+        planes, shown = zip(*(one.rendered(tile, memory_bytes) for one in self.each), strict=True)
+        everywhere = np.logical_and.reduce(shown)
+        return np.stack(planes, axis=-1) * everywhere[..., None], everywhere
+
+    def empty(self, width_px: int, height_px: int) -> Intensities:
+        """A picture without photographs, (H, W, bands)."""
+        return np.stack([super().empty(width_px, height_px)] * len(self.each), axis=-1)
+
+    def in_8_bit(self, pixels: Intensities) -> Pixels:
+        """The registering band, in gray."""
+        return super().in_8_bit(np.ascontiguousarray(pixels[..., self.reference]))
+
+    def for_tile(self, tile: Canvas) -> Composition:
+        """As of each band."""
+        return dataclasses.replace(self, each=tuple(one.for_tile(tile) for one in self.each), placements=())
+
+
+def in_all_bands(
+    composition: Composition, flight: Flight, layout: Layout, workers: Workers, *, equalise: bool
+) -> SpectralComposition:
+    """Add the other bands to the composition of the one that the flight was laid out by.
+
+    Parameters
+    ----------
+    composition : Composition
+        Of a flight whose sources are sets.
+    flight : Flight
+    layout : Layout
+    workers : Workers
+    equalise : bool
+        As `skymosaic.flight.picture.composition.compose`; each band has exposures of its own.
+
+    Raises
+    ------
+    InputError
+        For files that cannot be read, are in colour, or differ in depth from one band to another.
+    RegistrationError
+        If a band cannot be aligned.
+    """
+    captures = [flight.sources[member] for member in layout.members]
+    views = [flight.views[member] for member in layout.members]
+    names = tuple(captures[0].bands)
+    reference = next(name for name in names if captures[0].bands[name].content == captures[0].content)
+    _check_gray(views)
+    settings = dataclasses.replace(flight.settings, lens=flight.lens)
+    aligned = alignments(captures, reference, flight.lens, workers)
+    each = {reference: composition}
+    for name, alignment in aligned.items():
+        sources = [capture.bands[name] for capture in captures]
+        calls = [(source, view, settings) for source, view in zip(sources, views, strict=True)]
+        own_views = list(workers.run(f"band {name}", _view, calls))
+        _check_gray(own_views)
+        band = _in_band(composition, sources, own_views, alignment)
+        each[name] = equalised(band, own_views, thumbnails_of(flight, own_views, band)[0]) if equalise else band
+    ordered = {name: each[name] for name in names}
+    _check_one_type(ordered)
+    aligned_px = {name: found.error_px for name, found in aligned.items()}
+    named = dataclasses.replace(composition, band_names=names, aligned_px=aligned_px)
+    shared = {field.name: getattr(named, field.name) for field in dataclasses.fields(named)}
+    return SpectralComposition(**shared, each=tuple(ordered.values()), reference=names.index(reference))
+
+
+def _in_band(
+    composition: Composition, sources: Sequence[Source], views: Sequence[View], aligned: Alignment
+) -> Composition:
+    """Canvas and seams of a composition, with the files and the alignment of another band."""
+    transforms = [placement.transform @ aligned.homography for placement in composition.placements]
+    moved = composition.changed(source=sources, transform=transforms, tone=[NEUTRAL] * len(sources))
+    return dataclasses.replace(moved, values=common_range([view.sample for view in views]))
+
+
+def _view(source: Source, like: View, settings: Settings) -> View:
+    """The view of another band: what exposure needs."""
+    photograph = source.photograph(settings.lens)
+    thumbnail, _ = reduced(reduced(photograph.pixels, settings.working_width_px)[0], THUMBNAIL_WIDTH_PX)
+    assert isinstance(source.content, Path)
+    return dataclasses.replace(
+        like,
+        name=source.name,
+        thumbnail=thumbnail,
+        sample=photograph.sample,
+        value_range=photograph.value_range,
+        taken=taken(source.content),
+    )
+
+
+def _check_one_type(each: Mapping[str, Composition]) -> None:
+    """Check that all bands fit into one file."""
+    types = {name: one.empty(1, 1).dtype for name, one in each.items()}
+    first = next(iter(types))
+    other = next((name for name, found in types.items() if found != types[first]), None)
+    if other is not None:
+        raise InputError(
+            f"band {other} is written as {types[other]} and band {first} as {types[first]}; one file holds one type: "
+            "leave out the files of either"
+        )
+
+
+def _check_gray(views: Sequence[View]) -> None:
+    coloured = next((view for view in views if view.thumbnail.ndim == 3), None)
+    if coloured is not None:
+        raise InputError(f"{coloured.name}: in colour; a file of a multi-band set has one band")

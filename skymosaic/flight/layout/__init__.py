@@ -1,0 +1,1 @@
+"""One layout of all photographs of a flight, from their links."""

@@ -1,0 +1,233 @@
+"""Layout of a flight: groups of linked views, a first pose of each view on the ground, and its refinement."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
+
+from golden_model.arrays import Array
+from skymosaic.compositing.warp import Canvas
+from skymosaic.flight.layout.adjustment import MODELS, Network, Ties
+from skymosaic.flight.linking.links import Link
+from skymosaic.flight.linking.view import View
+from skymosaic.geometry.homography import apply, estimate, resize_matrix
+
+GOOD_ENOUGH = 1.05
+"""A simpler model is taken if its error is at most this many times that of the best model."""
+FALSE_LINK_PX = 10.0
+"""A link whose median error stays above this contradicts the others."""
+ROUGH_STEPS = 4
+TIES_A_LINK = 200
+"""More ties of a link than these change a layout by less than it is off, but take longer."""
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """One group of linked views and their transformations to the ground.
+
+    Attributes
+    ----------
+    members : tuple of int
+        Indices of the views, rising.
+    reference : int
+        Index of the most connected one. The ground's frame is its own without its tilt; of two photographs, that
+        of the right one.
+    transforms : dict of int to ndarray, shape (3, 3)
+        Working pixels of each member to ground pixels, which are the reference's working pixels.
+    links : tuple of Link
+        Links among the members that agree with the layout.
+    contradicting : tuple of Link
+        Links among the members that disagree with it.
+    errors_px : tuple of ndarray
+        Reprojection error of each tie of each of ``links``, in working pixels of the right view.
+    model : str
+        A key of `skymosaic.flight.layout.adjustment.MODELS`.
+    reason : str
+        Why that model.
+    originals : dict of int to ndarray, shape (3, 3), or None
+        Original pixels of each member to original pixels of the reference, where they are known directly; None:
+        they follow from ``transforms``.
+    """
+
+    members: tuple[int, ...]
+    reference: int
+    transforms: dict[int, Array]
+    links: tuple[Link, ...] = ()
+    contradicting: tuple[Link, ...] = ()
+    errors_px: tuple[Array, ...] = ()
+    model: str = "similarity"
+    reason: str = "a single view"
+    originals: dict[int, Array] | None = None
+
+    @property
+    def median_error_px(self) -> float:
+        """Median error of all ties; 0 for a single view."""
+        return float(np.median(np.concatenate(self.errors_px))) if self.errors_px else 0.0
+
+    def to_reference(self, views: Sequence[View], scale: float = 1.0) -> dict[int, Array]:
+        """Original pixels of each member to original pixels of the reference reduced to ``scale``, (3, 3) each."""
+        resize = resize_matrix(scale)
+        if self.originals is not None:
+            return {member: resize @ transform for member, transform in self.originals.items()}
+        frame = resize @ views[self.reference].to_original
+        return {m: frame @ self.transforms[m] @ np.linalg.inv(views[m].to_original) for m in self.members}
+
+    @property
+    def relief(self) -> float:
+        """Share of the matches near the links' homographies that lie 3 to 12 px off the plane, 0..1; 0 is flat."""
+        near = sum(link.near for link in self.links)
+        return 1 - sum(link.ties for link in self.links) / near if near else 0.0
+
+
+def groups(count: int, links: Sequence[Link]) -> list[list[int]]:
+    """Views that links join directly or through others, the largest group first."""
+    _, label = connected_components(_inliers(count, links), directed=False)
+    found = [np.flatnonzero(label == group).tolist() for group in range(int(label.max()) + 1)]
+    return sorted(found, key=lambda members: (-len(members), members[0]))
+
+
+def lay_out(views: Sequence[View], members: Sequence[int], links: Sequence[Link]) -> Layout:
+    """Lay out one group of linked views; the model is chosen by its error on held-out ties.
+
+    Parameters
+    ----------
+    views : sequence of View
+        All views of the flight.
+    members : sequence of int
+        The group, rising.
+    links : sequence of Link
+        Links that hold; those outside the group are ignored.
+    """
+    if len(members) == 1:
+        return Layout(tuple(members), members[0], {members[0]: np.eye(3)})
+    group = LinkedGroup(views, members, links)
+    model, reason, start = _choose_model(group)
+    network = group.network(slice(None))
+    refined = network.adjust(start, model)
+    errors = network.errors_px(refined)
+    agreeing = [link for link, error in zip(group.links, errors, strict=True) if np.median(error) <= FALSE_LINK_PX]
+    if len(agreeing) < len(errors) and len(groups(len(views), agreeing)) == len(groups(len(views), group.links)):
+        # The first layout may have been built on a false link: repeat it without those.
+        better = lay_out(views, members, agreeing)
+        false = tuple(link for link in group.links if link not in agreeing)
+        return dataclasses.replace(better, contradicting=false + better.contradicting)
+    return Layout(
+        members=tuple(members),
+        reference=members[group.reference],
+        transforms=group.to_ground(refined),
+        links=tuple(group.links),
+        errors_px=tuple(errors),
+        model=model,
+        reason=reason,
+    )
+
+
+def rough_transforms(views: Sequence[View], members: Sequence[int], links: Sequence[Link]) -> dict[int, Array]:
+    """Similarities, as `Layout.transforms`, exact enough to predict which views overlap."""
+    group = LinkedGroup(views, members, links)
+    return group.to_ground(group.network(slice(None)).adjust(group.start, "similarity", max_steps=ROUGH_STEPS))
+
+
+class LinkedGroup:
+    """Linked views, renumbered from 0, and their ties in normalised coordinates."""
+
+    def __init__(self, views: Sequence[View], members: Sequence[int], links: Sequence[Link]) -> None:
+        row = {member: index for index, member in enumerate(members)}
+        self.links = [link for link in links if link.left in row and link.right in row]
+        self._members = members
+        self._normalised = [normalisation(views[member].working_size) for member in members]
+        self.units_px = [1 / float(matrix[0, 0]) for matrix in self._normalised]
+        self._ties = []
+        for link in self.links:
+            left, right = row[link.left], row[link.right]
+            left_points = apply(self._normalised[left], link.left_points)
+            self._ties.append(Ties(left, right, left_points, apply(self._normalised[right], link.right_points)))
+        weights = _inliers(len(views), self.links)[list(members)][:, list(members)]
+        self.reference = int(np.argmax((weights + weights.T).sum(axis=0)))
+        self.start = _spanning_start(self._ties, weights, self.reference)
+
+    def network(self, chosen: slice, most: int = TIES_A_LINK, distortion: float = 0.0) -> Network:
+        """The network of every link's ties, or of some of them.
+
+        Parameters
+        ----------
+        chosen : slice
+            Of the ties that are considered.
+        most : int
+            Ties of a link that are considered, spread evenly.
+        distortion : float
+            Of the lens, see `skymosaic.flight.layout.distortion.straightened`.
+        """
+        ties = []
+        for tie in self._ties:
+            count = len(tie.left_points)
+            rows = np.linspace(0, count - 1, min(count, most)).astype(np.intp)[chosen]
+            ties.append(Ties(tie.left, tie.right, tie.left_points[rows], tie.right_points[rows]))
+        return Network(ties, self.units_px, self.reference, distortion)
+
+    def to_ground(self, transforms: Array) -> dict[int, Array]:
+        """Transformations (V, 3, 3) of normalised coordinates, converted to pixels, by view."""
+        to_pixels = np.linalg.inv(self._normalised[self.reference])
+        rows = zip(self._members, transforms, self._normalised, strict=True)
+        return {member: to_pixels @ transform @ normalised for member, transform, normalised in rows}
+
+
+def outline(view: View, transform: Array) -> Array:
+    """Corners (4, 2) of a view under a transformation of its working pixels."""
+    return apply(transform, Canvas(0, 0, *view.working_size).corners)
+
+
+def overlap(one: Array, other: Array) -> float:
+    """Common area of two convex outlines (4, 2), as a share of the smaller."""
+    one, other = one.astype(np.float32), other.astype(np.float32)
+    area, _ = cv2.intersectConvexConvex(one, other)
+    return float(area) / max(min(cv2.contourArea(one), cv2.contourArea(other)), 1.0)
+
+
+def _inliers(count: int, links: Sequence[Link]) -> csr_array:
+    """Inliers of every link as a (count, count) matrix, upper triangle."""
+    rows, columns = [link.left for link in links], [link.right for link in links]
+    return csr_array(([float(link.inliers) for link in links], (rows, columns)), shape=(count, count))
+
+
+def normalisation(size: tuple[int, int]) -> Array:
+    """Pixels of an image of ``size`` to coordinates about its centre, in half diagonals, (3, 3)."""
+    half_px = float(np.hypot(*size)) / 2
+    x, y = (size[0] - 1) / 2, (size[1] - 1) / 2
+    return np.array([[1 / half_px, 0, -x / half_px], [0, 1 / half_px, -y / half_px], [0, 0, 1]])
+
+
+def _spanning_start(ties: Sequence[Ties], weights: csr_array, reference: int) -> Array:
+    """Similarities (V, 3, 3) chained from the reference along the links with the most inliers."""
+    by_pair = {(tie.left, tie.right): tie for tie in ties}
+    strongest = weights.copy()
+    strongest.data = 1 / strongest.data
+    tree = minimum_spanning_tree(strongest)
+    order, parents = breadth_first_order(tree, reference, directed=False)
+    transforms = np.tile(np.eye(3), (weights.shape[0], 1, 1))
+    for view, parent in zip(order[1:], parents[order[1:]], strict=True):
+        tie = by_pair[min(view, parent), max(view, parent)]
+        source, target = (tie.left_points, tie.right_points)[:: 1 if tie.left == view else -1]
+        transforms[view] = transforms[parent] @ estimate(source, target, model="similarity")
+    return transforms
+
+
+def _choose_model(group: LinkedGroup) -> tuple[str, str, Array]:
+    """The simplest model that is about as good as the best, the reason, and its transformations.
+
+    Every second tie is fitted; the error is measured on the others.
+    """
+    fitted, held_out = group.network(slice(0, None, 2)), group.network(slice(1, None, 2))
+    transforms, errors, fits = group.start, {}, {}
+    for model in MODELS:
+        transforms = fits[model] = fitted.adjust(transforms, model)
+        errors[model] = float(np.median(np.concatenate(held_out.errors_px(transforms))))
+    chosen = next(model for model in MODELS if errors[model] <= GOOD_ENOUGH * min(errors.values()))
+    measured = ", ".join(f"{model} {error:.2f} px" for model, error in errors.items())
+    return chosen, f"median error of held-out ties: {measured}", fits[chosen]

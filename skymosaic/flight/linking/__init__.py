@@ -1,0 +1,1 @@
+"""Which photographs of a flight overlap, and by which homographies."""

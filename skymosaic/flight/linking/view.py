@@ -1,0 +1,232 @@
+"""The data that stays in memory of each photograph of a flight: features, a thumbnail, GPS and sharpness."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.arrays import Array, Pixels, Records
+from golden_model.config import Config
+from golden_model.pixel.gray import to_gray
+from sim.backends.interface import load_backend
+from skymosaic.errors import InputError
+from skymosaic.features.masks import on_the_ground
+from skymosaic.features.positions import feature_points
+from skymosaic.flight.cache import Arrays, key_of
+from skymosaic.imagery.depth import ValueRange
+from skymosaic.imagery.exif import Position, Taken, taken
+from skymosaic.imagery.images import Photograph, reduced, reduced_for_front_end
+from skymosaic.imagery.lens import Lens
+from skymosaic.imagery.photographs import Source
+from skymosaic.registration.register import WORKING_WIDTH_PX, extract_within_capacity
+
+THUMBNAIL_WIDTH_PX = 320
+_ARRAYS = ("to_original", "to_thumbnail", "features", "thumbnail", "sample")
+_FACTS = ("size", "working_size", "sharpness", "clipped", "notes")
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A photograph as the layout of a flight knows it.
+
+    Attributes
+    ----------
+    name : str
+        Of its source.
+    key : str
+        Changes with the photograph's content and all that the view was computed with.
+    size, working_size : (int, int)
+        Width and height of the original and of the image the front end saw, px.
+    to_original, to_thumbnail : ndarray of float64, shape (3, 3)
+        From working pixels to those of the original and of the thumbnail.
+    features : structured ndarray
+        Feature records of the working image.
+    thumbnail : ndarray of uint8, shape (h, w) or (h, w, 3)
+    sample : ndarray
+        Values of a photograph of more than 8 bits, spread evenly over it; else empty.
+    value_range : ValueRange or None
+        The range that the thumbnail shows; None for a photograph of 8 bits.
+    sharpness : float
+        Variance of the Laplacian of the gray working image; falls with blur, and depends on what is shown.
+    clipped : float
+        Share of thumbnail pixels that are black or white.
+    taken : Taken
+        How it was taken, from EXIF and XMP.
+    notes : tuple of str
+        What was done to the file's pixels.
+    """
+
+    name: str
+    key: str
+    size: tuple[int, int]
+    working_size: tuple[int, int]
+    to_original: Array
+    to_thumbnail: Array
+    features: Records
+    thumbnail: Pixels
+    sample: NDArray[np.generic]
+    value_range: ValueRange | None
+    sharpness: float
+    clipped: float
+    taken: Taken
+    notes: tuple[str, ...]
+
+    def packed(self) -> Arrays:
+        """The view as arrays for a cache file, which `unpacked` reads; without the name, because files are renamed."""
+        arrays = {name: getattr(self, name) for name in _ARRAYS}
+        facts = {name: getattr(self, name) for name in _FACTS}
+        facts["taken"] = dataclasses.asdict(self.taken)
+        facts["value_range"] = None if self.value_range is None else dataclasses.astuple(self.value_range)
+        return arrays | {"facts": np.array(json.dumps(facts))}
+
+    @property
+    def gps(self) -> Position | None:
+        """Where the camera was."""
+        return self.taken.position
+
+    @property
+    def points(self) -> Array:
+        """Positions of the features, (N, 2), working px."""
+        return feature_points(self.features)
+
+
+def unpacked(arrays: Arrays, name: str, key: str) -> View:
+    """The view that `View.packed` put into arrays."""
+    facts = json.loads(str(arrays["facts"]))
+    position = facts["taken"].pop("position")
+    size, working_size, notes = (tuple(facts[key]) for key in ("size", "working_size", "notes"))
+    facts |= {"size": size, "working_size": working_size, "notes": notes}
+    facts["taken"] = Taken(None if position is None else Position(**position), **facts["taken"])
+    facts["value_range"] = None if facts["value_range"] is None else ValueRange(*facts["value_range"])
+    values: dict[str, Any] = {key: arrays[key] for key in _ARRAYS} | facts
+    return View(name=name, key=key, **values)
+
+
+@dataclass(frozen=True, eq=False)
+class Settings:
+    """How features are computed, the same for all photographs of a flight.
+
+    Attributes
+    ----------
+    config : Config
+        Front end and matcher.
+    backend : str
+        Name of the backend that computes the features.
+    working_width_px : int
+        Wider photographs are reduced by area for the layout.
+    lens : Lens
+        Distortion and mask, the same for all photographs.
+    """
+
+    config: Config
+    backend: str = "golden"
+    working_width_px: int = WORKING_WIDTH_PX
+    lens: Lens = field(default_factory=Lens)
+
+    def key(self, source: Source) -> str:
+        """Cache key of the view that `describe` makes of ``source``."""
+        how = self.lens.key, self.config.front_end, self.backend, self.working_width_px
+        return key_of("view", source.digest, source.keep_damaged, *how)
+
+    def second_look(self) -> Settings | None:
+        """Twice the features and descriptor bits, by the golden model; None if the preset cannot have more."""
+        front_end = self.config.front_end
+        if not front_end.selection or front_end.descriptor != "ilbp-128":
+            return None
+        more = dataclasses.replace(front_end, max_features=4096, descriptor="ilbp-256", cell_px=None, per_cell=None)
+        return dataclasses.replace(self, backend="golden", config=dataclasses.replace(self.config, front_end=more))
+
+
+def describe(source: Source, settings: Settings) -> View:
+    """Decode a photograph, compute its features and keep what the layout needs.
+
+    Raises
+    ------
+    InputError
+        For a photograph that cannot be used.
+    """
+    photograph = source.photograph(settings.lens)
+    working, to_original = reduced_for_front_end(photograph.pixels, settings.working_width_px, source.name)
+    features = _features(working, settings, source.name)
+    return view_of(source, photograph, settings, working=working, to_original=to_original, features=features)
+
+
+def in_thumbnail(view: View, settings: Settings) -> View:
+    """The view with the features of its thumbnail, which is then its working image.
+
+    Raises
+    ------
+    InputError
+        For a thumbnail that the front end cannot take.
+    """
+    from_thumbnail = np.linalg.inv(view.to_thumbnail).astype(np.float64)
+    return dataclasses.replace(
+        view,
+        key=key_of("thumbnail", view.key),
+        working_size=(view.thumbnail.shape[1], view.thumbnail.shape[0]),
+        to_original=view.to_original @ from_thumbnail,
+        to_thumbnail=np.eye(3),
+        features=_features(view.thumbnail, settings, view.name),
+    )
+
+
+def _features(working: Pixels, settings: Settings, name: str) -> Records:
+    """The features of an image that show the ground."""
+    backend = load_backend(settings.backend)
+    try:
+        results, _ = extract_within_capacity(backend, [working], settings.config)
+    except ValueError as error:  # for instance, more cells than features
+        raise InputError(f"{name}: the front end cannot take it: {error}") from None
+    features: Records = results[0].features
+    visible = settings.lens.visible((working.shape[1], working.shape[0]))
+    return features[on_the_ground(feature_points(features), visible)]
+
+
+def view_of(
+    source: Source,
+    photograph: Photograph,
+    settings: Settings,
+    *,
+    working: Pixels,
+    to_original: Array,
+    features: Records,
+) -> View:
+    """The view of a photograph whose features are known.
+
+    Parameters
+    ----------
+    source : Source
+    photograph : Photograph
+        Decoded, without the lens's distortion.
+    settings : Settings
+    working : ndarray of uint8
+        The image the front end saw.
+    to_original : ndarray of float64, shape (3, 3)
+        Working pixels to original pixels.
+    features : structured ndarray
+    """
+    thumbnail, from_thumbnail = reduced(working, THUMBNAIL_WIDTH_PX)
+    gray = to_gray(thumbnail)
+    return View(
+        name=source.name,
+        key=settings.key(source),
+        size=photograph.size,
+        working_size=(working.shape[1], working.shape[0]),
+        to_original=to_original,
+        to_thumbnail=np.linalg.inv(from_thumbnail).astype(np.float64),
+        features=features,
+        thumbnail=thumbnail,
+        sample=photograph.sample,
+        value_range=photograph.value_range,
+        sharpness=float(cv2.Laplacian(to_gray(working), cv2.CV_32F).var()),
+        clipped=float(np.mean((gray <= 2) | (gray >= 253))),
+        taken=taken(source.content) if isinstance(source.content, Path) else Taken(),
+        notes=photograph.notes,
+    )

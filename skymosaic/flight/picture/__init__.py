@@ -1,0 +1,1 @@
+"""A layout becomes a picture: composition, blending and output."""

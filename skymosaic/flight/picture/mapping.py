@@ -1,0 +1,195 @@
+"""Puts a layout on the map: by the GPS positions of its cameras, or by ground control points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from golden_model.arrays import Array, Matrix, Points
+from skymosaic.compositing.warp import magnification
+from skymosaic.errors import InputError
+from skymosaic.flight.layout.adjustment import FOCAL_HALF_DIAGONALS
+from skymosaic.flight.layout.layout import Layout
+from skymosaic.flight.linking.view import View
+from skymosaic.flight.survey import Flight
+from skymosaic.geometry.homography import apply
+from skymosaic.maps.control_points import ControlPoints
+from skymosaic.maps.georeference import FEWEST_POSITIONS, NO_MAPS, Georeference, fit_to_map, has_maps, utm
+
+FINEST_GSD = 0.99
+"""A ground resolution is refused below this share of the photographs' own: enlarging them shows nothing new."""
+
+
+@dataclass(frozen=True, eq=False)
+class MapPlace:
+    """Where a layout lies on the map.
+
+    Attributes
+    ----------
+    georeference : Georeference or None
+        Of the pixels of the layout's reference frame.
+    fitted_to : tuple of str
+        Names of what the georeference's offsets belong to: photographs or control points.
+    by : {"GPS", "control points"}
+    note : str
+        Why there is none, or why it may be wrong; else empty.
+    height_m : float or None
+        Median height of the cameras above the ground, as the layout has it.
+    recorded_height_m : float or None
+        Median of the heights that the cameras recorded, above where they started.
+    turned_deg : float or None
+        Median difference of the directions of the photographs from those that the cameras recorded, clockwise.
+    """
+
+    georeference: Georeference | None = None
+    fitted_to: tuple[str, ...] = ()
+    by: str = "GPS"
+    note: str = ""
+    height_m: float | None = None
+    recorded_height_m: float | None = None
+    turned_deg: float | None = None
+
+
+NOWHERE = MapPlace()
+
+
+def place_on_map(flight: Flight, layout: Layout, control: ControlPoints | None = None) -> MapPlace:
+    """Fit a layout to ground control points, or to the GPS positions of its photographs.
+
+    Raises
+    ------
+    InputError
+        If the control points do not fit the layout.
+    """
+    if control is not None:
+        return _placed_by(control, flight, layout)
+    views = [flight.views[member] for member in layout.members]
+    positions = [view.gps for view in views if view.gps is not None]
+    if not positions:
+        return MapPlace(note=f"0 of {len(views)} photographs have GPS, so the mosaic has no place on the map")
+    if not has_maps():
+        return MapPlace(note=f"the photographs have GPS, but {NO_MAPS}")
+    transforms = list(layout.to_reference(flight.views).values())
+    cameras = camera_positions(flight, layout)
+    crs, metres = utm(positions)
+    targets = np.full((len(views), 2), np.nan)
+    targets[[view.gps is not None for view in views]] = metres
+    names = tuple(Path(view.name).name for view in views)
+    found, note = fit_to_map(cameras[:, :2], targets, crs, names)
+    if found is None:
+        return MapPlace(note=note)
+    turned = _turned_deg(views, transforms, found.to_map)
+    if len(views) == 2:
+        note = "two GPS positions fit exactly, so that nothing checks them"
+        note += "" if turned is None else f" but the cameras' compass, which differs by {abs(turned):.0f} degrees"
+    return MapPlace(
+        georeference=found,
+        fitted_to=names,
+        note=note,
+        height_m=float(np.median(cameras[:, 2])) * found.metres_a_pixel,
+        recorded_height_m=_median([view.taken.height_m for view in views]),
+        turned_deg=turned,
+    )
+
+
+def _placed_by(control: ControlPoints, flight: Flight, layout: Layout) -> MapPlace:
+    """Fit a layout to the control points that its photographs show, each at the mean of its sightings."""
+    transforms = layout.to_reference(flight.views)
+    members = {Path(flight.views[member].name).name.lower(): member for member in layout.members}
+    seen: dict[int, list[Points]] = {}
+    for sighting in control.sightings:
+        member = members.get(Path(sighting.photograph).name.lower())
+        if member is not None:
+            pixel = np.array([[sighting.x_px, sighting.y_px]])
+            straight = flight.lens.straighten_points(pixel, flight.views[member].size)
+            seen.setdefault(sighting.point, []).append(apply(transforms[member], straight)[0])
+    if len(seen) < FEWEST_POSITIONS:
+        raise InputError(
+            f"{control.name}: the mosaic shows {len(seen)} of its {len(control.names)} points; "
+            f"{FEWEST_POSITIONS} are needed: check the names of the photographs"
+        )
+    points = sorted(seen)
+    places = np.array([np.mean(seen[point], axis=0) for point in points])
+    names = tuple(control.names[point] for point in points)
+    found, reason = fit_to_map(places, control.metres[points], control.crs, names)
+    if found is None:
+        raise InputError(f"{control.name}: {reason}; check the coordinates and pixels")
+    return MapPlace(georeference=found, fitted_to=names, by="control points")
+
+
+def camera_positions(flight: Flight, layout: Layout) -> Array:
+    """Where the cameras of a layout's members were (N, 3): x and y in its reference frame, height over it, px."""
+    transforms = layout.to_reference(flight.views)
+    return np.array([_camera(flight, flight.views[member], transforms[member]) for member in layout.members])
+
+
+def _camera(flight: Flight, view: View, transform: Matrix) -> Array:
+    """Position (3,) of one camera.
+
+    A camera that leans sees ground beside the place below it: at a height of 100 m, one degree makes 1.7 m. The
+    position follows from the homography, as for a calibrated camera over a plane (Zhang 2000, section 3.1).
+    """
+    width, height = view.size
+    focal_px = _focal_half_diagonals(flight, view) * float(np.hypot(width, height)) / 2
+    camera = np.array([[focal_px, 0, (width - 1) / 2], [0, focal_px, (height - 1) / 2], [0, 0, 1]])
+    pose = np.linalg.inv(transform @ camera)
+    pose /= (np.linalg.norm(pose[:, 0]) + np.linalg.norm(pose[:, 1])) / 2
+    # The nearest rotation: noise, and ground that is not quite flat, leave the columns not quite orthogonal.
+    left, _, right = np.linalg.svd(np.column_stack((pose[:, 0], pose[:, 1], np.cross(pose[:, 0], pose[:, 1]))))
+    x, y, z = -(left @ right).T @ pose[:, 2]
+    return np.array([x, y, abs(z)])
+
+
+def _focal_half_diagonals(flight: Flight, view: View) -> float:
+    """Of the camera file, of the photograph's EXIF data, or else that of common drones."""
+    given = flight.settings.lens
+    if given.matrix is not None and given.size is not None:
+        return float(given.matrix[0, 0] / (np.hypot(*given.size) / 2))
+    return view.taken.focal_half_diagonals or FOCAL_HALF_DIAGONALS
+
+
+def _turned_deg(views: Sequence[View], transforms: Sequence[Matrix], to_map: Matrix) -> float | None:
+    differences = []
+    for view, transform in zip(views, transforms, strict=True):
+        if view.taken.yaw_deg is None:
+            continue
+        middle = (np.array(view.size) - 1) / 2
+        start, top = apply(to_map @ transform, np.array([middle, middle - [0, 1]]))
+        yaw_deg = np.degrees(np.arctan2(*(top - start)))
+        differences.append(float((yaw_deg - view.taken.yaw_deg + 180) % 360 - 180))
+    return _median(differences)
+
+
+def _median(values: Sequence[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.median(known)) if known else None
+
+
+def north_up(georeference: Georeference, metres_a_pixel: float) -> Matrix:
+    """What maps the pixels of a georeference to pixels of a map, (3, 3): north up, of ``metres_a_pixel``."""
+    to_canvas = np.diag([1 / metres_a_pixel, -1 / metres_a_pixel, 1.0]) @ georeference.to_map
+    # The origin is arbitrary; small numbers keep their digits.
+    to_canvas[:2, 2] -= np.round(to_canvas[:2, 2])
+    return np.asarray(to_canvas)
+
+
+def usual_magnification(flight: Flight, layout: Layout) -> float:
+    """Pixels of the reference frame for each pixel of the median photograph.
+
+    The reference may have flown lower or higher than most: a mosaic should neither invent detail nor lose it.
+    """
+    transforms = layout.to_reference(flight.views)
+    return float(np.median([magnification(flight.views[m].size, each) for m, each in transforms.items()]))
+
+
+def scale_for(flight: Flight, layout: Layout, on_map: Georeference | None, gsd_m: float) -> float:
+    """The scale at which canvas pixels are so many metres wide."""
+    if on_map is None:
+        raise InputError("gsd: the mosaic has no place on the map, so metres are unknown; use --scale instead")
+    finest_m = on_map.metres_a_pixel * (1.0 if layout.originals is not None else usual_magnification(flight, layout))
+    if gsd_m < FINEST_GSD * finest_m:
+        raise InputError(f"gsd is {gsd_m:g} m, finer than the photographs; give at least {finest_m:.3g}")
+    return min(finest_m / gsd_m, 1.0)

@@ -1,0 +1,1 @@
+"""Places on the ground: georeferences, control points, GeoTIFF and map tiles."""

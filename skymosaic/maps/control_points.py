@@ -1,0 +1,128 @@
+"""Ground control points: places whose coordinates were surveyed and that photographs show."""
+
+from __future__ import annotations
+
+import importlib
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from golden_model.arrays import Points
+from skymosaic.errors import InputError
+from skymosaic.imagery.exif import Position
+from skymosaic.maps.georeference import NO_MAPS, has_maps, utm
+
+_UTM = re.compile(r"(?:WGS ?84 )?UTM (?:zone )?(\d{1,2})([NS])", re.IGNORECASE)
+"""The name of a coordinate system as OpenDroneMap's users write it; everything else is for rasterio."""
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """A control point in a photograph.
+
+    Attributes
+    ----------
+    point : int
+        Index of the control point.
+    photograph : str
+        Name of the file, without its folder.
+    x_px, y_px : float
+        Where the file shows it; pixel centres at integers.
+    """
+
+    point: int
+    photograph: str
+    x_px: float
+    y_px: float
+
+
+@dataclass(frozen=True, eq=False)
+class ControlPoints:
+    """The control points of a file.
+
+    Attributes
+    ----------
+    name : str
+        Of the file, for messages.
+    crs : str
+        The map's coordinate system, in metres.
+    metres : (N, 2) float64 ndarray
+        East and north.
+    names : tuple of str
+    sightings : tuple of Sighting
+    """
+
+    name: str
+    crs: str
+    metres: Points
+    names: tuple[str, ...]
+    sightings: tuple[Sighting, ...]
+
+
+def load_control_points(path: Path) -> ControlPoints:
+    """Read a file in OpenDroneMap's format ``gcp_list.txt``; needs the extra ``geo``.
+
+    The first line names the coordinate system (``EPSG:32615``, ``WGS84 UTM 15N`` or a PROJ string). Each further line
+    has the coordinates x, y and z of a point, its pixel x and y in a photograph, the photograph's name and, if wanted,
+    the point's name. Lines that start with # are comments.
+
+    Raises
+    ------
+    InputError
+        For a file that cannot be read, an unknown coordinate system, or a line of another form.
+    """
+    if not has_maps():
+        raise InputError(f"{path}: {NO_MAPS}")
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read ({error}); give a text file of control points") from None
+    lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), start=1)]
+    lines = [(number, line) for number, line in lines if line and not line.startswith("#")]
+    if len(lines) < 2:
+        raise InputError(f"{path}: no control points; the first line names the coordinate system, each further a point")
+    index: dict[tuple[float, float, float], int] = {}
+    names: list[str] = []
+    sightings = []
+    for number, line in lines[1:]:
+        place, pixel, photograph, name = _line(path, number, line)
+        if place not in index:
+            index[place] = len(index)
+            names.append(name or f"point {len(index)}")
+        sightings.append(Sighting(index[place], photograph, *pixel))
+    crs, metres = _in_metres(path, lines[0][1], np.array(list(index))[:, :2])
+    return ControlPoints(str(path), crs, metres, tuple(names), tuple(sightings))
+
+
+def _line(path: Path, number: int, line: str) -> tuple[tuple[float, float, float], tuple[float, float], str, str]:
+    parts = line.split()
+    try:
+        x, y, z, column, row = map(float, parts[:5])
+        photograph = parts[5]
+        finite = bool(np.isfinite((x, y, z, column, row)).all())
+    except (ValueError, IndexError):
+        finite = False
+    if not finite:
+        raise InputError(
+            f"{path}: line {number} is {line!r}; it must be: x y z, pixel x and y, photograph, and perhaps a name"
+        )
+    return (x, y, z), (column, row), photograph, " ".join(parts[6:7])
+
+
+def _in_metres(path: Path, name: str, points: Points) -> tuple[str, Points]:
+    """The coordinate system as rasterio knows it, and the points in it; degrees become UTM."""
+    crs_module: Any = importlib.import_module("rasterio.crs")
+    errors: Any = importlib.import_module("rasterio.errors")
+    zone = _UTM.fullmatch(name)
+    if zone is not None:
+        name = f"EPSG:{326 if zone[2].upper() == 'N' else 327}{int(zone[1]):02}"
+    try:
+        crs = crs_module.CRS.from_user_input(name)
+    except (errors.RasterioError, errors.CRSError):
+        raise InputError(f"{path}: {name!r} is no coordinate system; begin with a line such as EPSG:32615") from None
+    if crs.is_geographic:
+        return utm([Position(latitude, longitude) for longitude, latitude in points.tolist()])
+    return crs.to_string(), points

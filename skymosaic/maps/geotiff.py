@@ -1,0 +1,129 @@
+"""Writes mosaics as GeoTIFF, by rasterio: the extra ``geo``."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import warnings
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from golden_model.arrays import Intensities, Mask
+from skymosaic.errors import InputError
+from skymosaic.imagery.images import replacing
+from skymosaic.maps.georeference import Georeference
+
+JPEG_QUALITY = 90
+DEFLATE_LEVEL = 3
+"""Takes 0.6 of the time of the usual level 6, for files that are larger by 5 %."""
+_OPTIONS: dict[str, dict[str, Any]] = {
+    "deflate": {"predictor": "yes", "level": DEFLATE_LEVEL},
+    "jpeg": {"quality": JPEG_QUALITY},
+}
+COMPRESSIONS = tuple(_OPTIONS)
+
+
+def watched_by_raster(
+    path: Path,
+    size: tuple[int, int],
+    bands: Iterable[tuple[Intensities, Mask]],
+    georeference: Georeference | None,
+    names: Sequence[str] = (),
+) -> Iterator[tuple[Intensities, Mask]]:
+    """The rows of a mosaic, unchanged; as they pass, they are written into a plain GeoTIFF with an alpha band.
+
+    Parameters
+    ----------
+    path : Path
+        Complete when the rows have ended. Not compressed, because it is read once and deleted.
+    size : (int, int)
+        Width and height, px.
+    bands : iterable of (ndarray, ndarray)
+        Rows from the top, gray, BGR or with any number of channels, all of one type; and where they show a photograph.
+    georeference : Georeference or None
+        None: the file says nothing about its place.
+    names : sequence of str
+        Of the channels, which then are bands instead of colours.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    rasterio: Any = importlib.import_module("rasterio")
+    with contextlib.ExitStack() as stack:
+        file, top = None, 0
+        for pixels, shown in bands:
+            planes = [pixels] if pixels.ndim == 2 else cv2.split(pixels)
+            planes = planes[::-1] if len(planes) == 3 and not names else planes
+            try:
+                if file is None:
+                    file = stack.enter_context(_created(path, (*size, len(planes)), pixels.dtype, georeference, names))
+                opaque = shown * pixels.dtype.type(np.iinfo(pixels.dtype).max)
+                rows = rasterio.windows.Window(0, top, size[0], len(pixels))
+                file.write(np.stack([*planes, opaque]), window=rows)
+            except rasterio.errors.RasterioError as error:
+                raise InputError(f"{path}: cannot be written ({error}); choose another folder") from None
+            top += len(pixels)
+            yield pixels, shown
+
+
+def _created(
+    path: Path,
+    shape: tuple[int, int, int],
+    kind: np.dtype[Any],
+    georeference: Georeference | None,
+    names: Sequence[str],
+) -> Any:
+    """A new file of a width, a height and a number of channels, that waits for rows."""
+    width_px, height_px, planes = shape
+    rasterio: Any = importlib.import_module("rasterio")
+    place: dict[str, Any] = {}
+    if georeference is not None:
+        # Rasterio's pixel coordinates start at the outer corner of the first pixel, ours at its centre.
+        corner = georeference.to_map @ np.array([[1, 0, -0.5], [0, 1, -0.5], [0, 0, 1]])
+        place = {"crs": georeference.crs, "transform": rasterio.Affine(*corner[:2].ravel())}
+    profile = {
+        "driver": "GTiff", "width": width_px, "height": height_px, "count": planes + 1, "dtype": kind, "tiled": True,
+        "bigtiff": "if_safer",
+        "photometric": "rgb" if planes == 3 and not names else "minisblack",
+    }  # fmt: skip
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
+        file = rasterio.open(path, "w", **profile, **place)
+    file.colorinterp = (*file.colorinterp[:planes], rasterio.enums.ColorInterp.alpha)
+    for number, name in enumerate(names, start=1):
+        file.set_band_description(number, name)
+    return file
+
+
+def write_cog(path: Path, raster: Path, compress: str = "deflate") -> None:
+    """Copy a plain GeoTIFF into a cloud-optimised one: tiled, with overviews.
+
+    Parameters
+    ----------
+    path : Path
+    raster : Path
+        From `watched_by_raster`; GDAL lays out overviews only once it has all pixels.
+    compress : {"deflate", "jpeg"}
+        Without loss, or for pictures of 8 bits by JPEG, with a mask instead of the alpha band.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    rasterio: Any = importlib.import_module("rasterio")
+    copy = importlib.import_module("rasterio.shutil").copy
+    # Several threads give the same bytes as one.
+    options = {"num_threads": "ALL_CPUS"} | _OPTIONS[compress]
+    try:
+        with replacing(path) as finished, warnings.catch_warnings():
+            warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
+            copy(raster, finished, driver="COG", compress=compress, overview_resampling="average", **options)
+    except rasterio.errors.RasterioError as error:
+        raise InputError(f"{path}: cannot be written ({error}); choose another folder") from None

@@ -1,0 +1,201 @@
+"""Cuts a mosaic into map tiles (XYZ, Web Mercator) with a page that shows them without a network."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import json
+import math
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from golden_model.arrays import Pixels
+from skymosaic.errors import InputError
+from skymosaic.imagery.depth import ValueRange, in_8_bit
+from skymosaic.imagery.images import save_bytes
+
+TILE_PX = 256
+WEBP_QUALITY = 85
+DEEPEST = 24
+"""Zoom at which a pixel of Web Mercator is 9 mm; tiles are not finer."""
+_HALF_WORLD_M = math.pi * 6_378_137.0
+"""Half the side of the square that Web Mercator maps the globe to."""
+_MERCATOR = "EPSG:3857"
+
+Read = Callable[[int, int], Pixels | None]
+"""The tile (256, 256, 4), BGRA, of a column and a row at the deepest zoom; None where nothing shows."""
+
+
+@dataclass(frozen=True)
+class Pyramid:
+    """The tiles of a mosaic.
+
+    Attributes
+    ----------
+    georeferenced : bool
+        Whether columns and rows count from Web Mercator's north-west corner; otherwise from the mosaic's own.
+    zoom : int
+        The deepest.
+    first, last : (int, int)
+        Column and row of the first and of the last tile there.
+    """
+
+    georeferenced: bool
+    zoom: int
+    first: tuple[int, int]
+    last: tuple[int, int]
+
+    @property
+    def top(self) -> int:
+        """The deepest zoom at which one tile shows everything."""
+        apart = max(a ^ b for a, b in zip(self.first, self.last, strict=True))
+        return self.zoom - apart.bit_length()
+
+
+def write_tiles(folder: Path, raster: Path, title: str, values: ValueRange | None) -> Pyramid:
+    """Write ``z/x/y.webp`` and ``index.html`` into a folder; needs the extra ``geo``.
+
+    Parameters
+    ----------
+    folder : Path
+        Made where it is missing.
+    raster : Path
+        From `skymosaic.maps.geotiff.watched_by_raster`.
+    title : str
+    values : ValueRange or None
+        How 16 bits are shown.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be written or the raster cannot be read.
+    """
+    rasterio: Any = importlib.import_module("rasterio")
+    try:
+        with _quiet(rasterio), rasterio.open(raster) as file:
+            georeferenced = file.crs is not None
+            with _warped(file) if georeferenced else contextlib.nullcontext(file) as source:
+                pyramid = _pyramid(source, georeferenced=georeferenced)
+                read = _reader(source, pyramid, values)
+                column, row = (index >> (pyramid.zoom - pyramid.top) for index in pyramid.first)
+                _Writer(folder, read, pyramid).write(pyramid.top, column, row)
+    except (rasterio.errors.RasterioError, OSError) as error:
+        raise InputError(f"{folder}: tiles cannot be made ({error}); choose another folder") from None
+    page = (Path(__file__).parent / "viewer.html").read_text(encoding="utf-8")
+    facts = {
+        "title": title, "georeferenced": pyramid.georeferenced, "tile": TILE_PX, "top": pyramid.top,
+        "zoom": pyramid.zoom, "first": pyramid.first, "last": pyramid.last,
+    }  # fmt: skip
+    # "</" would end the script of the page.
+    save_bytes(folder / "index.html", page.replace("{facts}", json.dumps(facts).replace("</", "<\\/")).encode())
+    return pyramid
+
+
+@contextlib.contextmanager
+def _quiet(rasterio: Any) -> Iterator[None]:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
+        yield
+
+
+def _resolution_m(zoom: int) -> float:
+    """Metres of Web Mercator a pixel."""
+    return 2 * _HALF_WORLD_M / TILE_PX / (1 << zoom)
+
+
+def _warped(file: Any) -> Any:
+    """The mosaic in Web Mercator, on the pixels of the deepest zoom that is not coarser than the mosaic."""
+    rasterio: Any = importlib.import_module("rasterio")
+    bounds = importlib.import_module("rasterio.warp").transform_bounds(file.crs, _MERCATOR, *file.bounds)
+    finest_m = math.sqrt((bounds[2] - bounds[0]) * (bounds[3] - bounds[1]) / (file.width * file.height))
+    zoom = min(max(math.ceil(math.log2(_resolution_m(0) / finest_m) - 0.5), 0), DEEPEST)
+    side_m = TILE_PX * _resolution_m(zoom)
+    west, east = math.floor((bounds[0] + _HALF_WORLD_M) / side_m), math.ceil((bounds[2] + _HALF_WORLD_M) / side_m)
+    north, south = math.floor((_HALF_WORLD_M - bounds[3]) / side_m), math.ceil((_HALF_WORLD_M - bounds[1]) / side_m)
+    resolution_m = _resolution_m(zoom)
+    corner = rasterio.Affine(
+        resolution_m, 0, west * side_m - _HALF_WORLD_M, 0, -resolution_m, _HALF_WORLD_M - north * side_m
+    )
+    return importlib.import_module("rasterio.vrt").WarpedVRT(
+        file,
+        crs=_MERCATOR,
+        transform=corner,
+        width=(east - west) * TILE_PX,
+        height=(south - north) * TILE_PX,
+        resampling=rasterio.enums.Resampling.cubic,
+    )
+
+
+def _pyramid(source: Any, *, georeferenced: bool) -> Pyramid:
+    columns, rows = (-(-side // TILE_PX) for side in (source.width, source.height))
+    if not georeferenced:
+        return Pyramid(georeferenced, (max(columns, rows) - 1).bit_length(), (0, 0), (columns - 1, rows - 1))
+    zoom = round(math.log2(_resolution_m(0) / source.transform.a))
+    side_m = TILE_PX * source.transform.a
+    column = round((source.transform.c + _HALF_WORLD_M) / side_m)
+    row = round((_HALF_WORLD_M - source.transform.f) / side_m)
+    return Pyramid(georeferenced, zoom, (column, row), (column + columns - 1, row + rows - 1))
+
+
+def _reader(source: Any, pyramid: Pyramid, values: ValueRange | None) -> Read:
+    """Reads tiles of the deepest zoom."""
+    window: Any = importlib.import_module("rasterio.windows").Window
+    alpha = source.count
+    shown = [3, 2, 1, alpha] if alpha >= 4 else [1, 1, 1, alpha]
+
+    def read(column: int, row: int) -> Pixels | None:
+        x, y = (TILE_PX * (at - first) for at, first in zip((column, row), pyramid.first, strict=True))
+        width, height = min(TILE_PX, source.width - x), min(TILE_PX, source.height - y)
+        planes = source.read(shown, window=window(x, y, width, height))
+        if not planes[-1].any():
+            return None
+        tile = np.zeros((TILE_PX, TILE_PX, 4), np.uint8)
+        tile[:height, :width, :3] = in_8_bit(np.moveaxis(planes[:3], 0, -1), values)
+        tile[:height, :width, 3] = np.where(planes[-1] > np.iinfo(planes.dtype).max // 2, 255, 0)
+        return tile
+
+    return read
+
+
+@dataclass(frozen=True, eq=False)
+class _Writer:
+    """Writes tiles from the deepest zoom upwards, so that each part of the mosaic is read once."""
+
+    folder: Path
+    read: Read
+    pyramid: Pyramid
+
+    def write(self, zoom: int, column: int, row: int) -> Pixels | None:
+        """Write a tile and all below it; returns it."""
+        shift = self.pyramid.zoom - zoom
+        ranges = zip((column, row), self.pyramid.first, self.pyramid.last, strict=True)
+        if any(not first >> shift <= at <= last >> shift for at, first, last in ranges):
+            return None
+        tile = self.read(column, row) if shift == 0 else self._of_four(zoom + 1, 2 * column, 2 * row)
+        if tile is not None:
+            path = self.folder / str(zoom) / str(column) / f"{row}.webp"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(cv2.imencode(".webp", tile, [cv2.IMWRITE_WEBP_QUALITY, WEBP_QUALITY])[1].tobytes())
+        return tile
+
+    def _of_four(self, zoom: int, column: int, row: int) -> Pixels | None:
+        """A tile from the four below it, averaged over what they show."""
+        sheet = np.zeros((2 * TILE_PX, 2 * TILE_PX, 4), np.uint8)
+        for down in (0, 1):
+            for across in (0, 1):
+                part = self.write(zoom, column + across, row + down)
+                if part is not None:
+                    sheet[down * TILE_PX :, across * TILE_PX :][:TILE_PX, :TILE_PX] = part
+        visible = (sheet[..., 3:] > 0).astype(np.float32)
+        if not visible.any():
+            return None
+        total = cv2.resize(sheet[..., :3] * visible, (TILE_PX, TILE_PX), interpolation=cv2.INTER_AREA)
+        share = cv2.resize(visible, (TILE_PX, TILE_PX), interpolation=cv2.INTER_AREA)[..., None]
+        alpha = np.where(share >= 0.5, 255, 0)
+        return np.concatenate((np.rint(total / np.maximum(share, 1e-6)), alpha), axis=-1).astype(np.uint8)

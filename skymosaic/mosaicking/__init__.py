@@ -1,0 +1,1 @@
+"""Photographs to mosaics: options, plan, result and the functions of the API."""

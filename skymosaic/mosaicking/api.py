@@ -1,0 +1,127 @@
+"""From overlapping photographs to one mosaic: the functions of the API, and the context of a plan."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from golden_model.arrays import Pixels
+from skymosaic.errors import InputError
+from skymosaic.flight.two_photographs import flight_of_pair
+from skymosaic.flight.workers import Progress, Workers, silent
+from skymosaic.imagery.band_sets import in_band_sets
+from skymosaic.imagery.key_frames import flight_sources
+from skymosaic.imagery.lens import Lens
+from skymosaic.imagery.photographs import Source, forget_decoded
+from skymosaic.mosaicking.options import MosaicOptions
+from skymosaic.mosaicking.plan import MosaicPlan
+from skymosaic.mosaicking.result import Mosaic
+from skymosaic.registration.pair import Pair
+
+
+def mosaic(images: Sequence[str | Path | Pixels], *, progress: Progress = silent, **options: Any) -> Mosaic:
+    """Make a mosaic of overlapping photographs; of several groups, the largest.
+
+    Parameters
+    ----------
+    images : sequence of paths or arrays
+        At least two photographs; a folder stands for its pictures, a video for its key frames.
+    progress : callable
+        Receives a stage, how many of its steps are done, and how many there are (0: unknown).
+    **options
+        The attributes of `MosaicOptions`.
+
+    Raises
+    ------
+    InputError
+        For an unusable photograph, or an option that is unusable or has no effect.
+    RegistrationError
+        If no mosaic can be made, with the reason and the counts.
+
+    Examples
+    --------
+    >>> from sim.scene import pair as rendered_pair
+    >>> result = mosaic(rendered_pair(seed=5, size=(320, 240)).images)
+    >>> result.placed, result.left_out
+    ((0, 1), {})
+    >>> result.transforms[1].shape, result.image.dtype
+    ((3, 3), dtype('uint8'))
+    """
+    if options.get("all_groups"):
+        raise InputError("all groups: mosaic() makes one mosaic; call mosaics() for one of each group")
+    return next(mosaics(images, progress=progress, **options))
+
+
+def mosaics(images: Sequence[str | Path | Pixels], *, progress: Progress = silent, **options: Any) -> Iterator[Mosaic]:
+    """Make a mosaic of each group of photographs that overlap, the largest first; arguments as `mosaic`."""
+    with planned(images, MosaicOptions(**options), progress) as plan:
+        for layout in plan.layouts:
+            yield plan.mosaic(layout)
+
+
+def mosaic_of_pair(pair: Pair, **options: Any) -> Mosaic:
+    """Blend a registered pair; the time it takes is added to ``pair.seconds``.
+
+    Parameters
+    ----------
+    pair : Pair
+    **options
+        Those of `MosaicOptions` that come after the registration: blending, scale, canvas_limit_px, memory_bytes.
+
+    Raises
+    ------
+    InputError, RegistrationError
+        As `mosaic`.
+    """
+    sources = [Source(side, photo.name, photo.pixels) for side, photo in enumerate((pair.left, pair.right))]
+    with planned_sources(sources, MosaicOptions(**options)) as plan:
+        plan.flight = flight_of_pair(pair, sources, Lens())
+        return plan.mosaic(plan.layouts[0])
+
+
+@contextmanager
+def planned(
+    images: Sequence[str | Path | Pixels],
+    options: MosaicOptions,
+    progress: Progress = silent,
+    tell: Callable[[str], None] = lambda _line: None,
+) -> Iterator[MosaicPlan]:
+    """A plan for ``images``, with its workers and the key frames of videos for as long as the context lasts.
+
+    Parameters
+    ----------
+    images, options, progress
+        As `mosaic`.
+    tell : callable
+        Receives a line for each video that is cut off, for pictures that are not used, or if the cache cannot be
+        written.
+
+    Raises
+    ------
+    InputError
+        For a folder without pictures, an unreadable video, unusable options, or an absent scheduler.
+    """
+    progress("reading", 0, 0)
+    with flight_sources(images, tell) as sources:
+        captures = in_band_sets(sources, options.band, tell)
+        with planned_sources(captures, options, progress, tell) as plan:
+            yield plan
+
+
+@contextmanager
+def planned_sources(
+    sources: Sequence[Source],
+    options: MosaicOptions,
+    progress: Progress = silent,
+    tell: Callable[[str], None] = lambda _line: None,
+) -> Iterator[MosaicPlan]:
+    """`planned` for photographs that are already listed."""
+    options.check(len(sources))
+    sources = [source.keeping_damaged(keep=options.damaged == "keep") for source in sources]
+    try:
+        with Workers(options.scheduler, progress=progress) as workers:
+            yield MosaicPlan(sources, options, workers, tell)
+    finally:
+        forget_decoded()

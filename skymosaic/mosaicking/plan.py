@@ -1,0 +1,248 @@
+"""The stages of a mosaic: the plan that the API, the command line and the panel share."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import time
+from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from golden_model.arrays import Intensities, Mask
+from skymosaic.compositing.mesh import better_mesh, fit_mesh
+from skymosaic.errors import InputError, RegistrationError
+from skymosaic.features.positions import match_points
+from skymosaic.flight.bands.spectrum import in_all_bands
+from skymosaic.flight.cache import ResultCache
+from skymosaic.flight.layout.layout import Layout
+from skymosaic.flight.picture.composition import Composition, compose
+from skymosaic.flight.picture.mapping import place_on_map
+from skymosaic.flight.picture.output import PLAIN, PREVIEW_WIDTH_PX, Delivery, OutputForm, deliver
+from skymosaic.flight.survey import Flight, survey
+from skymosaic.flight.two_photographs import flight_of_pair
+from skymosaic.flight.workers import Workers
+from skymosaic.imagery import images as pictures
+from skymosaic.imagery.lens import Lens
+from skymosaic.imagery.own_outputs import remember
+from skymosaic.imagery.photographs import Source, keep_decoded
+from skymosaic.mosaicking.options import FLIGHT, PAIR, MosaicOptions
+from skymosaic.mosaicking.result import Mosaic
+from skymosaic.registration.pair import Pair
+from skymosaic.registration.register import register_photographs
+from skymosaic.stopwatch import Stopwatch
+
+
+class MosaicPlan:
+    """The stages from photographs to mosaics: features, links, layout; exposure, seams, blend; output.
+
+    Parameters
+    ----------
+    sources : sequence of Source
+        The photographs.
+    options : MosaicOptions
+        Checked for so many.
+    workers : Workers
+    tell : callable
+        Receives a line if the cache cannot be written.
+    """
+
+    def __init__(
+        self,
+        sources: Sequence[Source],
+        options: MosaicOptions,
+        workers: Workers,
+        tell: Callable[[str], None] = lambda _line: None,
+    ) -> None:
+        self._tell = tell
+        self.sources = sources
+        self.options = options
+        self._workers = workers
+        self._style = PAIR if len(sources) == 2 else FLIGHT
+
+    @cached_property
+    def flight(self) -> Flight:
+        """Features, links and layouts; computed when they are first needed."""
+        if len(self.sources) == 2:
+            return self._registered()
+        options = self.options
+        cache = ResultCache(options.cache or options.default_cache, required=options.cache is not None, tell=self._tell)
+        return survey(self.sources, options.settings(), options.seed, self._workers, cache)
+
+    @property
+    def layouts(self) -> tuple[Layout, ...]:
+        """The groups of linked photographs, the largest first.
+
+        Raises
+        ------
+        RegistrationError
+            If there is none.
+        """
+        pair = self.flight.pair
+        if pair is not None and not pair.accepted:
+            raise RegistrationError(f"{pair.left.name} and {pair.right.name} cannot be registered: {pair.reason}")
+        if not self.flight.layouts:
+            reasons = "; ".join(self.flight.left_out.values())
+            raise RegistrationError(f"none of the photographs could be linked with another: {reasons}")
+        return self.flight.layouts
+
+    def composition(self, layout: Layout) -> Composition:
+        """Canvas, exposure and seams of one group.
+
+        Raises
+        ------
+        InputError
+            If the scale leaves less than a pixel.
+        """
+        options, style = self.options, self._style
+        composition = compose(
+            self.flight,
+            layout,
+            blending=options.blending or style.blending,
+            scale=options.scale,
+            canvas_limit_px=options.canvas_limit_px,
+            equalise=style.equalise,
+            seams=style.seams,
+            own_frame=style.own_frame,
+            place=place_on_map(self.flight, layout, options.control),
+            gsd_m=options.gsd_m,
+        )
+        if min(composition.size) < 1:
+            raise InputError("the mosaic is smaller than a pixel; raise --scale, or lower --gsd")
+        if not self.sources[0].bands:
+            return composition
+        return in_all_bands(composition, self.flight, layout, self._workers, equalise=style.equalise)
+
+    def bands(self, composition: Composition) -> Iterator[tuple[Intensities, Mask]]:
+        """The blended picture in bands of whole rows from the top, and where they show a photograph."""
+        start = time.perf_counter()
+        yield from composition.bands(self._workers, self.options.memory_bytes)
+        if self.flight.pair is not None:
+            self.flight.pair.seconds["warping and blending"] = time.perf_counter() - start
+
+    def mosaic(self, layout: Layout) -> Mosaic:
+        """The mosaic of one group in memory."""
+        composition = self.composition(layout)
+        image = composition.joined(self.bands(composition))
+        indices = [placement.source.index for placement in composition.placements]
+        transforms = dict(zip(indices, composition.transforms, strict=True))
+        return Mosaic(
+            image=image,
+            transforms=transforms,
+            placed=tuple(sorted(transforms)),
+            left_out=self.flight.absent_from(layout),
+            pairs=() if self.flight.pair is None else (self.flight.pair,),
+            flight=self.flight,
+            layout=layout,
+            composition=composition,
+        )
+
+    def check_outputs(self, output: Path, form: OutputForm = PLAIN, *, overwrite: bool = False) -> None:
+        """Check that `write` could write there, before anything is computed.
+
+        Raises
+        ------
+        InputError
+            For an output that cannot be written, is one of the photographs, or exists and must not be overwritten;
+            for a form that does not suit it.
+        """
+        form.check(output, len(self.sources[0].bands))
+        if form.tiles is not None:
+            pictures.check_unused(form.tiles, overwrite=overwrite)
+        given = tuple(name for source in self.sources for name in source.files)
+        pictures.check_output(output, given, overwrite=overwrite)
+        if self.options.all_groups:
+            numbered = re.compile(re.escape(output.stem) + r"_\d+" + re.escape(output.suffix))
+            for path in sorted(output.parent.iterdir()):
+                if numbered.fullmatch(path.name):
+                    pictures.check_unused(path, overwrite=overwrite)
+
+    def write(
+        self,
+        output: Path,
+        form: OutputForm = PLAIN,
+        *,
+        preview_width_px: int = PREVIEW_WIDTH_PX,
+        overwrite: bool = False,
+    ) -> list[Delivery]:
+        """Write the mosaic of the largest group; with ``all_groups`` those of the others too, numbered from 2.
+
+        Raises
+        ------
+        InputError
+            As `check_outputs`.
+        RegistrationError
+            As `layouts`.
+        """
+        self.check_outputs(output, form, overwrite=overwrite)
+        layouts = self.layouts if self.options.all_groups else self.layouts[:1]
+        compositions = [self.composition(layout) for layout in layouts]
+        paths = [output, *(output.with_stem(f"{output.stem}_{number}") for number in range(2, len(layouts) + 1))]
+        deliveries = [
+            deliver(
+                path,
+                self.flight,
+                layout,
+                composition,
+                self.bands(composition),
+                form=form.numbered(number),
+                preview_width_px=preview_width_px,
+            )
+            for number, (path, layout, composition) in enumerate(
+                zip(paths, layouts, compositions, strict=True), start=1
+            )
+        ]
+        photographs = [source.content for source in self.sources if isinstance(source.content, Path)]
+        for path in paths:
+            remember(path, photographs)
+        return deliveries
+
+    def _registered(self) -> Flight:
+        """Two photographs, registered as a pair."""
+        options, lens = self.options, self.options.lens or Lens()
+        self._workers.progress("registering", 0, 0)
+        clock = Stopwatch()
+        left, right = (source.photograph(lens) for source in self.sources)
+        clock.lap("reading")
+        pair = register_photographs(
+            (left, right),
+            config=options.usual_config,
+            detector=options.detector,
+            descriptor=options.descriptor,
+            estimator=options.estimator,
+            effort=options.effort,
+            backend=options.backend,
+            seed=options.seed,
+            working_width_px=options.working_width_px,
+            refine=options.refine,
+            lens=lens,
+            seconds=clock.seconds,
+            progress=lambda line: self._workers.progress(line, 0, 0),
+        )
+        bend = bend_of(pair, options.warp)
+        if bend is not None:
+            self.sources = [dataclasses.replace(self.sources[0], bend=bend), self.sources[1]]
+            left = dataclasses.replace(left, pixels=np.asarray(bend(left.pixels), dtype=np.uint8))
+        for source, photograph in zip(self.sources, (left, right), strict=True):
+            keep_decoded(source, lens, photograph.pixels, options.memory_bytes)
+        return flight_of_pair(pair, self.sources, lens)
+
+
+def bend_of(pair: Pair, warp: str) -> Callable[[Intensities], Intensities] | None:
+    """What bends the left photograph of a pair as ``warp`` says; None where nothing does.
+
+    Parameters
+    ----------
+    pair : Pair
+    warp : {"homography", "mesh", "auto"}
+        auto: a grid of residuals, if held-out matches gain by it.
+    """
+    if warp == "homography" or pair.working_homography is None:
+        return None
+    left, right = match_points(pair.kept)
+    size = pair.working[0].shape[1], pair.working[0].shape[0]
+    given = pair.working_homography, left, right, size
+    mesh = better_mesh(*given) if warp == "auto" else fit_mesh(*given)
+    return None if mesh is None else mesh.bend

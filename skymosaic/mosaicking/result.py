@@ -1,0 +1,103 @@
+"""A mosaic in memory, with what tells how it was made and where it lies on the map."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from golden_model.arrays import Intensities, Matrix
+from skymosaic.errors import InputError
+from skymosaic.flight.layout.layout import Layout
+from skymosaic.flight.picture.composition import Composition
+from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, deliver
+from skymosaic.flight.survey import Flight
+from skymosaic.flight.workers import Workers
+from skymosaic.imagery.images import check_output
+from skymosaic.imagery.photographs import forget_decoded
+from skymosaic.maps.georeference import Georeference
+from skymosaic.registration.pair import Pair
+
+
+@dataclass(frozen=True, repr=False)
+class Mosaic:
+    """A mosaic and how it was made.
+
+    Attributes
+    ----------
+    image : ndarray of uint8, shape (H, W, 3), or (H, W) where every photograph is gray
+        Of uint16 where every photograph has 16 bits. Of multi-band sets (H, W, bands).
+    transforms : dict of int to ndarray, shape (3, 3)
+        For each photograph in the mosaic, its original pixels to canvas pixels. Of a photograph taken with a known
+        camera, its pixels once the distortion is taken out.
+    placed : tuple of int
+        Indices of the photographs in the mosaic.
+    left_out : dict of int to str
+        Indices of the others, with the reason.
+    pairs : tuple of Pair
+        The registration of two photographs; empty for more.
+    flight : Flight
+        Features, links and layouts.
+    layout : Layout
+        The group of the flight that this mosaic shows.
+    composition : Composition
+        Canvas, exposure and seams.
+    """
+
+    image: Intensities
+    transforms: dict[int, Matrix]
+    placed: tuple[int, ...]
+    left_out: dict[int, str]
+    pairs: tuple[Pair, ...]
+    flight: Flight
+    layout: Layout
+    composition: Composition
+
+    def to_geotiff(self, path: str | Path, *, overwrite: bool = False, scheduler: str | None = None) -> Georeference:
+        """Render the mosaic again, and write it as a GeoTIFF; needs the extra ``geo``.
+
+        Photographs given as files are read again, so they must still be there; key frames of a video are not.
+
+        Parameters
+        ----------
+        path : str or Path
+            ``.tif`` or ``.tiff``.
+        overwrite : bool
+            Whether an existing file may be replaced.
+        scheduler : str or None
+            As of `MosaicOptions`.
+
+        Returns
+        -------
+        Georeference
+            Coordinate system, and the transformation from canvas pixels to metres.
+
+        Raises
+        ------
+        InputError
+            If nothing tells where the mosaic lies (the message says why), or the file cannot be written.
+        """
+        path = Path(path)
+        check_output(
+            path,
+            tuple(name for each in self.flight.sources for name in each.files),
+            GEOTIFF_SUFFIXES,
+            overwrite=overwrite,
+        )
+        place = self.composition.place
+        if place.georeference is None:
+            raise InputError(
+                f"{path}: the mosaic's place on the map is not known ({place.note}); save its image instead"
+            )
+        try:
+            with Workers(scheduler) as workers:
+                bands = self.composition.bands(workers)
+                deliver(path, self.flight, self.layout, self.composition, bands)
+        finally:
+            forget_decoded()
+        return place.georeference
+
+    def __repr__(self) -> str:
+        """One line with the size and the counts."""
+        height_px, width_px = self.image.shape[:2]
+        absent = f", {len(self.left_out)} left out" if self.left_out else ""
+        return f"Mosaic({width_px}x{height_px} px, {len(self.placed)} photographs{absent})"

@@ -1,0 +1,1 @@
+"""Two photographs to one homography: search passes, estimation, confidence."""

@@ -1,0 +1,111 @@
+"""Features of one photograph, in its own pixels."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.arrays import Array, Matrix, Pixels, Points, Records
+from golden_model.config import Config, preset_config
+from golden_model.text import one_line
+from sim.backends.interface import Progress, silent
+from skymosaic.features.methods import Method, backend_of, choose
+from skymosaic.features.positions import feature_points
+from skymosaic.geometry.homography import apply
+from skymosaic.imagery.images import Photograph, keeps_damaged, load, reduced_for_front_end
+from skymosaic.registration.register import WORKING_WIDTH_PX, extract_within_capacity
+
+SECTORS = 16
+
+
+@dataclass(frozen=True, repr=False)
+class Features:
+    """Features of one photograph.
+
+    Attributes
+    ----------
+    photograph : Photograph
+    points : ndarray of float64, shape (N, 2)
+        Positions (x, y) in original pixels, pixel centres at integers.
+    levels : ndarray of uint8, shape (N,)
+        Level of the pyramid: 0, or 1 at half the size.
+    angles : ndarray of float64, shape (N,)
+        Orientation in radians, in steps of a sixteenth of a circle; 0 of a descriptor without orientation.
+    descriptors : ndarray of uint8, shape (N, B)
+        B bytes each; of a binary descriptor 8 bits a byte.
+    records : structured array, shape (N,)
+        As the front end made them (`golden_model.records.feature_record`), positions in 1/16 working px.
+    to_original : ndarray of float64, shape (3, 3)
+        Working pixels to original pixels.
+    method : Method
+        Detector and descriptor.
+    config : Config
+    """
+
+    photograph: Photograph
+    points: Points
+    levels: NDArray[np.uint8]
+    angles: Array
+    descriptors: NDArray[np.uint8]
+    records: Records
+    to_original: Matrix
+    method: Method
+    config: Config
+
+    def __len__(self) -> int:
+        return len(self.records)
+
+    def __repr__(self) -> str:
+        """One line with the name, the count and the method."""
+        found = f"{len(self)} {self.method.detector} with {self.method.descriptor}"
+        return one_line(f"Features({self.photograph.name}: {found})")
+
+
+def extract(
+    image: str | Path | Pixels,
+    *,
+    preset: str = "aerial",
+    config: Config | None = None,
+    detector: str | None = None,
+    descriptor: str | None = None,
+    backend: str = "golden",
+    working_width_px: int = WORKING_WIDTH_PX,
+    damaged: str = "refuse",
+    progress: Progress = silent,
+) -> Features:
+    """Find and describe the features of one photograph; parameters as of `skymosaic.register`.
+
+    Raises
+    ------
+    skymosaic.errors.InputError
+        For a photograph that cannot be used, an unknown name or an impossible combination.
+
+    Examples
+    --------
+    >>> from sim.scene import pair as rendered_pair
+    >>> features = extract(rendered_pair(seed=5, size=(320, 240)).images[0])
+    >>> features.points.shape == (len(features), 2)
+    True
+    >>> features.descriptors.shape[1]
+    16
+    """
+    photograph = load(image, "image", keep_damaged=keeps_damaged(damaged))
+    method, config = choose(config or preset_config(preset), detector, descriptor)
+    working, to_original = reduced_for_front_end(photograph.pixels, working_width_px, photograph.name)
+    (result,), config = extract_within_capacity(backend_of(method, backend, progress), [working], config)
+    records = result.features
+    return Features(
+        photograph=photograph,
+        points=apply(to_original, feature_points(records)),
+        levels=records["level"].astype(np.uint8),
+        angles=records["sector"] * (math.tau / SECTORS),
+        descriptors=records["descriptor"],
+        records=records,
+        to_original=to_original,
+        method=method,
+        config=config,
+    )

@@ -1,0 +1,217 @@
+"""The result of a registration: two photographs, their matches, and the homography between them."""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.arrays import Array, Matrix, Pixels, Points, Records
+from golden_model.config import Config
+from golden_model.formats import WEIGHT
+from golden_model.text import how_to_install, one_line
+from skymosaic.errors import InputError
+from skymosaic.features.methods import Method
+from skymosaic.features.positions import match_points
+from skymosaic.geometry.homography import apply
+from skymosaic.imagery.images import Photograph
+from skymosaic.registration.confidence import Confidence, assess
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+KINDS = ("inliers", "kept", "matches")
+"""Matches that `Pair.points` gives, the strictest first."""
+
+
+class MatchedPoints(NamedTuple):
+    """Matches of two photographs.
+
+    Attributes
+    ----------
+    left, right : ndarray of float64, shape (N, 2)
+        Positions (x, y) in original pixels, pixel centres at integers.
+    weights : ndarray of float64, shape (N,)
+        Of the fuzzy rules, 0..1.
+    rules : ndarray of str, shape (N,)
+        The dominant rule of each match in words.
+    """
+
+    left: Points
+    right: Points
+    weights: Array
+    rules: NDArray[np.str_]
+
+
+@dataclass(frozen=True, repr=False)
+class Pair:
+    """Two photographs, their features and matches, and their homography.
+
+    `points` gives the matches in pixels of the photographs. The records below are as the front end made them, with
+    positions in 1/16 px of the working images (UQ12.4), distances in bits of the descriptor (UQ16.0), weights in
+    1/256 (UQ0.8) and orientations in sixteenths of a circle.
+
+    Attributes
+    ----------
+    left, right : Photograph
+        The originals.
+    to_original : tuple of ndarray, shape (3, 3)
+        Working pixels to original pixels, of left and right.
+    working : tuple of ndarray
+        The images as the front end saw them.
+    features : tuple of structured arrays
+        Feature records of left and right (`golden_model.records.feature_record`), in 1/16 working px.
+    matches, kept, inliers : structured arrays
+        Match records (`golden_model.records.MATCH`) as proposed (after the mutual check; of a ratio test, before
+        it), after the fuzzy stage or the ratio test's mutual check, and within 2 working px of the homography (of
+        fuzzy RANSAC: accepted by its rules).
+    refined_inliers : int
+        Matches of the second pass within 2 working px; 0 where there was none, or it found less than the first.
+    homography : ndarray of float64, shape (3, 3), or None
+        Left original pixels to right original pixels, pixel centres at integers; None where not accepted.
+    reason : str
+        Why the pair was not accepted, with the counts; empty where it was.
+    config : Config
+        Of the front end and matcher.
+    method : Method
+        Detector and descriptor.
+    estimator : str
+        Robust estimator.
+    effort : str
+        One of `skymosaic.registration.passes.EFFORTS`.
+    passes : int
+        Pairs of frames that were matched; 1 where the first pass was enough.
+    backend : str
+        Name of the backend that computed features and matches.
+    seconds : dict
+        Wall time of each stage.
+    """
+
+    left: Photograph
+    right: Photograph
+    to_original: tuple[Matrix, Matrix]
+    working: tuple[Pixels, Pixels]
+    features: tuple[Records, Records]
+    matches: Records
+    kept: Records
+    inliers: Records
+    refined_inliers: int
+    homography: Matrix | None
+    reason: str
+    config: Config
+    method: Method
+    estimator: str
+    effort: str
+    passes: int
+    backend: str
+    seconds: dict[str, float]
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the homography can be trusted (at least 12 inliers at 2 px)."""
+        return self.homography is not None
+
+    @property
+    def working_homography(self) -> Matrix | None:
+        """The homography between the working images, (3, 3); None where not accepted."""
+        if self.homography is None:
+            return None
+        return np.asarray(np.linalg.inv(self.to_original[1]) @ self.homography @ self.to_original[0])
+
+    @cached_property
+    def confidence(self) -> Confidence | None:
+        """How far to trust the homography; computed when first asked for. None where not accepted."""
+        if self.working_homography is None:
+            return None
+        return assess(self.working, self.working_homography, *match_points(self.kept))
+
+    def points(self, kind: str = "inliers") -> MatchedPoints:
+        """The matches in pixels of the original photographs.
+
+        Parameters
+        ----------
+        kind : {"inliers", "kept", "matches"}
+            Within 2 working px of the homography; after the fuzzy stage; as proposed, rejected ones included.
+
+        Raises
+        ------
+        InputError
+            For another kind.
+
+        Examples
+        --------
+        >>> from sim.scene import pair as rendered_pair
+        >>> from skymosaic import register
+        >>> pair = register(*rendered_pair(seed=5, size=(320, 240)).images)
+        >>> left, right, weights, rules = pair.points()
+        >>> left.shape == right.shape == (len(pair.inliers), 2)
+        True
+        >>> bool(0 <= weights.min() <= weights.max() <= 1)
+        True
+        """
+        if kind not in KINDS:
+            raise InputError(f"kind is {kind!r}; valid: {', '.join(KINDS)}")
+        records: Records = getattr(self, kind)
+        left, right = (
+            apply(to_original, points)
+            for to_original, points in zip(self.to_original, match_points(records), strict=True)
+        )
+        names = np.array(self.method.rule_names(self.config))
+        return MatchedPoints(left, right, records["weight"] / WEIGHT.one, names[records["rule"]])
+
+    def plot(self, kind: str = "inliers") -> Figure:
+        """Draw both photographs beside each other with lines between matched points, coloured by weight.
+
+        Needs matplotlib, which the extra ``plots`` installs.
+
+        Parameters
+        ----------
+        kind : str
+            As of `points`.
+
+        Raises
+        ------
+        InputError
+            For another kind, or without matplotlib.
+        """
+        points = self.points(kind)
+        try:
+            # Takes a second to import, and is an extra.
+            plots = importlib.import_module("skymosaic.registration.match_plot")
+        except ModuleNotFoundError:
+            raise InputError(f"a plot needs matplotlib; {how_to_install('plots')}") from None
+        images = self.left.pixels, self.right.pixels
+        figure: Figure = plots.matches(images, points.left, points.right, points.weights, title=repr(self))
+        return figure
+
+    def __repr__(self) -> str:
+        """One line with the names, the verdict and the counts."""
+        found = "accepted" if self.accepted else f"not accepted ({self.reason})"
+        counts = f"{len(self.matches)} matches, {len(self.kept)} kept, {len(self.inliers)} inliers"
+        return one_line(f"Pair({self.left.name} -> {self.right.name}: {found}, {counts})")
+
+    def summary(self) -> dict[str, Any]:
+        """The pair in plain numbers, as ``register --json`` prints it."""
+        return {
+            "accepted": self.accepted,
+            "homography": None if self.homography is None else self.homography.tolist(),
+            "features": [len(side) for side in self.features],
+            "matches": len(self.matches),
+            "kept": len(self.kept),
+            "inliers": len(self.inliers),
+            "refined_inliers": self.refined_inliers,
+            "reason": self.reason,
+            "confidence": None if self.confidence is None else self.confidence.summary(),
+            "seconds": {stage: round(value, 4) for stage, value in self.seconds.items()},
+            "backend": self.backend,
+            "preset": self.config.preset,
+            "detector": self.method.detector,
+            "descriptor": self.method.descriptor,
+            "estimator": self.estimator,
+            "effort": self.effort,
+            "passes": self.passes,
+        }
