@@ -22,12 +22,12 @@ test-slow: $(VENV)/installed tools
 
 # Mutated files for everything that reads files; prints what became of them.
 test-fuzz: $(VENV)/installed
-	$(BIN)/python -m tests.robustness.fuzz 10000
+	$(BIN)/python -m tools.fuzz 10000
 
 # Random frames, settings, stalls, bad frames, clears and resets on the compiled accelerator: 20 minutes or more.
 SOAK_CLOCKS ?= 100000000
 test-soak: $(VENV)/installed
-	$(BIN)/python -m tests.robustness.soak $(SOAK_CLOCKS)
+	$(BIN)/python -m tools.soak $(SOAK_CLOCKS)
 
 # The site, in build/site: a link or a page that is missing is an error. `docs/tutorials` are run by the tests.
 docs: $(VENV)/installed

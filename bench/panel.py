@@ -20,7 +20,7 @@ import numpy as np
 from playwright.sync_api import Browser, Locator, Page, expect
 
 from sim.scene import pair as rendered_pair
-from tests.panel.visit import (
+from tools.panel.visit import (
     chromium,
     load_built_in_pair,
     make_mosaic,

@@ -21,10 +21,10 @@ ROOT = Path(__file__).parents[1]
 LONG_FILES = (
     "tests/hdl/test_front_end.py",
     "tests/system/test_accelerator.py",
-    "tests/system/test_cocotb.py",
+    "tests/sim/cocotb/test_runner.py",
     "tests/formal/test_banks.py",
     "tests/system/test_sequence_rtl.py",
-    "tests/system/test_board.py",
+    "tests/system/board/test_board.py",
 )
 """Files that compile a simulator or prove for long. They run first, so that no process is left with one at the end; the
 first two need different builds, and the last two that of the accelerator's test."""

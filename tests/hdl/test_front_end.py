@@ -122,7 +122,7 @@ def extremes(size_px):
 
 @pytest.mark.parametrize(
     "simulator",
-    # A model of CXXRTL takes minutes to compile; tests/system/test_simulators.py simulates a small design with all.
+    # A model of CXXRTL takes minutes to compile; `test_simulators.py` simulates a small design with all.
     [pytest.param(verilator, id="verilator"), pytest.param(cxxrtl, id="cxxrtl", marks=pytest.mark.slow)],
 )
 def test_whole_frames_are_equal_and_follow_without_a_bubble(simulator, scene):

@@ -13,25 +13,25 @@ ROOT = Path(__file__).parents[2]
 MUTATIONS = {
     "k of Harris": (
         "golden_model/pixel/harris.py", "k_numerator / (1 << k_shift)", "(k_numerator + 1) / (1 << k_shift)",
-        "tests/golden/pixel/test_harris.py::test_response_follows_corner_harris",
+        "tests/golden_model/pixel/test_harris.py::test_response_follows_corner_harris",
     ),
     "rule of ties": (
         "golden_model/pixel/nms.py", "code >= largest_after", "code > largest_after",
-        "tests/golden/pixel/test_nms.py",
+        "tests/golden_model/pixel/test_nms.py",
     ),
     "radius of a ring": (
         "golden_model/feature/ilbp.py", "(0, 2, 4, 6, 9, 12, 15)", "(0, 2, 4, 6, 9, 12, 14)",
-        "tests/golden/feature/test_ilbp.py",
+        "tests/golden_model/feature/test_ilbp.py",
     ),
     "one feature more a cell": (
         "golden_model/selection/selection.py", "rank < per_cell", "rank <= per_cell",
-        "tests/golden/test_front_end.py::test_cells_keep_their_best_in_the_order_of_emission",
+        "tests/golden_model/test_front_end.py::test_cells_keep_their_best_in_the_order_of_emission",
     ),
     "second best of the columns": (
         "golden_model/matching/hamming.py",
         "np.minimum(others.min(axis=1)[left]",
         "np.maximum(others.min(axis=1)[left]",
-        "tests/golden/matching/test_hamming.py",
+        "tests/golden_model/matching/test_hamming.py",
     ),
     "rounding of the smoothing": (
         "hdl/pixel/smooth.py", "(1 << shift >> 1)", "(1 << shift >> 2)",

@@ -1,0 +1,165 @@
+"""The cache of slow builds: once for all processes, never half a build, one clear line when it cannot work."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from sim.backends.interface import BackendError, silent
+from sim.simulators.build_cache import cache_folder, cached, digest
+
+SLOW_BUILD = """
+import sys, time
+from pathlib import Path
+from sim.simulators.build_cache import cached
+
+def build(folder):
+    with Path(sys.argv[1]).open("a") as log:
+        log.write("build\\n")
+    while not Path(sys.argv[1] + ".end").exists():
+        time.sleep(0.01)
+    (folder / "result").write_text("complete")
+
+folder = cached("slow", build, what="the slow thing", progress=lambda line: print(line, flush=True))
+assert (folder / "result").read_text() == "complete"
+"""
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return cache_folder()
+
+
+def start_slow_build(log):
+    """A process that builds until there is a file beside ``log`` that ends in ``.end``."""
+    command = [sys.executable, "-c", SLOW_BUILD, str(log)]
+    environment = {**os.environ, "PYTHONPATH": str(Path.cwd())}
+    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
+
+
+def write_result(folder):
+    (folder / "result").write_text("complete")
+
+
+def refuse(folder):
+    raise AssertionError(f"{folder} is built again")
+
+
+def test_builds_once_and_says_how_long_it_took():
+    lines = []
+    folder = cached("thing", write_result, what="the thing", progress=lines.append)
+    assert (folder / "result").read_text() == "complete"
+    assert lines[0] == f"building the thing (once; later runs find it in {cache_folder()})"
+    assert re.fullmatch(r"built the thing in \d+ s", lines[1])
+    assert cached("thing", refuse, what="the thing", progress=refuse) == folder
+
+
+def test_two_processes_build_once(tmp_path):
+    log = tmp_path / "log"
+    first = start_slow_build(log)
+    assert first.stdout.readline().startswith("building")
+    second = start_slow_build(log)
+    assert second.stdout.readline().startswith("waiting")
+    log.with_name("log.end").touch()
+    for process in (first, second):
+        process.communicate()
+        assert process.returncode == 0
+    assert log.read_text() == "build\n"
+
+
+def test_killed_build_leaves_no_trace(tmp_path):
+    log = tmp_path / "log"
+    process = start_slow_build(log)
+    assert process.stdout.readline().startswith("building")
+    while not log.exists() and process.poll() is None:
+        time.sleep(0.01)
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+    assert list(cache_folder().glob("slow.*.part")), "the killed build was to leave its folder behind"
+
+    folder = cached("slow", write_result, what="the slow thing", progress=silent)
+    assert (folder / "result").read_text() == "complete"
+    assert not list(cache_folder().glob("*.part"))
+
+
+def test_failed_build_leaves_nothing():
+    def fail(folder):
+        write_result(folder)
+        raise BackendError("the compiler failed")
+
+    with pytest.raises(BackendError, match="the compiler failed"):
+        cached("thing", fail, what="the thing", progress=silent)
+    assert {path.name for path in cache_folder().iterdir()} <= {"thing.lock"}
+    cached("thing", write_result, what="the thing", progress=silent)
+
+
+@pytest.mark.parametrize("damage", [lambda data: data[:-1], lambda data: b"C" + data[1:], lambda _data: b""])
+@pytest.mark.parametrize("name", ["result", "checksums"])
+def test_damaged_folder_is_built_again(damage, name):
+    folder = cached("thing", write_result, what="the thing", progress=silent)
+    (folder / name).write_bytes(damage((folder / name).read_bytes()))
+    lines = []
+    assert cached("thing", write_result, what="the thing", progress=lines.append) == folder
+    assert (folder / "result").read_text() == "complete"
+    assert len(lines) == 2
+    assert cached("thing", refuse, what="the thing", progress=refuse) == folder
+    assert not list(cache_folder().glob("*.part"))
+
+
+def test_missing_file_is_built_again():
+    folder = cached("thing", write_result, what="the thing", progress=silent)
+    (folder / "result").unlink()
+    assert (cached("thing", write_result, what="the thing", progress=silent) / "result").exists()
+
+
+def test_left_overs_of_other_builds_are_removed_unless_they_run(tmp_path):
+    (cache_folder() / "old.abc.part").mkdir(parents=True)
+    process = start_slow_build(tmp_path / "log")
+    assert process.stdout.readline().startswith("building")
+    cached("thing", write_result, what="the thing", progress=silent)
+    names = [path.name.split(".")[0] for path in cache_folder().glob("*.part")]
+    assert names == ["slow"]
+    process.kill()
+    process.communicate(timeout=30)
+
+
+@pytest.mark.parametrize("reason", ["no folder", "full"])
+def test_unwritable_cache_costs_the_cache_only(tmp_path, monkeypatch, reason):
+    if reason == "no folder":
+        (tmp_path / "file").touch()
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+
+    def build(folder):
+        if folder.is_relative_to(cache_folder()):
+            raise OSError(28, "No space left on device")
+        write_result(folder)
+
+    lines = []
+    folder = cached(f"thing-{reason}", build, what="the thing", progress=lines.append)
+    assert (folder / "result").read_text() == "complete"
+    assert "is built for this run only" in " ".join(lines)
+    assert cached(f"thing-{reason}", build, what="the thing", progress=silent) == folder
+
+
+def test_imports_without_fcntl():
+    modules = "skymosaic.cli.mosaic, sim.simulators.verilator, sim.backends.board"
+    code = f"import sys; sys.modules['fcntl'] = None; import {modules}"
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])}
+    subprocess.run([sys.executable, "-c", code], check=True, env=environment)
+
+
+def test_default_folder(monkeypatch, tmp_path):
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert cache_folder() == tmp_path / ".cache" / "skymosaic"
+
+
+def test_digest_tells_parts_apart():
+    keys = {digest("ab", "c"), digest("a", "bc"), digest("abc"), digest("ab", "d"), digest()}
+    assert len(keys) == 5

@@ -1,0 +1,62 @@
+"""Fixtures: a panel in a process of its own, and Chromium if the machine has it."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import pytest
+from playwright.sync_api import Browser, ConsoleMessage, Page
+
+from sim.scene import pair as rendered_pair
+from skymosaic.panel.tasks.jobs import prepare_workers
+from tools.panel.visit import CHROMIUM, chromium, open_page, running_panel
+
+
+@pytest.fixture(scope="session")
+def panel(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The address of a running panel, without a slash at the end."""
+    with running_panel(tmp_path_factory.mktemp("panel")) as address:
+        yield address
+
+
+@pytest.fixture(scope="session")
+def workers() -> None:
+    """Starts the helper process that workers are forked from, as a panel does."""
+    prepare_workers()
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    """Chromium for one module: Playwright's event loop runs as long as it does, and no test can start another loop."""
+    if CHROMIUM is None:
+        pytest.skip("no Chromium on this machine; on Debian: apt-get install chromium")
+    with chromium() as started:
+        yield started
+
+
+def is_complaint(message: ConsoleMessage) -> bool:
+    """Whether a message reports a fault of the page; a refused upload is not one."""
+    return message.type == "error" and "Failed to load resource" not in message.text
+
+
+@pytest.fixture
+def page(browser: Browser, panel: str) -> Iterator[Page]:
+    """The panel's page in a new session; any error that the browser reports fails the test."""
+    opened = open_page(browser, "about:blank")
+    complaints: list[str] = []
+    opened.on("pageerror", lambda error: complaints.append(str(error)))
+    opened.on("console", lambda message: complaints.append(message.text) if is_complaint(message) else None)
+    opened.goto(panel)
+    yield opened
+    opened.context.close()
+    assert complaints == []
+
+
+@pytest.fixture(scope="session")
+def photographs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Two overlapping photographs."""
+    folder = tmp_path_factory.mktemp("photographs")
+    paths = [folder / "left.png", folder / "right.png"]
+    for path, image in zip(paths, rendered_pair(seed=5).images, strict=True):
+        cv2.imwrite(str(path), image)
+    return paths

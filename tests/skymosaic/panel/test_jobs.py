@@ -1,0 +1,168 @@
+"""Jobs in worker processes: results, progress, failures, and cancelling without leaving a process behind."""
+
+import asyncio
+import importlib
+import os
+import signal
+import sys
+import time
+import zipfile
+from collections.abc import Callable, Iterator
+from multiprocessing import forkserver
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from skymosaic.panel.archive import zipped
+from skymosaic.panel.tasks.jobs import Job, JobCancelledError, JobFailedError, Limits
+from tools.panel.visit import LONG_MS
+
+pytestmark = pytest.mark.usefixtures("workers")
+
+TASKS = """
+import os, subprocess, sys, time
+from skymosaic.errors import InputError
+
+def add(folder, one, other, *, progress):
+    progress("adding")
+    return one + other, folder
+
+def refuse(folder, *, progress):
+    raise InputError(f"{folder / 'left.png'}: too small")
+
+def raise_key_error(folder, *, progress):
+    raise KeyError("x")
+
+def die(folder, *, progress):
+    os.abort()
+
+def compute(folder, *, progress):
+    while True:
+        pass
+
+def fill_memory(folder, *, progress):
+    return len(bytearray(3 << 30))
+
+def last_long(folder, *, progress):
+    child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
+    (folder / "processes").write_text(f"{os.getpid()} {child.pid}")
+    progress("under way")
+    time.sleep(600)
+"""
+
+
+@pytest.fixture(scope="module")
+def tasks(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ModuleType]:
+    """A module that workers can import as this process does."""
+    folder = tmp_path_factory.mktemp("tasks")
+    (folder / "tasks_for_the_jobs_test.py").write_text(TASKS)
+    sys.path.insert(0, str(folder))
+    yield importlib.import_module("tasks_for_the_jobs_test")
+    sys.path.remove(str(folder))
+
+
+def run(job: Job) -> object:
+    return asyncio.run(job.run(asyncio.Semaphore(1)))
+
+
+def alive(process: int) -> bool:
+    try:
+        return Path(f"/proc/{process}/stat").read_text().split()[2] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+def eventually(condition: Callable[[], bool]) -> bool:
+    deadline = time.monotonic() + LONG_MS / 1000
+    while time.monotonic() < deadline and not condition():
+        time.sleep(0.02)
+    return condition()
+
+
+def test_a_task_gets_folder_and_arguments_and_returns_its_result(tasks: ModuleType, tmp_path: Path) -> None:
+    job = Job("adding", tasks.add, tmp_path, 2, 3)
+    assert run(job) == (5, tmp_path)
+    assert job.line == "adding"
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [("refuse", "^left.png: too small"), ("raise_key_error", "unexpected KeyError"), ("die", "the worker died")],
+)
+def test_a_failure_is_one_line_that_names_files_relative_to_the_folder(
+    tasks: ModuleType, tmp_path: Path, name: str, says: str
+) -> None:
+    with pytest.raises(JobFailedError, match=says):
+        run(Job(name, getattr(tasks, name), tmp_path))
+
+
+def test_cancelling_ends_the_task_and_every_process_it_started(tasks: ModuleType, tmp_path: Path) -> None:
+    job = Job("long", tasks.last_long, tmp_path)
+
+    async def cancel_under_way() -> None:
+        running = asyncio.create_task(job.run(asyncio.Semaphore(1)))
+        while job.line != "under way":
+            await asyncio.sleep(0.02)
+        job.cancel()
+        with pytest.raises(JobCancelledError):
+            await running
+
+    asyncio.run(cancel_under_way())
+    processes = [int(word) for word in (tmp_path / "processes").read_text().split()]
+    assert os.getpid() not in processes
+    assert eventually(lambda: not any(map(alive, processes)))
+
+
+@pytest.mark.parametrize(
+    ("name", "limits", "says"),
+    [
+        ("compute", Limits(1, 600, 1 << 30), "more than 1 s of processor time"),
+        ("last_long", Limits(60, 0.5, 1 << 30), "more than 0.5 s"),
+        ("fill_memory", Limits(60, 600, 1 << 30), "more memory"),
+    ],
+)
+def test_a_worker_beyond_its_limits_is_ended(
+    tasks: ModuleType, tmp_path: Path, name: str, limits: Limits, says: str
+) -> None:
+    with pytest.raises(JobFailedError, match=says):
+        run(Job(name, getattr(tasks, name), tmp_path, limits=limits))
+
+
+def test_a_job_cancelled_while_it_waits_never_starts(tasks: ModuleType, tmp_path: Path) -> None:
+    job = Job("adding", tasks.add, tmp_path, 2, 3)
+    job.cancel()
+    with pytest.raises(JobCancelledError):
+        run(job)
+
+
+def test_jobs_run_again_after_the_helper_process_was_killed(tasks: ModuleType, tmp_path: Path) -> None:
+    os.kill(forkserver._forkserver._forkserver_pid, signal.SIGKILL)
+
+    def works() -> bool:
+        try:
+            return run(Job("adding", tasks.add, tmp_path, 2, 3)) == (5, tmp_path)
+        except JobFailedError:
+            return False
+
+    assert eventually(works)
+
+
+def test_a_queue_runs_all_its_jobs(tasks: ModuleType, tmp_path: Path) -> None:
+    async def three_in_one_queue() -> list[object]:
+        queue = asyncio.Semaphore(1)
+        return await asyncio.gather(*(Job("adding", tasks.add, tmp_path, n, n).run(queue) for n in range(3)))
+
+    assert [total for total, _ in asyncio.run(three_in_one_queue())] == [0, 2, 4]
+
+
+def test_the_archive_contains_every_file_of_its_folders(tmp_path: Path) -> None:
+    (tmp_path / "run" / "report").mkdir(parents=True)
+    contents = {"run/a.txt": b"words " * 1000, "run/report/b.png": os.urandom(3 << 20), "run/c.csv": b""}
+    for name, data in contents.items():
+        (tmp_path / name).write_bytes(data)
+    (tmp_path / "whole.zip").write_bytes(b"".join(zipped({"mosaic": tmp_path / "run"})))
+    with zipfile.ZipFile(tmp_path / "whole.zip") as archive:
+        assert archive.testzip() is None
+        unpacked = {name.replace("mosaic/", "run/"): archive.read(name) for name in archive.namelist()}
+    assert unpacked == contents

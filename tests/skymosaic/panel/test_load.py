@@ -1,0 +1,93 @@
+"""A crowded panel: fifty visitors at once, aborted uploads, and what is left when it ends."""
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import cv2
+import httpx
+import numpy as np
+import pytest
+
+VISITORS = 50
+UPLOADS = 2
+
+
+@pytest.fixture
+def temp() -> Iterator[Path]:
+    """The panel's temporary files; a short path, because the workers' sockets below it take 107 characters at most."""
+    with tempfile.TemporaryDirectory(prefix="panel") as folder:
+        yield Path(folder)
+
+
+@pytest.fixture
+def panel(tmp_path: Path, temp: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """A panel whose temporary files are below ``temp``; yields its process and its address."""
+    environment = {**os.environ, "TMPDIR": str(temp), "PYTHONPATH": str(Path(__file__).parents[3])}
+    words = [sys.executable, "-u", "-m", "skymosaic", "panel", "--port", "0"]
+    log = tmp_path / "log"
+    with log.open("w") as output:
+        process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=output, text=True, env=environment)
+    with process:
+        try:
+            address = re.search(r"http://127\.0\.0\.1:\d+", process.stdout.readline())
+            assert address, log.read_text()
+            yield process, address.group()
+        finally:
+            process.kill()
+
+
+def visit(address: str, number: int) -> list[int]:
+    noise = np.random.default_rng(number).integers(0, 256, (96, 96), np.uint8)
+    data = cv2.imencode(".png", noise)[1].tobytes()
+    with httpx.Client(base_url=address, headers={"origin": address}, timeout=None) as client:
+        client.get("/")
+        names = [f"a_{index}.png" for index in range(UPLOADS)]
+        answers = [client.post("/upload/photograph", params={"name": name}, content=data) for name in names]
+        shown = [client.get(f"/picture/{name}.png").status_code for name in names]
+    statuses = [answer.status_code for answer in answers]
+    assert shown.count(200) == statuses.count(204)
+    return statuses
+
+
+def abort(address: str, cookie: str) -> None:
+    """Announce a long upload, send its beginning and hang up."""
+    place = urlsplit(address)
+    lines = [
+        "POST /upload/photograph?name=b.png HTTP/1.1", f"Host: {place.netloc}", f"Origin: {address}",
+        f"Cookie: {cookie}", "Content-Length: 1000000", "", "",
+    ]  # fmt: skip
+    with socket.create_connection((place.hostname, place.port)) as connection:
+        connection.sendall("\r\n".join(lines).encode() + b"\x89PNG\r\n\x1a\n" + bytes(1000))
+        time.sleep(0.2)
+
+
+@pytest.mark.slow
+def test_a_crowd_is_served_and_nothing_is_left(panel, tmp_path: Path, temp: Path) -> None:
+    process, address = panel
+    with ThreadPoolExecutor(VISITORS) as pool:
+        statuses = [status for found in pool.map(visit, [address] * VISITORS, range(VISITORS)) for status in found]
+    assert set(statuses) <= {204, 429, 503}
+    assert statuses.count(204) == VISITORS * UPLOADS
+    client = httpx.Client(base_url=address)
+    client.get("/")
+    for _ in range(5):
+        abort(address, "; ".join(f"{name}={value}" for name, value in client.cookies.items()))
+    assert client.get("/").status_code == 200
+    refused = client.post("/upload/photograph", params={"name": "a.png"}, content=b"x")
+    assert refused.status_code == 403
+    assert "frame-ancestors 'none'" in refused.headers["content-security-policy"]
+    client.close()
+    process.send_signal(signal.SIGTERM)
+    process.wait()
+    assert "Traceback" not in (tmp_path / "log").read_text()
+    assert [path.name for path in temp.iterdir()] == []

@@ -1,0 +1,77 @@
+"""The options, and the method and configuration they resolve to."""
+
+import itertools
+from pathlib import Path
+
+import httpx
+import pytest
+
+from skymosaic.errors import InputError
+from skymosaic.panel.options import OPTION_VALUES, SCALES, STRONGEST, Options, fault_of
+from tools.panel.visit import running_panel
+
+
+@pytest.mark.parametrize("slider", [*SCALES.values(), STRONGEST], ids=lambda slider: slider.title)
+def test_slider_values_rise_and_convert_back_to_positions(slider) -> None:
+    values = [slider.value(position) for position in range(slider.lowest, slider.highest + 1)]
+    assert values == sorted(values)
+    assert values[0] >= 1
+    assert all(slider.value(slider.position(value)) == value for value in values)
+
+
+@pytest.mark.parametrize("preset", OPTION_VALUES["preset"])
+def test_a_preset_resolves_to_its_own_configuration(preset: str) -> None:
+    options = Options.of_preset(preset)
+    _, config = options.resolve()
+    assert config.preset == preset
+    assert options.scale.value(options.position) >= config.front_end.threshold
+
+
+def test_every_combination_of_options_resolves_or_is_refused_with_a_reason() -> None:
+    lists = (OPTION_VALUES[name] for name in ("preset", "detector", "descriptor", "rule_base"))
+    reasons = [_why_refused(*combination) for combination in itertools.product(*lists)]
+    assert reasons.count("") > 200
+    assert "another method" not in reasons
+    assert not any("\n" in reason for reason in reasons)
+
+
+def _why_refused(preset: str, detector: str, descriptor: str, rule_base: str) -> str:
+    options = Options.of_preset(preset).changed("detector", detector).changed("descriptor", descriptor)
+    try:
+        method, _ = options.changed("rule_base", rule_base).resolve()
+    except InputError as error:
+        return str(error)
+    return "" if (method.detector, method.descriptor) == (detector, descriptor) else "another method"
+
+
+def test_the_slider_sets_the_front_ends_threshold_or_number() -> None:
+    harris = Options.of_preset("aerial").changed("position", 20)
+    assert harris.resolve()[1].front_end.threshold == 1024
+    strongest = harris.changed("detector", "sift").changed("position", 16)
+    assert strongest.resolve()[1].front_end.max_features == 256
+
+
+def test_a_preset_resets_all_options() -> None:
+    changed = Options.of_preset("aerial").changed("detector", "fast").changed("descriptor", "ilbp-256")
+    assert changed.changed("preset", "thesis") == Options.of_preset("thesis")
+
+
+def test_a_flight_has_fewer_options_than_a_pair() -> None:
+    aerial = Options.of_preset("aerial")
+    assert fault_of(aerial, 3) == fault_of(aerial.changed("detector", "fast"), 3) == ""
+    for name, value in (("detector", "sift"), ("estimator", "magsac"), ("refine", True)):
+        changed = aerial.changed(name, value)
+        assert fault_of(changed) == ""
+        assert "keep only two photographs" in fault_of(changed, 3)
+
+
+def test_a_backend_that_does_not_compute_the_method_is_refused() -> None:
+    simulated = Options.of_preset("aerial").changed("backend", "rtl")
+    assert fault_of(simulated) == ""
+    assert "computes only harris, fast" in fault_of(simulated.changed("detector", "orb"))
+
+
+def test_a_board_is_offered_as_a_backend(tmp_path: Path) -> None:
+    with running_panel(tmp_path, "--board", "192.0.2.7:5000") as address:
+        for path in ("/", "/tracking"):
+            assert "board:192.0.2.7:5000" in httpx.get(address + path).text

@@ -1,0 +1,165 @@
+"""The link to a board under attack, from both sides."""
+
+import json
+import socket
+import time
+
+import numpy as np
+import pytest
+
+from golden_model.records import FRAME_STATUS
+from hdl.settings import REQUESTED
+from sim.backends.board import KEY_VARIABLE
+from sim.backends.interface import BackendError, load_backend
+from tests.system.board.conftest import CONFIG, FEATURE
+
+FRAME = np.zeros((64, 96), np.uint8)
+KEY = b"a key of more than 16 bytes"
+STATUS_BYTES = FRAME_STATUS.dtype.itemsize
+
+
+def run(address: str, frames: int = 2):
+    return load_backend(f"board:{address}").run([FRAME] * frames, CONFIG)
+
+
+def exchange(address: str, data: bytes) -> dict[str, object]:
+    host, port = address.split(":")
+    with socket.create_connection((host, int(port))) as connection:
+        connection.sendall(data)
+        return json.loads(connection.makefile("rb").readline())
+
+
+def request(**changed: object) -> bytes:
+    settings = dict.fromkeys(REQUESTED, 0) | {"width_px": 96, "height_px": 64, "cell_log2": 5, "per_cell": 5}
+    settings |= changed.pop("settings", {})
+    values = {"shape": [64, 96], "frames": 1, "settings": settings, "hold_reference": True} | changed
+    return json.dumps(values).encode() + b"\n"
+
+
+def test_frames_are_answered_one_by_one(serve) -> None:
+    with serve() as (device, address):
+        assert [len(result.features) for result in run(address, 5)] == [3] * 5
+        assert int(run(address)[0].status["frame"]) == 5
+        assert device.frames == 7
+
+
+@pytest.mark.parametrize(
+    ("data", "says"),
+    [
+        (b"[" * 60_000 + b"\n", "malformed"),
+        (b"\xff\xfe\n", "malformed"),
+        (b"1" * 70_000, "longer than 65536"),
+        (b"9" * 5000 + b"\n", "malformed"),
+        (request(shape=[64.0, 96]), "malformed"),
+        (request(shape="ab"), "malformed"),
+        (request(frames=True), "malformed"),
+        (request(hold_reference="no"), "malformed"),
+        (request(frames=1000), "1 to 64"),
+        (request(shape=[1 << 40, 96]), "px high"),
+        (request(shape=[64, 96, 3, 3]), "must be"),
+        (request(settings={"per_cell": 200}), "per_cell is 200"),
+        (request(settings={"detector": -1}), "detector is -1"),
+        (request(settings={"threshold_code": 1 << 40}), "threshold_code"),
+        (request(settings={"width_px": 97}), "differ"),
+    ],
+)
+def test_a_bad_request_is_answered_in_one_line(serve, data: bytes, says: str) -> None:
+    with serve() as (device, address):
+        assert says in str(exchange(address, data)["error"])
+        assert device.frames == 0
+        assert len(run(address)) == 2
+
+
+def test_a_slow_client_does_not_keep_the_board(serve) -> None:
+    with serve(idle_seconds=0.3, request_seconds=1.0) as (_, address):
+        host, port = address.split(":")
+        with socket.create_connection((host, int(port))):  # sends nothing
+            assert len(run(address)) == 2
+        with socket.create_connection((host, int(port))) as drip:
+            drip.sendall(request(frames=64))
+            with pytest.raises((BrokenPipeError, ConnectionResetError)):
+                send_slowly(drip)
+        assert len(run(address)) == 2
+
+
+def send_slowly(connection: socket.socket) -> None:
+    for _ in range(200):
+        connection.sendall(b"x")
+        time.sleep(0.1)
+
+
+def test_an_error_of_the_accelerator_reaches_a_client_that_still_sends(serve) -> None:
+    with serve() as (device, address):
+        device.run = lambda frames, settings, hold_reference: next(iter(frames)) and None
+        with pytest.raises(BackendError, match="reports: The truth value"):
+            run(address, 20)
+
+
+def test_a_server_with_a_key_serves_who_knows_it(serve, tmp_path, monkeypatch) -> None:
+    (tmp_path / "key").write_bytes(KEY + b"\n")
+    (tmp_path / "wrong").write_bytes(b"another key of 16 bytes")
+    with serve(key=KEY) as (device, address):
+        with pytest.raises(BackendError, match="asks for its key"):
+            run(address)
+        monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "wrong"))
+        with pytest.raises(BackendError, match="the key is missing or wrong"):
+            run(address)
+        monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "none"))
+        with pytest.raises(BackendError, match="cannot be read"):
+            run(address)
+        assert device.frames == 0
+        monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "key"))
+        assert len(run(address)) == 2
+
+
+def test_a_network_needs_a_key(server_module) -> None:
+    for host in ("0.0.0.0", "", "192.0.2.1", "board.example"):
+        with pytest.raises(ValueError, match="--key"):
+            server_module.Server((host, 0), None)
+
+
+@pytest.mark.parametrize(
+    ("answer", "says"),
+    [
+        (b"HTTP/1.1 200 OK\r\n\r\n", "not come from a board"),
+        (b"[" * 60_000 + b"\n", "not come from a board"),
+        (b"7\n", "not come from a board"),
+        (b"", "not come from a board"),
+        (b'{"error": "\\u001b[2J\\nforged line"}\n', r"reports: \\x1b\[2J\\nforged line"),
+        (b'{}\n{"lengths": "many"}\n', "other packets"),
+        (b'{}\n{"lengths": [0]}\n', "other packets"),
+        (b'{}\n{"lengths": [true, 1, 1, 1]}\n', "other packets"),
+        (b'{}\n{"lengths": [1000000000, 32, 0, 32]}\n', "invalid length"),
+        (b'{}\n{"lengths": [-8, 32, 0, 32]}\n', "invalid length"),
+        (f'{{}}\n{{"lengths": [1, {STATUS_BYTES}, 0, {STATUS_BYTES}]}}\n'.encode(), "other records"),
+        (f'{{}}\n{{"lengths": [0, {STATUS_BYTES}, 0, {STATUS_BYTES}]}}\nxyz'.encode(), "in the middle"),
+        (
+            f'{{}}\n{{"lengths": [{FEATURE.itemsize}, {STATUS_BYTES}, 0, {STATUS_BYTES}]}}\n'.encode() + bytes(500),
+            "without a frame's status",
+        ),
+    ],
+)
+def test_a_broken_peer_is_one_line(answering, answer: bytes, says: str) -> None:
+    with answering(answer) as address, pytest.raises(BackendError, match=says) as caught:
+        run(address, 1)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"tag": 2}, "without a frame's status"),
+        ({"frame": 7}, "frame 7 instead of 8"),
+        ({"width": 640}, "640x64"),
+        ({"good": 0, "causes": 1}, "a bad frame"),
+        ({"good": 0}, "a bad frame"),
+        ({"good": 1, "causes": 16}, "a bad frame"),
+    ],
+)
+def test_a_wrong_status_is_refused(serve, change: dict[str, int], says: str) -> None:
+    with serve() as (device, address):
+        device.change = change
+        with pytest.raises(BackendError, match=says):
+            run(address)
+        device.change = {"good": 0, "causes": 16}
+        assert not run(address)[0].status["good"]

@@ -1,0 +1,99 @@
+"""What the tutorials and how-to pages show is what a reader gets."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import nbformat
+import pytest
+
+from docs.hooks.notebooks import FENCE, notebook
+from skymosaic.cli import COMMANDS
+from tests.system.docs.notebook_runner import run_notebook
+from tests.system.docs.page_runner import run_page
+
+DOCS = Path(__file__).parents[3] / "docs"
+SLOW = {"change_a_rule.md", "export_to_a_kit.md", "flight_to_map.md", "fuzzy_systems.md"}
+"""Pages whose commands take seconds to start, or write the Verilog of a whole accelerator."""
+TUTORIALS = 7
+FOREIGN = re.compile(r'<(?:script|img|iframe|link)\b[^>]*\b(?:src|href)="(?:https?:)?//[^"]*"')
+"""What a page loads from another server."""
+RUN = {"pycon", "console"}
+"""Languages of the blocks that are run."""
+
+
+def with_blocks_to_run() -> list[Path]:
+    pages = sorted([*DOCS.glob("tutorials/*.md"), *DOCS.glob("how-to/*.md")])
+    return [page for page in pages if RUN & {fence["language"] for fence in FENCE.finditer(page.read_text())}]
+
+
+def tutorials() -> list[Path]:
+    return sorted(page for page in DOCS.glob("tutorials/*.md") if page.name != "index.md")
+
+
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(page, id=page.stem, marks=[pytest.mark.slow] * (page.name in SLOW)) for page in with_blocks_to_run()],
+)
+def test_the_page_prints_what_it_shows(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    # A command in a page must find the modules of this clone, not of an installed one.
+    monkeypatch.setenv("PYTHONPATH", str(DOCS.parent))
+    before = set(sys.modules)
+    assert run_page(page) > 0
+    for name in set(sys.modules) - before:
+        if str(tmp_path) in str(getattr(sys.modules[name], "__file__", "")):
+            del sys.modules[name]
+
+
+def test_every_tutorial_is_run() -> None:
+    assert len(tutorials()) == TUTORIALS
+    assert set(tutorials()) <= set(with_blocks_to_run())
+
+
+def test_a_wrong_output_fails(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("```pycon\n>>> 1 + 1\n3\n\n```\n")
+    with pytest.raises(AssertionError, match=r"Expected:\n\s+3\nGot:\n\s+2"):
+        run_page(page)
+
+
+def test_a_page_becomes_a_notebook() -> None:
+    page = (
+        '# Title\n\nSee [here](../panel.md).\n\n```python title="two.py"\nTWO = 2\n```\n\n'
+        "```pycon\n>>> one = 1\n>>> one\n1\n>>> for _ in range(2):\n...     print(one)\n1\n1\n\n```\n\n"
+        "```console\n$ skymosaic --version\n0\n```\n\nEnd.\n"
+    )
+    cells = nbformat.reads(notebook(page), as_version=4).cells
+    shown = [(cell.source, [output.text for output in cell.get("outputs", [])]) for cell in cells]
+    assert shown == [
+        ("# Title\n\nSee here.", []),
+        ("%%writefile two.py\nTWO = 2", []),
+        ("one = 1\none", ["1\n"]),
+        ("for _ in range(2):\n    print(one)", ["1\n1\n"]),
+        ("!skymosaic --version", ["0\n"]),
+        ("End.", []),
+    ]
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of Jupyter's own packages
+@pytest.mark.parametrize("page", tutorials(), ids=lambda page: page.stem)
+def test_the_notebook_prints_what_its_page_shows(page: Path, tmp_path: Path) -> None:
+    assert run_notebook(page, tmp_path, DOCS.parent) == []
+
+
+def test_the_site_builds_strictly(tmp_path: Path) -> None:
+    """Every link, page and reference exists; nothing is loaded from another server."""
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path / "site")]
+    done = subprocess.run(command, cwd=DOCS.parent, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    pages = list((tmp_path / "site").rglob("*.html"))
+    assert len(pages) > 30
+    assert [found for page in pages for found in FOREIGN.findall(page.read_text(encoding="utf-8"))] == []
+    assert len(list((tmp_path / "site" / "tutorials").glob("*.ipynb"))) == TUTORIALS
+    commands = (tmp_path / "site" / "reference" / "command_line.html").read_text(encoding="utf-8")
+    for name in COMMANDS:
+        assert f"skymosaic {name}" in commands

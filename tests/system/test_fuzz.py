@@ -1,0 +1,8 @@
+from tools.fuzz import fuzz
+
+
+def test_a_slice_of_the_mutated_files() -> None:
+    report = fuzz(500)
+    assert report.failures == [], report.failures[0]
+    assert report.classes.total() == 500
+    assert report.slowest_seconds < 20

@@ -1,0 +1,78 @@
+"""Every state of the panel's pages, each reached from the one before."""
+
+from collections.abc import Callable
+
+from playwright.sync_api import Page, expect
+
+from tools.panel.visit import load_built_in_pair, make_mosaic, open_tab, photographs_loaded
+
+
+def welcome(page: Page) -> None:
+    expect(page.get_by_role("button", name="Try the built-in pair")).to_be_visible()
+
+
+def matches(page: Page) -> None:
+    open_tab(page, "Matches")
+    page.get_by_role("button", name="Next match").click()
+    expect(page.locator(".explanation table.rules")).to_be_visible()
+
+
+def filled_window(page: Page) -> None:
+    open_tab(page, "Mosaic")
+    page.get_by_role("tabpanel", name="Mosaic").get_by_role("button", name="Fill the window").click()
+
+
+def numbers(page: Page) -> None:
+    page.keyboard.press("Escape")
+    page.get_by_role("tabpanel", name="Mosaic").get_by_role("button", name="Fill the window").click()
+    open_tab(page, "Numbers")
+
+
+def refused_options(page: Page) -> None:
+    page.get_by_role("combobox", name="Descriptor").click()
+    page.get_by_role("option", name="akaze", exact=True).click()
+    expect(page.get_by_role("option")).to_have_count(0)
+    expect(page.get_by_text("the akaze descriptor needs akaze's own scale space")).to_be_visible()
+    expect(page.get_by_role("button", name="Make the mosaic")).to_be_disabled()
+
+
+def tracking(page: Page) -> None:
+    page.get_by_role("link", name="Tracking").click()
+    expect(page.get_by_role("button", name="Try the built-in film")).to_be_visible()
+
+
+STATES: dict[str, Callable[[Page], None]] = {
+    "welcome": welcome,
+    "corners": load_built_in_pair,
+    "mosaic": make_mosaic,
+    "matches": matches,
+    "filled window": filled_window,
+    "numbers": numbers,
+    "hardware": lambda page: open_tab(page, "Hardware"),
+    "refused options": refused_options,
+    "tracking": tracking,
+}
+"""Of a pair."""
+
+
+def flight(page: Page) -> None:
+    page.get_by_role("button", name="Load the built-in flight").click()
+    expect(photographs_loaded(page)).to_have_count(9)
+    make_mosaic(page)
+
+
+def tracked(page: Page) -> None:
+    tracking(page)
+    page.get_by_role("button", name="Try the built-in film").click()
+    expect(page.get_by_role("list", name="Video loaded").locator("li")).to_have_count(1)
+    page.get_by_role("button", name="Follow the object").click()
+    expect(page.get_by_text("Found in")).to_be_visible()
+
+
+LONG_STATES: dict[str, Callable[[Page], None]] = {
+    "flight": flight,
+    "matches of a flight": matches,
+    "numbers of a flight": lambda page: open_tab(page, "Numbers"),
+    "tracked": tracked,
+}
+"""Of a flight and of a film, which take longer."""
