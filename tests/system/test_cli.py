@@ -211,7 +211,9 @@ def test_neither_the_library_nor_its_help_imports_hardware_or_simulation(code: s
     # The build cache is only a folder: the commands for flights keep features beside it.
     assert {name for name in loaded if name.split(".")[0] == "sim"} <= {
         "sim",
+        "sim.backends",
         "sim.backends.interface",
+        "sim.simulators",
         "sim.simulators.build_cache",
     }
 
