@@ -37,6 +37,15 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 @pytest.fixture
+def public_data() -> Path:
+    """The folder of public photographs that SKYMOSAIC_DATA names; without it, the test is skipped."""
+    folder = os.environ.get("SKYMOSAIC_DATA")
+    if not folder:
+        pytest.skip("needs the public photographs: set SKYMOSAIC_DATA to their folder")
+    return Path(folder)
+
+
+@pytest.fixture
 def run(tmp_path: Path, capfdbinary: pytest.CaptureFixture[bytes], monkeypatch: pytest.MonkeyPatch):
     """Exit status, standard output and standard error of a command in the temporary folder."""
     monkeypatch.chdir(tmp_path)

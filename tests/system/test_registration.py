@@ -1,5 +1,4 @@
 import csv
-import os
 from pathlib import Path
 
 import cv2
@@ -14,7 +13,6 @@ from skymosaic.evaluation.metrics import grid_error
 from skymosaic.imagery.lens import Lens
 from skymosaic.mosaicking.api import mosaic_of_pair
 
-DATA = Path(os.environ.get("SKYMOSAIC_DATA", Path(__file__).parents[3] / "shared" / "data"))
 VGA = (640, 480)
 
 
@@ -144,10 +142,8 @@ def test_a_thesis_frame_with_too_many_corners_raises_the_threshold_for_both() ->
     assert np.allclose(pair.homography, np.eye(3), atol=1e-3)
 
 
-@pytest.mark.needs_data
-@pytest.mark.skipif(not (DATA / "registration").is_dir(), reason="public photographs absent; set SKYMOSAIC_DATA")
-def test_rotated_photographs_are_all_registered_within_a_pixel() -> None:
-    folder = DATA / "registration"
+def test_rotated_photographs_are_all_registered_within_a_pixel(public_data: Path) -> None:
+    folder = public_data / "registration"
     with (folder / "pairs.csv").open(newline="") as file:
         rows = [row for row in csv.DictReader(file) if row["group"] == "rotation_180"]
     for row in rows:

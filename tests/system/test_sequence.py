@@ -1,5 +1,4 @@
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -23,8 +22,6 @@ from skymosaic.geometry.homography import apply, estimate
 from skymosaic.imagery.photographs import sources
 from tests.system.command_line import only_error, skymosaic
 from tests.system.conftest import IMAGES, SIZE
-
-DATA = Path(os.environ.get("SKYMOSAIC_DATA", Path(__file__).parents[3] / "shared" / "data"))
 
 
 def elsewhere(images: int) -> list[np.ndarray]:
@@ -258,12 +255,10 @@ def test_a_canvas_beyond_the_limit_is_refused_with_its_size(folder) -> None:
         mosaic([folder], canvas_limit_px=100_000)
 
 
-@pytest.mark.needs_data
 @pytest.mark.slow
-@pytest.mark.skipif(not (DATA / "flights").is_dir(), reason="public photographs absent; set SKYMOSAIC_DATA")
 @pytest.mark.parametrize(("name", "images"), [("brighton_beach", 18), ("copr", 41)])
-def test_public_flights_are_placed_whole(name: str, images: int) -> None:
-    flight = surveyed([DATA / "flights" / name])
+def test_public_flights_are_placed_whole(public_data: Path, name: str, images: int) -> None:
+    flight = surveyed([public_data / "flights" / name])
     assert [len(layout.members) for layout in flight.layouts] == [images]
     wide = 1600 / flight.views[0].working_size[0]
     assert flight.layouts[0].median_error_px * wide < 1.5

@@ -2,11 +2,9 @@
 
 import csv
 import functools
-import os
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from golden_model.geometry.scoring import LEVELS, MAX_MATCHES
 from sim.benches.scoring import simulated_score
@@ -16,7 +14,6 @@ from skymosaic.geometry import estimators, prosac
 from skymosaic.geometry.homography import apply
 from skymosaic.geometry.scored import integer_scores
 
-DATA = Path(os.environ.get("SKYMOSAIC_DATA", Path(__file__).parents[4] / "shared" / "data")) / "registration"
 TRUTH = np.array([[0.98, 0.11, 25.0], [-0.09, 1.03, 60.0], [3e-5, -2e-5, 1.0]])
 
 
@@ -76,9 +73,8 @@ def test_a_rendered_pair_gives_the_same_homography_with_the_hardware(monkeypatch
     same_with_the_hardware(*rendered_pair(seed=2, size=(160, 120)).images, monkeypatch)
 
 
-@pytest.mark.needs_data
-@pytest.mark.skipif(not DATA.is_dir(), reason="public photographs absent; set SKYMOSAIC_DATA")
-def test_a_real_pair_gives_the_same_homography_with_the_hardware(monkeypatch):
-    with (DATA / "pairs.csv").open(newline="") as file:
+def test_a_real_pair_gives_the_same_homography_with_the_hardware(public_data: Path, monkeypatch):
+    folder = public_data / "registration"
+    with (folder / "pairs.csv").open(newline="") as file:
         row = next(row for row in csv.DictReader(file) if row["group"] == "real")
-    same_with_the_hardware(DATA / row["left"], DATA / row["right"], monkeypatch, working_width_px=320)
+    same_with_the_hardware(folder / row["left"], folder / row["right"], monkeypatch, working_width_px=320)
