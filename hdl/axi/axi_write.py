@@ -1,7 +1,5 @@
 """AXI4 writes with 64-bit addresses and 64-bit data: the channels, and a manager of bursts of one length."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from amaranth import Module, Signal
@@ -23,6 +21,27 @@ MODIFIABLE = 0b0010
 after it every reader sees the burst."""
 BURST_WORD = data.StructLayout({"data": 8 * WORD_BYTES, "kept": 1})
 """A word of a burst; it is written only where ``kept``."""
+
+
+class AxiWriteInterface(wiring.PureInterface):
+    """Ports of an `AxiWriteSignature`."""
+
+    awaddr: Signal
+    awlen: Signal
+    awsize: Signal
+    awburst: Signal
+    awcache: Signal
+    awprot: Signal
+    awvalid: Signal
+    awready: Signal
+    wdata: Signal
+    wstrb: Signal
+    wlast: Signal
+    wvalid: Signal
+    wready: Signal
+    bresp: Signal
+    bvalid: Signal
+    bready: Signal
 
 
 class AxiWriteSignature(wiring.Signature):
@@ -58,27 +77,6 @@ class AxiWriteSignature(wiring.Signature):
         return AxiWriteInterface(self, path=path, src_loc_at=1 + src_loc_at)
 
 
-class AxiWriteInterface(wiring.PureInterface):
-    """Ports of an `AxiWriteSignature`."""
-
-    awaddr: Signal
-    awlen: Signal
-    awsize: Signal
-    awburst: Signal
-    awcache: Signal
-    awprot: Signal
-    awvalid: Signal
-    awready: Signal
-    wdata: Signal
-    wstrb: Signal
-    wlast: Signal
-    wvalid: Signal
-    wready: Signal
-    bresp: Signal
-    bvalid: Signal
-    bready: Signal
-
-
 class BurstWriter(wiring.Component):
     """Writes bursts of 16 words, one after the other, at multiples of their length: none crosses 4 KiB.
 
@@ -105,28 +103,14 @@ class BurstWriter(wiring.Component):
         A response other than OKAY comes in this clock.
     """
 
-    i_start: Signal
-    i_burst: Signal
-    i: stream.Interface
-    bus: AxiWriteInterface
-    o_ready: Signal
-    o_sent: Signal
-    o_all_answered: Signal
-    o_error: Signal
-
-    def __init__(self) -> None:
-        super().__init__(
-            {
-                "i_start": In(1),
-                "i_burst": In(64 - BURST_LOG2),
-                "i": In(stream.Signature(BURST_WORD)),
-                "bus": Out(AxiWriteSignature()),
-                "o_ready": Out(1),
-                "o_sent": Out(1),
-                "o_all_answered": Out(1),
-                "o_error": Out(1),
-            }
-        )
+    i_start: In(1)
+    i_burst: In(64 - BURST_LOG2)
+    i: In(stream.Signature(BURST_WORD))
+    bus: Out(AxiWriteSignature())
+    o_ready: Out(1)
+    o_sent: Out(1)
+    o_all_answered: Out(1)
+    o_error: Out(1)
 
     def elaborate(self, platform: object) -> Module:
         """Address and data; the responses whenever they come."""

@@ -1,9 +1,7 @@
 """Passes or discards whole packets of records, captures their FrameStatus, and ends them where they are broken off."""
 
-from __future__ import annotations
-
 from amaranth import Cat, Module, Mux, ResetInserter, Signal
-from amaranth.lib import data, stream, wiring
+from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.records import FRAME_STATUS, WORD_BYTES, Cause, Tag
@@ -51,28 +49,19 @@ class PacketGate(wiring.Component):
         takes a clock more.
     """
 
-    i: stream.Interface
-    i_enable: Signal
-    i_clear: Signal
-    o: stream.Interface
-    o_done: Signal
-    o_status: data.View
+    i: In(stream.Signature(WordPayload))
+    i_enable: In(1)
+    i_clear: In(1)
+    o: Out(stream.Signature(WordPayload))
+    o_done: Out(1)
+    o_status: Out(_STATUS)
 
     latency_cycles = SkidBuffer.latency_cycles
 
     def __init__(self, *, record_bytes: int) -> None:
         self.record_words = record_bytes // WORD_BYTES
         self.buffer = SkidBuffer(shape=WordPayload)
-        super().__init__(
-            {
-                "i": In(stream.Signature(WordPayload)),
-                "i_enable": In(1),
-                "i_clear": In(1),
-                "o": Out(stream.Signature(WordPayload)),
-                "o_done": Out(1),
-                "o_status": Out(_STATUS),
-            }
-        )
+        super().__init__()
 
     def elaborate(self, platform: object) -> Module:
         """A switch that changes only between packets, a shift register for the last record, and the closing words."""

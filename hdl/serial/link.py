@@ -1,7 +1,5 @@
 """What goes over the serial port: register accesses and pixels to the accelerator, answers and packets from it."""
 
-from __future__ import annotations
-
 import enum
 
 from amaranth import Cat, Const, Module, Mux, Signal
@@ -9,7 +7,7 @@ from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.records import WORD_BYTES
-from hdl.axi.axi_lite import AxiLiteInterface, AxiLiteSignature
+from hdl.axi.axi_lite import AxiLiteSignature
 from hdl.axi.video_input import VideoPayload
 from hdl.registers.register_map import ADDRESS_BITS
 from hdl.streams import WordPayload
@@ -47,6 +45,20 @@ WORD_MESSAGE_BYTES = 1 + WORD_BYTES
 LOST_BIT = 7
 
 
+class _Command:
+    """What is known of the command under way."""
+
+    def __init__(self) -> None:
+        self.kind = Signal(8)
+        self.field = Signal(16)
+        self.data = Signal(8 * DATA_BYTES)
+        self.left = Signal(range(max(FIELD_BYTES, DATA_BYTES) + 1))
+        # Clocks without a byte, and which channels of a write have been taken.
+        self.idle = Signal(range(FORGET_CLOCKS))
+        self.addressed = Signal()
+        self.written = Signal()
+
+
 class SerialLink(wiring.Component):
     """Obeys commands byte by byte, and sends answers and the words of both packets, answers first.
 
@@ -67,28 +79,14 @@ class SerialLink(wiring.Component):
         Bytes were lost since the last answer.
     """
 
-    i: stream.Interface
-    o: stream.Interface
-    i_lost: Signal
-    o_video: stream.Interface
-    i_features: stream.Interface
-    i_matches: stream.Interface
-    control: AxiLiteInterface
-    o_has_lost: Signal
-
-    def __init__(self) -> None:
-        super().__init__(
-            {
-                "i": In(stream.Signature(8)),
-                "o": Out(stream.Signature(8)),
-                "i_lost": In(1),
-                "o_video": Out(stream.Signature(VideoPayload)),
-                "i_features": In(stream.Signature(WordPayload)),
-                "i_matches": In(stream.Signature(WordPayload)),
-                "control": Out(AxiLiteSignature(address_bits=ADDRESS_BITS)),
-                "o_has_lost": Out(1),
-            }
-        )
+    i: In(stream.Signature(8))
+    o: Out(stream.Signature(8))
+    i_lost: In(1)
+    o_video: Out(stream.Signature(VideoPayload))
+    i_features: In(stream.Signature(WordPayload))
+    i_matches: In(stream.Signature(WordPayload))
+    control: Out(AxiLiteSignature(address_bits=ADDRESS_BITS))
+    o_has_lost: Out(1)
 
     def elaborate(self, platform: object) -> Module:
         """Commands, and what is sent."""
@@ -208,17 +206,3 @@ class SerialLink(wiring.Component):
                 first = Const(tag, 8) | port.payload.last
                 m.d.sync += [message.eq(Cat(first[:8], port.payload.data)), left.eq(WORD_MESSAGE_BYTES)]
         return taken
-
-
-class _Command:
-    """What is known of the command under way."""
-
-    def __init__(self) -> None:
-        self.kind = Signal(8)
-        self.field = Signal(16)
-        self.data = Signal(8 * DATA_BYTES)
-        self.left = Signal(range(max(FIELD_BYTES, DATA_BYTES) + 1))
-        # Clocks without a byte, and which channels of a write have been taken.
-        self.idle = Signal(range(FORGET_CLOCKS))
-        self.addressed = Signal()
-        self.written = Signal()
