@@ -2,7 +2,7 @@
 
     python bench/simulation.py [NAME...] [--runs N] [--cached] [--json FILE]
 
-NAMEs choose among verilator, cxxrtl and pysim. Build times are those of an empty cache, Amaranth's elaboration
+NAMEs choose among verilator and pysim. Build times are those of an empty cache, Amaranth's elaboration
 included; with --cached the user's cache serves, and no build is timed. Runs count processor time, which other work on
 the machine lengthens less than wall time, and the best of them; on an idle machine both are the same. The latency
 counts from a frame's last pixel to its last word of features.
@@ -29,12 +29,12 @@ from rich.table import Table
 from golden_model.config import PRESETS
 from hdl.settings import frame_settings
 from sim.scene import pair as rendered_pair
-from sim.simulators import accelerator_designs, cxxrtl, pysim, verilator
+from sim.simulators import accelerator_designs, pysim, verilator
 from sim.simulators.design import Design
 from sim.simulators.hardware import frame_segments
 from sim.simulators.recording import Recording, Segment, flat_frame
 
-SIMULATORS = {"verilator": verilator, "cxxrtl": cxxrtl, "pysim": pysim}
+SIMULATORS = {"verilator": verilator, "pysim": pysim}
 AERIAL = PRESETS["aerial"]
 TINY_PX = 64
 """Side of the frame for Amaranth's simulator, which would take minutes for a whole one."""
@@ -83,11 +83,10 @@ def timed(call: Callable[[], list[Recording]], runs: int) -> tuple[float, Record
 
 def compiled_row(simulator: str, design: Design, segments: list[Segment], *, runs: int, cached: bool) -> dict[str, Any]:
     """A compiled simulator: build, then the best run, the start of the simulation included."""
-    module = SIMULATORS[simulator]
     started = time.perf_counter()
-    module.shared_library(design)
+    verilator.shared_library(design)
     build_seconds = None if cached else round(time.perf_counter() - started, 1)
-    seconds, recording = timed(lambda: module.simulate(design, segments), runs)
+    seconds, recording = timed(lambda: verilator.simulate(design, segments), runs)
     return {"cold build s": build_seconds, **row(recording, seconds, seconds)}
 
 

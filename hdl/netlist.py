@@ -1,6 +1,6 @@
-"""Components as text for other tools: Verilog (with modules for export, flat for simulation) and CXXRTL's C++.
+"""Components in Verilog, with modules for export or flat for simulation.
 
-All are written by the Yosys that comes with Amaranth. First it turns Amaranth's processes into registers with clock
+It is written by the Yosys that comes with Amaranth. First it turns Amaranth's processes into registers with clock
 enables, and removes unused logic: simulators can then skip the logic of idle blocks, which doubles their speed
 (measured), and the text gets a third shorter.
 """
@@ -26,11 +26,9 @@ from amaranth.lib import wiring
 ENABLES = "opt_dff t:* r:WIDTH>=512 %d"
 TIDY = ("proc -norom", "opt_expr", "opt_merge", "opt_clean", ENABLES, "opt_clean")
 # Structs cross module boundaries as wide words, which a simulator packs and unpacks in each clock: flat, the same
-# netlist simulates 1.6 times as fast on Verilator and compiles in two thirds of the time (measured).
-FLATTEN = ("flatten", "opt_clean")
-# For Verilator, which needs no second names: without them from the start, Yosys takes 0.7 and Verilator half of the
-# time (measured). Merging equal cells across modules helps Verilator, but would slow CXXRTL down; of registers with
-# enables there is less to merge, which halves Yosys's time (measured).
+# netlist simulates 1.6 times as fast on Verilator and compiles in two thirds of the time (measured). Verilator needs no
+# second names: without them from the start, Yosys takes 0.7 and Verilator half of the time (measured). Equal cells are
+# merged last: of registers with enables there is less to merge, which halves Yosys's time (measured).
 FLAT = (
     "proc -norom", "opt_expr", "opt_clean -purge", "flatten", ENABLES, "opt_clean -purge", "opt_merge",
     "opt_clean -purge",
@@ -108,12 +106,6 @@ def _with_zeros(memory: re.Match[str]) -> str:
         f"{memory[0]}  initial begin : {label}\n    integer cleared;\n"
         f"    for (cleared = 0; cleared <= {last}; cleared = cleared + 1) {escaped}[cleared] = {bits}'d0;\n  end\n"
     )
-
-
-def to_cxxrtl(component: wiring.Component, *, name: str = "top", debug: bool = False) -> str:
-    """A component as one C++ class of CXXRTL; ``debug`` keeps the signals that waves show."""
-    passes = (*TIDY, *FLATTEN, "memory_collect", f"write_cxxrtl -g{4 if debug else 0}")
-    return _written(lambda: _netlist(component, name, None, sources=False), passes)
 
 
 def _netlist(component: wiring.Component, name: str, platform: object, *, sources: bool) -> str:

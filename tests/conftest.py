@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from sim.simulators.compiled import QUICK_COMPILE
+from sim.simulators.compiler import QUICK_COMPILE
 from skymosaic.cli import main
 
 # The same examples on every machine, and no limit on time that a busy one would break.

@@ -55,5 +55,5 @@ def load(*, progress: Progress, waves: Path | None) -> GoldenBackend:
         If waves are requested.
     """
     if waves is not None:
-        raise BackendError("the golden model cannot write waves; use verilator, cxxrtl or pysim")
+        raise BackendError("the golden model cannot write waves; use verilator or pysim")
     return GoldenBackend()

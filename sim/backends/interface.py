@@ -21,7 +21,6 @@ BACKENDS = {
     "golden": "sim.backends.golden",
     "rtl": "sim.simulators.verilator",
     "verilator": "sim.simulators.verilator",
-    "cxxrtl": "sim.simulators.cxxrtl",
     "pysim": "sim.simulators.pysim",
     "board": "sim.backends.board",
 }

@@ -138,11 +138,6 @@ class LiveBench:
         self._library.live_run(self._bench, clocks)
 
     @property
-    def frames_waiting(self) -> int:
-        """Frames that the camera has not shown whole."""
-        return int(self._library.live_waiting(self._bench))
-
-    @property
     def cycle(self) -> int:
         """Clocks since reset."""
         return int(self._library.live_cycle(self._bench))
@@ -228,7 +223,7 @@ def _load(path: Path) -> ctypes.CDLL:
         "live_score_packets": (wide, (pointer,)),
         "live_scores": (wide, (pointer, ctypes.POINTER(ctypes.POINTER(wide)))),
         "live_last_pixels": (wide, (pointer, ctypes.POINTER(ctypes.POINTER(wide)))),
-        **{f"live_{name}": (wide, (pointer,)) for name in ("waiting", "cycle", "violations", "errors")},
+        **{f"live_{name}": (wide, (pointer,)) for name in ("cycle", "violations", "errors")},
     }
     for name, (result, arguments) in signatures.items():
         function = getattr(library, name)

@@ -2,5 +2,5 @@
 
 `sim.cocotb.runner` compiles and runs; `sim.cocotb.bench` is what the benches share; ``access``, ``frames``,
 ``faults`` and ``settings`` hold the cases. cocotb re-enters Python at every clock, so frames are small here; whole ones
-belong to `sim.simulators.verilator` and `sim.simulators.cxxrtl`.
+belong to `sim.simulators.verilator`.
 """

@@ -1,13 +1,12 @@
-// Streams whole frames through a compiled design: the one loop that all compiled simulators share.
+// Streams whole frames through a compiled design.
 //
-// MODEL names the header of the simulator, which defines a Model with settle() and edge(), and GET and SET for a port.
 // ports.hpp, generated for each design, names its ports: VIDEO(member), OUTPUTS(X), TAPS(X), SETTINGS(X), and, if it
 // has registers, CONTROL(member).
 
 #include <cstdint>
 #include <vector>
 
-#include MODEL
+#include "verilator.hpp"
 #include "ports.hpp"
 #ifdef CONTROL
 #include "registers.hpp"
@@ -138,15 +137,11 @@ struct Bench {
         }
     }
 
-#ifdef CONTROL
     void settle() { model.settle(); }
     void edge() {
         model.edge();
         cycle++;
     }
-    int write(uint32_t address, uint32_t data) { return write_register(*this, address, data); }
-    int read(uint32_t address, uint32_t *data) { return read_register(*this, address, data); }
-#endif
 };
 
 // The functions that sim/simulators/compiled.py calls. All other symbols are hidden, since one process loads several designs.
@@ -157,8 +152,11 @@ void bench_close(Bench *bench) { delete bench; }
 void bench_reset(Bench *bench) { bench->reset(); }
 void bench_set(Bench *bench, int setting, uint64_t value) { bench->set(setting, value); }
 #ifdef CONTROL
-int bench_write(Bench *bench, uint32_t address, uint32_t data) { return bench->write(address, data); }
-int bench_read(Bench *bench, uint32_t address, uint32_t *data) { return bench->read(address, data); }
+int bench_write(Bench *bench, uint32_t address, uint32_t data) { return write_register(*bench, address, data); }
+int bench_read(Bench *bench, uint32_t address, uint32_t *data) { return read_register(*bench, address, data); }
+#else
+int bench_write(Bench *, uint32_t, uint32_t) { return -1; }
+int bench_read(Bench *, uint32_t, uint32_t *) { return -1; }
 #endif
 bool bench_run(Bench *bench, const Request *request) { return bench->run(*request); }
 uint64_t bench_cycle(const Bench *bench) { return bench->cycle; }

@@ -6,7 +6,7 @@
 #include <deque>
 #include <vector>
 
-#include MODEL
+#include "verilator.hpp"
 #include "ports.hpp"
 #include "registers.hpp"
 
@@ -243,7 +243,6 @@ void live_camera(Bench *bench, uint32_t line_blank, uint32_t frame_blank, uint32
 void live_frame(Bench *bench, const uint8_t *pixels, uint32_t width, uint32_t height) {
     bench->camera.frames.push_back({pixels, width, height});
 }
-uint64_t live_waiting(const Bench *bench) { return bench->camera.frames.size(); }
 void live_run(Bench *bench, uint64_t clocks) {
     for (uint64_t i = 0; i < clocks; i++) {
         bench->settle();

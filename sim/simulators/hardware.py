@@ -26,7 +26,7 @@ class HardwareBackend(Backend):
     Parameters
     ----------
     simulate : callable
-        `sim.simulators.compiled.simulate` of a simulator, or `sim.simulators.pysim.simulate`.
+        `sim.simulators.verilator.simulate` or `sim.simulators.pysim.simulate`.
     progress : callable
         Receives a line of text when a first build starts or ends.
     waves : Path or None

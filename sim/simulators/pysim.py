@@ -39,7 +39,7 @@ def simulate(
     waves: Path | None = None,
     progress: Progress = silent,
 ) -> list[Recording]:
-    """Run segments one after the other, in Python; cycle for cycle the same as `sim.simulators.compiled.simulate`."""
+    """Run segments one after the other, in Python; cycle for cycle the same as `sim.simulators.verilator.simulate`."""
     bench = _Bench(design.top(), design.ports, pauses)
     recordings: list[Recording] = []
 

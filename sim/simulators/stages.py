@@ -32,7 +32,7 @@ def locate_mismatch(
     image : uint8 ndarray, shape (H, W) or (H, W, 3) BGR
     config : FrontEndConfig
     simulate : callable
-        ``simulate`` of `sim.simulators.verilator`, `sim.simulators.cxxrtl` or `sim.simulators.pysim`.
+        ``simulate`` of `sim.simulators.verilator` or `sim.simulators.pysim`.
     frame : int
         Number of the frame, for the message.
     progress : callable

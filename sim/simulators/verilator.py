@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-import functools
+import contextlib
 import importlib.util
 import os
+from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 
 from golden_model.text import how_to_install
 from sim.backends.interface import BackendError, Progress, silent
-from sim.simulators import compiled
-from sim.simulators.build_cache import cached, digest
+from sim.simulators.build_cache import cached, digest, digest_files
+from sim.simulators.compiled import Bench, ports_header
+from sim.simulators.compiler import compile_objects, link_library, optimisation, run_tool, toolchain_key
 from sim.simulators.design import Design
 from sim.simulators.hardware import HardwareBackend
+from sim.simulators.recording import NO_PAUSES, Pauses, Recording, Segment
 
+HARNESS = Path(__file__).parents[1] / "harness"
 VERILATOR_FLAGS = (
     "--cc", "-O3", "--x-assign", "fast", "--x-initial", "fast", "--no-assert", "--output-split", "5000",
     "--timescale-override", "1ns/1ns",
@@ -27,16 +31,30 @@ RUNTIME_SOURCES = ("verilated.cpp", "verilated_threads.cpp")
 def shared_library(
     design: Design, *, waves: bool = False, progress: Progress = silent, harness: str = "harness.cpp"
 ) -> Path:
-    """Return the design as a shared library, compiled the first time; raises as `sim.simulators.compiled.simulate`.
+    """Return the design as a shared library, compiled the first time.
 
-    ``harness`` is the file of `sim.simulators.compiled.HARNESS` that runs it.
+    Parameters
+    ----------
+    design : Design
+    waves : bool
+        Whether its simulations can write waves.
+    progress : callable
+        Receives lines of text about a first build.
+    harness : str
+        The file of `HARNESS` that runs it.
+
+    Raises
+    ------
+    BackendError
+        If a tool is missing or fails.
     """
     root = package_folder()
     # First, so that a missing compiler is noticed before the design is converted for minutes.
-    compiler = compiled.identity()
+    compiler = digest(toolchain_key(), optimisation())
     # With waves the modules are kept, since a viewer shows them as a tree.
-    verilog, ports = design.verilog(progress, flat=not waves), compiled.ports_header(design.ports, str)
+    verilog, ports = design.verilog(progress, flat=not waves), ports_header(design.ports)
     flags = (*VERILATOR_FLAGS, *(("--trace-vcd",) if waves else ()))
+    library_name = "simulator.so"
 
     def build(folder: Path) -> None:
         (folder / "top.v").write_text(verilog, encoding="utf-8")
@@ -44,58 +62,97 @@ def shared_library(
         # The binary of the Python package, not one from PATH, whose version may differ; we call g++ ourselves, since
         # Verilator's own build needs make.
         command = [str(root / "bin" / "verilator_bin"), *flags, "--Mdir", str(folder), str(folder / "top.v")]
-        compiled.run_tool(command, env={**os.environ, "VERILATOR_ROOT": str(root)})
-        made = sorted(folder.glob("Vtop*.cpp"))
-        rare = [path for path in made if _is_slow(path)]
-        sources = compiled.Sources(
-            model="verilator.hpp",
-            includes=(folder, *_includes(root)),
-            each_cycle=_joined(folder / "each_cycle", sorted(set(made) - set(rare)), os.cpu_count() or 1),
-            others=(root / "include" / "verilated_vcd_c.cpp",) if waves else (),
-            rare=_joined(folder / "rare", rare),
-            objects=_runtime(root, progress),
-            harness=harness,
+        run_tool(command, env={**os.environ, "VERILATOR_ROOT": str(root)})
+        objects = compile_objects(
+            folder, _jobs(folder, root, harness, waves=waves), _cxx_flags(folder, root, waves=waves), progress
         )
-        compiled.compile_library(folder, sources, waves=waves, progress=progress)
+        link_library(folder / library_name, [*objects, *_runtime(root, progress)])
+        for path in objects:
+            path.unlink()
 
-    key = digest(verilog, ports, " ".join((*flags, harness)), version("verilator"), compiler)
+    sources = digest_files([HARNESS / harness, *HARNESS.glob("*.hpp")])
+    key = digest(verilog, ports, " ".join(flags), sources, version("verilator"), compiler)
     folder = cached(f"verilator-{key}", build, what=f"{design.name} for Verilator", progress=progress)
-    return folder / compiled.LIBRARY_NAME
+    return folder / library_name
 
 
-def _runtime(root: Path, progress: Progress) -> tuple[Path, ...]:
-    """The object files of `RUNTIME_SOURCES`, compiled the first time."""
-
-    def build(folder: Path) -> None:
-        jobs = [(root / "include" / name, "-O1") for name in RUNTIME_SOURCES]
-        compiled.compile_objects(folder, jobs, [f"-I{path}" for path in _includes(root)], progress)
-
-    key = digest(version("verilator"), compiled.toolchain())
-    folder = cached(f"verilator-runtime-{key}", build, what="Verilator's runtime", progress=progress)
-    return tuple((folder / name).with_suffix(".o") for name in RUNTIME_SOURCES)
-
-
-def _includes(root: Path) -> tuple[Path, ...]:
-    return root / "include", root / "include" / "vltstd"
+def _jobs(folder: Path, root: Path, harness: str, *, waves: bool) -> list[tuple[Path, str]]:
+    """The C++ files of a model, each with its optimisation."""
+    model = sorted(folder.glob("Vtop*.cpp"))
+    # Verilator names the files that run only when a simulation starts.
+    rare = [path for path in model if path.stem.endswith("__Slow")]
+    often = _joined(folder / "each_cycle", sorted({*model} - {*rare}), os.cpu_count() or 1)
+    return [
+        *((path, optimisation()) for path in (HARNESS / harness, *often)),
+        *((path, "-O0") for path in _joined(folder / "rare", rare)),
+        *([(root / "include" / "verilated_vcd_c.cpp", "-O1")] if waves else []),
+    ]
 
 
-def _joined(name: Path, sources: list[Path], units: int = 1) -> tuple[Path, ...]:
+def _joined(name: Path, sources: list[Path], units: int = 1) -> list[Path]:
     """C++ files that include ``sources``, shared out evenly: reading the headers takes a second for each file."""
     largest_first = sorted(sources, key=lambda path: path.stat().st_size, reverse=True)
     shares = [largest_first[unit::units] for unit in range(min(units, len(sources)))]
     joined = [name.with_name(f"{name.name}_{unit}.cpp") for unit in range(len(shares))]
     for path, share in zip(joined, shares, strict=True):
         path.write_text("".join(f'#include "{source}"\n' for source in share), encoding="utf-8")
-    return tuple(joined)
+    return joined
 
 
-def _is_slow(source: Path) -> bool:
-    """Whether Verilator expects a file to run rarely: when the model starts."""
-    return source.stem.endswith("__Slow")
+def _cxx_flags(folder: Path, root: Path, *, waves: bool) -> list[str]:
+    includes = [f"-I{path}" for path in (HARNESS, folder)]
+    return [*includes, *_runtime_includes(root), *(["-DWAVES", "-DVM_TRACE=1", "-DVM_TRACE_VCD=1"] if waves else [])]
 
 
-simulate = functools.partial(compiled.simulate, shared_library)
-"""`sim.simulators.compiled.simulate` with this simulator."""
+def _runtime(root: Path, progress: Progress) -> list[Path]:
+    """The object files of `RUNTIME_SOURCES`, compiled the first time."""
+
+    def build(folder: Path) -> None:
+        jobs = [(root / "include" / name, "-O1") for name in RUNTIME_SOURCES]
+        compile_objects(folder, jobs, _runtime_includes(root), progress)
+
+    key = digest(version("verilator"), toolchain_key())
+    folder = cached(f"verilator-runtime-{key}", build, what="Verilator's runtime", progress=progress)
+    return [(folder / name).with_suffix(".o") for name in RUNTIME_SOURCES]
+
+
+def _runtime_includes(root: Path) -> list[str]:
+    return [f"-I{root / 'include'}", f"-I{root / 'include' / 'vltstd'}"]
+
+
+def simulate(
+    design: Design,
+    segments: Sequence[Segment],
+    *,
+    pauses: Pauses = NO_PAUSES,
+    waves: Path | None = None,
+    progress: Progress = silent,
+) -> list[Recording]:
+    """Run segments one after the other on a model that starts just after a reset.
+
+    Parameters
+    ----------
+    design : Design
+        The design to simulate.
+    segments : sequence of Segment
+        The input.
+    pauses : Pauses
+        Gaps and stalls of the streams around the design.
+    waves : Path or None
+        VCD file to write.
+    progress : callable
+        Receives lines of text about a first build.
+
+    Raises
+    ------
+    ValueError
+        For a setting that does not exist or whose value has too many bits.
+    BackendError
+        If a tool is missing or fails, or if the design hangs.
+    """
+    library = shared_library(design, waves=waves is not None, progress=progress)
+    with contextlib.closing(Bench(library, design.ports, waves)) as bench:
+        return [bench.run(segment, pauses) for segment in segments]
 
 
 def package_folder() -> Path:

@@ -16,7 +16,7 @@ from skymosaic.live.mosaic import LiveUpdate
 
 CLOCK_HZ = 150_000_000
 """Clock of the accelerator on the boards of `skymosaic export`."""
-HARDWARE = ("rtl", "verilator", "cxxrtl", "pysim", "board")
+HARDWARE = ("rtl", "verilator", "pysim", "board")
 """Backends whose frames pass the accelerator."""
 
 

@@ -20,7 +20,7 @@ from hdl.pixel.threshold import AdaptiveThreshold
 from hdl.selection.cell_ranking import CellRanking
 from hdl.settings import frame_settings
 from sim.scene import pair
-from sim.simulators import cxxrtl, verilator
+from sim.simulators import verilator
 from sim.simulators.accelerator_designs import FEATURES, front_end
 from sim.simulators.compiled import Bench
 from sim.simulators.recording import NO_PAUSES, Pauses, Segment, flat_frame
@@ -84,14 +84,14 @@ def assert_golden(packet, golden):
         assert status[name] == golden.status[name], name
 
 
-def compiled(simulator, config, size_px=SIZE_PX, **options):
+def compiled(config, size_px=SIZE_PX, **options):
     design = front_end(config, size_px, **options)
-    return contextlib.closing(Bench(simulator.shared_library(design), design.ports))
+    return contextlib.closing(Bench(verilator.shared_library(design), design.ports))
 
 
 @pytest.fixture(scope="module")
 def aerial():
-    with compiled(verilator, AERIAL) as bench:
+    with compiled(AERIAL) as bench:
         yield FrontEndBench(bench, AERIAL)
 
 
@@ -120,13 +120,8 @@ def extremes(size_px):
     return [plane.astype(np.uint8) for plane in (0 * x, 0 * x + 255, (x + y) % 2 * 255, hot * 255, noise)]
 
 
-@pytest.mark.parametrize(
-    "simulator",
-    # A model of CXXRTL takes minutes to compile; `test_simulators.py` simulates a small design with all.
-    [pytest.param(verilator, id="verilator"), pytest.param(cxxrtl, id="cxxrtl", marks=pytest.mark.slow)],
-)
-def test_whole_frames_are_equal_and_follow_without_a_bubble(simulator, scene):
-    with compiled(simulator, AERIAL) as opened:
+def test_whole_frames_are_equal_and_follow_without_a_bubble(scene):
+    with compiled(AERIAL) as opened:
         bench = FrontEndBench(opened, AERIAL)
         starts, small = bench.check([scene(number, (640, 480)) for number in range(3)])
         np.testing.assert_array_equal(np.diff(starts)[1:], 640 * 480)
@@ -155,7 +150,7 @@ def test_frames_of_any_size_and_content_equal_the_golden_model(aerial, scene, si
 def test_thesis_preset_equals_the_golden_model(scene):
     """No smoothing, a 3x3 tensor and no selection; then with corners of FAST instead of Harris."""
     config = dataclasses.replace(THESIS, threshold=200_000)
-    with compiled(verilator, config) as opened:
+    with compiled(config) as opened:
         bench = FrontEndBench(opened, config)
         for pauses in (NO_PAUSES, PAUSES):
             _, features = bench.check([gray(scene(number, (640, 480))) for number in range(2)], pauses=pauses)
@@ -199,7 +194,7 @@ def test_the_last_features_of_the_smallest_frame_are_counted_before_it_ends(conf
 @pytest.fixture(scope="module")
 def two_pixels():
     """Two pixels a clock, up to 4K."""
-    with compiled(verilator, AERIAL, (3840, 2160), video_bits=48) as bench:
+    with compiled(AERIAL, (3840, 2160), video_bits=48) as bench:
         yield FrontEndBench(bench, AERIAL, pair_bits=48)
 
 
@@ -253,7 +248,7 @@ def test_the_thesis_preset_at_two_pixels_a_clock(scene):
     """Without selection, features leave one after the other: FAST's may follow each other in every clock."""
     # Lines take half the clocks, so that one more is needed to end a frame.
     config = dataclasses.replace(THESIS, threshold=200_000, border_px=THESIS.border_px + 1)
-    with compiled(verilator, config, video_bits=16) as opened:
+    with compiled(config, video_bits=16) as opened:
         bench = FrontEndBench(opened, config, pair_bits=16)
         sparse = dataclasses.replace(config, detector="fast", threshold=40)
         for pauses in (NO_PAUSES, PAUSES):

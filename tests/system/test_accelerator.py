@@ -33,9 +33,8 @@ def run(*arguments: str) -> str:
     ("backend", "preset"),
     [
         ("verilator", "aerial"),
-        # Builds of their own. In `make test` the thesis's front end is that of `tests/hdl/test_front_end.py`.
+        # A build of its own. In `make test` the thesis's front end is that of `tests/hdl/test_front_end.py`.
         pytest.param("verilator", "thesis", marks=pytest.mark.slow),
-        pytest.param("cxxrtl", "aerial", marks=pytest.mark.slow),
     ],
 )
 def test_compare_finds_every_field_equal(photographs, backend: str, preset: str) -> None:

@@ -1,4 +1,4 @@
-"""The three simulators of a small real design: equal to NumPy, and to each other cycle by cycle."""
+"""The simulators of a small real design: equal to NumPy, and to each other cycle by cycle."""
 
 import dataclasses
 import sys
@@ -13,13 +13,13 @@ from amaranth.lib.wiring import In, Out
 
 from sim.backends import interface as backend
 from sim.backends.interface import BackendError
-from sim.simulators import cxxrtl, pysim, verilator
+from sim.simulators import pysim, verilator
 from sim.simulators.build_cache import digest_files
 from sim.simulators.design import Design, Ports
 from sim.simulators.recording import NO_PAUSES, Pauses, Segment, flat_frame
 
 WIDTH, HEIGHT = 64, 16
-SIMULATORS = (pysim, cxxrtl, verilator)
+SIMULATORS = (pysim, verilator)
 OUTPUT, TAP = "m_axis_difference", "tap_pair"
 
 
@@ -153,7 +153,7 @@ def test_settings_are_checked(simulator):
         simulator.simulate(DESIGN, [segment(random_images(1), bias=256)])
 
 
-@pytest.mark.parametrize("simulator", [pysim, cxxrtl, pytest.param(verilator, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("simulator", [pysim, pytest.param(verilator, marks=pytest.mark.slow)])
 def test_waves(simulator, tmp_path):
     path = tmp_path / "waves.vcd"
     images = random_images(1)
@@ -169,9 +169,8 @@ def test_waves(simulator, tmp_path):
 def test_missing_compiler_is_one_clear_line(monkeypatch, tmp_path):
     verilator.shared_library(DESIGN)  # so that the Verilog is there
     monkeypatch.setenv("PATH", str(tmp_path))
-    for simulator in (verilator, cxxrtl):
-        with pytest.raises(BackendError, match=r"g\+\+ is not installed.*apt install"):
-            simulator.shared_library(DESIGN)
+    with pytest.raises(BackendError, match=r"g\+\+ is not installed.*apt install"):
+        verilator.shared_library(DESIGN)
 
 
 def test_missing_verilator_is_one_clear_line(monkeypatch):
@@ -181,5 +180,5 @@ def test_missing_verilator_is_one_clear_line(monkeypatch):
 
 
 def test_unknown_backend_names_the_valid_ones():
-    with pytest.raises(BackendError, match="unknown backend 'fpga'; valid: golden, rtl, verilator, cxxrtl, pysim"):
+    with pytest.raises(BackendError, match="unknown backend 'fpga'; valid: golden, rtl, verilator, pysim"):
         backend.load_backend("fpga")
