@@ -8,11 +8,12 @@ from pathlib import Path
 
 from skymosaic.flight.layout.layout import Layout, groups, outline, overlap
 from skymosaic.flight.linking.links import Link
-from skymosaic.flight.picture.sharpness import BLURRED, CLIPPED, sharpness_ratios
-from skymosaic.flight.survey import Flight
+from skymosaic.flight.survey import BLURRED, Flight
 
 LITTLE_OVERLAP = 0.3
 """Best overlap with any other photograph below which a photograph is poorly tied."""
+CLIPPED = 0.2
+"""A photograph is badly exposed if more than this share of it is black or white."""
 WEAK_TIES = 40
 WEAK_OVERLAP = 0.2
 """A link with fewer ties or less overlap is weak; it matters if no other joins the two sides."""
@@ -68,18 +69,18 @@ class FlightCheck:
 def check_flight(flight: Flight) -> FlightCheck:
     """Find the problems of a flight that was laid out."""
     overlaps = _best_overlaps(flight)
-    ratios = sharpness_ratios(flight.views, flight.links)
+    sharpness = flight.relative_sharpness.tolist()
     held = [link for link in flight.links if link.holds]
     photographs = []
     for index, view in enumerate(flight.views):
         links = sum(index in (link.left, link.right) for link in held)
-        problems = _problems(links, overlaps[index], float(ratios[index]), view.clipped)
+        problems = _problems(links, overlaps[index], sharpness[index], view.clipped)
         photographs.append(
             PhotographCheck(
                 name=view.name,
                 links=links,
                 overlap=overlaps[index],
-                sharpness=float(ratios[index]),
+                sharpness=sharpness[index],
                 clipped=view.clipped,
                 gps=view.gps is not None,
                 problems=problems,

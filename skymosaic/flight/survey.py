@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
+import numpy as np
+
+from golden_model.arrays import Array
 from skymosaic.errors import InputError
 from skymosaic.flight import candidates
 from skymosaic.flight.cache import ResultCache
@@ -24,6 +28,8 @@ from skymosaic.stopwatch import Stopwatch
 MAX_ROUNDS = 6
 """How often a better layout may propose further pairs."""
 SECOND_LOOK_SAMPLES = 20_000
+BLURRED = 0.25
+"""Relative sharpness below which a photograph is blurred: a blur of about 0.8 working px."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +74,21 @@ class Flight:
     def lens(self) -> Lens:
         """What straightens the photographs: the lens that was given, or the one that the ties told."""
         return self.settings.lens if self.calibration is None else self.calibration.lens
+
+    @cached_property
+    def relative_sharpness(self) -> Array:
+        """Sharpness of each view over the median of the views it is linked with, or of all if it has no link, (V,).
+
+        Sharpness depends more on the ground than on the lens, so only views of the same ground are compared.
+        """
+        neighbours: list[list[float]] = [[] for _ in self.views]
+        for link in self.links:
+            if link.holds:
+                neighbours[link.left].append(self.views[link.right].sharpness)
+                neighbours[link.right].append(self.views[link.left].sharpness)
+        overall = float(np.median([view.sharpness for view in self.views]))
+        expected = [float(np.median(around)) if around else overall for around in neighbours]
+        return np.array([view.sharpness / max(value, 1e-9) for view, value in zip(self.views, expected, strict=True)])
 
     def absent_from(self, layout: Layout) -> dict[int, str]:
         """Photographs that are not in a layout, by their index among those given, with the reason."""

@@ -24,28 +24,6 @@ USUAL_ESTIMATOR = "prosac"
 WARPS = ("homography", "mesh", "auto")
 
 
-@dataclass(frozen=True)
-class Style:
-    """How photographs become one picture; see `skymosaic.flight.picture.composition.compose` for the last three.
-
-    Attributes
-    ----------
-    blending : str
-        Default method.
-    equalise, seams, own_frame : bool
-    """
-
-    blending: str
-    equalise: bool
-    seams: bool
-    own_frame: bool
-
-
-PAIR = Style("distance", equalise=False, seams=False, own_frame=False)
-FLIGHT = Style("multiband", equalise=True, seams=True, own_frame=True)
-"""Averaging would blur many photographs, of which ten may show the same ground: flights are cut along seams."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class MosaicOptions:
     """Every choice of a mosaic. Each one applies, or `check` refuses it with the reason.

@@ -28,7 +28,7 @@ from skymosaic.imagery import images as pictures
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.own_outputs import remember
 from skymosaic.imagery.photographs import Source, keep_decoded
-from skymosaic.mosaicking.options import FLIGHT, PAIR, MosaicOptions
+from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.mosaicking.result import Mosaic
 from skymosaic.registration.pair import Pair
 from skymosaic.registration.register import register_photographs
@@ -60,7 +60,6 @@ class MosaicPlan:
         self.sources = sources
         self.options = options
         self._workers = workers
-        self._style = PAIR if len(sources) == 2 else FLIGHT
 
     @cached_property
     def flight(self) -> Flight:
@@ -96,16 +95,13 @@ class MosaicPlan:
         InputError
             If the scale leaves less than a pixel.
         """
-        options, style = self.options, self._style
+        options = self.options
         composition = compose(
             self.flight,
             layout,
-            blending=options.blending or style.blending,
+            blending=options.blending,
             scale=options.scale,
             canvas_limit_px=options.canvas_limit_px,
-            equalise=style.equalise,
-            seams=style.seams,
-            own_frame=style.own_frame,
             place=place_on_map(self.flight, layout, options.control),
             gsd_m=options.gsd_m,
         )
@@ -113,7 +109,7 @@ class MosaicPlan:
             raise InputError("the mosaic is smaller than a pixel; raise --scale, or lower --gsd")
         if not self.sources[0].bands:
             return composition
-        return in_all_bands(composition, self.flight, layout, self._workers, equalise=style.equalise)
+        return in_all_bands(composition, self.flight, layout, self._workers)
 
     def bands(self, composition: Composition) -> Iterator[tuple[Intensities, Mask]]:
         """The blended picture in bands of whole rows from the top, and where they show a photograph."""

@@ -16,7 +16,7 @@ from skymosaic.errors import InputError
 from skymosaic.flight.bands.rig import Alignment, alignments
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.linking.view import THUMBNAIL_WIDTH_PX, Settings, View
-from skymosaic.flight.picture.composition import Composition, equalised, thumbnails_of
+from skymosaic.flight.picture.composition import Composition, equalise, thumbnail_layers
 from skymosaic.flight.survey import Flight
 from skymosaic.flight.workers import Workers
 from skymosaic.imagery.depth import common_range
@@ -40,11 +40,11 @@ class SpectralComposition(Composition):
     each: tuple[Composition, ...] = ()
     reference: int = 0
 
-    def rendered(self, tile: Canvas, memory_bytes: int) -> tuple[Intensities, Mask]:
-        """The pixels of one tile, (H, W, bands), and where all bands show a photograph; elsewhere 0."""
-        planes, shown = zip(*(one.rendered(tile, memory_bytes) for one in self.each), strict=True)
-        everywhere = np.logical_and.reduce(shown)
-        return np.stack(planes, axis=-1) * everywhere[..., None], everywhere
+    def render(self, tile: Canvas, memory_bytes: int) -> tuple[Intensities, Mask]:
+        """Render one tile, (H, W, bands), 0 where not all bands show a photograph, and a mask of where they do."""
+        planes, masks = zip(*(band.render(tile, memory_bytes) for band in self.each), strict=True)
+        mask = np.logical_and.reduce(masks)
+        return np.stack(planes, axis=-1) * mask[..., None], mask
 
     def empty(self, width_px: int, height_px: int) -> Intensities:
         """A picture without photographs, (H, W, bands)."""
@@ -59,9 +59,7 @@ class SpectralComposition(Composition):
         return dataclasses.replace(self, each=tuple(one.for_tile(tile) for one in self.each), placements=())
 
 
-def in_all_bands(
-    composition: Composition, flight: Flight, layout: Layout, workers: Workers, *, equalise: bool
-) -> SpectralComposition:
+def in_all_bands(composition: Composition, flight: Flight, layout: Layout, workers: Workers) -> SpectralComposition:
     """Add the other bands to the composition of the one that the flight was laid out by.
 
     Parameters
@@ -71,8 +69,6 @@ def in_all_bands(
     flight : Flight
     layout : Layout
     workers : Workers
-    equalise : bool
-        As `skymosaic.flight.picture.composition.compose`; each band has exposures of its own.
 
     Raises
     ------
@@ -95,7 +91,8 @@ def in_all_bands(
         own_views = list(workers.run(f"band {name}", _view, calls))
         _check_gray(own_views)
         band = _in_band(composition, sources, own_views, alignment)
-        each[name] = equalised(band, own_views, thumbnails_of(flight, own_views, band)[0]) if equalise else band
+        # Two captures keep their exposures, as two photographs do; each band of more has exposures of its own.
+        each[name] = equalise(band, own_views, thumbnail_layers(band, own_views)[0]) if flight.pair is None else band
     ordered = {name: each[name] for name in names}
     _check_one_type(ordered)
     aligned_px = {name: found.error_px for name, found in aligned.items()}
@@ -109,7 +106,7 @@ def _in_band(
 ) -> Composition:
     """Canvas and seams of a composition, with the files and the alignment of another band."""
     transforms = [placement.transform @ aligned.homography for placement in composition.placements]
-    moved = composition.changed(source=sources, transform=transforms, tone=[NEUTRAL] * len(sources))
+    moved = composition.with_each(source=sources, transform=transforms, tone=[NEUTRAL] * len(sources))
     return dataclasses.replace(moved, values=common_range([view.sample for view in views]))
 
 

@@ -29,8 +29,7 @@ from skymosaic.errors import RegistrationError
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.linking.view import View
 from skymosaic.flight.picture.mapping import NOWHERE, MapPlace, north_up, scale_for, usual_magnification
-from skymosaic.flight.picture.sharpness import BLURRED, sharpness_ratios
-from skymosaic.flight.survey import Flight
+from skymosaic.flight.survey import BLURRED, Flight
 from skymosaic.flight.workers import Workers
 from skymosaic.geometry.homography import resize_matrix
 from skymosaic.imagery.depth import ValueRange, common_range, in_8_bit
@@ -122,7 +121,7 @@ class Composition:
         return [self.canvas.translation @ placement.transform for placement in self.placements]
 
     def bands(self, workers: Workers, memory_bytes: int = MEMORY_BYTES) -> Iterator[tuple[Intensities, Mask]]:
-        """The picture in bands of at most 1024 rows, from the top, and where they show a photograph; elsewhere 0.
+        """Render the picture in bands of at most 1024 rows from the top, each with a mask of where a photograph shows.
 
         Raises
         ------
@@ -131,95 +130,84 @@ class Composition:
         """
         tiles = list(self.canvas.tiles())
         calls = [(self.for_tile(tile), tile, memory_bytes) for tile in tiles]
-        rendered = zip(tiles, workers.run("mosaic", _render, calls), strict=True)
+        rendered = zip(tiles, workers.run("mosaic", type(self).render, calls), strict=True)
         for _, row in groupby(rendered, key=lambda item: item[0].y_px):
-            pixels, shown = zip(*(tile for _, tile in row), strict=True)
-            yield np.concatenate(pixels, axis=1), np.concatenate(shown, axis=1)
+            pixels, masks = zip(*(tile for _, tile in row), strict=True)
+            yield np.concatenate(pixels, axis=1), np.concatenate(masks, axis=1)
 
-    def rendered(self, tile: Canvas, memory_bytes: int) -> tuple[Intensities, Mask]:
-        """The pixels of one tile, and where they show a photograph."""
+    def render(self, tile: Canvas, memory_bytes: int) -> tuple[Intensities, Mask]:
+        """Render one tile: its pixels, 0 where no photograph shows, and a mask of where one does."""
         if not self.placements:
             return self.empty(tile.width_px, tile.height_px), np.zeros((tile.height_px, tile.width_px), np.bool_)
         images = [decoded(memory_bytes).pixels(p.source, self.lens, self.values) for p in self.placements]
         tones = [placement.tone for placement in self.placements]
-        layers = layers_of(images, [p.transform for p in self.placements], tones, coloured=self.coloured)
-        dressed = [
+        plain = layers_of(images, [p.transform for p in self.placements], tones, coloured=self.coloured)
+        layers = [
             replace(layer, favour=p.favour, seam=p.seam, visible=self.lens.visible(layer.size))
-            for layer, p in zip(layers, self.placements, strict=True)
+            for layer, p in zip(plain, self.placements, strict=True)
         ]
-        return blend_layers(dressed, tile, method=self.blending)
+        return blend_layers(layers, tile, method=self.blending)
 
     def in_8_bit(self, pixels: Intensities) -> Pixels:
-        """Pixels of the mosaic as a picture of 8 bits shows them."""
+        """Reduce pixels of the mosaic to 8 bits."""
         return in_8_bit(pixels, self.values)
 
     def joined(self, bands: Iterable[tuple[Intensities, Mask]]) -> Intensities:
-        """The whole picture, (H, W, 3) or (H, W), from its bands; never in memory twice."""
+        """Join the bands of `bands` into one picture, (H, W, 3) or (H, W), which is never in memory twice."""
         picture = self.empty(*self.size)
         for index, (band, _) in enumerate(bands):
             picture[index * TILE_PX : index * TILE_PX + len(band)] = band
         return picture
 
     def empty(self, width_px: int, height_px: int) -> Intensities:
-        """A picture without photographs, of the mosaic's type."""
+        """A black picture of the mosaic's type."""
         shape = (height_px, width_px, 3) if self.coloured else (height_px, width_px)
         return np.zeros(shape, np.uint16 if self.values is not None and self.values.deep else np.uint8)
 
-    def changed(self, **values: Sequence[Any]) -> Composition:
-        """The composition with new values, one for each placement, of some of their attributes."""
-        each = (dict(zip(values, row, strict=True)) for row in zip(*values.values(), strict=True))
-        placements = (replace(p, **new) for p, new in zip(self.placements, each, strict=True))
+    def with_each(self, **values: Sequence[Any]) -> Composition:
+        """Replace attributes of the placements, by a sequence of new values for each attribute."""
+        rows = (dict(zip(values, row, strict=True)) for row in zip(*values.values(), strict=True))
+        placements = (replace(p, **row) for p, row in zip(self.placements, rows, strict=True))
         return replace(self, placements=tuple(placements))
 
-    def in_own_frame(self) -> Composition:
-        """The same with a reference frame whose origin is the canvas's first pixel."""
-        moved = self.changed(transform=self.transforms)
-        return replace(moved, canvas=Canvas(0, 0, *self.size))
-
     def for_tile(self, tile: Canvas) -> Composition:
-        """The placements that change a tile; some lie beyond its border, because bands reach over it."""
+        """Keep only the placements that change a tile; blending carries some across its border."""
         around = tile.grown(BAND_REACH_PX)
-        shown = (p for p in self.placements if p.shows_in(around))
-        return replace(self, placements=tuple(shown))
+        return replace(self, placements=tuple(p for p in self.placements if p.shows_in(around)))
 
 
 def compose(
     flight: Flight,
     layout: Layout,
     *,
-    blending: str = "multiband",
+    blending: str | None = None,
     scale: float = 1.0,
     canvas_limit_px: int = CANVAS_LIMIT_PX,
-    equalise: bool = True,
-    seams: bool = True,
-    own_frame: bool = True,
     place: MapPlace = NOWHERE,
     gsd_m: float | None = None,
 ) -> Composition:
-    """Prepare the picture of one layout: canvas, exposure and seams, from thumbnails alone.
+    """Prepare the picture of one layout, from thumbnails alone.
+
+    Two photographs are blended as they are, in the frame of the right one. More of them get a canvas that begins at
+    (0, 0) of its own frame, in which north is up where there is a map; equal exposure; blurred photographs show only
+    where no other does; and multi-band blending is cut along seams.
 
     Parameters
     ----------
     flight : Flight
     layout : Layout
         One of the flight's.
-    blending : {"average", "distance", "multiband"}
-        As `skymosaic.compositing.blend.blend`.
+    blending : {"average", "distance", "multiband"} or None
+        See `skymosaic.compositing.blend.blend`. None: distance for two photographs, multiband for more, because
+        averages of the ten photographs that may show the same ground are blurred.
     scale : float
-        Canvas pixels a pixel of the median photograph; of two photographs, a pixel of the right one.
+        Canvas pixels per pixel of the median photograph; for two photographs, per pixel of the right one.
     canvas_limit_px : int
         Largest canvas area that is accepted.
-    equalise : bool
-        Equalise exposure, and show blurred photographs only where no other shows anything.
-    seams : bool
-        Cut multi-band blending along seams.
-    own_frame : bool
-        The canvas begins at (0, 0) of its own frame, in which north is up where there is a map; otherwise it is a
-        part of the reference photograph's frame.
     place : MapPlace
-        On the map; its georeference is that of the layout's reference frame.
+        Place on the map; its georeference is that of the layout's reference frame.
     gsd_m : float or None
-        Metres on the ground for each canvas pixel, instead of ``scale``.
+        Metres on the ground per canvas pixel, instead of ``scale``.
 
     Raises
     ------
@@ -228,61 +216,51 @@ def compose(
     RegistrationError
         If the canvas would be too large, or a photograph reaches behind the horizon.
     """
+    blending = blending or ("multiband" if flight.pair is None else "distance")
     if gsd_m is not None:
         scale = scale_for(flight, layout, place.georeference, gsd_m)
-    composition = _arranged(
-        flight, layout, blending, scale=scale, canvas_limit_px=canvas_limit_px, place=place, turned=own_frame
-    )
-    if own_frame:
-        composition = composition.in_own_frame()
-    if equalise:
-        ratios = sharpness_ratios(flight.views, flight.links)[list(layout.members)]
-        composition = composition.changed(favour=[BLURRED_FAVOUR if ratio < BLURRED else 1.0 for ratio in ratios])
+    composition = _place_on_canvas(flight, layout, blending, scale=scale, canvas_limit_px=canvas_limit_px, place=place)
+    if flight.pair is not None:
+        return composition
+    sharpness = flight.relative_sharpness[list(layout.members)]
+    composition = composition.with_each(favour=[BLURRED_FAVOUR if value < BLURRED else 1.0 for value in sharpness])
     views = [flight.views[member] for member in layout.members]
-    thumbnails, reduction = thumbnails_of(flight, views, composition)
-    if equalise:
-        composition = equalised(composition, views, thumbnails)
-    if seams and blending == "multiband":
+    thumbnails, reduction = thumbnail_layers(composition, views)
+    composition = equalise(composition, views, thumbnails)
+    if blending == "multiband":
+        # Seams run where neighbours look alike, so they are cut through thumbnails of equal exposure.
         toned = [replace(layer, tone=p.tone) for layer, p in zip(thumbnails, composition.placements, strict=True)]
-        composition = composition.changed(seam=seam_masks(toned, reduction, composition.values))
+        composition = composition.with_each(seam=seam_masks(toned, reduction, composition.values))
     return composition
 
 
-def equalised(composition: Composition, views: Sequence[View], thumbnails: Sequence[Layer]) -> Composition:
-    """The composition with tones, and with the range that they need where the photographs have 16 bits.
+def equalise(composition: Composition, views: Sequence[View], thumbnails: Sequence[Layer]) -> Composition:
+    """Set the tones of all placements, and for photographs of 16 bits the value range that the tones need.
 
     Parameters
     ----------
     composition : Composition
     views : sequence of View
-        Of its placements.
+        One for each placement.
     thumbnails : sequence of Layer
-        From `thumbnails_of`.
+        From `thumbnail_layers`.
     """
     values = composition.values
     if values is None or not values.deep:
-        return composition.changed(tone=exposure_tones(thumbnails))
+        return composition.with_each(tone=exposure_tones(thumbnails))
     samples = [view.sample for view in views]
     tones = exposure_tones(thumbnails, camera_levels(samples, [view.taken.black_level for view in views]))
-    return replace(composition.changed(tone=tones), values=toned_range(tones, samples, values))
+    return replace(composition.with_each(tone=tones), values=toned_range(tones, samples, values))
 
 
-def _arranged(
-    flight: Flight,
-    layout: Layout,
-    blending: str,
-    *,
-    scale: float,
-    canvas_limit_px: int,
-    place: MapPlace,
-    turned: bool,
+def _place_on_canvas(
+    flight: Flight, layout: Layout, blending: str, *, scale: float, canvas_limit_px: int, place: MapPlace
 ) -> Composition:
-    """The photographs of a layout on a canvas, in the reference's frame or ``turned`` north up where there is a map."""
+    """Lay the photographs of a layout on a canvas, without tones and seams; parameters as of `compose`."""
     views = [flight.views[member] for member in layout.members]
-    if layout.originals is None:
-        scale /= usual_magnification(flight, layout)
+    scale /= usual_magnification(flight, layout)
     on_map = place.georeference
-    if on_map is not None and turned:
+    if on_map is not None and flight.pair is None:
         to_canvas = north_up(on_map, on_map.metres_a_pixel / scale)
     else:
         to_canvas = resize_matrix(scale)
@@ -291,48 +269,50 @@ def _arranged(
         canvas = canvas_of([view.size for view in views], transforms, limit_px=canvas_limit_px)
     except CanvasError as error:
         raise RegistrationError(f"{len(views)} photographs, the first {views[0].name}: {error}") from None
+    if on_map is not None:
+        place = replace(place, georeference=on_map.of(np.asarray(np.linalg.inv(canvas.translation @ to_canvas))))
+    if flight.pair is None:
+        transforms = [canvas.translation @ transform for transform in transforms]
+        canvas = Canvas(0, 0, canvas.width_px, canvas.height_px)
     placements = tuple(
         Placement(flight.sources[member], view.size, transform)
         for member, view, transform in zip(layout.members, views, transforms, strict=True)
     )
     coloured = any(view.thumbnail.ndim == 3 for view in views)
-    if on_map is not None:
-        on_map = on_map.of(np.asarray(np.linalg.inv(canvas.translation @ to_canvas)))
-        place = replace(place, georeference=on_map)
     values = common_range([view.sample for view in views])
     return Composition(placements, canvas, coloured, blending, flight.lens, values, place)
 
 
-def thumbnails_of(flight: Flight, views: Sequence[View], composition: Composition) -> tuple[list[Layer], float]:
-    """The thumbnails of a composition's placements as layers of a reduced canvas, in colour, and the reduction."""
-    lens, placements = flight.lens, composition.placements
+def thumbnail_layers(composition: Composition, views: Sequence[View]) -> tuple[list[Layer], float]:
+    """The thumbnails of all placements as layers of a reduced canvas, in colour, and the scale of that canvas.
+
+    Parameters
+    ----------
+    composition : Composition
+    views : sequence of View
+        One for each placement.
+    """
     widest = max(views, key=lambda view: view.size[0])
-    enlarged = float(np.median([magnification(placement.size, placement.transform) for placement in placements]))
+    enlarged = float(np.median([magnification(p.size, p.transform) for p in composition.placements]))
     reduction = widest.thumbnail.shape[1] / widest.size[0] / enlarged
     layers = []
-    for view, placement in zip(views, placements, strict=True):
+    for view, placement in zip(views, composition.placements, strict=True):
         from_thumbnail = view.to_original @ np.linalg.inv(view.to_thumbnail)
-        pixels = _shown(view, composition.values)
         layers.append(
             Layer(
-                image=pixels,
+                image=_coloured_thumbnail(view, composition.values),
                 transform=resize_matrix(reduction) @ placement.transform @ from_thumbnail,
-                visible=lens.visible((view.thumbnail.shape[1], view.thumbnail.shape[0])),
+                visible=composition.lens.visible((view.thumbnail.shape[1], view.thumbnail.shape[0])),
                 favour=placement.favour,
             )
         )
     return layers, reduction
 
 
-def _shown(view: View, values: ValueRange | None) -> Intensities:
+def _coloured_thumbnail(view: View, values: ValueRange | None) -> Intensities:
     """A thumbnail in colour: with the camera's numbers where the mosaic has 16 bits, else as ``values`` shows it."""
     coloured = view.thumbnail if view.thumbnail.ndim == 3 else cv2.cvtColor(view.thumbnail, cv2.COLOR_GRAY2BGR)
     pixels = np.asarray(coloured, dtype=np.uint8)
     if values is None or view.value_range is None:
         return pixels
     return view.value_range.numbers(pixels) if values.deep else view.value_range.shown_as(pixels, values)
-
-
-def _render(composition: Composition, tile: Canvas, memory_bytes: int) -> tuple[Intensities, Mask]:
-    """The pixels of one tile, and where they show a photograph."""
-    return composition.rendered(tile, memory_bytes)

@@ -177,10 +177,12 @@ def north_up(georeference: Georeference, metres_a_pixel: float) -> Matrix:
 
 
 def usual_magnification(flight: Flight, layout: Layout) -> float:
-    """Pixels of the reference frame for each pixel of the median photograph.
+    """Pixels of the reference frame per pixel of the median photograph; 1 for two photographs.
 
     The reference may have flown lower or higher than most: a mosaic should neither invent detail nor lose it.
     """
+    if flight.pair is not None:
+        return 1.0
     transforms = layout.to_reference(flight.views)
     return float(np.median([magnification(flight.views[m].size, each) for m, each in transforms.items()]))
 
@@ -189,7 +191,7 @@ def scale_for(flight: Flight, layout: Layout, on_map: Georeference | None, gsd_m
     """The scale at which canvas pixels are so many metres wide."""
     if on_map is None:
         raise InputError("gsd: the mosaic has no place on the map, so metres are unknown; use --scale instead")
-    finest_m = on_map.metres_a_pixel * (1.0 if layout.originals is not None else usual_magnification(flight, layout))
+    finest_m = on_map.metres_a_pixel * usual_magnification(flight, layout)
     if gsd_m < FINEST_GSD * finest_m:
         raise InputError(f"gsd is {gsd_m:g} m, finer than the photographs; give at least {finest_m:.3g}")
     return min(finest_m / gsd_m, 1.0)
