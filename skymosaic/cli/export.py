@@ -15,8 +15,8 @@ from hdl.export.boards import ALL_BOARDS, SERIAL_BOARD
 from skymosaic.cli.options import ConfigOption, OverwriteOption, PresetOption, choice, configuration
 from skymosaic.cli.session import session
 from skymosaic.errors import InputError
-from skymosaic.fuzzy.files import load_system
-from skymosaic.fuzzy.golden import ENTRIES, quantised
+from skymosaic.fuzzy.fll import load_system
+from skymosaic.fuzzy.golden import ENTRIES, quantise
 from skymosaic.imagery.images import check_unused
 from skymosaic.temporary import temporary_folder
 
@@ -53,9 +53,7 @@ def export(
     build_it: Annotated[
         bool, typer.Option("--build", help=f"With --board {SERIAL_BOARD}: make the bitstream, too.")
     ] = False,
-    rules: Annotated[
-        Path | None, typer.Option(help="With --block fuzzy: your own system, an .fll or .fcl file.")
-    ] = None,
+    rules: Annotated[Path | None, typer.Option(help="With --block fuzzy: your own system, an .fll file.")] = None,
     entries: Annotated[int, typer.Option(min=2, help="With --rules: table entries of each input.")] = ENTRIES,
 ) -> None:
     """Write Verilog, register map and more: for a kit with its driver, for a live camera, or of one block."""
@@ -129,7 +127,7 @@ def _export_rules(folder: Path, rules: Path, entries: int) -> None:
     """Write the block of a system from a file."""
     system = load_system(rules)
     try:
-        made = importlib.import_module("skymosaic.fuzzy.verilog").block(quantised(system, entries))
+        made = importlib.import_module("skymosaic.fuzzy.verilog").make_block(quantise(system, entries))
     except ValueError as error:
         raise InputError(f"{rules}: cannot be made of hardware: {error}") from None
     importlib.import_module("hdl.blocks.export").write_block(folder, "fuzzy", made)

@@ -14,11 +14,18 @@ from rich.table import Table
 from skymosaic.cli.options import OverwriteOption, plotting_module
 from skymosaic.cli.session import STDOUT, session
 from skymosaic.errors import InputError
-from skymosaic.fuzzy.files import READERS, SHIPPED, WRITERS, load_system
-from skymosaic.fuzzy.golden import ENTRIES, FIRM, ErrorBounds, GoldenSystem, error_bounds, quantised
+from skymosaic.fuzzy.fll import SHIPPED, load_system, write_fll
+from skymosaic.fuzzy.golden import (
+    ENTRIES,
+    MIN_FIRING_STRENGTH,
+    ErrorBounds,
+    GoldenSystem,
+    measure_errors,
+    quantise,
+)
 from skymosaic.imagery.images import check_output, check_unused, save_bytes
-from skymosaic.reports import pair as pair_report
-from skymosaic.reports.fuzzy_systems import PLOTTED_SYSTEMS, PlottedSystem, plotted_file
+from skymosaic.reports.fuzzy_systems import PLOTTED_SYSTEMS, PlottedSystem, plan_plot
+from skymosaic.reports.pages import make_folder
 
 
 @dataclass(frozen=True)
@@ -36,7 +43,7 @@ def fuzzy(
     systems: Annotated[
         list[str] | None,
         typer.Argument(
-            help=f"{', '.join(PLOTTED_SYSTEMS)}, or FLL and FCL files; by default the project's own.",
+            help=f"{', '.join(PLOTTED_SYSTEMS)}, or FLL files; by default the project's own.",
             metavar="[SYSTEM|FILE]...",
             autocompletion=lambda: list(PLOTTED_SYSTEMS),
         ),
@@ -45,16 +52,16 @@ def fuzzy(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the pictures.")] = Path("fuzzy"),
     write: Annotated[
         Path | None,
-        typer.Option("--write", help="Write the one system that is named: .fll or .fcl; -: FLL on stdout."),
+        typer.Option("--write", help="Write the one system that is named to an .fll file; -: to stdout."),
     ] = None,
     entries: Annotated[
         int, typer.Option(min=2, max=1 << 16, help="Table entries of each input in the integer model of a file.")
     ] = ENTRIES,
     overwrite: OverwriteOption = False,
 ) -> None:
-    """Print the rules of the fuzzy systems, or of your own in FLL and FCL files, and draw them.
+    """Print the rules of the fuzzy systems, or of your own in FLL files, and draw them.
 
-    Of a file also the integer model's errors against the real numbers, as shares of the output's range.
+    For a file also the integer model's errors against the real numbers, as shares of the output's range.
     """
     names = systems or list(PLOTTED_SYSTEMS)
     if plot:
@@ -73,9 +80,7 @@ def fuzzy(
 
 def _own(name: str) -> _Shown:
     if name not in PLOTTED_SYSTEMS:
-        raise InputError(
-            f"no fuzzy system {name}; valid: {', '.join(PLOTTED_SYSTEMS)}, or a file in {', '.join(READERS)}"
-        )
+        raise InputError(f"no fuzzy system {name}; valid: {', '.join(PLOTTED_SYSTEMS)}, or an .fll file")
     plotted = PLOTTED_SYSTEMS[name]
     system = plotted.system()
     rules = [[*(chosen or "any" for chosen in rule.sets), rule.output] for rule in system.rules]
@@ -87,10 +92,10 @@ def _own(name: str) -> _Shown:
 def _from_file(path: Path, entries: int) -> _Shown:
     system = load_system(path)
     try:
-        golden = quantised(system, entries)
+        golden = quantise(system, entries)
     except ValueError as error:
         raise InputError(f"{path}: has no integer model: {error}") from None
-    errors = error_bounds(golden)
+    errors = measure_errors(golden)
     inputs = [variable.name for variable in system.inputs]
     rules = [
         [*(rule.conditions.get(name, "any") for name in inputs), system.output.constants[rule.conclusion]]
@@ -99,7 +104,7 @@ def _from_file(path: Path, entries: int) -> _Shown:
     table = _table(f"{path}: {system.name}, AND is the {system.conjunction}", inputs, system.output.name, rules)
     numbers: dict[str, Any] = {"name": system.name, "conjunction": system.conjunction, "rules": rules}
     numbers |= {"errors": dataclasses.asdict(errors), "tables": _tables(golden)}
-    return _Shown(path.stem, table, lambda: plotted_file(golden), numbers)
+    return _Shown(path.stem, table, lambda: plan_plot(golden), numbers)
 
 
 def _tables(golden: GoldenSystem) -> dict[str, dict[str, list[int]]]:
@@ -109,9 +114,10 @@ def _tables(golden: GoldenSystem) -> dict[str, dict[str, list[int]]]:
 def _in_words(name: str, entries: int, errors: ErrorBounds) -> str:
     compared = "all" if errors.complete else "random"
     return (
-        f"{name}: integer model with {entries} entries an input: largest error {errors.largest:.4f} "
-        f"({errors.firm:.4f} where the strengths sum to {FIRM:g} or more), mean {errors.mean:.4f}, at {compared} "
-        f"{errors.checked} inputs; up to {errors.step:.4f} more between two entries; silent at {errors.silent:.2%}"
+        f"{name}: integer model with {entries} entries per input: largest error {errors.largest:.4f} "
+        f"({errors.firm:.4f} where the strengths sum to {MIN_FIRING_STRENGTH:g} or more), mean {errors.mean:.4f}, "
+        f"at {compared} {errors.checked} inputs; up to {errors.step:.4f} more between two entries; "
+        f"silent at {errors.silent:.2%}"
     )
 
 
@@ -125,7 +131,7 @@ def _table(title: str, inputs: list[str], output: str, rules: list[list[Any]]) -
 
 
 def _write(names: list[str], path: Path, *, overwrite: bool) -> None:
-    """Convert one system from a file, or one of those that are shipped as FLL."""
+    """Write one system, shipped or from a file, as FLL."""
     if len(names) != 1:
         raise InputError(f"--write takes one system, not {len(names)}; name it")
     source = Path(names[0]) if Path(names[0]).suffix else SHIPPED / f"{names[0]}.fll"
@@ -134,23 +140,23 @@ def _write(names: list[str], path: Path, *, overwrite: bool) -> None:
         raise InputError(f"{names[0]} has no FLL; these have: {shipped}")
     with session.destination(path, "system.fll") as target:
         if path != STDOUT:
-            check_output(target, (str(source),), tuple(WRITERS), overwrite=overwrite)
+            check_output(target, (str(source),), (".fll",), overwrite=overwrite)
         try:
-            text = WRITERS[target.suffix.lower()](load_system(source))
+            text = write_fll(load_system(source))
         except ValueError as error:
-            raise InputError(f"{source}: cannot be written as {target.suffix}: {error}") from None
+            raise InputError(f"{source}: cannot be written: {error}") from None
         save_bytes(target, text.encode())
     session.wrote(path)
     session.show(f"wrote {path}")
 
 
 def _draw(systems: list[_Shown], folder: Path) -> None:
-    picture = plotting_module("skymosaic.reports.fuzzy_plots").picture
-    pair_report.prepare(folder)
+    draw_system = plotting_module("skymosaic.reports.fuzzy_plots").draw_system
+    make_folder(folder)
     for each in systems:
         path = folder / f"{each.name}.png"
         try:
-            save_bytes(path, picture(each.plotted()))
+            save_bytes(path, draw_system(each.plotted()))
         except ValueError as error:
             raise InputError(f"{each.name}: {error}") from None
         session.wrote(path)

@@ -47,8 +47,8 @@ from skymosaic.maps.geotiff import COMPRESSIONS
 from skymosaic.mosaicking.api import planned
 from skymosaic.mosaicking.options import WARPS, MosaicOptions
 from skymosaic.registration.register import WORKING_WIDTH_PX
-from skymosaic.reports.flight import band_line, flight_numbers, map_line, write_report
-from skymosaic.reports.pair import prepare
+from skymosaic.reports.flight import describe_bands, describe_map, flight_numbers, write_report
+from skymosaic.reports.pages import make_folder
 
 MEGABYTE = 1 << 20
 MEGAPIXEL = 1_000_000
@@ -199,7 +199,7 @@ def _made(
             check_output(save_camera, (str(output), *photographs), (".toml",), overwrite=overwrite)
         if report_folder:
             check_unused(report_folder, overwrite=overwrite)
-            prepare(report_folder)
+            make_folder(report_folder)
         deliveries: list[Delivery] = []
         try:
             layouts = plan.layouts
@@ -259,11 +259,11 @@ def _show_mosaic(delivery: Delivery, path: Path) -> None:
         session.wrote(delivery.tiles)
         session.show(f"tiles {delivery.tiles / 'index.html'}")
     if delivery.composition.band_names:
-        session.show(f"bands: {band_line(delivery.composition)}")
+        session.show(f"bands: {describe_bands(delivery.composition)}")
     if values := delivery.composition.values:
         session.show(f"range: {values.in_words}")
     if delivery.georeference:
-        session.show(map_line(delivery))
+        session.show(describe_map(delivery))
     # Who asks for a picture of two photographs expects no map; who asks for a .tif may.
     wants_map = flight.pair is None or path.suffix.lower() in GEOTIFF_SUFFIXES
     if delivery.map_note and (delivery.georeference or wants_map):

@@ -14,10 +14,10 @@ from skymosaic.cli.progress import progress_bars
 from skymosaic.cli.session import session
 from skymosaic.flight.workers import Progress
 from skymosaic.imagery.images import check_unused, save_bytes
-from skymosaic.reports import pair as pair_report
+from skymosaic.reports.pages import make_folder
 from skymosaic.thesis import dataset, pictures, tables
 from skymosaic.thesis.dataset import Source
-from skymosaic.thesis.experiments import measure, most_inliers
+from skymosaic.thesis.experiments import find_best_pair, run_experiments
 
 
 def thesis(
@@ -32,17 +32,19 @@ def thesis(
 ) -> None:
     """Repeat the thesis's experiments, tables IV-1 to IV-7 and figure IV-6, beside the published figures."""
     page = plotting_module("skymosaic.thesis.page")
-    sources = dataset.sources(data)
+    sources = dataset.list_sources(data)
     check_unused(output, overwrite=overwrite)
-    pair_report.prepare(output)
+    make_folder(output)
     with progress_bars() as progress:
-        measurements = measure(_counted(sources, progress))
-    save_bytes(output / "measurements.csv", measurements.as_csv().encode())
+        measurements = run_experiments(_counted(sources, progress))
+    save_bytes(output / "measurements.csv", measurements.to_csv().encode())
     with session.working("drawing"):
-        shown = sources[most_inliers(measurements)]()
+        shown = sources[find_best_pair(measurements)]()
         source = f"those of {data.resolve().name}" if data else "neighbouring pictures of a rendered survey flight"
-        save_bytes(output / "index.html", page.compose(measurements, source, pictures.of_pair(shown), shown.name))
-    trends = tables.trends(measurements)
+        save_bytes(
+            output / "index.html", page.compose_page(measurements, source, pictures.draw_pair(shown), shown.name)
+        )
+    trends = tables.check_trends(measurements)
     for trend in trends:
         session.show(f"{'holds' if trend.holds else 'does not hold':13}  {trend.statement}: {trend.numbers}")
     session.numbers["trends"] = [dataclasses.asdict(trend) for trend in trends]

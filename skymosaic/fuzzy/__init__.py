@@ -1,1 +1,1 @@
-"""Zero-order Sugeno systems of anyone: read from FLL and FCL files, evaluated, and turned into the integer model."""
+"""Your own zero-order Sugeno systems: read from FLL files, evaluated, and turned into the integer model."""

@@ -5,16 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TypeVar
 
+from skymosaic.errors import InputError
 from skymosaic.fuzzy.system import FuzzySystem, IfThen, Input, Output
 from skymosaic.fuzzy.terms import Term
 
 AND = {"Minimum": "minimum", "AlgebraicProduct": "product"}
 DEFUZZIFIERS = ("WeightedAverage", "WeightedAverage TakagiSugeno", "WeightedAverage Automatic")
 BLOCKS = ("Engine", "InputVariable", "OutputVariable", "RuleBlock")
+SHIPPED = Path(__file__).parent / "systems"
+"""Folder of the thesis's three systems."""
+MAX_BYTES = 1 << 16
 WITHOUT_EFFECT = {"description", "enabled", "lock-range", "aggregation", "disjunction", "implication", "lock-previous"}
-"""Keys that change nothing in a Sugeno system; a value that would matter is refused in `_check`."""
+"""Keys that change nothing in a Sugeno system; a value that would matter is refused in `_check_entry`."""
 
 Result = TypeVar("Result")
 
@@ -26,70 +31,92 @@ class _Block:
     line: int
     entries: list[tuple[int, str, str]] = field(default_factory=list)
 
-    def all(self, key: str) -> Iterator[tuple[int, str]]:
-        """Line and value of each entry with this key."""
-        return ((line, value) for line, found, value in self.entries if found == key)
+    def find_all(self, key: str) -> Iterator[tuple[int, str]]:
+        """Line number and value of each entry with this key."""
+        return ((line, value) for line, entry_key, value in self.entries if entry_key == key)
 
-    def one(self, key: str, default: str) -> str:
-        """The last value with this key."""
-        return ([default, *(value for _, value in self.all(key))])[-1]
+    def get(self, key: str, default: str) -> str:
+        """The value of this key; the last one if it is repeated, as FuzzyLite reads it."""
+        return ([default, *(value for _, value in self.find_all(key))])[-1]
+
+
+def load_system(path: Path) -> FuzzySystem:
+    """Read a system from an ``.fll`` file.
+
+    Raises
+    ------
+    InputError
+        For a file that cannot be read, or describes no zero-order Sugeno system with one output.
+    """
+    if path.suffix.lower() != ".fll":
+        raise InputError(f"{path}: unknown kind of file; fuzzy systems end in .fll")
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise InputError(f"{path}: larger than {MAX_BYTES >> 10} kB, which no system of at most 32 rules needs")
+        return read_fll(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: is not text in UTF-8; save it as such") from None
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from None
 
 
 def read_fll(text: str) -> FuzzySystem:
-    """The system that an FLL text describes.
+    """Parse FLL text.
 
     Raises
     ------
     ValueError
-        With the line, for what is malformed, or is no zero-order Sugeno system with one output and AND alone.
+        For text that is malformed, with the line, or that is no zero-order Sugeno system with one output and AND alone.
     """
-    blocks = _blocks(text)
-    inputs = [_input(block) for block in blocks if block.kind == "InputVariable"]
+    blocks = _split_blocks(text)
+    inputs = [_parse_input(block) for block in blocks if block.kind == "InputVariable"]
     outputs = [block for block in blocks if block.kind == "OutputVariable"]
     rule_blocks = [block for block in blocks if block.kind == "RuleBlock"]
-    for kind, found in (("output variable", outputs), ("rule block", rule_blocks)):
-        if len(found) != 1:
-            raise ValueError(f"has {len(found)} {kind}s; one is supported")
+    for kind, matching in (("output variable", outputs), ("rule block", rule_blocks)):
+        if len(matching) != 1:
+            raise ValueError(f"has {len(matching)} {kind}s; one is supported")
     (rules,) = rule_blocks
-    conjunction = rules.one("conjunction", "none")
+    conjunction = rules.get("conjunction", "none")
     if conjunction not in AND:
         raise ValueError(f"line {rules.line}: conjunction is {conjunction}; valid: {', '.join(AND)}")
-    if rules.one("activation", "General") != "General":
-        raise ValueError(f"line {rules.line}: activation is {rules.one('activation', '')}; General is supported")
-    output = _output(outputs[0])
+    if rules.get("activation", "General") != "General":
+        raise ValueError(f"line {rules.line}: activation is {rules.get('activation', '')}; General is supported")
+    output = _parse_output(outputs[0])
     engine = next((block for block in blocks if block.kind == "Engine"), None)
     return FuzzySystem(
         name=engine.name if engine else "",
         inputs=tuple(inputs),
         output=output,
-        rules=tuple(_at(line, parse_rule, value, output.name) for line, value in rules.all("rule")),
+        rules=tuple(_parse_at(line, _parse_rule, value, output.name) for line, value in rules.find_all("rule")),
         conjunction=AND[conjunction],
-        description=engine.one("description", "") if engine else "",
+        description=engine.get("description", "") if engine else "",
     )
 
 
-def parse_rule(text: str, output: str) -> IfThen:
-    """A rule of FLL or FCL: ``if A is x and B is y then OUTPUT is z``, in capitals or not.
+def _parse_rule(text: str, output: str) -> IfThen:
+    """Parse ``if A is x and B is y then OUTPUT is z``; the keywords may be in capitals.
 
     Raises
     ------
     ValueError
         For anything else, such as ``or``, ``not`` or a weight.
     """
-    words = text.replace("(", " ").replace(")", " ").replace(";", " ").split()
-    small = [word.lower() for word in words]
-    if small[:1] != ["if"] or small.count("then") != 1:
+    words = text.replace("(", " ").replace(")", " ").split()
+    lowered = [word.lower() for word in words]
+    if lowered[:1] != ["if"] or lowered.count("then") != 1:
         raise ValueError(f"rule {text.strip()!r} is not of the form: if A is x and B is y then {output} is z")
-    refused = {"or", "not", "with", "any", "very", "somewhat", "extremely", "seldom"}.intersection(small)
+    refused = {"or", "not", "with", "any", "very", "somewhat", "extremely", "seldom"}.intersection(lowered)
     if refused:
         raise ValueError(f"rule {text.strip()!r}: only AND of terms is supported, not {min(refused)}")
-    end = small.index("then")
+    end = lowered.index("then")
     conclusion = words[end + 1 :]
     if len(conclusion) != 3 or conclusion[0] != output or conclusion[1].lower() != "is":
         raise ValueError(f"rule {text.strip()!r}: what follows 'then' is not: {output} is CONSTANT")
     conditions: dict[str, str] = {}
     for start in range(1, end, 4):
-        part, joint = words[start : start + 3], small[start + 3 : start + 4]
+        part, joint = words[start : start + 3], lowered[start + 3 : start + 4]
         if len(part) != 3 or part[1].lower() != "is" or joint not in (["and"], ["then"]) or part[0] in conditions:
             raise ValueError(f"rule {text.strip()!r}: {' '.join(part)!r} is not a condition of another input")
         conditions[part[0]] = part[2]
@@ -97,23 +124,21 @@ def parse_rule(text: str, output: str) -> IfThen:
 
 
 def write_fll(system: FuzzySystem) -> str:
-    """The system as FLL text, which `read_fll` and FuzzyLite read."""
-    lines = [f"Engine: {_word(system.name)}", f"  description: {' '.join(system.description.split())}"]
+    """Format a system as FLL text, which `read_fll` and FuzzyLite read."""
+    lines = [f"Engine: {_checked_word(system.name)}", f"  description: {' '.join(system.description.split())}"]
     for variable in system.inputs:
-        lines += _variable("InputVariable", variable.name, variable.low, variable.high)
+        lines += _format_variable("InputVariable", variable.name, variable.low, variable.high)
         lines += [
-            f"  term: {_word(term.name)} {term.shape} {' '.join(map(number, term.parameters))}"
+            f"  term: {_checked_word(term.name)} {term.shape} {' '.join(map(_format_number, term.parameters))}"
             for term in variable.terms.values()
         ]
     output = system.output
-    lines += _variable("OutputVariable", output.name, output.low, output.high)
+    lines += _format_variable("OutputVariable", output.name, output.low, output.high)
+    lines += ["  aggregation: none", "  defuzzifier: WeightedAverage TakagiSugeno"]
+    lines += [f"  default: {_format_number(output.default)}", "  lock-previous: false"]
     lines += [
-        "  aggregation: none",
-        "  defuzzifier: WeightedAverage TakagiSugeno",
-        f"  default: {number(output.default)}",
+        f"  term: {_checked_word(name)} Constant {_format_number(value)}" for name, value in output.constants.items()
     ]
-    lines += ["  lock-previous: false"]
-    lines += [f"  term: {_word(name)} Constant {number(value)}" for name, value in output.constants.items()]
     conjunction = next(name for name, meaning in AND.items() if meaning == system.conjunction)
     lines += ["RuleBlock: rules", "  enabled: true", f"  conjunction: {conjunction}", "  disjunction: none"]
     lines += ["  implication: none", "  activation: General"]
@@ -123,24 +148,24 @@ def write_fll(system: FuzzySystem) -> str:
     return "\n".join(lines) + "\n"
 
 
-def number(value: float) -> str:
+def _format_number(value: float) -> str:
     """The shortest text that reads back as ``value``."""
     return repr(float(value)).removesuffix(".0")
 
 
-def _variable(kind: str, name: str, low: float, high: float) -> list[str]:
-    first = [f"{kind}: {_word(name)}", "  enabled: true", f"  range: {number(low)} {number(high)}"]
-    return [*first, "  lock-range: false"]
+def _format_variable(kind: str, name: str, low: float, high: float) -> list[str]:
+    span = f"  range: {_format_number(low)} {_format_number(high)}"
+    return [f"{kind}: {_checked_word(name)}", "  enabled: true", span, "  lock-range: false"]
 
 
-def _word(name: str) -> str:
-    """``name``, which must be one word to be read back."""
+def _checked_word(name: str) -> str:
+    """Return ``name`` if it can be read back: FLL separates by spaces."""
     if len(name.split()) != 1:
         raise ValueError(f"{name!r} is not one word; rename it")
     return name
 
 
-def _blocks(text: str) -> list[_Block]:
+def _split_blocks(text: str) -> list[_Block]:
     blocks: list[_Block] = []
     for line, row in enumerate(text.splitlines(), start=1):
         content = row.partition("#")[0].strip()
@@ -154,12 +179,12 @@ def _blocks(text: str) -> list[_Block]:
         elif not blocks:
             raise ValueError(f"line {line}: {key} comes before any of {', '.join(BLOCKS)}")
         else:
-            _check(line, key, value)
+            _check_entry(line, key, value)
             blocks[-1].entries.append((line, key, value))
     return blocks
 
 
-def _check(line: int, key: str, value: str) -> None:
+def _check_entry(line: int, key: str, value: str) -> None:
     known = {"range", "term", "rule", "conjunction", "activation", "defuzzifier", "default"} | WITHOUT_EFFECT
     if key not in known:
         raise ValueError(f"line {line}: {key} is not known; valid: {', '.join(sorted(known))}")
@@ -167,13 +192,13 @@ def _check(line: int, key: str, value: str) -> None:
         raise ValueError(f"line {line}: {key} is {value}, which is not supported")
 
 
-def _input(block: _Block) -> Input:
-    low, high = _range(block)
-    terms = [_at(line, _term, value) for line, value in block.all("term")]
+def _parse_input(block: _Block) -> Input:
+    low, high = _parse_range(block)
+    terms = [_parse_at(line, _parse_term, value) for line, value in block.find_all("term")]
     return Input(block.name, low, high, {term.name: term for term in terms})
 
 
-def _term(text: str) -> Term:
+def _parse_term(text: str) -> Term:
     words = text.split()
     if len(words) < 2:
         raise ValueError(f"term {text!r} is not of the form: NAME SHAPE NUMBERS")
@@ -181,30 +206,30 @@ def _term(text: str) -> Term:
     return Term(name, shape, tuple(float(value) for value in parameters))
 
 
-def _output(block: _Block) -> Output:
-    defuzzifier = block.one("defuzzifier", "none")
+def _parse_output(block: _Block) -> Output:
+    defuzzifier = block.get("defuzzifier", "none")
     if defuzzifier not in DEFUZZIFIERS:
         raise ValueError(f"line {block.line}: defuzzifier is {defuzzifier}; WeightedAverage is supported")
-    low, high = _range(block)
-    constants = dict(_at(line, _constant, value) for line, value in block.all("term"))
-    return Output(block.name, low, high, constants, float(block.one("default", "nan")))
+    low, high = _parse_range(block)
+    constants = dict(_parse_at(line, _parse_constant, value) for line, value in block.find_all("term"))
+    return Output(block.name, low, high, constants, float(block.get("default", "nan")))
 
 
-def _constant(text: str) -> tuple[str, float]:
+def _parse_constant(text: str) -> tuple[str, float]:
     words = text.split()
     if len(words) != 3 or words[1] != "Constant":
         raise ValueError(f"term {text!r}: an output of order zero has terms of the form NAME Constant NUMBER")
     return words[0], float(words[2])
 
 
-def _range(block: _Block) -> tuple[float, float]:
-    for line, value in block.all("range"):
-        low, high = _at(line, _two_numbers, value)
+def _parse_range(block: _Block) -> tuple[float, float]:
+    for line, value in block.find_all("range"):
+        low, high = _parse_at(line, _parse_two_numbers, value)
         return low, high
     return -math.inf, math.inf
 
 
-def _two_numbers(text: str) -> tuple[float, float]:
+def _parse_two_numbers(text: str) -> tuple[float, float]:
     try:
         low, high = map(float, text.split())
     except ValueError:
@@ -212,8 +237,8 @@ def _two_numbers(text: str) -> tuple[float, float]:
     return low, high
 
 
-def _at(line: int, parse: Callable[..., Result], *arguments: str) -> Result:
-    """What ``parse`` returns; an error gets the line."""
+def _parse_at(line: int, parse: Callable[..., Result], *arguments: str) -> Result:
+    """Call ``parse``; an error in ``arguments`` is reported with the line number."""
     try:
         return parse(*arguments)
     except ValueError as error:

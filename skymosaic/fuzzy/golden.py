@@ -13,13 +13,13 @@ from golden_model.matching.fuzzy import ONE, Rule, SugenoSystem, Variable
 from skymosaic.fuzzy.system import FuzzySystem, Input
 
 ENTRIES = 64
-"""Of each table, unless asked for another number."""
-MOST_CHECKED = 1 << 18
-"""Inputs of the model that are compared; of more, as many at random."""
-MOST_COMBINED = 1 << 21
-"""Combinations of table entries at which the model makes sure that a product needs no division."""
-FIRM = 0.25
-"""Sum of the strengths from which on rules fire firmly."""
+"""Default number of entries per table."""
+MAX_CHECKED = 1 << 18
+"""Inputs that are compared; if the tables have more combinations, this many are drawn at random."""
+MAX_COMBINATIONS = 1 << 21
+"""Combinations of table entries for which the model checks that a product needs no division."""
+MIN_FIRING_STRENGTH = 0.25
+"""Rules fire firmly if their strengths sum to at least this."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class GoldenSystem:
         Each input is an index: 0 at the low end of its range, ``entries - 1`` at the high end. The output is 0 at the
         low end of its range and 256 (saturated to 255) at the high end; 0 where no rule fires.
     entries : int
-        Of each table.
+        Entries per table.
     """
 
     real: FuzzySystem
@@ -41,11 +41,11 @@ class GoldenSystem:
     entries: int
 
     def positions(self, variable: Input) -> Array:
-        """The input's value at each index."""
+        """Values of an input at all indices, in its own unit."""
         return np.linspace(variable.low, variable.high, self.entries)
 
     def evaluate(self, *indices: NDArray[np.integer]) -> Array:
-        """The output in its own unit for (N,) indices of each input."""
+        """Compute the output in its own unit for (N,) indices of each input."""
         output = self.real.output
         raw = self.model.evaluate(*indices)[0]
         return np.asarray(output.low + (output.high - output.low) * raw / WEIGHT.one)
@@ -53,7 +53,7 @@ class GoldenSystem:
 
 @dataclass(frozen=True)
 class ErrorBounds:
-    """Distance of the integer model from the real numbers, as share of the output's range.
+    """Difference between integer model and real numbers, as share of the output's range.
 
     Attributes
     ----------
@@ -62,16 +62,16 @@ class ErrorBounds:
         rules over k inputs are off by at most (n k / S + 1) / 512 where their strengths sum to S (k is 1 for the
         minimum): large where rules hardly fire at all.
     firm : float
-        The largest where the strengths sum to at least `FIRM`.
+        The largest where the strengths sum to at least `MIN_FIRING_STRENGTH`.
     step : float
         Largest change of the output between neighbouring entries of an input: an input between two entries is off by
         at most this much more.
     silent : float
-        Share of the inputs at which rules fire so weakly that in the model none does.
+        Share of the inputs at which rules fire so weakly that none fires in the model.
     checked : int
-        Inputs that were compared.
+        Number of inputs that were compared.
     complete : bool
-        Whether these are all.
+        Whether these were all inputs.
     """
 
     largest: float
@@ -83,8 +83,8 @@ class ErrorBounds:
     complete: bool
 
 
-def quantised(system: FuzzySystem, entries: int) -> GoldenSystem:
-    """The integer model with tables of ``entries`` each.
+def quantise(system: FuzzySystem, entries: int) -> GoldenSystem:
+    """Make the integer model, with ``entries`` entries per table.
 
     Raises
     ------
@@ -95,7 +95,7 @@ def quantised(system: FuzzySystem, entries: int) -> GoldenSystem:
     """
     if not 2 <= entries <= 1 << 16:
         raise ValueError(f"entries is {entries}; it must be 2 to 65536")
-    if system.conjunction == "product" and entries ** len(system.inputs) > MOST_COMBINED:
+    if system.conjunction == "product" and entries ** len(system.inputs) > MAX_COMBINATIONS:
         raise ValueError(f"{len(system.inputs)} inputs of {entries} entries are too many for a product; use fewer")
     output = system.output
     outside = [name for name, value in output.constants.items() if not output.low <= value <= output.high]
@@ -103,7 +103,7 @@ def quantised(system: FuzzySystem, entries: int) -> GoldenSystem:
         raise ValueError(f"{output.name}: {', '.join(outside)} is outside the range {output.low:g} to {output.high:g}")
     model = SugenoSystem(
         system.name,
-        inputs=tuple(Variable(variable.name, _tables(variable, entries)) for variable in system.inputs),
+        inputs=tuple(Variable(variable.name, _sample_terms(variable, entries)) for variable in system.inputs),
         rules=tuple(
             Rule(
                 tuple(rule.conditions.get(variable.name) for variable in system.inputs),
@@ -117,12 +117,13 @@ def quantised(system: FuzzySystem, entries: int) -> GoldenSystem:
     return GoldenSystem(system, model, entries)
 
 
-def _tables(variable: Input, entries: int) -> dict[str, NDArray[np.int64]]:
+def _sample_terms(variable: Input, entries: int) -> dict[str, NDArray[np.int64]]:
     positions = np.linspace(variable.low, variable.high, entries)
     degrees = np.stack([term.degree(positions) for term in variable.terms.values()])
     tables = np.floor(degrees * ONE + 0.5).astype(np.int64)
     if np.allclose(degrees.sum(axis=0), 1.0, atol=1e-9):
-        # Terms that sum to one have to do so in integers too: the largest takes what rounding left over.
+        # A product is not divided by the sum of the strengths, so terms that sum to one must do so in integers, too:
+        # the largest takes what rounding left over.
         np.put_along_axis(
             tables,
             tables.argmax(axis=0)[None],
@@ -132,35 +133,35 @@ def _tables(variable: Input, entries: int) -> dict[str, NDArray[np.int64]]:
     return dict(zip(variable.terms, tables, strict=True))
 
 
-def error_bounds(golden: GoldenSystem, seed: int = 0) -> ErrorBounds:
+def measure_errors(golden: GoldenSystem, seed: int = 0) -> ErrorBounds:
     """Compare the integer model with the real numbers at its table entries: all of them, or many at random."""
     system, entries = golden.real, golden.entries
     count = entries ** len(system.inputs)
-    complete = count <= MOST_CHECKED
+    complete = count <= MAX_CHECKED
     if complete:
         indices = np.stack(np.unravel_index(np.arange(count), (entries,) * len(system.inputs)))
     else:
-        indices = np.random.default_rng(seed).integers(0, entries, (len(system.inputs), MOST_CHECKED))
+        indices = np.random.default_rng(seed).integers(0, entries, (len(system.inputs), MAX_CHECKED))
     span = system.output.high - system.output.low
-    found = golden.evaluate(*indices)
+    output = golden.evaluate(*indices)
     values = [golden.positions(variable)[index] for variable, index in zip(system.inputs, indices, strict=True)]
-    wanted = system.evaluate(*values)
     strengths = system.strengths(*values).sum(axis=1)
-    heard = golden.model.strengths(*indices).sum(axis=1) > 0
     fires = strengths > 0
-    errors = np.abs(found - wanted)[fires & heard] / span
+    fires_in_both = fires & (golden.model.strengths(*indices).sum(axis=1) > 0)
+    errors = np.abs(output - system.evaluate(*values))[fires_in_both] / span
     return ErrorBounds(
         largest=float(errors.max(initial=0.0)),
         mean=float(errors.mean()) if errors.size else 0.0,
-        firm=float(errors[strengths[fires & heard] >= FIRM].max(initial=0.0)),
-        step=float(max(_largest_step(golden, indices, axis, found) for axis in range(len(indices))) / span),
-        silent=float((fires & ~heard).mean()),
+        firm=float(errors[strengths[fires_in_both] >= MIN_FIRING_STRENGTH].max(initial=0.0)),
+        step=float(max(_largest_step(golden, indices, axis, output) for axis in range(len(indices))) / span),
+        silent=float((fires & ~fires_in_both).mean()),
         checked=indices.shape[1],
         complete=complete,
     )
 
 
-def _largest_step(golden: GoldenSystem, indices: NDArray[np.intp], axis: int, found: Array) -> float:
+def _largest_step(golden: GoldenSystem, indices: NDArray[np.intp], axis: int, output: Array) -> float:
+    """Largest change of the output when one input moves on by an entry."""
     following = indices.copy()
     following[axis] = np.minimum(following[axis] + 1, golden.entries - 1)
-    return float(np.abs(golden.evaluate(*following) - found).max())
+    return float(np.abs(golden.evaluate(*following) - output).max())

@@ -16,7 +16,7 @@ CONJUNCTIONS = ("minimum", "product")
 
 @dataclass(frozen=True)
 class Input:
-    """An input: its name, its range, and its fuzzy sets by name."""
+    """An input with its range and its fuzzy sets by name."""
 
     name: str
     low: float
@@ -26,7 +26,7 @@ class Input:
 
 @dataclass(frozen=True)
 class Output:
-    """The output: its name, its range, and its constants by name; ``default`` is its value where no rule fires."""
+    """The output with its range and its constants by name; ``default`` is its value where no rule fires."""
 
     name: str
     low: float
@@ -37,7 +37,7 @@ class Output:
 
 @dataclass(frozen=True)
 class IfThen:
-    """``if INPUT is TERM and ... then OUTPUT is CONSTANT``; inputs that are not named do not matter."""
+    """The rule ``if INPUT is TERM and ... then OUTPUT is CONSTANT``; an input without a condition may be anything."""
 
     conditions: Mapping[str, str]
     conclusion: str
@@ -95,7 +95,7 @@ class FuzzySystem:
                 raise ValueError(f"rule {number}: {self.output.name} has no constant {rule.conclusion}; it has {known}")
 
     def strengths(self, *values: Array) -> Array:
-        """Strength of each rule, (N, rules), for (N,) values of each input."""
+        """Compute the firing strength of each rule, (N, rules), for (N,) values of each input."""
         degrees = {
             variable.name: {name: term.degree(value) for name, term in variable.terms.items()}
             for variable, value in zip(self.inputs, values, strict=True)
@@ -105,7 +105,7 @@ class FuzzySystem:
         return np.stack([combine(np.stack(parts), axis=0) for parts in rules], axis=1)
 
     def evaluate(self, *values: Array) -> Array:
-        """The output, (N,), for (N,) values of each input; the default where no rule fires."""
+        """Compute the output, (N,), for (N,) values of each input; the default where no rule fires."""
         strengths = self.strengths(*values)
         total = strengths.sum(axis=1)
         constants = np.array([self.output.constants[rule.conclusion] for rule in self.rules])

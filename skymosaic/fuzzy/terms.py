@@ -42,10 +42,10 @@ class Term:
         if self.shape not in SHAPES:
             raise ValueError(f"term {self.name}: shape {self.shape} is not known; valid: {', '.join(SHAPES)}")
         count, _ = SHAPES[self.shape]
-        found = len(self.parameters)
-        if found != count if count else found < 4 or found % 2:
-            wanted = count or "at least two points of two"
-            raise ValueError(f"term {self.name}: {self.shape} takes {wanted} numbers, not {found}")
+        given = len(self.parameters)
+        if given != count if count else given < 4 or given % 2:
+            needed = count or "at least two points of two"
+            raise ValueError(f"term {self.name}: {self.shape} takes {needed} numbers, not {given}")
         if np.isnan(self.parameters).any():
             raise ValueError(f"term {self.name}: a parameter is not a number")
         positions = self.parameters[::2] if self.shape == "Discrete" else self.parameters
@@ -55,7 +55,7 @@ class Term:
             raise ValueError(f"term {self.name}: a Ramp needs two different positions")
 
     def degree(self, x: Array) -> Array:
-        """Degree of membership of each position, 0..1."""
+        """Compute the degree of membership at each position, 0 to 1."""
         return SHAPES[self.shape][1](np.asarray(x, dtype=np.float64), *self.parameters)
 
 
@@ -74,7 +74,7 @@ def _trapezoid(x: Array, left: float, from_: float, to: float, right: float) -> 
 
 
 def _edge(inside: Mask, x: Array, zero_at: float, one_at: float) -> Array:
-    """1 where ``inside``, else the edge that leads there: vertical, or flat if it starts at infinity."""
+    """1 where ``inside``, elsewhere the edge that leads there: vertical, or flat if it starts at infinity."""
     if np.isinf(zero_at):
         return np.ones_like(x)
     return inside.astype(np.float64) if zero_at == one_at else np.where(inside, 1.0, _ramp(x, zero_at, one_at))
@@ -106,5 +106,5 @@ SHAPES: dict[str, tuple[int, Callable[..., Array]]] = {
     "Sigmoid": (2, _sigmoid),
     "Discrete": (0, _discrete),
 }
-"""Number of parameters (0: any) and degree of membership of each shape."""
+"""Number of parameters (0: any) and membership function of each shape."""
 ORDERED = ("Triangle", "Trapezoid", "Rectangle", "Discrete")

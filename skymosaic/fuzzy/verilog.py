@@ -1,4 +1,4 @@
-"""The Verilog block of anyone's fuzzy system; imports Amaranth, which the rest of this folder does without."""
+"""A Verilog block of your own fuzzy system; imports Amaranth, which the rest of this folder does without."""
 
 from __future__ import annotations
 
@@ -7,32 +7,32 @@ from hdl.blocks.vectors import Block
 from hdl.matching.fuzzy import PRODUCT_INPUTS
 from skymosaic.fuzzy.golden import GoldenSystem
 
-MOST_ENTRIES = 4096
-"""Of a table; each is a memory of 9 bits a term and entry."""
+MAX_ENTRIES = 4096
+"""Entries per table; each table is a memory of 9 bits per term and entry."""
 VECTORS = 400
 
 
-def block(golden: GoldenSystem) -> Block:
-    """The system as a block for `hdl.blocks.export.write_block`: it computes what ``golden.model`` computes, exactly.
+def make_block(golden: GoldenSystem) -> Block:
+    """Make a block for `hdl.blocks.export.write_block` that computes exactly what ``golden.model`` computes.
 
-    Its inputs are the indices of the tables, its output is the weight in 256ths of the output's range and the dominant
-    rule. The number of clocks a result takes is the number of rules and about 15 more.
+    Its inputs are the indices of the tables, its outputs are the weight in 256ths of the output's range and the
+    dominant rule. A result takes one clock per rule and about 15 more.
 
     Raises
     ------
     ValueError
-        For tables of more than `MOST_ENTRIES`, or AND as product of more than 3 inputs.
+        For tables of more than `MAX_ENTRIES`, or AND as product of more than 3 inputs.
     """
-    if golden.entries > MOST_ENTRIES:
-        raise ValueError(f"entries is {golden.entries}; hardware takes at most {MOST_ENTRIES}")
+    if golden.entries > MAX_ENTRIES:
+        raise ValueError(f"entries is {golden.entries}; hardware takes at most {MAX_ENTRIES}")
     inputs = len(golden.model.inputs)
-    # Asked here, since Amaranth warns about a component that is made and then not used.
+    # Checked before the block is made: Amaranth warns about a component that is made and then not used.
     if golden.model.conjunction == "product" and inputs not in PRODUCT_INPUTS:
         raise ValueError(f"AND as product of {inputs} inputs; hardware multiplies at most {max(PRODUCT_INPUTS)}")
-    return sugeno(golden.model, (golden.entries - 1).bit_length(), _description(golden), vectors=VECTORS)
+    return sugeno(golden.model, (golden.entries - 1).bit_length(), _describe(golden), vectors=VECTORS)
 
 
-def _description(golden: GoldenSystem) -> str:
+def _describe(golden: GoldenSystem) -> str:
     system, last = golden.real, golden.entries - 1
     output = system.output
     inputs = "; ".join(

@@ -12,8 +12,8 @@ from golden_model.matching import correlation, fuzzy
 from golden_model.matching.fuzzy import ONE
 from skymosaic.cli import app
 from skymosaic.errors import InputError
-from skymosaic.fuzzy.files import SHIPPED, load_system
-from skymosaic.fuzzy.golden import error_bounds, quantised
+from skymosaic.fuzzy.fll import SHIPPED, load_system
+from skymosaic.fuzzy.golden import measure_errors, quantise
 from skymosaic.fuzzy.system import FuzzySystem, IfThen, Input, Output
 from skymosaic.fuzzy.terms import Term
 from skymosaic.geometry import fuzzy_ransac
@@ -27,7 +27,7 @@ SYSTEMS = {
     "ilbp": (lambda: fuzzy.ilbp(BITS), (BITS, 9, 9)),
     "ransac": (fuzzy_ransac.rule_base, (1, POSITION.one)),
 }
-"""The project's system, and its table entries a unit of each input of the file."""
+"""The project's system, and the table entries per unit of each input of the file."""
 
 
 @pytest.mark.parametrize("name", SYSTEMS)
@@ -48,28 +48,28 @@ def test_the_shipped_files_are_the_systems_that_the_project_computes(name: str) 
 @pytest.mark.parametrize("name", SYSTEMS)
 @pytest.mark.parametrize("entries", [17, 64])
 def test_the_errors_stay_within_the_bound(name: str, entries: int) -> None:
-    golden = quantised(load_system(SHIPPED / f"{name}.fll"), entries)
+    golden = quantise(load_system(SHIPPED / f"{name}.fll"), entries)
     rng = np.random.default_rng(2)
     indices = rng.integers(0, entries, (len(golden.real.inputs), 5000))
     values = [golden.positions(v)[index] for v, index in zip(golden.real.inputs, indices, strict=True)]
     total = golden.real.strengths(*values).sum(axis=1)
-    heard = golden.model.strengths(*indices).sum(axis=1) > 0
-    found, wanted = golden.evaluate(*indices)[heard], golden.real.evaluate(*values)[heard]
-    bound = (len(golden.real.rules) / np.maximum(total[heard], 1e-9) + 2) / 512
-    assert (np.abs(found - wanted) <= bound).all()
-    errors = error_bounds(golden)
-    assert errors.largest >= np.abs(found - wanted).max() - 1e-12
+    fires = golden.model.strengths(*indices).sum(axis=1) > 0
+    difference = np.abs(golden.evaluate(*indices)[fires] - golden.real.evaluate(*values)[fires])
+    bound = (len(golden.real.rules) / np.maximum(total[fires], 1e-9) + 2) / 512
+    assert (difference <= bound).all()
+    errors = measure_errors(golden)
+    assert errors.largest >= difference.max() - 1e-12
     assert errors.mean <= errors.firm <= errors.largest
     assert errors.complete == (entries ** len(golden.real.inputs) <= 1 << 18)
 
 
 def test_degrees_are_rounded_to_the_nearest_and_terms_that_sum_to_one_still_do() -> None:
     for name, largest in (("correlation", 0.5), ("ilbp", 1.0)):
-        golden = quantised(load_system(SHIPPED / f"{name}.fll"), 61)
+        golden = quantise(load_system(SHIPPED / f"{name}.fll"), 61)
         for variable, tables in zip(golden.real.inputs, golden.model.inputs, strict=True):
             for term in variable.terms.values():
-                wanted = term.degree(golden.positions(variable)) * ONE
-                assert np.abs(tables.sets[term.name] - wanted).max() <= largest + 1e-9
+                exact = term.degree(golden.positions(variable)) * ONE
+                assert np.abs(tables.sets[term.name] - exact).max() <= largest + 1e-9
             if name == "ilbp":
                 assert (sum(tables.sets.values()) == ONE).all()
 
@@ -86,25 +86,25 @@ def corners(*slopes: tuple[float, float]) -> FuzzySystem:
 
 
 def test_a_product_of_terms_that_sum_to_one_needs_no_division() -> None:
-    errors = error_bounds(quantised(corners((1.0, 0.0), (0.0, 1.0)), 100))
+    errors = measure_errors(quantise(corners((1.0, 0.0), (0.0, 1.0)), 100))
     assert errors.complete
     assert errors.largest < 3 / 256
     with pytest.raises(ValueError, match="strengths sum to"):
-        quantised(corners((1.0, 0.0), (0.0, 0.5)), 100)
+        quantise(corners((1.0, 0.0), (0.0, 0.5)), 100)
 
 
 def test_the_command_prints_draws_and_converts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("matplotlib")
     monkeypatch.chdir(tmp_path)
     run = CliRunner().invoke
-    written = run(app, ["fuzzy", "correlation", "--write", "my.fcl"])
+    written = run(app, ["fuzzy", "correlation", "--write", "my.fll"])
     assert written.exception is None, written.output
-    shown = run(app, ["fuzzy", "my.fcl", "--plot", "-o", "drawn", "--entries", "17", "--json"])
+    shown = run(app, ["fuzzy", "my.fll", "--plot", "-o", "drawn", "--entries", "17", "--json"])
     assert shown.exception is None, shown.output
-    (found,) = json.loads(shown.stdout)["systems"]
-    assert len(found["rules"]) == 27
-    assert found["errors"]["checked"] == 17**3
-    assert len(found["tables"]["SAD"]["good"]) == 17
+    (numbers,) = json.loads(shown.stdout)["systems"]
+    assert len(numbers["rules"]) == 27
+    assert numbers["errors"]["checked"] == 17**3
+    assert len(numbers["tables"]["SAD"]["good"]) == 17
     assert (tmp_path / "drawn" / "my.png").stat().st_size > 10_000
     assert run(app, ["fuzzy", "ransac", "--write", "-"]).stdout == (SHIPPED / "ransac.fll").read_text()
     assert isinstance(run(app, ["fuzzy", "aerial", "--write", "a.fll"]).exception, InputError)
