@@ -18,7 +18,8 @@ from golden_model.feature.ilbp import ILBP_128
 from sim.scene import pair as rendered_pair
 from skymosaic import Pair, mosaic
 from skymosaic.reports import figures
-from skymosaic.reports.fuzzy_plots import picture as fuzzy_picture
+from skymosaic.reports.fuzzy_plots import draw_system
+from skymosaic.reports.fuzzy_systems import PLOTTED_SYSTEMS
 
 SEED = 9
 QUALITY = 70
@@ -72,10 +73,10 @@ def main(folder: Path) -> None:
     """Draw every picture."""
     result = mosaic(list(rendered_pair(seed=SEED).images))
     pair = result.pairs[0]
-    save(folder, "corners", figures.corners(pair.working[0], pair.features[0]))
+    save(folder, "corners", figures.draw_corners(pair.working[0], pair.features[0]))
     save(folder, "rings", rings())
-    save(folder, "matches", figures.matches(pair, pair.method.rule_names(pair.config)))
-    save(folder, "rules", decoded(fuzzy_picture("aerial")))
+    save(folder, "matches", figures.draw_matches(pair))
+    save(folder, "rules", decoded(draw_system(PLOTTED_SYSTEMS["aerial"])))
     save(folder, "mosaic", outlined(pair, result.image))
 
 

@@ -17,7 +17,8 @@ from skymosaic.imagery.images import save
 from skymosaic.mosaicking.api import mosaic
 from skymosaic.registration.pair import Pair
 from skymosaic.registration.register import WORKING_WIDTH_PX
-from skymosaic.reports import pair as pair_report
+from skymosaic.reports.pages import make_folder
+from skymosaic.reports.pair import write_pair_report
 from skymosaic.stopwatch import Stopwatch
 
 LARGEST_ERROR_PX = 0.5
@@ -57,7 +58,7 @@ def make_demo(folder: Path, seed: int, progress: Progress = silent) -> Demonstra
     RegistrationError
         If the mean homography error is not below half a pixel.
     """
-    pair_report.prepare(folder)
+    make_folder(folder)
     clock = Stopwatch()
     progress("rendering a synthetic flight")
     flight = rendered_pair(seed=seed)
@@ -71,7 +72,7 @@ def make_demo(folder: Path, seed: int, progress: Progress = silent) -> Demonstra
     clock.lap("mosaic")
     progress("drawing")
     save(folder / "mosaic.png", result.image)
-    page = pair_report.write_pair_report(folder / "report", pair, np.asarray(result.image, dtype=np.uint8))
+    page = write_pair_report(folder / "report", pair, np.asarray(result.image, dtype=np.uint8))
     clock.lap("drawing")
     assert pair.homography is not None  # mosaic() raises without one
     error_px = grid_error(pair.homography, flight.homography_between(0, 1), pair.left.size, pair.right.size)

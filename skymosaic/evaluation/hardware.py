@@ -1,4 +1,4 @@
-"""Compares hardware with the golden model on a pair: equal or not, how much was compared, and how fast it ran."""
+"""Compares hardware with the golden model on a pair: whether it is equal, on how much, and how fast it ran."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 from golden_model.arrays import Pixels
 from golden_model.config import Config
 from golden_model.timing import Timeline
-from sim.backends.interface import FrameResult, Mismatch, load_backend, silent
+from sim.backends.interface import Mismatch, load_backend, silent
 from sim.simulators.scoreboard import Coverage, first_clock_mismatch, first_mismatch, predicted
 from skymosaic.imagery.images import keeps_damaged, load, reduced
 from skymosaic.registration.register import extract_within_capacity
@@ -27,7 +27,7 @@ class Comparison:
         The first difference; None if everything is equal. If a simulation differs, this is the first wrong pixel of
         the first wrong stage of the front end, or a record's field if the difference arises after these stages.
     coverage : Coverage
-        Number of frames, features and matches compared.
+        How many frames, features and matches were compared.
     cycles_per_frame : tuple of int
         Clock cycles from a frame's first pixel to its last word.
     seconds : float
@@ -35,8 +35,8 @@ class Comparison:
     notes : tuple of str
         Parts of the design that the pair did not exercise; empty if it exercised all.
     timelines : tuple of Timeline
-        The predicted clocks of each frame, which the simulated ones equal unless there is a mismatch; empty for a
-        board, and for a configuration whose clocks are not predicted.
+        The predicted clocks of each frame, equal to the simulated ones unless there is a mismatch; empty for a board,
+        and for a configuration whose clocks are not predicted.
     """
 
     mismatch: Mismatch | None
@@ -52,7 +52,7 @@ class Comparison:
         return sum(self.cycles_per_frame) / self.seconds
 
     def summary(self) -> dict[str, Any]:
-        """The comparison as ``compare --json`` prints it."""
+        """Collect what ``compare --json`` prints."""
         return {
             "equal": self.mismatch is None,
             "frames": self.coverage.frames,
@@ -87,11 +87,11 @@ def compare(
     backend : str
         As for `skymosaic.registration.register.register`.
     working_width_px : int
-        Wider photographs are reduced first.
+        Wider photographs are reduced to this width first.
     damaged : {"refuse", "keep"}
         As for `skymosaic.registration.register.register`.
     waves : Path or None
-        File for a simulation's waves (VCD): tens of kilobytes per clock cycle, so for small frames only.
+        File for the waves (VCD) of a simulation: tens of kilobytes per clock cycle, so for small frames only.
     progress : callable
         Receives lines about a first build.
 
@@ -110,23 +110,19 @@ def compare(
         # The first run may build the simulator, so only the second one is timed.
         hardware.run(frames, config)
     start = time.perf_counter()
-    found = hardware.run(frames, config)
+    results = hardware.run(frames, config)
     seconds = time.perf_counter() - start
-    timelines = predicted(golden, found, config, "held")
-    mismatch = first_mismatch(golden, found)
+    timelines = predicted(golden, results, config, "held")
+    mismatch = first_mismatch(golden, results)
     if mismatch:
         # A wrong record says little about the cause; the first stage that went wrong says more.
         mismatch = hardware.locate(frames[mismatch.frame], config, frame=mismatch.frame) or mismatch
-    mismatch = mismatch or first_clock_mismatch(timelines, found)
+    mismatch = mismatch or first_clock_mismatch(timelines, results)
     return Comparison(
         mismatch=mismatch,
         coverage=Coverage.of(golden),
-        cycles_per_frame=tuple(_cycles(result) for result in found),
+        cycles_per_frame=tuple(result.cycles or 0 for result in results),
         seconds=seconds,
         notes=tuple(Coverage.of(golden).missing(config.front_end)),
         timelines=tuple(timelines),
     )
-
-
-def _cycles(result: FrameResult) -> int:
-    return result.cycles or 0

@@ -1,4 +1,4 @@
-"""Pairs of photographs with known homographies, read from a folder, for benchmarks and experiments."""
+"""Pairs of photographs with known homographies, read from a folder; for benchmarks and experiments."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class KnownPair:
 
     @property
     def flight(self) -> str:
-        """The flight that the photographs belong to, a part of the name: ``copr`` for ``real_copr_0_1``."""
+        """The flight of the photographs, a part of the name: ``copr`` of ``real_copr_0_1``."""
         return next((word for word in self.name.split("_")[1:] if word.isalpha()), self.group)
 
 
@@ -49,7 +49,7 @@ def read_pairs(folder: Path) -> list[KnownPair]:
             missing = [column for column in COLUMNS if column not in (reader.fieldnames or ())]
             if missing:
                 raise InputError(f"{path}: lacks {', '.join(missing)}; its columns are {', '.join(COLUMNS)}")
-            pairs = [_pair(folder, row, reader.line_num) for row in reader]
+            pairs = [_parse_row(folder, row, reader.line_num) for row in reader]
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); name a folder with a {LIST_NAME}") from None
     if not pairs:
@@ -57,7 +57,7 @@ def read_pairs(folder: Path) -> list[KnownPair]:
     return pairs
 
 
-def _pair(folder: Path, row: dict[str, str], line: int) -> KnownPair:
+def _parse_row(folder: Path, row: dict[str, str], line: int) -> KnownPair:
     try:
         truth = np.array([float(row[element]) for element in ELEMENTS]).reshape(3, 3)
     except (TypeError, ValueError):

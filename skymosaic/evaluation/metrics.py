@@ -13,12 +13,12 @@ from skymosaic.geometry.homography import apply
 
 GRID_POINTS = 20
 MISSING_ERROR_PX = 1000.0
-"""Grid error if no homography was estimated."""
+"""Grid error of a missing homography."""
 
 
 @dataclass(frozen=True)
 class Confusion:
-    """Counts of matches that were kept or rejected, correctly or wrongly."""
+    """Numbers of matches that were kept or rejected, correctly or wrongly."""
 
     true_positives: int
     false_positives: int
@@ -28,12 +28,12 @@ class Confusion:
     @property
     def recall(self) -> float:
         """Correct matches kept / all correct matches (equation IV-6); 0 if there are none."""
-        return _share(self.true_positives, self.true_positives + self.false_negatives)
+        return _ratio(self.true_positives, self.true_positives + self.false_negatives)
 
     @property
     def precision(self) -> float:
         """Correct matches kept / all matches kept, which is 1 minus equation IV-7; 0 if none was kept."""
-        return _share(self.true_positives, self.true_positives + self.false_positives)
+        return _ratio(self.true_positives, self.true_positives + self.false_positives)
 
 
 def confusion(kept: ArrayLike, correct: ArrayLike) -> Confusion:
@@ -82,14 +82,14 @@ def repeatability(
     float
         Corresponding / all left features that map into the right image; 0 if none does.
     """
-    mapped, found = apply(truth, left), np.asarray(right, dtype=np.float64)
+    mapped, detected = apply(truth, left), np.asarray(right, dtype=np.float64)
     query = mapped[_inside(mapped, right_size)]
-    if len(query) == 0 or len(found) == 0:
+    if len(query) == 0 or len(detected) == 0:
         return 0.0
-    distance, nearest = KDTree(found).query(query)
-    _, nearest_query = KDTree(query).query(found)
+    distance, nearest = KDTree(detected).query(query)
+    _, nearest_query = KDTree(query).query(detected)
     mutual = nearest_query[nearest] == np.arange(len(query))
-    return _share(int(np.count_nonzero(mutual & (distance <= tolerance_px))), len(query))
+    return _ratio(int(np.count_nonzero(mutual & (distance <= tolerance_px))), len(query))
 
 
 def grid_error(estimated: Array | None, truth: Array, left_size: tuple[int, int], right_size: tuple[int, int]) -> float:
@@ -131,5 +131,5 @@ def _inside(points: Array, size: tuple[int, int]) -> Mask:
     return np.asarray(((points >= 0) & (points <= np.array(size) - 1)).all(axis=-1))
 
 
-def _share(part: int, whole: int) -> float:
+def _ratio(part: int, whole: int) -> float:
     return part / whole if whole else 0.0

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Array, Pixels, Records
+from golden_model.feature.ilbp import SECTORS
 from golden_model.formats import POSITION
 from skymosaic.features.positions import match_points
 from skymosaic.registration.pair import Pair
@@ -21,7 +22,6 @@ _RULE_COLORS: tuple[Color, ...] = (
     (75, 180, 60), (60, 180, 200), (230, 190, 80), (200, 110, 90),
     (180, 80, 200), (60, 130, 245), (130, 130, 240), (70, 70, 220),
 )  # fmt: skip
-_SECTORS = 16
 _SUBPIXEL_SHIFT = 4
 _PANEL_GAP_PX = 8
 _HEADER_ROW_PX = 26
@@ -29,38 +29,39 @@ _TEXT_GAP_PX = 16
 _FONT, _FONT_SCALE = cv2.FONT_HERSHEY_SIMPLEX, 0.5
 
 
-def corners(image: Pixels, features: Records) -> Pixels:
-    """The image with a circle for each feature (colour: level) and a tick in the direction of its sector."""
-    canvas = _dimmed(image)
+def draw_corners(image: Pixels, features: Records) -> Pixels:
+    """Draw a circle for each feature (colour: level) with a tick in the direction of its sector."""
+    canvas = _dim(image)
     for feature in features:
         x, y = int(feature["x"]), int(feature["y"])
         radius = (4 if feature["level"] == 0 else 8) << _SUBPIXEL_SHIFT
-        angle = 2 * math.pi * int(feature["sector"]) / _SECTORS
+        angle = 2 * math.pi * int(feature["sector"]) / SECTORS
         tip = (x + round(radius * math.cos(angle)), y + round(radius * math.sin(angle)))
         color = LEVEL_COLORS[int(feature["level"])]
         cv2.circle(canvas, (x, y), radius, color, 1, cv2.LINE_AA, _SUBPIXEL_SHIFT)
         cv2.line(canvas, (x, y), tip, color, 1, cv2.LINE_AA, _SUBPIXEL_SHIFT)
-    return _with_header(
+    return _add_header(
         canvas, f"{len(features)} features", (("full size", LEVEL_COLORS[0]), ("half size", LEVEL_COLORS[1]))
     )
 
 
-def matches(pair: Pair, rule_names: Sequence[str]) -> Pixels:
-    """Kept matches above, rejected ones below; each line has the colour of its dominant rule."""
+def draw_matches(pair: Pair) -> Pixels:
+    """Draw kept matches above and rejected ones below; each line has the colour of its dominant rule."""
+    rule_names = pair.method.rule_names(pair.config)
     rejected = pair.matches[pair.matches["verdict"] == 0]
     inlier_note = f"{len(pair.kept)} kept, {len(pair.inliers)} within 2 px of the homography (rings)"
-    upper = _match_panel(pair, pair.kept, pair.inliers, inlier_note, rule_names)
-    lower = _match_panel(pair, rejected, rejected[:0], f"{len(rejected)} rejected", rule_names)
+    upper = _draw_panel(pair, pair.kept, pair.inliers, inlier_note, rule_names)
+    lower = _draw_panel(pair, rejected, rejected[:0], f"{len(rejected)} rejected", rule_names)
     return np.concatenate((upper, lower), axis=0)
 
 
 def rule_color(rule: int) -> Color:
-    """Colour (BGR) of a rule in every picture."""
+    """Colour (BGR) of a rule, the same in every picture."""
     return _RULE_COLORS[rule % len(_RULE_COLORS)]
 
 
-def _match_panel(pair: Pair, shown: Records, ringed: Records, title: str, rule_names: Sequence[str]) -> Pixels:
-    left, right = (_dimmed(image) for image in pair.working)
+def _draw_panel(pair: Pair, shown: Records, ringed: Records, title: str, rule_names: Sequence[str]) -> Pixels:
+    left, right = (_dim(image) for image in pair.working)
     height = max(left.shape[0], right.shape[0])
     panel = np.full((height, left.shape[1] + _PANEL_GAP_PX + right.shape[1], 3), 24, np.uint8)
     panel[: left.shape[0], : left.shape[1]] = left
@@ -71,30 +72,30 @@ def _match_panel(pair: Pair, shown: Records, ringed: Records, title: str, rule_n
         end = (int(match["right_x"]) + shift, int(match["right_y"]))
         cv2.line(panel, start, end, rule_color(int(match["rule"])), 1, cv2.LINE_AA, _SUBPIXEL_SHIFT)
     for left_point, right_point in zip(*match_points(ringed), strict=True):
-        _ring(panel, left_point, 0)
-        _ring(panel, right_point, _right_offset(pair))
+        _draw_ring(panel, left_point, 0)
+        _draw_ring(panel, right_point, _right_offset(pair))
     count = np.bincount(shown["rule"], minlength=len(rule_names))
     legend = [(f"{name} {count[rule]}", rule_color(rule)) for rule, name in enumerate(rule_names) if count[rule]]
-    return _with_header(panel, title, legend)
+    return _add_header(panel, title, legend)
 
 
 def _right_offset(pair: Pair) -> int:
     return int(pair.working[0].shape[1]) + _PANEL_GAP_PX
 
 
-def _ring(panel: Pixels, point: Array, offset_px: int) -> None:
+def _draw_ring(panel: Pixels, point: Array, offset_px: int) -> None:
     center = (round(point[0]) + offset_px, round(point[1]))
     cv2.circle(panel, center, 3, INLIER_COLOR, 1, cv2.LINE_AA)
 
 
-def _dimmed(image: Pixels) -> Pixels:
-    """A colour copy at 60 % brightness, so that lines stand out."""
+def _dim(image: Pixels) -> Pixels:
+    """Copy an image in colour at 60 % brightness, so that lines stand out."""
     colour = image if image.ndim == 3 else cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
     return np.asarray(cv2.convertScaleAbs(colour, alpha=0.6), dtype=np.uint8)
 
 
-def _with_header(picture: Pixels, title: str, legend: Sequence[tuple[str, Color]]) -> Pixels:
-    """The picture below a title and a legend, which wraps at the picture's width."""
+def _add_header(picture: Pixels, title: str, legend: Sequence[tuple[str, Color]]) -> Pixels:
+    """Put a title and a legend above a picture; they wrap at its width."""
     rows: list[list[tuple[str, Color, int]]] = [[]]
     x = _TEXT_GAP_PX
     for text, color in ((title, TEXT_COLOR), *legend):

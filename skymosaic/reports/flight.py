@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -18,26 +17,27 @@ from skymosaic.flight.picture.output import PREVIEW_WIDTH_PX, Delivery
 from skymosaic.flight.survey import Flight
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.depth import ValueRange
-from skymosaic.imagery.images import reduced, save, save_bytes
+from skymosaic.imagery.images import reduced, save
+from skymosaic.reports import pages
 from skymosaic.reports.footprints import write_footprints
-from skymosaic.reports.pages import render
-from skymosaic.reports.pair import prepare, write_pair_report
+from skymosaic.reports.pair import write_pair_report
 
-FLAT = 0.05
-"""A layout with a smaller share of matches off the plane counts as flat."""
+MAX_FLAT_RELIEF = 0.05
+"""Ground counts as flat if less than this share of the matches lies off the plane."""
 _STRONG_TIES = 200
+"""Links with this many ties or more are drawn as the strongest."""
 
 
 def write_report(folder: Path, flight: Flight, deliveries: Sequence[Delivery]) -> None:
-    """Write the report of a mosaic: for two photographs that of a pair, for more that of a flight.
+    """Write the report of a mosaic: a pair's for two photographs, a flight's for more.
 
     Parameters
     ----------
     folder : Path
-        Made where it is missing.
+        Created if it is missing.
     flight : Flight
     deliveries : sequence of Delivery
-        Its mosaics, the largest first. None if it could not be linked: a pair's report then shows why.
+        Its mosaics, the largest first. Empty if it could not be linked: a pair's report then shows why.
     """
     if flight.pair is not None:
         write_pair_report(folder, flight.pair, deliveries[0].preview if deliveries else None)
@@ -51,25 +51,23 @@ def write_flight_report(folder: Path, deliveries: Sequence[Delivery], check: Fli
     Parameters
     ----------
     folder : Path
-        Made where it is missing.
+        Created if it is missing.
     deliveries : sequence of Delivery
         The mosaics of one flight, the largest first.
     check : FlightCheck
-        Of that flight.
+        The check of that flight.
     """
-    prepare(folder)
+    pages.make_folder(folder)
     for number, delivery in enumerate(deliveries, start=1):
         save(folder / f"mosaic_{number}.jpg", reduced(delivery.preview, PREVIEW_WIDTH_PX)[0])
         if delivery.georeference is not None:
             write_footprints(folder / f"footprints_{number}", delivery)
     numbers = flight_numbers(deliveries, check)
-    save_bytes(folder / "report.json", (json.dumps(numbers, indent=1) + "\n").encode())
-    save_bytes(folder / "index.html", _page(deliveries, check, numbers))
-    return folder / "index.html"
+    return pages.write_report_files(folder, numbers, _render_page(deliveries, check, numbers))
 
 
 def flight_numbers(deliveries: Sequence[Delivery], check: FlightCheck) -> dict[str, Any]:
-    """All numbers and texts of the report, ready for JSON."""
+    """Collect all numbers and texts of the report, ready for JSON."""
     flight = deliveries[0].flight
     return {
         "photographs": len(flight.names),
@@ -87,15 +85,15 @@ def flight_numbers(deliveries: Sequence[Delivery], check: FlightCheck) -> dict[s
 
 
 def _lens_numbers(flight: Flight) -> dict[str, float] | None:
-    """What the ties told about the lens; None where it was given, or straight as far as they tell."""
-    found = flight.calibration
-    if found is None:
+    """The lens estimated from tie points; None where it was given, or where no distortion could be measured."""
+    estimate = flight.calibration
+    if estimate is None:
         return None
     return {
-        "k1": found.k1,
-        "focal_px": found.focal_px,
-        "held_out_before_px": round(found.before_px, 3),
-        "held_out_after_px": round(found.after_px, 3),
+        "k1": estimate.k1,
+        "focal_px": estimate.focal_px,
+        "held_out_before_px": round(estimate.before_px, 3),
+        "held_out_after_px": round(estimate.after_px, 3),
     }
 
 
@@ -127,11 +125,11 @@ def _mosaic_numbers(delivery: Delivery) -> dict[str, Any]:
     }
 
 
-def map_line(delivery: Delivery) -> str:
-    """Where a mosaic lies on the map and how well it fits there, in one line."""
+def describe_map(delivery: Delivery) -> str:
+    """Say in one line where a mosaic lies on the map and how well it fits there."""
     on_map, place = delivery.georeference, delivery.composition.place
     assert on_map is not None
-    parts = [f"{on_map.crs}, {on_map.metres_a_pixel:.3g} m a pixel"]
+    parts = [f"{on_map.crs}, {on_map.metres_a_pixel:.3g} m per pixel"]
     if delivery.flight.pair is None:
         parts.append(f"{place.by} residual {on_map.residual_m:.2f} m")
     if delivery.layout.median_error_px:
@@ -140,21 +138,21 @@ def map_line(delivery: Delivery) -> str:
         parts.append(f"flown at {place.height_m:.0f} m (recorded: {place.recorded_height_m:.0f} m)")
     if place.turned_deg is not None:
         parts.append(f"turned by {place.turned_deg:.0f} degrees from the recorded yaw")
-    if names := _far_off(delivery):
-        far = ", ".join(f"{name} ({offset:.0f} m off)" for name, offset in names)
-        parts.append(f"without the {place.by} of {far}")
+    if disagreeing := _disagreeing(delivery):
+        names = ", ".join(f"{name} ({offset:.0f} m off)" for name, offset in disagreeing)
+        parts.append(f"without the {place.by} of {names}")
     return "; ".join(parts)
 
 
-def band_line(composition: Composition) -> str:
-    """The bands of a multi-band mosaic, in one line."""
+def describe_bands(composition: Composition) -> str:
+    """Name the bands of a multi-band mosaic and their errors in one line."""
     registering = next(name for name in composition.band_names if name not in composition.aligned_px)
     others = ", ".join(f"{name} {error:.2f} px" for name, error in composition.aligned_px.items())
     return f"{', '.join(composition.band_names)}; registered by {registering}, median error of the others: {others}"
 
 
 def _ground_error_m(delivery: Delivery) -> float:
-    """Median reprojection error on the ground."""
+    """Median reprojection error on the ground, m."""
     layout, views, composition = delivery.layout, delivery.flight.views, delivery.composition
     assert delivery.georeference is not None
     reference = layout.members.index(layout.reference)
@@ -163,13 +161,13 @@ def _ground_error_m(delivery: Delivery) -> float:
     return canvas_px * delivery.georeference.metres_a_pixel
 
 
-def _far_off(delivery: Delivery) -> list[tuple[str, float]]:
-    """Photographs or control points that do not agree with the others, and by how many metres, the worst first."""
+def _disagreeing(delivery: Delivery) -> list[tuple[str, float]]:
+    """Photographs or control points that disagree with the others, and by how many metres, the worst first."""
     on_map, names = delivery.georeference, delivery.composition.place.fitted_to
     if on_map is None:
         return []
-    found = [(names[index], on_map.offsets_m[index]) for index in on_map.disagreeing]
-    return sorted(found, key=lambda item: -item[1])
+    offsets = [(names[index], on_map.offsets_m[index]) for index in on_map.disagreeing]
+    return sorted(offsets, key=lambda item: -item[1])
 
 
 def _map_numbers(delivery: Delivery) -> dict[str, Any]:
@@ -184,7 +182,7 @@ def _map_numbers(delivery: Delivery) -> dict[str, Any]:
         "fitted_to": place.by,
         "residual_m": round(on_map.residual_m, 3),
         "offsets_m": offsets,
-        "left_out": [name for name, _ in _far_off(delivery)],
+        "left_out": [name for name, _ in _disagreeing(delivery)],
         "median_error_m": round(_ground_error_m(delivery), 4),
         "height_m": place.height_m,
         "recorded_height_m": place.recorded_height_m,
@@ -193,7 +191,7 @@ def _map_numbers(delivery: Delivery) -> dict[str, Any]:
 
 
 def _range_numbers(values: ValueRange | None) -> dict[str, Any] | None:
-    """How photographs of more than 8 bits are shown; None for those of 8 bits."""
+    """The range of values shown of photographs with more than 8 bits; None for 8 bits."""
     return None if values is None else {"low": values.low, "high": values.high, "kept_in_tif": values.deep}
 
 
@@ -208,7 +206,7 @@ def _link_numbers(flight: Flight, layout: Layout, row: int) -> dict[str, Any]:
     }
 
 
-def _page(deliveries: Sequence[Delivery], check: FlightCheck, numbers: dict[str, Any]) -> bytes:
+def _render_page(deliveries: Sequence[Delivery], check: FlightCheck, numbers: dict[str, Any]) -> bytes:
     flight = deliveries[0].flight
     placed = sum(len(delivery.layout.members) for delivery in deliveries)
     rows = [
@@ -216,14 +214,14 @@ def _page(deliveries: Sequence[Delivery], check: FlightCheck, numbers: dict[str,
         ("pairs", f"{numbers['pairs_tried']} tried, {numbers['links']} linked"),
         ("seconds", ", ".join(f"{stage} {value:.1f}" for stage, value in flight.seconds.items())),
     ]
-    return render(
+    return pages.render(
         "flight.html",
         title=f"flight of {len(flight.names)} photographs",
         rows=rows,
         left_out=list(flight.left_out.values()),
-        advice=_advice(check),
+        advice=_problems(check),
         mosaics=[
-            {"rows": _mosaic_rows(delivery), "graph": _graph(delivery), "links": _worst_first(delivery)}
+            {"rows": _mosaic_rows(delivery), "graph": _graph_drawing(delivery), "links": _links_worst_first(delivery)}
             for delivery in deliveries
         ],
     )
@@ -233,7 +231,7 @@ def _mosaic_rows(delivery: Delivery) -> list[tuple[str, str]]:
     layout, views = delivery.layout, delivery.flight.views
     errors = np.concatenate(layout.errors_px)
     width_px = max(views[member].working_size[0] for member in layout.members)
-    ground = "flat" if layout.relief < FLAT else "with relief: expect breaks at objects above the ground"
+    ground = "flat" if layout.relief < MAX_FLAT_RELIEF else "with relief: expect breaks at objects above the ground"
     ninety = f"90 % below {np.percentile(errors, 90):.2f} px,"
     rows = [
         ("file", f"{delivery.path}, {delivery.composition.size[0]}x{delivery.composition.size[1]}"),
@@ -245,21 +243,21 @@ def _mosaic_rows(delivery: Delivery) -> list[tuple[str, str]]:
         ("blending and writing", f"{delivery.seconds:.1f} s"),
     ]
     if delivery.composition.band_names:
-        rows.append(("bands", band_line(delivery.composition)))
+        rows.append(("bands", describe_bands(delivery.composition)))
     if values := delivery.composition.values:
         rows.append(("range", values.in_words))
     if delivery.georeference:
-        rows.append(("map", map_line(delivery)))
+        rows.append(("map", describe_map(delivery)))
     return rows + ([("map note", delivery.map_note)] if delivery.map_note else [])
 
 
-def _advice(check: FlightCheck) -> list[str]:
+def _problems(check: FlightCheck) -> list[str]:
     single = [f"{photo.name}: {', '.join(photo.problems)}" for photo in check.photographs if photo.problems]
     return [*check.problems, *single]
 
 
-def _graph(delivery: Delivery) -> dict[str, Any]:
-    """The outlines on the canvas, and the links between their centres."""
+def _graph_drawing(delivery: Delivery) -> dict[str, Any]:
+    """What the template draws: outlines on the canvas, and links between their centres."""
     layout, views, composition = delivery.layout, delivery.flight.views, delivery.composition
     outlines = {
         member: apply(transform, Canvas(0, 0, *placement.size).corners)
@@ -280,7 +278,7 @@ def _graph(delivery: Delivery) -> dict[str, Any]:
     return {"size": composition.size, "outlines": list(outlines.values()), "lines": lines, "names": names}
 
 
-def _worst_first(delivery: Delivery) -> list[dict[str, Any]]:
+def _links_worst_first(delivery: Delivery) -> list[dict[str, Any]]:
     layout = delivery.layout
     links = [_link_numbers(delivery.flight, layout, row) for row in range(len(layout.links))]
     return sorted(links, key=lambda link: -link["median_error_px"])

@@ -1,4 +1,4 @@
-"""Outlines of the photographs of a mosaic on the globe, as GeoJSON and KML."""
+"""Outlines of a mosaic's photographs on the globe, as GeoJSON and KML."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _KML = "http://www.opengis.net/kml/2.2"
 
 
 def write_footprints(path: Path, delivery: Delivery) -> None:
-    """Write ``path`` with the suffixes ``.geojson`` and ``.kml``, for a mosaic that has a place on the map."""
+    """Write the outlines to ``path`` with the suffixes ``.geojson`` and ``.kml``; the mosaic must be georeferenced."""
     outlines = _outlines(delivery)
     features = [
         {
@@ -37,14 +37,14 @@ def _outlines(delivery: Delivery) -> dict[str, Points]:
     """Longitudes and latitudes (5, 2) of the corners of each photograph; the last repeats the first."""
     on_map, composition = delivery.georeference, delivery.composition
     assert on_map is not None
-    found = {}
+    outlines = {}
     for placement, transform in zip(composition.placements, composition.transforms, strict=True):
         width, height = placement.size
-        # GeoJSON wants polygons counter-clockwise; rows count downwards, so this order is.
+        # GeoJSON asks for counter-clockwise rings. Rows count downwards, so this order is counter-clockwise on the map.
         frame = np.array([(0, 0), (0, height), (width, height), (width, 0), (0, 0)]) - 0.5
         corners = apply(on_map.to_map @ transform, frame)
-        found[Path(placement.source.name).name] = on_globe(corners, on_map.crs)
-    return found
+        outlines[Path(placement.source.name).name] = on_globe(corners, on_map.crs)
+    return outlines
 
 
 def _kml(title: str, outlines: dict[str, Points]) -> bytes:

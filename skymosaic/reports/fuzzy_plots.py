@@ -20,38 +20,38 @@ from skymosaic.reports.fuzzy_systems import Axis, PlottedSystem
 SET_COLORS = ("#2a7f62", "#d99a2b", "#b03a48")
 """Colours of the first, second and third set of an input."""
 BEYOND = 1.25
-"""Curves extend to this multiple of the table's length; the last entry applies to all larger values."""
+"""Curves extend to this multiple of the table's length, since the last entry applies to all larger values."""
 FEW_ENTRIES = 8
-"""An input with at most this many entries is drawn as points and ends with the last entry."""
+"""An input with at most this many entries is drawn as points, which end with the last entry."""
 CONTOURS = (0.25, 0.5, 0.75)
-DOTS_AN_INCH = 100
+DOTS_PER_INCH = 100
 
 
-def picture(plotted: PlottedSystem) -> bytes:
-    """A PNG: the membership curves above, the rule surface below."""
+def draw_system(plotted: PlottedSystem) -> bytes:
+    """Draw a PNG with the membership curves above and the rule surface below."""
     system = plotted.system()
-    columns = max(len(system.inputs), len(plotted.held))
+    columns = max(len(system.inputs), len(plotted.sections))
     figure = Figure(figsize=(4.6 * columns, 7.6), layout="constrained")
     figure.suptitle(f"{plotted.title}: {len(system.rules)} rules, AND is the {system.conjunction}", fontsize=15)
     curves, surfaces = figure.subfigures(2, 1, height_ratios=(4, 5), squeeze=False)[:, 0]
     for plot, variable, axis in zip(curves.subplots(1, columns), system.inputs, plotted.axes, strict=True):
-        _membership(plot, variable, axis)
-    plots = surfaces.subplots(1, len(plotted.held), squeeze=False)[0]
-    for plot, (words, value) in zip(plots, plotted.held, strict=True):
-        mesh = _surface(plot, plotted, system, words, value)
+        _plot_membership(plot, variable, axis)
+    plots = surfaces.subplots(1, len(plotted.sections), squeeze=False)[0]
+    for plot, (words, value) in zip(plots, plotted.sections, strict=True):
+        mesh = _plot_surface(plot, plotted, system, words, value)
     surfaces.colorbar(mesh, ax=plots, label=plotted.output, aspect=30)
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=DOTS_AN_INCH)
+    figure.savefig(buffer, format="png", dpi=DOTS_PER_INCH)
     return buffer.getvalue()
 
 
-def _entries(variable: Variable) -> NDArray[np.int64]:
+def _plotted_entries(variable: Variable) -> NDArray[np.int64]:
     shown = variable.entries if variable.entries <= FEW_ENTRIES else round(BEYOND * variable.entries)
     return np.arange(shown)
 
 
-def _membership(plot: Axes, variable: Variable, axis: Axis) -> None:
-    entries = _entries(variable)
+def _plot_membership(plot: Axes, variable: Variable, axis: Axis) -> None:
+    entries = _plotted_entries(variable)
     style = "o:" if variable.entries <= FEW_ENTRIES else "-"
     for (name, table), color in zip(variable.sets.items(), SET_COLORS, strict=False):
         degree = table[np.minimum(entries, variable.entries - 1)] / ONE
@@ -61,10 +61,10 @@ def _membership(plot: Axes, variable: Variable, axis: Axis) -> None:
     plot.grid(alpha=0.3)
 
 
-def _surface(plot: Axes, plotted: PlottedSystem, system: SugenoSystem, words: str, value: int) -> QuadMesh:
-    """The match's weight as colours over two inputs, one cell per table entry, with contour lines."""
+def _plot_surface(plot: Axes, plotted: PlottedSystem, system: SugenoSystem, words: str, value: int) -> QuadMesh:
+    """Plot the output as colours over two inputs, one cell per table entry, with contour lines."""
     first, second = plotted.surface
-    x, y = np.meshgrid(_entries(system.inputs[first]), _entries(system.inputs[second]))
+    x, y = np.meshgrid(_plotted_entries(system.inputs[first]), _plotted_entries(system.inputs[second]))
     values = [np.full(x.size, value)] * len(system.inputs)
     values[first], values[second] = x.ravel(), y.ravel()
     low, high = plotted.span

@@ -1,4 +1,4 @@
-"""How the fuzzy systems are presented: names, units of the inputs, and the surface that shows the rules best."""
+"""How each fuzzy system is plotted: names, units of the inputs, and the surface that shows its rules best."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from skymosaic.geometry import fuzzy_ransac
 
 @dataclass(frozen=True)
 class Axis:
-    """Axis of an input: ``label`` with its unit, the number of table entries per unit, and the value of entry 0."""
+    """Axis of an input: label with its unit, table entries per unit, and the value of entry 0."""
 
     label: str
     entries_per_unit: float = 1.0
     first: float = 0.0
 
     def units(self, entries: NDArray[np.integer]) -> Array:
-        """The input's value at table entries."""
+        """Values of the input at table entries."""
         return np.asarray(self.first + entries / self.entries_per_unit)
 
 
@@ -43,25 +43,25 @@ class PlottedSystem:
         One for each input.
     surface : (int, int)
         The two inputs of the rule surface.
-    held : tuple of (str, int)
-        Titles and table entries at which the remaining input, if any, is held; one surface for each.
+    sections : tuple of (str, int)
+        Title and table entry of the third input, if there is one, for each surface.
     output : str
-        What the system gives.
+        Name of the output.
     span : (float, float)
-        Its value for weights of 0 and 1.
+        Values of the output for weights of 0 and 1.
     """
 
     title: str
     system: Callable[[], SugenoSystem]
     axes: tuple[Axis, ...]
     surface: tuple[int, int]
-    held: tuple[tuple[str, int], ...] = (("", 0),)
+    sections: tuple[tuple[str, int], ...] = (("", 0),)
     output: str = "weight of the match"
     span: tuple[float, float] = (0.0, 1.0)
 
 
-def plotted_file(golden: GoldenSystem) -> PlottedSystem:
-    """How the system of a file is plotted: the first two inputs as surface, a third at its ends and its middle.
+def plan_plot(golden: GoldenSystem) -> PlottedSystem:
+    """Plan the plot of a system from a file: a surface over the first two inputs, a third at its ends and its middle.
 
     Raises
     ------
@@ -74,14 +74,16 @@ def plotted_file(golden: GoldenSystem) -> PlottedSystem:
     last = golden.entries - 1
     axes = tuple(Axis(i.name, last / (i.high - i.low), i.low) for i in system.inputs)
     third = axes[-1] if len(axes) == 3 else None
-    held = [(f"{third.label} {third.units(np.array(e)):g}", e) for e in (0, last // 2, last)] if third else [("", 0)]
+    sections = (
+        [(f"{third.label} {third.units(np.array(e)):g}", e) for e in (0, last // 2, last)] if third else [("", 0)]
+    )
     output = system.output
     return PlottedSystem(
         title=system.description or system.name,
         system=lambda: golden.model,
         axes=axes,
         surface=(0, 1),
-        held=tuple(held),
+        sections=tuple(sections),
         output=output.name,
         span=(output.low, output.high),
     )
@@ -102,7 +104,7 @@ PLOTTED_SYSTEMS = {
             Axis("NCC", _NCC),
         ),
         surface=(0, 2),
-        held=(("ZSSD good", 0), ("ZSSD medium", 38 * _ZSSD), ("ZSSD bad", 60 * _ZSSD)),
+        sections=(("ZSSD good", 0), ("ZSSD medium", 38 * _ZSSD), ("ZSSD bad", 60 * _ZSSD)),
     ),
     "ilbp": PlottedSystem(
         "Fuzzy ILBP",
@@ -113,7 +115,7 @@ PLOTTED_SYSTEMS = {
             Axis("SAD of region 2, gray levels per pixel", 9),
         ),
         surface=(0, 1),
-        held=(("region 2 belongs", 0), ("region 2 in doubt", 86), ("region 2 does not belong", 153)),
+        sections=(("region 2 belongs", 0), ("region 2 in doubt", 86), ("region 2 does not belong", 153)),
     ),
     "ransac": PlottedSystem(
         "Fuzzy RANSAC (Table III-3)",
@@ -130,7 +132,7 @@ PLOTTED_SYSTEMS = {
             Axis("deviation from the common relative orientation, sectors"),
         ),
         surface=(0, 1),
-        held=(("common orientation", 0), ("two sectors off", 2), ("four sectors off", 4)),
+        sections=(("common orientation", 0), ("two sectors off", 2), ("four sectors off", 4)),
     ),
     "aerial-turn": PlottedSystem(
         "The aerial preset's votes for a common relative orientation",

@@ -1,10 +1,15 @@
-"""The HTML of the reports, from the templates beside this file; every value is escaped."""
+"""What the reports share: their folder, and HTML from the templates beside this file, which escape every value."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from skymosaic.errors import InputError
+from skymosaic.imagery.images import save_bytes
 
 _TEMPLATES = Environment(
     loader=FileSystemLoader(Path(__file__).parent / "templates"),
@@ -16,6 +21,21 @@ _TEMPLATES = Environment(
 )
 
 
+def make_folder(folder: Path) -> None:
+    """Make the folder of a report before the long work begins, so that a wrong name is reported at once."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be made ({error.strerror}); choose another folder") from None
+
+
 def render(template: str, **values: object) -> bytes:
-    """A page in UTF-8; a name that the template uses and ``values`` lacks is an error."""
+    """Fill in a template, in UTF-8; a name that the template uses and ``values`` lacks is an error."""
     return _TEMPLATES.get_template(template).render(values).encode()
+
+
+def write_report_files(folder: Path, numbers: Mapping[str, object], page: bytes) -> Path:
+    """Write ``report.json`` and ``index.html``; returns the path of the latter."""
+    save_bytes(folder / "report.json", (json.dumps(numbers, indent=1) + "\n").encode())
+    save_bytes(folder / "index.html", page)
+    return folder / "index.html"

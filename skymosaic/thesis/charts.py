@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from skymosaic.thesis import published, tables
 from skymosaic.thesis.measurements import Measurements
 from skymosaic.thesis.rejection import DESCRIPTORS, OURS
-from skymosaic.thesis.scales import FINDERS, REDUCTIONS
+from skymosaic.thesis.scales import DETECTORS, REDUCTIONS
 
 THESIS: dict[str, Any] = {"color": "#6b6b6b", "marker": "s", "linestyle": "--", "markersize": 5}
 HERE: dict[str, Any] = {"color": "#2a7f62", "marker": "o", "markersize": 5, "linewidth": 2}
@@ -21,10 +21,10 @@ WIDTH_IN, HEIGHT_IN = 9.0, 3.4
 CORNER_TICKS = (300, 1000, 3000, 10000)
 
 
-def corners(m: Measurements) -> bytes:
-    """Number of corners against the threshold, published and measured."""
-    figure, (plot,) = _plots(1)
-    _, ours = tables.calibrated_corners(m)
+def plot_corners(m: Measurements) -> bytes:
+    """Plot the number of corners against the threshold, published and measured."""
+    figure, (plot,) = _make_plots(1)
+    _, ours = tables.calibrate_corners(m)
     thresholds = list(published.CORNERS)
     plot.plot(thresholds, [np.mean(pair) for pair in published.CORNERS.values()], label="thesis", **THESIS)
     plot.plot(thresholds, [np.mean(ours[t]) for t in thresholds], label="here", **HERE)
@@ -32,12 +32,12 @@ def corners(m: Measurements) -> bytes:
     plot.set_xticks(thresholds, [str(t) for t in thresholds])
     plot.set_yticks(CORNER_TICKS, [str(count) for count in CORNER_TICKS])
     plot.minorticks_off()
-    return _svg(figure)
+    return _write_svg(figure)
 
 
-def windows(m: Measurements) -> bytes:
-    """Good matches and seconds against the side of the window."""
-    figure, (good, seconds) = _plots(2)
+def plot_windows(m: Measurements) -> bytes:
+    """Plot good matches and seconds against the side of the window."""
+    figure, (good, seconds) = _make_plots(2)
     sizes = list(published.CORRELATION)
     good.plot(sizes, [figures[0] for figures in published.CORRELATION.values()], label="thesis", **THESIS)
     good.plot(sizes, [m.mean("IV-2", str(s), "good") for s in sizes], label="here", **HERE)
@@ -45,12 +45,12 @@ def windows(m: Measurements) -> bytes:
     seconds.plot(sizes, [figures[1] for figures in published.CORRELATION.values()], label="thesis", **THESIS)
     seconds.plot(sizes, [m.mean("IV-2", str(s), "seconds") for s in sizes], label="here", **HERE)
     seconds.set(xlabel="side of the window, px", ylabel="seconds", yscale="log")
-    return _svg(figure)
+    return _write_svg(figure)
 
 
-def rings(m: Measurements) -> bytes:
-    """Good matches and the share of false matches against the number of the ILBP's rings."""
-    figure, (good, false) = _plots(2)
+def plot_rings(m: Measurements) -> bytes:
+    """Plot good matches and the share of false ones against the number of rings of the ILBP."""
+    figure, (good, false) = _make_plots(2)
     counts = list(published.ILBP)
     good.plot(counts, [figures[1] for figures in published.ILBP.values()], label="thesis", **THESIS)
     good.plot(counts, [m.mean("IV-3", str(n), "good") for n in counts], label="here", **HERE)
@@ -58,12 +58,12 @@ def rings(m: Measurements) -> bytes:
     false.plot(counts, [1 - figures[1] / figures[0] for figures in published.ILBP.values()], label="thesis", **THESIS)
     false.plot(counts, [1 - m.ratio("IV-3", str(n), "good", "matches") for n in counts], label="here", **HERE)
     false.set(xlabel="rings of the ILBP", ylabel="share of false matches", ylim=(0, 1.03), xticks=counts)
-    return _svg(figure)
+    return _write_svg(figure)
 
 
-def fuzzy_ransac(m: Measurements) -> bytes:
-    """Matches that pass each check of fuzzy RANSAC, as shares of all matches."""
-    figure, (plot,) = _plots(1)
+def plot_fuzzy_ransac(m: Measurements) -> bytes:
+    """Plot the matches that pass each check of fuzzy RANSAC, as shares of all matches."""
+    figure, (plot,) = _make_plots(1)
     columns = ("matched", "bidirectional", "RANSAC", "inliers")
     series = {"thesis, mean of five": np.mean(list(published.FUZZY_RANSAC.values()), axis=0)[2:]}
     series |= {f"here, {name}": np.array([m.mean("IV-4", name, c) for c in columns]) for name in DESCRIPTORS}
@@ -74,12 +74,12 @@ def fuzzy_ransac(m: Measurements) -> bytes:
         plot.bar_label(bars, [f"{count:.0f}" for count in counts], fontsize=8)
     plot.set_xticks(range(len(columns)), ("matched", "bidirectional check", "RANSAC ≤ τ", "inliers: both"))
     plot.set(ylabel="share of the matched", ylim=(0, 1.08))
-    return _svg(figure, above=True)
+    return _write_svg(figure, above=True)
 
 
-def errors(m: Measurements) -> bytes:
-    """RMSE of every registered pair, beside the published values."""
-    figure, (plot,) = _plots(1)
+def plot_errors(m: Measurements) -> bytes:
+    """Plot the RMSE of every registered pair beside the published values."""
+    figure, (plot,) = _make_plots(1)
     every = [value for values in published.RMSE_PX.values() for value in values]
     series = {"thesis and literature": every} | {name: m.values("IV-5", name, "RMSE") for name in (*DESCRIPTORS, OURS)}
     rng = np.random.default_rng(0)
@@ -89,44 +89,46 @@ def errors(m: Measurements) -> bytes:
         plot.plot(spread, values, style["marker"], color=style["color"], markersize=4, alpha=0.7)
     plot.set_xticks(range(len(series)), [f"{name}\n({len(values)})" for name, values in series.items()])
     plot.set(ylabel="RMSE of the inliers, px", ylim=(0, None))
-    return _svg(figure, legend=False)
+    return _write_svg(figure, legend=False)
 
 
-def stages(m: Measurements) -> bytes:
-    """Share of good matches before and after each fuzzy stage, and the share of good matches that it kept."""
+def plot_stages(m: Measurements) -> bytes:
+    """Plot the share of good matches before and after each fuzzy stage, and its recall."""
     names = m.settings("stages")
     figure = Figure(figsize=(WIDTH_IN, 0.36 * len(names) + 1.2), layout="constrained")
     plot = figure.subplots()
     rows = np.arange(len(names))[::-1]
-    before, after = (np.array([of(m, name) for name in names]) for of in (tables.right_before, tables.kept_right))
+    before, after = (
+        np.array([share(m, name) for name in names]) for share in (tables.pool_good_share, tables.pool_precision)
+    )
     plot.hlines(rows, before, after, color="#c9c9c9", linewidth=3)
     plot.plot(before, rows, "s", color=THESIS["color"], label="good among all matches")
     plot.plot(after, rows, "o", color=HERE["color"], label="good among the kept (precision)")
-    kept = [tables.recalled(m, name) for name in names]
+    kept = [tables.pool_recall(m, name) for name in names]
     plot.plot(kept, rows, "x", color=SECOND["color"], label="kept among the good (recall)", markeredgewidth=2)
     plot.set_yticks(rows, names)
     plot.set(xlim=(-0.02, 1.02))
-    return _svg(figure, above=True)
+    return _write_svg(figure, above=True)
 
 
-def scales(m: Measurements) -> bytes:
-    """Repeatability against the reduction of the picture."""
-    figure, (plot,) = _plots(1)
-    for name, style in zip(FINDERS, (HERE, SECOND), strict=True):
+def plot_scales(m: Measurements) -> bytes:
+    """Plot repeatability against the reduction of the picture."""
+    figure, (plot,) = _make_plots(1)
+    for name, style in zip(DETECTORS, (HERE, SECOND), strict=True):
         for column, look in (("repeatability", style), ("chance", {"color": style["color"], "linestyle": ":"})):
             values = [m.mean("figure IV-6", f"{name} {reduction:g}", column) for reduction in REDUCTIONS]
             label = name if column == "repeatability" else f"{name}, by chance"
             plot.plot(REDUCTIONS, values, label=label, **look)
     plot.set(xlabel="the picture is reduced by this factor", ylabel="repeatability", ylim=(0, 1.03))
-    return _svg(figure)
+    return _write_svg(figure)
 
 
-def _plots(count: int) -> tuple[Figure, list[Axes]]:
+def _make_plots(count: int) -> tuple[Figure, list[Axes]]:
     figure = Figure(figsize=(WIDTH_IN, HEIGHT_IN), layout="constrained")
     return figure, list(figure.subplots(1, count, squeeze=False)[0])
 
 
-def _svg(figure: Figure, legend: bool = True, above: bool = False) -> bytes:
+def _write_svg(figure: Figure, legend: bool = True, above: bool = False) -> bytes:
     for plot in figure.axes:
         plot.grid(alpha=0.25)
         plot.spines[["top", "right"]].set_visible(False)

@@ -66,11 +66,11 @@ class DatasetPair:
 
 
 Source = Callable[[], DatasetPair]
-"""Loads or renders a pair when it is needed."""
+"""Loads or renders a pair when it is called."""
 
 
-def sources(data: Path | None) -> Sequence[Source]:
-    """The pairs that ``data``/pairs.csv lists, or neighbouring pictures of a rendered survey flight.
+def list_sources(data: Path | None) -> Sequence[Source]:
+    """List the pairs of ``data``/pairs.csv, or neighbouring pictures of a rendered survey flight.
 
     Raises
     ------
@@ -78,18 +78,18 @@ def sources(data: Path | None) -> Sequence[Source]:
         For a list that is missing or malformed.
     """
     if data is not None:
-        return [partial(_photographs, pair) for pair in read_pairs(data)]
+        return [partial(_load_pair, pair) for pair in read_pairs(data)]
     flight = lawnmower(RENDERED_SEED, RENDERED_IMAGES, RENDERED_SIZE)
-    return [partial(_rendered, flight, index) for index in range(RENDERED_IMAGES - 1)]
+    return [partial(_render_pair, flight, index) for index in range(RENDERED_IMAGES - 1)]
 
 
-def _photographs(pair: KnownPair) -> DatasetPair:
+def _load_pair(pair: KnownPair) -> DatasetPair:
     left, right = (reduced(load(path).pixels, WORKING_WIDTH_PX) for path in (pair.left, pair.right))
     truth = np.linalg.inv(right[1]) @ pair.truth @ left[1]
     return DatasetPair(pair.name, pair.group, left[0], right[0], truth / truth[2, 2])
 
 
-def _rendered(flight: Flight, index: int) -> DatasetPair:
+def _render_pair(flight: Flight, index: int) -> DatasetPair:
     left, right = flight.images[index], flight.images[index + 1]
     rotation_deg = abs(flight.poses[index + 1].heading_deg - flight.poses[index].heading_deg)
     group = "along a leg" if rotation_deg < 90 else "turned round"

@@ -19,54 +19,59 @@ from skymosaic.features.matchers import correlation_matches
 from skymosaic.features.positions import match_points
 from skymosaic.geometry.estimators import ransac
 from skymosaic.thesis import published
-from skymosaic.thesis.corners import strongest
+from skymosaic.thesis.corners import detect_strongest
 from skymosaic.thesis.dataset import DatasetPair
 from skymosaic.thesis.measurements import Line
 
 FUZZY_ILBP = MatcherConfig(rule_base="ilbp", keep_above=127)
-REGISTERED_PX = 5.0
+MAX_ERROR_PX = 5.0
 """A pair counts as registered if the mean error over the overlap is smaller."""
 
 
-def by_window(pair: DatasetPair) -> Iterator[Line]:
-    """Table IV-2: mutual SAD matches of windows of each size, and the matches that fuzzy correlation keeps.
+def measure_windows(pair: DatasetPair) -> Iterator[Line]:
+    """Count mutual SAD matches of windows of each size (Table IV-2), and those that fuzzy correlation keeps.
 
-    The time covers cutting out the windows and finding the golden model's best SAD match for each left window.
+    The time covers cutting out the windows and finding the golden model's best SAD match of each left window.
     """
-    key_points = [from_features(strongest(gray)) for gray in pair.grays]
+    key_points = [from_features(detect_strongest(gray)) for gray in pair.grays]
     for name, size_px in WINDOWS_PX.items():
         start = time.perf_counter()
-        left, right = (describe(gray, found, name) for gray, found in zip(pair.grays, key_points, strict=True))
+        left, right = (describe(gray, points, name) for gray, points in zip(pair.grays, key_points, strict=True))
         best_matches(left["descriptor"], right["descriptor"], "sad")
         seconds = time.perf_counter() - start
         matches = correlation_matches(left, right)
-        yield "IV-2", str(size_px), _counted(pair, matches, seconds)
-        yield filtered(f"fuzzy correlation, {size_px}x{size_px}", pair, match_points(matches), _kept(matches))
+        yield "IV-2", str(size_px), _count_good(pair, matches, seconds)
+        yield measure_stage(
+            f"fuzzy correlation, {size_px}x{size_px}", pair, match_points(matches), _kept_by_rules(matches)
+        )
 
 
-def by_rings(pair: DatasetPair) -> Iterator[Line]:
-    """Table IV-3: mutual Hamming matches of the ILBP of each length, and the matches that fuzzy ILBP keeps."""
+def measure_rings(pair: DatasetPair) -> Iterator[Line]:
+    """Count mutual Hamming matches of the ILBP of each length (Table IV-3), and those that fuzzy ILBP keeps."""
     for rings in published.ILBP:
         name = f"thesis-ilbp-{rings}"
-        features = [strongest(gray, descriptor=name) for gray in pair.grays]
+        features = [detect_strongest(gray, descriptor=name) for gray in pair.grays]
         start = time.perf_counter()
         matches = match(features[0], features[1], PATTERNS[name], FUZZY_ILBP)
         seconds = time.perf_counter() - start
-        yield "IV-3", str(rings), _counted(pair, matches, seconds)
-        yield filtered(f"fuzzy ILBP, N = {rings}", pair, match_points(matches), _kept(matches))
+        yield "IV-3", str(rings), _count_good(pair, matches, seconds)
+        yield measure_stage(f"fuzzy ILBP, N = {rings}", pair, match_points(matches), _kept_by_rules(matches))
 
 
-def _kept(matches: Records) -> Mask:
+def _kept_by_rules(matches: Records) -> Mask:
     return np.asarray(matches["verdict"] == 1)
 
 
-def _counted(pair: DatasetPair, matches: Records, seconds: float) -> dict[str, float]:
+def _count_good(pair: DatasetPair, matches: Records, seconds: float) -> dict[str, float]:
     good = correct_matches(*match_points(matches), pair.truth)
     return {"matches": len(matches), "good": int(good.sum()), "seconds": seconds}
 
 
-def filtered(stage: str, pair: DatasetPair, points: tuple[Points, Points], kept: Mask) -> Line:
-    """Confusion counts of a fuzzy stage, and whether RANSAC registers the pair with all and with the kept matches."""
+def measure_stage(stage: str, pair: DatasetPair, points: tuple[Points, Points], kept: Mask) -> Line:
+    """Compare the matches that a fuzzy stage keeps with the truth.
+
+    Tells also whether RANSAC registers the pair with all matches and with the kept ones.
+    """
     counts = confusion(kept, correct_matches(*points, pair.truth))
     return (
         "stages",
@@ -83,5 +88,5 @@ def filtered(stage: str, pair: DatasetPair, points: tuple[Points, Points], kept:
 
 
 def is_registered(H: Array | None, pair: DatasetPair) -> bool:
-    """Whether the mean error over the overlap is below `REGISTERED_PX`."""
-    return grid_error(H, pair.truth, *pair.sizes) < REGISTERED_PX
+    """Whether the mean error over the overlap is below `MAX_ERROR_PX`."""
+    return grid_error(H, pair.truth, *pair.sizes) < MAX_ERROR_PX

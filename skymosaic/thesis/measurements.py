@@ -44,8 +44,8 @@ class Measurements:
 
     def mean(self, table: str, setting: str, column: str, group: str | None = None) -> float:
         """Mean of `values`; NaN if there are none."""
-        found = self.values(table, setting, column, group)
-        return float(np.mean(found)) if found else float("nan")
+        values = self.values(table, setting, column, group)
+        return float(np.mean(values)) if values else float("nan")
 
     def ratio(self, table: str, setting: str, part: str, whole: str) -> float:
         """Sum of one column divided by the sum of another, over all pairs; NaN if the divisor is 0."""
@@ -62,8 +62,8 @@ class Measurements:
         """The pairs, in order."""
         return list(dict.fromkeys(line.pair for line in self.lines))
 
-    def as_csv(self) -> str:
-        """A table of every value, with the columns table, setting, pair, group, quantity, value."""
+    def to_csv(self) -> str:
+        """Write every value as CSV with the columns table, setting, pair, group, quantity, value."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(("table", "setting", "pair", "group", "quantity", "value"))

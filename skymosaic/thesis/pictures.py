@@ -14,30 +14,30 @@ from skymosaic.mosaicking.api import mosaic_of_pair
 from skymosaic.registration.pair import Pair
 from skymosaic.registration.register import register
 from skymosaic.reports import figures
-from skymosaic.thesis.corners import threshold_of
+from skymosaic.thesis.corners import find_threshold
 from skymosaic.thesis.dataset import DatasetPair
 
 
-def of_pair(pair: DatasetPair) -> Iterator[tuple[str, Pixels]]:
-    """Captions and pictures."""
+def draw_pair(pair: DatasetPair) -> Iterator[tuple[str, Pixels]]:
+    """Draw the pictures, each with its caption."""
     sides = pair.left, pair.right
-    thesis, threshold = PRESETS["thesis"], max(map(threshold_of, pair.grays))
+    thesis, threshold = PRESETS["thesis"], max(map(find_threshold, pair.grays))
     thesis = dataclasses.replace(thesis, front_end=dataclasses.replace(thesis.front_end, threshold=threshold))
     ilbp = register(*sides, config=thesis)
-    yield "Harris corners of the thesis preset, left image", figures.corners(ilbp.working[0], ilbp.features[0])
-    yield "Harris corners of the thesis preset, right image", figures.corners(ilbp.working[1], ilbp.features[1])
+    yield "Harris corners of the thesis preset, left image", figures.draw_corners(ilbp.working[0], ilbp.features[0])
+    yield "Harris corners of the thesis preset, right image", figures.draw_corners(ilbp.working[1], ilbp.features[1])
     windows = register(*sides, config=thesis, detector="harris", descriptor="window-10")
-    yield _matches("1. Fuzzy correlation, SAD of 10x10 windows: good matches are kept", windows)
-    yield _matches("2. Fuzzy ILBP, four rings", ilbp)
+    yield _draw_matches("1. Fuzzy correlation, SAD of 10x10 windows: good matches are kept", windows)
+    yield _draw_matches("2. Fuzzy ILBP, four rings", ilbp)
     sift = register(*sides, detector="sift", descriptor="thesis-ilbp-4", estimator="fuzzy-ransac")
-    yield _matches("3. Fuzzy RANSAC, SIFT + ILBP: kept are the verified, ringed the inliers", sift)
+    yield _draw_matches("3. Fuzzy RANSAC, SIFT + ILBP: kept are the verified, ringed the inliers", sift)
     aerial = register(*sides)
-    yield _matches("The aerial preset's eight rules", aerial)
+    yield _draw_matches("The aerial preset's eight rules", aerial)
     try:
         yield "Mosaic by the aerial preset", np.asarray(mosaic_of_pair(aerial).image, dtype=np.uint8)
     except RegistrationError:
         return
 
 
-def _matches(caption: str, pair: Pair) -> tuple[str, Pixels]:
-    return caption, figures.matches(pair, pair.method.rule_names(pair.config))
+def _draw_matches(caption: str, pair: Pair) -> tuple[str, Pixels]:
+    return caption, figures.draw_matches(pair)

@@ -15,19 +15,19 @@ from skymosaic.features.positions import match_points
 from skymosaic.geometry import estimators, fuzzy_ransac
 from skymosaic.registration.register import register
 from skymosaic.thesis.dataset import DatasetPair
-from skymosaic.thesis.matches import filtered, is_registered
+from skymosaic.thesis.matches import is_registered, measure_stage
 from skymosaic.thesis.measurements import Line
 
 KEY_POINTS = 300
 """SIFT key points per image; the thesis had 152 to 403."""
 DESCRIPTORS = {"SIFT + ILBP, N = 4": "thesis-ilbp-4", "SIFT + ILBP-128": "ilbp-128", "SIFT + SIFT": "sift"}
-"""The thesis's combination, the same with our descriptor, and with SIFT's own."""
+"""The thesis's combination, then the same with our descriptor and with SIFT's own."""
 STAGES = {name: f"fuzzy RANSAC, {name}" for name in DESCRIPTORS}
 OURS = "aerial preset"
 
 
-def by_fuzzy_ransac(pair: DatasetPair) -> Iterator[Line]:
-    """Tables IV-4 to IV-6: every check of fuzzy RANSAC on every match, for each descriptor."""
+def measure_fuzzy_ransac(pair: DatasetPair) -> Iterator[Line]:
+    """Apply every check of fuzzy RANSAC to every match, for each descriptor (Tables IV-4 to IV-6)."""
     base = PRESETS["aerial"]
     base = dataclasses.replace(
         base,
@@ -53,18 +53,19 @@ def by_fuzzy_ransac(pair: DatasetPair) -> Iterator[Line]:
                 "inliers": int(inliers.sum()),
             },
         )
-        yield filtered(STAGES[setting], pair, points, inliers)
-        yield _error(setting, pair, H, (points[0][inliers], points[1][inliers]))
+        yield measure_stage(STAGES[setting], pair, points, inliers)
+        yield _measure_error(setting, pair, H, (points[0][inliers], points[1][inliers]))
 
 
-def by_aerial_preset(pair: DatasetPair) -> Iterator[Line]:
-    """The same measures for the project's own preset."""
-    found = register(pair.left, pair.right)
-    yield filtered(f"{OURS}, 8 rules", pair, match_points(found.matches), found.matches["verdict"] == 1)
-    yield _error(OURS, pair, found.homography, match_points(found.inliers))
+def measure_aerial_preset(pair: DatasetPair) -> Iterator[Line]:
+    """Measure the project's own preset in the same way."""
+    registered = register(pair.left, pair.right)
+    kept = registered.matches["verdict"] == 1
+    yield measure_stage(f"{OURS}, 8 rules", pair, match_points(registered.matches), kept)
+    yield _measure_error(OURS, pair, registered.homography, match_points(registered.inliers))
 
 
-def _error(setting: str, pair: DatasetPair, H: Array | None, inliers: tuple[Points, Points]) -> Line:
+def _measure_error(setting: str, pair: DatasetPair, H: Array | None, inliers: tuple[Points, Points]) -> Line:
     """RMSE over the inliers as in the thesis, and the mean distance from the truth, if the pair was registered."""
     if H is None or not is_registered(H, pair):
         return "IV-5", setting, {"registered": 0}

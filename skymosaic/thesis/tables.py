@@ -13,7 +13,7 @@ from skymosaic.thesis.measurements import Measurements
 from skymosaic.thesis.rejection import DESCRIPTORS, OURS, STAGES
 
 MISSING = "-"
-LARGEST_TREND_WINDOW_PX = 25
+MAX_TREND_WINDOW_PX = 25
 """The published number of good matches rises up to this window and falls beyond."""
 
 
@@ -34,8 +34,8 @@ class Trend:
     numbers: str
 
 
-def calibrated_corners(m: Measurements) -> tuple[float, dict[int, tuple[float, float]]]:
-    """The factor from published thresholds to ours, and our mean corners in both images at each published threshold.
+def calibrate_corners(m: Measurements) -> tuple[float, dict[int, tuple[float, float]]]:
+    """Find the factor from published thresholds to ours, and our mean corners in both images at each of them.
 
     The factor is chosen so that the mean number of corners at the highest published threshold is that of the thesis.
     """
@@ -52,9 +52,9 @@ def calibrated_corners(m: Measurements) -> tuple[float, dict[int, tuple[float, f
     return factor, ours
 
 
-def corners(m: Measurements) -> Sheet:
-    """Table IV-1."""
-    _, ours = calibrated_corners(m)
+def tabulate_corners(m: Measurements) -> Sheet:
+    """Number of corners by threshold, Table IV-1."""
+    _, ours = calibrate_corners(m)
     rows = [
         (str(t), f"{first} / {second}", f"{ours[t][0]:.0f} / {ours[t][1]:.0f}")
         for t, (first, second) in published.CORNERS.items()
@@ -62,29 +62,29 @@ def corners(m: Measurements) -> Sheet:
     return Sheet(("threshold, as published", "thesis, image 1 / 2", "here, image 1 / 2"), rows)
 
 
-def adaptive(m: Measurements) -> Sheet:
-    """The first and last value of the adaptive threshold."""
+def tabulate_adaptive_threshold(m: Measurements) -> Sheet:
+    """Corners at the first and last value of the adaptive threshold."""
     rows = [
         (
             setting,
             f"{m.mean('adaptive', setting, 'left'):.0f} / {m.mean('adaptive', setting, 'right'):.0f}",
-            _percent(m.mean("adaptive", setting, "quality")),
-            _percent(m.mean("adaptive", setting, "repeatability")),
+            _format_percent(m.mean("adaptive", setting, "quality")),
+            _format_percent(m.mean("adaptive", setting, "repeatability")),
         )
         for setting in m.settings("adaptive")
     ]
     return Sheet(("threshold", "corners, image 1 / 2", "quality of matches", "repeatability in the overlap"), rows)
 
 
-def windows(m: Measurements) -> Sheet:
-    """Table IV-2."""
+def tabulate_windows(m: Measurements) -> Sheet:
+    """Good matches by window, Table IV-2."""
     rows = [
         (
             f"{size}x{size}",
             str(good),
-            _one(m.mean("IV-2", str(size), "good")),
-            _one(m.mean("IV-2", str(size), "matches")),
-            _percent(1 - m.ratio("IV-2", str(size), "good", "matches")),
+            _format_decimal(m.mean("IV-2", str(size), "good")),
+            _format_decimal(m.mean("IV-2", str(size), "matches")),
+            _format_percent(1 - m.ratio("IV-2", str(size), "good", "matches")),
             f"{seconds:.2f}",
             f"{m.mean('IV-2', str(size), 'seconds'):.3f}",
         )
@@ -94,17 +94,17 @@ def windows(m: Measurements) -> Sheet:
     return Sheet(headings, rows)
 
 
-def rings(m: Measurements) -> Sheet:
-    """Table IV-3."""
+def tabulate_rings(m: Measurements) -> Sheet:
+    """Good and false matches by rings, Table IV-3."""
     rows = [
         (
             f"{n} ({8 * n} bits)",
             str(good),
-            _one(m.mean("IV-3", str(n), "good")),
+            _format_decimal(m.mean("IV-3", str(n), "good")),
             str(matches - good),
-            _one(m.mean("IV-3", str(n), "matches") - m.mean("IV-3", str(n), "good")),
-            _percent(1 - good / matches),
-            _percent(1 - m.ratio("IV-3", str(n), "good", "matches")),
+            _format_decimal(m.mean("IV-3", str(n), "matches") - m.mean("IV-3", str(n), "good")),
+            _format_percent(1 - good / matches),
+            _format_percent(1 - m.ratio("IV-3", str(n), "good", "matches")),
         )
         for n, (matches, good, _) in published.ILBP.items()
     ]
@@ -114,8 +114,8 @@ def rings(m: Measurements) -> Sheet:
     return Sheet(headings, rows)
 
 
-def by_group(m: Measurements, table: str, unit: str) -> Sheet:
-    """Good matches and all matches of a table, for each group of pairs."""
+def tabulate_groups(m: Measurements, table: str, unit: str) -> Sheet:
+    """Good matches and all matches of a table, by group of pairs."""
     rows = [
         (
             f"{setting} {unit}",
@@ -129,16 +129,16 @@ def by_group(m: Measurements, table: str, unit: str) -> Sheet:
     return Sheet(("good of all matches", *m.groups), rows)
 
 
-def fuzzy_ransac(m: Measurements) -> Sheet:
-    """Table IV-4."""
+def tabulate_fuzzy_ransac(m: Measurements) -> Sheet:
+    """Matches that pass each check of fuzzy RANSAC, Table IV-4."""
     columns = ("features 1", "features 2", "matched", "bidirectional", "RANSAC", "inliers")
     rows = [(f"thesis, {name}", *map(str, figures)) for name, figures in published.FUZZY_RANSAC.items()]
-    rows += [(f"here, {name}", *(_one(m.mean("IV-4", name, c)) for c in columns)) for name in DESCRIPTORS]
+    rows += [(f"here, {name}", *(_format_decimal(m.mean("IV-4", name, c)) for c in columns)) for name in DESCRIPTORS]
     return Sheet(("", "features 1", "features 2", "matched", "bidirectional", "RANSAC ≤ τ", "inliers"), rows)
 
 
-def errors(m: Measurements) -> Sheet:
-    """Table IV-5."""
+def tabulate_errors(m: Measurements) -> Sheet:
+    """RMSE of the inliers, Table IV-5."""
     rows = [
         (f"thesis, {name}", MISSING, ", ".join(f"{value:g}" for value in values), MISSING)
         for name, values in published.RMSE_PX.items()
@@ -146,7 +146,7 @@ def errors(m: Measurements) -> Sheet:
     rows += [
         (
             f"here, {name}",
-            _percent(m.mean("IV-5", name, "registered")),
+            _format_percent(m.mean("IV-5", name, "registered")),
             f"{m.mean('IV-5', name, 'RMSE'):.2f}",
             f"{np.median(m.values('IV-5', name, 'error') or [np.nan]):.2f}",
         )
@@ -155,8 +155,8 @@ def errors(m: Measurements) -> Sheet:
     return Sheet(("", "pairs registered", "RMSE of inliers, px", "median distance from the truth, px"), rows)
 
 
-def recall(m: Measurements) -> Sheet:
-    """Table IV-6."""
+def tabulate_recall(m: Measurements) -> Sheet:
+    """Recall and precision, Table IV-6."""
     rows = [
         (f"thesis, {name}", ", ".join(f"{value:.2f}" for value in values), MISSING, MISSING)
         for name, values in published.RECALL.items()
@@ -165,16 +165,16 @@ def recall(m: Measurements) -> Sheet:
         (
             f"here, {name}",
             f"{m.ratio('IV-4', name, 'inliers', 'matched'):.2f}",
-            f"{recalled(m, stage):.2f}",
-            f"{1 - kept_right(m, stage):.2f}",
+            f"{pool_recall(m, stage):.2f}",
+            f"{1 - pool_precision(m, stage):.2f}",
         )
         for name, stage in STAGES.items()
     ]
     return Sheet(("", "as published: inliers / matched", "recall", "1 - precision"), rows)
 
 
-def seconds(m: Measurements) -> Sheet:
-    """Table IV-7."""
+def tabulate_seconds(m: Measurements) -> Sheet:
+    """Seconds for a mosaic, Table IV-7."""
     rows = [(f"thesis, {name}", f"{value:.2f}", MISSING) for name, value in published.MOSAIC_SECONDS.items()]
     rows += [
         (
@@ -187,15 +187,15 @@ def seconds(m: Measurements) -> Sheet:
     return Sheet(("", "seconds for a mosaic", "pairs registered"), rows)
 
 
-def stages(m: Measurements) -> Sheet:
-    """The matches that each fuzzy stage kept and rejected, correctly and wrongly."""
+def tabulate_stages(m: Measurements) -> Sheet:
+    """Matches that each fuzzy stage kept and rejected, correctly and wrongly."""
     rows = [
         (
             stage,
-            *(_one(m.mean("stages", stage, count)) for count in ("TP", "FP", "TN", "FN")),
-            _percent(right_before(m, stage)),
-            _percent(kept_right(m, stage)),
-            _percent(recalled(m, stage)),
+            *(_format_decimal(m.mean("stages", stage, count)) for count in ("TP", "FP", "TN", "FN")),
+            _format_percent(pool_good_share(m, stage)),
+            _format_percent(pool_precision(m, stage)),
+            _format_percent(pool_recall(m, stage)),
             f"{sum(m.values('stages', stage, 'registered before')):.0f} → "
             f"{sum(m.values('stages', stage, 'registered after')):.0f}",
         )
@@ -215,46 +215,50 @@ def stages(m: Measurements) -> Sheet:
     return Sheet(headings, rows)
 
 
-def right_before(m: Measurements, stage: str) -> float:
+def pool_good_share(m: Measurements, stage: str) -> float:
     """Share of good matches before a stage, over all pairs together."""
-    counts = {name: sum(m.values("stages", stage, name)) for name in ("TP", "FP", "TN", "FN")}
-    total = sum(counts.values())
-    return (counts["TP"] + counts["FN"]) / total if total else float("nan")
+    return _pool_share(m, stage, ("TP", "FN"), ("FP", "TN"))
 
 
-def kept_right(m: Measurements, stage: str) -> float:
-    """Share of good matches among the kept ones, over all pairs together: the precision."""
-    return _share(m, stage, "TP", "FP")
+def pool_precision(m: Measurements, stage: str) -> float:
+    """Share of good matches among those that a stage kept, over all pairs together."""
+    return _pool_share(m, stage, ("TP",), ("FP",))
 
 
-def recalled(m: Measurements, stage: str) -> float:
-    """Share of the good matches that were kept, over all pairs together: the recall (equation IV-6)."""
-    return _share(m, stage, "TP", "FN")
+def pool_recall(m: Measurements, stage: str) -> float:
+    """Share of the good matches that a stage kept, over all pairs together (equation IV-6)."""
+    return _pool_share(m, stage, ("TP",), ("FN",))
 
 
-def trends(m: Measurements) -> list[Trend]:
+def check_trends(m: Measurements) -> list[Trend]:
     """Check the thesis's trends in the means over all pairs."""
-    _, found = calibrated_corners(m)
-    corner_counts = [sum(found[t]) / 2 for t in sorted(found, reverse=True)]
-    sizes = [str(size) for size in published.CORRELATION if size <= LARGEST_TREND_WINDOW_PX]
+    _, corners = calibrate_corners(m)
+    corner_counts = [sum(corners[t]) / 2 for t in sorted(corners, reverse=True)]
+    sizes = [str(size) for size in published.CORRELATION if size <= MAX_TREND_WINDOW_PX]
     good = [m.mean("IV-2", size, "good") for size in sizes]
-    took = [m.mean("IV-2", size, "seconds") for size in sizes]
+    seconds = [m.mean("IV-2", size, "seconds") for size in sizes]
     ring_good = [m.mean("IV-3", str(n), "good") for n in published.ILBP]
     ring_false = [1 - m.ratio("IV-3", str(n), "good", "matches") for n in published.ILBP]
     stage = "fuzzy ILBP, N = 4"
-    shares = [right_before(m, stage), kept_right(m, stage)]
+    shares = [pool_good_share(m, stage), pool_precision(m, stage)]
     sift, harris = (m.mean("figure IV-6", f"{name} 4", "repeatability") for name in ("SIFT", "Harris"))
     return [
-        Trend("a lower threshold gives more corners (IV-1)", _rises(corner_counts), _arrows(corner_counts, "{:.0f}")),
-        Trend("25x25 windows give more good matches than 3x3 (IV-2)", good[-1] > good[0], _arrows(good, "{:.1f}")),
-        Trend("larger windows take more time (IV-2)", _rises(took), _arrows(took, "{:.3f}") + " s"),
-        Trend("more rings give more good matches (IV-3)", _rises(ring_good), _arrows(ring_good, "{:.1f}")),
+        Trend(
+            "a lower threshold gives more corners (IV-1)",
+            _rises(corner_counts),
+            _join_by_arrows(corner_counts, "{:.0f}"),
+        ),
+        Trend(
+            "25x25 windows give more good matches than 3x3 (IV-2)", good[-1] > good[0], _join_by_arrows(good, "{:.1f}")
+        ),
+        Trend("larger windows take more time (IV-2)", _rises(seconds), _join_by_arrows(seconds, "{:.3f}") + " s"),
+        Trend("more rings give more good matches (IV-3)", _rises(ring_good), _join_by_arrows(ring_good, "{:.1f}")),
         Trend(
             "more rings give a smaller share of false matches (IV-3)",
             _rises(ring_false[::-1]),
-            _arrows(ring_false, "{:.0%}"),
+            _join_by_arrows(ring_false, "{:.0%}"),
         ),
-        Trend("fuzzy ILBP raises the share of good matches", _rises(shares), _arrows(shares, "{:.0%}")),
+        Trend("fuzzy ILBP raises the share of good matches", _rises(shares), _join_by_arrows(shares, "{:.0%}")),
         Trend(
             "SIFT is more repeatable than Harris in a picture reduced by 4 (figure IV-6)",
             _rises([harris, sift]),
@@ -263,8 +267,8 @@ def trends(m: Measurements) -> list[Trend]:
     ]
 
 
-def _share(m: Measurements, stage: str, part: str, rest: str) -> float:
-    one, other = (sum(m.values("stages", stage, name)) for name in (part, rest))
+def _pool_share(m: Measurements, stage: str, part: tuple[str, ...], rest: tuple[str, ...]) -> float:
+    one, other = (sum(sum(m.values("stages", stage, name)) for name in names) for names in (part, rest))
     return one / (one + other) if one + other else float("nan")
 
 
@@ -272,13 +276,13 @@ def _rises(values: Sequence[float]) -> bool:
     return bool((np.diff(values) > 0).all())
 
 
-def _arrows(values: Sequence[float], form: str) -> str:
+def _join_by_arrows(values: Sequence[float], form: str) -> str:
     return " → ".join(form.format(value) for value in values)
 
 
-def _one(value: float) -> str:
+def _format_decimal(value: float) -> str:
     return MISSING if np.isnan(value) else f"{value:.1f}"
 
 
-def _percent(share: float) -> str:
+def _format_percent(share: float) -> str:
     return MISSING if np.isnan(share) else f"{100 * share:.0f} %"

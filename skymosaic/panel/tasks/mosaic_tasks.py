@@ -42,7 +42,7 @@ from skymosaic.panel.tasks.mosaic_picture import PREVIEW_WIDTH_PX, outlines, pag
 from skymosaic.registration.pair import Pair
 from skymosaic.registration.register import WORKING_WIDTH_PX, register
 from skymosaic.reports import pair as pair_report
-from skymosaic.reports.flight import band_line, write_report
+from skymosaic.reports.flight import describe_bands, write_report
 
 SEED = 0
 """The command line's default, so that the command beside a result repeats it exactly."""
@@ -166,7 +166,7 @@ def _pair_to_show(flight: Flight, folder: Path, options: Options, progress: Prog
 def _with_flight(result: MosaicResult, flight: Flight, delivery: Delivery, unused: list[str]) -> MosaicResult:
     """The result of more than two photographs, with their links and numbers."""
     layout, links = delivery.layout, _links(flight)
-    bands = {"bands": band_line(delivery.composition)} if delivery.composition.band_names else {}
+    bands = {"bands": describe_bands(delivery.composition)} if delivery.composition.band_names else {}
     return dataclasses.replace(
         result,
         seconds=flight.seconds | {"blending and writing": delivery.seconds},

@@ -9,7 +9,7 @@ from golden_model.arrays import Array, Mask
 from skymosaic.geometry.fuzzy_ransac import TOLERANCE_PX, error_steps, rule_base
 
 FOURS = 2000
-"""How many sets of four matches are drawn."""
+"""Number of sets of four matches that are drawn."""
 
 
 def decide_by_fours(

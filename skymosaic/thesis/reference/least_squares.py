@@ -16,8 +16,8 @@ from skymosaic.geometry.homography import (
 )
 
 
-def inhomogeneous(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None = None) -> Array:
-    """The eight-parameter least squares h = (A'A)^-1 A'b with h33 = 1 (thesis, equation III-9).
+def estimate_inhomogeneous(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None = None) -> Array:
+    """Estimate by the eight-parameter least squares h = (A'A)^-1 A'b with h33 = 1 (thesis, equation III-9).
 
     Parameters, result and errors as in `skymosaic.geometry.homography.estimate`. h33 is fixed in normalised
     coordinates, where it is the third coordinate of the centroid, so that it cannot vanish.

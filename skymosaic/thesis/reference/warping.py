@@ -12,8 +12,8 @@ from skymosaic.compositing.warp import Canvas
 from skymosaic.geometry.homography import apply
 
 
-def forward(image: Pixels, transform: Array, canvas: Canvas) -> Pixels:
-    """Forward warping x' = Hx to the nearest pixel (thesis, equation II-16).
+def warp_forward(image: Pixels, transform: Array, canvas: Canvas) -> Pixels:
+    """Warp forward, x' = Hx, to the nearest pixel (thesis, equation II-16).
 
     Arguments and result as in `skymosaic.compositing.warp.backward`. Pixels that nothing maps to stay 0, so the
     result has holes where the transformation enlarges.
@@ -30,7 +30,7 @@ def forward(image: Pixels, transform: Array, canvas: Canvas) -> Pixels:
     return warped
 
 
-def cylindrical(image: Pixels, focal_px: float) -> Pixels:
+def project_to_cylinder(image: Pixels, focal_px: float) -> Pixels:
     """Project an image onto a cylinder about the vertical axis through the camera (thesis, section II.2.4).
 
     On the cylinder, a rotation of the camera about that axis becomes a shift along x.

@@ -13,10 +13,10 @@ from skymosaic.cli import app
 from skymosaic.errors import InputError
 from skymosaic.evaluation.known_pairs import COLUMNS
 from skymosaic.thesis import dataset, page, pictures, published, tables
-from skymosaic.thesis.corners import CORNERS, raised_threshold, responses, strongest, threshold_of
+from skymosaic.thesis.corners import CORNERS, compute_responses, detect_strongest, find_threshold, raise_threshold
 from skymosaic.thesis.dataset import DatasetPair
-from skymosaic.thesis.experiments import measure, most_inliers
-from skymosaic.thesis.matches import by_rings, by_window
+from skymosaic.thesis.experiments import find_best_pair, run_experiments
+from skymosaic.thesis.matches import measure_rings, measure_windows
 from skymosaic.thesis.measurements import Measurement, Measurements
 
 FIRST_PAIRS = 1
@@ -24,12 +24,12 @@ FIRST_PAIRS = 1
 
 @pytest.fixture(scope="module")
 def pair() -> DatasetPair:
-    return dataset.sources(None)[0]()
+    return dataset.list_sources(None)[0]()
 
 
 @pytest.fixture(scope="module")
 def measured() -> Measurements:
-    return measure(dataset.sources(None)[:FIRST_PAIRS])
+    return run_experiments(dataset.list_sources(None)[:FIRST_PAIRS])
 
 
 def test_every_table_is_measured_on_every_pair(measured: Measurements) -> None:
@@ -42,7 +42,7 @@ def test_every_table_is_measured_on_every_pair(measured: Measurements) -> None:
 
 def test_the_published_trends_hold_on_a_rendered_flight(measured: Measurements) -> None:
     # Seconds are left out: a busy machine decides them.
-    found = {trend.statement: trend for trend in tables.trends(measured) if "time" not in trend.statement}
+    found = {trend.statement: trend for trend in tables.check_trends(measured) if "time" not in trend.statement}
     assert len(found) == 6
     assert {statement for statement, trend in found.items() if not trend.holds} == set()
 
@@ -53,7 +53,7 @@ def test_published_recall_is_inliers_over_matched() -> None:
 
 
 def test_good_and_false_matches_are_the_stages_input(pair: DatasetPair) -> None:
-    lines = [*by_window(pair), *by_rings(pair)]
+    lines = [*measure_windows(pair), *measure_rings(pair)]
     counts = [values for table, _, values in lines if table != "stages"]
     stages = [values for table, _, values in lines if table == "stages"]
     for before, after in zip(counts, stages, strict=True):
@@ -63,13 +63,13 @@ def test_good_and_false_matches_are_the_stages_input(pair: DatasetPair) -> None:
 
 def test_the_strongest_corners_are_those_above_their_threshold(pair: DatasetPair) -> None:
     gray = pair.grays[0]
-    threshold, features = threshold_of(gray), strongest(gray)
-    assert len(features) == np.count_nonzero(responses(gray) >= threshold)
+    threshold, features = find_threshold(gray), detect_strongest(gray)
+    assert len(features) == np.count_nonzero(compute_responses(gray) >= threshold)
     assert CORNERS <= len(features) < CORNERS + 5
 
 
 def test_the_threshold_doubles_until_the_matches_are_good(pair: DatasetPair) -> None:
-    easy, hard = (raised_threshold(pair.grays, target) for target in (0.0, 1.0))
+    easy, hard = (raise_threshold(pair.grays, target) for target in (0.0, 1.0))
     assert len(easy) == 1
     assert all(later.threshold == 2 * earlier.threshold for earlier, later in itertools.pairwise(hard))
     assert all(one.quality < 1 for one in hard[:-1])
@@ -79,12 +79,12 @@ def test_the_threshold_doubles_until_the_matches_are_good(pair: DatasetPair) -> 
 
 def test_flat_images_have_no_threshold_to_raise_to() -> None:
     flat = np.full((160, 200), 90, np.uint8)
-    assert len(raised_threshold((flat, flat))) == 1
-    assert len(strongest(flat)) == 0
+    assert len(raise_threshold((flat, flat))) == 1
+    assert len(detect_strongest(flat)) == 0
 
 
 def test_our_thresholds_are_scaled_to_the_published_corners(measured: Measurements) -> None:
-    _, ours = tables.calibrated_corners(measured)
+    _, ours = tables.calibrate_corners(measured)
     highest = max(published.CORNERS)
     assert np.mean(ours[highest]) == pytest.approx(np.mean(published.CORNERS[highest]), rel=0.05)
 
@@ -105,15 +105,15 @@ def test_means_and_pooled_shares_by_hand() -> None:
 
 
 def test_the_csv_holds_every_value(measured: Measurements) -> None:
-    rows = list(csv.DictReader(io.StringIO(measured.as_csv())))
+    rows = list(csv.DictReader(io.StringIO(measured.to_csv())))
     assert len(rows) == sum(len(line.values) for line in measured.lines)
     assert set(rows[0]) == {"table", "setting", "pair", "group", "quantity", "value"}
 
 
 @pytest.mark.slow
 def test_the_page_has_every_table_and_stands_alone(measured: Measurements, pair: DatasetPair) -> None:
-    shown = list(pictures.of_pair(pair))
-    text = page.compose(measured, "a <rendered> flight", shown, pair.name).decode()
+    shown = list(pictures.draw_pair(pair))
+    text = page.compose_page(measured, "a <rendered> flight", shown, pair.name).decode()
     for number in range(1, 8):
         assert f"Table IV-{number}" in text
     assert "Figure IV-6" in text
@@ -121,7 +121,7 @@ def test_the_page_has_every_table_and_stands_alone(measured: Measurements, pair:
     assert 'src="http' not in text
     assert text.count("data:image/svg+xml") == 7
     assert text.count("data:image/jpeg") == len(shown) == 7
-    assert 0 <= most_inliers(measured) < FIRST_PAIRS
+    assert 0 <= find_best_pair(measured) < FIRST_PAIRS
 
 
 def test_photographs_are_reduced_and_their_truth_with_them(tmp_path: Path, pair: DatasetPair) -> None:
@@ -131,7 +131,7 @@ def test_photographs_are_reduced_and_their_truth_with_them(tmp_path: Path, pair:
     truth = grow @ pair.truth @ np.linalg.inv(grow)
     values = ",".join(map(repr, (truth / truth[2, 2]).ravel().tolist()))
     (tmp_path / "pairs.csv").write_text(f"{','.join(COLUMNS)}\nbig,real,left.png,right.png,{values}\n")
-    (source,) = dataset.sources(tmp_path)
+    (source,) = dataset.list_sources(tmp_path)
     read = source()
     assert read.sizes == pair.sizes
     np.testing.assert_array_equal(read.left, pair.left)

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from skymosaic.geometry.homography import DegenerateError, apply
-from skymosaic.thesis.reference.least_squares import inhomogeneous
+from skymosaic.thesis.reference.least_squares import estimate_inhomogeneous
 
 PROJECTIVE = np.array([[0.9, 0.2, 30.0], [-0.15, 1.1, -20.0], [1e-4, -5e-5, 1.0]])
 
@@ -11,13 +11,13 @@ PROJECTIVE = np.array([[0.9, 0.2, 30.0], [-0.15, 1.1, -20.0], [1e-4, -5e-5, 1.0]
 @pytest.mark.parametrize("count", [4, 5, 60])
 def test_exact_pairs_give_the_exact_homography(count):
     left = np.random.default_rng(count).uniform(0, 640, (count, 2))
-    np.testing.assert_allclose(inhomogeneous(left, apply(PROJECTIVE, left)), PROJECTIVE, rtol=1e-9)
+    np.testing.assert_allclose(estimate_inhomogeneous(left, apply(PROJECTIVE, left)), PROJECTIVE, rtol=1e-9)
 
 
 def test_four_pairs_agree_with_opencv():
     left, right = [(0, 0), (639, 0), (639, 479), (0, 479)], [(12, 7), (600, 33), (652, 470), (-8, 431)]
     reference = cv2.getPerspectiveTransform(np.float32(left), np.float32(right))
-    np.testing.assert_allclose(inhomogeneous(left, right), reference, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(estimate_inhomogeneous(left, right), reference, rtol=1e-9, atol=1e-12)
 
 
 def test_inhomogeneous_is_the_normal_equations_solution():
@@ -32,10 +32,10 @@ def test_inhomogeneous_is_the_normal_equations_solution():
         target += [u, v]
     A, b = np.array(rows), np.array(target)
     h = np.linalg.inv(A.T @ A) @ A.T @ b
-    np.testing.assert_allclose(inhomogeneous(left, right).ravel()[:8], h, atol=1e-12)
+    np.testing.assert_allclose(estimate_inhomogeneous(left, right).ravel()[:8], h, atol=1e-12)
 
 
 def test_inhomogeneous_refuses_collinear_points():
     line = np.column_stack([np.arange(10.0), 2 * np.arange(10.0)])
     with pytest.raises(DegenerateError):
-        inhomogeneous(line, line)
+        estimate_inhomogeneous(line, line)
