@@ -81,7 +81,9 @@ def test_a_mosaic_without_gps_has_no_place_on_the_map(pair: Pair, tmp_path: Path
         made.to_geotiff(tmp_path / "m.tif")
 
 
-@pytest.mark.parametrize("module", ["extraction", "mosaicing", "pair", "registration"])
+@pytest.mark.parametrize(
+    "module", ["mosaicking.api", "registration.extraction", "registration.pair", "registration.register"]
+)
 def test_the_examples_in_docstrings_run(module: str) -> None:
     results = doctest.testmod(importlib.import_module(f"skymosaic.{module}"))
     assert results.attempted > 0
