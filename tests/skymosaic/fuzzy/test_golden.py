@@ -1,17 +1,11 @@
 """The integer model of a system from a file, and the thesis's systems as files."""
 
-import json
-from pathlib import Path
-
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from golden_model.formats import POSITION, WEIGHT
 from golden_model.matching import correlation, fuzzy
 from golden_model.matching.fuzzy import ONE
-from skymosaic.cli import app
-from skymosaic.errors import InputError
 from skymosaic.fuzzy.fll import SHIPPED, load_system
 from skymosaic.fuzzy.golden import measure_errors, quantise
 from skymosaic.fuzzy.system import FuzzySystem, IfThen, Input, Output
@@ -91,20 +85,3 @@ def test_a_product_of_terms_that_sum_to_one_needs_no_division() -> None:
     assert errors.largest < 3 / 256
     with pytest.raises(ValueError, match="strengths sum to"):
         quantise(corners((1.0, 0.0), (0.0, 0.5)), 100)
-
-
-def test_the_command_prints_draws_and_converts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("matplotlib")
-    monkeypatch.chdir(tmp_path)
-    run = CliRunner().invoke
-    written = run(app, ["fuzzy", "correlation", "--write", "my.fll"])
-    assert written.exception is None, written.output
-    shown = run(app, ["fuzzy", "my.fll", "--plot", "-o", "drawn", "--entries", "17", "--json"])
-    assert shown.exception is None, shown.output
-    (numbers,) = json.loads(shown.stdout)["systems"]
-    assert len(numbers["rules"]) == 27
-    assert numbers["errors"]["checked"] == 17**3
-    assert len(numbers["tables"]["SAD"]["good"]) == 17
-    assert (tmp_path / "drawn" / "my.png").stat().st_size > 10_000
-    assert run(app, ["fuzzy", "ransac", "--write", "-"]).stdout == (SHIPPED / "ransac.fll").read_text()
-    assert isinstance(run(app, ["fuzzy", "aerial", "--write", "a.fll"]).exception, InputError)

@@ -1,0 +1,38 @@
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from skymosaic.cli import app
+from skymosaic.errors import InputError
+from skymosaic.fuzzy.fll import SHIPPED
+
+
+def test_the_command_prints_rules_and_draws(tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["fuzzy", "ransac", "--plot", "-o", str(tmp_path / "fuzzy")])
+    assert result.exit_code == 0, result.output
+    assert "not verified" in result.output
+    assert [path.name for path in (tmp_path / "fuzzy").iterdir()] == ["ransac.png"]
+
+
+def test_an_unknown_system_lists_the_valid_ones() -> None:
+    result = CliRunner().invoke(app, ["fuzzy", "psychic"])
+    assert "correlation, ilbp, ransac" in str(result.exception)
+
+
+def test_the_command_writes_draws_and_measures_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("matplotlib")
+    monkeypatch.chdir(tmp_path)
+    run = CliRunner().invoke
+    written = run(app, ["fuzzy", "correlation", "--write", "my.fll"])
+    assert written.exception is None, written.output
+    shown = run(app, ["fuzzy", "my.fll", "--plot", "-o", "drawn", "--entries", "17", "--json"])
+    assert shown.exception is None, shown.output
+    (numbers,) = json.loads(shown.stdout)["systems"]
+    assert len(numbers["rules"]) == 27
+    assert numbers["errors"]["checked"] == 17**3
+    assert len(numbers["tables"]["SAD"]["good"]) == 17
+    assert (tmp_path / "drawn" / "my.png").stat().st_size > 10_000
+    assert run(app, ["fuzzy", "ransac", "--write", "-"]).stdout == (SHIPPED / "ransac.fll").read_text()
+    assert isinstance(run(app, ["fuzzy", "aerial", "--write", "a.fll"]).exception, InputError)

@@ -1,0 +1,28 @@
+import csv
+import io
+
+import numpy as np
+import pytest
+
+from skymosaic.thesis.measurements import Measurement, Measurements
+
+
+def test_means_and_pooled_shares_by_hand() -> None:
+    lines = [
+        Measurement("T", "s", "a", "one", {"good": 1, "matches": 2}),
+        Measurement("T", "s", "b", "two", {"good": 3, "matches": 10}),
+        Measurement("T", "s", "c", "two", {"matches": 6}),
+    ]
+    found = Measurements(lines)
+    assert found.mean("T", "s", "good") == 2
+    assert found.mean("T", "s", "matches", "two") == 8
+    assert found.ratio("T", "s", "good", "matches") == pytest.approx(4 / 18)
+    assert np.isnan(found.mean("T", "s", "seconds"))
+    assert np.isnan(found.ratio("T", "s", "good", "seconds"))
+    assert found.groups == ["one", "two"]
+
+
+def test_the_csv_holds_every_value(measured: Measurements) -> None:
+    rows = list(csv.DictReader(io.StringIO(measured.to_csv())))
+    assert len(rows) == sum(len(line.values) for line in measured.lines)
+    assert set(rows[0]) == {"table", "setting", "pair", "group", "quantity", "value"}
