@@ -24,7 +24,8 @@ from rich.table import Table
 
 from golden_model.arrays import Records
 from golden_model.config import MatcherConfig
-from golden_model.feature.ilbp import PATTERNS, SECTORS, DescriptorPattern
+from golden_model.feature.ilbp import PATTERNS, DescriptorPattern
+from golden_model.feature.orientation import SECTORS
 from golden_model.matching.matcher import match
 from golden_model.records import FRAME_STATUS, MATCH, Tag, feature_record
 from hdl.matching.matcher import Matcher

@@ -1,6 +1,6 @@
 """Names for the array types that every package uses.
 
-NumPy's types know the element type but not the shape; the names here say which shape is meant where it matters.
+NumPy's types know the element type but not the shape; these names say which shape is meant.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ Matrix = NDArray[np.float64]
 Points = NDArray[np.float64]
 """Points (N, 2): x to the right and y down, px; pixel centres are integers."""
 Float32 = NDArray[np.float32]
-"""Real numbers in single precision: weights and blended colours, where an image in double precision is too large."""
+"""Single precision, for weights and blended colours: whole images in double precision are too large."""
 Mask = NDArray[np.bool_]
 Pixels = NDArray[np.uint8]
 """An image (H, W) gray or (H, W, 3) BGR."""
 Intensities = NDArray[np.uint8 | np.uint16]
-"""As `Pixels`, but of 16 bits where the photographs have 16 bits."""
+"""As `Pixels`, but 16 bits where the photographs have 16 bits."""
 Records = NDArray[np.void]
 """Feature or match records, see `golden_model.records`."""

@@ -1,4 +1,4 @@
-"""Configurations of what is computed: immutable, validated, with named presets, read from and written to TOML."""
+"""Configurations: immutable, validated, with named presets, read from and written to TOML."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ CELL_SIZES_PX = (32, 64, 128, 256)
 MAX_PER_CELL = 8
 SUPPRESSION_MARGIN_PX = 3
 # Harris responses stay below 2**30; the score of FAST is at most 254.
-LARGEST_THRESHOLD = {"harris": (1 << 30) - 1, "fast": 254}
+MAX_THRESHOLD = {"harris": (1 << 30) - 1, "fast": 254}
 
 
-def _one_of(what: str, value: object, allowed: tuple[object, ...]) -> None:
+def _check_choice(what: str, value: object, allowed: tuple[object, ...]) -> None:
     if not any(type(value) is type(choice) and value == choice for choice in allowed):  # True == 1 == 1.0
         raise ValueError(f"{what} is {value!r}; valid: {', '.join(str(choice).lower() for choice in allowed)}")
 
 
-def _in_range(what: str, value: object, low: int, high: int) -> None:
+def _check_range(what: str, value: object, low: int, high: int) -> None:
     if type(value) is not int or not low <= value <= high:
         raise ValueError(f"{what} is {value!r}; it must be a whole number from {low} to {high}")
 
@@ -85,40 +85,40 @@ class FrontEndConfig:
     descriptor: str = "ilbp-128"
 
     def __post_init__(self) -> None:
-        _one_of("detector", self.detector, DETECTORS)
-        _one_of("levels", self.levels, (1, 2))
+        _check_choice("detector", self.detector, DETECTORS)
+        _check_choice("levels", self.levels, (1, 2))
         self._check_harris()
-        _in_range("threshold", self.threshold, 1, LARGEST_THRESHOLD[self.detector])
-        _one_of("suppression_radius_px", self.suppression_radius_px, (1, 3))
-        _one_of("descriptor", self.descriptor, tuple(PATTERNS))
-        _in_range("border_px", self.border_px, self.smallest_border_px, 255)
+        _check_range("threshold", self.threshold, 1, MAX_THRESHOLD[self.detector])
+        _check_choice("suppression_radius_px", self.suppression_radius_px, (1, 3))
+        _check_choice("descriptor", self.descriptor, tuple(PATTERNS))
+        _check_range("border_px", self.border_px, self.min_border_px, 255)
         self._check_selection()
 
     def _check_harris(self) -> None:
-        _one_of("smoothed_gradients", self.smoothed_gradients, (True, False))
+        _check_choice("smoothed_gradients", self.smoothed_gradients, (True, False))
         if self.smoothed_gradients:
-            _one_of("tensor_window_px", self.tensor_window_px, (3, 5))
+            _check_choice("tensor_window_px", self.tensor_window_px, (3, 5))
         else:
-            _one_of("tensor_window_px without smoothed_gradients", self.tensor_window_px, (3,))
-        _in_range("harris_k_shift", self.harris_k_shift, 0, 15)
+            _check_choice("tensor_window_px without smoothed_gradients", self.tensor_window_px, (3,))
+        _check_range("harris_k_shift", self.harris_k_shift, 0, 15)
         # With k >= 1/4 no response is positive: AB - C**2 is at most (A + B)**2 / 4.
-        _in_range("harris_k_numerator", self.harris_k_numerator, 0, min(((1 << self.harris_k_shift) - 1) // 4, 31))
+        _check_range("harris_k_numerator", self.harris_k_numerator, 0, min(((1 << self.harris_k_shift) - 1) // 4, 31))
 
     def _check_selection(self) -> None:
-        _one_of("selection", self.selection, (True, False))
+        _check_choice("selection", self.selection, (True, False))
         if not self.selection and self.levels == 2:
             raise ValueError("selection is False, but two levels are ordered by cells; set levels = 1")
         if not self.selection and (self.cell_px or self.per_cell):
             raise ValueError("selection is False, but cell_px or per_cell is set; leave them out")
-        _in_range("max_features", self.max_features, 16, 4096)
+        _check_range("max_features", self.max_features, 16, 4096)
         if self.cell_px is not None:
-            _one_of("cell_px", self.cell_px, CELL_SIZES_PX)
+            _check_choice("cell_px", self.cell_px, CELL_SIZES_PX)
         if self.per_cell is not None:
-            _in_range("per_cell", self.per_cell, 1, MAX_PER_CELL)
+            _check_range("per_cell", self.per_cell, 1, MAX_PER_CELL)
 
     @property
     def pattern(self) -> DescriptorPattern:
-        """The pattern of the descriptor."""
+        """Pattern of the descriptor."""
         return PATTERNS[self.descriptor]
 
     @property
@@ -134,8 +134,8 @@ class FrontEndConfig:
         return int(self.smoothed_gradients) + 1 + self.tensor_window_px // 2
 
     @property
-    def smallest_border_px(self) -> int:
-        """The smallest border that keeps every pixel a feature depends on, suppression included, inside the frame."""
+    def min_border_px(self) -> int:
+        """Smallest border that keeps every pixel a feature depends on, suppression included, inside the frame."""
         return max(self.pattern.support_px, self.response_support_px) + SUPPRESSION_MARGIN_PX
 
     def for_size(self, width_px: int, height_px: int) -> FrontEndConfig:
@@ -150,23 +150,23 @@ class FrontEndConfig:
         ValueError
             If the size is outside 64..4096 px, or no cell fits.
         """
-        _in_range("frame width", width_px, MIN_FRAME_PX, MAX_FRAME_PX)
-        _in_range("frame height", height_px, MIN_FRAME_PX, MAX_FRAME_PX)
+        _check_range("frame width", width_px, MIN_FRAME_PX, MAX_FRAME_PX)
+        _check_range("frame height", height_px, MIN_FRAME_PX, MAX_FRAME_PX)
         if not self.selection:
             return self
         # The rule asks for 3 per cell; a cell size or a count that the user sets takes precedence.
-        fewest = self.per_cell or (1 if self.cell_px else 3)
+        min_per_cell = self.per_cell or (1 if self.cell_px else 3)
         for cell_px in (self.cell_px,) if self.cell_px else CELL_SIZES_PX:
-            fitting = self.max_features // self.cells(width_px, height_px, cell_px)
-            if fitting >= fewest:
-                most = self.per_cell or (5 if cell_px == CELL_SIZES_PX[0] else 8)
-                return dataclasses.replace(self, cell_px=cell_px, per_cell=min(fitting, most))
+            fitting = self.max_features // self.count_cells(width_px, height_px, cell_px)
+            if fitting >= min_per_cell:
+                max_per_cell = self.per_cell or (5 if cell_px == CELL_SIZES_PX[0] else MAX_PER_CELL)
+                return dataclasses.replace(self, cell_px=cell_px, per_cell=min(fitting, max_per_cell))
         raise ValueError(
             f"{width_px}x{height_px}: no cell size keeps the features within {self.max_features}; "
             "use a larger cell_px or fewer per_cell"
         )
 
-    def cells(self, width_px: int, height_px: int, cell_px: int) -> int:
+    def count_cells(self, width_px: int, height_px: int, cell_px: int) -> int:
         """Number of cells, over all levels, that can hold a feature."""
         total = 0
         for level in range(self.levels):
@@ -193,8 +193,8 @@ class MatcherConfig:
     keep_above: int = 64
 
     def __post_init__(self) -> None:
-        _one_of("rule_base", self.rule_base, RULE_BASES)
-        _in_range("keep_above", self.keep_above, 0, 255)
+        _check_choice("rule_base", self.rule_base, RULE_BASES)
+        _check_range("keep_above", self.keep_above, 0, 255)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -238,7 +238,7 @@ def preset_config(name: str) -> Config:
     ValueError
         For an unknown name; the message lists the valid ones.
     """
-    _one_of("preset", name, tuple(PRESETS))
+    _check_choice("preset", name, tuple(PRESETS))
     return PRESETS[name]
 
 
@@ -256,7 +256,7 @@ def load_config(path: str | Path, preset: str = "aerial") -> Config:
     """
     try:
         tables = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-        return _changed_preset(tables.pop("preset", preset), tables)
+        return _replace_tables(preset_config(tables.pop("preset", preset)), tables)
     except OSError as error:
         raise ValueError(f"{path}: cannot be read ({error.strerror}); give a TOML file") from error
     # RecursionError: arrays that are nested hundreds of times.
@@ -276,25 +276,24 @@ def to_toml(config: Config) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _changed_preset(name: str, tables: dict[str, Any]) -> Config:
-    config = preset_config(name)
-    _known_keys("", tables, ("preset", *TABLES))
-    changed: dict[str, Any] = {table: _changed(table, getattr(config, table), tables[table]) for table in tables}
+def _replace_tables(config: Config, tables: dict[str, Any]) -> Config:
+    _check_keys("", tables, ("preset", *TABLES))
+    changed: dict[str, Any] = {name: _replace_values(name, getattr(config, name), tables[name]) for name in tables}
     return dataclasses.replace(config, **changed)
 
 
-def _changed(table: str, defaults: Any, values: Any) -> Any:
+def _replace_values(table: str, defaults: Any, values: Any) -> Any:
     """A copy of the dataclass instance ``defaults`` with the ``values`` of a table of the file."""
     if type(values) is not dict:
         raise ValueError(f"{table} is {values!r}; it must be a table, [{table}]")
-    _known_keys(f"{table}.", values, tuple(field.name for field in dataclasses.fields(defaults)))
+    _check_keys(f"{table}.", values, tuple(field.name for field in dataclasses.fields(defaults)))
     try:
         return dataclasses.replace(defaults, **values)
     except ValueError as error:
         raise ValueError(f"{table}.{error}") from error
 
 
-def _known_keys(prefix: str, values: dict[str, Any], known: tuple[str, ...]) -> None:
+def _check_keys(prefix: str, values: dict[str, Any], known: tuple[str, ...]) -> None:
     for key in values:
         if key not in known:
             raise ValueError(f"unknown key {prefix}{key}; valid: {', '.join(known)}")

@@ -86,15 +86,15 @@ RESPONSE_FRACTION_BITS = 10
 RESPONSE_CODE = UQ(15)
 """The response as stored: 5-bit exponent field, 10-bit fraction, hidden one, denormal below 1024."""
 POSITION = UQ(12, 4)
-"""Pixel position in full-resolution coordinates, in 1/16 px (`POSITION.one` a pixel); pixel centres are integers."""
+"""Pixel position in full-resolution coordinates, in 1/16 px (`POSITION.one` per pixel); pixel centres are integers."""
 MEMBERSHIP = UQ(1, 8)
 """Degrees of membership and output singletons of fuzzy rules: 256 represents 1."""
 WEIGHT = UQ(0, 8)
-"""Weight that the fuzzy rules give to a match; 255 is the largest."""
+"""Weight that the fuzzy rules give to a match, 0 to 255."""
 
 
 def round_shift(raw: NDArray[np.int64], shift: int) -> NDArray[np.int64]:
-    """``raw / 2**shift`` rounded to the nearest integer, halves up."""
+    """Divide by ``2**shift`` and round to the nearest integer, halves up."""
     if shift == 0:
         return raw
     rounded: NDArray[np.int64] = (raw + (1 << (shift - 1))) >> shift
@@ -128,7 +128,7 @@ def encode_response(value: NDArray[np.integer]) -> NDArray[np.uint16]:
 
 
 def decode_response(code: NDArray[np.integer]) -> NDArray[np.int32]:
-    """The value that a 15-bit response code represents; the low bits that it dropped are zero."""
+    """Decode 15-bit response codes; the low bits that the code dropped are zero."""
     wide = np.asarray(code, dtype=np.int32)
     field = wide >> RESPONSE_FRACTION_BITS
     hidden = (field > 0).astype(np.int32) << RESPONSE_FRACTION_BITS

@@ -1,4 +1,4 @@
-"""The front end: computes the features of a frame; `trace` also returns all intermediate planes."""
+"""The front end: `extract` computes the features of a frame, `trace` also returns all intermediate planes."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from golden_model.arrays import Pixels, Records
 from golden_model.config import FrontEndConfig
 from golden_model.feature import ilbp, subpixel
 from golden_model.formats import encode_response
+from golden_model.matching.correlation import windows
 from golden_model.pixel import fast, harris, nms, sobel
 from golden_model.pixel.gray import to_gray
 from golden_model.pixel.half import halve
@@ -54,7 +55,7 @@ class Plane:
 
 @dataclass(frozen=True, eq=False)
 class FrontEndTrace:
-    """The result for one frame, and for each level the planes of its stages in the order of the data flow.
+    """Result for one frame, and for each level the planes of its stages in the order of the data flow.
 
     Stages: ``gray``; for Harris ``smoothed``, ``gradient_x``, ``gradient_y``, ``tensor_a``, ``tensor_b``,
     ``tensor_c``, ``raw_response``; for both detectors ``response_code``, ``candidates`` (the code where it survived
@@ -122,28 +123,28 @@ def _extract(
     config = config.for_size(*size_px)
     # Levels do not depend on each other: the same stages run on each of them.
     pyramid = [full, halve(full)][: config.levels]
-    corners = [_corners(gray, level, config, partial(keep, level)) for level, gray in enumerate(pyramid)]
-    if sum(len(found.x) for found in corners) > config.max_features:
-        void = np.zeros(0, _feature_dtype(config))
-        return FrameFeatures(void, _status(config, frame, size_px, void, Cause.TOO_MANY_FEATURES))
+    chosen = [_choose_corners(gray, level, config, partial(keep, level)) for level, gray in enumerate(pyramid)]
+    if sum(len(corners.x) for corners in chosen) > config.max_features:
+        no_features = np.zeros(0, _feature_dtype(config))
+        return FrameFeatures(no_features, _status(config, frame, size_px, no_features, Cause.TOO_MANY_FEATURES))
     parts = [
-        _records(gray, found, level, config, partial(keep, level))
-        for level, (gray, found) in enumerate(zip(pyramid, corners, strict=True))
+        _describe_corners(gray, corners, level, config, partial(keep, level))
+        for level, (gray, corners) in enumerate(zip(pyramid, chosen, strict=True))
     ]
     # `np.concatenate` drops the padding at the end of the records; the cast restores it.
     features = np.concatenate(parts).astype(_feature_dtype(config), copy=False)
     # Without selection there is one level, and its raster order is the order of emission.
     if config.cell_px:
-        cell_row = np.concatenate([found.y // config.cell_px for found in corners])
+        cell_row = np.concatenate([corners.y // config.cell_px for corners in chosen])
         features = features[selection.emission_order(features["level"], cell_row)]
     features["index"] = np.arange(len(features))
     features["frame"] = frame
     return FrameFeatures(features, _status(config, frame, size_px, features, Cause(0)))
 
 
-def _corners(gray: Pixels, level: int, config: FrontEndConfig, keep: Keep) -> _Corners:
+def _choose_corners(gray: Pixels, level: int, config: FrontEndConfig, keep: Keep) -> _Corners:
     keep("gray", gray, 0)
-    code = _response_code(gray, config, keep)
+    code = _compute_response(gray, config, keep)
     keep("response_code", code, config.response_support_px)
     survivors = nms.suppress(code, *config.suppression)
     candidates = np.zeros_like(survivors)
@@ -157,7 +158,7 @@ def _corners(gray: Pixels, level: int, config: FrontEndConfig, keep: Keep) -> _C
     return _Corners(x, y, code[y, x], *subpixel.refine(code, x, y, level))
 
 
-def _response_code(gray: Pixels, config: FrontEndConfig, keep: Keep) -> NDArray[np.uint16]:
+def _compute_response(gray: Pixels, config: FrontEndConfig, keep: Keep) -> NDArray[np.uint16]:
     if config.detector == "fast":
         return fast.response_code(gray, config.threshold)
     smoothed, margin_px = (binomial3(gray), 1) if config.smoothed_gradients else (gray, 0)
@@ -173,7 +174,7 @@ def _response_code(gray: Pixels, config: FrontEndConfig, keep: Keep) -> NDArray[
     return harris.response_code(raw, config.threshold)
 
 
-def _records(gray: Pixels, corners: _Corners, level: int, config: FrontEndConfig, keep: Keep) -> Records:
+def _describe_corners(gray: Pixels, corners: _Corners, level: int, config: FrontEndConfig, keep: Keep) -> Records:
     pattern = config.pattern
     smoothed5 = gray
     if pattern.smoothed:
@@ -187,7 +188,7 @@ def _records(gray: Pixels, corners: _Corners, level: int, config: FrontEndConfig
     records["y"] = corners.full_y
     records["sector"], records["descriptor"] = ilbp.describe(gray, smoothed5, corners.x, corners.y, pattern)
     if pattern.carries_window:
-        records["window"] = ilbp.window3x3(gray, corners.x, corners.y)
+        records["window"] = windows(gray, corners.x, corners.y, size_px=3)
     return records
 
 

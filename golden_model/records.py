@@ -1,8 +1,8 @@
-"""The records that the accelerator sends, described in one place.
+"""The records that the accelerator sends, declared in one place.
 
-NumPy dtypes (host, golden model) and hardware layouts (``hdl/streams.py``) are both derived
-from the field lists here. Records are little-endian, a whole number of 64-bit words, and carry
-a type tag in their first byte; every record of one stream has the same length.
+NumPy dtypes (host, golden model) and hardware layouts (``hdl/streams.py``) are both derived from the field lists here.
+Records are little-endian, a whole number of 64-bit words, and carry a type tag in their first byte; every record of one
+stream has the same length.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ WORD_BYTES = 8
 
 
 class Tag(enum.IntEnum):
-    """First byte of every record: what the record is."""
+    """First byte of every record: its type."""
 
     FEATURE = 1
     MATCH = 2
@@ -77,7 +77,7 @@ class Record:
         return -(-self.payload_bytes // WORD_BYTES) * WORD_BYTES
 
     def offsets(self) -> Iterator[tuple[Field, int]]:
-        """Each field with its byte offset in the record."""
+        """Yield each field with its byte offset in the record."""
         offset = 1
         for field in self.fields:
             yield field, offset
@@ -89,7 +89,7 @@ class Record:
         return self.dtype_padded_to(self.record_bytes)
 
     def dtype_padded_to(self, length_bytes: int) -> np.dtype[np.void]:
-        """The dtype of the record inside a stream whose records are ``length_bytes`` long."""
+        """Make the dtype of the record for a stream whose records are ``length_bytes`` long."""
         names = ["tag", *(field.name for field in self.fields)]
         formats = [np.dtype("u1"), *(field.dtype for field in self.fields)]
         offsets = [0, *(offset for _, offset in self.offsets())]
@@ -97,7 +97,7 @@ class Record:
 
 
 def feature_record(descriptor_bytes: int, window_bytes: int = 0) -> Record:
-    """The Feature record for a descriptor of ``descriptor_bytes`` and a gray window of ``window_bytes``.
+    """Make the Feature record for a descriptor of ``descriptor_bytes`` and a gray window of ``window_bytes``.
 
     ``x`` and ``y`` are UQ12.4 in full-resolution pixels, ``response`` is the 15-bit code of
     `golden_model.formats`, ``sector`` counts sixteenths of a full circle, ``index`` is the order of emission.
@@ -171,4 +171,4 @@ SCORE = Record(
     Tag.SCORE,
     (Field("causes", 8), Field("number", 16), Field("support", 32), Field("score", 32), Field("frame", 32)),
 )
-"""How well a hypothesis fits, see `golden_model.geometry.scoring.Scores`; ``frame`` is that of the matches."""
+"""How well a hypothesis fits (`golden_model.geometry.scoring.Scores`) the matches of ``frame``."""

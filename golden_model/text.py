@@ -1,4 +1,4 @@
-"""Text of messages: text from outside (file names, a peer's messages) made safe to print, and common advice."""
+"""Texts of messages: outside text (file names, a peer's messages) made safe to print, and common advice."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import unicodedata
 
 _UNSAFE = {"Cc", "Cf", "Cs", "Zl", "Zp"}
 """Unicode categories that end a line, move the cursor, reverse the direction of writing, or cannot be encoded."""
-LONGEST_LINE = 2000
+MAX_LENGTH = 2000
 
 
 def one_line(text: str) -> str:
@@ -17,17 +17,17 @@ def one_line(text: str) -> str:
 
     Names of files may contain newlines and terminal sequences, which would forge or hide parts of a message.
     """
-    shown = text if len(text) <= LONGEST_LINE else f"{text[: LONGEST_LINE // 2]} ... {text[-LONGEST_LINE // 2 :]}"
+    shown = text if len(text) <= MAX_LENGTH else f"{text[: MAX_LENGTH // 2]} ... {text[-MAX_LENGTH // 2 :]}"
     return "".join(
         char.encode("unicode_escape").decode() if unicodedata.category(char) in _UNSAFE else char for char in shown
     )
 
 
 def how_to_install(extra: str) -> str:
-    """How to add one of the extras of pyproject.toml. The package is on no index, so its source is named.
+    """Command that adds one of the extras of pyproject.toml. The package is on no index, so it names the source.
 
-    ``pip`` alone is the active environment's; that of another environment, such as ``.venv`` of ``make demo`` or one of
-    pipx, is named by its Python.
+    Outside an active environment (``.venv`` of ``make demo``, pipx), plain ``pip`` would be another one's: it is run by
+    its Python.
     """
     is_active = sys.prefix == sys.base_prefix or os.environ.get("VIRTUAL_ENV") == sys.prefix
     pip = "pip" if is_active else f"{shlex.quote(sys.executable)} -m pip"

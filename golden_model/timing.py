@@ -1,9 +1,8 @@
-"""Predicts the clock of every step of a frame through the accelerator, from sizes, counts and matches alone.
+"""Predicts in which clock each step of a frame through the accelerator happens, from sizes, counts and matches alone.
 
-The prediction is exact for streams without pauses: a beat of one pixel or two in every clock, and outputs that are
-always taken. It is a model, not a recording: it adds up the latencies that the blocks state (`Latencies`), and follows
-the one place where waiting depends on data, the queue of mutual matches between the walk over the rows and the weighing
-of the matches.
+The prediction is exact for streams without pauses: one beat of one or two pixels per clock, and outputs that are always
+taken. It adds up the latencies that the blocks state (`Latencies`), and follows the one place where waiting depends on
+data, the queue of mutual matches between the walk over the rows and the weighing of the matches.
 
 Not predicted: pauses of the streams, the first word of each feature, frames without selection by cells (their queue may
 hold pixels back), frames so narrow that a cell row has not left when the next one ends, and what follows a frame whose
@@ -21,13 +20,14 @@ from numpy.typing import NDArray
 
 from golden_model.config import Config, MatcherConfig
 from golden_model.feature.ilbp import DescriptorPattern
-from golden_model.matching import fuzzy
+from golden_model.matching import rule_bases
+from golden_model.matching.fuzzy import SugenoSystem
 from golden_model.records import MATCH, WORD_BYTES, feature_record
 
 
 @dataclass(frozen=True, kw_only=True)
 class Latencies:
-    """Latencies of the blocks in clocks; a test compares them with those that the hardware states.
+    """Latencies of the blocks in clocks; a test compares them with the hardware's own.
 
     Parameters
     ----------
@@ -38,9 +38,9 @@ class Latencies:
     status : int
         From a frame's last beat to the first word of its status in the merge.
     status_word : int
-        Each further word of a status: it is selected in one clock and sent in the next.
+        Per further word of a status: it is selected in one clock and sent in the next.
     skid_buffer : int
-        Each stage between the merge and an output, or the matcher.
+        Per stage between the merge and an output, or the matcher.
     acceptance : int
         From the last word of a status at the matcher to the clock in which the frame is accepted.
     search_start : int
@@ -48,7 +48,7 @@ class Latencies:
     drain : int
         From the last address of a search to readable results.
     shortest_pass : int
-        Least clocks of one pass of the right features over the lanes.
+        Shortest pass of the right features over the lanes.
     walk : int
         From a row's address to its mutual match in the queue.
     count, weigh : int
@@ -77,7 +77,7 @@ class Latencies:
 
     @classmethod
     def of(cls, config: Config, *, lanes: int) -> Latencies:
-        """The latencies of a build."""
+        """Compute the latencies of a build."""
         pattern, words = config.front_end.pattern, MATCH.record_bytes // WORD_BYTES
         record = feature_record(pattern.descriptor_bytes, pattern.window_bytes)
         result = int(config.matcher.rule_base != "none")
@@ -86,9 +86,9 @@ class Latencies:
             match_words=words,
             drain=_READ_CYCLES + DISTANCE_CYCLES[pattern.bits] + lanes + 2,
             shortest_pass=lanes + 3,
-            # The weight, its square, and the sum.
-            count=sugeno_cycles(fuzzy.aerial_orientation(pattern.bits)) + 3 + 1,
-            # The features are read; then the weight, the comparison with the limit, and the record.
+            # Weight, its square, sum.
+            count=sugeno_cycles(rule_bases.aerial_orientation(pattern.bits)) + 3 + 1,
+            # Features read, weight, comparison with the limit, record.
             weigh=_READ_CYCLES + weight_cycles(pattern, config.matcher) + 1 + words + result,
             result=result,
             # Up and down the 16 bins, and 5 clocks of latency between.
@@ -103,16 +103,19 @@ SAD_CYCLES = 3
 
 
 def weight_cycles(pattern: DescriptorPattern, config: MatcherConfig) -> int:
-    """From the features to their weight: relative orientation or sum of absolute differences, then the rules."""
+    """Clocks from the features to their weight: relative orientation or sum of absolute differences, then the rules."""
     if config.rule_base == "none":
         return 1
     if config.rule_base == "aerial":
-        return 1 + sugeno_cycles(fuzzy.aerial(pattern.bits))
-    return SAD_CYCLES + sugeno_cycles(fuzzy.ilbp(pattern.bits))
+        return 1 + sugeno_cycles(rule_bases.aerial(pattern.bits))
+    return SAD_CYCLES + sugeno_cycles(rule_bases.ilbp(pattern.bits))
 
 
-def sugeno_cycles(system: fuzzy.SugenoSystem) -> int:
-    """Memberships, a clock for each rule, two for each product or one for each minimum, then rounding or a division."""
+def sugeno_cycles(system: SugenoSystem) -> int:
+    """Clocks of `hdl.matching.fuzzy.Sugeno` for a system.
+
+    Memberships, one per rule, two per product or one per minimum, then rounding or a division.
+    """
     inputs = len(system.inputs)
     combining, rounding = (2 * (inputs - 2), 2) if system.conjunction == "product" else (inputs - 1, 11)
     return 2 + len(system.rules) + 1 + combining + 2 + rounding
@@ -120,7 +123,7 @@ def sugeno_cycles(system: fuzzy.SugenoSystem) -> int:
 
 @dataclass(frozen=True, eq=False)
 class FrameWork:
-    """What a frame's clocks depend on.
+    """Size, counts and matches of a frame, on which its clocks depend.
 
     Parameters
     ----------
@@ -155,7 +158,7 @@ class Timeline:
     searched : int
         All distances have been compared; equal to ``accepted`` for a bad frame, as are the following ones.
     counted : int
-        The common orientation has been found.
+        The common orientation is known.
     weighed : int
         The last match has its weight.
     matches : tuple of int
@@ -175,11 +178,11 @@ class Timeline:
     matches_end: int
 
     def steps(self) -> Iterator[tuple[str, int]]:
-        """Name and clock of each step of the frame, in their order."""
+        """Return name and clock of each step of the frame, in their order."""
         return ((name, clock) for name, clock in vars(self).items() if name != "matches")
 
-    def delayed(self, cycles: int) -> Timeline:
-        """The same timeline, a number of clocks later."""
+    def delay(self, cycles: int) -> Timeline:
+        """Return the same timeline, ``cycles`` clocks later."""
         clocks: dict[str, Any] = {name: clock + cycles for name, clock in self.steps()}
         return Timeline(**clocks, matches=tuple(clock + cycles for clock in self.matches))
 
@@ -192,24 +195,23 @@ class Timeline:
 def timelines(works: Sequence[FrameWork], config: Config, *, lanes: int, pixels_per_clock: int = 1) -> list[Timeline]:
     """Predict frames that follow each other without a pause.
 
-    A line of odd width takes a clock for its last pixel, too, where two pixels come in a clock.
+    With two pixels per clock, the last pixel of a line of odd width takes a clock of its own.
 
     Returns
     -------
     list of Timeline
-        Shorter than ``works`` where the rest is not predicted (see the head of this file).
+        Shorter than ``works`` where the rest cannot be predicted (see the module's docstring).
     """
     if not config.front_end.selection:
         return []
-    # How long the lines of each frame take.
     line_cycles = [-(-work.width_px // pixels_per_clock) for work in works]
     return list(_timelines(works, line_cycles, Latencies.of(config, lanes=lanes), config.front_end.border_px))
 
 
 def steady_pace(work: FrameWork, config: Config, *, lanes: int, pixels_per_clock: int = 1) -> tuple[int, int] | None:
-    """Clocks in which frames such as this one follow each other, and those from last pixel to last match.
+    """Clocks from one such frame to the next, and from last pixel to last match; None where they cannot be predicted.
 
-    The slower of pixels and matching sets the pace. None where the timeline is not predicted.
+    The slower of pixels and matching sets the pace.
     """
     for line in timelines([work], config, lanes=lanes, pixels_per_clock=pixels_per_clock):
         return max(line.status_cycles, line.matches_end - line.accepted), line.matches_end - line.last_pixel
@@ -228,48 +230,37 @@ def _timelines(
         # The same words go to the output's buffer and to the one before the matcher.
         arrived = last_word + 2 * latencies.skid_buffer
         accepted = max(arrived + 1, idle) + latencies.acceptance - 1
-        matched = _matched(work, latencies, accepted)
+        searched, counted, weighed, taken = _match_clocks(work, latencies, accepted)
+        # The words of a record pass the output's buffer; the gate takes a clock to open for the first one of a packet.
+        firsts = [clock - latencies.result - latencies.match_words + 2 + latencies.skid_buffer for clock in taken]
         yield Timeline(
-            first_pixel=first_pixel, last_pixel=last_pixel, features_end=arrived, accepted=accepted, **vars(matched)
+            first_pixel=first_pixel,
+            last_pixel=last_pixel,
+            features_end=arrived,
+            accepted=accepted,
+            searched=searched,
+            counted=counted,
+            weighed=weighed,
+            matches=tuple(clock + (n == 0) for n, clock in enumerate(firsts)),
+            matches_end=weighed + 1 + latencies.match_words + latencies.skid_buffer + (not taken),
         )
-        idle = matched.weighed + 1 + latencies.match_words
+        idle = weighed + 1 + latencies.match_words
         first_pixel = last_pixel + 1
         # A frame that waits for the matcher holds back the features of the next one, which come after its border.
         if number + 1 < len(works) and accepted > first_pixel + border_px * line_cycles[number + 1]:
             return
 
 
-@dataclass(frozen=True)
-class _Matched:
-    """The last fields of a `Timeline`."""
-
-    searched: int
-    counted: int
-    weighed: int
-    matches: tuple[int, ...]
-    matches_end: int
-
-
-def _matched(work: FrameWork, latencies: Latencies, accepted: int) -> _Matched:
-    """The clocks of a frame's matching, from its acceptance on."""
-    searched = counted = weighed = accepted
-    taken: list[int] = []
-    if work.good:
-        searched = accepted + latencies.search_start + _search_cycles(work, latencies)
-        begins, counted = searched + 1, searched
-        if latencies.peak:
-            counted, _ = _walked(work, latencies.walk, latencies.count, begins)
-            begins = counted + latencies.peak + 2
-        weighed, taken = _walked(work, latencies.walk, latencies.weigh, begins)
-    # The words of a record pass the output's buffer; the gate takes a clock to open for the first one of a packet.
-    firsts = [clock - latencies.result - latencies.match_words + 2 + latencies.skid_buffer for clock in taken]
-    return _Matched(
-        searched=searched,
-        counted=counted,
-        weighed=weighed,
-        matches=tuple(clock + (n == 0) for n, clock in enumerate(firsts)),
-        matches_end=weighed + 1 + latencies.match_words + latencies.skid_buffer + (not taken),
-    )
+def _match_clocks(work: FrameWork, latencies: Latencies, accepted: int) -> tuple[int, int, int, list[int]]:
+    """Clocks in which a frame is searched, counted and weighed, and in which each match is taken from the queue."""
+    if not work.good:
+        return accepted, accepted, accepted, []
+    searched = accepted + latencies.search_start + _search_cycles(work, latencies)
+    begins, counted = searched + 1, searched
+    if latencies.peak:
+        counted, _ = _walk_clocks(work, latencies.walk, latencies.count, begins)
+        begins = counted + latencies.peak + 2
+    return searched, counted, *_walk_clocks(work, latencies.walk, latencies.weigh, begins)
 
 
 def _search_cycles(work: FrameWork, latencies: Latencies) -> int:
@@ -279,10 +270,10 @@ def _search_cycles(work: FrameWork, latencies: Latencies) -> int:
     return -(-work.left // lanes) * max(work.right, latencies.shortest_pass) + latencies.drain
 
 
-def _walked(work: FrameWork, walk_cycles: int, service_cycles: int, begins: int) -> tuple[int, list[int]]:
-    """The clock in which a walk over all rows has ended, and those in which each match was taken.
+def _walk_clocks(work: FrameWork, walk_cycles: int, service_cycles: int, begins: int) -> tuple[int, list[int]]:
+    """Clock in which a walk over all rows ends, and those in which each match is taken.
 
-    A row is read in each clock. Its match waits in a skid buffer: one at the output, one aside; while one is aside, no
+    One row is read per clock. Its match waits in a skid buffer: one at the output, one aside; while one is aside, no
     row is read.
     """
     rows = work.left if work.right else 0

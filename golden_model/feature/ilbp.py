@@ -1,6 +1,6 @@
 """Ring descriptors: the thesis's ILBP (equation III-4) and smoothed, oriented versions of it.
 
-`DescriptorPattern` describes all of them, here and in ``hdl/feature/ilbp.py``; `describe` computes them.
+One `DescriptorPattern` configures both `describe` and the hardware, `hdl.feature.ilbp.RingDescriptor`.
 """
 
 from __future__ import annotations
@@ -12,6 +12,8 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+
+from golden_model.feature.orientation import moments, sector_of
 
 SQUARE_RING = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
 """The eight neighbours of equation III-4 as (x, y) at distance 1, from +x towards +y (down)."""
@@ -126,16 +128,6 @@ _UPRIGHT = tuple(replace(p, name=f"{p.name}-upright", oriented=False) for p in (
 PATTERNS = {p.name: p for p in (ILBP_128, ILBP_256, *_UPRIGHT, *(thesis_ilbp(n) for n in range(1, 5)))}
 """Every descriptor by its name in configurations."""
 
-SECTORS = 16
-"""Orientation sectors of a full circle."""
-COSINE_ONE = 64
-"""Cosines and sines of the orientation moments are integers; 64 represents 1."""
-TANGENT_ONE = 4096
-HALF_SECTOR_TANGENTS = (815, 2737)
-"""tan(pi/16) and tan(3 pi/16) in units of 1/4096: the borders between sectors inside an octant."""
-
-_WINDOW_3X3 = tuple((dx, dy) for dy in (-1, 0, 1) for dx in (-1, 0, 1))
-
 
 def describe(
     gray: NDArray[np.uint8],
@@ -179,11 +171,6 @@ def describe(
     return sector, _compare(samples, sector, pattern)
 
 
-def window3x3(gray: NDArray[np.uint8], x: NDArray[np.integer], y: NDArray[np.integer]) -> NDArray[np.uint8]:
-    """The 3x3 gray windows around (N,) positions, (N, 9) uint8 in raster order; ValueError if one leaves the image."""
-    return np.ascontiguousarray(gather(gray, x, y, _WINDOW_3X3).T)
-
-
 def gather(
     plane: NDArray[np.uint8],
     x: NDArray[np.integer],
@@ -212,34 +199,6 @@ def gather(
         )
     pixels: NDArray[np.uint8] = np.take(plane, (rows * width + columns) + (dy * width + dx)[:, np.newaxis])
     return pixels
-
-
-def moments(samples: NDArray[np.uint8], radii_px: tuple[int, ...]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Orientation moments Mx, My of (rings, 16, N) ring pixels: sums of r * S * round(64 cos), and with sin.
-
-    Both are (N,) int32 and fit 24 bits signed for rings up to 15 px (|M| < 8.1e6).
-    """
-    angle_rad = 2 * np.pi * np.arange(SECTORS) / SECTORS
-    unit = np.rint(COSINE_ONE * np.stack([np.cos(angle_rad), np.sin(angle_rad)]))
-    weights = (unit[:, np.newaxis, :] * np.array(radii_px)[:, np.newaxis]).reshape(2, -1)
-    # All sums are integers far below 2**53, so the product in float64 is exact; it is much faster than in integers.
-    mx, my = (weights @ samples.reshape(weights.shape[1], -1).astype(np.float64)).astype(np.int32)
-    return mx, my
-
-
-def sector_of(mx: NDArray[np.int32], my: NDArray[np.int32]) -> NDArray[np.uint8]:
-    """The sector round(16 atan2(my, mx) / 2 pi) mod 16 of (N,) moments, by integers; (0, 0) gives 0.
-
-    Each octant contains two borders, at tangents of 815/4096 and 2737/4096 (0.03 % and 0.005 % above the true values).
-    A moment exactly on a border, or on the diagonal, belongs to the sector nearer to its longer axis.
-    """
-    across, along = np.abs(mx).astype(np.int64), np.abs(my).astype(np.int64)
-    longer, shorter = np.maximum(across, along), np.minimum(across, along)
-    sector = sum((TANGENT_ONE * shorter > tangent * longer).astype(np.int64) for tangent in HALF_SECTOR_TANGENTS)
-    sector = np.where(along > across, SECTORS // 4 - sector, sector)
-    sector = np.where(mx < 0, SECTORS // 2 - sector, sector)
-    sector = np.where(my < 0, -sector, sector)
-    return (sector % SECTORS).astype(np.uint8)
 
 
 def _compare(samples: NDArray[np.uint8], sector: NDArray[np.uint8], pattern: DescriptorPattern) -> NDArray[np.uint8]:

@@ -35,7 +35,7 @@ def vertex(before: NDArray[np.int32], centre: NDArray[np.int32], after: NDArray[
 def refine(
     code: NDArray[np.uint16], x: NDArray[np.intp], y: NDArray[np.intp], level: int
 ) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
-    """Sub-pixel positions in the full-resolution frame.
+    """Refine corners to sub-pixel positions in the full-resolution frame.
 
     The centre of half-size pixel x is at 2 (x + 1/2) - 1/2 in the full frame.
 

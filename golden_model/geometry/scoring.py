@@ -1,4 +1,4 @@
-"""How well proposed homographies fit weighted matches, in integers and without a division.
+"""Scores proposed homographies by weighted matches, in integers and without a division.
 
 Coordinates are those of match records: 1/16 px, unsigned, 16 bits. In units of 2^16 of them, 4096 px, every coordinate
 is below 1 and the nine elements of a usual homography have similar magnitudes, so one format serves all nine:
@@ -8,7 +8,7 @@ free, its sign says which points are in front of the camera: those whose third c
 A match is at an error e = (n - x'w) / w, where n and w are linear in the left position and x' is the right one. With
 tau = 3 px its gain is the truncated quadratic 32 (1 - e² / 2tau²), rounded up to a whole number, which needs only
 comparisons of (n - x'w)² with multiples of w². The score is the sum of weight times gain, the support the sum of the
-weights where the gain is not 0. All widths follow from the largest magnitudes below, which are sums of products.
+weights where the gain is not 0. All widths follow from the largest magnitudes below (``MAX_...``).
 """
 
 from __future__ import annotations
@@ -25,46 +25,44 @@ from golden_model.records import HYPOTHESIS, SCORE, Tag
 
 ENTRY = SQ(25)
 """An element of a hypothesis. With an unsigned position of 16 bits it fits one multiplier of 25 x 18 bits."""
-SMALLEST_LARGEST_ENTRY = 1 << ENTRY.bits - 2
+MIN_LARGEST_ENTRY = 1 << ENTRY.bits - 2
 """The largest element of a hypothesis is at least this, or rounding would be too coarse."""
 MAX_MATCHES = 2048
 """Matches that the hardware stores: as many as a frame has features."""
 TOLERANCE_PX = 3
 LEVEL_BITS = 5
 LEVELS = 1 << LEVEL_BITS
-"""Steps of the gain between error 0 and sqrt(2) ``TOLERANCE_PX``. With 16 steps, a pair with relief, on which the seed
-decides between two planes, took the wrong one more often than in floating point; with 32 as often (measured)."""
+"""Steps of the gain between error 0 and sqrt(2) ``TOLERANCE_PX``. With 16 steps, a pair with relief, where the seed
+decides between two planes, got the wrong plane more often than in floating point; with 32, as often (measured)."""
 
 TERM_SHIFT = 18
 """Bits that x'w, y'w and w drop before the right position is multiplied."""
 ERROR_SHIFT = 13
 DEPTH_SHIFT = 7
-"""Bits that n - x'w and w drop before they are squared; together with the 16 of the position, both lose the same unit
-but for a factor that `DEPTH_FACTOR` and `ERROR_FACTOR` hold."""
+"""Bits that n - x'w and w drop before they are squared. With the 16 bits of the position, both then have the same
+unit up to a factor, which `DEPTH_FACTOR` and `ERROR_FACTOR` restore."""
 ERROR = SQ(18)
-"""n - x'w as squared, limited to this range; the limit is beyond the tolerance for every w."""
+"""n - x'w is limited to this range before it is squared; the limit is beyond the tolerance for every w."""
 ERROR_FACTOR, DEPTH_FACTOR = 8, 9
 """e² < 2tau² where 8 (n - x'w)² < 9 w², in the units after the shifts: 9/8 = 2 (3 * 16)² / 2^12."""
 
-LARGEST_SUM = -ENTRY.min_raw * (2 * POSITION.max_raw + (1 << POSITION.bits))
-LARGEST_TERM = LARGEST_SUM + (1 << TERM_SHIFT - 1) >> TERM_SHIFT
-LARGEST_DEPTH = LARGEST_TERM >> DEPTH_SHIFT
-LARGEST_MISS = LARGEST_TERM * ((1 << POSITION.bits) + POSITION.max_raw)
-LARGEST_SQUARED_ERROR = ERROR_FACTOR * 2 * ERROR.min_raw**2
-LARGEST_SQUARED_DEPTH = DEPTH_FACTOR * LARGEST_DEPTH**2
-LARGEST_SUPPORT = MAX_MATCHES * WEIGHT.max_raw
-LARGEST_SCORE = LARGEST_SUPPORT * LEVELS
+MAX_SUM = -ENTRY.min_raw * (2 * POSITION.max_raw + (1 << POSITION.bits))
+MAX_TERM = MAX_SUM + (1 << TERM_SHIFT - 1) >> TERM_SHIFT
+MAX_DEPTH = MAX_TERM >> DEPTH_SHIFT
+MAX_MISS = MAX_TERM * ((1 << POSITION.bits) + POSITION.max_raw)
+MAX_SQUARED_ERROR = ERROR_FACTOR * 2 * ERROR.min_raw**2
+MAX_SQUARED_DEPTH = DEPTH_FACTOR * MAX_DEPTH**2
 
 LATENCY_CYCLES = 25
 """Clocks from a hypothesis to its score with one match; each further match adds one."""
-SHORTEST_CYCLES = 3
-"""Clocks from the start of a hypothesis to that of the next, at least."""
+MIN_CYCLES = 3
+"""Clocks from the start of a hypothesis to the start of the next."""
 IN_FLIGHT = 2
 """Hypotheses that are started before the score of the first has been taken."""
 
 
 class Cause(enum.IntFlag):
-    """Why a hypothesis has no score (bits of ``Scores.causes``); 0 is a score that counts."""
+    """Why a hypothesis has no score (bits of ``Scores.causes``); 0: it has one."""
 
     OUT_OF_RANGE = 1
     NOT_NORMALISED = 2
@@ -93,7 +91,7 @@ class Scores:
 
 
 def quantise(homographies: Array) -> NDArray[np.int64]:
-    """Homographies (M, 3, 3) of pixels as hypotheses: integers whose largest magnitude is 2^24 - 1.
+    """Round homographies (M, 3, 3) of pixels to hypotheses: integers whose largest magnitude is 2^24 - 1.
 
     Parameters
     ----------
@@ -167,7 +165,7 @@ def score(
 
 
 def hypothesis_records(hypotheses: NDArray[np.integer]) -> Records:
-    """Hypotheses (M, 3, 3) as records (`golden_model.records.HYPOTHESIS`), numbered from 0."""
+    """Make records (`golden_model.records.HYPOTHESIS`) of hypotheses (M, 3, 3), numbered from 0."""
     records = np.zeros(len(hypotheses), HYPOTHESIS.dtype)
     records["tag"], records["number"] = Tag.HYPOTHESIS, np.arange(len(hypotheses))
     for row, column in np.ndindex(3, 3):
@@ -176,7 +174,7 @@ def hypothesis_records(hypotheses: NDArray[np.integer]) -> Records:
 
 
 def score_records(scores: Scores, frame: int = 0) -> Records:
-    """The answers to `hypothesis_records` (`golden_model.records.SCORE`) by the matches of a frame."""
+    """Make the records (`golden_model.records.SCORE`) that answer `hypothesis_records`, by the matches of a frame."""
     records = np.zeros(len(scores.score), SCORE.dtype)
     records["tag"], records["number"] = Tag.SCORE, np.arange(len(records))
     records["score"], records["support"], records["causes"] = scores.score, scores.support, scores.causes
@@ -185,7 +183,7 @@ def score_records(scores: Scores, frame: int = 0) -> Records:
 
 
 def answers(hypotheses: NDArray[np.integer], matches: Records, frame: int = 0) -> Records:
-    """The Score records for hypotheses (M, 3, 3) by the kept ones of a frame's Match records."""
+    """Score hypotheses (M, 3, 3) by the kept ones among a frame's Match records: the Score records."""
     kept = matches[matches["verdict"] == 1]
     left, right = (np.stack((kept[f"{side}_x"], kept[f"{side}_y"]), axis=1) for side in ("left", "right"))
     return score_records(score(hypotheses, left, right, kept["weight"]), frame)
@@ -195,7 +193,7 @@ def _causes(h: NDArray[np.int64], matches: int, max_matches: int) -> NDArray[np.
     low, high = h.min(axis=(1, 2), initial=0), h.max(axis=(1, 2), initial=0)
     causes = np.where((low < ENTRY.min_raw) | (high > ENTRY.max_raw), int(Cause.OUT_OF_RANGE), 0)
     # As the hardware sees it: an element whose two leading bits differ.
-    small = (low >= -SMALLEST_LARGEST_ENTRY) & (high < SMALLEST_LARGEST_ENTRY)
+    small = (low >= -MIN_LARGEST_ENTRY) & (high < MIN_LARGEST_ENTRY)
     causes |= np.where(small, int(Cause.NOT_NORMALISED), 0)
     if matches == 0:
         causes |= int(Cause.NO_MATCHES)
@@ -222,7 +220,7 @@ def _gain(h: NDArray[np.int64], left: NDArray[np.int64], right: NDArray[np.int64
 
 
 def finish_cycles(matches: int, hypotheses: int) -> NDArray[np.int64]:
-    """The clock (M,) in which each of M hypotheses has its score, of which all wait at the idle block in clock 0.
+    """Clock (M,) in which each of M hypotheses has its score, where all wait at the idle block in clock 0.
 
     Scores are taken at once. From 25 matches on, hypothesis k is done in clock (k + 1) ``matches`` + 24.
     """
@@ -231,7 +229,7 @@ def finish_cycles(matches: int, hypotheses: int) -> NDArray[np.int64]:
     start = 0
     for k in range(hypotheses):
         if k:
-            start += max(read, SHORTEST_CYCLES)
+            start += max(read, MIN_CYCLES)
         if k >= IN_FLIGHT:
             start = max(start, finished[k - IN_FLIGHT] + 1)
         finished.append(start + read - 1 + LATENCY_CYCLES)

@@ -105,7 +105,7 @@ def best_matches(left: Windows, right: Windows, measure: str) -> tuple[NDArray[n
 
 
 def fuzzy_inputs(left: Windows, right: Windows, *, per_pixel: bool = True) -> tuple[Scores, Scores, Scores]:
-    """The inputs of `golden_model.matching.fuzzy.correlation`: SAD in 1/16, ZSSD in 1/4, NCC in 1/256.
+    """The inputs of `golden_model.matching.rule_bases.correlation`: SAD in 1/16, ZSSD in 1/4, NCC in 1/256.
 
     Table III-1 does not say whether SAD and ZSSD are per pixel or sums over the window. The default is per pixel: with
     sums, almost no window would belong to the set of good matches. Each score is rounded down.

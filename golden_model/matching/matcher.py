@@ -2,15 +2,44 @@
 
 from __future__ import annotations
 
+from typing import Generic, TypeVar
+
 import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.arrays import Records
 from golden_model.config import MatcherConfig
-from golden_model.feature.ilbp import SECTORS, DescriptorPattern
+from golden_model.feature.ilbp import DescriptorPattern
+from golden_model.feature.orientation import SECTORS
 from golden_model.formats import WEIGHT
-from golden_model.matching import correlation, fuzzy, hamming
+from golden_model.matching import correlation, hamming, rule_bases
+from golden_model.matching.fuzzy import SugenoSystem
 from golden_model.records import MATCH, Tag
+
+Frame = TypeVar("Frame")
+
+
+class ReferenceFrame(Generic[Frame]):
+    """The frame that other frames are matched with; `hdl.matching.feature_banks.FeatureBanks` follows the same rule.
+
+    The first good frame becomes the reference. It stays the reference where it is held; otherwise each good frame
+    replaces the one before. The first good frame and bad frames are not matched.
+
+    Parameters
+    ----------
+    held : bool
+    """
+
+    def __init__(self, *, held: bool) -> None:
+        self._held = held
+        self._frame: Frame | None = None
+
+    def for_frame(self, frame: Frame, *, good: bool) -> Frame | None:
+        """Return the reference to match the next frame with, or None, and update the reference."""
+        reference = self._frame if good else None
+        if good and (self._frame is None or not self._held):
+            self._frame = frame
+        return reference
 
 
 def match(
@@ -49,7 +78,7 @@ def match(
     left_index, right_index, best, margin = hamming.mutual_matches(distance, pattern.bits)
     left, right = left_features[left_index], right_features[right_index]
 
-    matches = paired(left_features, right_features, left_index, right_index)
+    matches = pair_features(left_features, right_features, left_index, right_index)
     matches["distance"], matches["margin"] = best, margin
     if pattern.oriented:
         matches["turn"] = (right["sector"] - left["sector"]) % SECTORS
@@ -60,22 +89,22 @@ def match(
         return matches
     if config.rule_base == "aerial":
         inputs = (best, margin, circular_distance(matches["turn"], matches["peak_turn"]))
-        weight, rule = fuzzy.aerial(pattern.bits).evaluate(*inputs)
+        weight, rule = rule_bases.aerial(pattern.bits).evaluate(*inputs)
     else:
         sad = correlation.sad(left["window"], right["window"])
-        weight, rule = fuzzy.ilbp(pattern.bits).evaluate(best, sad, sad)
+        weight, rule = rule_bases.ilbp(pattern.bits).evaluate(best, sad, sad)
     matches["weight"], matches["rule"] = weight, rule
     matches["verdict"] = weight > config.keep_above
     return matches
 
 
-def paired(
+def pair_features(
     left_features: Records,
     right_features: Records,
     left_index: NDArray[np.integer],
     right_index: NDArray[np.integer],
 ) -> Records:
-    """Match records (M,) of paired features, with indices and positions; all other fields are 0."""
+    """Make match records (M,) of paired features, with indices and positions; all other fields are 0."""
     matches = np.zeros(len(left_index), dtype=MATCH.dtype)
     matches["tag"] = Tag.MATCH
     matches["left_index"], matches["right_index"] = left_index, right_index
@@ -86,14 +115,14 @@ def paired(
 
 
 def rule_names(pattern: DescriptorPattern, config: MatcherConfig) -> list[str]:
-    """The rules of the configured rule base in words, indexed by the ``rule`` field of match records."""
+    """Describe the rules of the configured rule base; the ``rule`` field of match records is an index into the list."""
     if config.rule_base == "none":
         return ["no rules"]
-    return in_words((fuzzy.aerial if config.rule_base == "aerial" else fuzzy.ilbp)(pattern.bits))
+    return describe_rules((rule_bases.aerial if config.rule_base == "aerial" else rule_bases.ilbp)(pattern.bits))
 
 
-def in_words(system: fuzzy.SugenoSystem) -> list[str]:
-    """The conditions of each rule in words, for a system whose rules name a set for every input."""
+def describe_rules(system: SugenoSystem) -> list[str]:
+    """Describe the conditions of each rule of a system whose rules name a set for every input."""
     return [
         ", ".join(f"{variable.name} {chosen}" for variable, chosen in zip(system.inputs, rule.sets, strict=True))
         for rule in system.rules
@@ -103,11 +132,11 @@ def in_words(system: fuzzy.SugenoSystem) -> list[str]:
 def common_orientation(
     orientation: NDArray[np.uint8], distance: NDArray[np.uint16], margin: NDArray[np.uint16], bits: int
 ) -> int:
-    """The most common relative orientation: peak of the weighted, smoothed histogram of sector differences.
+    """Peak of the weighted, smoothed histogram of relative orientations.
 
-    Each match counts with the square of its weight from `golden_model.matching.fuzzy.aerial_orientation` (16 bit). The
-    histogram is smoothed around the circle by 4 h + 3 h₋ + 3 h₊, and the first maximum is taken. Sums of up to 4096
-    matches fit 32 bits.
+    A match counts with the square of its weight from `golden_model.matching.rule_bases.aerial_orientation` (16 bits).
+    The histogram is smoothed around the circle by 4 h + 3 h₋ + 3 h₊, and the first maximum is taken. Sums of up to
+    4096 matches fit 32 bits.
 
     Parameters
     ----------
@@ -118,7 +147,7 @@ def common_orientation(
     bits : int
         Length of the descriptors.
     """
-    weight, _ = fuzzy.aerial_orientation(bits).evaluate(distance, margin)
+    weight, _ = rule_bases.aerial_orientation(bits).evaluate(distance, margin)
     histogram = np.zeros(SECTORS, dtype=np.int64)
     np.add.at(histogram, orientation, weight.astype(np.int64) ** 2)
     return int(np.argmax(4 * histogram + 3 * np.roll(histogram, 1) + 3 * np.roll(histogram, -1)))

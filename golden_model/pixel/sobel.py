@@ -6,8 +6,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-MARGIN_PX = 1
-
 
 def gradients(pixels: NDArray[np.uint8]) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
     """Horizontal and vertical 3x3 Sobel gradients, positive where the image brightens to the right and downwards.

@@ -11,29 +11,29 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from golden_model.config import LARGEST_THRESHOLD
+from golden_model.config import MAX_THRESHOLD
 from golden_model.formats import encode_response
 
 
 @dataclass(frozen=True)
 class Steps:
-    """Steps of a threshold: ``excess >> shift``, at most ``largest`` in size; the result stays in 1 to ``max_code``."""
+    """Steps of a threshold: ``excess >> shift``, at most ``max_step`` in size, within codes 1 to ``max_code``."""
 
     shift: int
-    largest: int
+    max_step: int
     max_code: int
 
 
-_LARGEST_CODE = {name: int(encode_response(np.array(value))) for name, value in LARGEST_THRESHOLD.items()}
+_MAX_CODE = {name: int(encode_response(np.array(value))) for name, value in MAX_THRESHOLD.items()}
 STEPS = {
-    "harris": Steps(shift=1, largest=512, max_code=_LARGEST_CODE["harris"]),
-    "fast": Steps(shift=7, largest=8, max_code=_LARGEST_CODE["fast"]),
+    "harris": Steps(shift=1, max_step=512, max_code=_MAX_CODE["harris"]),
+    "fast": Steps(shift=7, max_step=8, max_code=_MAX_CODE["fast"]),
 }
 """Steps by detector; ``max_code`` belongs to the largest threshold that a configuration may have."""
 
 
 def next_code(code: int, count: int, target: int, detector: str = "harris") -> int:
-    """The threshold of the next frame.
+    """Threshold of the next frame.
 
     Parameters
     ----------
@@ -52,5 +52,5 @@ def next_code(code: int, count: int, target: int, detector: str = "harris") -> i
         A response code, 1 to ``STEPS[detector].max_code``.
     """
     steps = STEPS[detector]
-    step = min(max((count - target) >> steps.shift, -steps.largest), steps.largest)
+    step = min(max((count - target) >> steps.shift, -steps.max_step), steps.max_step)
     return min(max(code + step, 1), steps.max_code)

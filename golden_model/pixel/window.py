@@ -1,7 +1,7 @@
 """Windows over whole planes.
 
 Every stage keeps the shape of the frame. Where a window leaves the frame, the result is unspecified: hardware and
-model may differ there. No feature depends on such pixels (`golden_model.config.FrontEndConfig.smallest_border_px`).
+model may differ there. No feature depends on such pixels (`golden_model.config.FrontEndConfig.min_border_px`).
 """
 
 from __future__ import annotations

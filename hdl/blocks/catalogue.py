@@ -13,7 +13,8 @@ from golden_model.config import PRESETS
 from golden_model.feature import ilbp
 from golden_model.formats import encode_response
 from golden_model.geometry import scoring
-from golden_model.matching import correlation, fuzzy
+from golden_model.matching import correlation, rule_bases
+from golden_model.matching.fuzzy import SugenoSystem
 from golden_model.matching.matcher import match
 from golden_model.pixel import fast, gray, half, nms, smooth, sobel
 from golden_model.records import FRAME_STATUS, MATCH, Tag
@@ -167,7 +168,7 @@ def _ilbp() -> Block:
     )
 
 
-def sugeno(system: fuzzy.SugenoSystem, value_bits: int, description: str, *, vectors: int) -> Block:
+def sugeno(system: SugenoSystem, value_bits: int, description: str, *, vectors: int) -> Block:
     """A block of any Sugeno system, checked at ``vectors`` random inputs and at the ends of its tables.
 
     Parameters
@@ -195,7 +196,7 @@ def sugeno(system: fuzzy.SugenoSystem, value_bits: int, description: str, *, vec
 
 
 def _fuzzy() -> Block:
-    system = fuzzy.aerial_orientation(CONFIG.pattern.bits)
+    system = rule_bases.aerial_orientation(CONFIG.pattern.bits)
     names = ", ".join(variable.name for variable in system.inputs)
     description = f"Zero-order Sugeno system with the inputs {names}: weight (UQ0.8) and dominant rule."
     # Its tables are short: most values of 8 bits lie beyond them.

@@ -9,7 +9,7 @@ from amaranth import Cat, Module, Mux, Shape, Signal, Value, signed, unsigned
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
-from golden_model.feature.ilbp import COSINE_ONE, HALF_SECTOR_TANGENTS, SECTORS, TANGENT_ONE
+from golden_model.feature.orientation import COSINE_ONE, HALF_SECTOR_TANGENTS, SECTORS, TANGENT_ONE
 from hdl.lib.delay import delayed, port_register
 from hdl.lib.weighted_sum import WeightedSum
 

@@ -12,14 +12,14 @@ from golden_model.geometry.scoring import (
     ENTRY,
     ERROR,
     ERROR_SHIFT,
-    LARGEST_DEPTH,
-    LARGEST_MISS,
-    LARGEST_SQUARED_DEPTH,
-    LARGEST_SQUARED_ERROR,
-    LARGEST_SUM,
-    LARGEST_TERM,
     LEVEL_BITS,
     LEVELS,
+    MAX_DEPTH,
+    MAX_MISS,
+    MAX_SQUARED_DEPTH,
+    MAX_SQUARED_ERROR,
+    MAX_SUM,
+    MAX_TERM,
     TERM_SHIFT,
 )
 from hdl.lib.delay import delayed, port_register
@@ -72,13 +72,13 @@ class MatchGain(wiring.Component):
         *terms, depth = (self._term(m, row) for row in range(3))
         right = [delayed(m, self.i_match[name], TERM_CYCLES) for name in ("right_x", "right_y")]
         error_x, error_y = (self._error(m, *each, depth) for each in zip(terms, right, strict=True))
-        in_front = Signal(range(LARGEST_DEPTH + 1), reset_less=True)
+        in_front = Signal(range(MAX_DEPTH + 1), reset_less=True)
         # A depth of 0 makes every error too large: behind the camera no match counts.
         m.d.sync += in_front.eq(Mux(depth < 0, 0, depth >> DEPTH_SHIFT))
         distance = delayed(m, in_front, ERROR_CYCLES - 1)
         square_x, square_y, square = (delayed(m, side * side, PRODUCT_CYCLES) for side in (error_x, error_y, distance))
-        squared_error = Signal(range(LARGEST_SQUARED_ERROR + 1), reset_less=True)
-        squared_depth = Signal(range(LARGEST_SQUARED_DEPTH + 1), reset_less=True)
+        squared_error = Signal(range(MAX_SQUARED_ERROR + 1), reset_less=True)
+        squared_depth = Signal(range(MAX_SQUARED_DEPTH + 1), reset_less=True)
         m.d.sync += [
             # Times 8 and times 9, see `golden_model.geometry.scoring.DEPTH_FACTOR`.
             squared_error.eq((square_x + square_y) << 3),
@@ -95,8 +95,8 @@ class MatchGain(wiring.Component):
         linear = delayed(m, product_x + product_y, 1)
         constant = delayed(m, h2, PRODUCT_CYCLES + 1)
         half = 1 << TERM_SHIFT - 1
-        rounded = Signal(_shape(LARGEST_SUM + half), name=f"rounded{row}")
-        term = Signal(_shape(LARGEST_TERM), name=f"term{row}", reset_less=True)
+        rounded = Signal(_shape(MAX_SUM + half), name=f"rounded{row}")
+        term = Signal(_shape(MAX_TERM), name=f"term{row}", reset_less=True)
         m.d.comb += rounded.eq(linear + (constant << POSITION.bits) + half)
         m.d.sync += term.eq(rounded >> TERM_SHIFT)
         return term
@@ -106,7 +106,7 @@ class MatchGain(wiring.Component):
         """Of one coordinate times the depth, limited."""
         product = delayed(m, right * depth, PRODUCT_CYCLES)
         waiting = delayed(m, term, PRODUCT_CYCLES)
-        miss = Signal(_shape(LARGEST_MISS), reset_less=True)
+        miss = Signal(_shape(MAX_MISS), reset_less=True)
         m.d.sync += miss.eq((waiting << POSITION.bits) - product)
         shifted = miss >> ERROR_SHIFT
         error = Signal(signed(ERROR.bits), reset_less=True)

@@ -6,7 +6,8 @@ from amaranth import Array, Cat, Module, Mux, Signal
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
-from golden_model.feature.ilbp import SECTORS, DescriptorPattern
+from golden_model.feature.ilbp import DescriptorPattern
+from golden_model.feature.orientation import SECTORS
 from golden_model.formats import POSITION
 from golden_model.records import FRAME_STATUS, WORD_BYTES, Tag, feature_record
 from hdl.lib.delay import delayed

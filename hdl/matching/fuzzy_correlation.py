@@ -9,7 +9,7 @@ from amaranth import Module, Mux, Value
 from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
-from golden_model.matching import fuzzy
+from golden_model.matching import rule_bases
 from golden_model.matching.correlation import NCC, SAD_PER_PIXEL, ZSSD_PER_PIXEL
 from hdl.lib.delay import delayed
 from hdl.matching.correlation import PIXELS, WINDOWS, WindowCorrelation
@@ -22,7 +22,7 @@ _ENTRIES = 256
 
 
 class FuzzyCorrelation(wiring.Component):
-    """The 27 rules over SAD, ZSSD and NCC of two windows, equal to `golden_model.matching.fuzzy.correlation`.
+    """The 27 rules over SAD, ZSSD and NCC of two windows, equal to `golden_model.matching.rule_bases.correlation`.
 
     SAD and ZSSD are taken per pixel, as `golden_model.matching.correlation.fuzzy_inputs` does.
 
@@ -44,7 +44,7 @@ class FuzzyCorrelation(wiring.Component):
 
     def __init__(self) -> None:
         self._correlation = WindowCorrelation()
-        self._rules = Sugeno(system=fuzzy.correlation(), value_bits=NCC.bits)
+        self._rules = Sugeno(system=rule_bases.correlation(), value_bits=NCC.bits)
         self.latency_cycles = self._correlation.latency_cycles + SCALE_CYCLES + self._rules.latency_cycles
         super().__init__({"i": In(stream.Signature(WINDOWS)), "o": Out(self._rules.o.signature)})
 

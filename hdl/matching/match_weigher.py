@@ -7,9 +7,10 @@ from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.config import MatcherConfig
-from golden_model.feature.ilbp import SECTORS, DescriptorPattern
+from golden_model.feature.ilbp import DescriptorPattern
+from golden_model.feature.orientation import SECTORS
 from golden_model.formats import WEIGHT
-from golden_model.matching import fuzzy
+from golden_model.matching import rule_bases
 from golden_model.matching.fuzzy import MAX_RULES
 from hdl.matching.correlation import SumOfAbsoluteDifferences
 from hdl.matching.feature_banks import READ_CYCLES, BankedFeature
@@ -117,7 +118,7 @@ class MatchWeigher(wiring.Component):
         """Add the pair to the histogram, weighted by the fuzzy system that serves only this histogram."""
         pair = self.i.payload
         m.submodules.count_weight = weight = Sugeno(
-            system=fuzzy.aerial_orientation(self.pattern.bits), value_bits=len(pair.distance)
+            system=rule_bases.aerial_orientation(self.pattern.bits), value_bits=len(pair.distance)
         )
         m.submodules.histogram = histogram = OrientationHistogram(max_matches=self.max_features)
         m.d.comb += [
@@ -145,12 +146,12 @@ class MatchWeigher(wiring.Component):
             return 1
         if self.rule_base == "aerial":
             ahead, behind = (orientation - peak)[: len(orientation)], (peak - orientation)[: len(orientation)]
-            system, cycles = fuzzy.aerial(self.pattern.bits), 1
+            system, cycles = rule_bases.aerial(self.pattern.bits), 1
             values = [distance, margin, Mux(ahead < behind, ahead, behind)]
         else:
             m.submodules.sad = sad = SumOfAbsoluteDifferences(pixels=self.pattern.window_bytes)
             m.d.comb += [Cat(sad.i_left).eq(self.i_left.window), Cat(sad.i_right).eq(self.i_right.window)]
-            system, cycles = fuzzy.ilbp(self.pattern.bits), sad.latency_cycles
+            system, cycles = rule_bases.ilbp(self.pattern.bits), sad.latency_cycles
             values = [distance, sad.o_sum, sad.o_sum]
         m.submodules.weight = weight = Sugeno(system=system, value_bits=max(map(len, values)))
         m.d.comb += [sink.eq(value) for sink, value in zip(weight.i.payload, values, strict=True)]

@@ -84,7 +84,8 @@ class AdaptiveThreshold(wiring.Component):
             m.d.sync += count.eq(count + added)
         excess = delayed(m, _clamped(m, count, 0, self.max_features) - self.i_target, 1)
         steps = [STEPS[detector] for detector in DETECTORS]
-        step = Array(_clamped(m, excess >> each.shift, -each.largest, each.largest) for each in steps)[self.i_detector]
+        by_detector = Array(_clamped(m, excess >> each.shift, -each.max_step, each.max_step) for each in steps)
+        step = by_detector[self.i_detector]
         moved = delayed(m, self.o_code + delayed(m, step, 1), 1)
         following = delayed(m, Array(_clamped(m, moved, 1, each.max_code) for each in steps)[self.i_detector], 1)
         with m.If(self.i_load):

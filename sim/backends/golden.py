@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from golden_model.arrays import Records
 from golden_model.config import Config
 from golden_model.front_end import extract
-from golden_model.matching.matcher import match
+from golden_model.matching.matcher import ReferenceFrame, match
 from golden_model.records import MATCH
 from sim.backends.interface import Backend, BackendError, FrameResult, Progress, Reference
 
@@ -29,18 +30,13 @@ class GoldenBackend(Backend):
 def matched(
     frames: Iterable[tuple[NDArray[np.void], np.void, int | None]], config: Config, reference: Reference
 ) -> Iterator[FrameResult]:
-    """Add the golden matches to the features, status and cycles of each frame.
-
-    A bad frame has no matches and does not become the reference; the first good frame has no reference.
-    """
-    left = None
+    """Add the golden matches to the features, status and cycles of each frame."""
+    references = ReferenceFrame[Records](held=reference == "held")
     for features, status, cycles in frames:
+        left = references.for_frame(features, good=bool(status["good"]))
         matches = np.zeros(0, MATCH.dtype)
-        if status["good"]:
-            if left is not None:
-                matches = match(left, features, config.front_end.pattern, config.matcher)
-            if left is None or reference == "previous":
-                left = features
+        if left is not None:
+            matches = match(left, features, config.front_end.pattern, config.matcher)
         match_status = status.copy()
         match_status["matches"], match_status["kept"] = len(matches), np.count_nonzero(matches["verdict"])
         yield FrameResult(features, matches, status, match_status, cycles)

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from golden_model import timing
 from golden_model.config import Config, FrontEndConfig
-from golden_model.feature.ilbp import SECTORS
+from golden_model.feature.orientation import SECTORS
 from golden_model.front_end import FrontEndTrace, Plane
+from golden_model.matching.matcher import ReferenceFrame
 from golden_model.timing import FrameWork, Timeline
 from sim.backends.interface import BUILT_LANES, FrameResult, Mismatch, Reference
 
@@ -68,19 +69,18 @@ def predicted(
         # What follows a frame that is not predicted is not, either.
         if len(timelines) == numbers[0]:
             frames = timing.timelines([works[n] for n in numbers], config, lanes=lanes)
-            timelines += [timeline.delayed(first.first_pixel) for timeline in frames]
+            timelines += [timeline.delay(first.first_pixel) for timeline in frames]
     return timelines
 
 
 def _works(golden: Sequence[FrameResult], reference: Reference) -> Iterator[FrameWork]:
-    left = None
+    frames = ReferenceFrame[int](held=reference == "held")
     for result in golden:
         good, count = bool(result.status["good"]), len(result.features)
         size_px = int(result.status["width"]), int(result.status["height"])
-        is_matched = good and left is not None
-        yield FrameWork(*size_px, good, left or 0, count if is_matched else 0, result.matches["left_index"])
-        if good and (left is None or reference == "previous"):
-            left = count
+        left = frames.for_frame(count, good=good)
+        counts = (0, 0) if left is None else (left, count)
+        yield FrameWork(*size_px, good, *counts, result.matches["left_index"])
 
 
 def first_clock_mismatch(timelines: Sequence[Timeline], found: Sequence[FrameResult]) -> Mismatch | None:

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from golden_model.arrays import Pixels, Records
 from golden_model.feature import ilbp
-from golden_model.feature.ilbp import PATTERNS, SECTORS
+from golden_model.feature.ilbp import PATTERNS
+from golden_model.feature.orientation import SECTORS
 from golden_model.formats import encode_response
 from golden_model.matching.correlation import windows
 from golden_model.pixel.smooth import binomial5
@@ -82,7 +83,7 @@ def _ilbp(gray: Pixels, key_points: KeyPoints, descriptor: str) -> Records:
     pattern = PATTERNS[descriptor]
     key_points, x, y = _inside(gray, key_points, pattern.support_px)
     sector, values = ilbp.describe(gray, binomial5(gray), x, y, pattern)
-    window = ilbp.window3x3(gray, x, y) if pattern.carries_window else None
+    window = windows(gray, x, y, size_px=3) if pattern.carries_window else None
     records = _records(key_points, values, window)
     records["sector"] = sector
     return records

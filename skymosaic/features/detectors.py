@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Float32, Pixels, Records
-from golden_model.feature.ilbp import SECTORS
+from golden_model.feature.orientation import SECTORS
 from golden_model.formats import POSITION, decode_response
 from skymosaic.features import surf
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from golden_model.arrays import Array, Float32, Mask, Pixels, Records
 from golden_model.formats import WEIGHT
-from golden_model.matching import correlation, fuzzy
-from golden_model.matching.matcher import paired
+from golden_model.matching import correlation, rule_bases
+from golden_model.matching.matcher import pair_features
 from skymosaic.features.positions import feature_points, raw_positions
 
 RATIO = 0.8
@@ -46,7 +46,7 @@ def ratio_matches(left: Records, right: Records, norm: int) -> Records:
         the right one's nearest neighbour, ``rule`` indexes `RATIO_RULES`.
     """
     if len(left) < 2 or len(right) < 2:
-        return paired(left, right, np.zeros(0, np.intp), np.zeros(0, np.intp))
+        return pair_features(left, right, np.zeros(0, np.intp), np.zeros(0, np.intp))
     distance, nearest = _nearest(left, right, norm, 2)
     _, back = _nearest(right, left, norm, 1)
     distinct = np.flatnonzero(distance[:, 0] < RATIO * distance[:, 1])
@@ -57,7 +57,7 @@ def ratio_matches(left: Records, right: Records, norm: int) -> Records:
 
     partner = nearest[chosen, 0]
     best, second = distance[chosen].T
-    matches = paired(left, right, chosen, partner)
+    matches = pair_features(left, right, chosen, partner)
     matches["distance"], matches["margin"] = np.rint(best), np.rint(second) - np.rint(best)
     matches["weight"] = np.rint(WEIGHT.max_raw * (1 - best / second))
     matches["verdict"] = back[partner, 0] == chosen
@@ -80,15 +80,15 @@ def correlation_matches(left: Records, right: Records) -> Records:
         pixel in 1/16 gray levels.
     """
     if len(left) == 0 or len(right) == 0:
-        return paired(left, right, np.zeros(0, np.intp), np.zeros(0, np.intp))
+        return pair_features(left, right, np.zeros(0, np.intp), np.zeros(0, np.intp))
     _, nearest = _nearest(left, right, cv2.NORM_L1, 1)
     _, back = _nearest(right, left, cv2.NORM_L1, 1)
     chosen = np.flatnonzero(back[nearest[:, 0], 0] == np.arange(len(left)))
     partner = nearest[chosen, 0]
-    matches = paired(left, right, chosen, partner)
+    matches = pair_features(left, right, chosen, partner)
     scores = correlation.fuzzy_inputs(left["descriptor"][chosen], right["descriptor"][partner])
     matches["distance"] = scores[0]
-    matches["weight"], matches["rule"] = fuzzy.correlation().evaluate(*scores)
+    matches["weight"], matches["rule"] = rule_bases.correlation().evaluate(*scores)
     matches["verdict"] = matches["weight"] > GOOD_MATCH_ABOVE
     return matches
 
@@ -112,7 +112,7 @@ def tracked(left_gray: Pixels, right_gray: Pixels, left: Records, right: Records
     """
     start = feature_points(left).astype(np.float32)
     if len(left) == 0:
-        return right, paired(left, right, np.zeros(0, np.intp), np.zeros(0, np.intp))
+        return right, pair_features(left, right, np.zeros(0, np.intp), np.zeros(0, np.intp))
     height, width = right_gray.shape
     left_gray, right_gray = _of_one_size(left_gray, right_gray)
     there, found = _track(left_gray, right_gray, start)
@@ -123,7 +123,7 @@ def tracked(left_gray: Pixels, right_gray: Pixels, left: Records, right: Records
     arrived["x"], arrived["y"] = raw_positions(there[index]).T
     features = np.concatenate([right, arrived])
     features["index"] = np.arange(len(features))
-    matches = paired(left, features, index, len(right) + np.arange(len(index)))
+    matches = pair_features(left, features, index, len(right) + np.arange(len(index)))
     kept = found_back & (np.linalg.norm(returned - start, axis=1) <= RETURN_TOLERANCE_PX)
     matches["weight"], matches["verdict"] = WEIGHT.max_raw, kept[index]
     matches["rule"] = 1 - matches["verdict"]

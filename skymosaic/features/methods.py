@@ -18,7 +18,7 @@ from golden_model.arrays import Pixels, Records
 from golden_model.config import PRESETS, Config, FrontEndConfig
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.front_end import extract
-from golden_model.matching import fuzzy, matcher
+from golden_model.matching import matcher, rule_bases
 from golden_model.pixel.gray import to_gray
 from golden_model.records import FRAME_STATUS, MATCH, Tag
 from sim.backends.interface import Backend, FrameResult, Progress, Reference, load_backend, silent
@@ -51,7 +51,7 @@ class Method:
         if self.descriptor == TRACKED:
             return matchers.TRACKING_RULES
         if self.descriptor in WINDOWS_PX:
-            return matcher.in_words(fuzzy.correlation())
+            return matcher.describe_rules(rule_bases.correlation())
         if self.on_accelerator or config.matcher.rule_base != "none":
             return matcher.rule_names(PATTERNS[self.descriptor], config.matcher)
         return matchers.RATIO_RULES
@@ -155,17 +155,16 @@ class HostBackend(Backend):
     ) -> list[FrameResult]:
         """See `sim.backends.interface.Backend.run`."""
         results: list[FrameResult] = []
-        left = None
+        references = matcher.ReferenceFrame[_Frame](held=reference == "held")
         for number, image in enumerate(frames):
             right, status = self._frame(image, config.front_end, number)
+            left = references.for_frame(right, good=right.good)
             features, matches = right.features, np.zeros(0, MATCH.dtype)
-            if left is not None and right.good:
+            if left is not None:
                 features, matches = self._match(left, right, config)
             match_status = status.copy()
             match_status["matches"], match_status["kept"] = len(matches), np.count_nonzero(matches["verdict"])
             results.append(FrameResult(features, matches, status, match_status, None))
-            if right.good and (left is None or reference == "previous"):
-                left = right
         return results
 
     def _frame(self, image: Pixels, config: FrontEndConfig, number: int) -> tuple[_Frame, np.void]:
@@ -222,7 +221,7 @@ def _front_end(config: Config, method: Method) -> FrontEndConfig:
     changed = dataclasses.replace(
         own, detector=detector, descriptor=descriptor, threshold=threshold, border_px=LARGEST_BORDER_PX
     )
-    return dataclasses.replace(changed, border_px=max(own.border_px, changed.smallest_border_px))
+    return dataclasses.replace(changed, border_px=max(own.border_px, changed.min_border_px))
 
 
 def _check_name(what: str, name: str | None, valid: Sequence[str]) -> None:

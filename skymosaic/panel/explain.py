@@ -9,9 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from golden_model.feature.ilbp import PATTERNS, SECTORS
+from golden_model.feature.ilbp import PATTERNS
+from golden_model.feature.orientation import SECTORS
 from golden_model.formats import POSITION
-from golden_model.matching import correlation, fuzzy
+from golden_model.matching import correlation, rule_bases
 from golden_model.matching.fuzzy import ONE, SugenoSystem, Variable
 from golden_model.matching.matcher import circular_distance
 from skymosaic.features.descriptors import WINDOWS_PX
@@ -110,16 +111,16 @@ def _weighing(view: PairView, index: int) -> tuple[SugenoSystem, tuple[int, ...]
     right = view.features[1][match["right_index"]]
     if view.method.descriptor in WINDOWS_PX:
         scores = correlation.fuzzy_inputs(left["descriptor"][np.newaxis], right["descriptor"][np.newaxis])
-        return fuzzy.correlation(), tuple(int(score[0]) for score in scores)
+        return rule_bases.correlation(), tuple(int(score[0]) for score in scores)
     rule_base = view.config.matcher.rule_base
     if view.method.descriptor not in PATTERNS or rule_base == "none":
         return None
     bits = PATTERNS[view.method.descriptor].bits
     if rule_base == "aerial":
         off_peak = int(circular_distance(match["turn"], match["peak_turn"]))
-        return fuzzy.aerial(bits), (int(match["distance"]), int(match["margin"]), off_peak)
+        return rule_bases.aerial(bits), (int(match["distance"]), int(match["margin"]), off_peak)
     sad = int(correlation.sad(left["window"][np.newaxis], right["window"][np.newaxis])[0])
-    return fuzzy.ilbp(bits), (int(match["distance"]), sad, sad)
+    return rule_bases.ilbp(bits), (int(match["distance"]), sad, sad)
 
 
 def _facts(view: PairView, index: int) -> tuple[tuple[str, str], ...]:

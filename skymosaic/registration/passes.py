@@ -16,7 +16,8 @@ import numpy as np
 
 from golden_model.arrays import Mask, Matrix, Pixels, Records
 from golden_model.config import Config
-from golden_model.feature.ilbp import PATTERNS, SECTORS
+from golden_model.feature.ilbp import PATTERNS
+from golden_model.feature.orientation import SECTORS
 from sim.backends.interface import Backend
 from skymosaic.errors import InputError
 from skymosaic.features.frames import Change, Frame, changed, in_image, matches_in_images, swapped

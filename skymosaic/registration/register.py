@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from golden_model.arrays import Mask, Matrix, Pixels, Records
-from golden_model.config import LARGEST_THRESHOLD, Config, preset_config
+from golden_model.config import MAX_THRESHOLD, Config, preset_config
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.records import Cause
 from sim.backends.interface import Backend, FrameResult, Progress, silent
@@ -203,7 +203,7 @@ def extract_within_capacity(
     """
     while True:
         results = front_end.run(frames, config)
-        threshold, limit = config.front_end.threshold, LARGEST_THRESHOLD[config.front_end.detector]
+        threshold, limit = config.front_end.threshold, MAX_THRESHOLD[config.front_end.detector]
         too_many = any(int(result.status["causes"]) & Cause.TOO_MANY_FEATURES for result in results)
         if not too_many or threshold == limit:
             return results, config

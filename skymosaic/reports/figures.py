@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Array, Pixels, Records
-from golden_model.feature.ilbp import SECTORS
+from golden_model.feature.orientation import SECTORS
 from golden_model.formats import POSITION
 from skymosaic.features.positions import match_points
 from skymosaic.registration.pair import Pair

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from golden_model.arrays import Array
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.formats import POSITION
-from golden_model.matching import correlation, fuzzy
+from golden_model.matching import correlation, rule_bases
 from golden_model.matching.fuzzy import SugenoSystem
 from skymosaic.fuzzy.golden import GoldenSystem
 from skymosaic.geometry import fuzzy_ransac
@@ -97,7 +97,7 @@ _SAD, _ZSSD, _NCC = correlation.SAD_PER_PIXEL.one, correlation.ZSSD_PER_PIXEL.on
 PLOTTED_SYSTEMS = {
     "correlation": PlottedSystem(
         "Fuzzy correlation (Tables III-1 and III-2)",
-        fuzzy.correlation,
+        rule_bases.correlation,
         (
             Axis("SAD, gray levels per pixel", _SAD),
             Axis("ZSSD, squared gray levels per pixel", _ZSSD),
@@ -108,7 +108,7 @@ PLOTTED_SYSTEMS = {
     ),
     "ilbp": PlottedSystem(
         "Fuzzy ILBP",
-        lambda: fuzzy.ilbp(_THESIS_BITS),
+        lambda: rule_bases.ilbp(_THESIS_BITS),
         (
             Axis("Hamming distance, share of bits", _THESIS_BITS),
             Axis("SAD of region 1, gray levels per pixel", 9),
@@ -125,7 +125,7 @@ PLOTTED_SYSTEMS = {
     ),
     "aerial": PlottedSystem(
         "The aerial preset's rules",
-        lambda: fuzzy.aerial(_BITS),
+        lambda: rule_bases.aerial(_BITS),
         (
             _DISTANCE,
             Axis("margin to the second best, share of bits", _BITS),
@@ -136,7 +136,7 @@ PLOTTED_SYSTEMS = {
     ),
     "aerial-turn": PlottedSystem(
         "The aerial preset's votes for a common relative orientation",
-        lambda: fuzzy.aerial_orientation(_BITS),
+        lambda: rule_bases.aerial_orientation(_BITS),
         (_DISTANCE, Axis("margin to the second best, share of bits", _BITS)),
         surface=(0, 1),
     ),

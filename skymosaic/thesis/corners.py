@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.arrays import Pixels, Records
-from golden_model.config import LARGEST_THRESHOLD, PRESETS, FrontEndConfig
+from golden_model.config import MAX_THRESHOLD, PRESETS, FrontEndConfig
 from golden_model.formats import decode_response
 from golden_model.front_end import extract, trace
 from skymosaic.evaluation.metrics import correct_matches, repeatability
@@ -103,7 +103,7 @@ def raise_threshold(grays: tuple[Pixels, Pixels], target: float = QUALITY_TARGET
     """
     rounds: list[Round] = []
     threshold = START_THRESHOLD
-    while threshold <= LARGEST_THRESHOLD["harris"]:
+    while threshold <= MAX_THRESHOLD["harris"]:
         left, right = (extract(gray, _configure(threshold)) for gray in grays)
         threshold *= 2
         if not (left.status["good"] and right.status["good"]):

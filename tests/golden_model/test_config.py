@@ -52,7 +52,7 @@ def test_cells_by_frame_size(size_px, cell_px, per_cell):
 @given(st.integers(64, 4096), st.integers(64, 4096))
 def test_selected_features_always_fit_the_bank(width_px, height_px):
     config = FrontEndConfig().for_size(width_px, height_px)
-    assert config.cells(width_px, height_px, config.cell_px) * config.per_cell <= config.max_features
+    assert config.count_cells(width_px, height_px, config.cell_px) * config.per_cell <= config.max_features
 
 
 def test_given_cells_stay():

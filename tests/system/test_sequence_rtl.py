@@ -42,7 +42,7 @@ def test_no_frame_waits_and_every_match_comes_in_time(flight: list[np.ndarray], 
     assert len(timelines) == FRAMES
     mismatch = first_clock_mismatch(timelines, results)
     assert mismatch is None, str(mismatch)
-    late = [timeline.delayed(number == FRAMES - 1) for number, timeline in enumerate(timelines)]
+    late = [timeline.delay(number == FRAMES - 1) for number, timeline in enumerate(timelines)]
     assert first_clock_mismatch(late, results).frame == FRAMES - 1
     assert not Coverage.of(results).missing(CONFIG.front_end)
     assert min(len(result.matches) for result in results[1:]) > LEAST_MATCHES

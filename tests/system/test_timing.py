@@ -8,7 +8,7 @@ from amaranth.hdl import Fragment
 from golden_model import timing
 from golden_model.config import Config, FrontEndConfig
 from golden_model.feature.ilbp import PATTERNS
-from golden_model.matching import fuzzy
+from golden_model.matching import rule_bases
 from golden_model.timing import FrameWork, Latencies, timelines
 from hdl.lib.skid_buffer import SkidBuffer
 from hdl.matching.correlation import SumOfAbsoluteDifferences
@@ -34,14 +34,18 @@ def test_latencies_are_those_that_the_blocks_state(pattern):
     search = built(NearestNeighbours(bits=pattern.bits, lanes=LANES, max_features=80))
     assert timing.DISTANCE_CYCLES[pattern.bits] == built(Distances(bits=pattern.bits, lanes=LANES)).latency_cycles
     assert (latencies.drain, latencies.shortest_pass) == (search.drain_cycles, search.shortest_pass_cycles)
-    for system in (fuzzy.aerial(pattern.bits), fuzzy.aerial_orientation(pattern.bits), fuzzy.ilbp(pattern.bits)):
+    for system in (
+        rule_bases.aerial(pattern.bits),
+        rule_bases.aerial_orientation(pattern.bits),
+        rule_bases.ilbp(pattern.bits),
+    ):
         assert timing.sugeno_cycles(system) == built(Sugeno(system=system, value_bits=12)).latency_cycles
     if pattern.carries_window:
         assert SumOfAbsoluteDifferences(pixels=pattern.window_bytes).latency_cycles == timing.SAD_CYCLES
     assert latencies.skid_buffer == SkidBuffer.latency_cycles
     if pattern.oriented:
         assert latencies.peak == 2 * 16 + FIND_CYCLES
-        assert latencies.count == timing.sugeno_cycles(fuzzy.aerial_orientation(pattern.bits)) + SQUARE_CYCLES + 2
+        assert latencies.count == timing.sugeno_cycles(rule_bases.aerial_orientation(pattern.bits)) + SQUARE_CYCLES + 2
 
 
 def test_two_pixels_a_clock_take_half_the_clocks():
@@ -50,7 +54,7 @@ def test_two_pixels_a_clock_take_half_the_clocks():
     one, two = (timelines(frames, CONFIG, lanes=16, pixels_per_clock=each) for each in (1, 2))
     assert [line.status_cycles for line in (*one, *two)] == [641 * 480] * 2 + [321 * 480] * 2
     for slow, fast in zip(one, two, strict=True):
-        assert slow.delayed(-slow.last_pixel).matches == fast.delayed(-fast.last_pixel).matches
+        assert slow.delay(-slow.last_pixel).matches == fast.delay(-fast.last_pixel).matches
 
 
 def test_what_is_not_predicted_is_left_out():

@@ -15,7 +15,7 @@ import numpy as np
 from scipy import sparse
 
 from golden_model.arrays import Float32, Records
-from golden_model.feature.ilbp import SECTORS
+from golden_model.feature.orientation import SECTORS
 
 COMPACT_FEATURES = 256
 CLOSE_BITS = 0.22

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.arrays import Array, Records
-from golden_model.feature.ilbp import SECTORS
+from golden_model.feature.orientation import SECTORS
 from golden_model.formats import POSITION
 from golden_model.matching.fuzzy import ONE
 from skymosaic.features.positions import match_points

@@ -79,17 +79,17 @@ def test_every_width_holds_the_extremes():
         for a, b, c in itertools.product((h, -h - 1), repeat=3)
         for x, y in itertools.product((0, position), repeat=2)
     ]
-    assert max(map(abs, sums)) == scoring.LARGEST_SUM < 2**42
+    assert max(map(abs, sums)) == scoring.MAX_SUM < 2**42
     terms = [value + (1 << 17) >> 18 for value in sums]
-    assert max(map(abs, terms)) <= scoring.LARGEST_TERM < 2**24
+    assert max(map(abs, terms)) <= scoring.MAX_TERM < 2**24
     misses = [
         (a << 16) - x * w for a, w in itertools.product((min(terms), max(terms)), repeat=2) for x in (0, position)
     ]
-    assert max(map(abs, misses)) <= scoring.LARGEST_MISS < 2**41
+    assert max(map(abs, misses)) <= scoring.MAX_MISS < 2**41
     # The limit of the error lies beyond the tolerance of the largest depth, so limited errors never count.
-    assert scoring.ERROR_FACTOR * scoring.ERROR.max_raw**2 > scoring.LARGEST_SQUARED_DEPTH
-    assert LEVELS * scoring.LARGEST_SQUARED_ERROR < 2**63
-    assert scoring.LARGEST_SCORE == MAX_MATCHES * 255 * LEVELS < 2**24
+    assert scoring.ERROR_FACTOR * scoring.ERROR.max_raw**2 > scoring.MAX_SQUARED_DEPTH
+    assert LEVELS * scoring.MAX_SQUARED_ERROR < 2**63
+    assert MAX_MATCHES * 255 * LEVELS < 2**24
 
 
 def test_a_homography_is_scaled_to_its_largest_element():

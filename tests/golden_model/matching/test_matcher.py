@@ -6,7 +6,7 @@ import pytest
 
 from golden_model.config import MatcherConfig
 from golden_model.feature.ilbp import ILBP_128, ILBP_256, PATTERNS, DescriptorPattern
-from golden_model.matching import fuzzy, matcher
+from golden_model.matching import matcher, rule_bases
 from golden_model.records import MATCH, Tag, feature_record
 
 TOLERANCE = 7 / 512
@@ -126,7 +126,7 @@ def test_ilbp_rule_base_uses_the_sad_of_the_windows(rings):
     matches = matcher.match(
         left, seen := seen_again(rng, left, pattern, 0), pattern, MatcherConfig(rule_base="ilbp", keep_above=127)
     )
-    system = fuzzy.ilbp(pattern.bits)
+    system = rule_bases.ilbp(pattern.bits)
     for match in matches:
         a, b = left[match["left_index"]], seen[match["right_index"]]
         sad = np.abs(a["window"].astype(int) - b["window"]).sum(keepdims=True)
@@ -213,3 +213,12 @@ def test_wrong_pattern_is_refused():
         matcher.match(left, right, ILBP_128, MatcherConfig())
     with pytest.raises(ValueError, match="'ilbp' needs the gray window around each feature, which ilbp-128"):
         matcher.match(left, left, ILBP_128, MatcherConfig(rule_base="ilbp"))
+
+
+@pytest.mark.parametrize(
+    ("held", "references"), [(True, [None, None, "b", None, "b"]), (False, [None, None, "b", None, "c"])]
+)
+def test_the_reference_is_the_first_good_frame_or_the_one_before(held, references):
+    rule = matcher.ReferenceFrame(held=held)
+    frames = zip("abcde", (False, True, True, False, True), strict=True)
+    assert [rule.for_frame(frame, good=good) for frame, good in frames] == references

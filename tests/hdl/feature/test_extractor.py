@@ -7,6 +7,7 @@ from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.feature import ilbp, subpixel
+from golden_model.matching.correlation import windows
 from hdl.feature.extractor import CandidateFeatures, feature_layout
 from hdl.feature.ring_window import RingWindow
 from hdl.lib.delay import delayed
@@ -61,7 +62,7 @@ def golden_features(pixels, code, *, pattern, level, at):
     fields = {"response": code[y, x], "x": full_x, "y": full_y, "sector": sector}
     octets = {"descriptor": descriptor}
     if pattern.carries_window:
-        octets["window"] = ilbp.window3x3(pixels, x, y)
+        octets["window"] = windows(pixels, x, y, size_px=3)
     layout = feature_layout(pattern)
     return [
         layout.const(

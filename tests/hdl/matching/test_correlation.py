@@ -10,7 +10,7 @@ import pytest
 
 from golden_model.config import PRESETS
 from golden_model.front_end import extract
-from golden_model.matching import correlation, fuzzy
+from golden_model.matching import correlation, rule_bases
 from golden_model.matching.hamming import distances, mutual_matches
 from hdl.matching.correlation import PIXELS, WindowCorrelation
 from hdl.matching.fuzzy import Sugeno
@@ -102,7 +102,7 @@ def test_a_result_takes_exactly_the_latency(block):
 
 def golden_weights(left, right):
     """Weight and rule of each pair of windows."""
-    return np.stack(fuzzy.correlation().evaluate(*correlation.fuzzy_inputs(left, right)), axis=1)
+    return np.stack(rule_bases.correlation().evaluate(*correlation.fuzzy_inputs(left, right)), axis=1)
 
 
 def weighed(left, right, pauses=NO_PAUSES):
@@ -138,7 +138,7 @@ def test_scaling_is_exact_up_to_where_the_tables_end(variable, factor):
     scores = np.arange(limit)
     scaled = scores * multiplier >> shift
     np.testing.assert_array_equal(scaled, scores * factor.numerator // factor.denominator)
-    assert fuzzy.correlation().inputs[variable].entries - 1 <= scaled[-1] <= 255
+    assert rule_bases.correlation().inputs[variable].entries - 1 <= scaled[-1] <= 255
 
 
 def test_fuzzy_ilbp_of_matched_corners():
@@ -148,7 +148,7 @@ def test_fuzzy_ilbp_of_matched_corners():
     distance = np.bitwise_count(left["descriptor"] ^ right["descriptor"]).sum(axis=1, dtype=np.int64)
     sad = correlation.sad(left["window"], right["window"])
     inputs = np.stack([distance, sad, sad], axis=1)[::2]
-    system = fuzzy.ilbp(bits)
+    system = rule_bases.ilbp(bits)
     expected = np.stack(system.evaluate(*inputs.T), axis=1)
     assert len(inputs) > 100
     assert len(set(expected[:, 0])) > 10

@@ -6,8 +6,8 @@ import itertools
 import numpy as np
 import pytest
 
-from golden_model.feature.ilbp import SECTORS
-from golden_model.matching import correlation, fuzzy
+from golden_model.feature.orientation import SECTORS
+from golden_model.matching import correlation, fuzzy, rule_bases
 from golden_model.matching.matcher import common_orientation
 from hdl.matching.correlation import SumOfAbsoluteDifferences
 from hdl.matching.fuzzy import Sugeno
@@ -55,10 +55,10 @@ def evaluated(system, value_bits, inputs):
 @pytest.mark.parametrize(
     ("system", "value_bits"),
     [
-        (fuzzy.aerial(128), 8),
-        (fuzzy.aerial(24), 5),
-        (fuzzy.aerial_orientation(128), 8),
-        (fuzzy.aerial_orientation(256), 9),
+        (rule_bases.aerial(128), 8),
+        (rule_bases.aerial(24), 5),
+        (rule_bases.aerial_orientation(128), 8),
+        (rule_bases.aerial_orientation(256), 9),
     ],
     ids=["aerial-128", "aerial-24", "aerial_orientation-128", "aerial_orientation-256"],
 )
@@ -69,7 +69,7 @@ def test_product_systems_equal_the_golden_model_over_their_whole_domain(system, 
 
 @pytest.mark.parametrize("bits", [8, 32])
 def test_ilbp_equals_the_golden_model_over_its_whole_domain(bits):
-    system = fuzzy.ilbp(bits)
+    system = rule_bases.ilbp(bits)
     distances, sads, _ = (distinct(variable) for variable in system.inputs)
     inputs = [(distance, sad, sad) for distance in distances for sad in [*sads, 9 * 255]]
     np.testing.assert_array_equal(evaluated(system, 12, inputs), golden(system, inputs))
@@ -77,7 +77,7 @@ def test_ilbp_equals_the_golden_model_over_its_whole_domain(bits):
 
 def test_correlation_equals_the_golden_model_over_a_grid():
     """All combinations of 7 values for each input, from the cores and ramps of its sets to beyond its table."""
-    system = fuzzy.correlation()
+    system = rule_bases.correlation()
     grids = [np.array(distinct(variable)) for variable in system.inputs]
     inputs = list(itertools.product(*(grid[np.linspace(0, len(grid) - 1, 7).astype(int)].tolist() for grid in grids)))
     expected = golden(system, inputs)
@@ -87,7 +87,7 @@ def test_correlation_equals_the_golden_model_over_a_grid():
 
 
 def test_results_do_not_depend_on_gaps_and_stalls():
-    system = fuzzy.ilbp(8)
+    system = rule_bases.ilbp(8)
     inputs = [(distance, sad, 60) for distance in range(4) for sad in (0, 40, 80, 120)]
     dut = Sugeno(system=system, value_bits=8)
     pauses = Pauses(gaps=100, stalls=180, seed=2)
@@ -115,7 +115,7 @@ def test_product_of_too_many_inputs_is_refused():
 
 def test_peak_of_the_orientation_histogram_equals_the_golden_model():
     bits, rng = 128, np.random.default_rng(4)
-    system = fuzzy.aerial_orientation(bits)
+    system = rule_bases.aerial_orientation(bits)
     frames = []
     for count in (60, 0, 25, 1, 40, 3):
         distance, margin = rng.integers(0, 30, count), rng.integers(0, 20, count)

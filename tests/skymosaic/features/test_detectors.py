@@ -183,7 +183,7 @@ def test_a_choice_is_completed_by_what_suits() -> None:
     method, config = choose(aerial, "fast", "ilbp-256")
     assert method.on_accelerator
     assert (config.front_end.detector, config.front_end.descriptor) == ("fast", "ilbp-256")
-    assert config.front_end.border_px >= config.front_end.smallest_border_px
+    assert config.front_end.border_px >= config.front_end.min_border_px
 
 
 def test_without_rules_the_configuration_says_so() -> None:

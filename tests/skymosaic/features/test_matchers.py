@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from golden_model.matching import correlation, fuzzy, hamming
+from golden_model.matching import correlation, hamming, rule_bases
 from golden_model.records import feature_record
 from skymosaic.features.matchers import GOOD_MATCH_ABOVE, correlation_matches, ratio_matches, tracked
 
@@ -90,7 +90,7 @@ def test_window_matches_are_the_golden_models(size_px: int) -> None:
     np.testing.assert_array_equal(matches["left_index"], mutual)
     np.testing.assert_array_equal(matches["right_index"], forward[mutual])
     scores = correlation.fuzzy_inputs(left[mutual], right[forward[mutual]])
-    weight, _ = fuzzy.correlation().evaluate(*scores)
+    weight, _ = rule_bases.correlation().evaluate(*scores)
     np.testing.assert_array_equal(matches["weight"], weight)
     np.testing.assert_array_equal(matches["verdict"], weight > GOOD_MATCH_ABOVE)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from golden_model.formats import POSITION, WEIGHT
-from golden_model.matching import correlation, fuzzy
+from golden_model.matching import correlation, rule_bases
 from golden_model.matching.fuzzy import ONE
 from skymosaic.fuzzy.fll import SHIPPED, load_system
 from skymosaic.fuzzy.golden import measure_errors, quantise
@@ -15,10 +15,10 @@ from skymosaic.geometry import fuzzy_ransac
 BITS = 32
 SYSTEMS = {
     "correlation": (
-        fuzzy.correlation,
+        rule_bases.correlation,
         (correlation.SAD_PER_PIXEL.one, correlation.ZSSD_PER_PIXEL.one, correlation.NCC.one),
     ),
-    "ilbp": (lambda: fuzzy.ilbp(BITS), (BITS, 9, 9)),
+    "ilbp": (lambda: rule_bases.ilbp(BITS), (BITS, 9, 9)),
     "ransac": (fuzzy_ransac.rule_base, (1, POSITION.one)),
 }
 """The project's system, and the table entries per unit of each input of the file."""

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from golden_model.config import preset_config
-from golden_model.feature.ilbp import SECTORS
+from golden_model.feature.orientation import SECTORS
 from golden_model.front_end import extract
 from golden_model.matching.hamming import distances, mutual_matches
 from skymosaic.flight.linking.resemblance import CLOSE_BITS, COMPACT_FEATURES, LIKELY, compact, likely_pairs, votes
