@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from amaranth import ClockDomain, ClockSignal, Module, ResetInserter, Signal
 from amaranth.lib import data, fifo, stream, wiring
@@ -11,7 +11,7 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.config import Config
 from golden_model.records import MATCH, WORD_BYTES
-from hdl.axi.axi_lite import AxiLiteInterface, AxiLiteSignature
+from hdl.axi.axi_lite import AxiLiteSignature
 from hdl.axi.packet_gate import PacketGate
 from hdl.axi.video_input import video_payload
 from hdl.front_end import FrontEnd
@@ -75,7 +75,7 @@ class Accelerator(wiring.Component):
     i_video: stream.Interface
     o_features: stream.Interface
     o_matches: stream.Interface
-    control: AxiLiteInterface
+    control: Any
     o_interrupt: Signal
 
     def __init__(

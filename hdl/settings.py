@@ -1,8 +1,8 @@
 """The run-time settings of the accelerator, declared once.
 
 The struct `hdl.streams.FRONT_END_SETTINGS`, the register map, the ports of the simulated front end, the requests to a
-board, and the checks of the exported driver and server come from these declarations. Nothing here imports Amaranth:
-the host imports this module too, and must start without it.
+board, and the checks of the exported driver and server come from these declarations. Nothing here imports Amaranth,
+because the host imports this module and must start without it.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ _CELL_LOG2S = [size_px.bit_length() - 1 for size_px in CELL_SIZES_PX]
 
 @dataclass(frozen=True)
 class Setting:
-    """A number that software sets.
+    """A number that software sets while the accelerator runs.
 
     Attributes
     ----------
     name : str
         The same in registers, struct, ports and requests.
     values : range
-        Valid values. The size is limited further by what was built.
+        Valid values. Width and height are further limited to the largest built.
     reset : int
         Value after reset.
     description : str
@@ -49,7 +49,7 @@ class Setting:
 
     @property
     def bits(self) -> int:
-        """Width: what the largest valid value needs."""
+        """Width: the bits of the largest valid value."""
         return self.values[-1].bit_length()
 
 
@@ -62,21 +62,26 @@ FRONT_END = (
         5,
         f"log2 of the cell's side, {_CELL_LOG2S[0]} to {_CELL_LOG2S[-1]}.",
     ),
-    Setting("per_cell", range(1, MAX_PER_CELL + 1), 5, f"Features kept in a cell, 1 to {MAX_PER_CELL}."),
+    Setting("per_cell", range(1, MAX_PER_CELL + 1), 5, f"Features kept per cell, 1 to {MAX_PER_CELL}."),
     Setting("detector", range(len(DETECTORS)), 0, f"Index into {', '.join(DETECTORS)}."),
     Setting(
         "threshold_code",
         range(1 << RESPONSE_CODE.bits),
         2,
-        "As a response code (FAST: in gray levels); where it starts, if adaptive.",
+        "Response code (FAST: gray levels); the first threshold, if adaptive.",
     ),
-    Setting("memory_mode", FLAG, 0, "Frames by SIZE from a plain stream; 0: by TUSER and TLAST (UG934)."),
+    Setting("memory_mode", FLAG, 0, "A plain stream, cut into frames by SIZE; 0: video with TUSER and TLAST (UG934)."),
     Setting("gray_input", FLAG, 0, "A beat carries 8-bit gray in its low byte; 0: colour."),
     Setting("adaptive", FLAG, 0, "The threshold moves towards TARGET between frames."),
     # Wide enough for 4096, the largest bank of features.
-    Setting("target_features", range(1 << 13), 1024, "Features a frame."),
+    Setting("target_features", range(1 << 13), 1024, "Features per frame."),
 )
 """Settings of the front end. Their order is that of the struct and of the ports."""
+
+
+def _mask_setting(event: str) -> Setting:
+    return Setting(f"{event}_mask", FLAG, 0, f"The event {event} interrupts.")
+
 
 KEEP_ABOVE = Setting("keep_above", range(1 << WEIGHT.bits), 64, "A match is kept if its weight (UQ0.8) is larger.")
 
@@ -85,13 +90,11 @@ SETTINGS = {
     for setting in (
         *FRONT_END,
         KEEP_ABOVE,
-        Setting("enable", FLAG, 0, "Pixels are taken in; 0 lets them wait at the input."),
+        Setting("enable", FLAG, 0, "Pixels are accepted; 0: they wait at the input."),
         Setting("features_enable", FLAG, 0, "Features leave; 0: they are discarded at the output."),
         Setting("matches_enable", FLAG, 0, "Matches leave; 0: they are discarded at the output."),
-        Setting("hold_reference", FLAG, 0, "Frames are matched with a held one; 0: each with the last."),
-        Setting("frame_done_mask", FLAG, 0, "For frame_done."),
-        Setting("matches_done_mask", FLAG, 0, "For matches_done."),
-        Setting("frame_bad_mask", FLAG, 0, "For frame_bad."),
+        Setting("hold_reference", FLAG, 0, "Frames are matched with the reference; 0: each with the frame before."),
+        *(_mask_setting(event) for event in ("frame_done", "matches_done", "frame_bad")),
     )
 }
 """Every setting, by name. `hdl.registers.register_map.REGISTERS` gives each its register and bits."""
@@ -101,7 +104,7 @@ RINGS = ("features", "matches")
 """The rings of buffers in memory that a live build writes."""
 PAGE_BYTES = 4096
 """Unit of a ring's base and of its slots; no AXI burst crosses a multiple of it."""
-FEWEST_SLOTS = 2
+MIN_SLOTS = 2
 TICK_CLOCKS = 1024
 """Unit of the shell's time limits."""
 
@@ -110,9 +113,9 @@ def _ring_settings(ring: str) -> tuple[Setting, ...]:
     return (
         Setting(f"{ring}_base_low", WORD_VALUES, 0, f"Address of the ring, low word: a multiple of {PAGE_BYTES}."),
         Setting(f"{ring}_base_high", WORD_VALUES, 0, "Address of the ring, high word."),
-        Setting(f"{ring}_slots", range(257), 0, f"Slots of the ring, {FEWEST_SLOTS} to 256; each holds a packet."),
-        Setting(f"{ring}_slot_pages", range(4097), 0, f"Length of a slot in {PAGE_BYTES} bytes."),
-        Setting(f"{ring}_read", WORD_VALUES, 0, "Packets that software has read: their slots are free again."),
+        Setting(f"{ring}_slots", range(257), 0, f"Slots of the ring, {MIN_SLOTS} to 256; each holds a packet."),
+        Setting(f"{ring}_slot_pages", range(4097), 0, f"Length of a slot in units of {PAGE_BYTES} bytes."),
+        Setting(f"{ring}_read", WORD_VALUES, 0, "Packets that software has read, whose slots are free again."),
     )
 
 
@@ -124,32 +127,29 @@ SHELL = {
             "camera_timeout",
             range(1 << 16),
             15_000,
-            f"Pause after which the camera counts as stopped, in {TICK_CLOCKS} clocks; 0: never.",
+            f"Pause after which the camera counts as stopped, in units of {TICK_CLOCKS} clocks; 0: never.",
         ),
         Setting("coalesce_count", range(256), 1, "Frames after which frames_ready is set."),
         Setting(
             "coalesce_timeout",
             range(1 << 16),
             0,
-            f"Time after which fewer frames set frames_ready, in {TICK_CLOCKS} clocks; 0: never.",
+            f"Time after which fewer frames set frames_ready, in units of {TICK_CLOCKS} clocks; 0: never.",
         ),
-        Setting("frames_ready_mask", FLAG, 0, "For frames_ready."),
-        Setting("frame_dropped_mask", FLAG, 0, "For frame_dropped."),
-        Setting("camera_stops_mask", FLAG, 0, "For camera_stops."),
-        Setting("memory_error_mask", FLAG, 0, "For memory_error."),
+        *(_mask_setting(event) for event in ("frames_ready", "frame_dropped", "camera_stops", "memory_error")),
     )
 }
 """The settings of a live build's shell by name; `hdl.registers.live_register_map` gives each its register and bits."""
 
 REQUESTED = ("width_px", "height_px", "cell_log2", "per_cell", "detector", "threshold_code", "keep_above")
-"""What a request to a board's server sets. The driver sets the others: ``gray_input`` follows from the frames."""
+"""Settings that a request to a board's server contains. The driver sets the others, ``gray_input`` from the frames."""
 
 RUNNING = {"enable": 1, "features_enable": 1, "matches_enable": 1}
-"""Settings with which pixels are taken in and both outputs are on."""
+"""Settings that accept pixels and enable both outputs."""
 
 
 def frame_settings(config: FrontEndConfig, width_px: int, height_px: int, *, gray_input: bool) -> dict[str, int]:
-    """Values of the `FRONT_END` settings for frames of one size.
+    """Convert a configuration into `FRONT_END` settings for frames of one size.
 
     Raises
     ------
@@ -173,6 +173,6 @@ def frame_settings(config: FrontEndConfig, width_px: int, height_px: int, *, gra
 
 
 def matched_frame_settings(config: Config, width_px: int, height_px: int, *, gray_input: bool) -> dict[str, int]:
-    """As `frame_settings`, with the limit of the fuzzy weight: all that follows from a configuration."""
+    """Convert a configuration into `FRONT_END` settings and the limit of the fuzzy weight."""
     values = frame_settings(config.front_end, width_px, height_px, gray_input=gray_input)
     return {**values, KEEP_ABOVE.name: config.matcher.keep_above}

@@ -48,39 +48,11 @@ class AxiLiteSignature(wiring.Signature):
             }
         )
 
-    def create(self, *, path: Any = None, src_loc_at: int = 0) -> AxiLiteInterface:
-        """Make the ports."""
-        return AxiLiteInterface(self, path=path, src_loc_at=1 + src_loc_at)
-
-
-class AxiLiteInterface(wiring.PureInterface):
-    """Ports of an `AxiLiteSignature`."""
-
-    awaddr: Signal
-    awprot: Signal
-    awvalid: Signal
-    awready: Signal
-    wdata: Signal
-    wstrb: Signal
-    wvalid: Signal
-    wready: Signal
-    bresp: Signal
-    bvalid: Signal
-    bready: Signal
-    araddr: Signal
-    arprot: Signal
-    arvalid: Signal
-    arready: Signal
-    rdata: Signal
-    rresp: Signal
-    rvalid: Signal
-    rready: Signal
-
 
 class AxiLiteSubordinate(wiring.Component):
     """Turns accesses into pulses: address and data are valid in the clock in which ``o_write`` or ``o_read`` is high.
 
-    Writes and reads are independent. Each accepts its next access after the previous response was taken.
+    Writes and reads are independent. Each accepts its next access when the previous response has been taken.
 
     Parameters
     ----------
@@ -101,7 +73,7 @@ class AxiLiteSubordinate(wiring.Component):
         Read data, in the clock of the pulse.
     """
 
-    bus: AxiLiteInterface
+    bus: Any
     o_write: Signal
     o_read: Signal
     o_write_word: Signal
@@ -144,7 +116,7 @@ class AxiLiteSubordinate(wiring.Component):
         word = port_register(m, self.o_write_word)
         data = port_register(m, self.o_data)
         strobe = port_register(m, self.o_strobe)
-        # Low during reset: an access that were accepted then would get no response.
+        # Low during reset: an access accepted then would never get a response.
         running = Signal()
         m.d.sync += running.eq(1)
         m.d.comb += [

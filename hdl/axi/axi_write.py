@@ -1,6 +1,4 @@
-"""AXI4 writes with 64-bit addresses and 64-bit data: the channels, and a manager of bursts of one length."""
-
-from typing import Any
+"""AXI4 writes with 64-bit addresses and 64-bit data: the channels, and a manager that writes fixed-length bursts."""
 
 from amaranth import Module, Signal
 from amaranth.lib import data, stream, wiring
@@ -10,38 +8,17 @@ from golden_model.records import WORD_BYTES
 from hdl.axi.axi_lite import Response
 
 BURST_WORDS = 16
-"""The longest burst of AXI3, too, which the memory ports of a Zynq-7000 have."""
+"""No longer, because the memory ports of a Zynq-7000 are AXI3, whose bursts end at 16 words."""
 BURST_BYTES = BURST_WORDS * WORD_BYTES
 BURST_LOG2 = (BURST_BYTES - 1).bit_length()
 MAX_OUTSTANDING = 15
 INCREMENTING = 1
 """AWBURST of a burst whose addresses rise."""
 MODIFIABLE = 0b0010
-"""AWCACHE: an interconnect may change the width. Not bufferable: a response then comes from the memory itself, so that
-after it every reader sees the burst."""
+"""AWCACHE: an interconnect may change the width. Not bufferable: the response then comes from the memory itself, and
+every reader sees the burst once it has arrived."""
 BURST_WORD = data.StructLayout({"data": 8 * WORD_BYTES, "kept": 1})
 """A word of a burst; it is written only where ``kept``."""
-
-
-class AxiWriteInterface(wiring.PureInterface):
-    """Ports of an `AxiWriteSignature`."""
-
-    awaddr: Signal
-    awlen: Signal
-    awsize: Signal
-    awburst: Signal
-    awcache: Signal
-    awprot: Signal
-    awvalid: Signal
-    awready: Signal
-    wdata: Signal
-    wstrb: Signal
-    wlast: Signal
-    wvalid: Signal
-    wready: Signal
-    bresp: Signal
-    bvalid: Signal
-    bready: Signal
 
 
 class AxiWriteSignature(wiring.Signature):
@@ -72,17 +49,13 @@ class AxiWriteSignature(wiring.Signature):
             }
         )
 
-    def create(self, *, path: Any = None, src_loc_at: int = 0) -> AxiWriteInterface:
-        """Make the ports."""
-        return AxiWriteInterface(self, path=path, src_loc_at=1 + src_loc_at)
-
 
 class BurstWriter(wiring.Component):
     """Writes bursts of 16 words, one after the other, at multiples of their length: none crosses 4 KiB.
 
     Address and data are offered side by side, since a memory may wait for data before it accepts the address. Up to
-    `MAX_OUTSTANDING` bursts wait for their response; a start beyond them waits. A reset drops what is under way, so it
-    has to reset the interconnect, too.
+    `MAX_OUTSTANDING` bursts may be without a response; ``o_ready`` stays low until one of them has it. A reset drops
+    bursts in progress, so it has to reset the interconnect too.
 
     Members
     -------
@@ -113,7 +86,7 @@ class BurstWriter(wiring.Component):
     o_error: Out(1)
 
     def elaborate(self, platform: object) -> Module:
-        """Address and data; the responses whenever they come."""
+        """Send address and data independently, and count the responses."""
         m = Module()
         bus, word = self.bus, self.i.payload
         burst = Signal.like(self.i_burst, reset_less=True)

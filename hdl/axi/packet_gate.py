@@ -1,4 +1,4 @@
-"""Passes or discards whole packets of records, captures their FrameStatus, and ends them where they are broken off."""
+"""A gate that passes or discards whole packets, captures their FrameStatus, and completes those that break off."""
 
 from amaranth import Cat, Module, Mux, ResetInserter, Signal
 from amaranth.lib import stream, wiring
@@ -12,14 +12,14 @@ _STATUS = record_layout(FRAME_STATUS)
 
 
 class PacketGate(wiring.Component):
-    """Passes whole packets or discards whole packets, and reports the FrameStatus of each.
+    """Passes or discards whole packets, and reports the FrameStatus of each.
 
-    After ``i_clear`` no more words are expected of the packet under way. What has been offered must still be taken,
-    since AXI4-Stream lets no word be withdrawn; then zeros complete the record, and a FrameStatus (`Cause.CLEARED`)
-    ends the packet, which may so be longer by two records. Only then the next packet is accepted. A packet of which
-    nothing has been offered is forgotten.
+    ``i_clear`` breaks off the packet in progress. Words already offered must still be taken, since AXI4-Stream lets
+    none be withdrawn. Then zeros complete the record, and a FrameStatus (`Cause.CLEARED`) ends the packet, which may
+    thus be longer by two records. Only then is the next packet accepted. A packet of which nothing has been offered is
+    dropped.
 
-    Throughput is a word a clock; the switch takes a clock before each packet.
+    Throughput is one word per clock; before each packet the switch takes another clock.
 
     Parameters
     ----------
@@ -33,20 +33,19 @@ class PacketGate(wiring.Component):
     i_enable : In(1)
         Whether the next packet passes; sampled between packets only, so that none is cut.
     i_clear : In(1)
-        The source breaks off in this clock, and starts over with a new packet.
+        The source breaks off in this clock, and continues with a new packet.
     o : Out(stream of WordPayload)
     o_done : Out(1)
         One clock after the last word of a packet left or was discarded; not after a packet that was broken off.
     o_status : Out(FrameStatus)
-        Of the last packet; valid from ``o_done`` on.
+        The last packet's status; valid from ``o_done`` on.
 
     Attributes
     ----------
     buffer : SkidBuffer
         The register stage in front.
     latency_cycles : int
-        From a word to the same word, if the output does not wait and the word is not the first of its packet, which
-        takes a clock more.
+        From input to output, while the output does not stall; the first word of a packet takes another clock.
     """
 
     i: In(stream.Signature(WordPayload))
@@ -64,7 +63,7 @@ class PacketGate(wiring.Component):
         super().__init__()
 
     def elaborate(self, platform: object) -> Module:
-        """A switch that changes only between packets, a shift register for the last record, and the closing words."""
+        """A switch that changes between packets only, a shift register for the last record, and the closing words."""
         m = Module()
         passes = Signal()
         under_way = Signal()
@@ -87,7 +86,7 @@ class PacketGate(wiring.Component):
             waiting.ready.eq(under_way & (self.o.ready | ~passes)),
             advances.eq((waiting.valid | closing) & waiting.ready),
             in_packet.eq(under_way & passes & ~(advances & self.o.payload.last)),
-            # The words behind a closed packet's last one come from before the clear.
+            # What the buffer holds behind a closed packet's last word was sent before the clear.
             forgets.eq(Mux(closing, advances & self.o.payload.last, self.i_clear & ~in_packet)),
             self.o_status.eq(status),
         ]

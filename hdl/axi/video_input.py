@@ -10,8 +10,8 @@ from hdl.streams import each_pixel, pixel_payload
 
 GRAY_PER_WORD = 4
 VIDEO_BITS = (32, 24, 8, 48, 16)
-"""Widths of the input's data: 24 and 8 are those of UG934 for RGB and gray, 48 and 16 with two pixels a clock; 32 is
-that of a DMA's words."""
+"""Widths of the input's data: 24 and 8 for RGB and gray (UG934), 48 and 16 for two pixels per clock, 32 for the words
+of a DMA."""
 
 
 def pixels_per_clock(video_bits: int) -> int:
@@ -42,21 +42,21 @@ def video_payload(video_bits: int) -> data.StructLayout:
 
 
 VideoPayload = video_payload(VIDEO_BITS[0])
-"""One pixel a beat."""
+"""A beat of one pixel."""
 
 
 class VideoInput(wiring.Component):
-    """Converts the beats of the input stream to pixels, up to one or two a clock.
+    """Converts the beats of the input stream to one or two pixels per clock.
 
     In memory mode, ``last`` of a pixel ends the transfer, and pixels left in a beat at the end of a frame are dropped.
-    The path from input to output is combinational; between pixels only the byte of the beat is kept.
+    The path from input to output is combinational; the only state is the position in the beat.
 
     Parameters
     ----------
     video_bits : {32, 24, 8, 48, 16}
-        Width of the port that the beats come from. Only a beat of 32 bits holds more gray pixels in memory mode than in
-        video mode; with 8 bits a pixel there is no colour. Two pixels come with each beat of 48 or 16 bits; every line
-        begins with a new beat in both modes, and where it is odd, the upper pixel of its last beat is ignored.
+        Width of the port that the beats come from. Only a 32-bit beat holds more gray pixels in memory mode than in
+        video mode. An 8 or 16-bit port has no colour. A beat of 48 or 16 bits holds two pixels; every line begins with
+        a new beat in both modes, and the upper pixel of an odd line's last beat is ignored.
 
     Members
     -------
@@ -100,7 +100,7 @@ class VideoInput(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Split beats into pixels, and bring their colours into one order."""
+        """Split beats into pixels, and bring their colours into the front end's order."""
         m = Module()
         beat, pixel = self.i.payload, self.o.payload
         byte = Signal(range(GRAY_PER_WORD))

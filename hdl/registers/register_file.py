@@ -9,7 +9,7 @@ from amaranth import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
-from hdl.axi.axi_lite import AxiLiteInterface, AxiLiteSignature, AxiLiteSubordinate
+from hdl.axi.axi_lite import AxiLiteSignature, AxiLiteSubordinate
 from hdl.registers.register_map import ADDRESS_BITS, REGISTERS, Access, Field, Register, fields
 
 _FROM_HARDWARE = {Access.STATUS: "i_", Access.EVENT: "i_", Access.REQUEST: "i_"}
@@ -40,12 +40,9 @@ class RegisterFile(wiring.Component):
         High while an event and its mask are set.
     """
 
-    bus: AxiLiteInterface
-    o_interrupt: Signal
-
     if TYPE_CHECKING:
         # The map makes the ports; a type checker cannot know their names.
-        def __getattr__(self, name: str) -> Signal: ...
+        def __getattr__(self, name: str) -> Any: ...
 
     def __init__(self, *, constants: Mapping[str, int], registers: Sequence[Register] = REGISTERS) -> None:
         self.constants = dict(constants)

@@ -1,7 +1,5 @@
 """The camera's side: its pixels cross into the accelerator's clock, and whole frames are admitted or dropped."""
 
-from __future__ import annotations
-
 from amaranth import Cat, Module, Mux, Signal, Value
 from amaranth.lib import data, fifo, stream, wiring
 from amaranth.lib.wiring import In, Out
@@ -13,18 +11,20 @@ from hdl.shell.ring_writer import FRAME_INFO
 
 NUMBER_BITS = 8
 SETTLING_CLOCKS = 3
-"""From an admission to the next decision: what the admission takes has been counted by then."""
-
+"""From an admission to the next decision: by then the shell has counted the buffers that the frame takes."""
 
 CAMERA_BEAT = data.StructLayout({"data": 24, "first": 1, "last": 1, "lost": 1, "number": NUMBER_BITS})
-"""A pixel behind the clock crossing: `VideoPayload`, and ``lost``: pixels were lost just before this one, because the
-crossing was full; ``number``: low bits of the number of its frame, which counts frames whose first pixel was lost."""
+"""A pixel behind the clock crossing: `VideoPayload` and two more fields.
+
+``lost``: the crossing was full and lost pixels just before this one. ``number``: low bits of the frame's number; frames
+whose first pixel was lost count, too.
+"""
 
 
 class CameraCrossing(wiring.Component):
-    """Takes a pixel in every clock of the domain ``camera``, and offers it in ``sync``.
+    """Passes a pixel per clock from the domain ``camera`` to ``sync``.
 
-    The queue between is Amaranth's asynchronous FIFO. Where it is full, pixels are lost and the next one says so.
+    Between them is Amaranth's asynchronous FIFO. While it is full, pixels are lost, and the next one says so.
 
     Parameters
     ----------
@@ -42,25 +42,18 @@ class CameraCrossing(wiring.Component):
         The queue is nearly full.
     """
 
-    i_valid: Signal
-    i: data.View
-    o: stream.Interface
-    o_pressed: Signal
+    i_valid: In(1)
+    i: In(VideoPayload)
+    o: Out(stream.Signature(CAMERA_BEAT))
+    o_pressed: Out(1)
 
     def __init__(self, *, video_bits: int, depth: int) -> None:
         self.video_bits = video_bits
         self.depth = depth
-        super().__init__(
-            {
-                "i_valid": In(1),
-                "i": In(VideoPayload),
-                "o": Out(stream.Signature(CAMERA_BEAT)),
-                "o_pressed": Out(1),
-            }
-        )
+        super().__init__()
 
     def elaborate(self, platform: object) -> Module:
-        """Number the pixels' frames and mark gaps before the queue."""
+        """Number the frames and mark gaps on the camera's side of the queue."""
         m = Module()
         width = CAMERA_BEAT.size - 24 + self.video_bits
         m.submodules.queue = queue = fifo.AsyncFIFO(width=width, depth=self.depth, r_domain="sync", w_domain="camera")
@@ -82,12 +75,14 @@ class CameraCrossing(wiring.Component):
 
 
 class CameraGate(wiring.Component):
-    """Passes whole frames of the size that is set, and drops whole frames; it never lets the camera wait.
+    """Passes or drops whole frames; the camera never waits.
 
-    A frame is dropped at its first pixel for one of the reasons in `Reason`. An admitted frame is cut off where it
-    breaks a line of its size, loses pixels, meets the next frame, or finds the accelerator busy while the queue before
-    the gate is nearly full; the accelerator makes a bad frame of it. After a frame with more pixels than its size, the
-    next one is dropped: a camera that is set to more lines gives one good frame of its upper lines, then none.
+    A frame is dropped at its first pixel, for one of the reasons in `Reason`. An admitted frame is cut off where a line
+    has the wrong length, where pixels are lost, where the next frame starts, or where the accelerator is busy while the
+    queue before the gate is nearly full. The accelerator makes a bad frame of it.
+
+    The frame after one with more pixels than its size is dropped: a camera with more lines than the setting delivers
+    one good frame of its upper lines, then none.
 
     Members
     -------
@@ -95,77 +90,54 @@ class CameraGate(wiring.Component):
     i_pressed : In(1)
         The queue is nearly full.
     i_on, i_refused, i_has_room : In(1)
-        Frames are wanted; the settings cannot work; there are buffers for another frame. Where they are 0, 1 and 0, a
-        frame that starts is dropped.
+        Frames are requested; the settings are invalid; there are buffers for another frame. A frame is admitted
+        only with 1, 0 and 1.
     i_width_px, i_height_px : In
         Sampled with each first pixel.
     i_time : In(64)
     o : Out(stream of VideoPayload)
         Its ready must not depend on its valid. What is offered may be withdrawn.
     o_admits : Out(1), o_info : Out(FRAME_INFO)
-        In the clock in which an admitted frame's first pixel is taken.
+        High in the clock in which an admitted frame's first pixel is taken.
     o_drops : Out(1)
-        In the clock in which a frame is dropped or cut, other than for `Reason.OFF`.
+        High in the clock in which a frame is dropped or cut, other than for `Reason.OFF`.
     o_frames, o_dropped, o_cut : Out(32)
-        Frames since reset: ``o_frames`` have started, of which ``o_dropped`` were dropped; ``o_cut`` of the others.
+        Since reset: frames that started, those of them that were dropped, and admitted ones that were cut off.
     o_last_drop : Out(FRAME_INFO), o_reason : Out(8)
-        Of the frame dropped last.
+        The frame dropped last, and why.
 
     Attributes
     ----------
     latency_cycles : int
     """
 
-    i: stream.Interface
-    i_pressed: Signal
-    i_on: Signal
-    i_refused: Signal
-    i_has_room: Signal
-    i_width_px: Signal
-    i_height_px: Signal
-    i_time: Signal
-    o: stream.Interface
-    o_admits: Signal
-    o_info: data.View
-    o_drops: Signal
-    o_frames: Signal
-    o_dropped: Signal
-    o_cut: Signal
-    o_last_drop: data.View
-    o_reason: Signal
+    i: In(stream.Signature(CAMERA_BEAT))
+    i_pressed: In(1)
+    i_on: In(1)
+    i_refused: In(1)
+    i_has_room: In(1)
+    i_width_px: In(range(MAX_FRAME_PX + 1))
+    i_height_px: In(range(MAX_FRAME_PX + 1))
+    i_time: In(64)
+    o: Out(stream.Signature(VideoPayload))
+    o_admits: Out(1)
+    o_info: Out(FRAME_INFO)
+    o_drops: Out(1)
+    o_frames: Out(32)
+    o_dropped: Out(32)
+    o_cut: Out(32)
+    o_last_drop: Out(FRAME_INFO)
+    o_reason: Out(8)
 
     latency_cycles = 0
 
-    def __init__(self) -> None:
-        super().__init__(
-            {
-                "i": In(stream.Signature(CAMERA_BEAT)),
-                "i_pressed": In(1),
-                "i_on": In(1),
-                "i_refused": In(1),
-                "i_has_room": In(1),
-                "i_width_px": In(range(MAX_FRAME_PX + 1)),
-                "i_height_px": In(range(MAX_FRAME_PX + 1)),
-                "i_time": In(64),
-                "o": Out(stream.Signature(VideoPayload)),
-                "o_admits": Out(1),
-                "o_info": Out(FRAME_INFO),
-                "o_drops": Out(1),
-                "o_frames": Out(32),
-                "o_dropped": Out(32),
-                "o_cut": Out(32),
-                "o_last_drop": Out(FRAME_INFO),
-                "o_reason": Out(8),
-            }
-        )
-
     def elaborate(self, platform: object) -> Module:
-        """Decide at each first pixel, follow the frame, count."""
+        """Decide at each first pixel, check the frame's lines, count frames."""
         m = Module()
         beat = self.i.payload
         running, settled = Signal(), Signal(init=1)
         takes, passes, gives_up = Signal(), Signal(), Signal()
-        line_ends, is_whole, is_surplus = self._follow(m, takes)
+        line_ends, frame_ends, is_surplus = self._track_position(m, takes)
         reason = self._reason(m, is_surplus)
         fits = ~beat.lost & (beat.last == line_ends) & ~is_surplus
         m.d.comb += [
@@ -178,7 +150,7 @@ class CameraGate(wiring.Component):
             self.o_admits.eq(takes & beat.first & passes),
         ]
         with m.If(takes):
-            m.d.sync += running.eq(passes & ~is_whole & ~(beat.first & beat.last))
+            m.d.sync += running.eq(passes & ~frame_ends & ~(beat.first & beat.last))
         cuts = takes & ((running & (beat.first | ~passes)) | (self.o_admits & beat.last))
         with m.If(cuts):
             m.d.sync += self.o_cut.eq(self.o_cut + 1)
@@ -186,8 +158,8 @@ class CameraGate(wiring.Component):
         self._number(m, takes, Mux(gives_up & (reason == 0), Reason.OUTRUN, reason), cuts)
         return m
 
-    def _follow(self, m: Module, takes: Value) -> tuple[Value, Value, Value]:
-        """Whether the pixel ends a line, whether it ends the frame, and whether the frame had ended before it."""
+    def _track_position(self, m: Module, takes: Value) -> tuple[Value, Value, Value]:
+        """Whether the pixel ends a line, whether it ends the frame, and whether the frame has ended before it."""
         beat = self.i.payload
         x, y, last_x, last_y = (Signal(range(MAX_FRAME_PX)) for _ in range(4))
         line_ends, last_line, ended, broken = Signal(), Signal(), Signal(init=1), Signal(init=1)
@@ -207,7 +179,7 @@ class CameraGate(wiring.Component):
                 m.d.sync += [
                     y.eq(y + line_ends),
                     ended.eq(ended | frame_ends),
-                    # Where a line was broken, the count of lines says nothing.
+                    # After a broken line the count of lines is wrong: more pixels then prove no larger frame.
                     broken.eq(broken | beat.lost | (~ended & (beat.last != line_ends))),
                     surplus.eq(surplus | (ended & ~broken)),
                 ]
@@ -215,13 +187,14 @@ class CameraGate(wiring.Component):
 
     def _reason(self, m: Module, is_surplus: Value) -> Value:
         """Why a frame that starts with this pixel is dropped; 0: it is admitted."""
+        # This register, for which `SETTLING_CLOCKS` leave time, keeps the settings' checks out of the pixels' path.
         known = Signal(range(max(Reason) + 1), init=Reason.OFF)
         full = Mux(self.i_has_room, 0, Reason.NO_BUFFER)
         m.d.sync += known.eq(Mux(self.i_on, Mux(self.i_refused, Reason.REFUSED, full), Reason.OFF))
         return Mux(known.any() | ~is_surplus, known, Reason.TOO_LARGE)
 
     def _settle(self, m: Module, settled: Signal) -> None:
-        """No pixel is taken for some clocks after an admission."""
+        """Take no pixel for `SETTLING_CLOCKS` after an admission."""
         clocks = Signal(range(SETTLING_CLOCKS))
         m.d.sync += clocks.eq(Mux(settled, 0, clocks + 1))
         with m.If(self.o_admits):
@@ -230,11 +203,11 @@ class CameraGate(wiring.Component):
             m.d.sync += settled.eq(1)
 
     def _number(self, m: Module, takes: Value, reason: Value, cuts: Value) -> None:
-        """Count frames by their numbers, since the first pixel of some may be lost."""
+        """Count frames by their numbers, since the crossing may have lost the first pixel of some."""
         beat = self.i.payload
         newer = Signal(NUMBER_BITS)
         number = Signal(32)
-        # A frame that is not admitted and every frame of which nothing was seen.
+        # This frame, unless it is admitted, and every frame before it of which no pixel arrived.
         drops = Signal(NUMBER_BITS)
         m.d.comb += [
             newer.eq(beat.number - self.o_frames[:NUMBER_BITS]),

@@ -1,19 +1,17 @@
-"""The live build: a camera in, packets of features and matches in memory, no software between."""
-
-from __future__ import annotations
+"""The live build: from a camera to packets of features and matches in memory, without software between."""
 
 from typing import TYPE_CHECKING, Any
 
 from amaranth import ClockDomain, ClockSignal, Module, ResetInserter, Signal
-from amaranth.lib import data, stream, wiring
+from amaranth.lib import stream, wiring
 from amaranth.lib.cdc import ResetSynchronizer
 from amaranth.lib.wiring import In, Out
 
 from golden_model.geometry.scoring import MAX_MATCHES
 from golden_model.records import MATCH, WORD_BYTES
 from hdl.accelerator import Accelerator
-from hdl.axi.axi_lite import AxiLiteInterface, AxiLiteSignature
-from hdl.axi.axi_write import AxiWriteInterface, AxiWriteSignature
+from hdl.axi.axi_lite import AxiLiteSignature
+from hdl.axi.axi_write import AxiWriteSignature
 from hdl.axi.video_input import VideoPayload
 from hdl.geometry.records import RecordScoring
 from hdl.registers.live_register_map import SHELL_REGISTERS
@@ -25,16 +23,16 @@ from hdl.streams import WordPayload
 LIVE_VIDEO_BITS = (24, 8)
 FIFO_WORDS = 512
 CLOSING_PX = 1024
-"""A frame that was cut off is closed before the next one: the rest of its line, and up to so many pixels. The camera's
-next frame has to wait that long, or it would be cut off, too, and so on for ever."""
+"""Before the next frame, a frame that was cut off is closed: the rest of its line, and up to this many pixels. The
+queue holds the next frame's pixels meanwhile; otherwise that frame would be cut off, too, and so on for ever."""
 SPARE_RECORDS = 2
-"""A packet that CONTROL.clear ends has a record more, and its FrameStatus."""
+"""A packet that CONTROL.clear ends has one record more, and its FrameStatus."""
 
 
 class LiveAccelerator(wiring.Component):
     """`Accelerator` in a `Shell`, and scoring of hypotheses by the matches of the newest frame.
 
-    Everything is in the domain ``sync`` but the camera's pixels, which have ``camera``.
+    The camera's pixels are in the domain ``camera``, everything else in ``sync``.
 
     Parameters
     ----------
@@ -46,7 +44,7 @@ class LiveAccelerator(wiring.Component):
     i_reset : In(1)
         Synchronous reset of everything in ``sync``.
     i_camera_valid : In(1), i_camera : In(VideoPayload)
-        In ``camera``: AXI4-Stream video as UG934 has it, without ready.
+        In ``camera``: AXI4-Stream video (UG934) without ready.
     features, matches : Out(AxiWriteSignature)
         To memory.
     i_hypotheses, o_scores : In and Out(stream of WordPayload)
@@ -56,15 +54,15 @@ class LiveAccelerator(wiring.Component):
     o_interrupt : Out(1)
     """
 
-    i_reset: Signal
-    i_camera_valid: Signal
-    i_camera: data.View
-    features: AxiWriteInterface
-    matches: AxiWriteInterface
-    i_hypotheses: stream.Interface
-    o_scores: stream.Interface
-    control: AxiLiteInterface
-    o_interrupt: Signal
+    i_reset: In(1)
+    i_camera_valid: In(1)
+    i_camera: In(VideoPayload)
+    features: Out(AxiWriteSignature())
+    matches: Out(AxiWriteSignature())
+    i_hypotheses: In(stream.Signature(WordPayload))
+    o_scores: Out(stream.Signature(WordPayload))
+    control: In(AxiLiteSignature(address_bits=ADDRESS_BITS))
+    o_interrupt: Out(1)
 
     def __init__(self, **build: Any) -> None:
         self.accelerator = accelerator = Accelerator(shell_registers=SHELL_REGISTERS, **build)
@@ -82,18 +80,7 @@ class LiveAccelerator(wiring.Component):
             fifo_words=FIFO_WORDS,
         )
         self._scoring = RecordScoring(max_matches=min(accelerator.config.front_end.max_features, MAX_MATCHES))
-        super().__init__(
-            {
-                "i_reset": In(1),
-                "i_camera_valid": In(1),
-                "i_camera": In(VideoPayload),
-                **{ring: Out(AxiWriteSignature()) for ring in RINGS},
-                "i_hypotheses": In(stream.Signature(WordPayload)),
-                "o_scores": Out(stream.Signature(WordPayload)),
-                "control": In(AxiLiteSignature(address_bits=ADDRESS_BITS)),
-                "o_interrupt": Out(1),
-            }
-        )
+        super().__init__()
 
     def elaborate(self, platform: object) -> Module:
         """Connect the shell around the accelerator."""
@@ -119,14 +106,14 @@ class LiveAccelerator(wiring.Component):
         return m
 
     def _score(self, m: Module, reset: Signal) -> None:
-        """Score hypotheses by the matches that the ring takes, and count them."""
+        """Connect the scoring to the matches that the ring takes, and count its answers."""
         m.submodules.scoring = ResetInserter(reset)(self._scoring)
         scoring, registers = self._scoring, self.accelerator.registers
         wiring.connect(m, self._shell.o_matches, scoring.i_matches)
         wiring.connect(m, wiring.flipped(self.i_hypotheses), scoring.i_hypotheses)
         wiring.connect(m, scoring.o, wiring.flipped(self.o_scores))
-        counted = ((registers.i_scored, scoring.o_scored), (registers.i_unscored, scoring.o_refused))
-        for count, happens in counted:
+        counters = ((registers.i_scored, scoring.o_scored), (registers.i_unscored, scoring.o_refused))
+        for count, happens in counters:
             with m.If(reset):
                 m.d.sync += count.eq(0)
             with m.Elif(happens):
@@ -134,19 +121,19 @@ class LiveAccelerator(wiring.Component):
 
 
 class LiveTop(wiring.Component):
-    """`LiveAccelerator` with flat ports as AMD names them, and two clocks.
+    """`LiveAccelerator` with two clocks and flat ports, named as AMD names them.
 
     Members
     -------
     aclk, aresetn : In(1)
-        Clock of everything but the camera, and the synchronous reset of all, active low.
+        Clock of everything but the camera, and the synchronous reset of everything, active low.
     video_aclk : In(1)
         The camera's pixel clock.
     s_axis_video_* : AXI4-Stream, in ``video_aclk``
         Its TREADY is always 1.
     m_axi_features_*, m_axi_matches_* : AXI4, writes only
     s_axis_hypotheses_*, m_axis_scores_* : AXI4-Stream
-        Of 64 bits, as a DMA has them.
+        64 bits wide, for a DMA.
     s_axi_ctrl_* : AXI4-Lite
     interrupt : Out(1)
         Active high, level.

@@ -1,13 +1,11 @@
-"""Writes packets into a ring of buffers in memory, each behind a header that is written last."""
-
-from __future__ import annotations
+"""Writes packets into a ring of buffers in memory; the header in front of each is written last."""
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib import data, fifo, stream, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.records import WORD_BYTES
-from hdl.axi.axi_write import BURST_BYTES, BURST_WORDS, AxiWriteInterface, AxiWriteSignature, BurstWriter
+from hdl.axi.axi_write import BURST_BYTES, BURST_WORDS, AxiWriteSignature, BurstWriter
 from hdl.lib.views import view_signal
 from hdl.settings import PAGE_BYTES
 from hdl.shell.slot import HEADER, HEADER_BYTES, slot_pages
@@ -18,18 +16,36 @@ FRAME_INFO = data.StructLayout({"number": 32, "time": 64})
 PAGE_BURSTS_LOG2 = (PAGE_BYTES // BURST_BYTES).bit_length() - 1
 
 
+class _Packet:
+    """State of the packet in progress, and its slot."""
+
+    def __init__(self, needed_pages: int, record_words: int) -> None:
+        self.info = view_signal(FRAME_INFO, name="info", reset_less=True)
+        self.page = Signal(52)
+        self.slot = Signal(9)
+        self.burst = Signal(range((needed_pages << PAGE_BURSTS_LOG2) + 1))
+        self.length = Signal(32)
+        self.place = Signal(range(record_words))
+        self.status = Signal(8 * WORD_BYTES, reset_less=True)
+        self.clocks = Signal(32, reset_less=True)
+        self.finished = Signal()
+        self.is_on = Signal()
+        self.overlong = Signal()
+        self.failed = Signal()
+
+
 class RingWriter(wiring.Component):
-    """Takes packets of records, and writes each into the next slot of a ring by AXI4 bursts.
+    """Writes each packet of records into the next slot of a ring, by AXI4 bursts.
 
-    All bursts have 16 words and start at multiples of their length, so that none crosses 4 KiB; the words behind a
-    packet's last one have no strobe. A burst starts only when its words are there, so that it never holds up the
-    memory. The header (`hdl.shell.slot.HEADER`) is written when every other burst has been answered: a slot whose
-    header has the expected sequence number is complete. Error responses are counted and flagged in the header.
+    All bursts have 16 words and start at multiples of their length, so that none crosses 4 KiB; words behind the end of
+    the packet have no strobe. A burst starts only when all its words have arrived, so that it never blocks the memory.
+    The header (`hdl.shell.slot.HEADER`) follows when every other burst has its response: a slot whose header has the
+    expected sequence number is complete. Error responses are counted and flagged in the header.
 
-    A packet that finds no free slot is discarded whole and counted; the camera's gate sees to it that this does not
-    happen. So is every packet while the ring is off; then the ring starts over at its first slot.
+    A packet without a free slot is discarded whole and counted; the camera's gate prevents this. While the ring is off,
+    every packet is discarded, and the ring restarts at its first slot.
 
-    Throughput is 16 words in 18 clocks as long as the memory accepts them; ``fifo_words`` words wait inside.
+    Throughput is 16 words in 18 clocks while the memory accepts them; ``fifo_words`` words wait inside.
 
     Parameters
     ----------
@@ -45,79 +61,61 @@ class RingWriter(wiring.Component):
     i : In(stream of WordPayload)
         Records; a packet ends with its FrameStatus.
     i_info : In(stream of FRAME_INFO)
-        One for each packet, not after its first word; a packet without one has number and time 0.
+        One for each packet, at its first word at the latest; a packet without one has number and time 0.
     i_enable : In(1)
         The ring is on and can be written; sampled between packets.
     i_base_page, i_slots, i_slot_pages : In
-        Where the ring lies and its shape, in pages of 4 KiB. May change only while ``i_enable`` is 0.
+        The ring's position, number of slots and their length, in pages of 4 KiB. May change only while ``i_enable``
+        is 0.
     i_full : In(1)
         Every slot holds a packet that software has not read.
     i_time : In(64)
-        Clocks.
+        Clocks since reset.
     bus : Out(AxiWriteSignature)
     o_written : Out(32)
         Packets in memory since the ring was switched on.
     o_errors, o_lost : Out(16)
         Error responses and packets without a slot since reset; they do not wrap.
     o_ended : Out(1)
-        With the clock from which ``o_written`` counts the packet, or in which it has been discarded.
+        High in the clock before ``o_written`` counts the packet, or in which a packet has been discarded.
     o_error : Out(1)
-        In the clock of an error response.
+        High in the clock of an error response.
     o_idle : Out(1)
         No word is inside.
     o_active : Out(1)
         The ring may be written: it is on, or a packet that began before it was switched off is not finished.
     """
 
-    i: stream.Interface
-    i_info: stream.Interface
-    i_enable: Signal
-    i_base_page: Signal
-    i_slots: Signal
-    i_slot_pages: Signal
-    i_full: Signal
-    i_time: Signal
-    bus: AxiWriteInterface
-    o_written: Signal
-    o_errors: Signal
-    o_lost: Signal
-    o_ended: Signal
-    o_error: Signal
-    o_idle: Signal
-    o_active: Signal
+    i: In(stream.Signature(WordPayload))
+    i_info: In(stream.Signature(FRAME_INFO))
+    i_enable: In(1)
+    i_base_page: In(52)
+    i_slots: In(9)
+    i_slot_pages: In(13)
+    i_full: In(1)
+    i_time: In(64)
+    bus: Out(AxiWriteSignature())
+    o_written: Out(32)
+    o_errors: Out(16)
+    o_lost: Out(16)
+    o_ended: Out(1)
+    o_error: Out(1)
+    o_idle: Out(1)
+    o_active: Out(1)
 
     def __init__(self, *, record_words: int, max_words: int, fifo_words: int = 512) -> None:
         self.record_words = record_words
         self.needed_pages = slot_pages(max_words)
         self.fifo_words = fifo_words
-        super().__init__(
-            {
-                "i": In(stream.Signature(WordPayload)),
-                "i_info": In(stream.Signature(FRAME_INFO)),
-                "i_enable": In(1),
-                "i_base_page": In(52),
-                "i_slots": In(9),
-                "i_slot_pages": In(13),
-                "i_full": In(1),
-                "i_time": In(64),
-                "bus": Out(AxiWriteSignature()),
-                "o_written": Out(32),
-                "o_errors": Out(16),
-                "o_lost": Out(16),
-                "o_ended": Out(1),
-                "o_error": Out(1),
-                "o_idle": Out(1),
-                "o_active": Out(1),
-            }
-        )
+        super().__init__()
 
     def elaborate(self, platform: object) -> Module:
-        """Words wait in a queue; a state machine takes them packet by packet."""
+        """A queue of words, and a state machine that takes them packet by packet."""
         m = Module()
         m.submodules.waiting = waiting = fifo.SyncFIFOBuffered(width=8 * WORD_BYTES + 1, depth=self.fifo_words)
         m.submodules.bursts = bursts = BurstWriter()
         wiring.connect(m, bursts.bus, wiring.flipped(self.bus))
-        packet = _Packet(self)
+        packet = _Packet(self.needed_pages, self.record_words)
         word, is_last = waiting.r_data[:-1], waiting.r_data[-1]
         takes = waiting.r_rdy & waiting.r_en
         ends = Signal(range(self.fifo_words + 1))
@@ -128,11 +126,11 @@ class RingWriter(wiring.Component):
             self.i.ready.eq(waiting.w_rdy),
             self.o_error.eq(bursts.o_error),
             bursts.i_burst.eq(Cat(packet.burst[:PAGE_BURSTS_LOG2], packet.page + packet.burst[PAGE_BURSTS_LOG2:])),
-            # Behind the packet's last word 0, and not what arrives meanwhile: data must not change while they wait.
+            # 0 behind the packet's last word, not what arrives meanwhile: AXI data must not change while they wait.
             bursts.i.payload.data.eq(Mux(packet.finished, 0, word)),
         ]
         with m.If(bursts.o_error):
-            m.d.sync += [packet.failed.eq(1), self.o_errors.eq(_saturated(self.o_errors))]
+            m.d.sync += [packet.failed.eq(1), self.o_errors.eq(_count_up(self.o_errors))]
         self._count(m, packet, takes, word)
         m.d.comb += self.o_active.eq(1)
         with m.FSM(name="packet"):
@@ -161,7 +159,7 @@ class RingWriter(wiring.Component):
         return m
 
     def _count(self, m: Module, packet: _Packet, takes: Value, word: Value) -> None:
-        """The packet's length, and the first word of its last record, which is the FrameStatus."""
+        """Add up the packet's length, and keep the first word of its last record, which is the FrameStatus."""
         place = packet.place
         with m.If(takes):
             m.d.sync += [
@@ -172,7 +170,7 @@ class RingWriter(wiring.Component):
                 m.d.sync += packet.status.eq(word)
 
     def _idle(self, m: Module, packet: _Packet, waiting: fifo.SyncFIFOBuffered) -> None:
-        """Start with a packet; a ring that is off starts over."""
+        """Choose a state for the next packet; restart a ring that is off."""
         m.d.comb += [self.o_idle.eq(waiting.r_level == 0), self.o_active.eq(packet.is_on)]
         m.d.sync += [
             packet.burst.eq(HEADER_BYTES // BURST_BYTES),
@@ -188,20 +186,20 @@ class RingWriter(wiring.Component):
             with m.If(packet.is_on & ~self.i_full):
                 m.next = "WAIT"
             with m.Elif(packet.is_on):
-                m.d.sync += self.o_lost.eq(_saturated(self.o_lost))
+                m.d.sync += self.o_lost.eq(_count_up(self.o_lost))
 
-    def _wait(self, m: Module, packet: _Packet, bursts: BurstWriter, is_there: Value) -> None:
-        """Start the next burst as soon as its words are there."""
+    def _wait(self, m: Module, packet: _Packet, bursts: BurstWriter, has_words: Value) -> None:
+        """Start the next burst as soon as its words have arrived."""
         with m.If(packet.burst == self.needed_pages << PAGE_BURSTS_LOG2):
             m.d.sync += packet.overlong.eq(1)
             m.next = "DISCARD"
-        with m.Elif(is_there & bursts.o_ready):
+        with m.Elif(has_words & bursts.o_ready):
             m.d.comb += bursts.i_start.eq(1)
             m.d.sync += packet.burst.eq(packet.burst + 1)
             m.next = "RECORDS"
 
     def _discard(self, m: Module, packet: _Packet, ends: Value) -> None:
-        """A packet without a slot ends here; one that was too long for its slot still gets a header."""
+        """Drop words up to the packet's end; a packet that was too long for its slot still gets a header."""
         m.d.comb += self.o_active.eq(packet.is_on | packet.overlong)
         with m.If(ends):
             m.next = "ANSWERS"
@@ -210,7 +208,7 @@ class RingWriter(wiring.Component):
                 m.next = "IDLE"
 
     def _records(self, m: Module, packet: _Packet, waiting: fifo.SyncFIFOBuffered, bursts: BurstWriter) -> None:
-        """A burst of records; words without strobe behind the last one."""
+        """Send a burst of records; words behind the packet's last one have no strobe."""
         m.d.comb += [
             bursts.i.valid.eq(waiting.r_rdy | packet.finished),
             bursts.i.payload.kept.eq(~packet.finished),
@@ -224,7 +222,7 @@ class RingWriter(wiring.Component):
                 m.next = "ANSWERS"
 
     def _header(self, m: Module, packet: _Packet, bursts: BurstWriter) -> None:
-        """The burst of the header; its fields are those of `hdl.shell.slot.HEADER`."""
+        """Send the header's burst; its fields are those of `hdl.shell.slot.HEADER`."""
         values = {
             "sequence": (self.o_written + 1)[:32],
             "length_bytes": packet.length,
@@ -235,7 +233,7 @@ class RingWriter(wiring.Component):
             "clocks": packet.clocks,
             "reserved": Const(0, 32),
         }
-        bits = Cat(_resized(m, values[name], 8 * HEADER[name].itemsize) for name in HEADER.names or ())
+        bits = Cat(_resize(m, values[name], 8 * HEADER[name].itemsize) for name in HEADER.names or ())
         beat = Signal(range(BURST_WORDS))
         m.d.comb += [bursts.i.valid.eq(1), bursts.i.payload.kept.eq(beat < len(bits) // (8 * WORD_BYTES))]
         with m.Switch(beat):
@@ -257,30 +255,12 @@ class RingWriter(wiring.Component):
             m.d.sync += [packet.slot.eq(0), packet.page.eq(self.i_base_page)]
 
 
-class _Packet:
-    """What is known of the packet under way, and the slot for it."""
-
-    def __init__(self, writer: RingWriter) -> None:
-        self.info = view_signal(FRAME_INFO, name="info", reset_less=True)
-        self.page = Signal(52)
-        self.slot = Signal(9)
-        self.burst = Signal(range((writer.needed_pages << PAGE_BURSTS_LOG2) + 1))
-        self.length = Signal(32)
-        self.place = Signal(range(writer.record_words))
-        self.status = Signal(8 * WORD_BYTES, reset_less=True)
-        self.clocks = Signal(32, reset_less=True)
-        self.finished = Signal()
-        self.is_on = Signal()
-        self.overlong = Signal()
-        self.failed = Signal()
-
-
-def _saturated(count: Signal) -> Value:
-    """The count and one more, or the largest it can hold."""
+def _count_up(count: Signal) -> Value:
+    """One more than the count, or its largest value."""
     return Mux(count.all(), count, count + 1)
 
 
-def _resized(m: Module, value: Value, bits: int) -> Signal:
+def _resize(m: Module, value: Value, bits: int) -> Signal:
     resized = Signal(bits)
     m.d.comb += resized.eq(value)
     return resized

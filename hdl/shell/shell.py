@@ -1,40 +1,38 @@
-"""The streaming shell around the accelerator's streams: camera in front, rings in memory behind, registers beside."""
-
-from __future__ import annotations
+"""The streaming shell around the accelerator: the camera before it, rings in memory behind it."""
 
 from amaranth import Cat, Module, Mux, ResetInserter, Signal, Value
-from amaranth.lib import data, fifo, stream, wiring
+from amaranth.lib import fifo, stream, wiring
 from amaranth.lib.wiring import In, Out
 
-from hdl.axi.axi_write import AxiWriteInterface, AxiWriteSignature
+from hdl.axi.axi_write import AxiWriteSignature
 from hdl.axi.video_input import VideoPayload
 from hdl.registers.register_file import RegisterFile
-from hdl.settings import FEWEST_SLOTS, PAGE_BYTES, RINGS, TICK_CLOCKS
+from hdl.settings import MIN_SLOTS, PAGE_BYTES, RINGS, TICK_CLOCKS
 from hdl.shell.camera import CameraCrossing, CameraGate
 from hdl.shell.ring_writer import FRAME_INFO, RingWriter
 from hdl.streams import WordPayload, fork
 
 MAX_IN_FLIGHT = 8
-"""Frames between the camera's gate and the end of their packets, at most; the accelerator holds about four."""
+"""Frames between the camera's gate and the end of their packets; the accelerator itself holds about four."""
 CLEARING_CLOCKS = 8
-"""From CONTROL.clear until the accelerator's outputs offer what is left of a packet."""
+"""Clocks from CONTROL.clear until the accelerator's outputs offer the rest of a packet, at most."""
 
 
 class Shell(wiring.Component):
     """Admits whole frames of a camera while there are buffers for them, and writes their packets into two rings.
 
-    Every frame that is admitted has a slot in each ring that is on: it was free, and no other frame has been promised
-    it. Software frees slots by counting up ``features_read`` and ``matches_read``.
+    An admitted frame has a free slot in each ring that is on, reserved for it alone. Software frees slots by counting
+    up ``features_read`` and ``matches_read``.
 
     Parameters
     ----------
     registers : RegisterFile
-        With `hdl.registers.live_register_map.LIVE_REGISTERS`; the shell drives the fields of its own registers.
+        The registers of a live build (`LIVE_REGISTERS`); the shell drives the fields of its own.
     record_words, max_words : mapping of str to int
         For each ring, the length of a record and of the longest packet.
     video_bits : {24, 8}
     camera_depth, fifo_words : int
-        Pixels and words that wait before the accelerator and behind it.
+        Lengths of the queues before and behind the accelerator, in pixels and words.
 
     Members
     -------
@@ -50,14 +48,14 @@ class Shell(wiring.Component):
         To memory.
     """
 
-    i_camera_valid: Signal
-    i_camera: data.View
-    o_video: stream.Interface
-    i_features: stream.Interface
-    i_matches: stream.Interface
-    o_matches: stream.Interface
-    features: AxiWriteInterface
-    matches: AxiWriteInterface
+    i_camera_valid: In(1)
+    i_camera: In(VideoPayload)
+    o_video: Out(stream.Signature(VideoPayload))
+    i_features: In(stream.Signature(WordPayload))
+    i_matches: In(stream.Signature(WordPayload))
+    o_matches: Out(stream.Signature(WordPayload))
+    features: Out(AxiWriteSignature())
+    matches: Out(AxiWriteSignature())
 
     def __init__(
         self,
@@ -76,19 +74,10 @@ class Shell(wiring.Component):
             ring: RingWriter(record_words=record_words[ring], max_words=max_words[ring], fifo_words=fifo_words)
             for ring in RINGS
         }
-        super().__init__(
-            {
-                "i_camera_valid": In(1),
-                "i_camera": In(VideoPayload),
-                "o_video": Out(stream.Signature(VideoPayload)),
-                **{f"i_{ring}": In(stream.Signature(WordPayload)) for ring in RINGS},
-                "o_matches": Out(stream.Signature(WordPayload)),
-                **{ring: Out(AxiWriteSignature()) for ring in RINGS},
-            }
-        )
+        super().__init__()
 
     def elaborate(self, platform: object) -> Module:
-        """Crossing, gate, rings; what they tell the registers."""
+        """Connect crossing, gate, rings and registers."""
         m = Module()
         registers, gate, crossing = self._registers, self._gate, self._crossing
         m.submodules.crossing, m.submodules.gate = crossing, gate
@@ -130,9 +119,9 @@ class Shell(wiring.Component):
         return m
 
     def _clear(self, m: Module) -> tuple[Value, Value]:
-        """While the accelerator is cleared, no frame is admitted until what it still offers is in memory.
+        """Whether frames wait for a clear to end, and the clock in which the frames in flight are forgotten.
 
-        Then the frames that it has forgotten are forgotten here, too.
+        A clear ends when the packets that the accelerator still offered are in memory.
         """
         clearing, clocks = Signal(), Signal(range(CLEARING_CLOCKS))
         offered = Cat(self.i_features.valid, self.i_matches.valid).any()
@@ -147,7 +136,7 @@ class Shell(wiring.Component):
         return clearing | self._registers.o_clear, forgets
 
     def _ring(self, m: Module, ring: str, time: Value, forgets: Value) -> tuple[Value, Value]:
-        """A ring; returns whether it has room for another frame, and what is wrong with its settings."""
+        """Add a ring; returns whether it has room for another frame, and the faults of its settings (`Refusal`)."""
         writer, gate = self.rings[ring], self._gate
         m.submodules[ring] = writer
         m.submodules[f"{ring}_infos"] = infos = ResetInserter(forgets)(
@@ -167,11 +156,11 @@ class Shell(wiring.Component):
         m.d.comb += used.eq(writer.o_written - read)
         m.d.sync += [
             in_flight.eq(Mux(forgets, 0, in_flight + gate.o_admits - (writer.o_ended & in_flight.any()))),
-            # Also while the ring is off: in the clock in which it is switched on, a fault has to be known already.
+            # Checked while the ring is off, too: a fault has to be known in the clock in which it is switched on.
             faults.eq(
                 Cat(
                     base_low[: (PAGE_BYTES - 1).bit_length()].any(),
-                    (slots < FEWEST_SLOTS) | (slot_pages < writer.needed_pages),
+                    (slots < MIN_SLOTS) | (slot_pages < writer.needed_pages),
                     used > slots,
                 )
             ),
@@ -195,7 +184,7 @@ class Shell(wiring.Component):
         return has_room, Mux(enable, faults, 0)
 
     def _watch(self, m: Module, tick: Value) -> None:
-        """The camera has stopped when no pixel came for the time that is set."""
+        """Report that the camera has stopped when no pixel has come for ``camera_timeout``."""
         registers, stopped = self._registers, self._registers.i_camera_stopped
         idle = Signal(registers.o_camera_timeout.shape())
         m.d.sync += registers.i_camera_stops.eq(0)
@@ -207,7 +196,7 @@ class Shell(wiring.Component):
                 m.d.sync += [stopped.eq(1), registers.i_camera_stops.eq(registers.o_enable)]
 
     def _coalesce(self, m: Module, tick: Value, forgets: Value) -> None:
-        """An event for so many frames of which both packets have ended, or when the first has waited long enough."""
+        """Raise an event after ``coalesce_count`` complete frames, or when the first has waited long enough."""
         registers = self._registers
         ahead = {ring: Signal(range(MAX_IN_FLIGHT + 2), name=f"{ring}_ahead") for ring in RINGS}
         complete = Cat(signal.any() for signal in ahead.values()).all()

@@ -1,4 +1,4 @@
-"""What a slot of a ring holds: a header, and behind it a packet of records. Declared once, for hardware and host."""
+"""The layout of a slot in a ring: a header, and behind it a packet of records. Declared once, for hardware and host."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ HEADER_BYTES = 128
 
 
 class HeaderFlag(enum.IntFlag):
-    """What is wrong with a packet in memory."""
+    """Faults of a packet in memory."""
 
     OVERLONG = 1
     MEMORY_ERROR = 2
@@ -34,12 +34,12 @@ HEADER = np.dtype(
 )
 """The header, a whole number of 64-bit words.
 
-``sequence`` counts the ring's packets from 1, so that memory of zeros holds none; ``length_bytes`` is the packet's, its
-FrameStatus included. ``number`` counts the camera's frames from 1, dropped ones too: gaps are drops. ``time`` is the
-clock of the frame's first pixel at the door, ``clocks`` the time from there to this header. ``status`` is the first
-word of the packet's FrameStatus, and ``flags`` has the bits of `HeaderFlag`."""
+``sequence`` counts the ring's packets from 1, so that zeroed memory holds none; ``length_bytes`` is the length of the
+packet with its FrameStatus. ``number`` counts the camera's frames from 1, dropped ones too: gaps are drops. ``time`` is
+the clock of the frame's first pixel at the camera's gate, ``clocks`` the time from there to this header. ``status`` is
+the first word of the packet's FrameStatus, and ``flags`` has the bits of `HeaderFlag`."""
 
 
 def slot_pages(max_words: int) -> int:
-    """Pages of a slot that holds packets of up to ``max_words`` words."""
+    """Pages that a slot needs for packets of up to ``max_words`` words."""
     return -(-(HEADER_BYTES + max_words * WORD_BYTES) // PAGE_BYTES)
