@@ -1,6 +1,6 @@
 """The accelerator's registers behind a bus, for every host program of an export. Needs Python 3.10, nothing else."""
 
-import skymosaic_map as the_map
+import skymosaic_map as register_map
 
 
 class AcceleratorError(Exception):
@@ -23,7 +23,7 @@ class Registers:
 
     def __init__(self, bus):
         self.bus = bus
-        for name, expected in the_map.BUILT.items():
+        for name, expected in register_map.BUILT.items():
             found = self.read(name)
             if found != expected:
                 raise AcceleratorError(
@@ -32,16 +32,16 @@ class Registers:
 
     def read(self, field):
         """The value of a register field."""
-        offset, low, bits = the_map.FIELDS[field]
+        offset, low, bits = register_map.FIELDS[field]
         return self.bus.read(offset) >> low & (1 << bits) - 1
 
     def check(self, fields):
         """Check that every field can be written, and that its value is valid and was built."""
         for name, value in fields.items():
-            if name not in the_map.WRITABLE:
-                raise AcceleratorError(f"{name} cannot be written; valid: {', '.join(sorted(the_map.WRITABLE))}")
-            smallest, largest = the_map.WRITABLE[name]
-            largest = min(largest, the_map.BUILT.get("built_" + name, largest))
+            if name not in register_map.WRITABLE:
+                raise AcceleratorError(f"{name} cannot be written; valid: {', '.join(sorted(register_map.WRITABLE))}")
+            smallest, largest = register_map.WRITABLE[name]
+            largest = min(largest, register_map.BUILT.get("built_" + name, largest))
             if not smallest <= value <= largest:
                 raise AcceleratorError(f"{name} is {value}; it must be {smallest} to {largest}")
 
@@ -50,9 +50,9 @@ class Registers:
         self.check(fields)
         words = {}
         for name, value in fields.items():
-            offset, low, bits = the_map.FIELDS[name]
+            offset, low, bits = register_map.FIELDS[name]
             # A request that is still pending reads 1, and would be made again.
-            kept = self.bus.read(offset) & ~the_map.REQUEST_BITS.get(offset, 0)
+            kept = self.bus.read(offset) & ~register_map.REQUEST_BITS.get(offset, 0)
             word = words.get(offset, kept)
             words[offset] = word & ~((1 << bits) - 1 << low) | value << low
         for offset, word in words.items():

@@ -10,7 +10,7 @@
     live.close()
 """
 
-import skymosaic_map as the_map
+import skymosaic_map as register_map
 from skymosaic_registers import AcceleratorError, Registers
 
 RINGS = ("features", "matches")
@@ -62,7 +62,7 @@ class Ring:
 
     def __init__(self, registers, name, dtype, slots):
         self.registers, self.name, self.dtype, self.slots = registers, name, dtype, slots
-        longest = HEADER_BYTES + (the_map.BUILT["built_max_features"] + SPARE_RECORDS) * dtype.itemsize
+        longest = HEADER_BYTES + (register_map.BUILT["built_max_features"] + SPARE_RECORDS) * dtype.itemsize
         self.slot_pages = -(-longest // PAGE_BYTES)
         self.buffer = registers.bus.allocate(slots * self.slot_pages * PAGE_BYTES)
         self.address = registers.bus.address(self.buffer)
@@ -98,15 +98,15 @@ class Ring:
         start = self.read % self.slots * self.slot_pages * PAGE_BYTES
         slot = self.buffer[start : start + self.slot_pages * PAGE_BYTES]
         self.registers.bus.invalidate(self.buffer)
-        header = slot[: the_map.HEADER.itemsize].view(the_map.HEADER)[0]
+        header = slot[: register_map.HEADER.itemsize].view(register_map.HEADER)[0]
         length = int(header["length_bytes"])
         records, rest = divmod(length, self.dtype.itemsize)
         is_mine = int(header["sequence"]) == (self.read + 1) % (1 << 32)
         if not is_mine or header["flags"] or rest or not records or HEADER_BYTES + length > slot.size:
             return None
         packet = slot[HEADER_BYTES : HEADER_BYTES + length]
-        status = packet[length - self.dtype.itemsize :][: the_map.STATUS.itemsize].view(the_map.STATUS)[0]
-        if status["tag"] != the_map.STATUS_TAG:
+        status = packet[length - self.dtype.itemsize :][: register_map.STATUS.itemsize].view(register_map.STATUS)[0]
+        if status["tag"] != register_map.STATUS_TAG:
             return None
         return header, packet.view(self.dtype)[:-1], status
 
@@ -154,7 +154,7 @@ class Live:
         self.damaged = 0
         self._rings = {
             name: Ring(self.registers, name, dtype, slots)
-            for name, dtype in zip(RINGS, (the_map.FEATURE, the_map.MATCH), strict=True)
+            for name, dtype in zip(RINGS, (register_map.FEATURE, register_map.MATCH), strict=True)
         }
         self.restart()
 

@@ -1,7 +1,7 @@
 """Scores homographies by the matches that the accelerator holds. Needs Python 3.10 and numpy, nothing else."""
 
 import numpy as np
-import skymosaic_map as the_map
+import skymosaic_map as register_map
 from skymosaic_registers import AcceleratorError
 
 MOST_HYPOTHESES = 1024
@@ -17,8 +17,8 @@ class Scorer:
 
     def __init__(self, bus):
         self.bus = bus
-        self._sent = bus.allocate(MOST_HYPOTHESES * the_map.HYPOTHESIS.itemsize)
-        self._received = bus.allocate(MOST_HYPOTHESES * the_map.SCORE.itemsize)
+        self._sent = bus.allocate(MOST_HYPOTHESES * register_map.HYPOTHESIS.itemsize)
+        self._received = bus.allocate(MOST_HYPOTHESES * register_map.SCORE.itemsize)
 
     def score(self, homographies):
         """Score homographies.
@@ -46,27 +46,27 @@ class Scorer:
         """As `score`, for integers (M, 3, 3) of 32 bits in the fixed point of `quantise`."""
         if not 1 <= len(hypotheses) <= MOST_HYPOTHESES:
             raise AcceleratorError(f"{len(hypotheses)} homographies; send 1 to {MOST_HYPOTHESES} at a time")
-        records = np.zeros(len(hypotheses), the_map.HYPOTHESIS)
-        records["tag"], records["number"] = the_map.HYPOTHESIS_TAG, np.arange(len(records))
+        records = np.zeros(len(hypotheses), register_map.HYPOTHESIS)
+        records["tag"], records["number"] = register_map.HYPOTHESIS_TAG, np.arange(len(records))
         for row, column in np.ndindex(3, 3):
             records[f"h{row}{column}"] = hypotheses[:, row, column].astype(np.int32).view(np.uint32)
         self._sent[: records.nbytes] = records.view(np.uint8)
-        length = len(records) * the_map.SCORE.itemsize
+        length = len(records) * register_map.SCORE.itemsize
         if self.bus.exchange(self._sent, records.nbytes, self._received) != length:
             raise AcceleratorError(f"the scores do not have {length} bytes; load the bitstream again")
-        scores = np.array(self._received[:length]).view(the_map.SCORE)
-        if (scores["tag"] != the_map.SCORE_TAG).any() or (scores["number"] != records["number"]).any():
+        scores = np.array(self._received[:length]).view(register_map.SCORE)
+        if (scores["tag"] != register_map.SCORE_TAG).any() or (scores["number"] != records["number"]).any():
             raise AcceleratorError("the answers are not the scores of these homographies; load the bitstream again")
         return scores
 
 
 def quantise(homographies):
     """Homographies (M, 3, 3) as integers: positions in units of 4096 px, the largest element 2^24 - 1."""
-    units = np.array([the_map.UNIT_PX, the_map.UNIT_PX, 1.0])
+    units = np.array([register_map.UNIT_PX, register_map.UNIT_PX, 1.0])
     scaled = homographies * units / units[:, np.newaxis]
     largest = np.abs(scaled).max(axis=(1, 2), initial=0)
     wrong = np.flatnonzero(~(np.isfinite(largest) & (largest > 0)))
     if wrong.size:
         raise AcceleratorError(f"homography {wrong[0]} is zero or not finite; leave it out")
     normalised = scaled / largest[:, np.newaxis, np.newaxis]
-    return np.floor(normalised * the_map.LARGEST_ELEMENT + 0.5).astype(np.int64)
+    return np.floor(normalised * register_map.LARGEST_ELEMENT + 0.5).astype(np.int64)

@@ -3,8 +3,8 @@
 import time
 
 import numpy as np
+import skymosaic_map as register_map
 from pynq import DefaultIP, Overlay, allocate
-
 from skymosaic_driver import CHANNELS
 from skymosaic_registers import AcceleratorError
 
@@ -18,7 +18,7 @@ CONTROL_RESET = 1 << 2
 class Skymosaic(DefaultIP):
     """The IP core in an overlay; PYNQ finds this class by the core's VLNV."""
 
-    bindto = ["skymosaic:vision:skymosaic:1.0"]
+    bindto = [register_map.CORE]
 
 
 class PynqBus:

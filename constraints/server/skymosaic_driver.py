@@ -14,7 +14,7 @@ import itertools
 
 import numpy as np
 
-import skymosaic_map as the_map
+import skymosaic_map as register_map
 from skymosaic_registers import AcceleratorError, Registers
 
 CHANNELS = ("features", "matches")
@@ -33,8 +33,8 @@ class Frame:
     """
 
     def __init__(self, feature_packet, match_packet):
-        self.features, self.status = _records(feature_packet, the_map.FEATURE)
-        self.matches, self.match_status = _records(match_packet, the_map.MATCH)
+        self.features, self.status = _records(feature_packet, register_map.FEATURE)
+        self.matches, self.match_status = _records(match_packet, register_map.MATCH)
 
 
 def _records(packet, dtype):
@@ -43,8 +43,8 @@ def _records(packet, dtype):
         raise AcceleratorError(
             f"a packet has {packet.size} bytes, which is not a multiple of {dtype.itemsize}-byte records"
         )
-    status = packet[packet.size - dtype.itemsize :][: the_map.STATUS.itemsize].view(the_map.STATUS)[0]
-    if status["tag"] != the_map.STATUS_TAG:
+    status = packet[packet.size - dtype.itemsize :][: register_map.STATUS.itemsize].view(register_map.STATUS)[0]
+    if status["tag"] != register_map.STATUS_TAG:
         raise AcceleratorError("a packet does not end with a frame's status; clear the accelerator and try again")
     return packet.view(dtype)[:-1], status
 
@@ -72,8 +72,8 @@ class Accelerator(Registers):
         # A packet that is ended early has a record more, and its FrameStatus.
         capacity = self.read("built_max_features") + 2
         self._received = {
-            "features": bus.allocate(capacity * the_map.FEATURE.itemsize),
-            "matches": bus.allocate(capacity * the_map.MATCH.itemsize),
+            "features": bus.allocate(capacity * register_map.FEATURE.itemsize),
+            "matches": bus.allocate(capacity * register_map.MATCH.itemsize),
         }
         # Two pixels a clock: a line of odd width has one more.
         self._sent = bus.allocate(4 * (self.max_width_px + 1) * self.max_height_px)

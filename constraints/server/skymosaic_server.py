@@ -20,7 +20,7 @@ import socketserver
 import time
 
 import numpy as np
-import skymosaic_map as the_map
+import skymosaic_map as register_map
 
 PORT = 7020
 SHORTEST_KEY_BYTES = 16
@@ -139,7 +139,7 @@ class Handler(socketserver.BaseRequestHandler):
         try:
             request = json.loads(line)
             shape, count = tuple(map(_whole, request["shape"])), _whole(request["frames"])
-            settings = {name: _whole(request["settings"][name]) for name in the_map.REQUESTED}
+            settings = {name: _whole(request["settings"][name]) for name in register_map.REQUESTED}
             hold_reference = _typed(request["hold_reference"], bool)
         # RecursionError: JSON that is nested thousands of times.
         except (KeyError, TypeError, ValueError, RecursionError) as error:
@@ -156,14 +156,14 @@ class Handler(socketserver.BaseRequestHandler):
             ("width_px", shape[1], accelerator.max_width_px),
             ("height_px", shape[0], accelerator.max_height_px),
         ):
-            smallest_px, _ = the_map.WRITABLE[name]
+            smallest_px, _ = register_map.WRITABLE[name]
             if not smallest_px <= size_px <= built_px:
                 extent = "wide" if name == "width_px" else "high"
                 raise ValueError(f"frames are {size_px} px {extent}; {smallest_px} to {built_px} were built")
         if (settings["width_px"], settings["height_px"]) != (shape[1], shape[0]):
             raise ValueError("width_px and height_px differ from the frames' shape")
         for name, value in settings.items():
-            smallest, largest = the_map.WRITABLE[name]
+            smallest, largest = register_map.WRITABLE[name]
             if not smallest <= value <= largest:
                 raise ValueError(f"{name} is {value}; it must be {smallest} to {largest}")
 

@@ -19,7 +19,7 @@ create_bd_design skymosaic_system
 # What masters the registers, holds the frames and gives the clock.
 source [file join $here system.tcl]
 
-create_bd_cell -type ip -vlnv skymosaic:vision:skymosaic:1.0 skymosaic
+create_bd_cell -type ip -vlnv $board(core) skymosaic
 create_bd_cell -type ip -vlnv xilinx.com:ip:proc_sys_reset:5.0 reset
 
 # 26 bits of length: a transfer of up to 64 MB.

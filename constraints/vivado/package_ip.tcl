@@ -1,4 +1,4 @@
-# Packages rtl/skymosaic.v as the IP core skymosaic:vision:skymosaic:1.0 in vivado/ip.
+# Packages rtl/skymosaic.v as an IP core in vivado/ip.
 #
 #   vivado -mode batch -source package_ip.tcl
 
@@ -16,7 +16,8 @@ update_compile_order -fileset sources_1
 ipx::package_project -root_dir $ip_folder -vendor skymosaic -library vision -taxonomy /UserIP -import_files -force
 set core [ipx::current_core]
 set_property name skymosaic $core
-set_property version 1.0 $core
+set_property version $board(core_version) $core
+set_property core_revision $board(core_revision) $core
 set_property display_name {skymosaic vision front end} $core
 set_property description {Corners, descriptors, matches and fuzzy weights of UAV video} $core
 set_property supported_families {
@@ -50,4 +51,4 @@ set_property range 4096 [ipx::get_address_blocks reg0 -of_objects $map]
 ipx::check_integrity $core
 ipx::save_core $core
 close_project
-puts "packaged skymosaic:vision:skymosaic:1.0 in $ip_folder"
+puts "packaged $board(core) in $ip_folder"

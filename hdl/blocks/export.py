@@ -9,12 +9,15 @@ from amaranth import Shape
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In
 
+from golden_model.version import VERSION
 from hdl.blocks.catalogue import CATALOGUE
 from hdl.blocks.flat import CLOCK, RESET, FlatBlock
 from hdl.blocks.testbench import Port, VerilogBench
 from hdl.blocks.vectors import Block
 from hdl.netlist import to_verilog
-from hdl.registers.register_map import VERSION
+
+CORE_VENDOR, CORE_LIBRARY = "skymosaic", "vision"
+"""How FuseSoC, IP-XACT and Vivado name the cores, before their name and version."""
 
 
 def export_block(folder: Path, name: str) -> None:
@@ -59,7 +62,7 @@ def core_file(name: str, sources: Sequence[str], bench: Sequence[str]) -> str:
     ]
     lines = [
         "CAPI=2:",
-        f"name: skymosaic:vision:{name}:{'.'.join(map(str, VERSION))}",
+        f"name: {CORE_VENDOR}:{CORE_LIBRARY}:{name}:{VERSION}",
         f"description: {name} of the vision front end skymosaic",
         "filesets:",
         "  rtl:",

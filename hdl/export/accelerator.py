@@ -13,8 +13,9 @@ from golden_model.config import Config
 from golden_model.formats import POSITION
 from golden_model.geometry.scoring import ENTRY
 from golden_model.records import FRAME_STATUS, HYPOTHESIS, MATCH, SCORE, Tag, feature_record
+from golden_model.version import VERSION
 from hdl.accelerator import Accelerator, AcceleratorTop
-from hdl.blocks.export import core_file, module_ports
+from hdl.blocks.export import CORE_LIBRARY, CORE_VENDOR, core_file, module_ports
 from hdl.export import ip_xact, register_docs
 from hdl.export.accelerator_bench import accelerator_bench
 from hdl.export.boards import SOURCES, board_facts
@@ -27,6 +28,9 @@ from hdl.shell.live import LIVE_VIDEO_BITS, LiveAccelerator, LiveTop
 from hdl.shell.slot import HEADER
 
 TOP, LIVE_TOP = "skymosaic", "skymosaic_live"
+# Vivado numbers a core by major.minor and keeps a revision beside it (UG1118).
+CORE_VERSION, _, CORE_REVISION = VERSION.rpartition(".")
+VLNV = f"{CORE_VENDOR}:{CORE_LIBRARY}:{TOP}:{CORE_VERSION}"
 _WRITABLE = (Access.SETTING, Access.REQUEST, Access.COMMAND)
 
 
@@ -153,7 +157,8 @@ def _write_vivado(folder: Path, board: str, family: str, video_bits: int) -> Non
         shutil.copy(source, folder)
     shutil.copy(SOURCES / "systems" / f"{family}.tcl", folder / "system.tcl")
     board_text = (SOURCES / "boards" / f"{board}.tcl").read_text()
-    (folder / "board.tcl").write_text(f"{board_text}set board(video_bits) {video_bits}\n")
+    facts = {"video_bits": video_bits, "core": VLNV, "core_version": CORE_VERSION, "core_revision": CORE_REVISION}
+    (folder / "board.tcl").write_text(board_text + "".join(f"set board({name}) {facts[name]}\n" for name in facts))
     pins = SOURCES / "boards" / f"{board}.xdc"
     if pins.exists():
         shutil.copy(pins, folder / "bitstream_pins.xdc")
@@ -185,6 +190,8 @@ def driver_map(config: Config, *, live: bool = False, **build: Unpack[Build]) ->
     constants = built_constants(
         front_end=config.front_end, matcher=config.matcher, live=live, **(DEFAULT_BUILD | build)
     )
+    # Patch versions have the same registers and records: the driver accepts them all.
+    del constants["version_patch"]
     pattern = config.front_end.pattern
     positions = {f.name: (r.offset, f.low, f.bits) for r in registers for f in r.fields}
     written = sorted(fields(*_WRITABLE, registers=registers), key=lambda field: field.name)
@@ -205,6 +212,7 @@ def driver_map(config: Config, *, live: bool = False, **build: Unpack[Build]) ->
         "",
         *_dictionary("FIELDS", positions, "Field: (byte offset of its register, lowest bit, bits)"),
         *_dictionary("WRITABLE", writable, "Field that can be written: (smallest, largest valid value)"),
+        f"CORE = {VLNV!r}",
         "# What a request to the server sets.",
         f"REQUESTED = {REQUESTED!r}",
         *_dictionary("BUILT", constants, "What the constant fields read."),

@@ -5,12 +5,13 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 
+from golden_model.version import VERSION
+from hdl.blocks.export import CORE_LIBRARY, CORE_VENDOR
 from hdl.blocks.testbench import Port
 from hdl.export.bus_interfaces import BUS_VENDOR, BUS_VERSION, BusInterface, bus_interfaces
-from hdl.registers.register_map import ADDRESS_BITS, REGISTER_BITS, REGISTERS, VERSION, Access, Register
+from hdl.registers.register_map import ADDRESS_BITS, REGISTER_BITS, REGISTERS, Access, Register
 
 NAMESPACE = "http://www.accellera.org/XMLSchema/IPXACT/1685-2014"
-VENDOR, LIBRARY = "skymosaic", "vision"
 MEMORY_MAP = "registers"
 _ACCESS = {
     Access.CONSTANT: "read-only",
@@ -36,7 +37,7 @@ def component(name: str, ports: Mapping[str, Port], file: str, registers: Sequen
     """
     ET.register_namespace("ipxact", NAMESPACE)
     root = ET.Element(_tag("component"))
-    _texts(root, vendor=VENDOR, library=LIBRARY, name=name, version=".".join(map(str, VERSION)))
+    _texts(root, vendor=CORE_VENDOR, library=CORE_LIBRARY, name=name, version=VERSION)
     buses = _child(root, "busInterfaces")
     for interface in bus_interfaces(ports):
         _bus(buses, interface)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 
+from golden_model.version import VERSION
 from hdl.registers.live_register_map import LIVE_REGISTERS, SHELL_OFFSET
-from hdl.registers.register_map import ADDRESS_BITS, REGISTER_BITS, REGISTERS, VERSION, Access, Field, Register
+from hdl.registers.register_map import ADDRESS_BITS, REGISTER_BITS, REGISTERS, Access, Field, Register
 
 NAME = "skymosaic"
 _SVD_ACCESS = {
@@ -24,7 +25,7 @@ def markdown(registers: Sequence[Register] = LIVE_REGISTERS) -> str:
     lines = [
         "# Register map",
         "",
-        f"Version {'.'.join(map(str, VERSION))}. AXI4-Lite, {REGISTER_BITS}-bit registers, {1 << ADDRESS_BITS} bytes. "
+        f"Version {VERSION}. AXI4-Lite, {REGISTER_BITS}-bit registers, {1 << ADDRESS_BITS} bytes. "
         "An access to another address, or a write to a register that has no field to write, is answered with SLVERR. "
         "Bits that are not listed read 0. Generated from `hdl/registers/register_map.py` and "
         "`hdl/registers/live_register_map.py`.",
@@ -52,7 +53,7 @@ def svd(registers: Sequence[Register] = REGISTERS) -> str:
     _texts(
         device,
         name=NAME,
-        version=".".join(map(str, VERSION)),
+        version=VERSION,
         description="UAV vision front end",
         addressUnitBits="8",
         width=str(REGISTER_BITS),
@@ -102,7 +103,7 @@ def c_header(registers: Sequence[Register] = REGISTERS) -> str:
     """Offsets, shifts and masks as C macros."""
     guard = f"{NAME.upper()}_REGISTERS_H"
     lines = [
-        f"/* Registers of the {NAME} accelerator, version {'.'.join(map(str, VERSION))}. Generated; do not edit. */",
+        f"/* Registers of the {NAME} accelerator, version {VERSION}. Generated; do not edit. */",
         f"#ifndef {guard}",
         f"#define {guard}",
     ]

@@ -1,11 +1,11 @@
-"""The registers of the streaming shell, which a live build has behind those of the accelerator."""
+"""The registers of the streaming shell, which follow those of the accelerator in a live build."""
 
 from __future__ import annotations
 
 import enum
 from collections.abc import Iterator
 
-from hdl.registers.register_map import REGISTERS, Access, Field, Register, setting_field
+from hdl.registers.register_map import REGISTERS, Access, Field, Register, list_values, setting_field, status_word
 from hdl.settings import RINGS, SHELL
 
 SHELL_OFFSET = 0x100
@@ -14,7 +14,7 @@ _STATUS = Access.STATUS
 
 
 class Reason(enum.IntEnum):
-    """Why the shell dropped a whole frame at its door."""
+    """Why the shell dropped a whole frame before the accelerator."""
 
     OFF = 1
     REFUSED = 2
@@ -24,7 +24,7 @@ class Reason(enum.IntEnum):
 
 
 class Refusal(enum.IntFlag):
-    """What is wrong with the settings, so that every frame is dropped; those of a ring count only if it is on."""
+    """Faults of the settings, for which every frame is dropped; those of a ring count only while it is on."""
 
     FEATURES_MISALIGNED = 1
     FEATURES_TOO_SMALL = 2
@@ -35,10 +35,6 @@ class Refusal(enum.IntFlag):
     MEMORY_MODE = 64
 
 
-def _told(values: type[enum.IntEnum] | type[enum.IntFlag]) -> str:
-    return ", ".join(f"{int(value)} {str(value.name).lower().replace('_', ' ')}" for value in values)
-
-
 def _setting(name: str, low: int) -> Field:
     return setting_field(SHELL[name], low)
 
@@ -46,21 +42,21 @@ def _setting(name: str, low: int) -> Field:
 def _ring_registers(ring: str) -> Iterator[Register]:
     offset, upper = _RING_OFFSETS[ring], ring.upper()
     words = (
-        ("BASE_LOW", f"Where the ring of {ring} lies; change it only while {ring}_enable is 0.", "base_low"),
-        ("BASE_HIGH", f"Where the ring of {ring} lies.", "base_high"),
+        ("BASE_LOW", f"Position of the ring of {ring}; change it only while {ring}_enable is 0.", "base_low"),
+        ("BASE_HIGH", f"Position of the ring of {ring}.", "base_high"),
     )
     for number, (name, description, field) in enumerate(words):
         yield Register(f"{upper}_{name}", offset + 4 * number, description, (_setting(f"{ring}_{field}", 0),))
     shape = _setting(f"{ring}_slots", 0), _setting(f"{ring}_slot_pages", 16)
     yield Register(f"{upper}_SHAPE", offset + 8, f"Shape of the ring of {ring}; change it only while it is off.", shape)
     yield Register(f"{upper}_READ", offset + 12, f"Progress of the reader of {ring}.", (_setting(f"{ring}_read", 0),))
-    written = Field(f"{ring}_written", 0, 32, _STATUS, f"Packets in memory; 0 while {ring}_enable is 0.")
-    yield Register(f"{upper}_WRITTEN", offset + 16, f"Progress of the writer of {ring}.", (written,))
+    written = f"Packets in memory; 0 while {ring}_enable is 0."
+    yield status_word(f"{upper}_WRITTEN", offset + 16, f"Progress of the writer of {ring}.", written)
     errors = (
         Field(f"{ring}_errors", 0, 16, _STATUS, "Write responses other than OKAY; stays at the largest value."),
         Field(f"{ring}_lost", 16, 16, _STATUS, "Packets that found no free slot; stays at the largest value."),
     )
-    yield Register(f"{upper}_ERRORS", offset + 20, f"What went wrong in the ring of {ring}.", errors)
+    yield Register(f"{upper}_ERRORS", offset + 20, f"Failures of the ring of {ring}.", errors)
 
 
 SHELL_REGISTERS = (
@@ -69,40 +65,36 @@ SHELL_REGISTERS = (
         SHELL_OFFSET,
         "Whether frames can be taken.",
         (
-            Field("refused", 0, 8, _STATUS, f"Every frame is dropped because of: {_told(Refusal)}."),
+            Field("refused", 0, 8, _STATUS, f"Every frame is dropped because of: {list_values(Refusal)}."),
             Field("camera_stopped", 8, 1, _STATUS, "No pixel came for longer than camera_timeout."),
             *(
-                Field(f"{ring}_active", bit, 1, _STATUS, f"The ring of {ring} is on, or its last packet is under way.")
+                Field(f"{ring}_active", bit, 1, _STATUS, f"The ring of {ring} is on, or still writes a packet.")
                 for bit, ring in enumerate(RINGS, start=9)
             ),
-            Field("dropped_reason", 16, 8, _STATUS, f"Of the frame dropped last: {_told(Reason)}."),
+            Field("dropped_reason", 16, 8, _STATUS, f"For the frame dropped last: {list_values(Reason)}."),
         ),
     ),
-    Register(
+    status_word(
         "CAMERA_FRAMES",
         0x104,
         "Every frame of the camera since reset is admitted or dropped; an admitted one may be cut off.",
-        (Field("camera_frames", 0, 32, _STATUS, "Frames that have started: the number of the one under way."),),
+        "Frames that have started: the number of the frame in progress.",
     ),
-    Register("DROPPED", 0x108, "Drops.", (Field("dropped", 0, 32, _STATUS, "Frames dropped whole at the door."),)),
-    Register(
+    status_word("DROPPED", 0x108, "Drops since reset.", "Frames dropped whole before the accelerator."),
+    status_word(
         "CUT",
         0x10C,
-        "Frames that broke off after they had been admitted.",
-        (Field("cut", 0, 32, _STATUS, "Each ends with a bad FrameStatus when the next frame is admitted."),),
+        "Admitted frames that were cut off.",
+        "Each ends with a bad FrameStatus when the next frame is admitted.",
     ),
-    Register(
+    status_word(
         "DROPPED_NUMBER",
         0x110,
         "The last drop. If this has changed after DROPPED_TIME has been read, read all three again.",
-        (Field("dropped_number", 0, 32, _STATUS, "Number of the frame."),),
+        "Number of the frame.",
     ),
-    Register(
-        "DROPPED_TIME_LOW", 0x114, "When it was.", (Field("dropped_time_low", 0, 32, _STATUS, "Clocks, low word."),)
-    ),
-    Register(
-        "DROPPED_TIME_HIGH", 0x118, "When it was.", (Field("dropped_time_high", 0, 32, _STATUS, "Clocks, high word."),)
-    ),
+    status_word("DROPPED_TIME_LOW", 0x114, "Time of the last drop.", "Clocks, low word."),
+    status_word("DROPPED_TIME_HIGH", 0x118, "Time of the last drop.", "Clocks, high word."),
     Register("CAMERA", 0x11C, "The camera's watchdog.", (_setting("camera_timeout", 0),)),
     Register(
         "COALESCE",
@@ -118,7 +110,7 @@ SHELL_REGISTERS = (
             Field("frames_ready", 0, 1, Access.EVENT, "Features and matches of frames are in memory."),
             Field("frame_dropped", 1, 1, Access.EVENT, "A frame was dropped or cut, other than by `enable`."),
             Field("camera_stops", 2, 1, Access.EVENT, "The camera has stopped."),
-            Field("memory_error", 3, 1, Access.EVENT, "A write was answered by an error."),
+            Field("memory_error", 3, 1, Access.EVENT, "The response to a write was an error."),
         ),
     ),
     Register(
@@ -130,18 +122,11 @@ SHELL_REGISTERS = (
             for bit, event in enumerate(("frames_ready", "frame_dropped", "camera_stops", "memory_error"))
         ),
     ),
-    Register(
-        "SCORED", 0x12C, "Scoring.", (Field("scored", 0, 32, _STATUS, "Hypotheses that got a score, since reset."),)
-    ),
-    Register(
-        "UNSCORED",
-        0x130,
-        "Hypotheses without a score.",
-        (Field("unscored", 0, 32, _STATUS, "Since reset; the answer to each tells the causes."),),
-    ),
+    status_word("SCORED", 0x12C, "Scored hypotheses.", "Since reset."),
+    status_word("UNSCORED", 0x130, "Hypotheses without a score.", "Since reset; the answer to each has the causes."),
     *(register for ring in RINGS for register in _ring_registers(ring)),
 )
-"""Of the shell, in rising offset."""
+"""The shell's registers, by offset."""
 
 LIVE_REGISTERS = (*REGISTERS, *SHELL_REGISTERS)
 """Every register of a live build."""

@@ -8,17 +8,17 @@ exported driver's constants (`hdl.export.accelerator.driver_map`) come from `REG
 from __future__ import annotations
 
 import enum
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from golden_model.config import DETECTORS, RULE_BASES, FrontEndConfig, MatcherConfig
 from golden_model.records import MATCH, Cause, feature_record
+from golden_model.version import VERSION
 from hdl.settings import SETTINGS, Setting
 
 REGISTER_BITS = 32
 ADDRESS_BITS = 12
 IDENTITY = int.from_bytes(b"SKYM", "big")
-VERSION = (0, 3, 0)
 
 
 class Access(enum.Enum):
@@ -71,13 +71,22 @@ class Register:
     fields: tuple[Field, ...]
 
 
-_BAD = ", ".join(f"{cause.value} {str(cause.name).lower().replace('_', ' ')}" for cause in Cause)
 _CONSTANT, _STATUS = Access.CONSTANT, Access.STATUS
 
 
 def setting_field(setting: Setting, low: int) -> Field:
     """The field of a setting, from bit ``low`` on."""
     return Field(setting.name, low, setting.bits, Access.SETTING, setting.description, init=setting.reset)
+
+
+def status_word(name: str, offset: int, description: str, meaning: str) -> Register:
+    """A register with one field, of the register's name and whole width, that the hardware writes."""
+    return Register(name, offset, description, (Field(name.lower(), 0, REGISTER_BITS, _STATUS, meaning),))
+
+
+def list_values(members: Iterable[enum.IntEnum]) -> str:
+    """The values and names of an enumeration, for a description."""
+    return ", ".join(f"{int(member)} {member.name.lower().replace('_', ' ')}" for member in members)
 
 
 def _setting(name: str, low: int) -> Field:
@@ -89,11 +98,12 @@ REGISTERS = (
     Register(
         "VERSION",
         0x04,
-        "Version of the register map and the records.",
+        "Version of skymosaic that wrote the hardware. Software for one version works with every patch version, and, "
+        "from 1.0.0 on, with every later minor version.",
         (
-            Field("version_patch", 0, 8, _CONSTANT, "Changes that software cannot see."),
-            Field("version_minor", 8, 8, _CONSTANT, "Registers or fields were added."),
-            Field("version_major", 16, 8, _CONSTANT, "Software must be changed."),
+            Field("version_patch", 0, 8, _CONSTANT, "Registers and records have not changed."),
+            Field("version_minor", 8, 8, _CONSTANT, "Registers or fields may have been added; before 1.0.0, changed."),
+            Field("version_major", 16, 8, _CONSTANT, "Registers, fields or records may have changed."),
         ),
     ),
     Register(
@@ -102,7 +112,7 @@ REGISTERS = (
         "What was built.",
         (
             Field("built_levels", 0, 2, _CONSTANT, "Pyramid levels."),
-            Field("built_detectors", 2, 2, _CONSTANT, f"Detectors to choose from, a bit each: {', '.join(DETECTORS)}."),
+            Field("built_detectors", 2, 2, _CONSTANT, f"Available detectors, a bit each: {', '.join(DETECTORS)}."),
             Field("built_rule_base", 4, 2, _CONSTANT, "Index into " + ", ".join(RULE_BASES) + "."),
             Field("built_selection", 6, 1, _CONSTANT, "Whether corners are selected by cells."),
             Field("built_live", 7, 1, _CONSTANT, "Whether a streaming shell and the registers from 0x100 on exist."),
@@ -113,7 +123,7 @@ REGISTERS = (
                 24,
                 8,
                 _CONSTANT,
-                "Width of the video input's data: 32, 24 or 8; 48 or 16 with two pixels a clock.",
+                "Width of the video input's data: 32, 24 or 8; 48 or 16 with two pixels per clock.",
             ),
         ),
     ),
@@ -131,11 +141,11 @@ REGISTERS = (
         0x10,
         "Capacity and lengths of records.",
         (
-            Field("built_max_features", 0, 16, _CONSTANT, "Most features of a frame."),
+            Field("built_max_features", 0, 16, _CONSTANT, "Maximum number of features per frame."),
             Field(
-                "built_feature_bytes", 16, 8, _CONSTANT, "Bytes of a Feature record and of its stream's FrameStatus."
+                "built_feature_bytes", 16, 8, _CONSTANT, "Bytes of a Feature record and of its packet's FrameStatus."
             ),
-            Field("built_match_bytes", 24, 8, _CONSTANT, "Bytes of a Match record and of its stream's FrameStatus."),
+            Field("built_match_bytes", 24, 8, _CONSTANT, "Bytes of a Match record and of its packet's FrameStatus."),
         ),
     ),
     Register(
@@ -158,14 +168,14 @@ REGISTERS = (
                 8,
                 1,
                 Access.COMMAND,
-                "Forget frames and reference; settings stay. A packet under way ends with a bad FrameStatus.",
+                "Drop frames and reference; settings stay. A packet in progress ends with a bad FrameStatus.",
             ),
         ),
     ),
     Register(
         "REFERENCE",
         0x24,
-        "The held reference.",
+        "The reference frame.",
         (
             Field(
                 "take_reference",
@@ -193,32 +203,34 @@ REGISTERS = (
             Field("matches_waiting", 2, 1, _STATUS, "A word waits for its DMA on the matches' stream."),
         ),
     ),
-    Register("FRAMES", 0x44, "Frames seen since clear.", (Field("frames", 0, 32, _STATUS, "Good and bad ones."),)),
-    Register("BAD_FRAMES", 0x48, "Bad frames since clear.", (Field("bad_frames", 0, 32, _STATUS, "Void frames."),)),
-    Register("CAUSES", 0x4C, "Why the last bad frame was bad.", (Field("causes", 0, 16, _STATUS, f"{_BAD}."),)),
+    status_word("FRAMES", 0x44, "Frames since clear.", "Good and bad ones."),
+    status_word("BAD_FRAMES", 0x48, "Bad frames since clear.", "Their features and matches are not valid."),
+    Register(
+        "CAUSES",
+        0x4C,
+        "Why the last bad frame was bad.",
+        (Field("causes", 0, 16, _STATUS, f"Sum of: {list_values(Cause)}."),),
+    ),
     Register(
         "LAST_FEATURES",
         0x50,
         "Features and threshold of the last frame.",
         (
             Field("last_features", 0, 16, _STATUS, "Number of features."),
-            Field("last_threshold", 16, 15, _STATUS, "Threshold code the frame was detected with."),
+            Field("last_threshold", 16, 15, _STATUS, "Threshold code with which they were detected."),
         ),
     ),
     Register(
         "LAST_MATCHES",
         0x54,
-        "Matches of the last frame that was matched.",
+        "Matches of the frame matched last.",
         (
             Field("last_matches", 0, 16, _STATUS, "Number of mutual matches."),
             Field("last_kept", 16, 16, _STATUS, "Number of matches that the fuzzy weight kept."),
         ),
     ),
-    Register(
-        "LAST_CYCLES",
-        0x58,
-        "Duration of the last frame.",
-        (Field("last_cycles", 0, 32, _STATUS, "Clock cycles from the first pixel to the last word."),),
+    status_word(
+        "LAST_CYCLES", 0x58, "Duration of the last frame.", "Clock cycles from the first pixel to the last word."
     ),
     Register(
         "IRQ_STATUS",
@@ -234,11 +246,7 @@ REGISTERS = (
         "IRQ_MASK",
         0x64,
         "Which events interrupt.",
-        (
-            _setting("frame_done_mask", 0),
-            _setting("matches_done_mask", 1),
-            _setting("frame_bad_mask", 2),
-        ),
+        (_setting("frame_done_mask", 0), _setting("matches_done_mask", 1), _setting("frame_bad_mask", 2)),
     ),
 )
 """Every register that all builds have, in rising offset."""
@@ -263,7 +271,7 @@ def built_constants(
     pattern = front_end.pattern
     return {
         "identity": IDENTITY,
-        **dict(zip(("version_major", "version_minor", "version_patch"), VERSION, strict=True)),
+        **dict(zip(("version_major", "version_minor", "version_patch"), map(int, VERSION.split(".")), strict=True)),
         "built_levels": front_end.levels,
         "built_detectors": (1 << len(DETECTORS)) - 1,
         "built_rule_base": RULE_BASES.index(matcher.rule_base),

@@ -5,13 +5,13 @@ from __future__ import annotations
 import contextlib
 import importlib
 import sys
-from importlib.metadata import version
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 from typer.main import get_command
 
+from golden_model.version import VERSION
 from sim.backends.interface import BackendError
 from skymosaic.cli.common import QuietOption, VerboseOption, with_common_options
 from skymosaic.cli.session import session
@@ -57,7 +57,7 @@ def _not_imported() -> None:
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"skymosaic {version('skymosaic')}")
+        typer.echo(f"skymosaic {VERSION}")
         raise typer.Exit
 
 

@@ -12,7 +12,6 @@ import platform
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +19,7 @@ from rich.console import Console, RenderableType
 from rich.text import Text
 
 from golden_model.text import one_line
+from golden_model.version import VERSION
 from skymosaic.errors import InputError
 from skymosaic.temporary import temporary_folder
 
@@ -70,7 +70,7 @@ class Session:
         self.seconds: dict[str, float] = {}
         self.status = 0
         if command:
-            self.detail(f"skymosaic {version('skymosaic')}, Python {platform.python_version()}, {platform.platform()}")
+            self.detail(f"skymosaic {VERSION}, Python {platform.python_version()}, {platform.platform()}")
 
     @property
     def animated(self) -> bool:
@@ -155,7 +155,7 @@ class Session:
         if self._as_json:
             common = {
                 "command": self._command,
-                "version": version("skymosaic"),
+                "version": VERSION,
                 "status": status,
                 "error": None if error is None else one_line(error),
                 "warnings": self._warnings,

