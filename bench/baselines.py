@@ -12,7 +12,7 @@ from golden_model.arrays import Array, Pixels, Points
 from golden_model.config import preset_config
 from skymosaic.features.detectors import DETECTORS
 from skymosaic.features.matchers import RATIO
-from skymosaic.features.methods import backend_of, choose
+from skymosaic.features.methods import choose_method, load_backend_for
 from skymosaic.features.positions import match_points
 from skymosaic.geometry.homography import apply
 
@@ -40,8 +40,8 @@ class OfProject:
         config = preset_config("aerial")
         config = dataclasses.replace(config, front_end=dataclasses.replace(config.front_end, max_features=count))
         named = {"detector": name} if name in DETECTORS else {"descriptor": name}
-        method, self._config = choose(config, **named)
-        self._front_end = backend_of(method, "golden")
+        method, self._config = choose_method(config, **named)
+        self._front_end = load_backend_for(method, "golden")
 
     def match(self, left: Pixels, right: Pixels) -> tuple[Points, Points]:
         """See `Matcher.match`."""

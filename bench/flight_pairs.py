@@ -24,8 +24,8 @@ from golden_model.arrays import Matrix, Pixels
 from golden_model.pixel.gray import to_gray
 from skymosaic.evaluation.known_pairs import COLUMNS, LIST_NAME
 from skymosaic.geometry.acceptance import hull_area, overlap
-from skymosaic.imagery.images import load, reduced, save
-from skymosaic.imagery.photographs import sources
+from skymosaic.imagery.images import load, reduce_to_width, save
+from skymosaic.imagery.photographs import list_sources
 
 TRUTH_WIDTH_PX, WIDTH_PX = 1600, 640
 SIFT_FEATURES = 6000
@@ -64,7 +64,7 @@ def main(
         writer = csv.writer(file)
         writer.writerow(COLUMNS)
         for flight, count in (part.rsplit("=", 1) for part in flights):
-            photographs = sources([flight])
+            photographs = list_sources([flight])
             word = Path(flight).name.split("_")[0]
             steps = [(i, i + step) for step in range(1, FARTHEST + 1) for i in range(len(photographs) - step)]
             random.Random(5).shuffle(steps)
@@ -73,12 +73,14 @@ def main(
                 name = f"real_{word}_{i}_{j}"
                 if found == int(count) or name in taken:
                     continue
-                images = [reduced(to_gray(load(photographs[k].content).pixels), TRUTH_WIDTH_PX)[0] for k in (i, j)]
+                images = [
+                    reduce_to_width(to_gray(load(photographs[k].content).pixels), TRUTH_WIDTH_PX)[0] for k in (i, j)
+                ]
                 truth = truth_of(images[0], images[1])
                 if truth is None:
                     continue
                 found += 1
-                small, to_large = zip(*(reduced(image, WIDTH_PX) for image in images), strict=True)
+                small, to_large = zip(*(reduce_to_width(image, WIDTH_PX) for image in images), strict=True)
                 names = [f"images/{name}_{side}.png" for side in ("left", "right")]
                 for path, image in zip(names, small, strict=True):
                     save(folder / path, image)

@@ -26,7 +26,7 @@ from PIL import Image as PillowImage
 
 from skymosaic.errors import InputError
 from skymosaic.imagery import images
-from skymosaic.imagery.exif import taken
+from skymosaic.imagery.exif import read_metadata
 from skymosaic.registration.register import WORKING_WIDTH_PX
 
 MOST_SECONDS = 20.0
@@ -201,9 +201,9 @@ def read(path: Path) -> None:
     """Read one file as a mosaic does, and print what it took as JSON."""
     seconds = time.process_time()
     try:
-        taken(path)
+        read_metadata(path)
         photograph = images.load(path, keep_damaged=True)
-        pixels, _ = images.reduced_for_front_end(photograph.pixels, WORKING_WIDTH_PX, photograph.name)
+        pixels, _ = images.reduce_for_front_end(photograph.pixels, WORKING_WIDTH_PX, photograph.name)
         outcome = f"read, reduced to {pixels.shape[1]}x{pixels.shape[0]}"
     except InputError as error:
         outcome = str(error).removeprefix(f"{path}: ")

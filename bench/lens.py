@@ -29,7 +29,7 @@ from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.survey import survey
 from skymosaic.flight.workers import Workers
 from skymosaic.imagery.lens import Lens
-from skymosaic.imagery.photographs import sources
+from skymosaic.imagery.photographs import list_sources
 
 LENS: dict[str, Any] = {"k1": -0.1}
 LIGHT: dict[str, Any] = {"vignetting": 0.35, "exposure_step": 0.06, "balance_sigma": 0.03}
@@ -55,7 +55,7 @@ def measured(truth: Flight, *, known: bool) -> tuple[float, float]:
     lens = Lens((camera.width_px, camera.height_px), camera.matrix, distortion) if known else Lens()
     settings = Settings(preset_config("aerial"), lens=lens)
     with Workers() as workers:
-        flight = survey(sources(photographs), settings, 0, workers, ResultCache(None))
+        flight = survey(list_sources(photographs), settings, 0, workers, ResultCache(None))
     layout = flight.layouts[0]
     transforms = {str(member): matrix for member, matrix in layout.to_reference(flight.views).items()}
     errors_px, _ = position_errors(transforms, truth, [str(index) for index in range(len(photographs))])

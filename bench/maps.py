@@ -19,7 +19,7 @@ import typer
 from golden_model.arrays import Points
 from skymosaic.flight.picture.mapping import camera_positions
 from skymosaic.geometry.homography import DegenerateError, apply, estimate
-from skymosaic.maps.georeference import fit_to_map, utm
+from skymosaic.maps.georeference import fit_to_map, project_to_utm
 from skymosaic.mosaicking.api import planned
 from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.registration.register import WORKING_WIDTH_PX
@@ -53,7 +53,7 @@ def main(
         transforms = layout.to_reference(flight.views)
         centres = np.array([apply(transforms[m], (np.array(flight.views[m].size) - 1) / 2) for m in members])
         cameras = camera_positions(flight, layout)[[layout.members.index(m) for m in members], :2]
-        crs, metres = utm([gps for m in members if (gps := flight.views[m].gps) is not None])
+        crs, metres = project_to_utm([gps for m in members if (gps := flight.views[m].gps) is not None])
         spread = np.sqrt(np.mean(np.sum((metres - metres.mean(axis=0)) ** 2, axis=1)))
         found, reason = fit_to_map(cameras, metres, crs)
         out = reason if found is None else f"{len(found.disagreeing)} of {len(members)}"

@@ -22,7 +22,7 @@ from rich.table import Table
 
 from known_sets import read_set
 from skymosaic import register
-from skymosaic.compositing.mesh import better_mesh, fit_mesh, held_out_shares
+from skymosaic.compositing.mesh import fit_mesh, fit_useful_mesh, held_out_shares
 from skymosaic.features.positions import match_points
 from skymosaic.registration.confidence import overlap_correlation
 
@@ -59,7 +59,7 @@ def main(
         if mesh is None or shares == (0.0, 0.0):
             continue
         correlations = tuple(overlap_correlation((image, right), given[0]) for image in (left, mesh.bend(left)))
-        outcomes.append(Outcome(known.name, shares, correlations, better_mesh(*given) is not None))
+        outcomes.append(Outcome(known.name, shares, correlations, fit_useful_mesh(*given) is not None))
     console = Console(width=110)
     sheet = Table("pairs", "count", "held-out share", "with grid", "correlation", "with grid", "auto takes it")
     for name, relief in (("relief", True), ("flat", False)):

@@ -43,7 +43,7 @@ from skymosaic.flight.survey import Flight, survey
 from skymosaic.flight.workers import Workers
 from skymosaic.geometry.homography import apply, estimate
 from skymosaic.imagery.lens import Lens
-from skymosaic.imagery.photographs import sources
+from skymosaic.imagery.photographs import list_sources
 
 METHODS = ("skymosaic", "openstitching", "openstitching-sift", "opencv")
 STITCHERS = Path(__file__).with_name("stitchers.py")
@@ -91,7 +91,7 @@ def our_flight(folder: Path, width_px: int) -> Flight:
     """The folder, laid out by skymosaic."""
     settings = Settings(preset_config("aerial"), working_width_px=width_px)
     with Workers() as workers:
-        return survey(sources([folder]), settings, 0, workers, ResultCache(None))
+        return survey(list_sources([folder]), settings, 0, workers, ResultCache(None))
 
 
 def matches_of(flight: Flight, lens: Lens) -> list[Matches]:

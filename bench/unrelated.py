@@ -21,8 +21,8 @@ from rich.progress import track
 
 from remembering import RememberingBackend
 from skymosaic import register
-from skymosaic.imagery.images import load, reduced
-from skymosaic.imagery.photographs import sources
+from skymosaic.imagery.images import load, reduce_to_width
+from skymosaic.imagery.photographs import list_sources
 from skymosaic.registration.passes import EFFORTS
 
 WIDTH_PX = 640
@@ -31,7 +31,7 @@ FRAMES_A_PHOTOGRAPH = 12
 
 def unrelated_pairs(flights: list[Path], count: int) -> list[tuple[Path, Path]]:
     """``count`` pairs of photographs from two flights each, the same on every run."""
-    photographs = [[Path(str(source.content)) for source in sources([flight])] for flight in flights]
+    photographs = [[Path(str(source.content)) for source in list_sources([flight])] for flight in flights]
     pairs = [(one, other) for a, b in combinations(photographs, 2) for one in a for other in b]
     return random.Random(0).sample(pairs, min(count, len(pairs)))
 
@@ -50,7 +50,7 @@ def main(
     number, parts = map(int, part.split("/"))
     tried = unrelated_pairs(flights, pairs)[number - 1 :: parts][skip:]
     images = {
-        path: reduced(load(path).pixels, WIDTH_PX)[0]
+        path: reduce_to_width(load(path).pixels, WIDTH_PX)[0]
         for path in track(sorted({path for pair in tried for path in pair}), description="reading")
     }
     backend = RememberingBackend(frames=FRAMES_A_PHOTOGRAPH * len(images))

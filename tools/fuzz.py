@@ -33,7 +33,7 @@ from sim.simulators.build_cache import cached
 from skymosaic.errors import InputError
 from skymosaic.flight.cache import ResultCache
 from skymosaic.imagery import images
-from skymosaic.imagery.exif import taken
+from skymosaic.imagery.exif import read_metadata
 from skymosaic.imagery.lens import load_lens
 from tools.mutators import mutated, mutated_text
 
@@ -115,10 +115,10 @@ def _photograph_with_exif() -> bytes:
 
 
 def _read_photograph(path: Path, rng: np.random.Generator) -> str:
-    taken(path)
+    read_metadata(path)
     photograph = images.load(path, keep_damaged=bool(rng.integers(2)))
     assert photograph.pixels.dtype == np.uint8
-    images.reduced_for_front_end(photograph.pixels, 640, photograph.name)
+    images.reduce_for_front_end(photograph.pixels, 640, photograph.name)
     return "read"
 
 

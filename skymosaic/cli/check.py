@@ -30,7 +30,7 @@ from skymosaic.flight.check import FlightCheck, check_flight
 from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.survey import Flight, survey
 from skymosaic.flight.workers import Workers
-from skymosaic.imagery.band_sets import in_band_sets
+from skymosaic.imagery.band_sets import group_band_sets
 from skymosaic.imagery.images import keeps_damaged
 from skymosaic.imagery.key_frames import flight_sources
 from skymosaic.imagery.lens import load_lens
@@ -65,8 +65,8 @@ def check(
         flight_sources(photographs, session.tell) as sources,
         Workers(scheduler, progress=progress) as workers,
     ):
-        captures = in_band_sets(sources, tell=session.tell)
-        kept_damaged = [source.keeping_damaged(keep=keep) for source in captures]
+        captures = group_band_sets(sources, tell=session.tell)
+        kept_damaged = [source.with_damaged(keep=keep) for source in captures]
         flight = survey(kept_damaged, settings, seed, workers, kept)
     found = check_flight(flight)
     session.seconds = flight.seconds

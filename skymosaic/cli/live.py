@@ -25,8 +25,8 @@ from skymosaic.cli.session import session
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.imagery import images
 from skymosaic.imagery.images import Photograph
-from skymosaic.imagery.live_frames import live_frames
-from skymosaic.imagery.own_outputs import remember
+from skymosaic.imagery.live_frames import read_live_frames
+from skymosaic.imagery.own_outputs import record_output
 from skymosaic.imagery.photographs import is_folder
 from skymosaic.live.mosaic import LiveMosaic, LiveUpdate
 from skymosaic.live.pace import Pace
@@ -136,7 +136,7 @@ def _grow_and_write(
         canvas_limit_px=options.canvas_limit_px,
     )
     made = output, preview
-    frames = live_frames(source, idle_seconds=idle_seconds, tell=session.tell, made=made, band=options.band)
+    frames = read_live_frames(source, idle_seconds=idle_seconds, tell=session.tell, made=made, band=options.band)
     pace = Pace(options.usual_config, options.backend)
     try:
         grow(mosaic, frames, preview, pace)
@@ -151,7 +151,7 @@ def _grow_and_write(
         images.save(output, mosaic.image)
     if is_folder(Path(source)):
         for path in made:
-            remember(path, [Path(source) / path.name])
+            record_output(path, [Path(source) / path.name])
     height_px, width_px = mosaic.image.shape[:2]
     session.numbers = {"size": [width_px, height_px], "frames": len(mosaic.transforms), "left_out": absent}
     session.numbers["pace"] = pace.numbers
@@ -190,10 +190,10 @@ def grow(mosaic: LiveMosaic, frames: Iterable[Photograph], preview: Path, pace: 
         pace.add(update)
         session.tell(f"{update.number} {frame.name}: {_description(update)}")
         if not update.reason and time.monotonic() - shown >= PREVIEW_SECONDS:
-            images.save(preview, images.reduced(mosaic.image, PREVIEW_WIDTH_PX)[0])
+            images.save(preview, images.reduce_to_width(mosaic.image, PREVIEW_WIDTH_PX)[0])
             shown = time.monotonic()
     if mosaic.transforms:
-        images.save(preview, images.reduced(mosaic.image, PREVIEW_WIDTH_PX)[0])
+        images.save(preview, images.reduce_to_width(mosaic.image, PREVIEW_WIDTH_PX)[0])
 
 
 def _description(update: LiveUpdate) -> str:

@@ -261,7 +261,7 @@ def _show_mosaic(delivery: Delivery, path: Path) -> None:
     if delivery.composition.band_names:
         session.show(f"bands: {describe_bands(delivery.composition)}")
     if values := delivery.composition.values:
-        session.show(f"range: {values.in_words}")
+        session.show(f"range: {values.description}")
     if delivery.georeference:
         session.show(describe_map(delivery))
     # Who asks for a picture of two photographs expects no map; who asks for a .tif may.

@@ -58,7 +58,7 @@ DescriptorOption = Annotated[
 EstimatorOption = Annotated[str, choice(ESTIMATORS, "Robust estimator of the homography.")]
 ConfigOption = Annotated[Path | None, typer.Option("--config", help="TOML file that overrides the preset.")]
 WorkingWidthOption = Annotated[
-    int, typer.Option("--working-width", min=images.SMALLEST_SIDE_PX, max=4096, help="Pixels wide during registration.")
+    int, typer.Option("--working-width", min=images.MIN_SIDE_PX, max=4096, help="Pixels wide during registration.")
 ]
 SeedOption = Annotated[int, typer.Option(min=0, help="Seed of the robust estimator.")]
 RefineOption = Annotated[

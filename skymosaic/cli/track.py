@@ -23,7 +23,7 @@ from skymosaic.cli.options import (
 from skymosaic.cli.session import session
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.imagery import images
-from skymosaic.imagery.video import OUTPUT_SUFFIXES, VideoReader, writing
+from skymosaic.imagery.video import OUTPUT_SUFFIXES, VideoReader, write_video
 from skymosaic.tracking.output import TABLE_SUFFIXES, TrackedCorners, outlined, row, save_corners
 from skymosaic.tracking.template import Roi
 from skymosaic.tracking.tracker import track as track_frames
@@ -60,7 +60,7 @@ def track(
     frames = track_frames(template, reader, config=configuration(preset, config), backend=computed_by, seed=seed)
     rows: list[TrackedCorners] = []
     start = time.perf_counter()
-    with session.working("tracking") as step, writing(output, reader.frame_rate) as write:
+    with session.working("tracking") as step, write_video(output, reader.frame_rate) as write:
         for frame in frames:
             write(outlined(frame))
             rows.append(row(frame, reader.frame_rate))

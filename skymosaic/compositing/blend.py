@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from golden_model.arrays import Array, Float32, Intensities, Mask
 from skymosaic.compositing.layer import Layer
 from skymosaic.compositing.tone import NEUTRAL, Tone
-from skymosaic.compositing.warp import Canvas, shrunk
+from skymosaic.compositing.warp import Canvas, shrink
 
 METHODS = ("average", "distance", "multiband")
 BANDS = 5
@@ -44,7 +44,7 @@ def blend(
         distance, blended in frequency bands (Burt and Adelson 1983), which keeps detail where the registration is
         not perfect.
     tones : sequence of Tone, optional
-        From `skymosaic.compositing.exposure.exposure_tones`; by default the intensities stay as they are.
+        From `skymosaic.compositing.exposure.estimate_tones`; by default the intensities stay as they are.
 
     Returns
     -------
@@ -56,7 +56,7 @@ def blend(
     ValueError
         For an unknown method.
     """
-    layers = layers_of(images, transforms, tones or [NEUTRAL] * len(images))
+    layers = prepare_layers(images, transforms, tones or [NEUTRAL] * len(images))
     return blend_layers(layers, canvas, method=method)[0]
 
 
@@ -82,7 +82,7 @@ def blend_layers(layers: Sequence[Layer], canvas: Canvas, *, method: str = "dist
     return mosaic, shown
 
 
-def layers_of(
+def prepare_layers(
     images: Sequence[Intensities], transforms: Sequence[Array], tones: Sequence[Tone], *, coloured: bool | None = None
 ) -> list[Layer]:
     """Prepare images for blending: all gray or all BGR, reduced by area where the transformation shrinks them.
@@ -99,7 +99,7 @@ def layers_of(
         coloured = any(image.ndim == 3 for image in images)
     layers = []
     for image, transform, tone in zip(images, transforms, tones, strict=True):
-        pixels, matrix = shrunk(image, transform)
+        pixels, matrix = shrink(image, transform)
         layers.append(Layer(_as_bgr(pixels) if coloured else pixels, matrix, tone))
     return layers
 
@@ -109,7 +109,7 @@ def _blend_average(layers: Sequence[Layer], tile: Canvas, *, by_distance: bool) 
     total = np.zeros((tile.height_px, tile.width_px, *layers[0].image.shape[2:]), dtype=np.float32)
     total_weight = np.zeros((tile.height_px, tile.width_px), dtype=np.float32)
     for layer in layers:
-        part = layer.part_of(tile)
+        part = layer.covered_part(tile)
         if part is None:
             continue
         distance = layer.border_distance(part)
@@ -192,7 +192,7 @@ def _owners(layers: Sequence[Layer], canvas: Canvas) -> NDArray[np.int16]:
     owner = np.full((canvas.height_px, canvas.width_px), -1, dtype=np.int16)
     strongest = np.zeros(owner.shape, dtype=np.float32)
     for index, layer in enumerate(layers):
-        part = layer.shown_part_of(canvas)
+        part = layer.shown_part(canvas)
         if part is None:
             continue
         where = part.within(canvas)

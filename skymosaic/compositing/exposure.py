@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from golden_model.arrays import Array, Intensities
 from skymosaic.compositing.layer import Layer
-from skymosaic.compositing.light import LOG_SIGMA, light_fields
-from skymosaic.compositing.overlaps import Overlaps, compared
+from skymosaic.compositing.light import LOG_SIGMA, estimate_light
+from skymosaic.compositing.overlaps import Overlaps, compare_overlaps
 from skymosaic.compositing.tone import NEUTRAL, SHOULDER_START, Tone
 from skymosaic.compositing.warp import Canvas
 from skymosaic.imagery.depth import TAIL_PERCENT, ValueRange
@@ -56,7 +56,7 @@ class Levels:
     white: float = 255.0
 
 
-def camera_levels(samples: Sequence[NDArray[np.generic]], blacks: Sequence[float | None]) -> Levels:
+def estimate_levels(samples: Sequence[NDArray[np.generic]], blacks: Sequence[float | None]) -> Levels:
     """The levels of photographs of 16 bits.
 
     Parameters
@@ -74,7 +74,7 @@ def camera_levels(samples: Sequence[NDArray[np.generic]], blacks: Sequence[float
     )
 
 
-def exposure_tones(thumbnails: Sequence[Layer], levels: Levels = Levels()) -> list[Tone]:
+def estimate_tones(thumbnails: Sequence[Layer], levels: Levels = Levels()) -> list[Tone]:
     """The tone of each photograph.
 
     Parameters
@@ -90,11 +90,11 @@ def exposure_tones(thumbnails: Sequence[Layer], levels: Levels = Levels()) -> li
         than the photographs show. Neutral for photographs that overlap no other.
     """
     number = len(thumbnails)
-    overlaps = compared(thumbnails, levels.black, levels.white)
+    overlaps = compare_overlaps(thumbnails, levels.black, levels.white)
     exposure, falloff = _exposures(overlaps, number)
     logs = exposure[:, None] + _balance(overlaps, number)
     explained = logs[overlaps.i] - logs[overlaps.j] + (overlaps.falloff @ falloff)[:, None]
-    light = light_fields(overlaps, overlaps.difference - explained, number)
+    light = estimate_light(overlaps, overlaps.difference - explained, number)
     joined = np.unique(np.concatenate((overlaps.i, overlaps.j))).tolist()
     tones = [NEUTRAL] * number
     for index in joined:
@@ -108,7 +108,9 @@ def exposure_tones(thumbnails: Sequence[Layer], levels: Levels = Levels()) -> li
     return tones
 
 
-def toned_range(tones: Sequence[Tone], samples: Sequence[NDArray[np.generic]], values: ValueRange) -> ValueRange:
+def measure_toned_range(
+    tones: Sequence[Tone], samples: Sequence[NDArray[np.generic]], values: ValueRange
+) -> ValueRange:
     """The range that photographs of 16 bits have with their tones.
 
     Parameters
@@ -119,7 +121,7 @@ def toned_range(tones: Sequence[Tone], samples: Sequence[NDArray[np.generic]], v
     values : ValueRange
         Of all photographs as they were taken.
     """
-    toned = [tone.applied(np.asarray(sample, np.uint16)[:, None]) for tone, sample in zip(tones, samples, strict=True)]
+    toned = [tone.apply(np.asarray(sample, np.uint16)[:, None]) for tone, sample in zip(tones, samples, strict=True)]
     low, high = np.percentile(np.concatenate(toned), (TAIL_PERCENT, 100 - TAIL_PERCENT))
     return replace(values, low=float(low), high=float(high))
 
@@ -149,7 +151,7 @@ def _white_share(pixels: Intensities) -> float:
 
 def _toned(layer: Layer, tone: Tone) -> Intensities:
     """The whole photograph with a tone."""
-    return tone.applied(layer.image, tone.factors(layer.size, Canvas(0, 0, *layer.size)))
+    return tone.apply(layer.image, tone.factors(layer.size, Canvas(0, 0, *layer.size)))
 
 
 def _exposures(overlaps: Overlaps, number: int) -> tuple[Array, Array]:

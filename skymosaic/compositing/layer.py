@@ -11,10 +11,10 @@ import numpy as np
 
 from golden_model.arrays import Array, Float32, Intensities, Mask, Pixels
 from skymosaic.compositing.tone import NEUTRAL, Tone
-from skymosaic.compositing.warp import Canvas, backward, footprint, source_window, warp_tile
+from skymosaic.compositing.warp import Canvas, footprint, source_window, warp_backward, warp_tile
 from skymosaic.geometry.homography import apply, resize_matrix
 
-SMALLEST_WEIGHT = 1e-3
+MIN_WEIGHT = 1e-3
 """Weight of a pixel on the image's own border, so that it still counts where no other image covers the pixel."""
 BEYOND = cv2.BORDER_REPLICATE
 FINE_BLOCK_PX, FINE_REACH_PX = 32, 8
@@ -39,7 +39,7 @@ class SeamMask:
     canvas: Canvas
     scale: float
 
-    def covers_some_of(self, part: Canvas) -> bool:
+    def touches(self, part: Canvas) -> bool:
         """Whether the photograph shows anywhere in ``part`` of the reference frame, or within a mask pixel of it."""
         first, last = apply(self._to_mask, part.corners[[0, 2]])
         x, y = np.maximum(np.floor(first) - 1, 0).astype(int)
@@ -90,18 +90,20 @@ class Layer:
         """Width and height of the image, px."""
         return self.image.shape[1], self.image.shape[0]
 
-    def part_of(self, canvas: Canvas) -> Canvas | None:
+    def covered_part(self, canvas: Canvas) -> Canvas | None:
         """The part of the canvas that the image may cover; None if there is none."""
         return footprint(self.size, self.transform).intersection(canvas)
 
-    def shown_part_of(self, canvas: Canvas) -> Canvas | None:
+    def shown_part(self, canvas: Canvas) -> Canvas | None:
         """As `part_of`, but also None if the seams leave nothing of the image there."""
-        part = self.part_of(canvas)
-        return part if part is None or self.seam is None or self.seam.covers_some_of(part) else None
+        part = self.covered_part(canvas)
+        return part if part is None or self.seam is None or self.seam.touches(part) else None
 
     def pixels(self, part: Canvas, interpolation: int = cv2.INTER_LANCZOS4) -> Intensities:
         """The warped and toned intensities; the image's border pixels are repeated beyond it."""
-        return self._toned(part, backward(self.image, self.transform, part, border=BEYOND, interpolation=interpolation))
+        return self._toned(
+            part, warp_backward(self.image, self.transform, part, border=BEYOND, interpolation=interpolation)
+        )
 
     def pixels_around(self, part: Canvas, shown: Mask) -> Intensities:
         """As `pixels`, but fine detail only near where it is ``shown``; elsewhere for the low frequencies of a blend.
@@ -110,27 +112,27 @@ class Layer:
         times as long as bilinear interpolation.
         """
         near = cv2.dilate(shown.astype(np.uint8), np.ones((2 * FINE_REACH_PX + 1,) * 2, np.uint8))
-        warped = backward(self.image, self.transform, part, border=BEYOND)
+        warped = warp_backward(self.image, self.transform, part, border=BEYOND)
         blocks = (block for block in part.tiles(FINE_BLOCK_PX) if near[block.within(part)].any())
         for _, row in groupby(blocks, key=lambda block: block.y_px):
             run = list(row)
             whole = replace(run[0], width_px=run[-1].x_px + run[-1].width_px - run[0].x_px)
-            fine = backward(self.image, self.transform, whole, border=BEYOND, interpolation=cv2.INTER_LANCZOS4)
+            fine = warp_backward(self.image, self.transform, whole, border=BEYOND, interpolation=cv2.INTER_LANCZOS4)
             warped[whole.within(part)] = fine
         return self._toned(part, warped)
 
     def _toned(self, part: Canvas, warped: Intensities) -> Intensities:
         if not self.tone.varies:
-            return self.tone.applied(warped)
-        return self.tone.applied(warped, self.tone.factors(self.size, part, np.asarray(np.linalg.inv(self.transform))))
+            return self.tone.apply(warped)
+        return self.tone.apply(warped, self.tone.factors(self.size, part, np.asarray(np.linalg.inv(self.transform))))
 
     def border_distance(self, part: Canvas) -> Float32:
         """Distance of each pixel from the border of the image's visible part, in image pixels; 0 outside."""
         # Warping interpolates: with 1 added to the distance, values below 1 are mixed with the outside.
         source = source_window(self.size, self.transform, part)
         plus_one = warp_tile(self._plus_one(source), self.transform, source, part, border=cv2.BORDER_CONSTANT)
-        inside = plus_one > 1 - SMALLEST_WEIGHT
-        return np.where(inside, np.maximum(plus_one - 1, SMALLEST_WEIGHT), 0).astype(np.float32)
+        inside = plus_one > 1 - MIN_WEIGHT
+        return np.where(inside, np.maximum(plus_one - 1, MIN_WEIGHT), 0).astype(np.float32)
 
     def claim(self, part: Canvas) -> Float32:
         """Claim to each pixel, by the seams or else by the distance from the border; 0 outside.
@@ -145,7 +147,7 @@ class Layer:
 
     def _covers(self, part: Canvas) -> Mask:
         whole = np.full(self.image.shape[:2], 255, np.uint8) if self.visible is None else self.visible
-        return np.asarray(backward(whole, self.transform, part) == 255)
+        return np.asarray(warp_backward(whole, self.transform, part) == 255)
 
     def _plus_one(self, source: Canvas) -> Float32:
         """The distance plus 1, in a window of the image."""

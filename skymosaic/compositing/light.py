@@ -29,7 +29,7 @@ HELD_OUT_GAIN = 0.95
 """Fields are used if they lower the robust cost of pairs they were not fitted to below this share."""
 
 
-def light_fields(overlaps: Overlaps, residual: Array, number: int) -> Array | None:
+def estimate_light(overlaps: Overlaps, residual: Array, number: int) -> Array | None:
     """The fields that explain what exposures leave.
 
     Parameters

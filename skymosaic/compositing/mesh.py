@@ -28,10 +28,10 @@ RETURN = 0.01
 """Weight of a node's own displacement: without matches near it, it returns to the homography."""
 ROBUST_PX = (6.0, 3.0, 2.0)
 """Scales of the reweighting, of which each halves the weight of what lies 0.64 scales off."""
-FEWEST_MATCHES = 30
+MIN_MATCHES = 30
 CHECK_CELLS = 10
 """Held-out matches lie in fields of a chessboard with so many fields along a side."""
-LEAST_GAIN = 0.03
+MIN_GAIN = 0.03
 """Held-out matches within 2 px that a grid has to gain, as a share, before it is worth bending a photograph."""
 
 
@@ -89,7 +89,7 @@ def fit_mesh(homography: Matrix, left: Points, right: Points, size: tuple[int, i
         None with fewer than 30 matches within 12 px of the homography.
     """
     near = np.linalg.norm(apply(homography, left) - right, axis=1) <= NEAR_PX
-    if np.count_nonzero(near) < FEWEST_MATCHES:
+    if np.count_nonzero(near) < MIN_MATCHES:
         return None
     # Where the homography looks for the right point, the bent image has to show the left one.
     bent = apply(np.asarray(np.linalg.inv(homography)), right[near])
@@ -106,10 +106,10 @@ def fit_mesh(homography: Matrix, left: Points, right: Points, size: tuple[int, i
     return Mesh(size, nodes.reshape(*shape, 2))
 
 
-def better_mesh(homography: Matrix, left: Points, right: Points, size: tuple[int, int]) -> Mesh | None:
+def fit_useful_mesh(homography: Matrix, left: Points, right: Points, size: tuple[int, int]) -> Mesh | None:
     """`fit_mesh`, or None where held-out matches do not gain by it."""
     plain, bent = held_out_shares(homography, left, right, size)
-    return fit_mesh(homography, left, right, size) if bent >= plain + LEAST_GAIN else None
+    return fit_mesh(homography, left, right, size) if bent >= plain + MIN_GAIN else None
 
 
 def held_out_shares(homography: Matrix, left: Points, right: Points, size: tuple[int, int]) -> tuple[float, float]:
@@ -119,7 +119,7 @@ def held_out_shares(homography: Matrix, left: Points, right: Points, size: tuple
     """
     near = np.linalg.norm(apply(homography, left) - right, axis=1) <= NEAR_PX
     left, right = left[near], right[near]
-    if len(left) < 2 * FEWEST_MATCHES:
+    if len(left) < 2 * MIN_MATCHES:
         return 0.0, 0.0
     field = np.floor(left / np.array(size) * CHECK_CELLS).astype(np.int64).sum(axis=1) % 2 == 0
     plain, bent = [], []

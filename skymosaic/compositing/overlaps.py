@@ -17,9 +17,9 @@ from skymosaic.geometry.homography import apply
 
 CELL_PX = 8
 """Photographs are compared by means over square cells of the reduced canvas; parallax blurs single pixels."""
-CELLS_A_PAIR = 60
+MAX_CELLS_PER_PAIR = 60
 """At most so many cells of an overlap are compared, spread evenly; more add time but no accuracy."""
-DARKEST, BRIGHTEST = 4 / 255, 250 / 255
+MIN_LEVEL, MAX_LEVEL = 4 / 255, 250 / 255
 """Cells with a pixel outside these shares of white are left out: what is clipped says nothing about the exposure."""
 
 
@@ -61,7 +61,7 @@ class _Cells:
     valid: NDArray[np.bool_]
 
 
-def compared(thumbnails: Sequence[Layer], black: float, white: float) -> Overlaps:
+def compare_overlaps(thumbnails: Sequence[Layer], black: float, white: float) -> Overlaps:
     """Compare all photographs that overlap.
 
     Parameters
@@ -81,7 +81,7 @@ def compared(thumbnails: Sequence[Layer], black: float, white: float) -> Overlap
         both = np.flatnonzero(cells[i].valid[inside[0]] & cells[j].valid[inside[1]])
         if len(both) == 0:
             continue
-        both = both[np.linspace(0, len(both) - 1, min(len(both), CELLS_A_PAIR)).astype(np.intp)]
+        both = both[np.linspace(0, len(both) - 1, min(len(both), MAX_CELLS_PER_PAIR)).astype(np.intp)]
         logs, places, squared = (
             [
                 getattr(cells[k], name)[where].reshape(common.height_px * common.width_px, -1)[both]
@@ -107,7 +107,7 @@ def _cells(layer: Layer, black: float, white: float) -> _Cells:
     window = Canvas(x, y, max(width, 1), max(height, 1))
     pixels = Canvas(CELL_PX * x, CELL_PX * y, CELL_PX * window.width_px, CELL_PX * window.height_px)
     shown = layer.pixels(pixels, cv2.INTER_LINEAR)
-    least, most = ((black + share * (white - black),) * 3 for share in (DARKEST, BRIGHTEST))
+    least, most = ((black + share * (white - black),) * 3 for share in (MIN_LEVEL, MAX_LEVEL))
     usable = (layer.border_distance(pixels) > 0) & (cv2.inRange(shown, least, most) > 0)
     size = (window.width_px, window.height_px)
     means = cv2.resize(shown.astype(np.float32), size, interpolation=cv2.INTER_AREA) - np.float32(black)

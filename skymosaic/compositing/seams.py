@@ -14,8 +14,8 @@ import numpy as np
 
 from golden_model.arrays import Mask
 from skymosaic.compositing.layer import Layer, SeamMask
-from skymosaic.compositing.warp import Canvas, canvas_of, footprint
-from skymosaic.imagery.depth import ValueRange, in_8_bit
+from skymosaic.compositing.warp import Canvas, enclosing_canvas, footprint
+from skymosaic.imagery.depth import ValueRange, show_in_8_bit
 
 NEARLY_FARTHEST = 0.6
 """A photograph may show a pixel if its claim is at least this share of the strongest claim to it."""
@@ -23,7 +23,7 @@ SURROUND_PX = 2
 """Pixels of a mask's rectangle beyond what a photograph may show: masks continue beyond their rectangle."""
 
 
-def seam_masks(thumbnails: Sequence[Layer], scale: float, values: ValueRange | None = None) -> list[SeamMask]:
+def find_seams(thumbnails: Sequence[Layer], scale: float, values: ValueRange | None = None) -> list[SeamMask]:
     """Find the pixels that each photograph shows.
 
     Parameters
@@ -42,7 +42,7 @@ def seam_masks(thumbnails: Sequence[Layer], scale: float, values: ValueRange | N
     """
     canvases = [footprint(layer.size, layer.transform) for layer in thumbnails]
     claims = [layer.claim(canvas) for layer, canvas in zip(thumbnails, canvases, strict=True)]
-    whole = canvas_of([layer.size for layer in thumbnails], [layer.transform for layer in thumbnails])
+    whole = enclosing_canvas([layer.size for layer in thumbnails], [layer.transform for layer in thumbnails])
     strongest = np.zeros((whole.height_px, whole.width_px), dtype=np.float32)
     for canvas, claim in zip(canvases, claims, strict=True):
         where = canvas.within(whole)
@@ -55,7 +55,7 @@ def seam_masks(thumbnails: Sequence[Layer], scale: float, values: ValueRange | N
         part = _surrounded(near_enough, canvas)
         parts.append(part)
         allowed.append(near_enough[part.within(canvas)].astype(np.uint8) * 255)
-        pixels.append(in_8_bit(layer.pixels(part, cv2.INTER_LINEAR), values).astype(np.float32))
+        pixels.append(show_in_8_bit(layer.pixels(part, cv2.INTER_LINEAR), values).astype(np.float32))
     corners = [(part.x_px, part.y_px) for part in parts]
     finder: Any = cv2.detail.DpSeamFinder("COLOR_GRAD")
     found = finder.find(pixels, corners, allowed)

@@ -54,7 +54,7 @@ class Tone:
         """Whether it differs between places of the photograph."""
         return self.light is not None or any(self.falloff)
 
-    def applied(self, pixels: Intensities, factors: Float32 | None = None) -> Intensities:
+    def apply(self, pixels: Intensities, factors: Float32 | None = None) -> Intensities:
         """The toned intensities.
 
         White is the largest number of the pixels' type. Above the shoulder a rational curve continues the straight

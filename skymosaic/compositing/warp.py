@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.arrays import Array, Intensities, Pixels
-from skymosaic.geometry.homography import apply, resize_matrix, scaled
+from skymosaic.geometry.homography import apply, rescale, resize_matrix
 
 CANVAS_LIMIT_PX = 250_000_000
 """Default limit on the area of a canvas."""
@@ -90,7 +90,7 @@ class Canvas:
                 yield Canvas(self.x_px + x, self.y_px + y, width, height)
 
 
-def canvas_of(
+def enclosing_canvas(
     sizes: Sequence[tuple[int, int]], transforms: Sequence[Array], *, limit_px: int = CANVAS_LIMIT_PX
 ) -> Canvas:
     """The smallest canvas that contains all images.
@@ -148,7 +148,7 @@ def magnification(size: tuple[int, int], transform: Array) -> float:
     return math.sqrt(abs(along_x[0] * along_y[1] - along_x[1] * along_y[0]))
 
 
-def shrunk(image: Intensities, transform: Array) -> tuple[Intensities, Array]:
+def shrink(image: Intensities, transform: Array) -> tuple[Intensities, Array]:
     """Reduce an image by area if its transformation shrinks it to half or less; returns image and transformation.
 
     Bilinear interpolation reads only four pixels, so an image that becomes much smaller must be averaged first.
@@ -167,7 +167,7 @@ def source_window(size: tuple[int, int], transform: Array, tile: Canvas) -> Canv
 
     If the tile shows nothing of the image, this is the nearest part of the image's border.
     """
-    inverse = np.asarray(np.linalg.inv(scaled(transform)), dtype=np.float64)
+    inverse = np.asarray(np.linalg.inv(rescale(transform)), dtype=np.float64)
     depth = tile.corners @ inverse[2, :2] + inverse[2, 2]
     if depth.min() <= 0:
         return Canvas(0, 0, *size)  # The tile extends beyond the horizon, so its corners do not bound what it shows.
@@ -178,7 +178,7 @@ def source_window(size: tuple[int, int], transform: Array, tile: Canvas) -> Canv
     return Canvas(x, y, last_x - x + 1, last_y - y + 1)
 
 
-def backward(
+def warp_backward(
     image: Intensities,
     transform: Array,
     canvas: Canvas,

@@ -13,7 +13,7 @@ from golden_model.config import Config
 from golden_model.timing import Timeline
 from sim.backends.interface import Mismatch, load_backend, silent
 from sim.simulators.scoreboard import Coverage, first_clock_mismatch, first_mismatch, predicted
-from skymosaic.imagery.images import keeps_damaged, load, reduced
+from skymosaic.imagery.images import keeps_damaged, load, reduce_to_width
 from skymosaic.registration.register import extract_within_capacity
 
 
@@ -101,7 +101,7 @@ def compare(
     """
     keep = keeps_damaged(damaged)
     frames = [
-        reduced(load(image, name, keep_damaged=keep).pixels, working_width_px)[0]
+        reduce_to_width(load(image, name, keep_damaged=keep).pixels, working_width_px)[0]
         for image, name in ((left, "left image"), (right, "right image"))
     ]
     golden, config = extract_within_capacity(load_backend("golden"), frames, config)

@@ -18,7 +18,7 @@ from golden_model.formats import encode_response
 from golden_model.matching.correlation import windows
 from golden_model.pixel.smooth import binomial5
 from golden_model.records import Tag, feature_record
-from skymosaic.features.detectors import KeyPoints, points_of
+from skymosaic.features.detectors import KeyPoints, key_point_positions
 from skymosaic.features.positions import raw_positions
 
 Bytes = NDArray[np.uint8]
@@ -93,7 +93,7 @@ def _inside(
     gray: Pixels, key_points: KeyPoints, support_px: int
 ) -> tuple[KeyPoints, NDArray[np.intp], NDArray[np.intp]]:
     """The key points at least ``support_px`` from the border, and x and y (N,) of their nearest pixels."""
-    pixels = np.floor(points_of(key_points) + 0.5).astype(np.intp)
+    pixels = np.floor(key_point_positions(key_points) + 0.5).astype(np.intp)
     limits = np.array(gray.shape[::-1]) - support_px
     inside = ((pixels >= support_px) & (pixels < limits)).all(axis=1)
     return list(itertools.compress(key_points, inside)), *pixels[inside].T
@@ -104,7 +104,7 @@ def _records(key_points: KeyPoints, descriptors: Bytes, window: Bytes | None = N
     records = np.zeros(len(key_points), record.dtype)
     records["tag"] = Tag.FEATURE
     records["index"] = np.arange(len(records))
-    records["x"], records["y"] = raw_positions(points_of(key_points)).T
+    records["x"], records["y"] = raw_positions(key_point_positions(key_points)).T
     angle = np.array([point.angle for point in key_points])
     records["sector"] = np.rint(angle * (SECTORS / 360)).astype(int) % SECTORS
     response = np.array([point.response for point in key_points], dtype=np.float64)

@@ -49,12 +49,12 @@ def detect(gray: Pixels, detector: str, count: int) -> list[cv2.KeyPoint]:
     return sorted(found, key=lambda point: -float(point.response))
 
 
-def one_per_position(key_points: KeyPoints) -> list[cv2.KeyPoint]:
+def keep_one_per_position(key_points: KeyPoints) -> list[cv2.KeyPoint]:
     """The first key point at each position: SIFT returns one for every strong orientation there."""
     return list({point.pt: point for point in reversed(key_points)}.values())[::-1]
 
 
-def from_features(features: Records) -> list[cv2.KeyPoint]:
+def to_key_points(features: Records) -> list[cv2.KeyPoint]:
     """The front end's corners as key points; their angle is that of the sector."""
     return [
         cv2.KeyPoint(x, y, CORNER_SIZE_PX, angle, response)
@@ -68,11 +68,11 @@ def from_features(features: Records) -> list[cv2.KeyPoint]:
     ]
 
 
-def without_octaves(key_points: KeyPoints) -> list[cv2.KeyPoint]:
+def strip_octaves(key_points: KeyPoints) -> list[cv2.KeyPoint]:
     """The key points without their octave, for another descriptor: every OpenCV class encodes octaves differently."""
     return [cv2.KeyPoint(point.pt[0], point.pt[1], point.size, point.angle, point.response) for point in key_points]
 
 
-def points_of(key_points: KeyPoints) -> Float32:
+def key_point_positions(key_points: KeyPoints) -> Float32:
     """Positions (N, 2) of key points, px."""
     return np.array([point.pt for point in key_points], dtype=np.float32).reshape(-1, 2)

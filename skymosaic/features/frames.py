@@ -41,7 +41,7 @@ class Frame:
     to_image: Matrix
 
 
-def changed(image: Pixels, change: Change) -> Frame | None:
+def make_frame(image: Pixels, change: Change) -> Frame | None:
     """The changed image; None where a side would leave the front end's range."""
     height_px, width_px = image.shape[:2]
     size = round(width_px * change.scale), round(height_px * change.scale)
@@ -64,7 +64,7 @@ def _compressed(image: Pixels, tilt: float, direction_rad: float) -> Frame:
     """The image compressed by ``tilt`` along a direction, in the smallest frame that holds it.
 
     The image is blurred along the direction first. Outside the image the frame shows its reflection, so that its
-    edges make no corners; `in_image` drops the features that lie out there.
+    edges make no corners; `map_to_image` drops the features that lie out there.
     """
     cosine, sine = math.cos(direction_rad), math.sin(direction_rad)
     turn = np.array([[cosine, sine], [-sine, cosine]])
@@ -92,14 +92,14 @@ def _line_blur(tilt: float, cosine: float, sine: float) -> Matrix:
     return np.asarray(kernel / kernel.sum())
 
 
-def in_image(features: Records, to_image: Matrix) -> Records:
+def map_to_image(features: Records, to_image: Matrix) -> Records:
     """Feature records of a frame with the positions of the image it was made of."""
     moved = features.copy()
     moved["x"], moved["y"] = raw_positions(apply(to_image, feature_points(features))).T
     return moved
 
 
-def matches_in_images(matches: Records, frames: tuple[Frame, Frame], images: tuple[Pixels, Pixels]) -> Records:
+def map_matches_to_images(matches: Records, frames: tuple[Frame, Frame], images: tuple[Pixels, Pixels]) -> Records:
     """Match records of two frames with the positions of the images; without those outside the images."""
     moved = matches.copy()
     inside = np.ones(len(matches), dtype=bool)
@@ -110,7 +110,7 @@ def matches_in_images(matches: Records, frames: tuple[Frame, Frame], images: tup
     return moved[inside]
 
 
-def swapped(matches: Records) -> Records:
+def swap_sides(matches: Records) -> Records:
     """The same matches with left and right exchanged."""
     other = np.zeros(len(matches), dtype=MATCH.dtype)
     for name in matches.dtype.names or ():

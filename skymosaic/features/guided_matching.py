@@ -17,7 +17,7 @@ from scipy.spatial import KDTree
 from golden_model.arrays import Array, Mask, Matrix, Pixels, Points, Records
 from golden_model.config import Config, FrontEndConfig
 from golden_model.front_end import extract
-from skymosaic.features.frames import Change, changed
+from skymosaic.features.frames import Change, make_frame
 from skymosaic.features.positions import feature_points
 from skymosaic.geometry.homography import DegenerateError, apply
 from skymosaic.geometry.prosac import INLIER_PX
@@ -26,7 +26,7 @@ from skymosaic.geometry.refinement import refine_robustly
 SEARCH_PX = 6.0
 """Search radius between the left and the warped right image: the first homography may be a few pixels off."""
 SCALES = (1.0, math.sqrt(0.5), math.sqrt(2))
-LARGEST_DISTANCE = 0.34
+MAX_DISTANCE = 0.34
 """Share of differing bits at which the rule base begins to call a distance high."""
 BLOCK_PX = 32.0
 """Matches are held out in blocks of this side, so that the same corner found at two scales is on one side only."""
@@ -51,7 +51,7 @@ def refine_pair(left: Pixels, right: Pixels, homography: Matrix, config: Config)
     inliers : int
         Matches of the second pass within 2 px of it; 0 where the first homography stands.
     """
-    left_points, warped_points = upright_matches(left, right, homography, config.front_end)
+    left_points, warped_points = match_upright(left, right, homography, config.front_end)
     correction = _fit(left_points, warped_points)
     if correction is None or not _better_on_held_out(left_points, warped_points):
         return homography, 0
@@ -60,7 +60,7 @@ def refine_pair(left: Pixels, right: Pixels, homography: Matrix, config: Config)
     return refined / refined[2, 2], int((residual_px <= INLIER_PX).sum())
 
 
-def upright_matches(left: Pixels, right: Pixels, homography: Matrix, config: FrontEndConfig) -> tuple[Points, Points]:
+def match_upright(left: Pixels, right: Pixels, homography: Matrix, config: FrontEndConfig) -> tuple[Points, Points]:
     """Positions (N, 2) of matches in the left image and in the right one warped onto it, px of the left image."""
     size = (left.shape[1], left.shape[0])
     to_left_grid = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
@@ -75,19 +75,19 @@ def upright_matches(left: Pixels, right: Pixels, homography: Matrix, config: Fro
 def _matches_at(
     change: Change, left: Pixels, warped: Pixels, covered: Pixels, config: FrontEndConfig
 ) -> tuple[Points, Points]:
-    frames = changed(left, change), changed(warped, change)
+    frames = make_frame(left, change), make_frame(warped, change)
     if frames[0] is None or frames[1] is None:
         return np.zeros((0, 2)), np.zeros((0, 2))
     to_image = frames[0].to_image
     of_left, of_warped = (extract(frame.pixels, config).features for frame in frames if frame)
     radius = math.ceil((config.border_px << (config.levels - 1)) * to_image[0, 0])
     of_warped = of_warped[_well_inside(apply(to_image, feature_points(of_warped)), covered, radius)]
-    left_index, right_index = guided_matches(of_left, of_warped, np.eye(3), SEARCH_PX / to_image[0, 0])
+    left_index, right_index = match_guided(of_left, of_warped, np.eye(3), SEARCH_PX / to_image[0, 0])
     left_points, warped_points = feature_points(of_left)[left_index], feature_points(of_warped)[right_index]
     return apply(to_image, left_points), apply(to_image, warped_points)
 
 
-def guided_matches(left: Records, right: Records, homography: Matrix, radius_px: float) -> tuple[Array, Array]:
+def match_guided(left: Records, right: Records, homography: Matrix, radius_px: float) -> tuple[Array, Array]:
     """Mutual nearest descriptors among the features within ``radius_px`` of the position the homography predicts.
 
     Returns the indices (M,) of left and right features, in rising left index; ties go to the lowest index.
@@ -102,7 +102,7 @@ def guided_matches(left: Records, right: Records, homography: Matrix, radius_px:
     distance = np.bitwise_count(left["descriptor"][i] ^ right["descriptor"][j]).sum(axis=1, dtype=np.int64)
     nearest_right = _nearest(i, j, distance, len(left))
     nearest_left = _nearest(j, i, distance, len(right))
-    mutual = (nearest_right[i] == j) & (nearest_left[j] == i) & (distance < LARGEST_DISTANCE * bits)
+    mutual = (nearest_right[i] == j) & (nearest_left[j] == i) & (distance < MAX_DISTANCE * bits)
     order = np.argsort(i[mutual])
     return i[mutual][order], j[mutual][order]
 

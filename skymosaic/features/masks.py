@@ -14,7 +14,7 @@ MASK_MARGIN_PX = 40
 """Features keep this distance from masked pixels, in working px: farther away no descriptor reads the mask."""
 
 
-def on_the_ground(points: Points, visible: Pixels | None) -> Mask:
+def are_on_ground(points: Points, visible: Pixels | None) -> Mask:
     """Whether each point (N, 2), in working px, is far enough from masked pixels to count, (N,).
 
     Parameters
@@ -31,8 +31,8 @@ def on_the_ground(points: Points, visible: Pixels | None) -> Mask:
     return np.asarray(inside[y, x] == 255)
 
 
-def matches_on_the_ground(matches: Records, visible: Sequence[Pixels | None]) -> Records:
-    """The match records whose positions count in both images; ``visible`` as in `on_the_ground`, left and right."""
-    left, right = (on_the_ground(points, mask) for points, mask in zip(match_points(matches), visible, strict=True))
+def select_ground_matches(matches: Records, visible: Sequence[Pixels | None]) -> Records:
+    """The match records whose positions count in both images; ``visible`` as in `are_on_ground`, left and right."""
+    left, right = (are_on_ground(points, mask) for points, mask in zip(match_points(matches), visible, strict=True))
     chosen: Records = matches[left & right]
     return chosen

@@ -29,7 +29,7 @@ RATIO_RULES = ("nearest in both directions", "nearest in one direction only")
 TRACKING_RULES = ("tracked there and back", "lost on the way back")
 
 
-def ratio_matches(left: Records, right: Records, norm: int) -> Records:
+def match_by_ratio(left: Records, right: Records, norm: int) -> Records:
     """Ratio test, at most one match per right feature (equation II-7), and bidirectional check (section III.5.2).
 
     Parameters
@@ -65,7 +65,7 @@ def ratio_matches(left: Records, right: Records, norm: int) -> Records:
     return matches
 
 
-def correlation_matches(left: Records, right: Records) -> Records:
+def match_by_correlation(left: Records, right: Records) -> Records:
     """Mutual nearest neighbours under SAD, weighted by fuzzy correlation (Tables III-1 and III-2).
 
     Parameters
@@ -93,7 +93,7 @@ def correlation_matches(left: Records, right: Records) -> Records:
     return matches
 
 
-def tracked(left_gray: Pixels, right_gray: Pixels, left: Records, right: Records) -> tuple[Records, Records]:
+def track_features(left_gray: Pixels, right_gray: Pixels, left: Records, right: Records) -> tuple[Records, Records]:
     """Follow the left features into the right image with the pyramidal KLT tracker (equations II-8 to II-11).
 
     Parameters

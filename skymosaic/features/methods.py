@@ -29,7 +29,7 @@ from skymosaic.features.detectors import DETECTORS, FRONT_END_DETECTORS
 
 FAST_THRESHOLD = 10
 """FAST's threshold in gray levels: a Harris configuration's threshold has another unit and cannot be used."""
-LARGEST_BORDER_PX = 255
+MAX_BORDER_PX = 255
 USUAL_DETECTOR = {name: name for name in DETECTORS} | {"freak": "brisk"}
 """The detector chosen for a descriptor if none is named; descriptors not listed get the configuration's detector."""
 
@@ -57,7 +57,7 @@ class Method:
         return matchers.RATIO_RULES
 
 
-def choose(config: Config, detector: str | None = None, descriptor: str | None = None) -> tuple[Method, Config]:
+def choose_method(config: Config, detector: str | None = None, descriptor: str | None = None) -> tuple[Method, Config]:
     """Complete a choice of detector and descriptor and adapt the configuration to it.
 
     Parameters
@@ -107,7 +107,7 @@ def choose(config: Config, detector: str | None = None, descriptor: str | None =
     return method, dataclasses.replace(config, front_end=_front_end(config, method))
 
 
-def backend_of(method: Method, backend: str, progress: Progress = silent) -> Backend:
+def load_backend_for(method: Method, backend: str, progress: Progress = silent) -> Backend:
     """The backend that computes the method: the named one, or `HostBackend`.
 
     Raises
@@ -172,15 +172,15 @@ class HostBackend(Backend):
         detector, descriptor = self.method.detector, self.method.descriptor
         if detector in FRONT_END_DETECTORS:
             corners = extract(image, config, frame=number)
-            status, key_points = corners.status, detectors.from_features(corners.features)
+            status, key_points = corners.status, detectors.to_key_points(corners.features)
         else:
             status = _status(gray, number)
             key_points = detectors.detect(gray, detector, config.max_features)
             if descriptor in ANGLE_IGNORED:
-                key_points = detectors.one_per_position(key_points)
+                key_points = detectors.keep_one_per_position(key_points)
             key_points = key_points[: config.max_features]
             if detector != descriptor:
-                key_points = detectors.without_octaves(key_points)
+                key_points = detectors.strip_octaves(key_points)
         features = describe(gray, key_points, descriptor)
         features["frame"] = number
         status["features"] = len(features)
@@ -190,14 +190,14 @@ class HostBackend(Backend):
         """The right features, to which a tracker adds its own, and the matches."""
         descriptor = self.method.descriptor
         if descriptor == TRACKED:
-            return matchers.tracked(left.gray, right.gray, left.features, right.features)
+            return matchers.track_features(left.gray, right.gray, left.features, right.features)
         pair = left.features, right.features
         if descriptor in WINDOWS_PX:
-            return right.features, matchers.correlation_matches(*pair)
+            return right.features, matchers.match_by_correlation(*pair)
         if config.matcher.rule_base != "none":
             return right.features, matcher.match(*pair, PATTERNS[descriptor], config.matcher)
         norm = cv2.NORM_L2 if descriptor == "sift" else cv2.NORM_HAMMING
-        return right.features, matchers.ratio_matches(*pair, norm)
+        return right.features, matchers.match_by_ratio(*pair, norm)
 
 
 def _status(gray: Pixels, number: int) -> np.void:
@@ -219,7 +219,7 @@ def _front_end(config: Config, method: Method) -> FrontEndConfig:
     # The smallest border depends on detector and descriptor, and a configuration with a smaller one is refused: so
     # these are changed under the largest border first.
     changed = dataclasses.replace(
-        own, detector=detector, descriptor=descriptor, threshold=threshold, border_px=LARGEST_BORDER_PX
+        own, detector=detector, descriptor=descriptor, threshold=threshold, border_px=MAX_BORDER_PX
     )
     return dataclasses.replace(changed, border_px=max(own.border_px, changed.min_border_px))
 

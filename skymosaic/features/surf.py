@@ -16,9 +16,9 @@ OCTAVES_PX = ((9, 15, 21, 27), (15, 27, 39, 51), (27, 51, 75, 99))
 """Side of the filters of each octave; maxima are searched at the inner two."""
 MIXED_WEIGHT = 0.9
 """Corrects the mixed derivative for the difference between boxes and the Gaussians they replace (equation II-6)."""
-LEAST_RESPONSE = 10.0
+MIN_RESPONSE = 10.0
 """Smaller determinants are noise, for gray levels 0 to 255 and filters normalised by their area."""
-LARGEST_STEP = 1.0
+MAX_STEP = 1.0
 """A fitted maximum more than one pixel or one filter size from its sample belongs to another sample and is dropped."""
 
 
@@ -96,12 +96,12 @@ def _octave(integral: NDArray[np.int32], sizes: tuple[int, ...]) -> list[cv2.Key
     window = np.ones((3, 3), np.uint8)
     largest = np.stack([cv2.dilate(plane, window) for plane in planes])
     peaks = np.zeros(planes.shape, dtype=bool)
-    peaks[1:-1] = (planes[1:-1] > LEAST_RESPONSE) & (
+    peaks[1:-1] = (planes[1:-1] > MIN_RESPONSE) & (
         planes[1:-1] >= np.maximum.reduce([largest[:-2], largest[1:-1], largest[2:]])
     )
     scale, y, x = np.nonzero(peaks)
     step, response = _fitted_maxima(planes, scale, y, x)
-    kept = np.abs(step).max(axis=1, initial=0) <= LARGEST_STEP
+    kept = np.abs(step).max(axis=1, initial=0) <= MAX_STEP
     spacing = sizes[1] - sizes[0]
     return [
         cv2.KeyPoint(float(column), float(row), float(size), -1, float(value))

@@ -18,8 +18,8 @@ Size = tuple[int, int]
 
 CELL_PX = 4.0
 """Matches in one cell of this side count once."""
-SMALLEST_SHARE_OF_OVERLAP = 0.10
-SMALLEST_SHARE_OF_IMAGE = 0.08
+MIN_SHARE_OF_OVERLAP = 0.10
+MIN_SHARE_OF_IMAGE = 0.08
 
 
 def count_places(left: Points, right: Points) -> int:
@@ -61,11 +61,11 @@ def hull_share(homography: Matrix, points: Points, left_size: Size, right_size: 
 
 def spread_enough(homography: Matrix, left: Points, right: Points, left_size: Size, right_size: Size) -> bool:
     """Whether the hull of the inliers covers a tenth of the overlap, or 8 % of the smaller image."""
-    if hull_share(homography, left, left_size, right_size) >= SMALLEST_SHARE_OF_OVERLAP:
+    if hull_share(homography, left, left_size, right_size) >= MIN_SHARE_OF_OVERLAP:
         return True
     areas = [width * height for width, height in (left_size, right_size)]
     smaller = int(np.argmin(areas))
-    return hull_area((left, right)[smaller]) >= SMALLEST_SHARE_OF_IMAGE * areas[smaller]
+    return hull_area((left, right)[smaller]) >= MIN_SHARE_OF_IMAGE * areas[smaller]
 
 
 def _corners(size: Size) -> Array:

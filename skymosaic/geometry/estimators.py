@@ -8,16 +8,16 @@ import numpy as np
 from golden_model.arrays import Array, Mask
 from skymosaic.geometry import fuzzy_ransac
 from skymosaic.geometry.homography import DegenerateError, apply, dlt
-from skymosaic.geometry.prosac import INLIER_PX, MIN_INLIERS, Scoring, estimate_homography, transfer_scores
-from skymosaic.geometry.scored import integer_scores
+from skymosaic.geometry.prosac import INLIER_PX, MIN_INLIERS, Scoring, estimate_homography, transfer_scorer
+from skymosaic.geometry.scored import integer_scorer
 
 FUZZY_RANSAC = "fuzzy-ransac"
-SCORINGS: dict[str, Scoring] = {"prosac": transfer_scores, "scored": integer_scores}
+SCORINGS: dict[str, Scoring] = {"prosac": transfer_scorer, "scored": integer_scorer}
 """The estimators that are `skymosaic.geometry.prosac`, and what ranks their samples: floating point, or the integers
 of the scoring block."""
 ESTIMATORS = (*SCORINGS, "ransac", "magsac", FUZZY_RANSAC)
 """Every estimator."""
-FEWEST_MATCHES = 4
+MIN_MATCHES = 4
 RANSAC_ROUNDS = 2000
 MAGSAC_TOLERANCE_PX = 3.0
 MAGSAC_ROUNDS = 10_000
@@ -96,7 +96,7 @@ def fuzzy(left: Array, right: Array, verified: Mask) -> tuple[Array | None, fuzz
 
 
 def _estimated(left: Array, right: Array, kind: int, tolerance_px: float, rounds: int) -> Array | None:
-    if len(left) < FEWEST_MATCHES:
+    if len(left) < MIN_MATCHES:
         return None
     H, _ = cv2.findHomography(left, right, kind, tolerance_px, maxIters=rounds, confidence=CONFIDENCE)
     return None if H is None else np.asarray(H, dtype=np.float64)

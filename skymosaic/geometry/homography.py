@@ -22,7 +22,7 @@ class DegenerateError(ValueError):
     """The point pairs do not determine the transformation."""
 
 
-def scaled(H: Array) -> Array:
+def rescale(H: Array) -> Array:
     """``H`` scaled to H[2, 2] = 1.
 
     Raises
@@ -89,7 +89,7 @@ def dlt(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None = None) -> A
     Parameters, result and errors as in `estimate`. Both point sets are first centred and scaled to a mean distance
     of sqrt(2) from their centroid (Hartley 1997).
     """
-    x, y, root = checked_pairs(left, right, weight, minimum=4)
+    x, y, root = check_pairs(left, right, weight, minimum=4)
     to_x, to_y = normalisation(x, root), normalisation(y, root)
     rows = design_matrix(apply(to_x, x), apply(to_y, y), root)
     # The 9x9 triangle of a QR decomposition has the same singular values and right singular vectors as the tall
@@ -97,10 +97,10 @@ def dlt(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None = None) -> A
     _, singular, vectors = np.linalg.svd(np.linalg.qr(rows, mode="r"))
     if singular[7] <= RANK_TOLERANCE * singular[0]:
         raise DegenerateError("the points do not determine a homography: three of four are collinear")
-    return scaled(np.linalg.inv(to_y) @ vectors[-1].reshape(3, 3) @ to_x)
+    return rescale(np.linalg.inv(to_y) @ vectors[-1].reshape(3, 3) @ to_x)
 
 
-def checked_pairs(
+def check_pairs(
     left: ArrayLike, right: ArrayLike, weight: ArrayLike | None, *, minimum: int
 ) -> tuple[Array, Array, Array]:
     """Point pairs as (N, 2) float64 arrays and the square roots (N,) of their weights.
@@ -158,7 +158,7 @@ def _similarity(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None) -> 
 
 def _rotation_scale(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None, *, keep_scale: bool) -> Array:
     """Closed form in complex numbers: about the centroids, x' = a x with a = sum(w x' x*) / sum(w |x|^2)."""
-    x, y, root = checked_pairs(left, right, weight, minimum=2)
+    x, y, root = check_pairs(left, right, weight, minimum=2)
     w = root**2
     centre_x, centre_y = np.average(x, axis=0, weights=w), np.average(y, axis=0, weights=w)
     z, target = (x - centre_x) @ [1, 1j], (y - centre_y) @ [1, 1j]
@@ -171,7 +171,7 @@ def _rotation_scale(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None,
 
 
 def _affine(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None) -> Array:
-    x, y, root = checked_pairs(left, right, weight, minimum=3)
+    x, y, root = check_pairs(left, right, weight, minimum=3)
     to_x = normalisation(x, root)
     rows = homogeneous(apply(to_x, x)) * root[:, None]
     return np.vstack([solve_least_squares(rows, y * root[:, None]).T, [0.0, 0.0, 1.0]]) @ to_x

@@ -12,9 +12,9 @@ from skymosaic.geometry.prosac import estimate_homography
 
 TOLERANCE_PX = 3.0
 """A match with at most this error supports a transformation."""
-MOST_TRIED = 60
+MAX_TRIED = 60
 """Similarities are tried from all pairs among this many matches, the heaviest."""
-SHORTEST_BASE_PX = 10.0
+MIN_BASE_PX = 10.0
 """Two matches closer than this do not determine scale and rotation well enough."""
 NOISE_PX = 1.0
 """Expected error of a match, for the choice of the model."""
@@ -51,7 +51,7 @@ def fit(left: Array, right: Array, weight: Array, *, fewest: int, rng: np.random
     Fit or None
         None with fewer inliers.
     """
-    fits = [similarity(left, right, weight, fewest=fewest)]
+    fits = [fit_similarity(left, right, weight, fewest=fewest)]
     projective = estimate_homography(left, right, weight, rng=rng, restarts=1).homography
     if projective is not None:
         inliers = int((_squared_error(projective, left, right) <= TOLERANCE_PX**2).sum())
@@ -59,15 +59,15 @@ def fit(left: Array, right: Array, weight: Array, *, fewest: int, rng: np.random
     return min((found for found in fits if found), key=lambda found: _criterion(found, left, right), default=None)
 
 
-def similarity(left: Array, right: Array, weight: Array, *, fewest: int) -> Fit | None:
+def fit_similarity(left: Array, right: Array, weight: Array, *, fewest: int) -> Fit | None:
     """Find the similarity with the most weighted support among all that two matches define, refitted to its inliers.
 
     Arguments and result as in `fit`. Few matches allow every pair to be tried, so there is no random sampling.
     """
-    heaviest = np.argsort(-weight, kind="stable")[:MOST_TRIED]
+    heaviest = np.argsort(-weight, kind="stable")[:MAX_TRIED]
     x, y = left @ [1, 1j], right @ [1, 1j]
     first, second = heaviest[np.array(np.triu_indices(len(heaviest), 1))]
-    apart = np.abs(x[second] - x[first]) > SHORTEST_BASE_PX
+    apart = np.abs(x[second] - x[first]) > MIN_BASE_PX
     first, second = first[apart], second[apart]
     if first.size == 0:
         return None

@@ -21,11 +21,11 @@ from golden_model.arrays import Array, Mask, Matrix, Points
 from skymosaic.geometry.homography import (
     DegenerateError,
     apply,
-    checked_pairs,
+    check_pairs,
     design_matrix,
     homogeneous,
     normalisation,
-    scaled,
+    rescale,
 )
 from skymosaic.geometry.refinement import refine_robustly
 
@@ -86,7 +86,7 @@ class _Matches:
     """Point pairs in order of falling weight, and the rows of the DLT for all of them in one normalisation."""
 
     def __init__(self, left: ArrayLike, right: ArrayLike, weight: ArrayLike) -> None:
-        x, y, root_weight = checked_pairs(left, right, weight, minimum=0)
+        x, y, root_weight = check_pairs(left, right, weight, minimum=0)
         self.order = np.argsort(-root_weight, kind="stable")
         self.left, self.right, self.weight = x[self.order], y[self.order], root_weight[self.order] ** 2
         ones = np.ones(len(x))
@@ -117,7 +117,7 @@ class _Matches:
         values, vectors = np.linalg.eigh(weighted.reshape(-1, 9).T @ rows.reshape(-1, 9))
         if values[1] <= EIGENVALUE_TOLERANCE * values[-1]:
             raise DegenerateError("the matches do not determine a homography")
-        return scaled(np.linalg.inv(self._to_right) @ vectors[:, 0].reshape(3, 3) @ self._to_left)
+        return rescale(np.linalg.inv(self._to_right) @ vectors[:, 0].reshape(3, 3) @ self._to_left)
 
     def estimate(self, H: Matrix | None, samples: int) -> Estimate:
         """The polished homography with its inliers in the order in which the matches were given."""
@@ -157,7 +157,7 @@ def estimate_homography(
     starts : sequence of (3, 3) ndarray
         Homographies known from elsewhere that compete after local optimisation.
     scoring : callable, optional
-        What ranks the samples; default `transfer_scores`. Local optimisation always works in floating point.
+        What ranks the samples; default `transfer_scorer`. Local optimisation always works in floating point.
 
     Returns
     -------
@@ -170,14 +170,14 @@ def estimate_homography(
         For wrong shapes, values that are not finite, or negative weights.
     """
     matches = _Matches(left, right, weight)
-    scores = (scoring or transfer_scores)(matches.left, matches.right, matches.weight)
+    scores = (scoring or transfer_scorer)(matches.left, matches.right, matches.weight)
     found = [_search(matches, scores, rng, max_samples) for _ in range(restarts)]
     found += [(*_optimise_locally(start, 0.0, matches), 0) for start in starts if len(matches.left) >= 4]
     best, _, _ = max(found, key=lambda result: result[1], default=(None, 0.0, 0))
     return matches.estimate(best, sum(samples for _, _, samples in found))
 
 
-def transfer_scores(left: Points, right: Points, weight: Array) -> Scorer:
+def transfer_scorer(left: Points, right: Points, weight: Array) -> Scorer:
     """The scorer in floating point: the sum of w max(0, 1 - e²/2tau²), where e is the transfer error."""
     lifted = homogeneous(left).T
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from golden_model.arrays import Array, Matrix
-from skymosaic.geometry.homography import apply, checked_pairs, homogeneous, normalisation, scaled
+from skymosaic.geometry.homography import apply, check_pairs, homogeneous, normalisation, rescale
 
 ROBUST_SCALES_PX = (3.0, 2.1, 1.5, 1.5)
 """Scales of the robust loss, one for each step; they end below the inlier threshold."""
@@ -44,18 +44,18 @@ def refine_robustly(
     skymosaic.geometry.homography.DegenerateError
         For fewer than 4 pairs or coincident points.
     """
-    x, y, root = checked_pairs(left, right, None, minimum=4)
+    x, y, root = check_pairs(left, right, None, minimum=4)
     # In coordinates around 1, so that the eight elements of h have similar magnitudes.
     to_x, to_y, scale = joint_normalisation(x, y, root)
     x, y = apply(to_x, x), apply(to_y, y)
-    h = scaled(to_y @ H @ np.linalg.inv(to_x)).ravel()[:8]
+    h = rescale(to_y @ H @ np.linalg.inv(to_x)).ravel()[:8]
     for scale_px in scales_px:
         residuals, jacobian = transfer(h, x, y)
         # The square root of the weight multiplies both sides of the least-squares system.
         root = 1 / (1 + (residuals**2).sum(axis=1) / (scale * scale_px) ** 2)
         rows, target = (jacobian * root[:, None, None]).reshape(-1, 8), (residuals * root[:, None]).ravel()
         h = h - np.linalg.lstsq(rows, target, rcond=None)[0]
-    return scaled(np.linalg.inv(to_y) @ matrix_of(h) @ to_x)
+    return rescale(np.linalg.inv(to_y) @ matrix_of(h) @ to_x)
 
 
 def transfer(h: Array, x: Array, y: Array) -> tuple[Array, Array]:

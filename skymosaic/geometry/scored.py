@@ -17,7 +17,7 @@ Score = Callable[[Integers, Integers, Integers, Integers], Scores]
 """Scores hypotheses by left and right positions and weights."""
 
 
-def integer_scores(left: Points, right: Points, weight: Array, *, score: Score = score) -> Scorer:
+def integer_scorer(left: Points, right: Points, weight: Array, *, score: Score = score) -> Scorer:
     """The scorer in the integers of the hardware, for `skymosaic.geometry.prosac.estimate_homography`.
 
     Positions are rounded to 1/16 px and weights to integers, which they already are in match records. Matches outside

@@ -13,7 +13,7 @@ import numpy as np
 
 from golden_model.arrays import Array, Mask, Matrix, Points
 from skymosaic.geometry.acceptance import CELL_PX, Size, hull_share, overlap
-from skymosaic.geometry.homography import DegenerateError, apply, normalisation, scaled
+from skymosaic.geometry.homography import DegenerateError, apply, normalisation, rescale
 from skymosaic.geometry.prosac import INLIER_PX
 from skymosaic.geometry.refinement import refine_robustly, transfer
 
@@ -55,7 +55,7 @@ class FitQuality:
     inliers: int
 
 
-def fit_quality(homography: Matrix, left: Points, right: Points, left_size: Size, right_size: Size) -> FitQuality:
+def assess_fit(homography: Matrix, left: Points, right: Points, left_size: Size, right_size: Size) -> FitQuality:
     """Judge a homography by matches (N, 2) to (N, 2), of which some may be wrong; N >= 4 of them within 12 px.
 
     Parameters
@@ -91,7 +91,7 @@ def covariance(homography: Matrix, left: Points, right: Points) -> Array:
     DegenerateError
         If the points do not determine a homography.
     """
-    residuals, jacobian = transfer(scaled(homography).ravel()[:8], left, right)
+    residuals, jacobian = transfer(rescale(homography).ravel()[:8], left, right)
     rows = jacobian.reshape(-1, 8)
     variance = max(float((residuals**2).sum()) / max(rows.shape[0] - 8, 1), NOISE_PX**2)
     information = rows.T @ rows
@@ -107,7 +107,7 @@ def _covariance_error(homography: Matrix, left: Points, right: Points, grid: Poi
     # In normalised coordinates of the left image; the elements of h differ by six orders of magnitude otherwise.
     to_left = normalisation(left, np.ones(len(left)))
     try:
-        H = scaled(homography @ np.linalg.inv(to_left))
+        H = rescale(homography @ np.linalg.inv(to_left))
         sigma = covariance(H, apply(to_left, left), right)
     except (DegenerateError, np.linalg.LinAlgError):
         return NEAR_PX

@@ -22,7 +22,7 @@ BANDS = {
 USUAL = ("green", "2")
 """The band that registers a flight unless another one is named: sharp over plants and over soil. Cameras that number
 their bands count from blue."""
-FEWEST_CAPTURES = 3
+MIN_CAPTURES = 3
 """Of a flight of sets. Two files whose names end in numbers are more likely two photographs."""
 _NAMES = {ending: band for band, endings in BANDS.items() for ending in endings}
 _NAMED = re.compile(rf"(.+?)_({'|'.join(_NAMES)})", re.IGNORECASE)
@@ -34,7 +34,7 @@ _Capture = tuple[Path, str]
 """The folder and the common part of the names."""
 
 
-def in_band_sets(
+def group_band_sets(
     sources: Sequence[Source], band: str | None = None, tell: Callable[[str], None] = lambda _line: None
 ) -> list[Source]:
     """The captures of a flight: each has the file of one band as its content, and those of all bands beside it.
@@ -77,7 +77,7 @@ def in_band_sets(
     ]
 
 
-def of_one_band(sources: Sequence[Source], band: str | None) -> list[Source]:
+def select_band(sources: Sequence[Source], band: str | None) -> list[Source]:
     """The files of one band, for what shows one band only.
 
     Parameters
@@ -109,7 +109,7 @@ def of_one_band(sources: Sequence[Source], band: str | None) -> list[Source]:
 
 
 def _are_sets(captures: Mapping[_Capture, Mapping[str, Source]]) -> bool:
-    return len(captures) >= FEWEST_CAPTURES and max(map(len, captures.values())) > 1
+    return len(captures) >= MIN_CAPTURES and max(map(len, captures.values())) > 1
 
 
 def _grouped(sources: Sequence[Source]) -> tuple[dict[_Capture, dict[str, Source]], list[Source]]:

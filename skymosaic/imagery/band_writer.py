@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Intensities
-from skymosaic.imagery.images import replacing, save
+from skymosaic.imagery.images import save, write_atomically
 
 COMPRESSION_LEVEL = 3
 """zlib's level for PNG; higher levels take several times as long and save a few percent."""
@@ -42,7 +42,7 @@ def write_bands(path: Path, size: tuple[int, int], channels: int, bands: Iterabl
     if path.suffix.lower() != ".png":
         save(path, np.concatenate(list(bands)))
         return
-    with replacing(path) as temporary, temporary.open("wb") as file:
+    with write_atomically(path) as temporary, temporary.open("wb") as file:
         _write_png(file, size, channels, _in_rgb(bands))
 
 

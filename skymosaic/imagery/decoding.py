@@ -19,15 +19,15 @@ from PIL import UnidentifiedImageError
 from skymosaic.errors import DamagedError, InputError
 from skymosaic.imagery.jpeg import END, decode_strictly
 
-SMALLEST_SIDE_PX = 64
-LARGEST_AREA_PX = 89_000_000
+MIN_SIDE_PX = 64
+MAX_AREA_PX = 89_000_000
 """Just below the limit of Pillow, which reads the header first."""
-LARGEST_DECODED_BYTES = 600_000_000
+MAX_DECODED_BYTES = 600_000_000
 """The largest area in colour at 16 bits fits. With the copies that decoding and mapping to 8 bits make, a photograph
 stays below 2 GB."""
 FORMATS = ("JPEG", "PNG", "TIFF", "WEBP", "BMP", "PPM")
 """Pillow's names of the formats that are read; every further decoder would be one more that meets hostile files."""
-MOST_READS = 500_000
+MAX_READS = 500_000
 """Limit of read operations on a header: a second of processor time. Pillow reads segments, chunks, directory entries
 and comments one by one, in Python, and a file may declare hundreds of millions of them."""
 SPARE_BYTES = 64_000_000
@@ -71,7 +71,7 @@ class _MeasuredFile(io.FileIO):
     def __init__(self, path: Path) -> None:
         super().__init__(path)
         self._bytes_left = path.stat().st_size + SPARE_BYTES
-        self._reads_left = MOST_READS
+        self._reads_left = MAX_READS
 
     def read(self, size: int | None = -1, /) -> bytes:
         """As any file, or ValueError."""
@@ -84,7 +84,7 @@ class _MeasuredFile(io.FileIO):
 
 
 @contextlib.contextmanager
-def opened(path: Path) -> Iterator[PillowImage.Image]:
+def open_header(path: Path) -> Iterator[PillowImage.Image]:
     """Context of a file as Pillow opens it, to read its header: `FORMATS` only, and no longer than a second."""
     with _MeasuredFile(path) as file, PillowImage.open(file, formats=FORMATS) as header:
         yield header
@@ -108,8 +108,8 @@ def check_file(path: Path, what: str) -> None:
         raise InputError(f"{path}: not a file; name {what}")
     if status.st_size == 0:
         raise InputError(f"{path}: the file is empty; copy it again from the camera")
-    if status.st_size > LARGEST_DECODED_BYTES and what == "an image":
-        raise InputError(f"{path}: larger than {LARGEST_DECODED_BYTES // 1_000_000} MB; reduce it first")
+    if status.st_size > MAX_DECODED_BYTES and what == "an image":
+        raise InputError(f"{path}: larger than {MAX_DECODED_BYTES // 1_000_000} MB; reduce it first")
 
 
 def read_header(path: Path) -> Header:
@@ -122,36 +122,36 @@ def read_header(path: Path) -> Header:
     """
     check_file(path, "an image")
     try:
-        with opened(path) as header:
+        with open_header(path) as header:
             # Pillow parses some chunks of PNG and WebP while it opens the file, EXIF only on request.
             found = Header(str(header.format), header.size, _orientation(header), _decoded_bytes(header, path))
     except UnidentifiedImageError:
         raise InputError(f"{path}: not an image that can be read; give PNG, JPEG or TIFF") from None
     except (PillowImage.DecompressionBombError, PillowImage.DecompressionBombWarning):
-        raise InputError(f"{path}: larger than {LARGEST_AREA_PX // 1_000_000} megapixels; reduce it first") from None
+        raise InputError(f"{path}: larger than {MAX_AREA_PX // 1_000_000} megapixels; reduce it first") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({_reason(error)}); check the file") from None
     # Pillow's plugins raise ValueError, SyntaxError, struct.error, KeyError and others for invalid headers.
     except Exception as error:
         raise InputError(f"{path}: its header is damaged ({error}); copy it again from the camera") from None
     check_size(str(path), *found.size)
-    if found.decoded_bytes > LARGEST_DECODED_BYTES:
+    if found.decoded_bytes > MAX_DECODED_BYTES:
         raise InputError(
             f"{path}: {found.decoded_bytes // 1_000_000} MB when decoded, more than the "
-            f"{LARGEST_DECODED_BYTES // 1_000_000} MB allowed; reduce it or convert it to 8 bits"
+            f"{MAX_DECODED_BYTES // 1_000_000} MB allowed; reduce it or convert it to 8 bits"
         )
     return found
 
 
 def check_size(name: str, width_px: int, height_px: int) -> None:
     """Raise InputError for a picture of an unsupported size."""
-    if min(width_px, height_px) < SMALLEST_SIDE_PX:
+    if min(width_px, height_px) < MIN_SIDE_PX:
         raise InputError(
-            f"{name}: {width_px}x{height_px} pixels is too small; at least {SMALLEST_SIDE_PX}x{SMALLEST_SIDE_PX} needed"
+            f"{name}: {width_px}x{height_px} pixels is too small; at least {MIN_SIDE_PX}x{MIN_SIDE_PX} needed"
         )
-    if width_px * height_px > LARGEST_AREA_PX:
+    if width_px * height_px > MAX_AREA_PX:
         raise InputError(
-            f"{name}: {width_px}x{height_px} is larger than {LARGEST_AREA_PX // 1_000_000} megapixels; reduce it first"
+            f"{name}: {width_px}x{height_px} is larger than {MAX_AREA_PX // 1_000_000} megapixels; reduce it first"
         )
 
 

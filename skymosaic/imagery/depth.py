@@ -13,7 +13,7 @@ from skymosaic.errors import InputError
 
 TAIL_PERCENT = 0.1
 """Share of values at each end of the range that is saturated when pixels are mapped to 8 bits."""
-SAMPLES_A_SIDE = 128
+SAMPLES_PER_SIDE = 128
 """The range of a flight is found from so many rows and columns of each photograph: enough for tails of 0.1 %."""
 _BAND_VALUES = 1 << 22
 """Values that are mapped to 8 bits at a time."""
@@ -36,7 +36,7 @@ class ValueRange:
     deep: bool = False
 
     @property
-    def in_words(self) -> str:
+    def description(self) -> str:
         """For the report."""
         kept = "; .tif keeps 16 bits" if self.deep else ""
         return f"{self.low:.6g}..{self.high:.6g} of all photographs shown as 0..255{kept}"
@@ -52,18 +52,18 @@ class ValueRange:
             pixels[rows] = np.clip(np.rint(levels), 0, 255)
         return pixels
 
-    def numbers(self, pixels: Pixels) -> NDArray[np.uint16]:
+    def to_16_bit(self, pixels: Pixels) -> NDArray[np.uint16]:
         """The numbers of 16 bits that 8-bit pixels of this range show."""
         values = self.low + np.arange(256) * (self.high - self.low) / 255
         return np.asarray(np.clip(np.rint(values), 0, np.iinfo(np.uint16).max), dtype=np.uint16)[pixels]
 
-    def shown_as(self, pixels: Pixels, other: ValueRange) -> Pixels:
+    def show_as(self, pixels: Pixels, other: ValueRange) -> Pixels:
         """8-bit pixels of this range as another range would show them."""
         values = self.low + np.arange(256) * (self.high - self.low) / 255
         return other.to_8_bit(values.astype(np.float32)[:, None])[:, 0][pixels]
 
 
-def own_range(decoded: NDArray[np.generic], name: str) -> ValueRange:
+def measure_range(decoded: NDArray[np.generic], name: str) -> ValueRange:
     """The range of one photograph: all its values but the tails, as ``np.percentile`` finds them.
 
     Parameters
@@ -99,20 +99,20 @@ def own_range(decoded: NDArray[np.generic], name: str) -> ValueRange:
     return ValueRange(float(low), float(high))
 
 
-def sample_of(decoded: NDArray[np.generic]) -> NDArray[np.generic]:
+def sample_values(decoded: NDArray[np.generic]) -> NDArray[np.generic]:
     """Values of a photograph, spread evenly over it."""
-    down, across = (max(side // SAMPLES_A_SIDE, 1) for side in decoded.shape[:2])
+    down, across = (max(side // SAMPLES_PER_SIDE, 1) for side in decoded.shape[:2])
     sample = decoded[down // 2 :: down, across // 2 :: across].ravel()
     return np.asarray(sample[np.isfinite(sample)])
 
 
-def common_range(samples: Sequence[NDArray[np.generic]]) -> ValueRange | None:
+def measure_common_range(samples: Sequence[NDArray[np.generic]]) -> ValueRange | None:
     """The range of photographs that are shown together.
 
     Parameters
     ----------
     samples : sequence of ndarray of uint8, uint16 or float32
-        From `sample_of`; empty for a photograph of 8 bits.
+        From `sample_values`; empty for a photograph of 8 bits.
 
     Returns
     -------
@@ -126,7 +126,7 @@ def common_range(samples: Sequence[NDArray[np.generic]]) -> ValueRange | None:
     return ValueRange(float(low), float(high), deep=all(sample.dtype == np.uint16 for sample in samples))
 
 
-def in_8_bit(pixels: Intensities, values: ValueRange | None) -> Pixels:
+def show_in_8_bit(pixels: Intensities, values: ValueRange | None) -> Pixels:
     """The pixels of a mosaic, as ``values`` shows them where they have 16 bits."""
     if values is None or pixels.dtype == np.uint8:
         return np.asarray(pixels, dtype=np.uint8)

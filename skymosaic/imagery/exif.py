@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from skymosaic.imagery.decoding import opened
+from skymosaic.imagery.decoding import open_header
 
 _GPS_DIRECTORY = 0x8825
 _LATITUDE_SIGN, _LATITUDE, _LONGITUDE_SIGN, _LONGITUDE, _ALTITUDE_SIGN, _ALTITUDE = 1, 2, 3, 4, 5, 6
@@ -54,7 +54,7 @@ class Position:
 
 
 @dataclass(frozen=True)
-class Taken:
+class Metadata:
     """What a file says about how its photograph was taken; each None where it says nothing valid.
 
     Attributes
@@ -78,18 +78,18 @@ class Taken:
     black_level: float | None = None
 
 
-def taken(path: Path) -> Taken:
+def read_metadata(path: Path) -> Metadata:
     """Read a file's EXIF and XMP data; of these, what is missing or not valid is None."""
     try:
-        with opened(path) as header:
+        with open_header(path) as header:
             exif = header.getexif()
             gps, details = exif.get_ifd(_GPS_DIRECTORY), exif.get_ifd(_EXIF_DIRECTORY)
             xmp = header.info.get("xmp", b"")
     # EXIF data of unknown origin: Pillow raises SyntaxError, struct.error and others beside the expected ones.
     except Exception:
-        return Taken()
+        return Metadata()
     text = xmp.decode("utf-8", "replace") if isinstance(xmp, bytes) else str(xmp)
-    return Taken(
+    return Metadata(
         _position(gps), _focal(details), _from_xmp(text, _YAW), _from_xmp(text, _HEIGHT), _black(exif.get(_BLACK_LEVEL))
     )
 

@@ -16,8 +16,8 @@ from golden_model.arrays import Array, Intensities, Pixels
 from golden_model.config import MAX_FRAME_PX
 from skymosaic.errors import InputError
 from skymosaic.geometry.homography import resize_matrix
-from skymosaic.imagery.decoding import SMALLEST_SIDE_PX, UPRIGHT, check_size, decode, read_header
-from skymosaic.imagery.depth import ValueRange, own_range, sample_of
+from skymosaic.imagery.decoding import MIN_SIDE_PX, UPRIGHT, check_size, decode, read_header
+from skymosaic.imagery.depth import ValueRange, measure_range, sample_values
 from skymosaic.temporary import temporary_file
 
 OUTPUT_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
@@ -40,7 +40,7 @@ class Photograph:
     value_range : ValueRange or None
         The range that 8 bits show, if the file has more; None for 8 bits.
     sample : ndarray
-        Values of a file of more than 8 bits, from `skymosaic.imagery.depth.sample_of`; else empty.
+        Values of a file of more than 8 bits, from `skymosaic.imagery.depth.sample_values`; else empty.
     """
 
     name: str
@@ -93,9 +93,9 @@ def _read(path: Path, *, keep_damaged: bool) -> Photograph:
     kept = (f"kept although {damage.removeprefix(f'{path}: ')}",) if damage else ()
     if decoded.dtype == np.uint8:
         return Photograph(str(path), decoded.astype(np.uint8, copy=False), turned + kept)
-    values = own_range(decoded, str(path))
+    values = measure_range(decoded, str(path))
     mapping = (f"{decoded.dtype}: {values.low:g}..{values.high:g} mapped to 0..255",)
-    return Photograph(str(path), values.to_8_bit(decoded), turned + mapping + kept, values, sample_of(decoded))
+    return Photograph(str(path), values.to_8_bit(decoded), turned + mapping + kept, values, sample_values(decoded))
 
 
 def load_intensities(
@@ -111,7 +111,7 @@ def load_intensities(
     return values.to_8_bit(decoded)
 
 
-def reduced(pixels: Pixels, width_px: int) -> tuple[Pixels, Array]:
+def reduce_to_width(pixels: Pixels, width_px: int) -> tuple[Pixels, Array]:
     """Reduce an image by area averaging to at most ``width_px``; a narrower one stays as it is.
 
     An image more than twice as high as ``width_px`` is reduced to that height instead, and always to the height that
@@ -134,20 +134,20 @@ def reduced(pixels: Pixels, width_px: int) -> tuple[Pixels, Array]:
     return cv2.resize(pixels, size, interpolation=cv2.INTER_AREA).astype(np.uint8, copy=False), to_original
 
 
-def reduced_for_front_end(original: Pixels, width_px: int, name: str) -> tuple[Pixels, Array]:
-    """`reduced`, but checks that the front end takes the result; ``name`` is for the message.
+def reduce_for_front_end(original: Pixels, width_px: int, name: str) -> tuple[Pixels, Array]:
+    """`reduce_to_width`, but checks that the front end takes the result; ``name`` is for the message.
 
     Raises
     ------
     InputError
         If a side becomes shorter than the front end takes.
     """
-    pixels, to_original = reduced(original, width_px)
+    pixels, to_original = reduce_to_width(original, width_px)
     height, width = pixels.shape[:2]
-    if min(width, height) < SMALLEST_SIDE_PX:
+    if min(width, height) < MIN_SIDE_PX:
         raise InputError(
             f"{name}: {original.shape[1]}x{original.shape[0]} is reduced to {width}x{height}; both sides need "
-            f"{SMALLEST_SIDE_PX} pixels: raise the working width, or crop the picture"
+            f"{MIN_SIDE_PX} pixels: raise the working width, or crop the picture"
         )
     return pixels, to_original
 
@@ -223,12 +223,12 @@ def keeps_damaged(choice: str) -> bool:
 
 def save_bytes(path: Path, data: bytes) -> None:
     """Write ``data`` under a temporary name beside ``path``, then rename it."""
-    with replacing(path) as temporary:
+    with write_atomically(path) as temporary:
         temporary.write_bytes(data)
 
 
 @contextlib.contextmanager
-def replacing(path: Path) -> Iterator[Path]:
+def write_atomically(path: Path) -> Iterator[Path]:
     """Context of a temporary file beside ``path``: renamed to ``path`` at the end, deleted on any failure.
 
     Raises

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from skymosaic.errors import DamagedError, InputError
 
-MOST_SCANS = 100
+MAX_SCANS = 100
 """Progressive JPEG files have about ten. Every scan costs a pass over the whole picture, however short it is."""
-LARGEST_SCANNED_AREA_PX = 1_200_000_000
+MAX_SCANNED_AREA_PX = 1_200_000_000
 """Limit of scans times area: at most 15 s of processor time, measured by bench/large_photographs.py. The largest
 photograph may have 13 scans."""
-MOST_SEGMENTS = 100_000
+MAX_SEGMENTS = 100_000
 END = b"\xff\xd9"
 _KINDS = (0xC0, 0xC1, 0xC2)
 """Baseline, extended and progressive, with Huffman coding."""
@@ -91,7 +91,7 @@ def decode_strictly(data: bytes, path: Path, *, area_px: int, orientation: int) 
         )
     if structure.end is None:
         raise DamagedError(f"{path}: the file is truncated; copy it again from the camera")
-    if structure.scans > MOST_SCANS or structure.scans * area_px > LARGEST_SCANNED_AREA_PX:
+    if structure.scans > MAX_SCANS or structure.scans * area_px > MAX_SCANNED_AREA_PX:
         raise InputError(
             f"{path}: a JPEG of {structure.scans} scans takes too long to decode; store it again as baseline JPEG"
         )
@@ -110,8 +110,8 @@ def _structure(data: bytes, path: Path) -> _Structure:
     kinds: set[int] = set()
     scans = 0
     for number, (marker, offset) in enumerate(_segments(data)):
-        if number > MOST_SEGMENTS:
-            raise InputError(f"{path}: a JPEG of more than {MOST_SEGMENTS} segments; store it again")
+        if number > MAX_SEGMENTS:
+            raise InputError(f"{path}: a JPEG of more than {MAX_SEGMENTS} segments; store it again")
         if marker == _END_OF_IMAGE:
             return _Structure(frozenset(kinds), scans, offset)
         scans += marker == _START_OF_SCAN

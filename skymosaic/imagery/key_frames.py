@@ -9,8 +9,8 @@ from pathlib import Path
 
 from golden_model.arrays import Pixels
 from skymosaic.imagery.images import save
-from skymosaic.imagery.photographs import Source, sources
-from skymosaic.imagery.video import VIDEO_SUFFIXES, VideoReader, key_frames
+from skymosaic.imagery.photographs import Source, list_sources
+from skymosaic.imagery.video import VIDEO_SUFFIXES, VideoReader, select_key_frames
 from skymosaic.temporary import temporary_folder
 
 
@@ -23,7 +23,7 @@ def is_video(image: str | Path | Pixels) -> bool:
 def flight_sources(
     images: Sequence[str | Path | Pixels], tell: Callable[[str], None] = lambda _line: None
 ) -> Iterator[list[Source]]:
-    """As `skymosaic.imagery.photographs.sources`, with each video replaced by its key frames.
+    """As `skymosaic.imagery.photographs.list_sources`, with each video replaced by its key frames.
 
     The key frames are JPEG files in a temporary folder, which is deleted when the context ends.
 
@@ -37,7 +37,7 @@ def flight_sources(
     Raises
     ------
     InputError
-        As in `sources`; also for a video that cannot be read, or a full disk.
+        As in `list_sources`; also for a video that cannot be read, or a full disk.
     """
     with temporary_folder() as folder:
         found: list[Source] = []
@@ -47,13 +47,13 @@ def flight_sources(
                 frames.mkdir()
                 found += _key_frames(Path(str(image)), frames, tell)
             else:
-                found += sources([image])
+                found += list_sources([image])
         yield [dataclasses.replace(source, index=index) for index, source in enumerate(found)]
 
 
 def _key_frames(video: Path, folder: Path, tell: Callable[[str], None]) -> Iterator[Source]:
     reader = VideoReader(video)
-    for frame in key_frames(reader):
+    for frame in select_key_frames(reader):
         path = folder / f"{frame.number}.jpg"
         save(path, frame.pixels)
         yield Source(0, str(video / f"frame {frame.number}"), path)

@@ -128,7 +128,7 @@ def load_lens(camera: Path | None, mask: Path | None) -> Lens:
     )
 
 
-LARGEST_NUMBER = 1e9
+MAX_NUMBER = 1e9
 """Of a camera file; excludes what is not finite, and integers that no float can hold."""
 
 
@@ -143,7 +143,7 @@ def _numbers(path: Path) -> dict[str, float]:
     for key, value in table.items():
         if key not in _REQUIRED + _DISTORTION:
             raise InputError(f"{path}: unknown key {key}; valid: {', '.join(_REQUIRED + _DISTORTION)}")
-        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < LARGEST_NUMBER:
+        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < MAX_NUMBER:
             raise InputError(f"{path}: {key} is {value!r}; it must be a number")
     missing = [key for key in _REQUIRED if key not in table]
     if missing:

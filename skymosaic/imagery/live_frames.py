@@ -12,17 +12,17 @@ import numpy as np
 
 from golden_model.arrays import Pixels
 from skymosaic.errors import InputError
-from skymosaic.imagery.band_sets import of_one_band
+from skymosaic.imagery.band_sets import select_band
 from skymosaic.imagery.images import Photograph, load
-from skymosaic.imagery.photographs import entries, is_folder, sources
-from skymosaic.imagery.video import VideoReader, key_frames
+from skymosaic.imagery.photographs import is_folder, list_folder, list_sources
+from skymosaic.imagery.video import VideoReader, select_key_frames
 
 POLL_SECONDS = 0.2
 SETTLED_SECONDS = 0.5
 """A file that has not changed for this time is considered complete."""
 
 
-def live_frames(
+def read_live_frames(
     source: str,
     *,
     idle_seconds: float | None,
@@ -54,15 +54,15 @@ def live_frames(
     if band is not None and not is_folder(Path(source)):
         raise InputError(f"band {band}: only a folder can hold multi-band sets; leave out --band")
     if source.isdecimal():
-        for frame in key_frames(_camera(int(source))):
+        for frame in select_key_frames(_camera(int(source))):
             yield Photograph(f"camera {source}, frame {frame.number}", frame.pixels)
     elif is_folder(Path(source)):
         # A folder may be empty, or away for a while once it has been read; one that cannot be read now never will be.
-        entries(Path(source))
+        list_folder(Path(source))
         yield from _appearing(Path(source), idle_seconds, tell, {path.resolve() for path in made}, band)
     else:
         reader = VideoReader(source)
-        for frame in key_frames(reader):
+        for frame in select_key_frames(reader):
             yield Photograph(f"{source}, frame {frame.number}", frame.pixels)
         for note in reader.notes:
             tell(f"{source}: {note}")
@@ -97,10 +97,10 @@ def _appearing(
 def _complete_pictures(folder: Path, band: str | None) -> list[tuple[Path, int]]:
     """The folder's complete pictures, or those of one band, each with the time of its last change in ns."""
     try:
-        pictures = sources([folder])
+        pictures = list_sources([folder])
     except InputError:  # There are no pictures yet.
         return []
-    paths = [Path(found.name) for found in of_one_band(pictures, band)]
+    paths = [Path(found.name) for found in select_band(pictures, band)]
     complete = []
     for path in paths:
         with contextlib.suppress(OSError):  # The file may have been renamed or removed meanwhile.

@@ -13,7 +13,7 @@ RECORD_NAME = ".skymosaic-outputs"
 """File in the folder of photographs: a line for each mosaic, with its SHA-256 and its name."""
 
 
-def remember(output: Path, inputs: Iterable[Path]) -> None:
+def record_output(output: Path, inputs: Iterable[Path]) -> None:
     """Record a mosaic that was written into a folder with photographs; other folders need no record.
 
     Parameters
@@ -32,7 +32,7 @@ def remember(output: Path, inputs: Iterable[Path]) -> None:
     save_bytes(folder / RECORD_NAME, text.encode("utf-8", "surrogateescape"))
 
 
-def without_own_outputs(folder: Path, pictures: Collection[Path]) -> list[Path]:
+def exclude_recorded(folder: Path, pictures: Collection[Path]) -> list[Path]:
     """The pictures of ``folder`` without recorded mosaics; a file that has changed since is no mosaic any more."""
     record = _recorded(folder)
     return [path for path in pictures if path.name not in record or _digest(path) != record[path.name]]

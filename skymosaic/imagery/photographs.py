@@ -19,7 +19,7 @@ from skymosaic.errors import InputError
 from skymosaic.imagery.depth import ValueRange
 from skymosaic.imagery.images import Photograph, load, load_intensities
 from skymosaic.imagery.lens import Lens
-from skymosaic.imagery.own_outputs import without_own_outputs
+from skymosaic.imagery.own_outputs import exclude_recorded
 
 PHOTOGRAPH_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp")
 
@@ -55,9 +55,9 @@ class Source:
         """Names of everything that belongs to it."""
         return tuple(source.name for source in self.bands.values()) or (self.name,)
 
-    def keeping_damaged(self, *, keep: bool) -> Source:
+    def with_damaged(self, *, keep: bool) -> Source:
         """The same source, whose damaged files are used as far as they can be decoded, or refused."""
-        bands = {band: source.keeping_damaged(keep=keep) for band, source in self.bands.items()}
+        bands = {band: source.with_damaged(keep=keep) for band, source in self.bands.items()}
         return dataclasses.replace(self, keep_damaged=keep, bands=bands)
 
     @cached_property
@@ -77,7 +77,7 @@ class Source:
                 raise InputError(f"{self.name}: cannot be read ({error.strerror}); check the file") from None
         return hashlib.sha256(repr(self.content.shape).encode() + self.content.tobytes()).hexdigest()
 
-    def photograph(self, lens: Lens) -> Photograph:
+    def read_photograph(self, lens: Lens) -> Photograph:
         """Decode the photograph, turn it upright and remove the lens's distortion.
 
         Raises
@@ -89,7 +89,7 @@ class Source:
         pixels = np.asarray(self._bent(lens.straighten(decoded.pixels)), dtype=np.uint8)
         return dataclasses.replace(decoded, name=self.name, pixels=pixels)
 
-    def intensities(self, lens: Lens, values: ValueRange | None) -> Intensities:
+    def read_intensities(self, lens: Lens, values: ValueRange | None) -> Intensities:
         """The straightened pixels as a mosaic shows them, see `skymosaic.imagery.images.load_intensities`."""
         decoded = load_intensities(self.content, self.name, values, keep_damaged=self.keep_damaged)
         return self._bent(lens.straighten(decoded))
@@ -98,7 +98,7 @@ class Source:
         return pixels if self.bend is None else self.bend(pixels)
 
 
-def sources(images: Sequence[str | Path | Pixels]) -> list[Source]:
+def list_sources(images: Sequence[str | Path | Pixels]) -> list[Source]:
     """List files, arrays and the pictures of folders; a folder's pictures are sorted by name, 2 before 10.
 
     Raises
@@ -126,7 +126,7 @@ def is_folder(path: Path) -> bool:
         return False
 
 
-def entries(folder: Path) -> list[Path]:
+def list_folder(folder: Path) -> list[Path]:
     """What a folder contains.
 
     Raises
@@ -141,9 +141,9 @@ def entries(folder: Path) -> list[Path]:
 
 
 def _pictures(folder: Path) -> list[Path]:
-    pictures = [path for path in entries(folder) if path.suffix.lower() in PHOTOGRAPH_SUFFIXES and path.is_file()]
+    pictures = [path for path in list_folder(folder) if path.suffix.lower() in PHOTOGRAPH_SUFFIXES and path.is_file()]
     # File systems and unfinished copies leave files whose names start with a dot.
-    pictures = without_own_outputs(folder, [path for path in pictures if not path.name.startswith(".")])
+    pictures = exclude_recorded(folder, [path for path in pictures if not path.name.startswith(".")])
     if not pictures:
         raise InputError(f"{folder}: contains no pictures ({', '.join(PHOTOGRAPH_SUFFIXES)}); choose another folder")
     return sorted(pictures, key=lambda path: _natural(path.name))
@@ -181,14 +181,14 @@ class DecodedPhotographs:
         return sum(pixels.nbytes for pixels in self._held.values())
 
     def pixels(self, source: Source, lens: Lens, values: ValueRange | None = None) -> Intensities:
-        """The straightened pixels of ``source``; ``values`` as in `Source.intensities`."""
+        """The straightened pixels of ``source``; ``values`` as in `Source.read_intensities`."""
         key = _key(source, lens, values)
         with self._lock:
             if key in self._held:
                 self._held.move_to_end(key)
                 return self._held[key]
         # Decoded outside the lock, so that threads decode different photographs at the same time.
-        pixels = source.intensities(lens, values)
+        pixels = source.read_intensities(lens, values)
         self.keep(source, lens, pixels, values)
         return pixels
 
@@ -201,16 +201,16 @@ class DecodedPhotographs:
 
 
 @lru_cache(maxsize=1)
-def decoded(limit_bytes: int) -> DecodedPhotographs:
+def decoded_photographs(limit_bytes: int) -> DecodedPhotographs:
     """The photographs that this process keeps decoded, for the tiles that it renders."""
     return DecodedPhotographs(limit_bytes)
 
 
 def keep_decoded(source: Source, lens: Lens, pixels: Pixels, limit_bytes: int) -> None:
     """Keep the straightened pixels of a photograph that is decoded already."""
-    decoded(limit_bytes).keep(source, lens, pixels)
+    decoded_photographs(limit_bytes).keep(source, lens, pixels)
 
 
 def forget_decoded() -> None:
     """Give back the memory of all decoded photographs of this process."""
-    decoded.cache_clear()
+    decoded_photographs.cache_clear()

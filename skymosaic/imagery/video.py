@@ -16,8 +16,8 @@ from av.error import FFmpegError
 
 from golden_model.arrays import Pixels
 from skymosaic.errors import InputError
-from skymosaic.imagery.decoding import LARGEST_AREA_PX, check_file
-from skymosaic.imagery.images import reduced, replacing
+from skymosaic.imagery.decoding import MAX_AREA_PX, check_file
+from skymosaic.imagery.images import reduce_to_width, write_atomically
 
 VIDEO_SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".avi", ".ts", ".mts", ".m2ts", ".webm", ".wmv", ".mpg", ".mpeg")
 """Suffixes of files that are treated as videos where photographs are accepted too."""
@@ -32,7 +32,7 @@ with as few frames as possible."""
 FLOW_WIDTH_PX = 320
 """Frames are reduced to this width to compute their optical flow."""
 FLOW_CORNERS = 200
-FEWEST_CORNERS = 12
+MIN_CORNERS = 12
 
 
 FILE_OPTIONS = {
@@ -88,7 +88,7 @@ class VideoReader:
             raise InputError(f"{self.name}: a video without frames; give another file")
         self._stream = streams[0]
         self._stream.thread_type = "AUTO"
-        self._stream.codec_context.options = {"max_pixels": str(LARGEST_AREA_PX)}
+        self._stream.codec_context.options = {"max_pixels": str(MAX_AREA_PX)}
         self.frame_rate = self._stream.average_rate or self._stream.guessed_rate or DEFAULT_RATE
 
     def __iter__(self) -> Iterator[Pixels]:
@@ -132,7 +132,7 @@ def _frames_of(packet: av.Packet) -> list[tuple[int, Pixels]]:
 
 
 @contextlib.contextmanager
-def writing(path: Path, frame_rate: Fraction) -> Iterator[Callable[[Pixels], None]]:
+def write_video(path: Path, frame_rate: Fraction) -> Iterator[Callable[[Pixels], None]]:
     """Write H.264 under a temporary name, which is renamed to ``path`` at the end; a failure leaves no file.
 
     The context is a function that appends a frame, (H, W, 3) uint8 BGR, all of one size. An odd last row or column is
@@ -151,7 +151,7 @@ def writing(path: Path, frame_rate: Fraction) -> Iterator[Callable[[Pixels], Non
         If it cannot be written.
     """
     muxer = {".mp4": "mp4", ".mov": "mov", ".mkv": "matroska"}[path.suffix.lower()]
-    with replacing(path) as temporary, av.open(str(temporary), "w", format=muxer) as container:
+    with write_atomically(path) as temporary, av.open(str(temporary), "w", format=muxer) as container:
         stream = container.add_stream("libx264", rate=frame_rate, options={"crf": CONSTANT_QUALITY, "preset": "fast"})
 
         def write(pixels: Pixels) -> None:
@@ -173,7 +173,7 @@ class KeyFrame(NamedTuple):
     pixels: Pixels
 
 
-def key_frames(frames: Iterable[Pixels], *, overlap: float = KEY_OVERLAP) -> Iterator[KeyFrame]:
+def select_key_frames(frames: Iterable[Pixels], *, overlap: float = KEY_OVERLAP) -> Iterator[KeyFrame]:
     """Select the first frame, then repeatedly the last one that still shows ``overlap`` of the previous key frame.
 
     The video's last frame is a key frame too. A hovering camera gives two key frames, a steady flight gives frames that
@@ -216,15 +216,15 @@ class _Flow:
 
     def common_share(self, gray: Pixels) -> float:
         """Share of the key frame's area that the next frame shows; 0 if tracking failed."""
-        if len(self._points) < FEWEST_CORNERS:
+        if len(self._points) < MIN_CORNERS:
             return 0.0
         points, found, _ = cv2.calcOpticalFlowPyrLK(self._last, gray, self._points, None)
         followed = found[:, 0] == 1
         self._last, self._points, self._key_points = gray, points[followed], self._key_points[followed]
-        if len(self._points) < FEWEST_CORNERS:
+        if len(self._points) < MIN_CORNERS:
             return 0.0
         motion, inliers = cv2.estimateAffinePartial2D(self._key_points, self._points, ransacReprojThreshold=2.0)
-        if motion is None or inliers.sum() < FEWEST_CORNERS:
+        if motion is None or inliers.sum() < MIN_CORNERS:
             return 0.0
         # The key frame's outline in the new frame, clipped to it; the determinant undoes the change of scale.
         height, width = gray.shape
@@ -234,5 +234,5 @@ class _Flow:
 
 
 def _small_gray(pixels: Pixels) -> Pixels:
-    small, _ = reduced(pixels, FLOW_WIDTH_PX)
+    small, _ = reduce_to_width(pixels, FLOW_WIDTH_PX)
     return np.asarray(cv2.cvtColor(small, cv2.COLOR_BGR2GRAY), dtype=np.uint8)

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Array, Float32, Mask, Pixels
-from skymosaic.compositing.warp import CANVAS_LIMIT_PX, Canvas, backward, canvas_of, footprint, shrunk
+from skymosaic.compositing.warp import CANVAS_LIMIT_PX, Canvas, enclosing_canvas, footprint, shrink, warp_backward
 
 FEATHER_PX = 16
 """Width over which one photograph fades into the other."""
@@ -123,7 +123,7 @@ class GrowingCanvas:
         for picture, mask, transform, number in parts:
             covered = footprint((picture.shape[1], picture.shape[0]), transform)
             where = covered.within(self._room)
-            new = backward(*shrunk(picture, transform), covered, border=cv2.BORDER_REPLICATE).astype(np.float32)
+            new = warp_backward(*shrink(picture, transform), covered, border=cv2.BORDER_REPLICATE).astype(np.float32)
             new_distance = _distance(mask, transform, covered)
             old, old_distance = self._pixels[where], self._distance[where]
             if matching:
@@ -145,7 +145,7 @@ class GrowingCanvas:
         if old is not None:
             sizes.append((old.width_px, old.height_px))
             transforms.append(np.asarray(np.linalg.inv(old.translation), dtype=np.float64))
-        self.extent = canvas_of(sizes, transforms, limit_px=self._limit_px)
+        self.extent = enclosing_canvas(sizes, transforms, limit_px=self._limit_px)
         if self._room.intersection(self.extent) == self.extent:
             return
         spare_x, spare_y = round(SPARE_ROOM * self.extent.width_px), round(SPARE_ROOM * self.extent.height_px)
@@ -176,7 +176,7 @@ class _Part(NamedTuple):
 
 def _distance(mask: Pixels, transform: Array, part: Canvas) -> Float32:
     """Distance of each pixel in a part of the reference frame to the nearest pixel that the picture does not cover."""
-    shown = np.asarray(backward(*shrunk(mask, transform), part) == 255, dtype=np.uint8)
+    shown = np.asarray(warp_backward(*shrink(mask, transform), part) == 255, dtype=np.uint8)
     # The pixels around the part count as not covered, too.
     framed = cv2.copyMakeBorder(shown, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
     return np.asarray(cv2.distanceTransform(framed, cv2.DIST_L2, 5)[1:-1, 1:-1], dtype=np.float32)

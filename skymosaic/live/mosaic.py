@@ -22,7 +22,7 @@ from skymosaic.flight.candidates import FEWEST_VOTES
 from skymosaic.flight.linking.links import PairEstimator
 from skymosaic.flight.linking.resemblance import votes
 from skymosaic.geometry.homography import apply, estimate, resize_matrix
-from skymosaic.imagery.images import reduced_for_front_end
+from skymosaic.imagery.images import reduce_for_front_end
 from skymosaic.live.submap import Frame, Placement, Submap
 from skymosaic.registration.register import WORKING_WIDTH_PX, extract_within_capacity
 
@@ -175,7 +175,7 @@ class LiveMosaic:
         return max(self._submaps, key=lambda submap: len(submap.frames), default=empty)
 
     def _described(self, pixels: Pixels, features: Records | None) -> Frame:
-        working, to_original = reduced_for_front_end(pixels, self._working_width_px, "frame")
+        working, to_original = reduce_for_front_end(pixels, self._working_width_px, "frame")
         if features is None:
             results, _ = extract_within_capacity(self._front_end, [working], self._config)
             features = results[0].features

@@ -17,7 +17,7 @@ from skymosaic.flight.layout.adjustment import MODELS, Network, Ties, shapes
 from skymosaic.flight.layout.layout import normalisation
 from skymosaic.flight.linking.links import TIE_PX, PairEstimator, verify
 from skymosaic.flight.linking.resemblance import compact
-from skymosaic.geometry.homography import apply, estimate, scaled
+from skymosaic.geometry.homography import apply, estimate, rescale
 from skymosaic.geometry.prosac import MIN_INLIERS
 from skymosaic.live.growing_canvas import GrowingCanvas
 
@@ -180,7 +180,7 @@ class Submap:
     def absorb(self, other: Submap, to_this: Array) -> None:
         """Add all frames and pixels of another submap, moved by ``to_this`` (3, 3); raises CanvasError as `add`."""
         self.canvas.take_over(other.canvas, {frame.number: to_this for frame in other.frames}, matching=True)
-        moved = [frame.moved(scaled(to_this @ frame.transform)) for frame in other.frames]
+        moved = [frame.moved(rescale(to_this @ frame.transform)) for frame in other.frames]
         self.frames = sorted([*self.frames, *moved], key=lambda frame: frame.number)
         self._links += other._links
 
@@ -217,7 +217,7 @@ class Submap:
         for model in MODELS:
             found = network.adjust(found, model)
         to_reference = np.linalg.inv(to_unit[0])
-        return [scaled(to_reference @ each @ unit) for each, unit in zip(found, to_unit, strict=True)]
+        return [rescale(to_reference @ each @ unit) for each, unit in zip(found, to_unit, strict=True)]
 
     def _largest_move_px(self, transforms: list[Array]) -> float:
         corners = [Canvas(0, 0, *frame.size).corners for frame in self.frames]
@@ -261,15 +261,15 @@ def _fitted(guess: Frame, tied: list[Tied]) -> tuple[Array, Array]:
     views = network.adjust(np.stack([np.eye(3)] * 2), "homography")
     errors_px = network.errors_px(views)[0]
     most_px = float(np.median(errors_px)) + LEVELLING_COST_PX
-    fitted = scaled(np.linalg.inv(views[0]) @ views[1])
-    shape = shapes(scaled(unit_to_reference @ fitted)[None])[0]
+    fitted = rescale(np.linalg.inv(views[0]) @ views[1])
+    shape = shapes(rescale(unit_to_reference @ fitted)[None])[0]
     for share in LEVELLING:
         level = network.adjust(np.stack([np.eye(3), fitted @ _deformation(-share * shape)]), "similarity")
         level_errors_px = network.errors_px(level)[0]
         if np.median(level_errors_px) <= most_px:
             views, errors_px = level, level_errors_px
             break
-    return scaled(unit_to_reference @ np.linalg.inv(views[0]) @ views[1] @ to_unit), errors_px
+    return rescale(unit_to_reference @ np.linalg.inv(views[0]) @ views[1] @ to_unit), errors_px
 
 
 def _deformation(shape: Array) -> Array:

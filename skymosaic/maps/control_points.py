@@ -13,7 +13,7 @@ import numpy as np
 from golden_model.arrays import Points
 from skymosaic.errors import InputError
 from skymosaic.imagery.exif import Position
-from skymosaic.maps.georeference import NO_MAPS, has_maps, utm
+from skymosaic.maps.georeference import NO_MAPS, has_maps, project_to_utm
 
 _UTM = re.compile(r"(?:WGS ?84 )?UTM (?:zone )?(\d{1,2})([NS])", re.IGNORECASE)
 """The name of a coordinate system as OpenDroneMap's users write it; everything else is for rasterio."""
@@ -124,5 +124,5 @@ def _in_metres(path: Path, name: str, points: Points) -> tuple[str, Points]:
     except (errors.RasterioError, errors.CRSError):
         raise InputError(f"{path}: {name!r} is no coordinate system; begin with a line such as EPSG:32615") from None
     if crs.is_geographic:
-        return utm([Position(latitude, longitude) for longitude, latitude in points.tolist()])
+        return project_to_utm([Position(latitude, longitude) for longitude, latitude in points.tolist()])
     return crs.to_string(), points

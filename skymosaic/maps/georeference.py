@@ -19,11 +19,11 @@ from skymosaic.geometry.homography import DegenerateError, apply, estimate
 from skymosaic.imagery.exif import Position
 
 NO_MAPS = f"maps need rasterio; {how_to_install('geo')}"
-FEWEST_POSITIONS = 3
+MIN_POSITIONS = 3
 """Two positions always fit a similarity exactly, so that a wrong one would not be noticed."""
-WIDEST_RESIDUAL = 0.25
+MAX_RESIDUAL = 0.25
 """A fit is refused if its residual is larger than this share of the spread of the positions."""
-MOST_DISAGREEING = 1 / 3
+MAX_DISAGREEING = 1 / 3
 """A fit is refused if a larger share of the positions disagrees with it."""
 FAR_OFF = 3.0
 """A position disagrees if it is off by more than so many times the median, for noise once in 500 positions ..."""
@@ -60,11 +60,11 @@ class Georeference:
     disagreeing: tuple[int, ...] = ()
 
     @property
-    def metres_a_pixel(self) -> float:
+    def metres_per_pixel(self) -> float:
         """Ground resolution."""
         return math.hypot(*self.to_map[:2, 0])
 
-    def of(self, to_pixels: Matrix) -> Georeference:
+    def for_pixels(self, to_pixels: Matrix) -> Georeference:
         """The georeference of other pixels, which ``to_pixels`` maps to the present ones."""
         to_map = np.asarray(self.to_map @ to_pixels, dtype=np.float64)
         step_m = math.hypot(*to_map[:2, 0])
@@ -79,17 +79,17 @@ def has_maps() -> bool:
     return importlib.util.find_spec("rasterio") is not None
 
 
-def on_map(longitudes: Sequence[float], latitudes: Sequence[float], crs: str) -> Points:
+def globe_to_map(longitudes: Sequence[float], latitudes: Sequence[float], crs: str) -> Points:
     """Positions on WGS 84 in a coordinate system of the map, (N, 2); needs the extra ``geo``."""
-    return reprojected(np.column_stack((longitudes, latitudes)), "EPSG:4326", crs)
+    return reproject(np.column_stack((longitudes, latitudes)), "EPSG:4326", crs)
 
 
-def on_globe(points: Points, crs: str) -> Points:
+def map_to_globe(points: Points, crs: str) -> Points:
     """Longitudes and latitudes (N, 2) on WGS 84 of positions on the map; needs the extra ``geo``."""
-    return reprojected(points, crs, "EPSG:4326")
+    return reproject(points, crs, "EPSG:4326")
 
 
-def reprojected(points: Points, source: str, target: str) -> Points:
+def reproject(points: Points, source: str, target: str) -> Points:
     """Positions (N, 2), x first, of one coordinate system in another; needs the extra ``geo``.
 
     Raises
@@ -106,11 +106,11 @@ def reprojected(points: Points, source: str, target: str) -> Points:
         raise InputError(f"{source} to {target}: {error}; check the coordinate system") from None
 
 
-def utm(positions: Sequence[Position]) -> tuple[str, Points]:
+def project_to_utm(positions: Sequence[Position]) -> tuple[str, Points]:
     """The UTM zone of the first position, and all positions in it, (N, 2) metres east and north."""
     zone = int((positions[0].longitude_deg + 180) // 6) % 60 + 1
     crs = f"EPSG:{(32700 if positions[0].latitude_deg < 0 else 32600) + zone}"
-    return crs, on_map([p.longitude_deg for p in positions], [p.latitude_deg for p in positions], crs)
+    return crs, globe_to_map([p.longitude_deg for p in positions], [p.latitude_deg for p in positions], crs)
 
 
 def fit_to_map(
@@ -137,7 +137,7 @@ def fit_to_map(
     """
     known = np.flatnonzero(np.isfinite(metres).all(axis=1))
     # Two positions have no third to check the fit with; the caller has to say so.
-    fewest = min(FEWEST_POSITIONS, max(len(points), 2))
+    fewest = min(MIN_POSITIONS, max(len(points), 2))
     if len(known) < fewest:
         return None, f"{len(known)} of {len(points)} photographs have GPS; {fewest} are needed"
     # Rows count downwards and north points up. A similarity cannot mirror, so y is negated before the fit.
@@ -149,7 +149,7 @@ def fit_to_map(
     offsets = np.linalg.norm(apply(similarity, upright) - targets, axis=1)
     residual = float(np.sqrt(np.mean(offsets[agreeing] ** 2)))
     spread = _spread(targets[agreeing])
-    if residual > WIDEST_RESIDUAL * spread or agreeing.mean() < 1 - MOST_DISAGREEING:
+    if residual > MAX_RESIDUAL * spread or agreeing.mean() < 1 - MAX_DISAGREEING:
         farthest = known[np.argsort(-offsets)][:FEW].tolist()
         worst = ", ".join(str(index) if names is None else names[index] for index in farthest)
         median = float(np.median(offsets))

@@ -14,7 +14,7 @@ import numpy as np
 
 from golden_model.arrays import Intensities, Mask
 from skymosaic.errors import InputError
-from skymosaic.imagery.images import replacing
+from skymosaic.imagery.images import write_atomically
 from skymosaic.maps.georeference import Georeference
 
 JPEG_QUALITY = 90
@@ -27,7 +27,7 @@ _OPTIONS: dict[str, dict[str, Any]] = {
 COMPRESSIONS = tuple(_OPTIONS)
 
 
-def watched_by_raster(
+def tee_to_raster(
     path: Path,
     size: tuple[int, int],
     bands: Iterable[tuple[Intensities, Mask]],
@@ -108,7 +108,7 @@ def write_cog(path: Path, raster: Path, compress: str = "deflate") -> None:
     ----------
     path : Path
     raster : Path
-        From `watched_by_raster`; GDAL lays out overviews only once it has all pixels.
+        From `tee_to_raster`; GDAL lays out overviews only once it has all pixels.
     compress : {"deflate", "jpeg"}
         Without loss, or for pictures of 8 bits by JPEG, with a mask instead of the alpha band.
 
@@ -122,7 +122,7 @@ def write_cog(path: Path, raster: Path, compress: str = "deflate") -> None:
     # Several threads give the same bytes as one.
     options = {"num_threads": "ALL_CPUS"} | _OPTIONS[compress]
     try:
-        with replacing(path) as finished, warnings.catch_warnings():
+        with write_atomically(path) as finished, warnings.catch_warnings():
             warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
             copy(raster, finished, driver="COG", compress=compress, overview_resampling="average", **options)
     except rasterio.errors.RasterioError as error:

@@ -17,12 +17,12 @@ import numpy as np
 
 from golden_model.arrays import Pixels
 from skymosaic.errors import InputError
-from skymosaic.imagery.depth import ValueRange, in_8_bit
+from skymosaic.imagery.depth import ValueRange, show_in_8_bit
 from skymosaic.imagery.images import save_bytes
 
 TILE_PX = 256
 WEBP_QUALITY = 85
-DEEPEST = 24
+MAX_ZOOM = 24
 """Zoom at which a pixel of Web Mercator is 9 mm; tiles are not finer."""
 _HALF_WORLD_M = math.pi * 6_378_137.0
 """Half the side of the square that Web Mercator maps the globe to."""
@@ -66,7 +66,7 @@ def write_tiles(folder: Path, raster: Path, title: str, values: ValueRange | Non
     folder : Path
         Made where it is missing.
     raster : Path
-        From `skymosaic.maps.geotiff.watched_by_raster`.
+        From `skymosaic.maps.geotiff.tee_to_raster`.
     title : str
     values : ValueRange or None
         How 16 bits are shown.
@@ -114,7 +114,7 @@ def _warped(file: Any) -> Any:
     rasterio: Any = importlib.import_module("rasterio")
     bounds = importlib.import_module("rasterio.warp").transform_bounds(file.crs, _MERCATOR, *file.bounds)
     finest_m = math.sqrt((bounds[2] - bounds[0]) * (bounds[3] - bounds[1]) / (file.width * file.height))
-    zoom = min(max(math.ceil(math.log2(_resolution_m(0) / finest_m) - 0.5), 0), DEEPEST)
+    zoom = min(max(math.ceil(math.log2(_resolution_m(0) / finest_m) - 0.5), 0), MAX_ZOOM)
     side_m = TILE_PX * _resolution_m(zoom)
     west, east = math.floor((bounds[0] + _HALF_WORLD_M) / side_m), math.ceil((bounds[2] + _HALF_WORLD_M) / side_m)
     north, south = math.floor((_HALF_WORLD_M - bounds[3]) / side_m), math.ceil((_HALF_WORLD_M - bounds[1]) / side_m)
@@ -156,7 +156,7 @@ def _reader(source: Any, pyramid: Pyramid, values: ValueRange | None) -> Read:
         if not planes[-1].any():
             return None
         tile = np.zeros((TILE_PX, TILE_PX, 4), np.uint8)
-        tile[:height, :width, :3] = in_8_bit(np.moveaxis(planes[:3], 0, -1), values)
+        tile[:height, :width, :3] = show_in_8_bit(np.moveaxis(planes[:3], 0, -1), values)
         tile[:height, :width, 3] = np.where(planes[-1] > np.iinfo(planes.dtype).max // 2, 255, 0)
         return tile
 

@@ -11,7 +11,7 @@ from golden_model.arrays import Pixels
 from skymosaic.errors import InputError
 from skymosaic.flight.two_photographs import flight_of_pair
 from skymosaic.flight.workers import Progress, Workers, silent
-from skymosaic.imagery.band_sets import in_band_sets
+from skymosaic.imagery.band_sets import group_band_sets
 from skymosaic.imagery.key_frames import flight_sources
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source, forget_decoded
@@ -105,7 +105,7 @@ def planned(
     """
     progress("reading", 0, 0)
     with flight_sources(images, tell) as sources:
-        captures = in_band_sets(sources, options.band, tell)
+        captures = group_band_sets(sources, options.band, tell)
         with planned_sources(captures, options, progress, tell) as plan:
             yield plan
 
@@ -119,7 +119,7 @@ def planned_sources(
 ) -> Iterator[MosaicPlan]:
     """`planned` for photographs that are already listed."""
     options.check(len(sources))
-    sources = [source.keeping_damaged(keep=options.damaged == "keep") for source in sources]
+    sources = [source.with_damaged(keep=options.damaged == "keep") for source in sources]
     try:
         with Workers(options.scheduler, progress=progress) as workers:
             yield MosaicPlan(sources, options, workers, tell)

@@ -63,7 +63,7 @@ class MosaicOptions:
     lens : Lens or None
         Distortion and mask that all photographs share, from `skymosaic.imagery.lens.load_lens`.
     band : str or None
-        Of multi-band sets, the band that registers the flight; None: see `skymosaic.imagery.band_sets.in_band_sets`.
+        Of multi-band sets, the band that registers the flight; None: see `skymosaic.imagery.band_sets.group_band_sets`.
     control : ControlPoints or None
         Ground control points, from `skymosaic.maps.control_points.load_control_points`, instead of GPS.
     all_groups : bool

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from golden_model.arrays import Intensities, Mask
-from skymosaic.compositing.mesh import better_mesh, fit_mesh
+from skymosaic.compositing.mesh import fit_mesh, fit_useful_mesh
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.features.positions import match_points
 from skymosaic.flight.bands.spectrum import in_all_bands
@@ -26,7 +26,7 @@ from skymosaic.flight.two_photographs import flight_of_pair
 from skymosaic.flight.workers import Workers
 from skymosaic.imagery import images as pictures
 from skymosaic.imagery.lens import Lens
-from skymosaic.imagery.own_outputs import remember
+from skymosaic.imagery.own_outputs import record_output
 from skymosaic.imagery.photographs import Source, keep_decoded
 from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.mosaicking.result import Mosaic
@@ -192,7 +192,7 @@ class MosaicPlan:
         ]
         photographs = [source.content for source in self.sources if isinstance(source.content, Path)]
         for path in paths:
-            remember(path, photographs)
+            record_output(path, photographs)
         return deliveries
 
     def _registered(self) -> Flight:
@@ -200,7 +200,7 @@ class MosaicPlan:
         options, lens = self.options, self.options.lens or Lens()
         self._workers.progress("registering", 0, 0)
         clock = Stopwatch()
-        left, right = (source.photograph(lens) for source in self.sources)
+        left, right = (source.read_photograph(lens) for source in self.sources)
         clock.lap("reading")
         pair = register_photographs(
             (left, right),
@@ -240,5 +240,5 @@ def bend_of(pair: Pair, warp: str) -> Callable[[Intensities], Intensities] | Non
     left, right = match_points(pair.kept)
     size = pair.working[0].shape[1], pair.working[0].shape[0]
     given = pair.working_homography, left, right, size
-    mesh = better_mesh(*given) if warp == "auto" else fit_mesh(*given)
+    mesh = fit_useful_mesh(*given) if warp == "auto" else fit_mesh(*given)
     return None if mesh is None else mesh.bend

@@ -15,7 +15,7 @@ from skymosaic.compositing.blend import METHODS as BLENDINGS
 from skymosaic.errors import InputError
 from skymosaic.features.descriptors import DESCRIPTORS
 from skymosaic.features.detectors import DETECTORS, FRONT_END_DETECTORS
-from skymosaic.features.methods import Method, check_backend, choose
+from skymosaic.features.methods import Method, check_backend, choose_method
 from skymosaic.geometry.estimators import ESTIMATORS
 
 SOFTWARE = "golden"
@@ -133,7 +133,7 @@ class Options:
         """
         base = preset_config(self.preset)
         base = dataclasses.replace(base, matcher=dataclasses.replace(base.matcher, rule_base=self.rule_base))
-        method, config = choose(base, self.detector, self.descriptor)
+        method, config = choose_method(base, self.detector, self.descriptor)
         check_backend(method, self.backend)
         value = self.scale.value(self.position)
         own = config.front_end
@@ -158,7 +158,7 @@ def fault_of(options: Options, photographs: int = 2) -> str:
 
 def _usual_position(preset: Config, detector: str) -> int:
     """The slider's position for the preset's threshold, or its number of key points."""
-    _, config = choose(preset, detector, preset.front_end.descriptor)
+    _, config = choose_method(preset, detector, preset.front_end.descriptor)
     own = config.front_end
     value = own.threshold if detector in FRONT_END_DETECTORS else own.max_features
     return SCALES.get(detector, STRONGEST).position(value)

@@ -15,7 +15,7 @@ import numpy as np
 
 from golden_model.arrays import Float32, Mask, Matrix, Pixels, Points
 from golden_model.pixel.gray import to_gray
-from skymosaic.geometry.uncertainty import FitQuality, fit_quality
+from skymosaic.geometry.uncertainty import FitQuality, assess_fit
 
 GOOD_PX = 2.0
 POOR_PX = 5.0
@@ -82,7 +82,7 @@ def assess(images: tuple[Pixels, Pixels], homography: Matrix, left: Points, righ
         The kept matches of unguided passes, wrong ones included, working px.
     """
     sizes = [(image.shape[1], image.shape[0]) for image in images]
-    quality = fit_quality(homography, left, right, sizes[0], sizes[1])
+    quality = assess_fit(homography, left, right, sizes[0], sizes[1])
     correlation = overlap_correlation(images, homography)
     inputs = measures(quality, correlation)
     exponent = INTERCEPT + sum(COEFFICIENTS[name] * value for name, value in inputs.items())

@@ -13,10 +13,10 @@ from golden_model.arrays import Array, Matrix, Pixels, Points, Records
 from golden_model.config import Config, preset_config
 from golden_model.text import one_line
 from sim.backends.interface import Progress, silent
-from skymosaic.features.methods import Method, backend_of, choose
+from skymosaic.features.methods import Method, choose_method, load_backend_for
 from skymosaic.features.positions import feature_points
 from skymosaic.geometry.homography import apply
-from skymosaic.imagery.images import Photograph, keeps_damaged, load, reduced_for_front_end
+from skymosaic.imagery.images import Photograph, keeps_damaged, load, reduce_for_front_end
 from skymosaic.registration.register import WORKING_WIDTH_PX, extract_within_capacity
 
 SECTORS = 16
@@ -94,9 +94,9 @@ def extract(
     16
     """
     photograph = load(image, "image", keep_damaged=keeps_damaged(damaged))
-    method, config = choose(config or preset_config(preset), detector, descriptor)
-    working, to_original = reduced_for_front_end(photograph.pixels, working_width_px, photograph.name)
-    (result,), config = extract_within_capacity(backend_of(method, backend, progress), [working], config)
+    method, config = choose_method(config or preset_config(preset), detector, descriptor)
+    working, to_original = reduce_for_front_end(photograph.pixels, working_width_px, photograph.name)
+    (result,), config = extract_within_capacity(load_backend_for(method, backend, progress), [working], config)
     records = result.features
     return Features(
         photograph=photograph,

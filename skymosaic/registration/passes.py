@@ -20,7 +20,7 @@ from golden_model.feature.ilbp import PATTERNS
 from golden_model.feature.orientation import SECTORS
 from sim.backends.interface import Backend
 from skymosaic.errors import InputError
-from skymosaic.features.frames import Change, Frame, changed, in_image, matches_in_images, swapped
+from skymosaic.features.frames import Change, Frame, make_frame, map_matches_to_images, map_to_image, swap_sides
 from skymosaic.features.methods import Method
 from skymosaic.features.positions import match_points
 from skymosaic.geometry import acceptance
@@ -173,8 +173,8 @@ class Search:
         """Features and matches of each pass, in pixels of the working images."""
         for run in runs:
             of_reference, of_others = self._images[::-1] if run.exchanged else self._images
-            reference = changed(of_reference, run.reference)
-            others = [frame for frame in (changed(of_others, change) for change in run.others) if frame]
+            reference = make_frame(of_reference, run.reference)
+            others = [frame for frame in (make_frame(of_others, change) for change in run.others) if frame]
             if reference is None or not others:
                 continue
             frames = [reference, *others]
@@ -188,11 +188,11 @@ class Search:
     ) -> Evidence:
         images = self._images
         if exchanged:
-            features, frames, matches = features[::-1], frames[::-1], swapped(matches)
+            features, frames, matches = features[::-1], frames[::-1], swap_sides(matches)
             for name in ("turn", "peak_turn"):
                 matches[name] = -matches[name].astype(np.int16) % SECTORS
-        moved = tuple(in_image(found, frame.to_image) for found, frame in zip(features, frames, strict=True))
-        return Evidence((moved[0], moved[1]), self._counted(matches_in_images(matches, frames, images)))
+        moved = tuple(map_to_image(found, frame.to_image) for found, frame in zip(features, frames, strict=True))
+        return Evidence((moved[0], moved[1]), self._counted(map_matches_to_images(matches, frames, images)))
 
     def judged(self, evidence: Evidence, homography: Matrix | None, inliers: Mask, passes: int) -> Found:
         """A homography with its inliers among all matches of the evidence; None where it is not accepted."""

@@ -16,13 +16,13 @@ from golden_model.records import Cause
 from sim.backends.interface import Backend, FrameResult, Progress, silent
 from skymosaic.errors import InputError
 from skymosaic.features.guided_matching import refine_pair
-from skymosaic.features.masks import matches_on_the_ground
-from skymosaic.features.methods import Method, backend_of, choose
+from skymosaic.features.masks import select_ground_matches
+from skymosaic.features.methods import Method, choose_method, load_backend_for
 from skymosaic.features.positions import match_points
 from skymosaic.geometry.estimators import ESTIMATORS, FUZZY_RANSAC, SCORINGS, estimate
 from skymosaic.geometry.homography import apply
 from skymosaic.geometry.prosac import INLIER_PX
-from skymosaic.imagery.images import Photograph, keeps_damaged, load, reduced_for_front_end
+from skymosaic.imagery.images import Photograph, keeps_damaged, load, reduce_for_front_end
 from skymosaic.imagery.lens import Lens
 from skymosaic.registration.pair import Pair
 from skymosaic.registration.passes import Evidence, Search, settled_effort, why_not
@@ -142,12 +142,12 @@ def register_photographs(
     method, config = settled_method(config, detector, descriptor, estimator, refine)
     effort = settled_effort(effort, method, estimator, backend if isinstance(backend, str) else "")
     (left, to_left), (right, to_right) = (
-        reduced_for_front_end(photo.pixels, working_width_px, photo.name) for photo in photographs
+        reduce_for_front_end(photo.pixels, working_width_px, photo.name) for photo in photographs
     )
-    front_end = backend_of(method, backend, progress) if isinstance(backend, str) else backend
+    front_end = load_backend_for(method, backend, progress) if isinstance(backend, str) else backend
     results, config = extract_within_capacity(front_end, [left, right], config)
     masks = [lens.visible((image.shape[1], image.shape[0])) if lens else None for image in (left, right)]
-    on_the_ground = partial(matches_on_the_ground, visible=masks)
+    on_the_ground = partial(select_ground_matches, visible=masks)
     clock.lap("features and matches")
     rng = np.random.default_rng(seed)
     search = Search(front_end, (left, right), config, rng, on_the_ground, scoring=SCORINGS.get(estimator))
@@ -232,7 +232,7 @@ def settled_method(
     if estimator == FUZZY_RANSAC:
         # Fuzzy RANSAC has rules of its own, which replace those of the matcher.
         config = dataclasses.replace(config, matcher=dataclasses.replace(config.matcher, rule_base="none"))
-    method, config = choose(config, detector, descriptor)
+    method, config = choose_method(config, detector, descriptor)
     if refine and method.descriptor not in PATTERNS:
         raise InputError(f"refinement describes the images again by ILBP, not by {method.descriptor}; leave one out")
     return method, config

@@ -17,7 +17,7 @@ from skymosaic.flight.picture.output import PREVIEW_WIDTH_PX, Delivery
 from skymosaic.flight.survey import Flight
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.depth import ValueRange
-from skymosaic.imagery.images import reduced, save
+from skymosaic.imagery.images import reduce_to_width, save
 from skymosaic.reports import pages
 from skymosaic.reports.footprints import write_footprints
 from skymosaic.reports.pair import write_pair_report
@@ -59,7 +59,7 @@ def write_flight_report(folder: Path, deliveries: Sequence[Delivery], check: Fli
     """
     pages.make_folder(folder)
     for number, delivery in enumerate(deliveries, start=1):
-        save(folder / f"mosaic_{number}.jpg", reduced(delivery.preview, PREVIEW_WIDTH_PX)[0])
+        save(folder / f"mosaic_{number}.jpg", reduce_to_width(delivery.preview, PREVIEW_WIDTH_PX)[0])
         if delivery.georeference is not None:
             write_footprints(folder / f"footprints_{number}", delivery)
     numbers = flight_numbers(deliveries, check)
@@ -129,7 +129,7 @@ def describe_map(delivery: Delivery) -> str:
     """Say in one line where a mosaic lies on the map and how well it fits there."""
     on_map, place = delivery.georeference, delivery.composition.place
     assert on_map is not None
-    parts = [f"{on_map.crs}, {on_map.metres_a_pixel:.3g} m per pixel"]
+    parts = [f"{on_map.crs}, {on_map.metres_per_pixel:.3g} m per pixel"]
     if delivery.flight.pair is None:
         parts.append(f"{place.by} residual {on_map.residual_m:.2f} m")
     if delivery.layout.median_error_px:
@@ -158,7 +158,7 @@ def _ground_error_m(delivery: Delivery) -> float:
     reference = layout.members.index(layout.reference)
     working_px = np.asarray(composition.transforms[reference] @ views[layout.reference].to_original)
     canvas_px = layout.median_error_px * magnification(views[layout.reference].working_size, working_px)
-    return canvas_px * delivery.georeference.metres_a_pixel
+    return canvas_px * delivery.georeference.metres_per_pixel
 
 
 def _disagreeing(delivery: Delivery) -> list[tuple[str, float]]:
@@ -178,7 +178,7 @@ def _map_numbers(delivery: Delivery) -> dict[str, Any]:
     return {
         "crs": on_map.crs,
         "canvas_to_map": on_map.to_map.tolist(),
-        "metres_a_pixel": on_map.metres_a_pixel,
+        "metres_a_pixel": on_map.metres_per_pixel,
         "fitted_to": place.by,
         "residual_m": round(on_map.residual_m, 3),
         "offsets_m": offsets,
@@ -245,7 +245,7 @@ def _mosaic_rows(delivery: Delivery) -> list[tuple[str, str]]:
     if delivery.composition.band_names:
         rows.append(("bands", describe_bands(delivery.composition)))
     if values := delivery.composition.values:
-        rows.append(("range", values.in_words))
+        rows.append(("range", values.description))
     if delivery.georeference:
         rows.append(("map", describe_map(delivery)))
     return rows + ([("map note", delivery.map_note)] if delivery.map_note else [])

@@ -12,7 +12,7 @@ from golden_model.arrays import Points
 from skymosaic.flight.picture.output import Delivery
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.images import save_bytes
-from skymosaic.maps.georeference import on_globe
+from skymosaic.maps.georeference import map_to_globe
 
 _KML = "http://www.opengis.net/kml/2.2"
 
@@ -43,7 +43,7 @@ def _outlines(delivery: Delivery) -> dict[str, Points]:
         # GeoJSON asks for counter-clockwise rings. Rows count downwards, so this order is counter-clockwise on the map.
         frame = np.array([(0, 0), (0, height), (width, height), (width, 0), (0, 0)]) - 0.5
         corners = apply(on_map.to_map @ transform, frame)
-        outlines[Path(placement.source.name).name] = on_globe(corners, on_map.crs)
+        outlines[Path(placement.source.name).name] = map_to_globe(corners, on_map.crs)
     return outlines
 
 

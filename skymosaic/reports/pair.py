@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from golden_model.arrays import Pixels
-from skymosaic.imagery.images import reduced, save
+from skymosaic.imagery.images import reduce_to_width, save
 from skymosaic.registration.pair import Pair
 from skymosaic.reports import figures, pages
 
@@ -23,7 +23,7 @@ def write_pair_report(folder: Path, pair: Pair, mosaic: Pixels | None) -> Path:
         "matches.png": ("Matches kept and rejected", figures.draw_matches(pair)),
     }
     if mosaic is not None:
-        pictures["mosaic.jpg"] = ("Mosaic (reduced)", reduced(mosaic, MOSAIC_WIDTH_PX)[0])
+        pictures["mosaic.jpg"] = ("Mosaic (reduced)", reduce_to_width(mosaic, MOSAIC_WIDTH_PX)[0])
     for name, (_, picture) in pictures.items():
         save(folder / name, picture)
     numbers = pair_numbers(pair)

@@ -15,8 +15,8 @@ from golden_model.formats import decode_response
 from golden_model.front_end import extract, trace
 from skymosaic.evaluation.metrics import correct_matches, repeatability
 from skymosaic.features.descriptors import describe
-from skymosaic.features.detectors import from_features
-from skymosaic.features.matchers import correlation_matches
+from skymosaic.features.detectors import to_key_points
+from skymosaic.features.matchers import match_by_correlation
 from skymosaic.features.positions import feature_points, match_points
 from skymosaic.geometry.estimators import ransac
 from skymosaic.geometry.fuzzy_ransac import TOLERANCE_PX
@@ -119,9 +119,9 @@ def raise_threshold(grays: tuple[Pixels, Pixels], target: float = QUALITY_TARGET
 
 def _measure_quality(grays: tuple[Pixels, Pixels], features: tuple[Records, Records]) -> float:
     left, right = (
-        describe(gray, from_features(each), QUALITY_WINDOW) for gray, each in zip(grays, features, strict=True)
+        describe(gray, to_key_points(each), QUALITY_WINDOW) for gray, each in zip(grays, features, strict=True)
     )
-    points = match_points(correlation_matches(left, right))
+    points = match_points(match_by_correlation(left, right))
     H = ransac(*points)
     return 0.0 if H is None else float(np.mean(correct_matches(*points, H, tolerance_px=TOLERANCE_PX)))
 

@@ -15,7 +15,7 @@ from sim.scene import Flight, lawnmower
 from skymosaic.errors import InputError
 from skymosaic.evaluation.known_pairs import KnownPair, read_pairs
 from skymosaic.evaluation.metrics import grid_error
-from skymosaic.imagery.images import load, reduced
+from skymosaic.imagery.images import load, reduce_to_width
 
 WORKING_WIDTH_PX = 640
 """Wider photographs are reduced to this width (thesis, section IV.6.2.1)."""
@@ -84,7 +84,7 @@ def list_sources(data: Path | None) -> Sequence[Source]:
 
 
 def _load_pair(pair: KnownPair) -> DatasetPair:
-    left, right = (reduced(load(path).pixels, WORKING_WIDTH_PX) for path in (pair.left, pair.right))
+    left, right = (reduce_to_width(load(path).pixels, WORKING_WIDTH_PX) for path in (pair.left, pair.right))
     truth = np.linalg.inv(right[1]) @ pair.truth @ left[1]
     return DatasetPair(pair.name, pair.group, left[0], right[0], truth / truth[2, 2])
 

@@ -14,8 +14,8 @@ from golden_model.matching.correlation import best_matches
 from golden_model.matching.matcher import match
 from skymosaic.evaluation.metrics import confusion, correct_matches, grid_error
 from skymosaic.features.descriptors import WINDOWS_PX, describe
-from skymosaic.features.detectors import from_features
-from skymosaic.features.matchers import correlation_matches
+from skymosaic.features.detectors import to_key_points
+from skymosaic.features.matchers import match_by_correlation
 from skymosaic.features.positions import match_points
 from skymosaic.geometry.estimators import ransac
 from skymosaic.thesis import published
@@ -33,13 +33,13 @@ def measure_windows(pair: DatasetPair) -> Iterator[Line]:
 
     The time covers cutting out the windows and finding the golden model's best SAD match of each left window.
     """
-    key_points = [from_features(detect_strongest(gray)) for gray in pair.grays]
+    key_points = [to_key_points(detect_strongest(gray)) for gray in pair.grays]
     for name, size_px in WINDOWS_PX.items():
         start = time.perf_counter()
         left, right = (describe(gray, points, name) for gray, points in zip(pair.grays, key_points, strict=True))
         best_matches(left["descriptor"], right["descriptor"], "sad")
         seconds = time.perf_counter() - start
-        matches = correlation_matches(left, right)
+        matches = match_by_correlation(left, right)
         yield "IV-2", str(size_px), _count_good(pair, matches, seconds)
         yield measure_stage(
             f"fuzzy correlation, {size_px}x{size_px}", pair, match_points(matches), _kept_by_rules(matches)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import cv2
 
 from golden_model.arrays import Pixels
-from skymosaic.imagery.images import reduced
+from skymosaic.imagery.images import reduce_to_width
 from skymosaic.reports import fuzzy_plots
 from skymosaic.reports.fuzzy_systems import PLOTTED_SYSTEMS
 from skymosaic.reports.pages import render
@@ -206,5 +206,5 @@ def _embed(picture: bytes, kind: str) -> str:
 
 
 def _encode_jpeg(picture: Pixels) -> bytes:
-    narrow, _ = reduced(picture, PICTURE_WIDTH_PX)
+    narrow, _ = reduce_to_width(picture, PICTURE_WIDTH_PX)
     return bytes(cv2.imencode(".jpg", narrow, (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY))[1].tobytes())

@@ -10,7 +10,7 @@ import numpy as np
 from golden_model.arrays import Array, Points
 from golden_model.config import PRESETS, MatcherConfig
 from skymosaic.evaluation.metrics import grid_error, rmse
-from skymosaic.features.methods import HostBackend, choose
+from skymosaic.features.methods import HostBackend, choose_method
 from skymosaic.features.positions import match_points
 from skymosaic.geometry import estimators, fuzzy_ransac
 from skymosaic.registration.register import register
@@ -35,7 +35,7 @@ def measure_fuzzy_ransac(pair: DatasetPair) -> Iterator[Line]:
         matcher=MatcherConfig(rule_base="none"),
     )
     for setting, descriptor in DESCRIPTORS.items():
-        method, config = choose(base, "sift", descriptor)
+        method, config = choose_method(base, "sift", descriptor)
         left, right = HostBackend(method).run([pair.left, pair.right], config)
         points, verified = match_points(right.matches), right.matches["verdict"] == 1
         H, decision = estimators.fuzzy(*points, verified)

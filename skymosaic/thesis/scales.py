@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from golden_model.arrays import Pixels
 from skymosaic.evaluation.metrics import repeatability
-from skymosaic.features.detectors import detect, one_per_position, points_of
+from skymosaic.features.detectors import detect, keep_one_per_position, key_point_positions
 from skymosaic.features.positions import feature_points
 from skymosaic.geometry.homography import resize_matrix
 from skymosaic.thesis.corners import CORNERS, detect_strongest
@@ -25,7 +25,7 @@ CHANCE_SHIFT_PX = 12.0
 
 
 def _detect_sift(gray: Pixels, count: int) -> NDArray[np.floating]:
-    return points_of(one_per_position(detect(gray, "sift", count))[:count])
+    return key_point_positions(keep_one_per_position(detect(gray, "sift", count))[:count])
 
 
 def _detect_harris(gray: Pixels, count: int) -> NDArray[np.floating]:

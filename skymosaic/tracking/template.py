@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from golden_model.arrays import Array, Pixels
 from golden_model.config import Config
 from sim.backends.interface import Backend
-from skymosaic.compositing.warp import Canvas, backward, shrunk
+from skymosaic.compositing.warp import Canvas, shrink, warp_backward
 from skymosaic.features.positions import feature_points, match_points
 from skymosaic.geometry.homography import apply, resize_matrix
-from skymosaic.geometry.model_selection import TOLERANCE_PX, fit, similarity
+from skymosaic.geometry.model_selection import TOLERANCE_PX, fit, fit_similarity
 
 SMALLEST_SIDE_PX = 128
 LARGEST_SIDE_PX = 256
@@ -142,7 +142,7 @@ class Template:
         magnified = resize_matrix(zoom)
         index, left, right = self._matches(warped(frame, magnified, part))
         trusted = weight[index] > 0
-        found = similarity(left[trusted], right[trusted], weight[index[trusted]], fewest=fewest)
+        found = fit_similarity(left[trusted], right[trusted], weight[index[trusted]], fewest=fewest)
         if found is None:
             return None
         homography = np.linalg.inv(part.translation @ magnified) @ found.matrix @ self._to_view
@@ -175,4 +175,4 @@ class Template:
 
 def warped(frame: Pixels, transform: Array, canvas: Canvas) -> Pixels:
     """Warp a frame into ``canvas``, averaged by area where it shrinks; its border pixels are repeated beyond it."""
-    return np.asarray(backward(*shrunk(frame, transform), canvas, border=cv2.BORDER_REPLICATE), dtype=np.uint8)
+    return np.asarray(warp_backward(*shrink(frame, transform), canvas, border=cv2.BORDER_REPLICATE), dtype=np.uint8)

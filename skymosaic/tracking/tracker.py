@@ -22,7 +22,7 @@ from sim.backends.interface import load_backend
 from skymosaic.compositing.warp import Canvas
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.geometry.homography import DegenerateError, apply, dlt
-from skymosaic.imagery.decoding import SMALLEST_SIDE_PX
+from skymosaic.imagery.decoding import MIN_SIDE_PX
 from skymosaic.imagery.images import load
 from skymosaic.registration.register import extract_within_capacity
 from skymosaic.tracking.template import Roi, Template, TemplatePose
@@ -227,7 +227,7 @@ class _Tracker:
         if self.corners is not None:
             middle = self.corners.mean(axis=0)
             scales = (math.sqrt(_area(self.corners) / _area(self.template.corners)),)
-        smallest_zoom = SMALLEST_SIDE_PX / min(size)
+        smallest_zoom = MIN_SIDE_PX / min(size)
         zooms = [max(self.template.zoom / scale, smallest_zoom) for scale in scales]
         return [(zoom, part) for zoom in zooms for part in _parts(size, zoom, middle)]
 

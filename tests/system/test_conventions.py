@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from sim.scene import pair as rendered_pair
-from skymosaic.imagery.video import writing
+from skymosaic.imagery.video import write_video
 from tests.system.command_line import only_error
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "command_line.md"
@@ -40,7 +40,7 @@ def _photographs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def film(path: Path, *frames: np.ndarray) -> None:
-    with writing(path, Fraction(25)) as write:
+    with write_video(path, Fraction(25)) as write:
         for frame in frames:
             write(frame)
 

@@ -16,7 +16,7 @@ from skymosaic.flight.survey import survey
 from skymosaic.flight.workers import Workers
 from skymosaic.geometry.homography import apply, estimate
 from skymosaic.imagery.lens import Lens, load_lens
-from skymosaic.imagery.photographs import sources
+from skymosaic.imagery.photographs import list_sources
 from tests.system.command_line import skymosaic
 
 IMAGES, SIZE, K1 = 12, (640, 480), -0.12
@@ -45,7 +45,7 @@ def flight(folder, tmp_path_factory: pytest.TempPathFactory):
 def surveyed(images, lens: Lens | None = None, cache: Path | None = None):
     with Workers() as workers:
         settings = Settings(preset_config("aerial"), lens=lens or Lens())
-        return survey(sources(images), settings, 0, workers, ResultCache(cache))
+        return survey(list_sources(images), settings, 0, workers, ResultCache(cache))
 
 
 def mean_position_error_px(flight, truth) -> float:
@@ -88,7 +88,7 @@ def test_exposures_agree_and_brightness_is_kept(flight, truth) -> None:
     kept, agreed, within = [], [], []
     for image, photometry, placement in zip(truth.images, truth.photometries, composition.placements, strict=True):
         factors = placement.tone.factors(SIZE, whole)
-        kept.append(placement.tone.applied(image, factors).mean() / image.mean())
+        kept.append(placement.tone.apply(image, factors).mean() / image.mean())
         undone = np.log(factors * (1 - photometry.vignetting * squared)[..., None])
         agreed.append(undone.mean(axis=(0, 1)) + np.log(photometry.gain * np.array(photometry.balance)))
         within.append(undone.std(axis=(0, 1)).max())

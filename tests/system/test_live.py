@@ -17,8 +17,8 @@ from skymosaic import mosaic
 from skymosaic.cli.live import grow
 from skymosaic.errors import InputError
 from skymosaic.geometry.homography import apply, estimate
-from skymosaic.imagery.live_frames import live_frames
-from skymosaic.imagery.video import writing
+from skymosaic.imagery.live_frames import read_live_frames
+from skymosaic.imagery.video import write_video
 from skymosaic.live.mosaic import LiveMosaic
 from skymosaic.live.pace import Pace
 from tests.system.command_line import skymosaic
@@ -42,7 +42,7 @@ def video(tmp_path_factory: pytest.TempPathFactory, frames) -> Path:
     """A pan over the first two photographs side by side."""
     path = tmp_path_factory.mktemp("video") / "pan.mp4"
     wide = mosaic(frames[:3]).image
-    with writing(path, Fraction(25)) as write:
+    with write_video(path, Fraction(25)) as write:
         for step in range(0, wide.shape[0] - 240, 8):
             write(np.ascontiguousarray(wide[step : step + 240, 80:400]))
     return path
@@ -190,7 +190,7 @@ def test_a_folder_is_watched_until_no_more_frames_arrive(frames, flight, tmp_pat
     live, preview = LiveMosaic(CONFIG), tmp_path / "preview.jpg"
     # The preview lies among the photographs and is none of them.
     pace = Pace(CONFIG, "rtl")
-    grow(live, live_frames(str(tmp_path), idle_seconds=2.0, tell=told.append, made=[preview]), preview, pace)
+    grow(live, read_live_frames(str(tmp_path), idle_seconds=2.0, tell=told.append, made=[preview]), preview, pace)
     assert preview.exists()
     assert len(live.transforms) == 4
     assert pair_errors_px(live.transforms, flight).max() < 1.0
@@ -218,8 +218,8 @@ def test_both_commands_make_the_same_mosaic_of_a_video(video: Path, tmp_path: Pa
 
 def test_a_video_cut_off_in_a_frame_still_makes_a_mosaic(video: Path, tmp_path: Path) -> None:
     (tmp_path / "cut.avi").write_bytes(b"")
-    with writing(tmp_path / "whole.mkv", Fraction(25)) as write:
-        for frame in live_frames(str(video), idle_seconds=None, tell=lambda _line: None):
+    with write_video(tmp_path / "whole.mkv", Fraction(25)) as write:
+        for frame in read_live_frames(str(video), idle_seconds=None, tell=lambda _line: None):
             for _ in range(3):
                 write(frame.pixels)
     data = (tmp_path / "whole.mkv").read_bytes()
@@ -242,6 +242,6 @@ def test_a_folder_that_cannot_be_read_is_refused_at_once(tmp_path: Path, monkeyp
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr(Path, "iterdir", denied)
-    frames = live_frames(str(tmp_path), idle_seconds=None, tell=print)
+    frames = read_live_frames(str(tmp_path), idle_seconds=None, tell=print)
     with pytest.raises(InputError, match=rf"{tmp_path}: cannot be read \(Permission denied\); check its permissions"):
         next(frames)

@@ -12,10 +12,10 @@ from skymosaic.errors import InputError, RegistrationError
 from skymosaic.flight.bands.rig import alignments
 from skymosaic.flight.workers import Workers
 from skymosaic.geometry.homography import apply
-from skymosaic.imagery.band_sets import in_band_sets
+from skymosaic.imagery.band_sets import group_band_sets
 from skymosaic.imagery.lens import Lens
-from skymosaic.imagery.live_frames import live_frames
-from skymosaic.imagery.photographs import sources
+from skymosaic.imagery.live_frames import read_live_frames
+from skymosaic.imagery.photographs import list_sources
 from skymosaic.panel.options import Options
 from skymosaic.panel.tasks.mosaic_tasks import make_mosaic
 from tests.system.command_line import only_error, skymosaic
@@ -56,7 +56,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def aligned(folder: Path, band: str = "green"):
     with Workers() as workers:
-        return alignments(in_band_sets(sources([folder]), band), band, Lens(), workers)
+        return alignments(group_band_sets(list_sources([folder]), band), band, Lens(), workers)
 
 
 def test_the_alignment_of_the_rig_is_found(folder):
@@ -118,7 +118,9 @@ def test_the_panel_writes_all_bands_of_uploaded_sets(folder, tmp_path):
 
 def test_a_live_mosaic_shows_one_named_band(folder):
     def shown(band: str | None, source: str = str(folder)) -> list[str]:
-        return [Path(p.name).name for p in live_frames(source, idle_seconds=0.1, tell=lambda _line: None, band=band)]
+        return [
+            Path(p.name).name for p in read_live_frames(source, idle_seconds=0.1, tell=lambda _line: None, band=band)
+        ]
 
     assert shown("nir") == [f"IMG_{number:04}_NIR.TIF" for number in range(CAPTURES)]
     with pytest.raises(InputError, match=r"multi-band sets \(green, red, nir\), .* name it: --band green"):
@@ -142,7 +144,7 @@ def test_incomplete_sets_are_refused(folder, tmp_path, change, arguments, messag
     shutil.copytree(folder, tmp_path / "sets")
     change(tmp_path / "sets")
     with pytest.raises(InputError, match=message):
-        in_band_sets(sources([tmp_path / "sets"]), **arguments)
+        group_band_sets(list_sources([tmp_path / "sets"]), **arguments)
 
 
 def cut(path: Path) -> None:
@@ -156,7 +158,7 @@ def test_bands_need_a_tif(folder, tmp_path):
 
 
 def test_damaged_bands_are_kept_where_that_is_wanted(folder):
-    capture = in_band_sets(sources([folder]))[0].keeping_damaged(keep=True)
+    capture = group_band_sets(list_sources([folder]))[0].with_damaged(keep=True)
     assert [source.keep_damaged for source in (capture, *capture.bands.values())] == [True] * 4
 
 
@@ -166,7 +168,7 @@ def test_names_tell_the_bands(tmp_path):
         folder.mkdir()
         for name in names:
             cv2.imwrite(str(folder / name), np.zeros((80, 80), np.uint16))
-        return [[Path(source.name).name, *source.bands] for source in in_band_sets(sources([folder]))]
+        return [[Path(source.name).name, *source.bands] for source in group_band_sets(list_sources([folder]))]
 
     numbered = [f"IMG_00{number}_{band}.tif" for number in (10, 11, 12) for band in (1, 2, 10)]
     assert bands(*numbered) == [[f"IMG_00{number}_2.tif", "1", "2", "10"] for number in (10, 11, 12)]

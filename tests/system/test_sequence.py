@@ -19,7 +19,7 @@ from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.survey import survey
 from skymosaic.flight.workers import Workers
 from skymosaic.geometry.homography import apply, estimate
-from skymosaic.imagery.photographs import sources
+from skymosaic.imagery.photographs import list_sources
 from tests.system.command_line import only_error, skymosaic
 from tests.system.conftest import IMAGES, SIZE
 
@@ -33,7 +33,7 @@ def elsewhere(images: int) -> list[np.ndarray]:
 
 def surveyed(images, cache: Path | None = None):
     with Workers() as workers:
-        return survey(sources(images), Settings(preset_config("aerial")), 0, workers, ResultCache(cache))
+        return survey(list_sources(images), Settings(preset_config("aerial")), 0, workers, ResultCache(cache))
 
 
 def position_errors_px(transforms, flight) -> np.ndarray:
@@ -87,7 +87,7 @@ def test_unusable_photographs_are_left_out_with_their_names(folder, flight, tmp_
     (tmp_path / "corrupt.png").write_bytes((folder / "4.png").read_bytes()[:5000])
     cv2.imwrite(str(tmp_path / "flat.png"), np.full((360, 480), 90, np.uint8))
     result = mosaic([tmp_path])
-    names = [source.name for source in sources([tmp_path])]
+    names = [source.name for source in list_sources([tmp_path])]
     reasons = {Path(names[index]).name: reason for index, reason in result.left_out.items()}
     assert set(reasons) == {"copy.png", "corrupt.png", "flat.png"}
     assert "3.png" in reasons["copy.png"]

@@ -28,9 +28,9 @@ def with_gps(path: Path, image: np.ndarray, east_m: float, north_m: float) -> No
 
 def test_gps_puts_the_mosaic_on_the_map(flight, tmp_path: Path) -> None:
     rasterio = pytest.importorskip("rasterio")
-    metres_a_pixel = 0.15
+    metres_per_pixel = 0.15
     for index, (image, pose) in enumerate(zip(flight.images, flight.poses, strict=True)):
-        with_gps(tmp_path / f"{index}.jpg", image, metres_a_pixel * pose.x_px, -metres_a_pixel * pose.y_px)
+        with_gps(tmp_path / f"{index}.jpg", image, metres_per_pixel * pose.x_px, -metres_per_pixel * pose.y_px)
     result = skymosaic("mosaic", tmp_path, "-o", "m.tif", "--report", "r", "--cache", "cache", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert "EPSG:32615, 0.1" in result.stdout
@@ -44,7 +44,7 @@ def test_gps_puts_the_mosaic_on_the_map(flight, tmp_path: Path) -> None:
     assert (tmp_path / "r" / "footprints_1.kml").read_text().count("<Placemark>") == IMAGES
     with rasterio.open(tmp_path / "m.tif") as file:
         assert file.crs.to_epsg() == 32615
-        assert file.transform.a == -file.transform.e == pytest.approx(metres_a_pixel, rel=0.03)
+        assert file.transform.a == -file.transform.e == pytest.approx(metres_per_pixel, rel=0.03)
         assert file.transform.b == file.transform.d == 0
         assert [file.width, file.height] == found["size"]
 

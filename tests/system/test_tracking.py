@@ -16,7 +16,7 @@ from sim.simulators.scoreboard import first_mismatch
 from skymosaic.cli.track import track as track_command
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.geometry.homography import apply
-from skymosaic.imagery.video import VideoReader, writing
+from skymosaic.imagery.video import VideoReader, write_video
 from skymosaic.tracking.template import Roi
 from skymosaic.tracking.tracker import track
 from tests.system.command_line import skymosaic
@@ -40,7 +40,7 @@ def frames(film) -> list[np.ndarray]:
 @pytest.fixture(scope="module")
 def video(tmp_path_factory: pytest.TempPathFactory, frames) -> Path:
     path = tmp_path_factory.mktemp("video") / "car.mp4"
-    with writing(path, RATE) as write:
+    with write_video(path, RATE) as write:
         for frame in frames:
             write(frame)
     return path
@@ -49,7 +49,7 @@ def video(tmp_path_factory: pytest.TempPathFactory, frames) -> Path:
 @pytest.fixture(scope="module")
 def short_video(tmp_path_factory: pytest.TempPathFactory, frames) -> Path:
     path = tmp_path_factory.mktemp("video") / "short.mp4"
-    with writing(path, RATE) as write:
+    with write_video(path, RATE) as write:
         for frame in frames[:3]:
             write(frame)
     return path

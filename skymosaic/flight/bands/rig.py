@@ -20,7 +20,7 @@ from skymosaic.errors import RegistrationError
 from skymosaic.flight.workers import Workers
 from skymosaic.geometry.homography import apply
 from skymosaic.geometry.prosac import estimate_homography
-from skymosaic.imagery.images import reduced
+from skymosaic.imagery.images import reduce_to_width
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
 from skymosaic.registration.register import WORKING_WIDTH_PX
@@ -92,9 +92,9 @@ def _compare(
     reference: Source, others: Sequence[Source], lens: Lens
 ) -> tuple[Matrix, list[tuple[Points, Points, Array]]]:
     """Common places of bands of one capture and the reference in reduced pixels, and those to original ones."""
-    pixels, to_original = reduced(reference.photograph(lens).pixels, WORKING_WIDTH_PX)
+    pixels, to_original = reduce_to_width(reference.read_photograph(lens).pixels, WORKING_WIDTH_PX)
     wanted = _edges(pixels)
-    others_reduced = (reduced(other.photograph(lens).pixels, WORKING_WIDTH_PX)[0] for other in others)
+    others_reduced = (reduce_to_width(other.read_photograph(lens).pixels, WORKING_WIDTH_PX)[0] for other in others)
     return to_original, [_places(wanted, _edges(other)) for other in others_reduced]
 
 

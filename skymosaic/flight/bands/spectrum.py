@@ -19,9 +19,9 @@ from skymosaic.flight.linking.view import THUMBNAIL_WIDTH_PX, Settings, View
 from skymosaic.flight.picture.composition import Composition, equalise, thumbnail_layers
 from skymosaic.flight.survey import Flight
 from skymosaic.flight.workers import Workers
-from skymosaic.imagery.depth import common_range
-from skymosaic.imagery.exif import taken
-from skymosaic.imagery.images import reduced
+from skymosaic.imagery.depth import measure_common_range
+from skymosaic.imagery.exif import read_metadata
+from skymosaic.imagery.images import reduce_to_width
 from skymosaic.imagery.photographs import Source
 
 
@@ -107,13 +107,13 @@ def _in_band(
     """Canvas and seams of a composition, with the files and the alignment of another band."""
     transforms = [placement.transform @ aligned.homography for placement in composition.placements]
     moved = composition.with_each(source=sources, transform=transforms, tone=[NEUTRAL] * len(sources))
-    return dataclasses.replace(moved, values=common_range([view.sample for view in views]))
+    return dataclasses.replace(moved, values=measure_common_range([view.sample for view in views]))
 
 
 def _view(source: Source, like: View, settings: Settings) -> View:
     """The view of another band: what exposure needs."""
-    photograph = source.photograph(settings.lens)
-    thumbnail, _ = reduced(reduced(photograph.pixels, settings.working_width_px)[0], THUMBNAIL_WIDTH_PX)
+    photograph = source.read_photograph(settings.lens)
+    thumbnail, _ = reduce_to_width(reduce_to_width(photograph.pixels, settings.working_width_px)[0], THUMBNAIL_WIDTH_PX)
     assert isinstance(source.content, Path)
     return dataclasses.replace(
         like,
@@ -121,7 +121,7 @@ def _view(source: Source, like: View, settings: Settings) -> View:
         thumbnail=thumbnail,
         sample=photograph.sample,
         value_range=photograph.value_range,
-        taken=taken(source.content),
+        taken=read_metadata(source.content),
     )
 
 

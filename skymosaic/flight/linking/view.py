@@ -17,12 +17,12 @@ from golden_model.config import Config
 from golden_model.pixel.gray import to_gray
 from sim.backends.interface import load_backend
 from skymosaic.errors import InputError
-from skymosaic.features.masks import on_the_ground
+from skymosaic.features.masks import are_on_ground
 from skymosaic.features.positions import feature_points
 from skymosaic.flight.cache import Arrays, key_of
 from skymosaic.imagery.depth import ValueRange
-from skymosaic.imagery.exif import Position, Taken, taken
-from skymosaic.imagery.images import Photograph, reduced, reduced_for_front_end
+from skymosaic.imagery.exif import Metadata, Position, read_metadata
+from skymosaic.imagery.images import Photograph, reduce_for_front_end, reduce_to_width
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
 from skymosaic.registration.register import WORKING_WIDTH_PX, extract_within_capacity
@@ -57,7 +57,7 @@ class View:
         Variance of the Laplacian of the gray working image; falls with blur, and depends on what is shown.
     clipped : float
         Share of thumbnail pixels that are black or white.
-    taken : Taken
+    taken : Metadata
         How it was taken, from EXIF and XMP.
     notes : tuple of str
         What was done to the file's pixels.
@@ -75,7 +75,7 @@ class View:
     value_range: ValueRange | None
     sharpness: float
     clipped: float
-    taken: Taken
+    taken: Metadata
     notes: tuple[str, ...]
 
     def packed(self) -> Arrays:
@@ -103,7 +103,7 @@ def unpacked(arrays: Arrays, name: str, key: str) -> View:
     position = facts["taken"].pop("position")
     size, working_size, notes = (tuple(facts[key]) for key in ("size", "working_size", "notes"))
     facts |= {"size": size, "working_size": working_size, "notes": notes}
-    facts["taken"] = Taken(None if position is None else Position(**position), **facts["taken"])
+    facts["taken"] = Metadata(None if position is None else Position(**position), **facts["taken"])
     facts["value_range"] = None if facts["value_range"] is None else ValueRange(*facts["value_range"])
     values: dict[str, Any] = {key: arrays[key] for key in _ARRAYS} | facts
     return View(name=name, key=key, **values)
@@ -152,8 +152,8 @@ def describe(source: Source, settings: Settings) -> View:
     InputError
         For a photograph that cannot be used.
     """
-    photograph = source.photograph(settings.lens)
-    working, to_original = reduced_for_front_end(photograph.pixels, settings.working_width_px, source.name)
+    photograph = source.read_photograph(settings.lens)
+    working, to_original = reduce_for_front_end(photograph.pixels, settings.working_width_px, source.name)
     features = _features(working, settings, source.name)
     return view_of(source, photograph, settings, working=working, to_original=to_original, features=features)
 
@@ -186,7 +186,7 @@ def _features(working: Pixels, settings: Settings, name: str) -> Records:
         raise InputError(f"{name}: the front end cannot take it: {error}") from None
     features: Records = results[0].features
     visible = settings.lens.visible((working.shape[1], working.shape[0]))
-    return features[on_the_ground(feature_points(features), visible)]
+    return features[are_on_ground(feature_points(features), visible)]
 
 
 def view_of(
@@ -212,7 +212,7 @@ def view_of(
         Working pixels to original pixels.
     features : structured ndarray
     """
-    thumbnail, from_thumbnail = reduced(working, THUMBNAIL_WIDTH_PX)
+    thumbnail, from_thumbnail = reduce_to_width(working, THUMBNAIL_WIDTH_PX)
     gray = to_gray(thumbnail)
     return View(
         name=source.name,
@@ -227,6 +227,6 @@ def view_of(
         value_range=photograph.value_range,
         sharpness=float(cv2.Laplacian(to_gray(working), cv2.CV_32F).var()),
         clipped=float(np.mean((gray <= 2) | (gray >= 253))),
-        taken=taken(source.content) if isinstance(source.content, Path) else Taken(),
+        taken=read_metadata(source.content) if isinstance(source.content, Path) else Metadata(),
         notes=photograph.notes,
     )

@@ -11,17 +11,17 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Array, Intensities, Mask, Pixels
-from skymosaic.compositing.blend import blend_layers, layers_of
-from skymosaic.compositing.exposure import camera_levels, exposure_tones, toned_range
+from skymosaic.compositing.blend import blend_layers, prepare_layers
+from skymosaic.compositing.exposure import estimate_levels, estimate_tones, measure_toned_range
 from skymosaic.compositing.layer import Layer, SeamMask
-from skymosaic.compositing.seams import seam_masks
+from skymosaic.compositing.seams import find_seams
 from skymosaic.compositing.tone import NEUTRAL, Tone
 from skymosaic.compositing.warp import (
     CANVAS_LIMIT_PX,
     TILE_PX,
     Canvas,
     CanvasError,
-    canvas_of,
+    enclosing_canvas,
     footprint,
     magnification,
 )
@@ -32,9 +32,9 @@ from skymosaic.flight.picture.mapping import NOWHERE, MapPlace, north_up, scale_
 from skymosaic.flight.survey import BLURRED, Flight
 from skymosaic.flight.workers import Workers
 from skymosaic.geometry.homography import resize_matrix
-from skymosaic.imagery.depth import ValueRange, common_range, in_8_bit
+from skymosaic.imagery.depth import ValueRange, measure_common_range, show_in_8_bit
 from skymosaic.imagery.lens import Lens
-from skymosaic.imagery.photographs import Source, decoded
+from skymosaic.imagery.photographs import Source, decoded_photographs
 
 MEMORY_BYTES = 1 << 30
 """Default limit of the decoded photographs a process keeps."""
@@ -72,7 +72,7 @@ class Placement:
     def shows_in(self, part: Canvas) -> bool:
         """Whether it shows in a part of the reference frame."""
         shown = footprint(self.size, self.transform).intersection(part)
-        return shown is not None and (self.seam is None or self.seam.covers_some_of(shown))
+        return shown is not None and (self.seam is None or self.seam.touches(shown))
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,9 +139,9 @@ class Composition:
         """Render one tile: its pixels, 0 where no photograph shows, and a mask of where one does."""
         if not self.placements:
             return self.empty(tile.width_px, tile.height_px), np.zeros((tile.height_px, tile.width_px), np.bool_)
-        images = [decoded(memory_bytes).pixels(p.source, self.lens, self.values) for p in self.placements]
+        images = [decoded_photographs(memory_bytes).pixels(p.source, self.lens, self.values) for p in self.placements]
         tones = [placement.tone for placement in self.placements]
-        plain = layers_of(images, [p.transform for p in self.placements], tones, coloured=self.coloured)
+        plain = prepare_layers(images, [p.transform for p in self.placements], tones, coloured=self.coloured)
         layers = [
             replace(layer, favour=p.favour, seam=p.seam, visible=self.lens.visible(layer.size))
             for layer, p in zip(plain, self.placements, strict=True)
@@ -150,7 +150,7 @@ class Composition:
 
     def in_8_bit(self, pixels: Intensities) -> Pixels:
         """Reduce pixels of the mosaic to 8 bits."""
-        return in_8_bit(pixels, self.values)
+        return show_in_8_bit(pixels, self.values)
 
     def joined(self, bands: Iterable[tuple[Intensities, Mask]]) -> Intensities:
         """Join the bands of `bands` into one picture, (H, W, 3) or (H, W), which is never in memory twice."""
@@ -230,7 +230,7 @@ def compose(
     if blending == "multiband":
         # Seams run where neighbours look alike, so they are cut through thumbnails of equal exposure.
         toned = [replace(layer, tone=p.tone) for layer, p in zip(thumbnails, composition.placements, strict=True)]
-        composition = composition.with_each(seam=seam_masks(toned, reduction, composition.values))
+        composition = composition.with_each(seam=find_seams(toned, reduction, composition.values))
     return composition
 
 
@@ -247,10 +247,10 @@ def equalise(composition: Composition, views: Sequence[View], thumbnails: Sequen
     """
     values = composition.values
     if values is None or not values.deep:
-        return composition.with_each(tone=exposure_tones(thumbnails))
+        return composition.with_each(tone=estimate_tones(thumbnails))
     samples = [view.sample for view in views]
-    tones = exposure_tones(thumbnails, camera_levels(samples, [view.taken.black_level for view in views]))
-    return replace(composition.with_each(tone=tones), values=toned_range(tones, samples, values))
+    tones = estimate_tones(thumbnails, estimate_levels(samples, [view.taken.black_level for view in views]))
+    return replace(composition.with_each(tone=tones), values=measure_toned_range(tones, samples, values))
 
 
 def _place_on_canvas(
@@ -261,16 +261,17 @@ def _place_on_canvas(
     scale /= usual_magnification(flight, layout)
     on_map = place.georeference
     if on_map is not None and flight.pair is None:
-        to_canvas = north_up(on_map, on_map.metres_a_pixel / scale)
+        to_canvas = north_up(on_map, on_map.metres_per_pixel / scale)
     else:
         to_canvas = resize_matrix(scale)
     transforms = [to_canvas @ transform for transform in layout.to_reference(flight.views).values()]
     try:
-        canvas = canvas_of([view.size for view in views], transforms, limit_px=canvas_limit_px)
+        canvas = enclosing_canvas([view.size for view in views], transforms, limit_px=canvas_limit_px)
     except CanvasError as error:
         raise RegistrationError(f"{len(views)} photographs, the first {views[0].name}: {error}") from None
     if on_map is not None:
-        place = replace(place, georeference=on_map.of(np.asarray(np.linalg.inv(canvas.translation @ to_canvas))))
+        to_layout = np.asarray(np.linalg.inv(canvas.translation @ to_canvas))
+        place = replace(place, georeference=on_map.for_pixels(to_layout))
     if flight.pair is None:
         transforms = [canvas.translation @ transform for transform in transforms]
         canvas = Canvas(0, 0, canvas.width_px, canvas.height_px)
@@ -279,7 +280,7 @@ def _place_on_canvas(
         for member, view, transform in zip(layout.members, views, transforms, strict=True)
     )
     coloured = any(view.thumbnail.ndim == 3 for view in views)
-    values = common_range([view.sample for view in views])
+    values = measure_common_range([view.sample for view in views])
     return Composition(placements, canvas, coloured, blending, flight.lens, values, place)
 
 
@@ -315,4 +316,4 @@ def _coloured_thumbnail(view: View, values: ValueRange | None) -> Intensities:
     pixels = np.asarray(coloured, dtype=np.uint8)
     if values is None or view.value_range is None:
         return pixels
-    return view.value_range.numbers(pixels) if values.deep else view.value_range.shown_as(pixels, values)
+    return view.value_range.to_16_bit(pixels) if values.deep else view.value_range.show_as(pixels, values)

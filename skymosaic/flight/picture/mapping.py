@@ -17,7 +17,7 @@ from skymosaic.flight.linking.view import View
 from skymosaic.flight.survey import Flight
 from skymosaic.geometry.homography import apply
 from skymosaic.maps.control_points import ControlPoints
-from skymosaic.maps.georeference import FEWEST_POSITIONS, NO_MAPS, Georeference, fit_to_map, has_maps, utm
+from skymosaic.maps.georeference import MIN_POSITIONS, NO_MAPS, Georeference, fit_to_map, has_maps, project_to_utm
 
 FINEST_GSD = 0.99
 """A ground resolution is refused below this share of the photographs' own: enlarging them shows nothing new."""
@@ -74,7 +74,7 @@ def place_on_map(flight: Flight, layout: Layout, control: ControlPoints | None =
         return MapPlace(note=f"the photographs have GPS, but {NO_MAPS}")
     transforms = list(layout.to_reference(flight.views).values())
     cameras = camera_positions(flight, layout)
-    crs, metres = utm(positions)
+    crs, metres = project_to_utm(positions)
     targets = np.full((len(views), 2), np.nan)
     targets[[view.gps is not None for view in views]] = metres
     names = tuple(Path(view.name).name for view in views)
@@ -89,7 +89,7 @@ def place_on_map(flight: Flight, layout: Layout, control: ControlPoints | None =
         georeference=found,
         fitted_to=names,
         note=note,
-        height_m=float(np.median(cameras[:, 2])) * found.metres_a_pixel,
+        height_m=float(np.median(cameras[:, 2])) * found.metres_per_pixel,
         recorded_height_m=_median([view.taken.height_m for view in views]),
         turned_deg=turned,
     )
@@ -106,10 +106,10 @@ def _placed_by(control: ControlPoints, flight: Flight, layout: Layout) -> MapPla
             pixel = np.array([[sighting.x_px, sighting.y_px]])
             straight = flight.lens.straighten_points(pixel, flight.views[member].size)
             seen.setdefault(sighting.point, []).append(apply(transforms[member], straight)[0])
-    if len(seen) < FEWEST_POSITIONS:
+    if len(seen) < MIN_POSITIONS:
         raise InputError(
             f"{control.name}: the mosaic shows {len(seen)} of its {len(control.names)} points; "
-            f"{FEWEST_POSITIONS} are needed: check the names of the photographs"
+            f"{MIN_POSITIONS} are needed: check the names of the photographs"
         )
     points = sorted(seen)
     places = np.array([np.mean(seen[point], axis=0) for point in points])
@@ -168,9 +168,9 @@ def _median(values: Sequence[float | None]) -> float | None:
     return float(np.median(known)) if known else None
 
 
-def north_up(georeference: Georeference, metres_a_pixel: float) -> Matrix:
-    """What maps the pixels of a georeference to pixels of a map, (3, 3): north up, of ``metres_a_pixel``."""
-    to_canvas = np.diag([1 / metres_a_pixel, -1 / metres_a_pixel, 1.0]) @ georeference.to_map
+def north_up(georeference: Georeference, metres_per_pixel: float) -> Matrix:
+    """What maps the pixels of a georeference to pixels of a map, (3, 3): north up, of ``metres_per_pixel``."""
+    to_canvas = np.diag([1 / metres_per_pixel, -1 / metres_per_pixel, 1.0]) @ georeference.to_map
     # The origin is arbitrary; small numbers keep their digits.
     to_canvas[:2, 2] -= np.round(to_canvas[:2, 2])
     return np.asarray(to_canvas)
@@ -191,7 +191,7 @@ def scale_for(flight: Flight, layout: Layout, on_map: Georeference | None, gsd_m
     """The scale at which canvas pixels are so many metres wide."""
     if on_map is None:
         raise InputError("gsd: the mosaic has no place on the map, so metres are unknown; use --scale instead")
-    finest_m = on_map.metres_a_pixel * usual_magnification(flight, layout)
+    finest_m = on_map.metres_per_pixel * usual_magnification(flight, layout)
     if gsd_m < FINEST_GSD * finest_m:
         raise InputError(f"gsd is {gsd_m:g} m, finer than the photographs; give at least {finest_m:.3g}")
     return min(finest_m / gsd_m, 1.0)

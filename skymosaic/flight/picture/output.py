@@ -18,7 +18,7 @@ from skymosaic.flight.survey import Flight
 from skymosaic.imagery.band_writer import write_bands
 from skymosaic.imagery.images import save
 from skymosaic.maps.georeference import NO_MAPS, Georeference, has_maps
-from skymosaic.maps.geotiff import COMPRESSIONS, watched_by_raster, write_cog
+from skymosaic.maps.geotiff import COMPRESSIONS, tee_to_raster, write_cog
 from skymosaic.maps.tiles import write_tiles
 from skymosaic.temporary import temporary_folder
 
@@ -155,7 +155,7 @@ def deliver(
     with temporary_folder(path.parent) as folder:
         raster = folder / "mosaic.tif"
         if is_cog or form.tiles is not None:
-            watched = watched_by_raster(raster, composition.size, watched, on_map, composition.band_names)
+            watched = tee_to_raster(raster, composition.size, watched, on_map, composition.band_names)
         if is_cog:
             for _ in watched:
                 pass

@@ -13,7 +13,7 @@ import numpy as np
 from nicegui import background_tasks, ui
 
 from golden_model.arrays import Pixels, Records
-from skymosaic.features.methods import backend_of
+from skymosaic.features.methods import load_backend_for
 from skymosaic.panel.options import Options, fault_of
 from skymosaic.panel.pages import drawings
 from skymosaic.panel.results import Upload
@@ -91,7 +91,7 @@ class CornersTab:
 def detect(pictures: Sequence[Path], options: Options) -> list[Records]:
     """The feature records of working pictures, one array each, equal to those of a run with these options."""
     method, config = options.resolve()
-    front_end = backend_of(method, "golden")
+    front_end = load_backend_for(method, "golden")
     while True:
         results = [extract_within_capacity(front_end, [_pixels(picture)], config) for picture in pictures]
         raised = next((used for _, used in results if used != config), None)

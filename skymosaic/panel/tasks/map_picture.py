@@ -11,7 +11,7 @@ import numpy as np
 from golden_model.arrays import Array, Pixels
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.images import save_bytes
-from skymosaic.maps.georeference import Georeference, on_globe, reprojected
+from skymosaic.maps.georeference import Georeference, map_to_globe, reproject
 from skymosaic.panel.pair_view import Size
 from skymosaic.panel.results import MapView
 
@@ -44,20 +44,20 @@ def map_view(preview: Pixels, size: Size, position: Georeference, outlines: dict
     """
     colour = preview if preview.ndim == 3 else cv2.cvtColor(preview, cv2.COLOR_GRAY2BGR)
     frame = np.array([(0, 0), (size[0], 0), size, (0, size[1])]) - 0.5
-    corners_m = reprojected(apply(position.to_map, frame), position.crs, WEB_MERCATOR)
+    corners_m = reproject(apply(position.to_map, frame), position.crs, WEB_MERCATOR)
     (west, south), (east, north) = corners_m.min(axis=0), corners_m.max(axis=0)
-    metres_a_pixel = max(east - west, north - south) / min(LONGEST_SIDE_PX, max(preview.shape))
-    width, height = (math.ceil(extent / metres_a_pixel) for extent in (east - west, north - south))
+    metres_per_pixel = max(east - west, north - south) / min(LONGEST_SIDE_PX, max(preview.shape))
+    width, height = (math.ceil(extent / metres_per_pixel) for extent in (east - west, north - south))
     source = (frame + 0.5) * (preview.shape[1] / size[0], preview.shape[0] / size[1]) - 0.5
-    target = (corners_m - (west, north)) * (1, -1) / metres_a_pixel - 0.5
+    target = (corners_m - (west, north)) * (1, -1) / metres_per_pixel - 0.5
     to_picture = cv2.getPerspectiveTransform(source.astype(np.float32), target.astype(np.float32))
     opaque = np.where(colour.any(axis=2), 255, 0).astype(np.uint8)
     warped = cv2.warpPerspective(np.dstack([colour, opaque]), to_picture, (width, height))
     save_bytes(picture, cv2.imencode(".png", warped)[1].tobytes())
-    edges_m = np.array([(west, north - height * metres_a_pixel), (west + width * metres_a_pixel, north)])
-    (left, bottom), (right, top) = on_globe(edges_m, WEB_MERCATOR).tolist()
+    edges_m = np.array([(west, north - height * metres_per_pixel), (west + width * metres_per_pixel, north)])
+    (left, bottom), (right, top) = map_to_globe(edges_m, WEB_MERCATOR).tolist()
     placed = {
-        name: [(y, x) for x, y in on_globe(apply(position.to_map, corners), position.crs).tolist()]
+        name: [(y, x) for x, y in map_to_globe(apply(position.to_map, corners), position.crs).tolist()]
         for name, corners in outlines.items()
     }
     return MapView(picture, (bottom, left, top, right), placed, position.crs, _grid_step_m(right - left))

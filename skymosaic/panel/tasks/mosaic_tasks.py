@@ -25,10 +25,10 @@ from skymosaic.evaluation.hardware import compare
 from skymosaic.flight.check import check_flight
 from skymosaic.flight.picture.output import Delivery
 from skymosaic.flight.survey import Flight
-from skymosaic.imagery.band_sets import in_band_sets
+from skymosaic.imagery.band_sets import group_band_sets
 from skymosaic.imagery.images import save_bytes
 from skymosaic.imagery.photographs import Source
-from skymosaic.maps.georeference import FEWEST_POSITIONS, has_maps
+from skymosaic.maps.georeference import MIN_POSITIONS, has_maps
 from skymosaic.mosaicking.api import planned_sources
 from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.mosaicking.plan import MosaicPlan
@@ -71,7 +71,7 @@ def make_mosaic(folder: Path, names: list[str], options: Options, views: Path, *
     # Reports and reasons name photographs as here, without the folder.
     photographs = [Source(index, name, folder / name) for index, name in enumerate(names)]
     unused: list[str] = []
-    sources = in_band_sets(photographs, tell=unused.append)
+    sources = group_band_sets(photographs, tell=unused.append)
     deliveries, reason, output = [], "", MOSAIC
     with planned_sources(sources, mosaic_options(options, len(names)), _in_words(progress)) as plan:
         try:
@@ -137,7 +137,7 @@ def _output_of(plan: MosaicPlan) -> str:
         return MAP
     views = plan.flight.views
     on_map = sum(view.gps is not None for view in views)
-    return MAP if on_map >= min(len(views), FEWEST_POSITIONS) and has_maps() else MOSAIC
+    return MAP if on_map >= min(len(views), MIN_POSITIONS) and has_maps() else MOSAIC
 
 
 def _map(delivery: Delivery, views: Path) -> MapView | None:

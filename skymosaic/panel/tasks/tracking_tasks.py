@@ -10,7 +10,7 @@ from golden_model.config import preset_config
 from sim.backends.interface import Progress
 from skymosaic.errors import RegistrationError
 from skymosaic.imagery.images import save_bytes
-from skymosaic.imagery.video import VideoReader, writing
+from skymosaic.imagery.video import VideoReader, write_video
 from skymosaic.panel.options import Options
 from skymosaic.panel.results import TrackingResult
 from skymosaic.tracking.output import TrackedCorners, outlined, row, save_corners
@@ -34,7 +34,7 @@ def follow(
     reader = VideoReader(folder / video)
     rows: list[TrackedCorners] = []
     started = time.perf_counter()
-    with writing(folder / VIDEO, reader.frame_rate) as write:
+    with write_video(folder / VIDEO, reader.frame_rate) as write:
         for frame in track(folder / template, reader, config=preset_config(options.preset), backend=options.backend):
             write(outlined(frame))
             rows.append(row(frame, reader.frame_rate))

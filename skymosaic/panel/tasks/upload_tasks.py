@@ -13,9 +13,9 @@ from sim.backends.interface import Progress
 from sim.scene import lawnmower, pursuit
 from sim.scene import pair as rendered_pair
 from skymosaic.errors import InputError
-from skymosaic.imagery.decoding import LARGEST_AREA_PX
-from skymosaic.imagery.images import load, reduced, save
-from skymosaic.imagery.video import DEFAULT_RATE, VideoReader, writing
+from skymosaic.imagery.decoding import MAX_AREA_PX
+from skymosaic.imagery.images import load, reduce_to_width, save
+from skymosaic.imagery.video import DEFAULT_RATE, VideoReader, write_video
 from skymosaic.panel.results import Upload, picture_name
 from skymosaic.registration.register import WORKING_WIDTH_PX
 
@@ -51,7 +51,7 @@ def inspect_video(folder: Path, name: str, views: Path, *, progress: Progress) -
     progress(f"reading {name}")
     reader = VideoReader(folder / name)
     first = next(iter(reader))
-    if first.shape[0] * first.shape[1] > LARGEST_AREA_PX // 4:
+    if first.shape[0] * first.shape[1] > MAX_AREA_PX // 4:
         raise InputError(f"{name}: frames of {first.shape[1]}x{first.shape[0]} pixels are too large; reduce it first")
     return _upload(name, first, (f"{float(reader.frame_rate):.3g} frames/s",), views)
 
@@ -71,7 +71,7 @@ def render_pursuit(
 ) -> tuple[Upload, Upload]:
     """Render the built-in film of a car, and cut the template out of its first frame."""
     film = pursuit(BUILT_IN_SEED, PURSUIT_FRAMES, magnification=CAR_MAGNIFICATION)
-    with writing(folder / video, DEFAULT_RATE) as write:
+    with write_video(folder / video, DEFAULT_RATE) as write:
         for number, frame in enumerate(film.images):
             progress(f"rendering the built-in film: {number + 1} of {PURSUIT_FRAMES} frames")
             write(frame)
@@ -92,7 +92,7 @@ def _save_all(
 
 def _upload(name: str, pixels: Pixels, notes: tuple[str, ...], views: Path) -> Upload:
     """Save a reduced picture for the page, and describe the file."""
-    working, _ = reduced(pixels, WORKING_WIDTH_PX)
+    working, _ = reduce_to_width(pixels, WORKING_WIDTH_PX)
     path = views / picture_name(name)
     save(path, working)
     return Upload(name, (pixels.shape[1], pixels.shape[0]), notes, path, (working.shape[1], working.shape[0]))

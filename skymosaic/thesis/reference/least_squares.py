@@ -8,10 +8,10 @@ from numpy.typing import ArrayLike
 from golden_model.arrays import Array
 from skymosaic.geometry.homography import (
     apply,
-    checked_pairs,
+    check_pairs,
     design_matrix,
     normalisation,
-    scaled,
+    rescale,
     solve_least_squares,
 )
 
@@ -22,8 +22,8 @@ def estimate_inhomogeneous(left: ArrayLike, right: ArrayLike, weight: ArrayLike 
     Parameters, result and errors as in `skymosaic.geometry.homography.estimate`. h33 is fixed in normalised
     coordinates, where it is the third coordinate of the centroid, so that it cannot vanish.
     """
-    x, y, root = checked_pairs(left, right, weight, minimum=4)
+    x, y, root = check_pairs(left, right, weight, minimum=4)
     to_x, to_y = normalisation(x, root), normalisation(y, root)
     rows = design_matrix(apply(to_x, x), apply(to_y, y), root)
     h = solve_least_squares(rows[:, :8], -rows[:, 8])
-    return scaled(np.linalg.inv(to_y) @ np.append(h, 1.0).reshape(3, 3) @ to_x)
+    return rescale(np.linalg.inv(to_y) @ np.append(h, 1.0).reshape(3, 3) @ to_x)

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
 from golden_model.arrays import Array
-from skymosaic.geometry.homography import apply, checked_pairs, homogeneous, scaled
+from skymosaic.geometry.homography import apply, check_pairs, homogeneous, rescale
 from skymosaic.geometry.refinement import joint_normalisation, matrix_of, transfer
 
 Residuals = Callable[[Array, Array, Array], tuple[Array, Array]]
@@ -37,8 +37,8 @@ def squared_errors(H: Array, left: ArrayLike, right: ArrayLike, *, error: str = 
     ValueError
         For arrays of wrong shape or an unknown error.
     """
-    x, y, _ = checked_pairs(left, right, None, minimum=0)
-    residuals, _ = _function(error)(scaled(H).ravel()[:8], x, y)
+    x, y, _ = check_pairs(left, right, None, minimum=0)
+    residuals, _ = _function(error)(rescale(H).ravel()[:8], x, y)
     return np.asarray((residuals**2).sum(axis=1))
 
 
@@ -71,16 +71,16 @@ def refine(
         For fewer than 4 pairs or coincident points.
     """
     function = _function(error)
-    x, y, root = checked_pairs(left, right, weight, minimum=4)
+    x, y, root = check_pairs(left, right, weight, minimum=4)
     to_x, to_y, _ = joint_normalisation(x, y, root)
     x, y = apply(to_x, x), apply(to_y, y)
     solution = least_squares(
         lambda h: (function(h, x, y)[0] * root[:, None]).ravel(),
-        scaled(to_y @ H @ np.linalg.inv(to_x)).ravel()[:8],
+        rescale(to_y @ H @ np.linalg.inv(to_x)).ravel()[:8],
         jac=lambda h: (function(h, x, y)[1] * root[:, None, None]).reshape(-1, 8),
         method="lm",
     )
-    return scaled(np.linalg.inv(to_y) @ matrix_of(solution.x) @ to_x)
+    return rescale(np.linalg.inv(to_y) @ matrix_of(solution.x) @ to_x)
 
 
 def symmetric(h: Array, x: Array, y: Array) -> tuple[Array, Array]:

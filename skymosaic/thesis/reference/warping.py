@@ -15,7 +15,7 @@ from skymosaic.geometry.homography import apply
 def warp_forward(image: Pixels, transform: Array, canvas: Canvas) -> Pixels:
     """Warp forward, x' = Hx, to the nearest pixel (thesis, equation II-16).
 
-    Arguments and result as in `skymosaic.compositing.warp.backward`. Pixels that nothing maps to stay 0, so the
+    Arguments and result as in `skymosaic.compositing.warp.warp_backward`. Pixels that nothing maps to stay 0, so the
     result has holes where the transformation enlarges.
     """
     warped = np.zeros((canvas.height_px, canvas.width_px, *image.shape[2:]), dtype=np.uint8)

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from skymosaic.compositing.blend import METHODS, blend
-from skymosaic.compositing.warp import TILE_PX, Canvas, backward, canvas_of, footprint
+from skymosaic.compositing.warp import TILE_PX, Canvas, enclosing_canvas, footprint, warp_backward
 
 TURNED = np.array([[0.96, 0.17, 90.0], [-0.17, 0.98, 70.0], [1e-5, -2e-5, 1]])
 
@@ -21,7 +21,7 @@ def two_views(*channels):
     """Two crops of one scene, 60 px apart, with the canvas that holds both: the scene itself."""
     scene = smooth_image(120, 260, *channels)
     images, transforms = [scene[:, :200], scene[:, 60:]], [np.eye(3), shift(60, 0)]
-    return scene, images, transforms, canvas_of([(200, 120), (200, 120)], transforms)
+    return scene, images, transforms, enclosing_canvas([(200, 120), (200, 120)], transforms)
 
 
 @pytest.mark.parametrize("channels", [(), (3,)], ids=["gray", "bgr"])
@@ -77,7 +77,7 @@ def test_outside_is_black_and_no_border_is_darkened(method):
     mosaic = blend([image], [TURNED], canvas, method=method)
     shown = mosaic > 0
     np.testing.assert_array_equal(mosaic[shown], 180)
-    covered = backward(np.full((200, 260), 255, np.uint8), TURNED, canvas) == 255
+    covered = warp_backward(np.full((200, 260), 255, np.uint8), TURNED, canvas) == 255
     np.testing.assert_array_equal(shown, covered)
 
 
@@ -86,7 +86,7 @@ def test_tiles_leave_no_trace(method):
     # Very different images, and a window on the coarsest band's grid that crosses two tiles and the seam.
     images = [smooth_image(700, 1300, seed=1) // 4, smooth_image(700, 1300, seed=2) // 2 + 150]
     transforms = [np.eye(3), TURNED @ shift(600, 300)]
-    canvas = canvas_of([(1300, 700)] * 2, transforms)
+    canvas = enclosing_canvas([(1300, 700)] * 2, transforms)
     window = Canvas(canvas.x_px + TILE_PX - 384, canvas.y_px + 320, 512, 320)
     mosaic, part = (blend(images, transforms, whole, method=method) for whole in (canvas, window))
     assert np.ptp(part) > 100
@@ -114,7 +114,7 @@ def test_gray_becomes_bgr_beside_colour_and_stays_gray_alone():
 def test_a_small_mosaic_is_averaged_not_sampled():
     stripes = np.tile(np.array([0, 255], np.uint8), (256, 128))
     quarter = np.array([[0.25, 0, -0.375], [0, 0.25, -0.375], [0, 0, 1]])
-    canvas = canvas_of([(256, 256)], [quarter])
+    canvas = enclosing_canvas([(256, 256)], [quarter])
     assert canvas == Canvas(0, 0, 64, 64)
     mosaic = blend([stripes], [quarter], canvas)
     assert (np.abs(mosaic.astype(int) - 127) <= 1).all()

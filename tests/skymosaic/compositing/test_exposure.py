@@ -2,9 +2,9 @@ import cv2
 import numpy as np
 import pytest
 
-from skymosaic.compositing.exposure import Levels, camera_levels, exposure_tones
+from skymosaic.compositing.exposure import Levels, estimate_levels, estimate_tones
 from skymosaic.compositing.layer import Layer
-from skymosaic.compositing.overlaps import compared
+from skymosaic.compositing.overlaps import compare_overlaps
 from skymosaic.compositing.tone import NEUTRAL, SHOULDER_START
 from skymosaic.compositing.warp import Canvas
 
@@ -39,7 +39,7 @@ def gains(tones):
 
 
 def toned(layer, tone):
-    return tone.applied(layer.image, tone.factors(layer.size, Canvas(0, 0, *layer.size)))
+    return tone.apply(layer.image, tone.factors(layer.size, Canvas(0, 0, *layer.size)))
 
 
 def white_share(images):
@@ -48,7 +48,7 @@ def white_share(images):
 
 def test_ratios_of_exposures_are_found_and_the_median_photograph_keeps_its_brightness():
     exposures = np.array([1.0, 0.8, 1.1, 0.7, 0.9, 1.2, 0.75])
-    found = gains(exposure_tones(strip(exposures[:, None])))
+    found = gains(estimate_tones(strip(exposures[:, None])))
     relative = found.mean(axis=1) * exposures
     np.testing.assert_allclose(relative / relative.mean(), 1, atol=0.02)
     assert np.median(found.mean(axis=1)) == pytest.approx(1, abs=0.02)
@@ -56,7 +56,7 @@ def test_ratios_of_exposures_are_found_and_the_median_photograph_keeps_its_brigh
 
 def test_darkness_is_not_favoured():
     """Every second photograph is 40 % darker: least squares on gains would darken all, logarithms do not."""
-    found = gains(exposure_tones(strip(np.array([1.0, 0.6] * 4)[:, None]))).mean(axis=1)
+    found = gains(estimate_tones(strip(np.array([1.0, 0.6] * 4)[:, None]))).mean(axis=1)
     assert np.exp(np.log(found).mean()) == pytest.approx(1, abs=0.3)
     np.testing.assert_allclose(found[1::2] / found[::2], 1 / 0.6, rtol=0.03)
 
@@ -64,36 +64,36 @@ def test_darkness_is_not_favoured():
 def test_white_balance_follows_the_overlaps_by_channel():
     exposures = np.ones((6, 3))
     exposures[2] = 0.95, 1.0, 1.05
-    found = gains(exposure_tones(strip(exposures)))
+    found = gains(estimate_tones(strip(exposures)))
     assert found[2, 0] / found[2, 2] == pytest.approx(1.05 / 0.95, rel=0.03)
     np.testing.assert_allclose(np.delete(found, 2, axis=0), 1, atol=0.03)
 
 
 def test_a_common_falloff_of_the_lens_is_found():
-    tones = exposure_tones(strip(np.array([1.0, 0.8, 1.1, 0.9, 1.2, 1.0])[:, None], falloff=0.35))
+    tones = estimate_tones(strip(np.array([1.0, 0.8, 1.1, 0.9, 1.2, 1.0])[:, None], falloff=0.35))
     first, second = tones[0].falloff
     assert {tone.falloff for tone in tones} == {(first, second)}
     assert first + second == pytest.approx(0.35, abs=0.05)
 
 
 def test_a_lens_without_falloff_gets_none():
-    assert exposure_tones(strip(np.ones((6, 1))))[0].falloff == pytest.approx((0, 0), abs=0.02)
+    assert estimate_tones(strip(np.ones((6, 1))))[0].falloff == pytest.approx((0, 0), abs=0.02)
 
 
 def test_moving_things_do_not_count():
     layers = strip(np.ones((6, 1)))
     images = [layer.image.copy() for layer in layers]
     images[1][60:140, 100:220] = 45
-    tones = exposure_tones([Layer(image, layer.transform) for image, layer in zip(images, layers, strict=True)])
+    tones = estimate_tones([Layer(image, layer.transform) for image, layer in zip(images, layers, strict=True)])
     np.testing.assert_allclose(gains(tones), 1, atol=0.02)
 
 
 def test_a_photograph_without_overlap_stays_as_it_is():
     layers = strip(np.array([1.0, 0.7, 1.0, 0.7])[:, None])
     far = Layer(layers[0].image, np.array([[1.0, 0, 5000], [0, 1, 0], [0, 0, 1]]))
-    tones = exposure_tones([*layers, far])
+    tones = estimate_tones([*layers, far])
     assert tones[-1] == NEUTRAL
-    assert exposure_tones([far]) == [NEUTRAL]
+    assert estimate_tones([far]) == [NEUTRAL]
 
 
 def test_bright_ground_of_an_automatic_exposure_stays_below_white():
@@ -106,7 +106,7 @@ def test_bright_ground_of_an_automatic_exposure_stays_below_white():
         seen = layer.image * ramp[left : left + SIZE_PX[0], None]
         images.append(np.clip(seen * (150 / seen.mean()), 0, 255).astype(np.uint8))
     layers = [Layer(image, layer.transform) for image, layer in zip(images, layers, strict=True)]
-    *tones, alone = exposure_tones([*layers, Layer(layers[0].image, np.array([[1.0, 0, 5000], [0, 1, 0], [0, 0, 1]]))])
+    *tones, alone = estimate_tones([*layers, Layer(layers[0].image, np.array([[1.0, 0, 5000], [0, 1, 0], [0, 0, 1]]))])
     assert alone is NEUTRAL
     after = [toned(layer, tone) for tone, layer in zip(tones, layers, strict=True)]
     kept = [one.mean() / layer.image.mean() for one, layer in zip(after, layers, strict=True)]
@@ -130,17 +130,17 @@ def sunlit():
 
 
 def test_light_that_changes_within_photographs_is_evened_out(sunlit):
-    levels = camera_levels([layer.image for layer in sunlit], [5000.0, None, 5004.0])
+    levels = estimate_levels([layer.image for layer in sunlit], [5000.0, None, 5004.0])
     assert levels == Levels(5002, 65_535)
-    tones = exposure_tones(sunlit, levels)
+    tones = estimate_tones(sunlit, levels)
     after = [toned(layer, tone) for layer, tone in zip(sunlit, tones, strict=True)]
     kept = [image.mean() / layer.image.mean() for image, layer in zip(after, sunlit, strict=True)]
     assert np.median(kept) == pytest.approx(1, abs=0.03)
     agreeing = [Layer(image, layer.transform) for image, layer in zip(after, sunlit, strict=True)]
-    before, left = (np.abs(compared(some, 5002, 65_535).difference) for some in (sunlit, agreeing))
+    before, left = (np.abs(compare_overlaps(some, 5002, 65_535).difference) for some in (sunlit, agreeing))
     assert np.quantile(before, 0.9) > 0.5
     assert np.quantile(left, 0.9) < 0.1
 
 
 def test_even_light_gets_no_fields():
-    assert all(tone.light is None for tone in exposure_tones(strip(np.ones((8, 1)))))
+    assert all(tone.light is None for tone in estimate_tones(strip(np.ones((8, 1)))))

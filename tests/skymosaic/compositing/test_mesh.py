@@ -1,7 +1,7 @@
 import cv2
 import numpy as np
 
-from skymosaic.compositing.mesh import better_mesh, fit_mesh, held_out_shares
+from skymosaic.compositing.mesh import fit_mesh, fit_useful_mesh, held_out_shares
 from skymosaic.geometry.homography import apply
 
 SIZE = (640, 480)
@@ -34,17 +34,17 @@ def test_held_out_matches_decide():
     left, right, _ = matches()
     plain, bent = held_out_shares(HOMOGRAPHY, left, right, SIZE)
     assert bent > plain + 0.1
-    assert better_mesh(HOMOGRAPHY, left, right, SIZE) is not None
+    assert fit_useful_mesh(HOMOGRAPHY, left, right, SIZE) is not None
     flat_left, flat_right, _ = matches(bulge_px=0.0)
     plain, bent = held_out_shares(HOMOGRAPHY, flat_left, flat_right, SIZE)
     assert bent > plain - 0.01  # nothing is lost on flat ground
-    assert better_mesh(HOMOGRAPHY, flat_left, flat_right, SIZE) is None
+    assert fit_useful_mesh(HOMOGRAPHY, flat_left, flat_right, SIZE) is None
 
 
 def test_few_matches_give_no_grid():
     left, right, _ = matches(count=20)
     assert fit_mesh(HOMOGRAPHY, left, right, SIZE) is None
-    assert better_mesh(HOMOGRAPHY, left, right, SIZE) is None
+    assert fit_useful_mesh(HOMOGRAPHY, left, right, SIZE) is None
 
 
 def test_bending_undoes_the_relief_at_any_size():

@@ -6,11 +6,11 @@ from skymosaic.compositing.warp import (
     TILE_PX,
     Canvas,
     CanvasError,
-    backward,
-    canvas_of,
+    enclosing_canvas,
     footprint,
-    shrunk,
+    shrink,
     source_window,
+    warp_backward,
 )
 from skymosaic.geometry.homography import apply
 
@@ -47,14 +47,14 @@ def test_tiles_cover_each_pixel_once():
 
 
 def test_canvas_holds_all_images_and_no_more():
-    canvas = canvas_of([(100, 50), (80, 60)], [shift(-20.5, 3), np.eye(3)])
+    canvas = enclosing_canvas([(100, 50), (80, 60)], [shift(-20.5, 3), np.eye(3)])
     assert canvas == Canvas(-20, 0, 100, 60)
-    assert canvas_of([(100, 50)], [np.eye(3) + 1e-12]) == Canvas(0, 0, 100, 50)
+    assert enclosing_canvas([(100, 50)], [np.eye(3) + 1e-12]) == Canvas(0, 0, 100, 50)
 
 
 def test_canvas_beyond_the_limit_is_refused_with_its_size():
     with pytest.raises(CanvasError, match=r"100100x100 px, 10 megapixels; the limit is 5"):
-        canvas_of([(100, 100), (100, 100)], [np.eye(3), shift(100_000, 0)], limit_px=5_000_000)
+        enclosing_canvas([(100, 100), (100, 100)], [np.eye(3), shift(100_000, 0)], limit_px=5_000_000)
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -63,13 +63,13 @@ def test_image_that_reaches_behind_the_camera_is_refused(sign):
     assert footprint((80, 100), sign * horizon).width_px == 647
     for width in (91, 120):
         with pytest.raises(CanvasError, match=f"{width}x100 px would lie behind the camera"):
-            canvas_of([(width, 100)], [sign * horizon])
+            enclosing_canvas([(width, 100)], [sign * horizon])
 
 
 @pytest.mark.parametrize("channels", [(), (3,)], ids=["gray", "bgr"])
 def test_whole_pixel_shift_is_exact(channels):
     image = noise_image(40, 60, *channels)
-    warped = backward(image, shift(7, -5), Canvas(0, -10, 80, 60))
+    warped = warp_backward(image, shift(7, -5), Canvas(0, -10, 80, 60))
     expected = np.zeros((60, 80, *channels), dtype=np.uint8)
     expected[5:45, 7:67] = image
     np.testing.assert_array_equal(warped, expected)
@@ -77,7 +77,7 @@ def test_whole_pixel_shift_is_exact(channels):
 
 def test_backward_interpolates_bilinearly():
     image = noise_image(40, 60).astype(np.float64)
-    warped = backward(image.astype(np.uint8), shift(0.25, 0.5), Canvas(1, 1, 58, 38))
+    warped = warp_backward(image.astype(np.uint8), shift(0.25, 0.5), Canvas(1, 1, 58, 38))
     row, column = image[:-1] + image[1:], np.s_[1:39]
     expected = (0.25 * row[:, :-1] + 0.75 * row[:, 1:])[:38, :58] / 2
     assert warped[:, column].shape == (38, 38)
@@ -87,7 +87,7 @@ def test_backward_interpolates_bilinearly():
 def test_backward_against_a_textbook_loop():
     image = smooth_image(50, 70)
     canvas = Canvas(20, 10, 60, 45)
-    warped = backward(image, PROJECTIVE, canvas)
+    warped = warp_backward(image, PROJECTIVE, canvas)
     checked = 0
     for y in range(0, 45, 4):
         for x in range(0, 60, 4):
@@ -104,7 +104,7 @@ def test_backward_against_a_textbook_loop():
 def test_tiles_leave_no_trace():
     image = smooth_image(900, 1500, 3)
     large = Canvas(0, 0, 2 * TILE_PX + 100, TILE_PX + 50)
-    by_tiles = backward(image, PROJECTIVE @ np.diag([1.4, 1.4, 1]), large)
+    by_tiles = warp_backward(image, PROJECTIVE @ np.diag([1.4, 1.4, 1]), large)
     at_once = cv2.warpPerspective(image, PROJECTIVE @ np.diag([1.4, 1.4, 1]), (large.width_px, large.height_px))
     assert (by_tiles > 0).mean() > 0.5
     assert np.abs(by_tiles.astype(int) - at_once).max() <= 1
@@ -112,14 +112,14 @@ def test_tiles_leave_no_trace():
 
 def test_sides_beyond_the_limit_of_opencv():
     wide = noise_image(3, 40_000)
-    np.testing.assert_array_equal(backward(wide, shift(5, 0), Canvas(5, 0, 40_000, 3)), wide)
+    np.testing.assert_array_equal(warp_backward(wide, shift(5, 0), Canvas(5, 0, 40_000, 3)), wide)
 
 
 def test_a_tile_beyond_the_horizon_still_shows_the_image():
     horizon = np.array([[1.0, 0, 0], [0, 1, 0], [-1 / 90, 0, 1]])
     tile = Canvas(-300, 0, 400, 50)
     assert source_window((80, 100), horizon, tile) == Canvas(0, 0, 80, 100)
-    assert (backward(np.full((100, 80), 200, np.uint8), horizon, tile)[:, 310:] == 200).all()
+    assert (warp_backward(np.full((100, 80), 200, np.uint8), horizon, tile)[:, 310:] == 200).all()
 
 
 def test_source_window_is_the_near_border_where_the_image_is_not():
@@ -130,8 +130,8 @@ def test_source_window_is_the_near_border_where_the_image_is_not():
 def test_shrunk_keeps_the_geometry_and_averages():
     image = noise_image(120, 180)
     scale = np.array([[0.25, 0, -0.375], [0, 0.25, -0.375], [0, 0, 1]])
-    small, transform = shrunk(image, scale)
+    small, transform = shrink(image, scale)
     assert small.shape == (30, 45)
     np.testing.assert_allclose(transform, np.eye(3), atol=1e-12)
     np.testing.assert_allclose(small, image.reshape(30, 4, 45, 4).mean(axis=(1, 3)), atol=0.51)
-    assert shrunk(image, 0.6 * np.eye(3) + np.diag([0, 0, 0.4]))[0] is image
+    assert shrink(image, 0.6 * np.eye(3) + np.diag([0, 0, 0.4]))[0] is image

@@ -18,11 +18,11 @@ from skymosaic.features.detectors import (
     DETECTORS,
     FRONT_END_DETECTORS,
     detect,
-    from_features,
-    one_per_position,
-    points_of,
+    keep_one_per_position,
+    key_point_positions,
+    to_key_points,
 )
-from skymosaic.features.methods import HostBackend, Method, backend_of, choose
+from skymosaic.features.methods import HostBackend, Method, choose_method, load_backend_for
 from skymosaic.features.positions import match_points
 from skymosaic.geometry.homography import apply
 from skymosaic.registration.register import register
@@ -51,14 +51,14 @@ def test_features_are_those_of_opencv(gray: np.ndarray, name: str, opencv) -> No
     points, values = opencv().compute(gray, detect(gray, name, 1000)[:1000])
     records = describe(gray, detect(gray, name, 1000)[:1000], name)
     np.testing.assert_array_equal(records["descriptor"], values.astype(np.uint8))
-    np.testing.assert_allclose(records["x"] / 16, points_of(points)[:, 0], atol=1 / 32)
-    np.testing.assert_allclose(records["y"] / 16, points_of(points)[:, 1], atol=1 / 32)
+    np.testing.assert_allclose(records["x"] / 16, key_point_positions(points)[:, 0], atol=1 / 32)
+    np.testing.assert_allclose(records["y"] / 16, key_point_positions(points)[:, 1], atol=1 / 32)
 
 
 def test_ilbp_of_harris_corners_is_the_front_ends_own(gray: np.ndarray) -> None:
     config = dataclasses.replace(PRESETS["thesis"].front_end, threshold=30_000)
     features = extract(gray, config).features
-    again = describe(gray, from_features(features), config.descriptor)
+    again = describe(gray, to_key_points(features), config.descriptor)
     whole = (features["x"] % 16 != 8) & (features["y"] % 16 != 8)  # half a pixel off, the nearest is either
     assert whole.sum() > 300
     for field in ("x", "y", "sector", "descriptor", "window"):
@@ -101,7 +101,7 @@ def test_ilbp_at_sift_key_points_reads_the_nearest_pixel(gray: np.ndarray) -> No
 
 def test_orientations_of_one_place_count_once(gray: np.ndarray) -> None:
     points = detect(gray, "sift", 500)
-    single = one_per_position(points)
+    single = keep_one_per_position(points)
     assert len(single) == len({point.pt for point in points}) < len(points)
     assert [point.response for point in single] == sorted((point.response for point in single), reverse=True)
 
@@ -112,8 +112,8 @@ def test_every_combination_speaks_the_front_ends_language(images, detector: str,
     config = PRESETS["aerial"]
     # Small crops: the language is tested here, not the quality.
     frames = [image[100:260, 100:300] for image in images]
-    method, config = choose(config, detector, descriptor)
-    left, right = backend_of(method, "golden").run(frames, config)
+    method, config = choose_method(config, detector, descriptor)
+    left, right = load_backend_for(method, "golden").run(frames, config)
     assert right.matches.dtype == MATCH.dtype
     window_bytes = left.features.dtype["window"].shape[0] if "window" in left.features.dtype.names else 0
     record = feature_record(left.features.dtype["descriptor"].shape[0], window_bytes)
@@ -162,7 +162,7 @@ def test_tracking_takes_images_of_different_size(images) -> None:
 
 
 def test_frames_are_matched_with_the_first_or_with_the_one_before(images) -> None:
-    method, config = choose(PRESETS["aerial"], "orb")
+    method, config = choose_method(PRESETS["aerial"], "orb")
     frames = [images[0], images[1], images[1]]
     held = HostBackend(method).run(frames, config)
     previous = HostBackend(method).run(frames, config, reference="previous")
@@ -175,20 +175,20 @@ def test_frames_are_matched_with_the_first_or_with_the_one_before(images) -> Non
 
 def test_a_choice_is_completed_by_what_suits() -> None:
     aerial = preset_config("aerial")
-    assert choose(aerial)[0] == Method("harris", "ilbp-128")
-    assert choose(aerial, "sift")[0] == Method("sift", "sift")
-    assert choose(aerial, "surf")[0] == Method("surf", "ilbp-128")
-    assert choose(aerial, descriptor="freak")[0] == Method("brisk", "freak")
-    assert choose(aerial, descriptor="akaze")[0] == Method("akaze", "akaze")
-    method, config = choose(aerial, "fast", "ilbp-256")
+    assert choose_method(aerial)[0] == Method("harris", "ilbp-128")
+    assert choose_method(aerial, "sift")[0] == Method("sift", "sift")
+    assert choose_method(aerial, "surf")[0] == Method("surf", "ilbp-128")
+    assert choose_method(aerial, descriptor="freak")[0] == Method("brisk", "freak")
+    assert choose_method(aerial, descriptor="akaze")[0] == Method("akaze", "akaze")
+    method, config = choose_method(aerial, "fast", "ilbp-256")
     assert method.on_accelerator
     assert (config.front_end.detector, config.front_end.descriptor) == ("fast", "ilbp-256")
     assert config.front_end.border_px >= config.front_end.min_border_px
 
 
 def test_without_rules_the_configuration_says_so() -> None:
-    assert choose(preset_config("aerial"), "sift")[1].matcher.rule_base == "none"
-    assert choose(preset_config("aerial"), "sift", "ilbp-128")[1].matcher.rule_base == "aerial"
+    assert choose_method(preset_config("aerial"), "sift")[1].matcher.rule_base == "none"
+    assert choose_method(preset_config("aerial"), "sift", "ilbp-128")[1].matcher.rule_base == "aerial"
 
 
 @pytest.mark.parametrize(("options", "words"), [
@@ -209,7 +209,7 @@ def test_what_cannot_be_is_refused_with_the_reason(images, options: dict[str, ob
 def test_good_matches_of_the_baselines(images) -> None:
     truth = FLIGHT.homography_between(0, 1)
     for detector in set(DETECTORS) - set(FRONT_END_DETECTORS) - {"klt", "surf"}:
-        method, config = choose(preset_config("aerial"), detector)
+        method, config = choose_method(preset_config("aerial"), detector)
         matches = HostBackend(method).run(images, config)[1].matches
         kept = matches[matches["verdict"] == 1]
         assert len(kept) > 200

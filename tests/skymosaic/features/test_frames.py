@@ -5,8 +5,8 @@ from golden_model.config import preset_config
 from golden_model.front_end import extract
 from sim.backends.golden import GoldenBackend
 from sim.scene import pair as rendered_pair
-from skymosaic.features.frames import Change, changed, in_image, matches_in_images, swapped
-from skymosaic.features.guided_matching import guided_matches
+from skymosaic.features.frames import Change, make_frame, map_matches_to_images, map_to_image, swap_sides
+from skymosaic.features.guided_matching import match_guided
 from skymosaic.features.positions import feature_points, match_points
 from skymosaic.geometry.homography import apply
 
@@ -21,31 +21,31 @@ def image():
 
 @pytest.mark.parametrize("change", [Change(2.0), Change(0.5), Change(1.0, 2**0.5, 60.0)])
 def test_a_changed_frame_matches_its_image_in_place(image, change):
-    frame = changed(image, change)
+    frame = make_frame(image, change)
     matches = GoldenBackend().run([image, frame.pixels], CONFIG)[1].matches
-    identity = changed(image, Change())
-    left, right = match_points(matches_in_images(matches, (identity, frame), (image, image)))
+    identity = make_frame(image, Change())
+    left, right = match_points(map_matches_to_images(matches, (identity, frame), (image, image)))
     close = np.linalg.norm(left - right, axis=1) < 1.5
     assert close.sum() >= 12
     assert np.median(np.linalg.norm(left - right, axis=1)[close]) < 0.6
 
 
 def test_frames_outside_the_range_of_the_front_end_are_refused(image):
-    assert changed(image, Change(0.2)) is None
-    assert changed(image, Change(20.0)) is None
+    assert make_frame(image, Change(0.2)) is None
+    assert make_frame(image, Change(20.0)) is None
 
 
 def test_features_and_matches_lie_where_the_image_has_them(image):
-    frame = changed(image, Change(0.5))
+    frame = make_frame(image, Change(0.5))
     features = extract(frame.pixels, CONFIG.front_end).features
-    moved = in_image(features, frame.to_image)
+    moved = map_to_image(features, frame.to_image)
     np.testing.assert_allclose(
         feature_points(moved), apply(frame.to_image, feature_points(features)), atol=0.5 / 16 + 1e-9
     )
 
 
 def test_a_tilt_compresses_along_its_direction(image):
-    frame = changed(image, Change(1.0, 2.0, 0.0))
+    frame = make_frame(image, Change(1.0, 2.0, 0.0))
     assert frame.pixels.shape == (SIZE[1], SIZE[0] // 2 + 1)
     np.testing.assert_allclose(frame.to_image[:2, :2], [[2, 0], [0, 1]], atol=1e-12)
 
@@ -53,9 +53,9 @@ def test_a_tilt_compresses_along_its_direction(image):
 def test_swapping_twice_changes_nothing(image):
     matches = GoldenBackend().run([image, image[:200]], CONFIG)[1].matches
     assert len(matches) > 20
-    other = swapped(matches)
+    other = swap_sides(matches)
     np.testing.assert_array_equal(other["left_x"], matches["right_x"])
-    np.testing.assert_array_equal(swapped(other), matches)
+    np.testing.assert_array_equal(swap_sides(other), matches)
 
 
 def test_guided_matches_equal_an_exhaustive_search():
@@ -66,7 +66,7 @@ def test_guided_matches_equal_an_exhaustive_search():
     for side in (left, right):
         side["x"], side["y"] = rng.integers(0, 60 * 16, (2, 150))
         side["descriptor"] = rng.integers(0, 4, side["descriptor"].shape)  # many equal distances
-    i, j = guided_matches(left, right, np.eye(3), 8.0)
+    i, j = match_guided(left, right, np.eye(3), 8.0)
     distance = np.bitwise_count(left["descriptor"][:, None] ^ right["descriptor"][None]).sum(axis=2).astype(int)
     far = np.linalg.norm(feature_points(left)[:, None] - feature_points(right)[None], axis=2) > 8.0
     distance[far] = 128

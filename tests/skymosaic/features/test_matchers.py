@@ -4,7 +4,7 @@ import pytest
 
 from golden_model.matching import correlation, hamming, rule_bases
 from golden_model.records import feature_record
-from skymosaic.features.matchers import GOOD_MATCH_ABOVE, correlation_matches, ratio_matches, tracked
+from skymosaic.features.matchers import GOOD_MATCH_ABOVE, match_by_correlation, match_by_ratio, track_features
 
 NORMS = (cv2.NORM_L2, cv2.NORM_HAMMING)
 
@@ -39,7 +39,7 @@ def test_kept_matches_are_those_of_opencvs_matcher(norm: int, seed: int) -> None
         for best, other in matcher.knnMatch(first, second, k=2)
         if best.distance < 0.8 * other.distance and back[best.trainIdx] == best.queryIdx
     ]
-    matches = ratio_matches(left, right, norm)
+    matches = match_by_ratio(left, right, norm)
     kept = matches[matches["verdict"] == 1]
     assert len(expected) > 50
     assert list(zip(kept["left_index"], kept["right_index"], strict=True)) == expected
@@ -50,7 +50,7 @@ def test_one_match_for_each_feature_of_image_2_and_the_closest() -> None:
     left[0, 0], left[1, 0], left[2] = 0b11, 0b1, 0xFF
     right = np.zeros((2, 8), np.uint8)
     right[1] = 0xFF
-    matches = ratio_matches(records(left), records(right), cv2.NORM_HAMMING)
+    matches = match_by_ratio(records(left), records(right), cv2.NORM_HAMMING)
     np.testing.assert_array_equal(matches["left_index"], [1, 2])
     np.testing.assert_array_equal(matches["distance"], [1, 0])
     np.testing.assert_array_equal(matches["margin"], [62, 64])
@@ -63,7 +63,7 @@ def test_a_match_in_one_direction_only_is_proposed_but_not_verified() -> None:
 
     left = np.stack([bits(*range(8)), bits(0, 1, 2, 20, 21)])
     right = np.stack([bits(0, 1, 2, 3, 4, 20), bits(0, 1, 2, 20, 21)])
-    matches = ratio_matches(records(left), records(right), cv2.NORM_HAMMING)
+    matches = match_by_ratio(records(left), records(right), cv2.NORM_HAMMING)
     found = {(int(m["left_index"]), int(m["right_index"])): int(m["verdict"]) for m in matches}
     assert found == {(0, 0): 0, (1, 1): 1}
     np.testing.assert_array_equal(matches["rule"], 1 - matches["verdict"])
@@ -72,7 +72,7 @@ def test_a_match_in_one_direction_only_is_proposed_but_not_verified() -> None:
 @pytest.mark.parametrize("sizes", [(0, 5), (5, 0), (1, 5), (5, 1)])
 def test_without_a_second_nearest_there_is_no_ratio(sizes: tuple[int, int]) -> None:
     left, right = (records(np.zeros((count, 8), np.uint8)) for count in sizes)
-    assert len(ratio_matches(left, right, cv2.NORM_HAMMING)) == 0
+    assert len(match_by_ratio(left, right, cv2.NORM_HAMMING)) == 0
 
 
 @pytest.mark.parametrize("size_px", [3, 10])
@@ -82,7 +82,7 @@ def test_window_matches_are_the_golden_models(size_px: int) -> None:
     noisy = np.clip(scene + rng.normal(0, 3, scene.shape), 0, 255).astype(np.uint8)
     x, y = rng.integers(20, 140, 80), rng.integers(20, 100, 80)
     left, right = (correlation.windows(image, x, y, size_px) for image in (scene, noisy))
-    matches = correlation_matches(records(left), records(right))
+    matches = match_by_correlation(records(left), records(right))
 
     _, forward = correlation.best_matches(left, right, "sad")
     _, back = correlation.best_matches(right, left, "sad")
@@ -101,7 +101,7 @@ def test_good_matches_only_are_kept() -> None:
     left = rng.integers(60, 190, (3, 9), dtype=np.uint8)
     signs = np.array([1, -1, 1, -1, 0, 1, -1, 1, -1])
     right = np.stack([left[0], left[1] + 7 * signs, left[2] + 30 * signs]).astype(np.uint8)
-    matches = correlation_matches(records(left), records(right))
+    matches = match_by_correlation(records(left), records(right))
     np.testing.assert_array_equal(matches["weight"], [255, 128, 0])
     np.testing.assert_array_equal(matches["verdict"], [1, 0, 0])
 
@@ -113,7 +113,7 @@ def test_tracked_features_follow_a_shift_and_come_back() -> None:
     left_gray, right_gray = scene[20:180, 20:220], scene[17:177, 15:215]
     left = records(np.empty((4, 0), np.uint8))
     left["x"], left["y"] = [640, 960, 1280, 1600], [640, 960, 1280, 1600]
-    features, matches = tracked(left_gray, right_gray, left, left[:2])
+    features, matches = track_features(left_gray, right_gray, left, left[:2])
     kept = matches[matches["verdict"] == 1]
     assert len(kept) == 4
     np.testing.assert_allclose(kept["right_x"].astype(int) - kept["left_x"], 5 * 16, atol=1)
@@ -125,5 +125,5 @@ def test_tracked_features_follow_a_shift_and_come_back() -> None:
 def test_hamming_agrees_with_the_golden_model() -> None:
     left, right = noisy_pair(7)
     expected = hamming.distances(left["descriptor"], right["descriptor"])
-    matches = ratio_matches(left, right, cv2.NORM_HAMMING)
+    matches = match_by_ratio(left, right, cv2.NORM_HAMMING)
     np.testing.assert_array_equal(matches["distance"], expected[matches["left_index"], matches["right_index"]])

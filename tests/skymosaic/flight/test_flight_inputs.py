@@ -16,29 +16,29 @@ from skymosaic import temporary
 from skymosaic.errors import InputError
 from skymosaic.flight.cache import ResultCache, key_of
 from skymosaic.flight.linking.view import Settings, describe, unpacked
-from skymosaic.imagery.exif import Position, Taken, taken
+from skymosaic.imagery.exif import Metadata, Position, read_metadata
 from skymosaic.imagery.lens import Lens, load_lens
-from skymosaic.imagery.own_outputs import remember
-from skymosaic.imagery.photographs import DecodedPhotographs, Source, sources
+from skymosaic.imagery.own_outputs import record_output
+from skymosaic.imagery.photographs import DecodedPhotographs, Source, list_sources
 
 
 def test_a_folder_gives_its_pictures_by_number(tmp_path):
     for name in ("IMG_10.png", "IMG_2.png", "notes.txt", ".IMG_3.png"):
         (tmp_path / name).write_bytes(b"x")
-    found = sources([tmp_path, np.zeros((64, 64), np.uint8)])
+    found = list_sources([tmp_path, np.zeros((64, 64), np.uint8)])
     assert [source.name.rsplit("/")[-1] for source in found] == ["IMG_2.png", "IMG_10.png", "image 2"]
     assert [source.index for source in found] == [0, 1, 2]
 
 
 def test_an_empty_folder_is_one_line(tmp_path):
     with pytest.raises(InputError, match="contains no pictures"):
-        sources([tmp_path])
+        list_sources([tmp_path])
 
 
 def test_digests_depend_on_the_content_alone(tmp_path):
     for name, data in (("a.png", b"one"), ("b.png", b"one"), ("c.png", b"two")):
         (tmp_path / name).write_bytes(data)
-    a, b, c = sources([tmp_path])
+    a, b, c = list_sources([tmp_path])
     assert a.digest == b.digest != c.digest
 
 
@@ -59,14 +59,14 @@ def test_gps_and_focal_length_are_read_from_exif(tmp_path):
         {1: "S", 2: (33.0, 30.0, 36.0), 3: "W", 4: (70.0, 15.0, 0.0), 5: b"\x00", 6: 520.5}
     )
     Image.new("RGB", (64, 64)).save(tmp_path / "gps.jpg", exif=exif)
-    record = taken(tmp_path / "gps.jpg")
+    record = read_metadata(tmp_path / "gps.jpg")
     assert record.focal_half_diagonals == pytest.approx(24 / 21.633, rel=1e-3)
     found = record.position
     assert found.latitude_deg == pytest.approx(-33.51)
     assert found.longitude_deg == pytest.approx(-70.25)
     assert found.altitude_m == pytest.approx(520.5)
     Image.new("RGB", (64, 64)).save(tmp_path / "none.jpg")
-    assert taken(tmp_path / "none.jpg") == Taken()
+    assert read_metadata(tmp_path / "none.jpg") == Metadata()
 
 
 @pytest.mark.parametrize(
@@ -79,7 +79,7 @@ def test_gps_and_focal_length_are_read_from_exif(tmp_path):
 def test_yaw_and_height_are_read_from_xmp(tmp_path, properties):
     xmp = f"<x:xmpmeta xmlns:x='adobe:ns:meta/'><rdf:Description {properties}></rdf:Description></x:xmpmeta>"
     Image.new("RGB", (64, 64)).save(tmp_path / "dji.jpg", xmp=xmp.encode())
-    assert taken(tmp_path / "dji.jpg") == Taken(yaw_deg=-12.5, height_m=50.3)
+    assert read_metadata(tmp_path / "dji.jpg") == Metadata(yaw_deg=-12.5, height_m=50.3)
 
 
 def test_the_black_level_of_a_sensor_is_read(tmp_path):
@@ -88,8 +88,8 @@ def test_the_black_level_of_a_sensor_is_read(tmp_path):
         tags[0xC61A] = levels
         tags.tagtype[0xC61A] = 3
         Image.fromarray(np.zeros((8, 8), np.uint16)).save(tmp_path / name, tiffinfo=tags)
-    assert taken(tmp_path / "black.tif").black_level == 5139
-    assert taken(tmp_path / "none.tif").black_level is None
+    assert read_metadata(tmp_path / "black.tif").black_level == 5139
+    assert read_metadata(tmp_path / "none.tif").black_level is None
 
 
 def test_metres_between_positions():
@@ -231,15 +231,15 @@ def test_keys_change_with_every_part():
 def test_a_folder_does_not_give_an_earlier_mosaic(tmp_path):
     for name in ("IMG_1.png", "IMG_2.png", "mosaic.png"):
         (tmp_path / name).write_bytes(name.encode())
-    remember(tmp_path / "mosaic.png", [tmp_path / "IMG_1.png"])
-    assert [source.name.rsplit("/")[-1] for source in sources([tmp_path])] == ["IMG_1.png", "IMG_2.png"]
+    record_output(tmp_path / "mosaic.png", [tmp_path / "IMG_1.png"])
+    assert [source.name.rsplit("/")[-1] for source in list_sources([tmp_path])] == ["IMG_1.png", "IMG_2.png"]
     (tmp_path / "mosaic.png").write_bytes(b"a photograph of that name")
-    assert len(sources([tmp_path])) == 3
+    assert len(list_sources([tmp_path])) == 3
 
 
 def test_other_folders_of_outputs_stay_as_they_are(tmp_path):
     (tmp_path / "mosaic.png").write_bytes(b"x")
-    remember(tmp_path / "mosaic.png", [tmp_path / "photographs" / "IMG_1.png"])
+    record_output(tmp_path / "mosaic.png", [tmp_path / "photographs" / "IMG_1.png"])
     assert [path.name for path in tmp_path.iterdir()] == ["mosaic.png"]
 
 
@@ -249,7 +249,7 @@ def test_an_unreadable_folder_is_one_line(tmp_path, monkeypatch):
 
     monkeypatch.setattr(Path, "iterdir", refuse)
     with pytest.raises(InputError, match="Permission denied"):
-        sources([tmp_path])
+        list_sources([tmp_path])
 
 
 @pytest.mark.parametrize(("size", "width_px"), [((700, 16000), 1280), ((300, 400), 64)])
@@ -269,7 +269,7 @@ def test_a_flight_leaves_a_damaged_photograph_out_unless_it_is_kept(tmp_path):
     data = bytearray(cv2.imencode(".jpg", rendered_pair(seed=1).images[0])[1].tobytes())
     data[len(data) // 2 : len(data) // 2 + 400] = bytes(400)
     (tmp_path / "damaged.jpg").write_bytes(data)
-    (source,) = sources([tmp_path])
+    (source,) = list_sources([tmp_path])
     settings = Settings(preset_config("aerial"))
     with pytest.raises(InputError, match=r"damaged\.jpg: the JPEG is damaged"):
         describe(source, settings)

@@ -48,6 +48,6 @@ def test_eight_percent_of_the_smaller_image_also_suffice():
     """A small photograph inside a large one: its own pixels count."""
     small, enlarge = (100, 100), np.diag([4.0, 4.0, 1.0])
     left, right = square(29, (10.0, 10.0)), 4 * square(29, (10.0, 10.0))
-    assert acceptance.hull_share(enlarge, left, small, SIZE) < acceptance.SMALLEST_SHARE_OF_OVERLAP
+    assert acceptance.hull_share(enlarge, left, small, SIZE) < acceptance.MIN_SHARE_OF_OVERLAP
     assert acceptance.spread_enough(enlarge, left, right, small, SIZE)
     assert not acceptance.spread_enough(enlarge, left / 4, right / 4, small, SIZE)

@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from skymosaic.geometry.homography import DegenerateError, apply, dlt, estimate, scaled
+from skymosaic.geometry.homography import DegenerateError, apply, dlt, estimate, rescale
 
 PROJECTIVE = np.array([[0.9, 0.2, 30.0], [-0.15, 1.1, -20.0], [1e-4, -5e-5, 1.0]])
 SIMILARITY = np.array([[1.2, -0.5, 7.0], [0.5, 1.2, -3.0], [0.0, 0.0, 1.0]])
@@ -22,9 +22,9 @@ def test_apply_divides_by_the_third_coordinate():
 
 
 def test_scaled_refuses_an_origin_at_infinity():
-    np.testing.assert_allclose(scaled(-3 * PROJECTIVE), PROJECTIVE)
+    np.testing.assert_allclose(rescale(-3 * PROJECTIVE), PROJECTIVE)
     with pytest.raises(DegenerateError, match="infinity"):
-        scaled(np.fliplr(np.eye(3)))
+        rescale(np.fliplr(np.eye(3)))
 
 
 @pytest.mark.parametrize("count", [4, 5, 60])
@@ -63,7 +63,7 @@ def test_dlt_minimises_the_algebraic_error():
         ]
     )
     h = np.linalg.eigh(A.T @ A)[1][:, 0].reshape(3, 3)
-    np.testing.assert_allclose(dlt(left, right), scaled(np.linalg.inv(to_right) @ h @ to_left), atol=1e-9)
+    np.testing.assert_allclose(dlt(left, right), rescale(np.linalg.inv(to_right) @ h @ to_left), atol=1e-9)
 
 
 @pytest.mark.parametrize(

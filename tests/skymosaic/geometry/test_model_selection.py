@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from skymosaic.geometry.homography import apply
-from skymosaic.geometry.model_selection import fit, similarity
+from skymosaic.geometry.model_selection import fit, fit_similarity
 
 SIMILAR = np.array([[0.9, -0.3, 20.0], [0.3, 0.9, -10.0], [0, 0, 1]])
 TILTED = np.array([[0.9, -0.3, 20.0], [0.3, 0.9, -10.0], [6e-4, -9e-4, 1]])
@@ -23,14 +23,14 @@ def error_px(found: np.ndarray, truth: np.ndarray) -> float:
 
 @pytest.mark.parametrize("seed", range(5))
 def test_eight_right_matches_among_thirty_wrong_ones_are_enough(seed):
-    found = similarity(*matches(SIMILAR, 8, 30, seed), fewest=6)
+    found = fit_similarity(*matches(SIMILAR, 8, 30, seed), fewest=6)
     assert found.inliers >= 8
     assert error_px(found.matrix, SIMILAR) < 1.5
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_chance_matches_are_refused(seed):
-    assert similarity(*matches(SIMILAR, 0, 40, seed), fewest=6) is None
+    assert fit_similarity(*matches(SIMILAR, 0, 40, seed), fewest=6) is None
 
 
 def test_the_matches_decide_between_similarity_and_homography():
@@ -47,4 +47,4 @@ def test_few_matches_never_make_a_homography():
 
 @pytest.mark.parametrize("count", [0, 1])
 def test_too_few_matches_are_refused(count):
-    assert similarity(*matches(SIMILAR, count, 0), fewest=1) is None
+    assert fit_similarity(*matches(SIMILAR, count, 0), fewest=1) is None

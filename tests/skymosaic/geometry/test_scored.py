@@ -12,7 +12,7 @@ from sim.scene import pair as rendered_pair
 from skymosaic import register
 from skymosaic.geometry import estimators, prosac
 from skymosaic.geometry.homography import apply
-from skymosaic.geometry.scored import integer_scores
+from skymosaic.geometry.scored import integer_scorer
 
 TRUTH = np.array([[0.98, 0.11, 25.0], [-0.09, 1.03, 60.0], [3e-5, -2e-5, 1.0]])
 
@@ -32,7 +32,7 @@ def test_integer_scores_rank_like_those_in_floating_point():
     rng = np.random.default_rng(2)
     spread = np.array([[1e-3, 1e-3, 1], [1e-3, 1e-3, 1], [1e-6, 1e-6, 1e-9]])
     homographies = TRUTH + rng.normal(size=(200, 3, 3)) * spread
-    exact, integer = (scoring(*given)(homographies) for scoring in (prosac.transfer_scores, integer_scores))
+    exact, integer = (scoring(*given)(homographies) for scoring in (prosac.transfer_scorer, integer_scorer))
     # The integer gain is rounded up to a whole step.
     assert (integer / LEVELS >= 0.999 * exact).all()
     assert (integer / LEVELS - exact <= given[2].sum() / LEVELS).all()
@@ -44,9 +44,9 @@ def test_matches_that_cannot_be_stored_do_not_count():
     left[3] = (-0.1, 5)
     right[7] = (4096, 5)
     stored = np.delete(np.arange(MAX_MATCHES + 2), [3, 7])
-    scores = integer_scores(left, right, weight)(TRUTH[np.newaxis])
+    scores = integer_scorer(left, right, weight)(TRUTH[np.newaxis])
     assert scores > 0
-    assert scores == integer_scores(left[stored], right[stored], weight[stored])(TRUTH[np.newaxis])
+    assert scores == integer_scorer(left[stored], right[stored], weight[stored])(TRUTH[np.newaxis])
 
 
 def same_with_the_hardware(left, right, monkeypatch, **options):
@@ -61,7 +61,7 @@ def same_with_the_hardware(left, right, monkeypatch, **options):
         hypotheses.append(len(h))
         return simulated_score(h, *stored)
 
-    monkeypatch.setitem(estimators.SCORINGS, "scored", functools.partial(integer_scores, score=simulated))
+    monkeypatch.setitem(estimators.SCORINGS, "scored", functools.partial(integer_scorer, score=simulated))
     hardware = register(left, right, estimator="scored", effort="fast", **options)
     assert golden.accepted
     assert sum(hypotheses) > 10

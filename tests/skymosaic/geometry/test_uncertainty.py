@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from skymosaic.geometry.homography import DegenerateError, apply, dlt
-from skymosaic.geometry.uncertainty import covariance, fit_quality
+from skymosaic.geometry.uncertainty import assess_fit, covariance
 
 SIZE = (640, 480)
 TRUTH = np.array([[0.98, -0.05, 20], [0.04, 1.01, -15], [1e-5, -2e-5, 1]])
@@ -34,11 +34,11 @@ def test_flat_ground_is_told_from_relief_and_from_a_corner():
     rng = np.random.default_rng(2)
     left, right = points(300, rng)
     right = right + rng.normal(0, 0.3, right.shape)
-    flat = fit_quality(TRUTH, left, right, SIZE, SIZE)
+    flat = assess_fit(TRUTH, left, right, SIZE, SIZE)
     raised = right + np.where(rng.uniform(size=(300, 1)) < 0.5, [[5.0, 0]], 0)
-    relief = fit_quality(TRUTH, left, raised, SIZE, SIZE)
+    relief = assess_fit(TRUTH, left, raised, SIZE, SIZE)
     corner_left, corner_right = points(60, rng, high=(160, 120))
-    corner = fit_quality(TRUTH, corner_left, corner_right + rng.normal(0, 0.3, (60, 2)), SIZE, SIZE)
+    corner = assess_fit(TRUTH, corner_left, corner_right + rng.normal(0, 0.3, (60, 2)), SIZE, SIZE)
     assert flat.held_out_share > 0.95
     assert flat.covariance_px < 0.2
     assert relief.held_out_share < 0.8
@@ -50,6 +50,6 @@ def test_flat_ground_is_told_from_relief_and_from_a_corner():
 
 def test_few_matches_give_the_worst_values_and_no_error():
     left, right = points(4, np.random.default_rng(3))
-    quality = fit_quality(TRUTH, left, right, SIZE, SIZE)
+    quality = assess_fit(TRUTH, left, right, SIZE, SIZE)
     assert quality.held_out_share == 0
     assert quality.instability_px == quality.covariance_px == 12

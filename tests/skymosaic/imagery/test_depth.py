@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from skymosaic.imagery.depth import ValueRange, common_range, own_range, sample_of
+from skymosaic.imagery.depth import ValueRange, measure_common_range, measure_range, sample_values
 from skymosaic.imagery.images import load, load_intensities
 
 
@@ -14,20 +14,20 @@ def test_the_range_of_16_bit_pixels_is_the_percentiles():
     for seed in range(20):
         rng = np.random.default_rng(seed)
         deep = rng.integers(0, 1 << 16, (rng.integers(70, 100), 83), dtype=np.uint16)
-        found = own_range(deep, "deep")
+        found = measure_range(deep, "deep")
         np.testing.assert_allclose((found.low, found.high), np.percentile(deep, (0.1, 99.9)))
 
 
 def test_a_flight_has_one_range_and_keeps_16_bits():
-    dark, bright = (sample_of(np.full((300, 400), level, np.uint16)) for level in (9000, 50_000))
-    assert common_range([dark, bright]) == ValueRange(9000, 50_000, deep=True)
-    assert common_range([dark, dark[:0].astype(np.uint8)]) == ValueRange(9000, 9000, deep=False)
-    assert common_range([dark[:0]]) is None
+    dark, bright = (sample_values(np.full((300, 400), level, np.uint16)) for level in (9000, 50_000))
+    assert measure_common_range([dark, bright]) == ValueRange(9000, 50_000, deep=True)
+    assert measure_common_range([dark, dark[:0].astype(np.uint8)]) == ValueRange(9000, 9000, deep=False)
+    assert measure_common_range([dark[:0]]) is None
 
 
 def test_a_thumbnail_is_shown_in_another_range():
     own, flight = ValueRange(10_000, 20_000), ValueRange(0, 40_000)
-    np.testing.assert_array_equal(own.shown_as(np.array([[0, 255]], np.uint8), flight), [[64, 128]])
+    np.testing.assert_array_equal(own.show_as(np.array([[0, 255]], np.uint8), flight), [[64, 128]])
 
 
 @pytest.mark.parametrize("values", [ValueRange(0, 40_000), ValueRange(0, 40_000, deep=True)])

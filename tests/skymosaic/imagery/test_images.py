@@ -113,7 +113,7 @@ def test_an_array_of_the_wrong_kind_is_refused() -> None:
 
 def test_reduced_keeps_pixel_centres(tmp_path: Path) -> None:
     wide = np.zeros((600, 2000), np.uint8)
-    small, to_original = images.reduced(wide, 1000)
+    small, to_original = images.reduce_to_width(wide, 1000)
     assert small.shape == (300, 1000)
     assert np.allclose(to_original @ [0, 0, 1], [0.5, 0.5, 1])
     assert np.allclose(to_original @ [999, 299, 1], [1998.5, 598.5, 1])
@@ -197,14 +197,14 @@ def test_an_invalid_orientation_counts_as_upright(tmp_path: Path, value: object,
 
 
 def test_a_tall_image_is_reduced_by_its_height() -> None:
-    small, to_original = images.reduced(np.zeros((4200, 500), np.uint8), 1280)
+    small, to_original = images.reduce_to_width(np.zeros((4200, 500), np.uint8), 1280)
     assert small.shape == (2560, 305)
     assert np.allclose(to_original[1] @ [0, 2559.5, 1], 4199.5)
 
 
 def test_an_image_that_becomes_too_narrow_is_named() -> None:
     with pytest.raises(InputError, match=r"pano\.jpg: 16000x700 is reduced to 1280x56"):
-        images.reduced_for_front_end(np.zeros((700, 16000), np.uint8), 1280, "pano.jpg")
+        images.reduce_for_front_end(np.zeros((700, 16000), np.uint8), 1280, "pano.jpg")
 
 
 def test_names_cannot_write_to_the_terminal(tmp_path: Path) -> None:

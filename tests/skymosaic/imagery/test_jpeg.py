@@ -84,7 +84,7 @@ def test_what_cameras_write_is_read(tmp_path: Path, name: str) -> None:
         (lambda: begun_by(b"\xff\xd8"), "damaged"),
         (lambda: begun_by(b"\xff" * 600_000), "far too many parts"),
         (lambda: begun_by(b"\xff\xe5\0\2" * 300_000), "far too many parts"),
-        (lambda: encoded()[:-2] + segment(0xFE, b"") * (jpeg.MOST_SEGMENTS + 1) + END, "segments"),
+        (lambda: encoded()[:-2] + segment(0xFE, b"") * (jpeg.MAX_SEGMENTS + 1) + END, "segments"),
         # A comment between scans that holds an end marker does not hide the scans behind it.
         (lambda: encoded()[:-2] + segment(0xFE, END) + b"\xff\xda\0\2" * 200 + END, "201 scans"),
     ],

@@ -11,7 +11,7 @@ import pytest
 
 from sim.scene import Camera, CameraPose, Flight, Photometry
 from skymosaic.errors import InputError
-from skymosaic.imagery.video import VideoReader, key_frames, writing
+from skymosaic.imagery.video import VideoReader, select_key_frames, write_video
 
 RATE = Fraction(30000, 1001)
 
@@ -42,7 +42,7 @@ def encode(path: Path, frames: list[np.ndarray], rotation: int = 0, **options: s
 
 
 def _write(path: Path, frames: Iterable[np.ndarray]) -> None:
-    with writing(path, RATE) as write:
+    with write_video(path, RATE) as write:
         for frame in frames:
             write(frame)
 
@@ -186,7 +186,7 @@ def test_key_frames_overlap_enough_and_not_too_much() -> None:
             for t in range(60)
         ]
     )
-    numbers = [frame.number for frame in key_frames(flight.images)]
+    numbers = [frame.number for frame in select_key_frames(flight.images)]
     assert numbers[0] == 0
     assert numbers[-1] == 59
     overlaps = [flight.overlap_between(*pair) for pair in pairwise(numbers)]
@@ -197,12 +197,12 @@ def test_key_frames_overlap_enough_and_not_too_much() -> None:
 
 def test_a_hovering_camera_gives_its_first_and_its_last_frame() -> None:
     flight = _flight([CameraPose(x_px=x, y_px=0, altitude_px=260) for x in np.linspace(0, 2, 12)])
-    assert [frame.number for frame in key_frames(flight.images)] == [0, 11]
+    assert [frame.number for frame in select_key_frames(flight.images)] == [0, 11]
 
 
 def test_every_frame_is_a_key_frame_where_the_flow_is_lost() -> None:
     flight = _flight([CameraPose(x_px=x, y_px=0, altitude_px=260) for x in (0, 200, 400)])
-    assert [frame.number for frame in key_frames(flight.images)] == [0, 1, 2]
+    assert [frame.number for frame in select_key_frames(flight.images)] == [0, 1, 2]
     flat = [np.full((240, 320, 3), 90, np.uint8)] * 3
-    assert [frame.number for frame in key_frames(flat)] == [0, 1, 2]
-    assert list(key_frames([])) == []
+    assert [frame.number for frame in select_key_frames(flat)] == [0, 1, 2]
+    assert list(select_key_frames([])) == []

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from skymosaic.imagery.exif import Position
-from skymosaic.maps.georeference import fit_to_map, on_globe, utm
+from skymosaic.maps.georeference import fit_to_map, map_to_globe, project_to_utm
 
 pytest.importorskip("rasterio")
 
@@ -14,13 +14,13 @@ def test_a_turned_and_scaled_layout_is_found_on_the_map(crs, false_north):
     turn = 0.05 * np.exp(0.6j)  # metres a pixel, and the turn of the flight
     complex_m = (places[:, 0] - 1j * places[:, 1]) * turn
     metres = np.column_stack([430_000 + complex_m.real, false_north + complex_m.imag])
-    zone, same = utm([Position(lat, lon) for lon, lat in on_globe(metres, crs)])
+    zone, same = project_to_utm([Position(lat, lon) for lon, lat in map_to_globe(metres, crs)])
     assert zone == crs
     np.testing.assert_allclose(same, metres, atol=2e-3)
     found, reason = fit_to_map(places, same, zone)
     assert reason == ""
     assert found.residual_m < 1e-3
-    assert found.metres_a_pixel == pytest.approx(0.05, rel=1e-6)
+    assert found.metres_per_pixel == pytest.approx(0.05, rel=1e-6)
     mapped = places @ found.to_map[:2, :2].T + found.to_map[:2, 2]
     np.testing.assert_allclose(mapped, metres, atol=2e-3)
 
@@ -45,7 +45,7 @@ def test_positions_that_are_far_off_are_named_and_do_not_count():
     assert found.disagreeing == (3, 11, 12)
     assert found.offsets_m[11] == pytest.approx(np.hypot(60, 40), abs=3)
     assert found.residual_m < 1.2
-    assert found.metres_a_pixel == pytest.approx(0.05, rel=0.01)
+    assert found.metres_per_pixel == pytest.approx(0.05, rel=0.01)
 
 
 NAN = (np.nan, np.nan)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from skymosaic.maps.georeference import Georeference
-from skymosaic.maps.geotiff import watched_by_raster, write_cog
+from skymosaic.maps.geotiff import tee_to_raster, write_cog
 
 rasterio = pytest.importorskip("rasterio")
 cogeo = pytest.importorskip("rio_cogeo.cogeo")
@@ -24,7 +24,7 @@ def written(path: Path, image: np.ndarray, place: Georeference | None = PLACE, c
     shown[100:200] = False
     bands = [(image[rows], shown[rows]) for rows in (slice(512), slice(512, 700))]
     for (passed, _), (given, _) in zip(
-        watched_by_raster(path.with_name("raw.tif"), (600, 700), bands, place), bands, strict=True
+        tee_to_raster(path.with_name("raw.tif"), (600, 700), bands, place), bands, strict=True
     ):
         assert passed is given
     write_cog(path, path.with_name("raw.tif"), compress)

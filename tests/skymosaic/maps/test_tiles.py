@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from skymosaic.maps.georeference import Georeference, on_globe
-from skymosaic.maps.geotiff import watched_by_raster
+from skymosaic.maps.georeference import Georeference, map_to_globe
+from skymosaic.maps.geotiff import tee_to_raster
 from skymosaic.maps.tiles import TILE_PX, write_tiles
 
 pytest.importorskip("rasterio")
@@ -22,7 +22,7 @@ def raster(path: Path, place: Georeference | None) -> Path:
     cv2.circle(picture, SPOT, 12, (0, 0, 255), -1)
     shown = np.ones((HEIGHT, WIDTH), np.bool_)
     shown[:, :100] = False
-    for _ in watched_by_raster(path, (WIDTH, HEIGHT), [(picture, shown)], place):
+    for _ in tee_to_raster(path, (WIDTH, HEIGHT), [(picture, shown)], place):
         pass
     return path
 
@@ -34,7 +34,7 @@ def red(tile: np.ndarray) -> np.ndarray:
 
 def test_tiles_lie_where_web_mercator_puts_them(tmp_path):
     pyramid = write_tiles(tmp_path, raster(tmp_path / "m.tif", PLACE), "a & b", None)
-    longitude, latitude = np.radians(on_globe(np.array([[430_000 + 64.0, 5_190_000 - 21.0]]), "EPSG:32615")[0])
+    longitude, latitude = np.radians(map_to_globe(np.array([[430_000 + 64.0, 5_190_000 - 21.0]]), "EPSG:32615")[0])
     world = np.array([longitude / np.pi + 1, 1 - np.arcsinh(np.tan(latitude)) / np.pi]) / 2
     for zoom in (pyramid.zoom, pyramid.zoom - 1):
         column, row = np.floor(world * 2**zoom).astype(int)

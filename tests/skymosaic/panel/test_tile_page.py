@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import Browser, Page
 
 from skymosaic.maps.georeference import Georeference
-from skymosaic.maps.geotiff import watched_by_raster
+from skymosaic.maps.geotiff import tee_to_raster
 from skymosaic.maps.tiles import write_tiles
 
 pytest.importorskip("rasterio")
@@ -29,7 +29,7 @@ def test_the_tile_page_shows_the_mosaic_and_zooms_without_a_network(tmp_path: Pa
     picture = np.full((HEIGHT, WIDTH, 3), 90, np.uint8)
     cv2.circle(picture, (450, 350), 60, (0, 0, 255), -1)
     shown = np.ones((HEIGHT, WIDTH), np.bool_)
-    for _ in watched_by_raster(tmp_path / "m.tif", (WIDTH, HEIGHT), [(picture, shown)], place):
+    for _ in tee_to_raster(tmp_path / "m.tif", (WIDTH, HEIGHT), [(picture, shown)], place):
         pass
     write_tiles(tmp_path / "tiles", tmp_path / "m.tif", "field", None)
     page = browser.new_page(viewport={"width": 800, "height": 600})

@@ -9,7 +9,7 @@ from skymosaic.errors import InputError
 from skymosaic.flight.picture.mapping import camera_positions, place_on_map, scale_for
 from skymosaic.flight.picture.output import OutputForm
 from skymosaic.geometry.homography import apply
-from skymosaic.imagery.exif import Taken
+from skymosaic.imagery.exif import Metadata
 from skymosaic.imagery.lens import Lens
 from skymosaic.maps.control_points import load_control_points
 from skymosaic.mosaicking.api import planned
@@ -26,7 +26,7 @@ def flight():
 
 def test_cameras_that_lean_are_found_above_where_they_were(flight):
     half_diagonals = flight.camera.focal_px / (np.hypot(*SIZE) / 2)
-    view = SimpleNamespace(size=SIZE, taken=Taken(focal_half_diagonals=half_diagonals))
+    view = SimpleNamespace(size=SIZE, taken=Metadata(focal_half_diagonals=half_diagonals))
     views, members = (view,) * 4, tuple(range(4))
     to_ground = {m: np.linalg.inv(flight.homographies[m]) for m in members}
     layout = SimpleNamespace(members=members, to_reference=lambda _views: to_ground)

@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from skymosaic.compositing.warp import Canvas, backward, footprint
+from skymosaic.compositing.warp import Canvas, footprint, warp_backward
 from skymosaic.thesis.reference.warping import project_to_cylinder, warp_forward
 
 
@@ -22,7 +22,7 @@ def test_forward_leaves_holes_where_it_enlarges_and_backward_none():
     warped = warp_forward(image, zoom, canvas)
     assert (warped[::2, ::2] == 9).all()
     assert np.count_nonzero(warped) == 400
-    assert (backward(image, zoom, canvas) == 9).all()
+    assert (warp_backward(image, zoom, canvas) == 9).all()
 
 
 def test_forward_agrees_with_backward_on_a_smooth_image():
@@ -30,7 +30,7 @@ def test_forward_agrees_with_backward_on_a_smooth_image():
     ramp = np.add.outer(np.arange(100), np.arange(120)).astype(np.uint8)
     turn = np.array([[0.8, -0.6, 60], [0.6, 0.8, 0], [0, 0, 1]])
     canvas = footprint((120, 100), turn)
-    there, back = warp_forward(ramp, turn, canvas), backward(ramp, turn, canvas, border=cv2.BORDER_REPLICATE)
+    there, back = warp_forward(ramp, turn, canvas), warp_backward(ramp, turn, canvas, border=cv2.BORDER_REPLICATE)
     hit = there > 0
     assert hit.sum() > 0.9 * ramp.size
     assert np.abs(there[hit].astype(int) - back[hit]).max() <= 2
