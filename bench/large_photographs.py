@@ -27,7 +27,7 @@ from PIL import Image as PillowImage
 from skymosaic.errors import InputError
 from skymosaic.imagery import images
 from skymosaic.imagery.exif import read_metadata
-from skymosaic.registration.register import WORKING_WIDTH_PX
+from skymosaic.registration.options import WORKING_WIDTH_PX
 
 MOST_SECONDS = 20.0
 MOST_MEMORY_MB = 2048

@@ -20,9 +20,9 @@ from golden_model.arrays import Points
 from skymosaic.flight.picture.mapping import camera_positions
 from skymosaic.geometry.homography import DegenerateError, apply, estimate
 from skymosaic.maps.georeference import fit_to_map, project_to_utm
-from skymosaic.mosaicking.api import planned
+from skymosaic.mosaicking.api import open_plan
 from skymosaic.mosaicking.options import MosaicOptions
-from skymosaic.registration.register import WORKING_WIDTH_PX
+from skymosaic.registration.options import WORKING_WIDTH_PX
 
 DATA = Path(os.environ.get("SKYMOSAIC_DATA", Path(__file__).parents[2] / "shared" / "data")) / "flights"
 
@@ -47,7 +47,7 @@ def main(
     print("|---|---|---|---|---|")
     for folder in folders:
         path = Path(folder) if Path(folder).is_dir() else DATA / folder
-        with planned([path], MosaicOptions(working_width_px=working_width, cache=cache)) as plan:
+        with open_plan([path], MosaicOptions(working_width_px=working_width, cache=cache)) as plan:
             flight, layout = plan.flight, plan.layouts[0]
         members = [member for member in layout.members if flight.views[member].gps is not None]
         transforms = layout.to_reference(flight.views)

@@ -23,7 +23,7 @@ from remembering import RememberingBackend
 from skymosaic import register
 from skymosaic.imagery.images import load, reduce_to_width
 from skymosaic.imagery.photographs import list_sources
-from skymosaic.registration.passes import EFFORTS
+from skymosaic.registration.options import EFFORTS
 
 WIDTH_PX = 640
 FRAMES_A_PHOTOGRAPH = 12

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from golden_model.config import preset_config
 from sim.backends.interface import Progress, silent
 from sim.scene import pair as rendered_pair
 from skymosaic.errors import RegistrationError
@@ -15,13 +14,13 @@ from skymosaic.evaluation.hardware import Comparison, compare
 from skymosaic.evaluation.metrics import grid_error
 from skymosaic.imagery.images import save
 from skymosaic.mosaicking.api import mosaic
+from skymosaic.registration.options import FeatureOptions
 from skymosaic.registration.pair import Pair
-from skymosaic.registration.register import WORKING_WIDTH_PX
 from skymosaic.reports.pages import make_folder
 from skymosaic.reports.pair import write_pair_report
 from skymosaic.stopwatch import Stopwatch
 
-LARGEST_ERROR_PX = 0.5
+MAX_ERROR_PX = 0.5
 
 
 @dataclass(frozen=True)
@@ -76,14 +75,14 @@ def make_demo(folder: Path, seed: int, progress: Progress = silent) -> Demonstra
     clock.lap("drawing")
     assert pair.homography is not None  # mosaic() raises without one
     error_px = grid_error(pair.homography, flight.homography_between(0, 1), pair.left.size, pair.right.size)
-    if error_px >= LARGEST_ERROR_PX:
-        raise RegistrationError(f"mean homography error {error_px:.3f} px; below {LARGEST_ERROR_PX} px expected")
+    if error_px >= MAX_ERROR_PX:
+        raise RegistrationError(f"mean homography error {error_px:.3f} px; below {MAX_ERROR_PX} px expected")
     return Demonstration(
         photographs, folder / "mosaic.png", page.with_name("matches.png"), page, pair, error_px, clock.seconds
     )
 
 
-def simulated(photographs: tuple[Path, Path], backend: str, progress: Progress = silent) -> Comparison:
+def compare_hardware(photographs: tuple[Path, Path], backend: str, progress: Progress = silent) -> Comparison:
     """Compare the simulated hardware with the golden model, which it has to match bit for bit.
 
     Raises
@@ -93,13 +92,7 @@ def simulated(photographs: tuple[Path, Path], backend: str, progress: Progress =
     BackendError
         If the hardware cannot be simulated here, for instance without a compiler.
     """
-    result = compare(
-        *photographs,
-        config=preset_config("aerial"),
-        backend=backend,
-        working_width_px=WORKING_WIDTH_PX,
-        progress=progress,
-    )
+    result = compare(*photographs, FeatureOptions(backend=backend), progress=progress)
     if result.mismatch:
         raise RegistrationError(f"hardware and golden model differ: {result.mismatch}")
     return result

@@ -1,7 +1,8 @@
-"""Reference pages that are written from the code they describe: commands, records, presets, and the blocks."""
+"""Reference pages that are written from the code they describe: commands, options, records, presets, and blocks."""
 
 from __future__ import annotations
 
+from itertools import groupby
 from pathlib import Path
 
 import click
@@ -14,6 +15,8 @@ from golden_model.config import PRESETS, to_toml
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.records import FRAME_STATUS, HYPOTHESIS, MATCH, SCORE, Record, feature_record
 from skymosaic.cli import app
+from skymosaic.mosaicking.options import MosaicOptions
+from skymosaic.registration.options import FeatureOptions, RegistrationOptions, options_of
 
 TOP = Path(__file__).parents[2]
 BLOCK_PACKAGES = {"golden_model": "golden_model.md", "hdl": "hardware.md"}
@@ -25,7 +28,7 @@ _TITLES = {"golden_model": "Golden model", "hdl": "Hardware"}
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the generated pages below ``reference/``."""
-    pages = {"command_line.md": commands(), "records.md": records(), "presets.md": presets()}
+    pages = {"command_line.md": commands(), "options.md": options(), "records.md": records(), "presets.md": presets()}
     pages |= {page: blocks(package) for package, page in BLOCK_PACKAGES.items()}
     for name, text in pages.items():
         files.append(File.generated(config, f"reference/{name}", content=text))
@@ -44,6 +47,27 @@ def commands() -> str:
         text = get_docs_for_click(obj=command, ctx=context, name=f"skymosaic {name}")
         # One heading a command: it would otherwise be the first of the page again.
         parts.append(text.replace("# `", "## `", 1))
+    return "\n".join(parts)
+
+
+def options() -> str:
+    """Every option of the library, group by group."""
+    users = {"extract": FeatureOptions, "register": RegistrationOptions}
+    parts = [
+        "# Options\n",
+        "The fields of `skymosaic.MosaicOptions`, which are also keyword arguments of `mosaic` and `mosaics`. "
+        "`register` and `extract` take those that name them.\n",
+    ]
+    for group, described in groupby(options_of(MosaicOptions), key=lambda each: each.group):
+        parts += [f"## {group}\n", "| option | command line | default | what it does |\n|---|---|---|---|"]
+        for each in described:
+            also = [f"`{user}`" for user, cls in users.items() if each.name in cls.__dataclass_fields__]
+            words = [each.help, *([f"Valid: {each.valid}."] if each.valid else [])]
+            words += [f"Not for two: {each.not_for_two}."] if each.not_for_two else []
+            words += [f"Not for more than two: {each.not_for_more}."] if each.not_for_more else []
+            words += [f"Also of {' and '.join(also)}."] if also else []
+            parts.append(f"| `{each.name}` | `{each.flag}` | `{each.default!r}` | {' '.join(words)} |")
+        parts.append("")
     return "\n".join(parts)
 
 

@@ -7,53 +7,34 @@ from typing import Annotated
 
 import typer
 
-from skymosaic.cli.options import (
-    HARDWARE,
-    AddressOption,
-    ConfigOption,
-    DamagedOption,
-    OverwriteOption,
-    PresetOption,
-    WorkingWidthOption,
-    backend_at,
-    choice,
-    configuration,
-)
+from skymosaic.cli.options import OverwriteOption, with_options
 from skymosaic.cli.session import session
 from skymosaic.evaluation.hardware import compare as compare_pair
 from skymosaic.imagery.images import check_unused
-from skymosaic.registration.register import WORKING_WIDTH_PX
+from skymosaic.registration.options import OUTPUT, FeatureOptions
 
 
+@with_options
 def compare(
     *,
     left: Annotated[Path, typer.Argument(help="Left photograph.")],
     right: Annotated[Path, typer.Argument(help="Right photograph.")],
-    backend: Annotated[str, choice(HARDWARE, "The hardware; rtl is verilator.")] = "rtl",
-    address: AddressOption = None,
-    preset: PresetOption = "aerial",
-    config: ConfigOption = None,
-    working_width_px: WorkingWidthOption = WORKING_WIDTH_PX,
-    damaged: DamagedOption = "refuse",
     waves: Annotated[
-        Path | None, typer.Option(help="VCD file of the simulated run: tens of kilobytes a clock, for small frames.")
+        Path | None,
+        typer.Option(
+            rich_help_panel=OUTPUT, help="VCD file of the simulated run: tens of kilobytes per clock, for small frames."
+        ),
     ] = None,
     overwrite: OverwriteOption = False,
+    options: Annotated[FeatureOptions, ("preset", "config", "backend", "working_width_px", "damaged")] = FeatureOptions(
+        backend="rtl"
+    ),
 ) -> None:
     """Run a pair through the golden model and the hardware; every field of every record has to be equal."""
     if waves:
         check_unused(waves, overwrite=overwrite)
     with session.working("comparing") as step:
-        result = compare_pair(
-            left,
-            right,
-            config=configuration(preset, config),
-            backend=backend_at(backend, address),
-            working_width_px=working_width_px,
-            damaged=damaged,
-            waves=waves,
-            progress=step,
-        )
+        result = compare_pair(left, right, options, waves=waves, progress=step)
     session.numbers = result.summary()
     session.seconds["simulating"] = result.seconds
     session.show(f"NOT EQUAL: {result.mismatch}" if result.mismatch else "equal")

@@ -12,7 +12,7 @@ import typer
 from sim.backends.interface import BACKENDS, BackendError
 from skymosaic.cli.options import OverwriteOption, choice
 from skymosaic.cli.session import session
-from skymosaic.demo import Demonstration, make_demo, simulated
+from skymosaic.demo import Demonstration, compare_hardware, make_demo
 from skymosaic.imagery.images import check_unused
 
 
@@ -55,7 +55,7 @@ def _show_hardware(made: Demonstration, backend: str) -> None:
     start = time.perf_counter()
     try:
         with session.working("simulating the hardware") as step:
-            result = simulated(made.photographs, backend, step)
+            result = compare_hardware(made.photographs, backend, step)
     except BackendError as error:
         session.warn(f"hardware not simulated: {error}")
         return

@@ -12,12 +12,13 @@ import typer
 
 from golden_model.config import Config
 from hdl.export.boards import ALL_BOARDS, SERIAL_BOARD
-from skymosaic.cli.options import ConfigOption, OverwriteOption, PresetOption, choice, configuration
+from skymosaic.cli.options import OverwriteOption, choice, with_options
 from skymosaic.cli.session import session
 from skymosaic.errors import InputError
 from skymosaic.fuzzy.fll import load_system
 from skymosaic.fuzzy.golden import ENTRIES, quantise
 from skymosaic.imagery.images import check_unused
+from skymosaic.registration.options import FeatureOptions
 from skymosaic.temporary import temporary_folder
 
 BUILD = {"lanes": 16, "max_width_px": 1920, "max_height_px": 1080, "video_bits": 32}
@@ -25,6 +26,7 @@ BUILD = {"lanes": 16, "max_width_px": 1920, "max_height_px": 1080, "video_bits":
 LIVE_BUILD = BUILD | {"video_bits": 24}
 
 
+@with_options
 def export(
     *,
     board: Annotated[str | None, choice(ALL_BOARDS, "The kit.")] = None,
@@ -32,8 +34,7 @@ def export(
     live: Annotated[bool, typer.Option("--live", help="For a camera: packets of every frame go to memory.")] = False,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")],
     overwrite: OverwriteOption = False,
-    preset: PresetOption = "aerial",
-    config: ConfigOption = None,
+    options: Annotated[FeatureOptions, ("preset", "config")],
     lanes: Annotated[
         int | None, typer.Option(help="Descriptors compared at a time, a power of two: usually 16, on the ulx3s 4.")
     ] = None,
@@ -64,7 +65,7 @@ def export(
     build = (LIVE_BUILD if live else BUILD) | asked
     if build_it and board != SERIAL_BOARD:
         raise InputError(f"--build makes the bitstream of --board {SERIAL_BOARD}; leave it out, or use Vivado")
-    if block is not None and (asked or preset != "aerial" or config is not None):
+    if block is not None and (asked or options != FeatureOptions()):
         raise InputError("--block takes no option of the whole accelerator (--lanes, --preset, ...); leave it out")
     _check_rules(block, rules, entries)
     check_unused(output, overwrite=overwrite)
@@ -75,10 +76,10 @@ def export(
     elif block is not None:
         write = partial(_export_block, name=block)
     elif board == SERIAL_BOARD:
-        own = None if preset == "aerial" and config is None else configuration(preset, config)
+        own = None if options == FeatureOptions() else options.base_config
         write = partial(_export_serial, config=own, build=asked, build_it=build_it)
     else:
-        write = partial(_export_accelerator, board=board, config=configuration(preset, config), build=build)
+        write = partial(_export_accelerator, board=board, config=options.base_config, build=build)
     with session.working("writing Verilog"):
         _write_whole(output, write)
     session.wrote(output)

@@ -9,18 +9,7 @@ from typing import Annotated
 
 import typer
 
-from skymosaic.cli.options import (
-    AddressOption,
-    BackendOption,
-    ConfigOption,
-    OverwriteOption,
-    PresetOption,
-    SeedOption,
-    StrictOption,
-    WorkingWidthOption,
-    backend_at,
-    configuration,
-)
+from skymosaic.cli.options import OverwriteOption, StrictOption, with_options
 from skymosaic.cli.session import session
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.imagery import images
@@ -31,72 +20,46 @@ from skymosaic.imagery.photographs import is_folder
 from skymosaic.live.mosaic import LiveMosaic, LiveUpdate
 from skymosaic.live.pace import Pace
 from skymosaic.mosaicking.options import MosaicOptions
-from skymosaic.registration.register import WORKING_WIDTH_PX
+from skymosaic.registration.options import INPUT, OUTPUT, options_of
 
 PREVIEW_WIDTH_PX = 1280
 PREVIEW_SECONDS = 1.0
-NOT_LIVE = {
-    "blending": "--blend",
-    "detector": "--detector",
-    "descriptor": "--descriptor",
-    "estimator": "--estimator",
-    "refine": "--refine",
-    "damaged": "--damaged",
-    "lens": "--camera or --mask",
-    "all_groups": "--all-groups",
-    "scheduler": "--scheduler",
-    "cache": "--cache",
-    "memory_bytes": "--memory",
-}
-"""Options of a mosaic that a live mosaic does not have."""
+LIVE_OPTIONS = tuple(each.name for each in options_of(MosaicOptions) if each.live)
 
 IdleOption = Annotated[
     float | None,
-    typer.Option("--idle-seconds", min=0, help="End a live mosaic when the folder got no new file for so long."),
+    typer.Option(min=0, rich_help_panel=INPUT, help="End a live mosaic when the folder got no new file for so long."),
 ]
 
 
+@with_options
 def live(
     *,
     source: Annotated[str, typer.Argument(help="A folder that fills, a video or its address, a camera's number.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="The mosaic, written at the end: .png, .tif ...")],
+    output: Annotated[
+        Path,
+        typer.Option("-o", "--output", rich_help_panel=OUTPUT, help="The mosaic, written at the end: .png, .tif ..."),
+    ],
     overwrite: OverwriteOption = False,
     strict: StrictOption = False,
     idle_seconds: IdleOption = None,
-    scale: Annotated[float, typer.Option(help="Size of the mosaic against the frames.")] = 1.0,
-    band: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Of multi-band sets: the band that is shown, e.g. green or 2.")
-    ] = None,
-    preset: PresetOption = "aerial",
-    backend: BackendOption = "golden",
-    address: AddressOption = None,
-    config: ConfigOption = None,
-    working_width_px: WorkingWidthOption = WORKING_WIDTH_PX,
-    seed: SeedOption = 0,
+    options: Annotated[MosaicOptions, LIVE_OPTIONS],
 ) -> None:
     """Grow a mosaic frame by frame, with a preview beside it; Ctrl-C stops and writes it."""
-    options = MosaicOptions(
-        scale=scale,
-        config=configuration(preset, config),
-        backend=backend_at(backend, address),
-        seed=seed,
-        working_width_px=working_width_px,
-        band=band,
-    )
     _grow_and_write(source, output, options, idle_seconds, overwrite=overwrite, strict=strict)
 
 
 def grow_instead(
     photographs: Sequence[str],
     output: Path,
-    report_folder: Path | None,
     options: MosaicOptions,
     idle_seconds: float | None,
+    others: Mapping[str, object],
     *,
     overwrite: bool,
     strict: bool,
 ) -> None:
-    """`live` for ``skymosaic mosaic --live``.
+    """`live` for ``skymosaic mosaic --live``; ``others`` are options by their flags that a live mosaic does not have.
 
     Raises
     ------
@@ -105,9 +68,10 @@ def grow_instead(
     """
     if len(photographs) != 1:
         raise InputError(f"--live takes one folder, video or camera, not {len(photographs)}")
-    usual = MosaicOptions()
-    useless = [flag for name, flag in NOT_LIVE.items() if getattr(options, name) != getattr(usual, name)]
-    useless += ["--report"] if report_folder else []
+    useless = [
+        each.flag for each in options_of(MosaicOptions) if not each.live and getattr(options, each.name) != each.default
+    ]
+    useless += [flag for flag, value in others.items() if value]
     if useless:
         raise InputError(
             f"{', '.join(useless)}: no effect with --live, which adds one frame at a time; leave out either"
@@ -128,8 +92,8 @@ def _grow_and_write(
     preview = output.with_suffix(".preview.jpg")
     images.check_unused(preview, overwrite=overwrite)
     mosaic = LiveMosaic(
-        options.usual_config,
-        options.backend,
+        options.base_config,
+        options.backend_name,
         seed=options.seed,
         working_width_px=options.working_width_px,
         scale=options.scale,
@@ -137,7 +101,7 @@ def _grow_and_write(
     )
     made = output, preview
     frames = read_live_frames(source, idle_seconds=idle_seconds, tell=session.tell, made=made, band=options.band)
-    pace = Pace(options.usual_config, options.backend)
+    pace = Pace(options.base_config, options.backend_name)
     try:
         grow(mosaic, frames, preview, pace)
     except KeyboardInterrupt:

@@ -1,35 +1,33 @@
-"""Options and helpers that several commands share."""
+"""Makes Typer parameters of the library's options, and the options of what the user typed."""
 
 from __future__ import annotations
 
+import dataclasses
+import functools
 import importlib
-from collections.abc import Iterable
+import inspect
+import math
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from types import ModuleType
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args, get_type_hints
 
 import typer
 from rich.table import Table
 from rich.text import Text
 
-from golden_model.config import PRESETS, Config, load_config, preset_config
+from golden_model.config import load_config
 from golden_model.text import how_to_install, one_line
-from sim.backends.interface import BACKENDS
+from sim.simulators.build_cache import cache_folder
 from skymosaic.cli.session import session
 from skymosaic.errors import InputError
-from skymosaic.features.descriptors import DESCRIPTORS
-from skymosaic.features.detectors import DETECTORS
-from skymosaic.geometry.estimators import ESTIMATORS
-from skymosaic.imagery import images
-from skymosaic.imagery.images import DAMAGED
+from skymosaic.imagery.lens import load_lens
+from skymosaic.maps.control_points import load_control_points
+from skymosaic.registration.options import INPUT, MACHINE, OUTPUT, FeatureOptions, Option, options_of
 from skymosaic.registration.pair import Pair
-from skymosaic.registration.passes import EFFORTS
-
-HARDWARE = tuple(name for name in BACKENDS if name != "golden")
-"""Backends that can differ from the golden model."""
 
 
-def choice(names: Iterable[str], help_text: str, *declarations: str, panel: str | None = None) -> Any:
+def choice(names: Iterable[str], help_text: str, *declarations: str, group: str | None = None) -> Any:
     """An option that takes one of ``names``: the help lists them, and the shell completes them.
 
     The names are checked where they are used, so that Python, the command line and the panel give one message.
@@ -40,43 +38,111 @@ def choice(names: Iterable[str], help_text: str, *declarations: str, panel: str 
         help=help_text,
         metavar="|".join(listed),
         autocompletion=lambda: list(listed),
-        rich_help_panel=panel,
+        rich_help_panel=group,
     )
 
 
-PresetOption = Annotated[str, choice(PRESETS, "The project's own algorithm, or what the thesis describes.")]
-BackendOption = Annotated[str, choice(BACKENDS, "What computes features and matches; rtl is verilator.")]
-AddressOption = Annotated[
-    str | None, typer.Option(metavar="HOST[:PORT]", help="Address of the board, for --backend board.")
-]
-DetectorOption = Annotated[
-    str | None, choice(DETECTORS, "Corners; by default as configured, or what suits the descriptor.")
-]
-DescriptorOption = Annotated[
-    str | None, choice(DESCRIPTORS, "Descriptor; by default as configured, or what suits the detector.")
-]
-EstimatorOption = Annotated[str, choice(ESTIMATORS, "Robust estimator of the homography.")]
-ConfigOption = Annotated[Path | None, typer.Option("--config", help="TOML file that overrides the preset.")]
-WorkingWidthOption = Annotated[
-    int, typer.Option("--working-width", min=images.MIN_SIDE_PX, max=4096, help="Pixels wide during registration.")
-]
-SeedOption = Annotated[int, typer.Option(min=0, help="Seed of the robust estimator.")]
-RefineOption = Annotated[
-    bool, typer.Option("--refine", help="Second, guided pass; its result counts only if it fits unseen matches better.")
-]
-EffortOption = Annotated[
-    str | None,
-    choice(EFFORTS, "One pass; more frames where that is weak (normal, the default); always three scales (thorough)."),
-]
 OverwriteOption = Annotated[
-    bool, typer.Option("--overwrite", help="Replace files that exist; without it they are refused.")
+    bool,
+    typer.Option("--overwrite", rich_help_panel=OUTPUT, help="Replace files that exist; without it they are refused."),
 ]
 StrictOption = Annotated[
-    bool, typer.Option("--strict", help="Exit status 3, and no mosaic, if a photograph is left out; else a warning.")
+    bool,
+    typer.Option(
+        "--strict",
+        rich_help_panel=OUTPUT,
+        help="Exit status 3, and no mosaic, if a photograph is left out; else a warning.",
+    ),
 ]
-DamagedOption = Annotated[
-    str, choice(DAMAGED, "A damaged JPEG: refuse it (a flight leaves it out), or keep what can be decoded.")
+PhotographsArgument = Annotated[
+    list[str],
+    typer.Argument(help="Overlapping photographs, folders of them, or a video.", metavar="PHOTOGRAPHS|FOLDER|VIDEO"),
 ]
+# Options that are typed in two parts.
+AddressOption = Annotated[
+    str | None, typer.Option(metavar="HOST[:PORT]", rich_help_panel=MACHINE, help="Of the board, for --backend board.")
+]
+CameraOption = Annotated[
+    Path | None, typer.Option(rich_help_panel=INPUT, help="TOML file with intrinsics and distortion.")
+]
+MaskOption = Annotated[
+    Path | None, typer.Option(rich_help_panel=INPUT, help="Picture, black where photographs show no ground.")
+]
+
+
+def with_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Have the user type the command's parameter ``options``, an object of the library, option by option.
+
+    The parameter's annotation names the class and, with ``Annotated``, those of its options that the command has. A
+    default of the parameter holds other defaults than the class.
+    """
+    signature = inspect.signature(command, eval_str=True)
+    declared = signature.parameters["options"]
+    cls, names = get_args(declared.annotation) or (declared.annotation, None)
+    usual = cls() if declared.default is inspect.Parameter.empty else declared.default
+    options = [each for each in options_of(cls) if names is None or each.name in names]
+    typed = {name: parameter for each in options for name, parameter in _parameters(each, usual)}
+
+    @functools.wraps(command)
+    def run(**values: Any) -> None:
+        command(options=_read(usual, {name: values.pop(name) for name in typed}), **values)
+
+    others = [each for each in signature.parameters.values() if each is not declared]
+    vars(run)["__signature__"] = signature.replace(parameters=[*others, *typed.values()])
+    return run
+
+
+def _parameters(option: Option, usual: FeatureOptions) -> Iterator[tuple[str, inspect.Parameter]]:
+    """What the user types for one option."""
+    annotations: dict[str, Any] = {"camera": CameraOption, "mask": MaskOption}
+    if option.name != "lens":
+        of_type = {"backend": str, "config": Path | None, "control": Path | None}.get(option.name)
+        of_type = of_type or get_type_hints(type(usual))[option.name]
+        annotations = {option.name: Annotated[of_type, _typer_option(option)]}
+    if option.name == "backend":
+        annotations["address"] = AddressOption
+    for name, annotation in annotations.items():
+        default = getattr(usual, name, None)
+        typed = default // option.flag_unit if default is not None and option.flag_unit > 1 else default
+        yield name, inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=typed, annotation=annotation)
+
+
+def _typer_option(option: Option) -> Any:
+    if option.choices:
+        return choice(option.choices, option.help, option.flag, group=option.group)
+    minimum = None if option.minimum is None else math.ceil(option.minimum / option.flag_unit)
+    return typer.Option(option.flag, help=option.help, min=minimum, max=option.maximum, rich_help_panel=option.group)
+
+
+def _read(usual: FeatureOptions, typed: dict[str, Any]) -> FeatureOptions:
+    """The options that the user typed, with the files that they name.
+
+    Raises
+    ------
+    InputError
+        For an unusable file, an unknown name, an impossible value or combination.
+    """
+    units = {each.name: each.flag_unit for each in options_of(type(usual))}
+    values = {name: value * units[name] if units.get(name, 1) > 1 else value for name, value in typed.items()}
+    camera, mask, address = (values.pop(name, None) for name in ("camera", "mask", "address"))
+    if camera or mask:
+        values["lens"] = load_lens(camera, mask)
+    if address:
+        if values["backend"] != "board":
+            raise InputError(f"--address {address} is for a board; add --backend board, or leave it out")
+        values["backend"] = f"board:{address}"
+    if values.get("config"):
+        try:
+            values["config"] = load_config(values["config"], values["preset"])
+        except ValueError as error:
+            raise InputError(str(error)) from None
+    if values.get("control"):
+        values["control"] = load_control_points(values["control"])
+    if "cache" in values:
+        values["default_cache"] = cache_folder() / "flights"
+    options = dataclasses.replace(usual, **values)
+    options.check()
+    return options
 
 
 def plotting_module(name: str) -> ModuleType:
@@ -91,21 +157,6 @@ def plotting_module(name: str) -> ModuleType:
         return importlib.import_module(name)
     except ImportError:
         raise InputError(f"pictures need matplotlib; {how_to_install('plots')}") from None
-
-
-def backend_at(backend: str, address: str | None) -> str:
-    """The name of the backend; of a board with its address, ``board:HOST[:PORT]``.
-
-    Raises
-    ------
-    InputError
-        For an address without the backend ``board``.
-    """
-    if address is None:
-        return backend
-    if backend != "board":
-        raise InputError(f"--address {address} is for a board; add --backend board, or leave it out")
-    return f"{backend}:{address}"
 
 
 def print_pair(pair: Pair) -> None:
@@ -123,17 +174,3 @@ def print_pair(pair: Pair) -> None:
         for note in photograph.notes:
             table.add_row("note", Text(one_line(f"{photograph.name}: {note}")))
     session.show(table)
-
-
-def configuration(preset: str, file: Path | None) -> Config:
-    """The configuration of a file, or of a preset.
-
-    Raises
-    ------
-    InputError
-        For an unknown preset, key or value.
-    """
-    try:
-        return load_config(file, preset) if file else preset_config(preset)
-    except (OSError, ValueError) as error:
-        raise InputError(str(error)) from None

@@ -10,20 +10,12 @@ from typing import Annotated
 
 import typer
 
-from skymosaic.cli.options import (
-    AddressOption,
-    BackendOption,
-    ConfigOption,
-    OverwriteOption,
-    PresetOption,
-    SeedOption,
-    backend_at,
-    configuration,
-)
+from skymosaic.cli.options import OverwriteOption, with_options
 from skymosaic.cli.session import session
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.imagery import images
 from skymosaic.imagery.video import OUTPUT_SUFFIXES, VideoReader, write_video
+from skymosaic.registration.options import RegistrationOptions
 from skymosaic.tracking.output import TABLE_SUFFIXES, TrackedCorners, outlined, row, save_corners
 from skymosaic.tracking.template import Roi
 from skymosaic.tracking.tracker import track as track_frames
@@ -32,6 +24,7 @@ LINE_EVERY = 100
 """Frames between two lines of progress where it is not drawn in place."""
 
 
+@with_options
 def track(
     *,
     inputs: Annotated[
@@ -43,11 +36,7 @@ def track(
     ] = None,
     corners: Annotated[Path | None, typer.Option(help="The corners in every frame: .csv or .json.")] = None,
     overwrite: OverwriteOption = False,
-    preset: PresetOption = "aerial",
-    backend: BackendOption = "golden",
-    address: AddressOption = None,
-    config: ConfigOption = None,
-    seed: SeedOption = 0,
+    options: Annotated[RegistrationOptions, ("preset", "config", "backend", "seed")],
 ) -> None:
     """Follow an object: its outline in every frame of a video, and its corners as numbers."""
     template, video = _template_and_video(inputs, roi)
@@ -55,9 +44,8 @@ def track(
     images.check_output(output, names, OUTPUT_SUFFIXES, overwrite=overwrite)
     if corners:
         images.check_output(corners, names, TABLE_SUFFIXES, overwrite=overwrite)
-    computed_by = backend_at(backend, address)
     reader = VideoReader(video)
-    frames = track_frames(template, reader, config=configuration(preset, config), backend=computed_by, seed=seed)
+    frames = track_frames(template, reader, config=options.base_config, backend=options.backend_name, seed=options.seed)
     rows: list[TrackedCorners] = []
     start = time.perf_counter()
     with session.working("tracking") as step, write_video(output, reader.frame_rate) as write:

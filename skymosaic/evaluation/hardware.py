@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from golden_model.arrays import Pixels
-from golden_model.config import Config
 from golden_model.timing import Timeline
 from sim.backends.interface import Mismatch, load_backend, silent
 from sim.simulators.scoreboard import Coverage, first_clock_mismatch, first_mismatch, predicted
-from skymosaic.imagery.images import keeps_damaged, load, reduce_to_width
+from skymosaic.imagery.images import load, reduce_to_width
+from skymosaic.registration.options import FeatureOptions
 from skymosaic.registration.register import extract_within_capacity
 
 
@@ -70,26 +70,17 @@ class Comparison:
 def compare(
     left: str | Path | Pixels,
     right: str | Path | Pixels,
+    options: FeatureOptions,
     *,
-    config: Config,
-    backend: str,
-    working_width_px: int,
-    damaged: str = "refuse",
     waves: Path | None = None,
     progress: Callable[[str], None] = silent,
 ) -> Comparison:
-    """Run a pair through the golden model and ``backend`` and compare the results.
+    """Run a pair through the golden model and the backend of ``options``, and compare the results.
 
     Parameters
     ----------
     left, right : path or ndarray of uint8
-    config : Config
-    backend : str
-        As for `skymosaic.registration.register.register`.
-    working_width_px : int
-        Wider photographs are reduced to this width first.
-    damaged : {"refuse", "keep"}
-        As for `skymosaic.registration.register.register`.
+    options : FeatureOptions
     waves : Path or None
         File for the waves (VCD) of a simulation: tens of kilobytes per clock cycle, so for small frames only.
     progress : callable
@@ -99,13 +90,13 @@ def compare(
     -------
     Comparison
     """
-    keep = keeps_damaged(damaged)
+    options.check()
     frames = [
-        reduce_to_width(load(image, name, keep_damaged=keep).pixels, working_width_px)[0]
+        reduce_to_width(load(image, name, keep_damaged=options.keeps_damaged).pixels, options.working_width_px)[0]
         for image, name in ((left, "left image"), (right, "right image"))
     ]
-    golden, config = extract_within_capacity(load_backend("golden"), frames, config)
-    hardware = load_backend(backend, progress=progress, waves=waves)
+    golden, config = extract_within_capacity(load_backend("golden"), frames, options.base_config)
+    hardware = load_backend(options.backend_name, progress=progress, waves=waves)
     if waves is None:
         # The first run may build the simulator, so only the second one is timed.
         hardware.run(frames, config)

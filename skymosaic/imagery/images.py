@@ -214,13 +214,6 @@ def save(path: Path, pixels: Intensities) -> None:
     save_bytes(path, encoded.tobytes())
 
 
-def keeps_damaged(choice: str) -> bool:
-    """Whether damaged photographs are kept, by the option of that name; raises InputError for another choice."""
-    if choice not in DAMAGED:
-        raise InputError(f"damaged is {choice!r}; valid: {', '.join(DAMAGED)}")
-    return choice == "keep"
-
-
 def save_bytes(path: Path, data: bytes) -> None:
     """Write ``data`` under a temporary name beside ``path``, then rename it."""
     with write_atomically(path) as temporary:

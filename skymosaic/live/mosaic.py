@@ -24,7 +24,8 @@ from skymosaic.flight.linking.resemblance import votes
 from skymosaic.geometry.homography import apply, estimate, resize_matrix
 from skymosaic.imagery.images import reduce_for_front_end
 from skymosaic.live.submap import Frame, Placement, Submap
-from skymosaic.registration.register import WORKING_WIDTH_PX, extract_within_capacity
+from skymosaic.registration.options import WORKING_WIDTH_PX
+from skymosaic.registration.register import extract_within_capacity
 
 LATEST = 3
 """A new frame is first matched with this many of the latest frames."""

@@ -1,11 +1,12 @@
-"""From overlapping photographs to one mosaic: the functions of the API, and the context of a plan."""
+"""The functions of the Python API that make mosaics, and the plan that the command line and the panel work with."""
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Unpack
 
 from golden_model.arrays import Pixels
 from skymosaic.errors import InputError
@@ -15,23 +16,30 @@ from skymosaic.imagery.band_sets import group_band_sets
 from skymosaic.imagery.key_frames import flight_sources
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source, forget_decoded
-from skymosaic.mosaicking.options import MosaicOptions
+from skymosaic.mosaicking.options import MosaicKeywords, MosaicOptions
 from skymosaic.mosaicking.plan import MosaicPlan
 from skymosaic.mosaicking.result import Mosaic
 from skymosaic.registration.pair import Pair
 
 
-def mosaic(images: Sequence[str | Path | Pixels], *, progress: Progress = silent, **options: Any) -> Mosaic:
+def mosaic(
+    images: Sequence[str | Path | Pixels],
+    options: MosaicOptions | None = None,
+    *,
+    progress: Progress = silent,
+    **changes: Unpack[MosaicKeywords],
+) -> Mosaic:
     """Make a mosaic of overlapping photographs; of several groups, the largest.
 
     Parameters
     ----------
     images : sequence of paths or arrays
         At least two photographs; a folder stands for its pictures, a video for its key frames.
+    options : MosaicOptions, optional
     progress : callable
         Receives a stage, how many of its steps are done, and how many there are (0: unknown).
-    **options
-        The attributes of `MosaicOptions`.
+    **changes
+        Single options by the names of `MosaicOptions`; they take precedence over ``options``.
 
     Raises
     ------
@@ -49,40 +57,49 @@ def mosaic(images: Sequence[str | Path | Pixels], *, progress: Progress = silent
     >>> result.transforms[1].shape, result.image.dtype
     ((3, 3), dtype('uint8'))
     """
-    if options.get("all_groups"):
-        raise InputError("all groups: mosaic() makes one mosaic; call mosaics() for one of each group")
-    return next(mosaics(images, progress=progress, **options))
+    options = dataclasses.replace(options or MosaicOptions(), **changes)
+    if options.all_groups:
+        raise InputError("all_groups: mosaic() makes one mosaic; call mosaics() for one of each group")
+    return next(mosaics(images, options, progress=progress))
 
 
-def mosaics(images: Sequence[str | Path | Pixels], *, progress: Progress = silent, **options: Any) -> Iterator[Mosaic]:
+def mosaics(
+    images: Sequence[str | Path | Pixels],
+    options: MosaicOptions | None = None,
+    *,
+    progress: Progress = silent,
+    **changes: Unpack[MosaicKeywords],
+) -> Iterator[Mosaic]:
     """Make a mosaic of each group of photographs that overlap, the largest first; arguments as `mosaic`."""
-    with planned(images, MosaicOptions(**options), progress) as plan:
+    options = dataclasses.replace(options or MosaicOptions(), **changes)
+    with open_plan(images, options, progress) as plan:
         for layout in plan.layouts:
             yield plan.mosaic(layout)
 
 
-def mosaic_of_pair(pair: Pair, **options: Any) -> Mosaic:
+def mosaic_of_pair(pair: Pair, options: MosaicOptions | None = None, **changes: Unpack[MosaicKeywords]) -> Mosaic:
     """Blend a registered pair; the time it takes is added to ``pair.seconds``.
 
     Parameters
     ----------
     pair : Pair
-    **options
-        Those of `MosaicOptions` that come after the registration: blending, scale, canvas_limit_px, memory_bytes.
+    options, **changes
+        As `mosaic`; those of the registration have no effect any more.
 
     Raises
     ------
     InputError, RegistrationError
         As `mosaic`.
     """
+    options = dataclasses.replace(options or MosaicOptions(), **changes)
     sources = [Source(side, photo.name, photo.pixels) for side, photo in enumerate((pair.left, pair.right))]
-    with planned_sources(sources, MosaicOptions(**options)) as plan:
+    with open_plan_of_sources(sources, options) as plan:
         plan.flight = flight_of_pair(pair, sources, Lens())
         return plan.mosaic(plan.layouts[0])
 
 
 @contextmanager
-def planned(
+def open_plan(
     images: Sequence[str | Path | Pixels],
     options: MosaicOptions,
     progress: Progress = silent,
@@ -106,20 +123,20 @@ def planned(
     progress("reading", 0, 0)
     with flight_sources(images, tell) as sources:
         captures = group_band_sets(sources, options.band, tell)
-        with planned_sources(captures, options, progress, tell) as plan:
+        with open_plan_of_sources(captures, options, progress, tell) as plan:
             yield plan
 
 
 @contextmanager
-def planned_sources(
+def open_plan_of_sources(
     sources: Sequence[Source],
     options: MosaicOptions,
     progress: Progress = silent,
     tell: Callable[[str], None] = lambda _line: None,
 ) -> Iterator[MosaicPlan]:
-    """`planned` for photographs that are already listed."""
-    options.check(len(sources))
-    sources = [source.with_damaged(keep=options.damaged == "keep") for source in sources]
+    """`open_plan` for photographs that are already listed."""
+    options.check_for(len(sources))
+    sources = [source.with_damaged(keep=options.keeps_damaged) for source in sources]
     try:
         with Workers(options.scheduler, progress=progress) as workers:
             yield MosaicPlan(sources, options, workers, tell)

@@ -6,6 +6,7 @@ import dataclasses
 import re
 import time
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -33,6 +34,28 @@ from skymosaic.mosaicking.result import Mosaic
 from skymosaic.registration.pair import Pair
 from skymosaic.registration.register import register_photographs
 from skymosaic.stopwatch import Stopwatch
+
+
+@dataclass(frozen=True)
+class Style:
+    """How photographs become one picture; see `skymosaic.flight.picture.composition.compose` for the last three.
+
+    Attributes
+    ----------
+    blending : str
+        Default method.
+    equalise, seams, own_frame : bool
+    """
+
+    blending: str
+    equalise: bool
+    seams: bool
+    own_frame: bool
+
+
+PAIR = Style("distance", equalise=False, seams=False, own_frame=False)
+FLIGHT = Style("multiband", equalise=True, seams=True, own_frame=True)
+"""Averaging would blur many photographs, of which ten may show the same ground: flights are cut along seams."""
 
 
 class MosaicPlan:
@@ -65,10 +88,8 @@ class MosaicPlan:
     def flight(self) -> Flight:
         """Features, links and layouts; computed when they are first needed."""
         if len(self.sources) == 2:
-            return self._registered()
-        options = self.options
-        cache = ResultCache(options.cache or options.default_cache, required=options.cache is not None, tell=self._tell)
-        return survey(self.sources, options.settings(), options.seed, self._workers, cache)
+            return self._register()
+        return survey_sources(self.sources, self.options, self._workers, self._tell)
 
     @property
     def layouts(self) -> tuple[Layout, ...]:
@@ -195,8 +216,8 @@ class MosaicPlan:
             record_output(path, photographs)
         return deliveries
 
-    def _registered(self) -> Flight:
-        """Two photographs, registered as a pair."""
+    def _register(self) -> Flight:
+        """Register two photographs, and keep them decoded for the picture."""
         options, lens = self.options, self.options.lens or Lens()
         self._workers.progress("registering", 0, 0)
         clock = Stopwatch()
@@ -204,20 +225,12 @@ class MosaicPlan:
         clock.lap("reading")
         pair = register_photographs(
             (left, right),
-            config=options.usual_config,
-            detector=options.detector,
-            descriptor=options.descriptor,
-            estimator=options.estimator,
-            effort=options.effort,
-            backend=options.backend,
-            seed=options.seed,
-            working_width_px=options.working_width_px,
-            refine=options.refine,
+            options,
             lens=lens,
             seconds=clock.seconds,
             progress=lambda line: self._workers.progress(line, 0, 0),
         )
-        bend = bend_of(pair, options.warp)
+        bend = fit_bend(pair, options.warp)
         if bend is not None:
             self.sources = [dataclasses.replace(self.sources[0], bend=bend), self.sources[1]]
             left = dataclasses.replace(left, pixels=np.asarray(bend(left.pixels), dtype=np.uint8))
@@ -226,8 +239,16 @@ class MosaicPlan:
         return flight_of_pair(pair, self.sources, lens)
 
 
-def bend_of(pair: Pair, warp: str) -> Callable[[Intensities], Intensities] | None:
-    """What bends the left photograph of a pair as ``warp`` says; None where nothing does.
+def survey_sources(
+    sources: Sequence[Source], options: MosaicOptions, workers: Workers, tell: Callable[[str], None]
+) -> Flight:
+    """Link and lay out a flight's photographs; features and links come from the cache where it has them."""
+    cache = ResultCache(options.cache or options.default_cache, required=options.cache is not None, tell=tell)
+    return survey(sources, options.flight_settings(), options.seed, workers, cache)
+
+
+def fit_bend(pair: Pair, warp: str) -> Callable[[Intensities], Intensities] | None:
+    """Fit what bends the left photograph of a pair to follow the relief; None where nothing is to be bent.
 
     Parameters
     ----------

@@ -1,7 +1,4 @@
-"""The options of a run and their values.
-
-Every list of values is the library's own, so the panel offers exactly what the library has.
-"""
+"""The options of a run: those of the library, the slider, and the fuzzy rules."""
 
 from __future__ import annotations
 
@@ -9,32 +6,25 @@ import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
-from golden_model.config import PRESETS, RULE_BASES, Config, preset_config
+from golden_model.config import RULE_BASES, Config, preset_config
 from sim.backends.interface import BACKENDS
-from skymosaic.compositing.blend import METHODS as BLENDINGS
 from skymosaic.errors import InputError
-from skymosaic.features.descriptors import DESCRIPTORS
-from skymosaic.features.detectors import DETECTORS, FRONT_END_DETECTORS
-from skymosaic.features.methods import Method, check_backend, choose_method
-from skymosaic.geometry.estimators import ESTIMATORS
+from skymosaic.features.detectors import FRONT_END_DETECTORS
+from skymosaic.features.methods import choose_method
+from skymosaic.mosaicking.options import MosaicOptions
+from skymosaic.registration.options import options_of
 
-SOFTWARE = "golden"
-DAMAGED = ("refuse", "keep")
 AUTOMATIC = "automatic"
-"""The library's default blending: by distance for two photographs, multi-band along seams for more."""
+"""What the page shows for the library's default blending, which is None."""
 # "verilator" is left out because "rtl" is another name for it.
-HARDWARE = tuple(name for name in BACKENDS if name not in (SOFTWARE, "verilator"))
-OPTION_VALUES = {
-    "preset": tuple(PRESETS),
-    "detector": DETECTORS,
-    "descriptor": DESCRIPTORS,
+HARDWARE = tuple(name for name in BACKENDS if name not in ("golden", "verilator"))
+OPTION_VALUES = {each.name: each.choices for each in options_of(MosaicOptions) if each.choices}
+OPTION_VALUES |= {
     "rule_base": RULE_BASES,
-    "estimator": ESTIMATORS,
-    "blending": (AUTOMATIC, *BLENDINGS),
-    "backend": (SOFTWARE, *HARDWARE),
-    "damaged": DAMAGED,
+    "blending": (AUTOMATIC, *OPTION_VALUES["blending"]),
+    "backend": ("golden", *HARDWARE),
 }
-"""The values of each option."""
+"""The values that the page offers for each option: those that the library has."""
 
 
 @dataclass(frozen=True)
@@ -80,20 +70,12 @@ SCALES = {
 STRONGEST = Scale("Strongest key points", 14, 22, steps_per_octave=2)
 
 
-@dataclass(frozen=True)
-class Options:
-    """The options of a run; ``position`` is the slider's, the others are named as on the command line."""
+@dataclass(frozen=True, kw_only=True)
+class Options(MosaicOptions):
+    """The options of a run; ``position`` is the slider's, ``rule_base`` that of the matcher's configuration."""
 
-    preset: str
-    detector: str
-    descriptor: str
     position: int
     rule_base: str
-    estimator: str = "prosac"
-    blending: str = AUTOMATIC
-    backend: str = SOFTWARE
-    refine: bool = False
-    damaged: str = DAMAGED[0]
 
     @classmethod
     def of_preset(cls, preset: str) -> Options:
@@ -104,7 +86,7 @@ class Options:
             preset=preset,
             detector=detector,
             descriptor=config.front_end.descriptor,
-            position=_usual_position(config, detector),
+            position=_default_position(config, detector),
             rule_base=config.matcher.rule_base,
         )
 
@@ -112,51 +94,44 @@ class Options:
         """These options with one of them changed; a new preset resets all others, a new detector the slider."""
         if name == "preset":
             return Options.of_preset(value)
-        changed = dataclasses.replace(self, **{name: value})
+        change: dict[str, Any] = {name: None if value == AUTOMATIC else value}
+        changed = dataclasses.replace(self, **change)
         if name == "detector":
-            position = _usual_position(preset_config(self.preset), changed.detector)
-            return dataclasses.replace(changed, position=position)
+            return dataclasses.replace(changed, position=_default_position(preset_config(self.preset), value))
         return changed
 
+    def shown(self, name: str) -> Any:
+        """The value of an option as the page offers it."""
+        value = getattr(self, name)
+        return AUTOMATIC if name == "blending" and value is None else value
+
     @property
-    def scale(self) -> Scale:
+    def slider_scale(self) -> Scale:
         """What the slider sets."""
-        return SCALES.get(self.detector, STRONGEST)
+        return SCALES.get(self.detector or "", STRONGEST)
 
-    def resolve(self, photographs: int = 2) -> tuple[Method, Config]:
-        """The method and configuration that these options stand for.
-
-        Raises
-        ------
-        InputError
-            If the options cannot be combined, or not for this number of photographs.
-        """
+    @property
+    def base_config(self) -> Config:
+        """The preset's configuration with the fuzzy rules and the slider's value."""
         base = preset_config(self.preset)
         base = dataclasses.replace(base, matcher=dataclasses.replace(base.matcher, rule_base=self.rule_base))
-        method, config = choose_method(base, self.detector, self.descriptor)
-        check_backend(method, self.backend)
-        value = self.scale.value(self.position)
-        own = config.front_end
-        if photographs > 2 and (not method.on_accelerator or self.estimator != "prosac" or self.refine):
-            raise InputError(
-                "more than two photographs need Harris or FAST with ILBP, prosac and no second pass; choose these, "
-                "or keep only two photographs"
-            )
+        _, config = choose_method(base, self.detector, self.descriptor)
+        value = self.slider_scale.value(self.position)
         if self.detector in FRONT_END_DETECTORS:
-            return method, dataclasses.replace(config, front_end=dataclasses.replace(own, threshold=value))
-        return method, dataclasses.replace(config, front_end=dataclasses.replace(own, max_features=value))
+            return dataclasses.replace(config, front_end=dataclasses.replace(config.front_end, threshold=value))
+        return dataclasses.replace(config, front_end=dataclasses.replace(config.front_end, max_features=value))
 
 
 def fault_of(options: Options, photographs: int = 2) -> str:
     """Why the options cannot be combined, or not for this number of photographs; empty if they can."""
     try:
-        options.resolve(photographs)
+        options.check_for(max(photographs, 2))
     except (InputError, ValueError) as error:
         return str(error)
     return ""
 
 
-def _usual_position(preset: Config, detector: str) -> int:
+def _default_position(preset: Config, detector: str) -> int:
     """The slider's position for the preset's threshold, or its number of key points."""
     _, config = choose_method(preset, detector, preset.front_end.descriptor)
     own = config.front_end

@@ -186,7 +186,7 @@ class MosaicResult:
     @property
     def on_accelerator(self) -> bool:
         """Whether the accelerator can compute these features."""
-        return self.options.resolve()[0].on_accelerator
+        return self.options.choose_method()[0].on_accelerator
 
     @property
     def pictures(self) -> list[Path]:

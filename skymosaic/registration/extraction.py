@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.arrays import Array, Matrix, Pixels, Points, Records
-from golden_model.config import Config, preset_config
+from golden_model.config import Config
+from golden_model.feature.orientation import SECTORS
 from golden_model.text import one_line
 from sim.backends.interface import Progress, silent
-from skymosaic.features.methods import Method, choose_method, load_backend_for
+from skymosaic.features.methods import Method
 from skymosaic.features.positions import feature_points
 from skymosaic.geometry.homography import apply
-from skymosaic.imagery.images import Photograph, keeps_damaged, load, reduce_for_front_end
-from skymosaic.registration.register import WORKING_WIDTH_PX, extract_within_capacity
-
-SECTORS = 16
+from skymosaic.imagery.images import Photograph, load, reduce_for_front_end
+from skymosaic.registration.options import FeatureKeywords, FeatureOptions
+from skymosaic.registration.register import extract_within_capacity
 
 
 @dataclass(frozen=True, repr=False)
@@ -67,17 +69,21 @@ class Features:
 
 def extract(
     image: str | Path | Pixels,
+    options: FeatureOptions | None = None,
     *,
-    preset: str = "aerial",
-    config: Config | None = None,
-    detector: str | None = None,
-    descriptor: str | None = None,
-    backend: str = "golden",
-    working_width_px: int = WORKING_WIDTH_PX,
-    damaged: str = "refuse",
     progress: Progress = silent,
+    **changes: Unpack[FeatureKeywords],
 ) -> Features:
-    """Find and describe the features of one photograph; parameters as of `skymosaic.register`.
+    """Find and describe the features of one photograph.
+
+    Parameters
+    ----------
+    image : path or ndarray of uint8, shape (H, W) or (H, W, 3) BGR
+    options : FeatureOptions, optional
+    progress : callable
+        Receives lines about the first build of a simulation.
+    **changes
+        Single options by the names of `FeatureOptions`; they take precedence over ``options``.
 
     Raises
     ------
@@ -93,10 +99,12 @@ def extract(
     >>> features.descriptors.shape[1]
     16
     """
-    photograph = load(image, "image", keep_damaged=keeps_damaged(damaged))
-    method, config = choose_method(config or preset_config(preset), detector, descriptor)
-    working, to_original = reduce_for_front_end(photograph.pixels, working_width_px, photograph.name)
-    (result,), config = extract_within_capacity(load_backend_for(method, backend, progress), [working], config)
+    options = dataclasses.replace(options or FeatureOptions(), **changes)
+    options.check()
+    photograph = load(image, "image", keep_damaged=options.keeps_damaged)
+    method, config = options.choose_method()
+    working, to_original = reduce_for_front_end(photograph.pixels, options.working_width_px, photograph.name)
+    (result,), config = extract_within_capacity(options.open_backend(method, progress), [working], config)
     records = result.features
     return Features(
         photograph=photograph,

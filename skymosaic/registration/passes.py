@@ -16,20 +16,14 @@ import numpy as np
 
 from golden_model.arrays import Mask, Matrix, Pixels, Records
 from golden_model.config import Config
-from golden_model.feature.ilbp import PATTERNS
 from golden_model.feature.orientation import SECTORS
 from sim.backends.interface import Backend
-from skymosaic.errors import InputError
 from skymosaic.features.frames import Change, Frame, make_frame, map_matches_to_images, map_to_image, swap_sides
-from skymosaic.features.methods import Method
 from skymosaic.features.positions import match_points
 from skymosaic.geometry import acceptance
-from skymosaic.geometry.estimators import SCORINGS
 from skymosaic.geometry.homography import apply
 from skymosaic.geometry.prosac import MIN_INLIERS, Estimate, Scoring, estimate_homography
 
-EFFORTS = ("fast", "normal", "thorough")
-"""fast: one pass; normal: more where the first is weak; thorough: three scales always, more where they are weak."""
 STRONG_INLIERS = 60
 STRONG_SHARE = 0.25
 STRONG_AGREEMENT = 0.25
@@ -222,33 +216,6 @@ class Search:
             return False
         left, _ = match_points(found.evidence.matches[found.inliers])
         return acceptance.hull_share(found.homography, left, *self._sizes) >= STRONG_SHARE
-
-
-def settled_effort(effort: str | None, method: Method, estimator: str, backend: str) -> str:
-    """The effort that was asked for, or the default of the method.
-
-    Raises
-    ------
-    InputError
-        For an unknown effort, or more than one pass with a method or a backend that is not made for it.
-    """
-    if effort not in (None, *EFFORTS):
-        raise InputError(f"effort is {effort!r}; valid: {', '.join(EFFORTS)}")
-    if backend.partition(":")[0] == "board":
-        # A run on the board has frames of one size, which those of the further passes are not.
-        if effort not in (None, "fast"):
-            raise InputError(f"effort {effort} needs frames of several sizes, a board takes one; choose fast")
-        return "fast"
-    # Other methods have scale spaces of their own, and the thesis's descriptor is to be seen as it is.
-    possible = method.descriptor in PATTERNS and PATTERNS[method.descriptor].oriented and estimator in SCORINGS
-    if effort is None:
-        return "normal" if possible else "fast"
-    if effort != "fast" and not possible:
-        raise InputError(
-            f"effort {effort} needs an oriented ILBP descriptor and the estimator {' or '.join(SCORINGS)}, "
-            f"not {method.descriptor} and {estimator}; leave it out or choose fast"
-        )
-    return effort
 
 
 def why_not(found: Found) -> str:

@@ -6,47 +6,35 @@ import dataclasses
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
+from typing import Unpack
 
 import numpy as np
 
 from golden_model.arrays import Mask, Matrix, Pixels, Records
-from golden_model.config import MAX_THRESHOLD, Config, preset_config
-from golden_model.feature.ilbp import PATTERNS
+from golden_model.config import MAX_THRESHOLD, Config
 from golden_model.records import Cause
 from sim.backends.interface import Backend, FrameResult, Progress, silent
-from skymosaic.errors import InputError
 from skymosaic.features.guided_matching import refine_pair
 from skymosaic.features.masks import select_ground_matches
-from skymosaic.features.methods import Method, choose_method, load_backend_for
 from skymosaic.features.positions import match_points
-from skymosaic.geometry.estimators import ESTIMATORS, FUZZY_RANSAC, SCORINGS, estimate
+from skymosaic.geometry.estimators import SCORINGS, estimate
 from skymosaic.geometry.homography import apply
 from skymosaic.geometry.prosac import INLIER_PX
-from skymosaic.imagery.images import Photograph, keeps_damaged, load, reduce_for_front_end
+from skymosaic.imagery.images import Photograph, load, reduce_for_front_end
 from skymosaic.imagery.lens import Lens
+from skymosaic.registration.options import RegistrationKeywords, RegistrationOptions
 from skymosaic.registration.pair import Pair
-from skymosaic.registration.passes import Evidence, Search, settled_effort, why_not
+from skymosaic.registration.passes import Evidence, Search, why_not
 from skymosaic.stopwatch import Stopwatch
-
-WORKING_WIDTH_PX = 1280
 
 
 def register(
     left: str | Path | Pixels,
     right: str | Path | Pixels,
+    options: RegistrationOptions | None = None,
     *,
-    preset: str = "aerial",
-    config: Config | None = None,
-    detector: str | None = None,
-    descriptor: str | None = None,
-    estimator: str = "prosac",
-    effort: str | None = None,
-    backend: str | Backend = "golden",
-    seed: int = 0,
-    working_width_px: int = WORKING_WIDTH_PX,
-    refine: bool = False,
-    damaged: str = "refuse",
     progress: Progress = silent,
+    **changes: Unpack[RegistrationKeywords],
 ) -> Pair:
     """Find the homography between two photographs.
 
@@ -54,33 +42,16 @@ def register(
     ----------
     left, right : path or ndarray of uint8, shape (H, W) or (H, W, 3) BGR
         The photographs; they need not be of one size.
-    preset : str
-        ``"aerial"`` or ``"thesis"``; `config` overrides it.
-    detector, descriptor : str or None
-        Names of `skymosaic.features.detectors.DETECTORS` and `skymosaic.features.descriptors.DESCRIPTORS`; None:
-        the one that suits the other, or as configured.
-    estimator : str
-        One of `skymosaic.geometry.estimators.ESTIMATORS`.
-    effort : {"fast", "normal", "thorough"} or None
-        How many frames are tried, see `skymosaic.registration.passes`. None: normal where the method allows it (an
-        oriented ILBP descriptor with the estimator ``prosac`` or ``scored``), else fast.
-    backend : str or Backend
-        What computes features and matches: ``golden``, ``rtl``, ...
-    seed : int
-        Of the robust estimator.
-    working_width_px : int
-        Wider photographs are reduced by area for registration; the result is in original pixels.
-    refine : bool
-        A second, guided pass: about twice the inliers and half the error.
-    damaged : {"refuse", "keep"}
-        Whether a damaged JPEG is an error, or used as far as it can be decoded.
+    options : RegistrationOptions, optional
     progress : callable
         Receives lines about the first build of a simulation.
+    **changes
+        Single options by the names of `RegistrationOptions`; they take precedence over ``options``.
 
     Returns
     -------
     Pair
-        With ``accepted`` False and a ``reason`` where the photographs cannot be registered.
+        In original pixels; with ``accepted`` False and a ``reason`` where the photographs cannot be registered.
 
     Raises
     ------
@@ -91,46 +62,26 @@ def register(
     --------
     >>> from sim.scene import pair as rendered_pair
     >>> left, right = rendered_pair(seed=5, size=(320, 240)).images
-    >>> pair = register(left, right)
+    >>> pair = register(left, right, effort="fast")
     >>> pair.accepted, pair.homography.shape
     (True, (3, 3))
     """
+    options = dataclasses.replace(options or RegistrationOptions(), **changes)
+    options.check()
     clock = Stopwatch()
-    keep = keeps_damaged(damaged)
     photographs = (
-        load(left, "left image", keep_damaged=keep),
-        load(right, "right image", keep_damaged=keep),
+        load(left, "left image", keep_damaged=options.keeps_damaged),
+        load(right, "right image", keep_damaged=options.keeps_damaged),
     )
     clock.lap("reading")
-    return register_photographs(
-        photographs,
-        config=config or preset_config(preset),
-        detector=detector,
-        descriptor=descriptor,
-        estimator=estimator,
-        effort=effort,
-        backend=backend,
-        seed=seed,
-        working_width_px=working_width_px,
-        refine=refine,
-        seconds=clock.seconds,
-        progress=progress,
-    )
+    return register_photographs(photographs, options, seconds=clock.seconds, progress=progress)
 
 
 def register_photographs(
     photographs: tuple[Photograph, Photograph],
+    options: RegistrationOptions,
     *,
-    config: Config,
-    backend: str | Backend,
-    seed: int,
-    working_width_px: int,
-    refine: bool,
     seconds: dict[str, float],
-    detector: str | None = None,
-    descriptor: str | None = None,
-    estimator: str = "prosac",
-    effort: str | None = None,
     lens: Lens | None = None,
     progress: Progress = silent,
 ) -> Pair:
@@ -139,23 +90,23 @@ def register_photographs(
     ``seconds`` holds the time spent so far. Matches in pixels that ``lens`` masks do not count.
     """
     clock = Stopwatch(seconds)
-    method, config = settled_method(config, detector, descriptor, estimator, refine)
-    effort = settled_effort(effort, method, estimator, backend if isinstance(backend, str) else "")
+    method, config = options.choose_method()
+    effort = options.choose_effort(method)
     (left, to_left), (right, to_right) = (
-        reduce_for_front_end(photo.pixels, working_width_px, photo.name) for photo in photographs
+        reduce_for_front_end(photo.pixels, options.working_width_px, photo.name) for photo in photographs
     )
-    front_end = load_backend_for(method, backend, progress) if isinstance(backend, str) else backend
+    front_end = options.open_backend(method, progress)
     results, config = extract_within_capacity(front_end, [left, right], config)
     masks = [lens.visible((image.shape[1], image.shape[0])) if lens else None for image in (left, right)]
     on_the_ground = partial(select_ground_matches, visible=masks)
     clock.lap("features and matches")
-    rng = np.random.default_rng(seed)
+    rng, estimator = np.random.default_rng(options.seed), options.estimator
     search = Search(front_end, (left, right), config, rng, on_the_ground, scoring=SCORINGS.get(estimator))
     first = Evidence((results[0].features, results[1].features), on_the_ground(results[1].matches))
     found = search.run(effort, search.judged(first, *_estimated(estimator, first.matches, rng), passes=1))
     clock.lap("homography")
     homography, refined_inliers, inliers, matches = found.homography, 0, found.inliers, found.evidence.matches
-    if refine and homography is not None:
+    if options.refine and homography is not None:
         homography, refined_inliers = refine_pair(left, right, homography, config)
         inliers = _inliers(matches, homography) if refined_inliers else inliers
         clock.lap("refinement")
@@ -176,7 +127,7 @@ def register_photographs(
         estimator=estimator,
         effort=effort,
         passes=found.passes,
-        backend=backend if isinstance(backend, str) else type(backend).__name__,
+        backend=options.backend_name,
         seconds=clock.seconds,
     )
 
@@ -215,24 +166,3 @@ def _in_originals(homography: Matrix, to_left: Matrix, to_right: Matrix) -> Matr
     original = to_right @ homography @ np.linalg.inv(to_left)
     scaled: Matrix = original / original[2, 2]
     return scaled
-
-
-def settled_method(
-    config: Config, detector: str | None, descriptor: str | None, estimator: str, refine: bool
-) -> tuple[Method, Config]:
-    """The method and its configuration, checked against the estimator and the second pass.
-
-    Raises
-    ------
-    InputError
-        For an unknown name or an impossible combination.
-    """
-    if estimator not in ESTIMATORS:
-        raise InputError(f"estimator is {estimator!r}; valid: {', '.join(ESTIMATORS)}")
-    if estimator == FUZZY_RANSAC:
-        # Fuzzy RANSAC has rules of its own, which replace those of the matcher.
-        config = dataclasses.replace(config, matcher=dataclasses.replace(config.matcher, rule_base="none"))
-    method, config = choose_method(config, detector, descriptor)
-    if refine and method.descriptor not in PATTERNS:
-        raise InputError(f"refinement describes the images again by ILBP, not by {method.descriptor}; leave one out")
-    return method, config

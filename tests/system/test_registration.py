@@ -127,7 +127,7 @@ def test_scale_sets_the_size_of_the_mosaic() -> None:
 
 def test_unknown_presets_and_one_image_are_refused() -> None:
     images = list(rendered_pair(seed=1).images)
-    with pytest.raises(ValueError, match="aerial, thesis"):
+    with pytest.raises(InputError, match="aerial, thesis"):
         register(*images, preset="martian")
     with pytest.raises(InputError):
         mosaic(images[:1])

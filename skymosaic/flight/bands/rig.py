@@ -23,7 +23,7 @@ from skymosaic.geometry.prosac import estimate_homography
 from skymosaic.imagery.images import reduce_to_width
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
-from skymosaic.registration.register import WORKING_WIDTH_PX
+from skymosaic.registration.options import WORKING_WIDTH_PX
 
 MOST_CAPTURES = 9
 """So many captures, spread over the flight, are compared."""

@@ -25,7 +25,8 @@ from skymosaic.imagery.exif import Metadata, Position, read_metadata
 from skymosaic.imagery.images import Photograph, reduce_for_front_end, reduce_to_width
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
-from skymosaic.registration.register import WORKING_WIDTH_PX, extract_within_capacity
+from skymosaic.registration.options import WORKING_WIDTH_PX
+from skymosaic.registration.register import extract_within_capacity
 
 THUMBNAIL_WIDTH_PX = 320
 _ARRAYS = ("to_original", "to_thumbnail", "features", "thumbnail", "sample")

@@ -90,7 +90,7 @@ class CornersTab:
 
 def detect(pictures: Sequence[Path], options: Options) -> list[Records]:
     """The feature records of working pictures, one array each, equal to those of a run with these options."""
-    method, config = options.resolve()
+    method, config = options.choose_method()
     front_end = load_backend_for(method, "golden")
     while True:
         results = [extract_within_capacity(front_end, [_pixels(picture)], config) for picture in pictures]

@@ -148,9 +148,9 @@ class OptionsCard:
         """Show the session's options, which another tab or a preset may have changed."""
         options = self._session.options
         for name, select in self._selects.items():
-            select.set_value(getattr(options, name))
+            select.set_value(options.shown(name))
         self._refine.set_value(options.refine)
-        scale = options.scale
+        scale = options.slider_scale
         self._slider_title.set_text(scale.title)
         # A thin space separates thousands.
         words = f"{scale.value(options.position):,}".replace(",", "\u2009")

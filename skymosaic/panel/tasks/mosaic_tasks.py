@@ -29,23 +29,21 @@ from skymosaic.imagery.band_sets import group_band_sets
 from skymosaic.imagery.images import save_bytes
 from skymosaic.imagery.photographs import Source
 from skymosaic.maps.georeference import MIN_POSITIONS, has_maps
-from skymosaic.mosaicking.api import planned_sources
-from skymosaic.mosaicking.options import MosaicOptions
+from skymosaic.mosaicking.api import open_plan_of_sources
 from skymosaic.mosaicking.plan import MosaicPlan
 from skymosaic.panel.explain import verdicts
-from skymosaic.panel.options import AUTOMATIC, DAMAGED, Options
+from skymosaic.panel.options import Options
 from skymosaic.panel.pair_view import PairView
 from skymosaic.panel.results import HardwareResult, LinkView, MapView, MosaicResult, picture_name
 from skymosaic.panel.steps import step_line
 from skymosaic.panel.tasks.map_picture import map_view
 from skymosaic.panel.tasks.mosaic_picture import PREVIEW_WIDTH_PX, outlines, page_picture, show_mosaic
+from skymosaic.registration.options import FeatureOptions
 from skymosaic.registration.pair import Pair
-from skymosaic.registration.register import WORKING_WIDTH_PX, register
+from skymosaic.registration.register import register
 from skymosaic.reports import pair as pair_report
 from skymosaic.reports.flight import describe_bands, write_report
 
-SEED = 0
-"""The command line's default, so that the command beside a result repeats it exactly."""
 MOSAIC, MAP, REPORT, CONFIG = "mosaic.png", "mosaic.tif", "report", "config.toml"
 """Files and folders of a run."""
 
@@ -73,7 +71,7 @@ def make_mosaic(folder: Path, names: list[str], options: Options, views: Path, *
     unused: list[str] = []
     sources = group_band_sets(photographs, tell=unused.append)
     deliveries, reason, output = [], "", MOSAIC
-    with planned_sources(sources, mosaic_options(options, len(names)), _in_words(progress)) as plan:
+    with open_plan_of_sources(sources, options, _in_words(progress)) as plan:
         try:
             output = _output_of(plan)
             deliveries = plan.write(folder / output, preview_width_px=PREVIEW_WIDTH_PX)
@@ -102,26 +100,6 @@ def make_mosaic(folder: Path, names: list[str], options: Options, views: Path, *
         _write(folder, {"corners.csv": _corners_table(result.pair), "matches.csv": _matches_table(result.pair)})
         return result
     return _with_flight(result, plan.flight, deliveries[0], unused)
-
-
-def mosaic_options(options: Options, photographs: int) -> MosaicOptions:
-    """The options of the page as those of the library."""
-    blending = None if options.blending == AUTOMATIC else options.blending
-    return MosaicOptions(blending=blending, **_registration_options(options, photographs))
-
-
-def _registration_options(options: Options, photographs: int = 2) -> dict[str, Any]:
-    """What `register` and `MosaicOptions` have in common."""
-    return {
-        "config": options.resolve(photographs)[1],
-        "detector": options.detector,
-        "descriptor": options.descriptor,
-        "estimator": options.estimator,
-        "backend": options.backend,
-        "seed": SEED,
-        "refine": options.refine,
-        "damaged": options.damaged,
-    }
 
 
 def _in_words(progress: Progress) -> Callable[[str, int, int], None]:
@@ -193,7 +171,8 @@ def _registered(
 ) -> tuple[Pair, dict[str, Any]]:
     """A registered pair of files, and its numbers for the report."""
     progress("finding and matching features")
-    pair = register(*(folder / name for name in names), **_registration_options(options), progress=progress)
+    left_file, right_file = (folder / name for name in names)
+    pair = register(left_file, right_file, options, progress=progress)
     # Report, tables and page name the photographs without the folder.
     left, right = (
         dataclasses.replace(photograph, name=name)
@@ -213,20 +192,14 @@ def compare_hardware(
     folder: Path, names: tuple[str, str], options: Options, backend: str, *, progress: Progress
 ) -> HardwareResult:
     """Run a pair through the golden model and through hardware, and write ``hardware.json``."""
-    _, config = options.resolve()
-    paths = tuple(folder / name for name in names)
+    _, config = options.choose_method()
+    left, right = (folder / name for name in names)
     progress("computing with the golden model")
-    software = register(*paths, config=config, damaged=options.damaged)
+    software = register(left, right, config=config, damaged=options.damaged)
     # Registration may have raised the threshold, so the hardware gets the configuration that it returns.
     progress(f"computing with {backend}")
-    comparison = compare(
-        *paths,
-        config=software.config,
-        backend=backend,
-        working_width_px=WORKING_WIDTH_PX,
-        damaged=options.damaged,
-        progress=progress,
-    )
+    as_registered = FeatureOptions(config=software.config, backend=backend, damaged=options.damaged)
+    comparison = compare(left, right, as_registered, progress=progress)
     _write(folder, {"hardware.json": json.dumps(comparison.summary(), indent=2) + "\n"})
     sizes = [(image.shape[1], image.shape[0]) for image in software.working]
     size = max(sizes, key=lambda size: size[0] * size[1])
@@ -239,15 +212,15 @@ def command(names: list[str], options: Options, output: str = MOSAIC) -> str:
     """The command line that repeats a run in its folder."""
     words = ["skymosaic", "mosaic", *names, "--config", CONFIG]
     if len(names) == 2:
-        words += ["--detector", options.detector, "--descriptor", options.descriptor]
+        words += ["--detector", f"{options.detector}", "--descriptor", f"{options.descriptor}"]
         words += ["--estimator", options.estimator, *(["--refine"] if options.refine else [])]
-    words += [] if options.blending == AUTOMATIC else ["--blend", options.blending]
+    words += [] if options.blending is None else ["--blend", options.blending]
     words += _if_damaged(options)
-    return shlex.join([*words, "--backend", options.backend, "--report", REPORT, "-o", output, "--overwrite"])
+    return shlex.join([*words, "--backend", options.backend_name, "--report", REPORT, "-o", output, "--overwrite"])
 
 
 def _if_damaged(options: Options) -> list[str]:
-    return ["--damaged", options.damaged] if options.damaged != DAMAGED[0] else []
+    return ["--damaged", options.damaged] if options.keeps_damaged else []
 
 
 def _write(folder: Path, texts: dict[str, str]) -> None:

@@ -35,7 +35,9 @@ def follow(
     rows: list[TrackedCorners] = []
     started = time.perf_counter()
     with write_video(folder / VIDEO, reader.frame_rate) as write:
-        for frame in track(folder / template, reader, config=preset_config(options.preset), backend=options.backend):
+        for frame in track(
+            folder / template, reader, config=preset_config(options.preset), backend=options.backend_name
+        ):
             write(outlined(frame))
             rows.append(row(frame, reader.frame_rate))
             progress(f"frame {frame.number + 1}")
@@ -44,7 +46,7 @@ def follow(
     seconds = time.perf_counter() - started
     save_corners(folder / CORNERS, rows)
     words = ["skymosaic", "track", template, video, "-o", VIDEO, "--corners", CORNERS, "--overwrite"]
-    command = shlex.join([*words, "--preset", options.preset, "--backend", options.backend])
+    command = shlex.join([*words, "--preset", options.preset, "--backend", options.backend_name])
     save_bytes(folder / "command.txt", f"{command}\n".encode())
     # Browsers cache what they have shown, so each run's video needs a name of its own.
     shown = views / f"tracked-{folder.name}.mp4"

@@ -17,7 +17,7 @@ from skymosaic.imagery.decoding import MAX_AREA_PX
 from skymosaic.imagery.images import load, reduce_to_width, save
 from skymosaic.imagery.video import DEFAULT_RATE, VideoReader, write_video
 from skymosaic.panel.results import Upload, picture_name
-from skymosaic.registration.register import WORKING_WIDTH_PX
+from skymosaic.registration.options import WORKING_WIDTH_PX
 
 BUILT_IN_SEED = 9
 FLIGHT_SIZE = (800, 600)

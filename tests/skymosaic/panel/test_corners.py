@@ -25,7 +25,7 @@ def test_the_slider_shows_the_corners_of_a_run(picture: Path, detector: str) -> 
     for position in {"harris": (19, 30, 38), "fast": (2, 20, 34)}[detector]:
         options = Options.of_preset("aerial").changed("detector", detector).changed("position", position)
         (shown,) = detect([picture], options)
-        (found,) = load_backend("golden").run([pixels], options.resolve()[1])
+        (found,) = load_backend("golden").run([pixels], options.choose_method()[1])
         assert np.array_equal(shown, found.features)
         counts.add(len(shown))
     assert len(counts) == 3
@@ -34,4 +34,4 @@ def test_the_slider_shows_the_corners_of_a_run(picture: Path, detector: str) -> 
 def test_without_cell_selection_the_threshold_rises_until_all_corners_fit(picture: Path) -> None:
     lowest = Options.of_preset("thesis").changed("position", 19)
     (shown,) = detect([picture], lowest)
-    assert 0 < len(shown) <= lowest.resolve()[1].front_end.max_features
+    assert 0 < len(shown) <= lowest.choose_method()[1].front_end.max_features

@@ -22,9 +22,9 @@ def test_slider_values_rise_and_convert_back_to_positions(slider) -> None:
 @pytest.mark.parametrize("preset", OPTION_VALUES["preset"])
 def test_a_preset_resolves_to_its_own_configuration(preset: str) -> None:
     options = Options.of_preset(preset)
-    _, config = options.resolve()
+    _, config = options.choose_method()
     assert config.preset == preset
-    assert options.scale.value(options.position) >= config.front_end.threshold
+    assert options.slider_scale.value(options.position) >= config.front_end.threshold
 
 
 def test_every_combination_of_options_resolves_or_is_refused_with_a_reason() -> None:
@@ -38,7 +38,7 @@ def test_every_combination_of_options_resolves_or_is_refused_with_a_reason() -> 
 def _why_refused(preset: str, detector: str, descriptor: str, rule_base: str) -> str:
     options = Options.of_preset(preset).changed("detector", detector).changed("descriptor", descriptor)
     try:
-        method, _ = options.changed("rule_base", rule_base).resolve()
+        method, _ = options.changed("rule_base", rule_base).choose_method()
     except InputError as error:
         return str(error)
     return "" if (method.detector, method.descriptor) == (detector, descriptor) else "another method"
@@ -46,9 +46,9 @@ def _why_refused(preset: str, detector: str, descriptor: str, rule_base: str) ->
 
 def test_the_slider_sets_the_front_ends_threshold_or_number() -> None:
     harris = Options.of_preset("aerial").changed("position", 20)
-    assert harris.resolve()[1].front_end.threshold == 1024
+    assert harris.choose_method()[1].front_end.threshold == 1024
     strongest = harris.changed("detector", "sift").changed("position", 16)
-    assert strongest.resolve()[1].front_end.max_features == 256
+    assert strongest.choose_method()[1].front_end.max_features == 256
 
 
 def test_a_preset_resets_all_options() -> None:

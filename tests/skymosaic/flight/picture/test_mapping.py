@@ -12,7 +12,7 @@ from skymosaic.geometry.homography import apply
 from skymosaic.imagery.exif import Metadata
 from skymosaic.imagery.lens import Lens
 from skymosaic.maps.control_points import load_control_points
-from skymosaic.mosaicking.api import planned
+from skymosaic.mosaicking.api import open_plan
 from skymosaic.mosaicking.options import MosaicOptions
 
 SIZE = (480, 360)
@@ -48,7 +48,7 @@ def test_control_points_put_a_mosaic_on_the_map_at_the_wanted_resolution(flight,
     (tmp_path / "gcp.txt").write_text("\n".join(lines))
     options = MosaicOptions(control=load_control_points(tmp_path / "gcp.txt"), gsd_m=0.4)
     form = OutputForm("jpeg", tmp_path / "tiles")
-    with planned([tmp_path / "flight"], options) as plan:
+    with open_plan([tmp_path / "flight"], options) as plan:
         (made,) = plan.write(tmp_path / "m.tif", form)
         place = place_on_map(plan.flight, plan.layouts[0], options.control)
         with pytest.raises(InputError, match="finer than the photographs"):
