@@ -29,11 +29,11 @@ from golden_model.front_end import extract
 from golden_model.geometry.scoring import answers, quantise
 from golden_model.timing import FrameWork, steady_pace
 from hdl.settings import REQUESTED, matched_frame_settings
-from sim.backends.golden import matched
+from sim.backends.golden import add_matches
+from sim.backends.interface import BUILT_LANES
 from sim.benches.exported import host_programs
 from sim.benches.live import CameraTiming, LiveBench, MemoryRules
 from sim.scene import lawnmower
-from sim.simulators.accelerator_designs import LANES
 
 AERIAL = PRESETS["aerial"]
 FEATURES, MATCHES = 2000, 1400
@@ -62,7 +62,7 @@ def rates(clock_mhz: float) -> dict[str, Rate]:
         width, height = map(int, name.split("x"))
         rows = np.linspace(0, FEATURES - 1, MATCHES).astype(int)
         work = FrameWork(width, height, good=True, left=FEATURES, right=FEATURES, rows=rows)
-        pace = steady_pace(work, AERIAL, lanes=LANES)
+        pace = steady_pace(work, AERIAL, lanes=BUILT_LANES)
         assert pace is not None
         found[name] = Rate(pace[0], 1e6 * clock_mhz / pace[0], pace[1] / clock_mhz, wanted)
     return found
@@ -124,7 +124,7 @@ def fly(frames: list[NDArray[np.uint8]], size_px: tuple[int, int], seed: int) ->
     equal = [
         np.array_equal(features, wanted.features) and np.array_equal(matches, wanted.matches)
         for (_, features, matches), wanted in zip(
-            delivered, matched(((g.features, g.status, None) for g in golden), AERIAL, "previous"), strict=True
+            delivered, add_matches(((g.features, g.status, None) for g in golden), AERIAL, "previous"), strict=True
         )
     ]
     same_scores = [

@@ -30,7 +30,7 @@ from golden_model.matching.matcher import match
 from golden_model.records import FRAME_STATUS, MATCH, Tag, feature_record
 from hdl.matching.matcher import Matcher
 from sim.simulators import verilator
-from sim.simulators.accelerator_designs import MATCHES, source_key
+from sim.simulators.accelerator_designs import MATCHES, digest_sources
 from sim.simulators.design import Design, Ports
 from sim.simulators.recording import START_OF_FRAME, Segment
 
@@ -96,7 +96,7 @@ def design(pattern: DescriptorPattern, lanes: int) -> Design:
     def top() -> MatcherTop:
         return MatcherTop(Matcher(config=CONFIG, pattern=pattern, lanes=lanes, max_features=MAX_FEATURES))
 
-    identity = f"{CONFIG} {pattern} {lanes} {MAX_FEATURES} {source_key()} {Path(__file__).read_text()}"
+    identity = f"{CONFIG} {pattern} {lanes} {MAX_FEATURES} {digest_sources()} {Path(__file__).read_text()}"
     return Design(f"the matcher, {pattern.name}, {lanes} lanes", Ports((MATCHES,)), top, identity)
 
 

@@ -31,8 +31,8 @@ from hdl.settings import frame_settings
 from sim.scene import pair as rendered_pair
 from sim.simulators import accelerator_designs, pysim, verilator
 from sim.simulators.design import Design
-from sim.simulators.hardware import frame_segments
-from sim.simulators.recording import Recording, Segment, flat_frame
+from sim.simulators.hardware import make_segments
+from sim.simulators.recording import Recording, Segment, flatten_frame
 
 SIMULATORS = {"verilator": verilator, "pysim": pysim}
 AERIAL = PRESETS["aerial"]
@@ -48,7 +48,7 @@ def gray_pair() -> list[NDArray[np.uint8]]:
 def front_end_segment(frames: list[NDArray[np.uint8]]) -> Segment:
     """Frames for the front end alone."""
     height_px, width_px = frames[0].shape
-    data, flags = (np.concatenate(parts) for parts in zip(*map(flat_frame, frames), strict=True))
+    data, flags = (np.concatenate(parts) for parts in zip(*map(flatten_frame, frames), strict=True))
     values = frame_settings(AERIAL.front_end, width_px, height_px, gray_input=True)
     return Segment(data, flags, packets=len(frames), cycle_limit=4 * data.size, settings=values)
 
@@ -59,14 +59,14 @@ def workloads(simulator: str) -> dict[str, tuple[Design, list[Segment]]]:
     if simulator == "pysim":
         frames = [frame[:TINY_PX, :TINY_PX] for frame in frames]
     front_end = (
-        accelerator_designs.front_end(AERIAL.front_end, accelerator_designs.BUILT_SIZES_PX[0]),
+        accelerator_designs.design_front_end(AERIAL.front_end, accelerator_designs.BUILT_SIZES_PX[0]),
         [front_end_segment(frames)],
     )
     if simulator == "pysim":
         return {"front end": front_end}
     accelerator = (
-        accelerator_designs.accelerator(AERIAL, accelerator_designs.BUILT_SIZES_PX[0]),
-        frame_segments(frames, AERIAL, "held"),
+        accelerator_designs.design_accelerator(AERIAL, accelerator_designs.BUILT_SIZES_PX[0]),
+        make_segments(frames, AERIAL, "held"),
     )
     return {"front end": front_end, "accelerator": accelerator}
 
@@ -84,7 +84,7 @@ def timed(call: Callable[[], list[Recording]], runs: int) -> tuple[float, Record
 def compiled_row(simulator: str, design: Design, segments: list[Segment], *, runs: int, cached: bool) -> dict[str, Any]:
     """A compiled simulator: build, then the best run, the start of the simulation included."""
     started = time.perf_counter()
-    verilator.shared_library(design)
+    verilator.build_library(design)
     build_seconds = None if cached else round(time.perf_counter() - started, 1)
     seconds, recording = timed(lambda: verilator.simulate(design, segments), runs)
     return {"cold build s": build_seconds, **row(recording, seconds, seconds)}

@@ -22,11 +22,11 @@ from golden_model.records import MATCH, Cause, feature_record
 from hdl.registers.register_map import IDENTITY, register_writes
 from sim.backends.interface import FrameResult, Progress, silent
 from sim.simulators import verilator
-from sim.simulators.accelerator_designs import FEATURES, MATCHES, accelerator
+from sim.simulators.accelerator_designs import FEATURES, MATCHES, design_accelerator
 from sim.simulators.compiled import Bench
-from sim.simulators.hardware import frame_result, packet_status
+from sim.simulators.hardware import decode_frame, decode_status
 from sim.simulators.recording import Output, Pauses, Segment
-from sim.simulators.scoreboard import first_mismatch
+from sim.simulators.scoreboard import find_mismatch
 from tools.soak_frames import BUILT_PX, CONFIG, SentFrame, Source
 
 LANES = 4
@@ -174,7 +174,7 @@ class Soak:
                     self.counts["packets broken off"] += 1
         features, matches = (packets.whole for packets in self._outputs.values())
         while features and matches:
-            found = frame_result(features.popleft(), matches.popleft(), CONFIG, cycles=None)
+            found = decode_frame(features.popleft(), matches.popleft(), CONFIG)
             if not self._sent:
                 raise SoakError(f"frame {found.status['frame']} was not sent, or is doubled; clock {self.clocks}")
             self._compare(self._sent.popleft(), found)
@@ -183,13 +183,13 @@ class Soak:
         """Whether a packet began before the clear."""
         pattern = CONFIG.front_end.pattern
         feature = feature_record(pattern.descriptor_bytes, pattern.window_bytes)
-        status = packet_status(feature if name == FEATURES else MATCH, words)
+        status = decode_status(feature if name == FEATURES else MATCH, words)
         size_px = (int(status["width"]), int(status["height"]))
         return status["causes"] == Cause.CLEARED or not self._sent or size_px != self._sent[0].size_px
 
     def _compare(self, sent: SentFrame, found: FrameResult) -> None:
         if sent.golden is not None:
-            mismatch = first_mismatch([sent.golden], [found])
+            mismatch = find_mismatch([sent.golden], [found])
             if mismatch:
                 raise SoakError(f"{dataclasses.replace(mismatch, frame=sent.number)}; clock {self.clocks}")
             self.counts["good frames"] += 1
@@ -206,8 +206,8 @@ class Soak:
 
 def soak(clocks: int, seed: int, *, report: Progress = silent) -> str:
     """Run so many clocks; ``report`` receives a line of counts every now and then. Returns the last one."""
-    design = accelerator(CONFIG, (BUILT_PX, BUILT_PX), lanes=LANES)
-    library = verilator.shared_library(design, progress=report)
+    design = design_accelerator(CONFIG, (BUILT_PX, BUILT_PX), lanes=LANES)
+    library = verilator.build_library(design, progress=report)
     with contextlib.closing(Bench(library, design.ports)) as bench:
         run = Soak(bench, seed)
         for until in range(REPORT_CLOCKS, clocks, REPORT_CLOCKS):

@@ -9,13 +9,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from golden_model.arrays import Records
 from golden_model.config import CELL_SIZES_PX, DETECTORS, MAX_PER_CELL, PRESETS, Config
-from golden_model.front_end import FrameFeatures, extract
-from golden_model.matching.matcher import match
+from golden_model.front_end import extract
+from golden_model.matching.matcher import ReferenceFrame, match
 from golden_model.records import MATCH, Cause
 from hdl.settings import RUNNING, matched_frame_settings
 from sim.backends.interface import FrameResult
-from sim.simulators.recording import END_OF_LINE, flat_frame
+from sim.simulators.recording import END_OF_LINE, flatten_frame
 
 BUILT_PX, MAX_FEATURES = 128, 256
 """A small build simulates fast, and small frames are many."""
@@ -62,8 +63,7 @@ class Source:
     def start_over(self, other_sizes: set[tuple[int, int]]) -> None:
         """After a reset or a clear; the next frames have none of these sizes."""
         self._number = 0
-        self._reference: FrameFeatures | None = None
-        self._current: FrameFeatures | None = None
+        self._references: ReferenceFrame[Records] = ReferenceFrame()
         self._other_sizes = other_sizes
 
     def episode(self) -> tuple[dict[str, int], list[SentFrame]]:
@@ -129,20 +129,13 @@ class Source:
 
     def _good(self, image: NDArray[np.uint8], config: Config, *, memory: int, hold: int) -> SentFrame:
         data, flags = _beats(image, memory=memory)
-        found = extract(image, config.front_end, frame=self._number)
-        size_px = image.shape[1], image.shape[0]
+        frame = extract(image, config.front_end, frame=self._number)
+        reference = self._references.for_frame(frame.features, good=True, held=bool(hold))
         matches = np.zeros(0, MATCH.dtype)
-        if self._reference is None:
-            self._reference = found
-        else:
-            if self._current is not None and not hold:
-                self._reference = self._current
-            self._current = found
-            matches = match(self._reference.features, found.features, config.front_end.pattern, config.matcher)
-        status = found.status.copy()
-        status["matches"], status["kept"] = len(matches), np.count_nonzero(matches["verdict"])
-        result = FrameResult(found.features, matches, found.status, status, None)
-        return self._numbered(data, flags, size_px, result, Cause(0))
+        if reference is not None:
+            matches = match(reference, frame.features, config.front_end.pattern, config.matcher)
+        result = FrameResult.count_matches(frame.features, matches, frame.status)
+        return self._numbered(data, flags, (image.shape[1], image.shape[0]), result, Cause(0))
 
     def _flaw(self, before: list[SentFrame], *, memory: int, is_last: bool) -> Cause:
         """Mostly none; else one that has a definite outcome after the frames before."""
@@ -192,7 +185,7 @@ def _ends_good(frames: list[SentFrame]) -> bool:
 def _beats(image: NDArray[np.uint8], *, memory: int) -> tuple[NDArray[np.uint32], NDArray[np.uint8]]:
     """Beats of video; or of a transfer from memory: four gray pixels, or red, green and blue; its end is marked."""
     if not memory:
-        return flat_frame(image)
+        return flatten_frame(image)
     if image.ndim == 2:
         data = np.pad(image.ravel(), (0, -image.size % 4)).view("<u4")
     else:

@@ -22,23 +22,20 @@ Frame = TypeVar("Frame")
 class ReferenceFrame(Generic[Frame]):
     """The frame that other frames are matched with; `hdl.matching.feature_banks.FeatureBanks` follows the same rule.
 
-    The first good frame becomes the reference. It stays the reference where it is held; otherwise each good frame
-    replaces the one before. The first good frame and bad frames are not matched.
-
-    Parameters
-    ----------
-    held : bool
+    The first good frame becomes the reference. A frame that holds the reference is matched with it; for another, the
+    good frame before it becomes the reference first. The first good frame and bad frames are not matched.
     """
 
-    def __init__(self, *, held: bool) -> None:
-        self._held = held
-        self._frame: Frame | None = None
+    def __init__(self) -> None:
+        self._reference: Frame | None = None
+        self._latest: Frame | None = None
 
-    def for_frame(self, frame: Frame, *, good: bool) -> Frame | None:
+    def for_frame(self, frame: Frame, *, good: bool, held: bool) -> Frame | None:
         """Return the reference to match the next frame with, or None, and update the reference."""
-        reference = self._frame if good else None
-        if good and (self._frame is None or not self._held):
-            self._frame = frame
+        if not good:
+            return None
+        reference = self._reference if held else self._latest
+        self._reference, self._latest = frame if reference is None else reference, frame
         return reference
 
 

@@ -23,10 +23,10 @@ from sim.backends.interface import Backend, BackendError, FrameResult, Reference
 
 PORT = 7020
 TIMEOUT_SECONDS = 30.0
-LARGEST_HEADER_BYTES = 1 << 16
-LONGEST_REASON = 500
+MAX_HEADER_BYTES = 1 << 16
+MAX_REASON_CHARS = 500
 KEY_VARIABLE = "SKYMOSAIC_BOARD_KEY"
-"""Environment variable that names the file with the key of a board's server."""
+"""Environment variable: the file that holds the key of a board's server."""
 
 
 class BoardBackend(Backend):
@@ -69,10 +69,10 @@ class BoardBackend(Backend):
         }
         pattern = config.front_end.pattern
         feature = feature_record(pattern.descriptor_bytes, pattern.window_bytes).dtype
-        longest = _longest_packets(config.front_end.max_features, feature)
-        parts = self._exchange(json.dumps(request).encode(), frames, longest * len(frames))
+        limits = _limit_packets(config.front_end.max_features, feature)
+        parts = self._exchange(json.dumps(request).encode(), frames, limits * len(frames))
         try:
-            results = [_result(packet, feature) for packet in zip(*[iter(parts)] * 4, strict=True)]
+            results = [_decode_packets(packet, feature) for packet in zip(*[iter(parts)] * 4, strict=True)]
         except ValueError as error:
             raise BackendError(
                 f"the board was built for other records: {error}; export the design again and rebuild it"
@@ -82,9 +82,9 @@ class BoardBackend(Backend):
         return results
 
     def _exchange(
-        self, header: bytes, frames: Sequence[NDArray[np.uint8]], longest: Sequence[tuple[int, int]]
+        self, header: bytes, frames: Sequence[NDArray[np.uint8]], limits: Sequence[tuple[int, int]]
     ) -> list[bytes]:
-        """Send a request and return the packets; ``longest`` has for each its largest length and its records' size."""
+        """Send a request and return the packets; ``limits`` has each one's largest length and size of a record."""
         where = self.where
         try:
             with (
@@ -95,38 +95,37 @@ class BoardBackend(Backend):
                 link.flush()
                 # Wait for the server to accept the settings before sending frames: if it refuses them and closes the
                 # connection while we are sending, its reason is lost.
-                answer = _header(link, where)
+                answer = _read_header(link, where)
                 if "challenge" in answer:
-                    link.write(_proof(str(answer["challenge"]), header, frames, where))
+                    link.write(_prove_key(str(answer["challenge"]), header, frames, where))
                     link.flush()
-                    _header(link, where)
+                    _read_header(link, where)
                 for frame in frames:
                     link.write(np.ascontiguousarray(frame).data)
                 link.flush()
-                return _answer(link, where, longest)
+                return _read_packets(link, where, limits)
         except OSError as error:
             raise BackendError(
                 f"no board answers at {where} ({error.strerror or error}); start serve.py on it, or check the address"
             ) from None
 
 
-def _header(link: BufferedIOBase, where: str) -> dict[str, Any]:
-    """The server's next line, an object; raises what it reports as an error."""
+def _read_header(link: BufferedIOBase, where: str) -> dict[str, Any]:
+    """Read the server's next line, a JSON object; raise the error that it reports."""
     try:
-        header: Any = json.loads(link.readline(LARGEST_HEADER_BYTES))
-    # RecursionError: JSON that is nested thousands of times.
-    except (ValueError, RecursionError):
+        header: Any = json.loads(link.readline(MAX_HEADER_BYTES))
+    except (ValueError, RecursionError):  # JSON that is nested thousands of times exhausts the stack
         header = None
     if type(header) is not dict:
         raise BackendError(f"the answer from {where} does not come from a board's server; check the address") from None
     if "error" in header:
-        raise BackendError(f"the board at {where} reports: {one_line(str(header['error'])[:LONGEST_REASON])}")
+        raise BackendError(f"the board at {where} reports: {one_line(str(header['error'])[:MAX_REASON_CHARS])}")
     answer: dict[str, Any] = header
     return answer
 
 
-def _proof(challenge: str, header: bytes, frames: Sequence[NDArray[np.uint8]], where: str) -> bytes:
-    """The line that proves to a server that we know its key."""
+def _prove_key(challenge: str, header: bytes, frames: Sequence[NDArray[np.uint8]], where: str) -> bytes:
+    """Make the line that proves to a server that we know its key, for this request alone."""
     name = os.environ.get(KEY_VARIABLE)
     if not name:
         raise BackendError(f"the board at {where} asks for its key; set {KEY_VARIABLE} to the file that holds it")
@@ -141,21 +140,22 @@ def _proof(challenge: str, header: bytes, frames: Sequence[NDArray[np.uint8]], w
     return json.dumps({"frames": digest.hexdigest(), "hmac": code}).encode() + b"\n"
 
 
-def _longest_packets(max_features: int, feature: np.dtype[np.void]) -> list[tuple[int, int]]:
-    """Largest length and size of a record for the four packets of a frame: features, status, matches, status."""
+def _limit_packets(max_features: int, feature: np.dtype[np.void]) -> list[tuple[int, int]]:
+    """Largest length, and size of a record, of a frame's four packets: features, status, matches, status."""
     status = FRAME_STATUS.dtype.itemsize
     features, matches = (max_features * size for size in (feature.itemsize, MATCH.dtype.itemsize))
     return [(features, feature.itemsize), (status, status), (matches, MATCH.dtype.itemsize), (status, status)]
 
 
-def _answer(link: BufferedIOBase, where: str, longest: Sequence[tuple[int, int]]) -> list[bytes]:
-    lengths = _header(link, where).get("lengths")
-    # Before anything is read: no answer to this request is longer.
-    if type(lengths) is not list or [*map(type, lengths)] != [int] * len(longest):
+def _read_packets(link: BufferedIOBase, where: str, limits: Sequence[tuple[int, int]]) -> list[bytes]:
+    """Read the packets that the server announces; ``limits`` as in `BoardBackend._exchange`."""
+    lengths = _read_header(link, where).get("lengths")
+    # Checked before anything is read, so that a false length cannot make us wait or fill the memory.
+    if type(lengths) is not list or [*map(type, lengths)] != [int] * len(limits):
         raise BackendError(f"the board at {where} announces other packets than were asked for; check its server")
-    if not all(0 <= length <= most for length, (most, _) in zip(lengths, longest, strict=True)):
+    if not all(0 <= length <= longest for length, (longest, _) in zip(lengths, limits, strict=True)):
         raise BackendError(f"the board at {where} announces packets of an invalid length; check its server")
-    if any(length % size for length, (_, size) in zip(lengths, longest, strict=True)):
+    if any(length % size for length, (_, size) in zip(lengths, limits, strict=True)):
         raise BackendError(
             f"the board at {where} was built for other records, whose lengths differ; export the design again and "
             "rebuild it"
@@ -166,7 +166,7 @@ def _answer(link: BufferedIOBase, where: str, longest: Sequence[tuple[int, int]]
     return parts
 
 
-def _result(parts: tuple[bytes, ...], feature: np.dtype[np.void]) -> FrameResult:
+def _decode_packets(parts: tuple[bytes, ...], feature: np.dtype[np.void]) -> FrameResult:
     features, status, matches, match_status = parts
     (status_record,) = np.frombuffer(status, FRAME_STATUS.dtype)
     (match_record,) = np.frombuffer(match_status, FRAME_STATUS.dtype)

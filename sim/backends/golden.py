@@ -24,22 +24,20 @@ class GoldenBackend(Backend):
     ) -> list[FrameResult]:
         """See `sim.backends.interface.Backend.run`."""
         extracted = (extract(image, config.front_end, frame=number) for number, image in enumerate(frames))
-        return list(matched(((frame.features, frame.status, None) for frame in extracted), config, reference))
+        return list(add_matches(((frame.features, frame.status, None) for frame in extracted), config, reference))
 
 
-def matched(
+def add_matches(
     frames: Iterable[tuple[NDArray[np.void], np.void, int | None]], config: Config, reference: Reference
 ) -> Iterator[FrameResult]:
     """Add the golden matches to the features, status and cycles of each frame."""
-    references = ReferenceFrame[Records](held=reference == "held")
+    references: ReferenceFrame[Records] = ReferenceFrame()
     for features, status, cycles in frames:
-        left = references.for_frame(features, good=bool(status["good"]))
+        left = references.for_frame(features, good=bool(status["good"]), held=reference == "held")
         matches = np.zeros(0, MATCH.dtype)
         if left is not None:
             matches = match(left, features, config.front_end.pattern, config.matcher)
-        match_status = status.copy()
-        match_status["matches"], match_status["kept"] = len(matches), np.count_nonzero(matches["verdict"])
-        yield FrameResult(features, matches, status, match_status, cycles)
+        yield FrameResult.count_matches(features, matches, status, cycles)
 
 
 def load(*, progress: Progress, waves: Path | None) -> GoldenBackend:

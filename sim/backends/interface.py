@@ -27,7 +27,7 @@ BACKENDS = {
 """The module of each backend; ``rtl`` is the fastest simulation of the hardware."""
 
 BUILT_LANES = 16
-"""Left descriptors that the simulated accelerator compares at a time."""
+"""Left descriptors that the simulated accelerator compares at once."""
 
 Progress = Callable[[str], None]
 """Receives one line of text when something slow starts, advances or ends."""
@@ -38,7 +38,7 @@ def silent(_line: str) -> None:
 
 
 class BackendError(Exception):
-    """A backend cannot do what was asked; the message is one line: what is wrong, and what to do about it."""
+    """A backend cannot do what was asked; one line says what is wrong, and what to do about it."""
 
 
 @dataclass(frozen=True)
@@ -50,9 +50,9 @@ class FrameClocks:
     segment : int
         Number of the run of frames that followed each other without a gap.
     first_pixel : int
-        Its first pixel was taken.
+        When its first pixel was taken.
     features_end, matches_end : int
-        The last word of each packet was taken.
+        When the last word of each packet was taken.
     """
 
     segment: int
@@ -88,6 +88,15 @@ class FrameResult:
     match_status: np.void
     cycles: int | None
     clocks: FrameClocks | None = None
+
+    @classmethod
+    def count_matches(
+        cls, features: NDArray[np.void], matches: NDArray[np.void], status: np.void, cycles: int | None = None
+    ) -> FrameResult:
+        """A result whose match status is ``status`` with the numbers of all matches and of those kept."""
+        match_status = status.copy()
+        match_status["matches"], match_status["kept"] = len(matches), np.count_nonzero(matches["verdict"])
+        return cls(features, matches, status, match_status, cycles)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,17 +13,18 @@ from numpy.typing import NDArray
 from golden_model.config import Config
 from hdl.settings import PAGE_BYTES
 from hdl.shell.live import LiveAccelerator, LiveTop
-from sim.backends.interface import Progress, silent
+from sim.backends.interface import BUILT_LANES, Progress, silent
 from sim.simulators import verilator
-from sim.simulators.accelerator_designs import CONTROL, LANES, as_built, source_key
+from sim.simulators.accelerator_designs import CONTROL, digest_sources, strip_settings
+from sim.simulators.compiled import load_library
 from sim.simulators.design import Design, Ports
 from sim.simulators.recording import check_access
 
 BASE = 0x8_4000_0000
 """Address of the memory: beyond what 32 bits reach."""
-CLOCKS_OF_A_WAIT = 20_000
-CLOCKS_OF_A_LOOK = 500
-LONGEST_SCORING_CLOCKS = 5_000_000
+WAIT_CLOCKS = 20_000
+POLL_CLOCKS = 500
+MAX_SCORING_CLOCKS = 5_000_000
 HARNESS = "live.cpp"
 
 
@@ -35,11 +35,11 @@ class CameraTiming:
     Parameters
     ----------
     line_blank, frame_blank : int
-        Pauses behind each line and each frame, in clocks of the camera.
+        Pauses after each line and after each frame, in clocks of the camera.
     jitter : int
-        Each line's pause is longer by fewer clocks than this, at random.
+        Upper bound, exclusive, of the random clocks by which each line's pause is longer.
     steps, period : int
-        The camera's clock has so many edges in ``period`` clocks of the design.
+        Camera edges per ``period`` clocks of the design.
     """
 
     line_blank: int = 280
@@ -56,11 +56,11 @@ class MemoryRules:
     Parameters
     ----------
     waits : int
-        0..255: how often, in 1/256, address or data are not accepted in a clock.
+        0..255: probability per clock, in 1/256, that address or data are not accepted.
     latency_clocks : int
-        Responses take fewer clocks than this.
+        Upper bound, exclusive, of a response's delay.
     failures : int
-        0..255: how often, in 1/256, a burst is answered by SLVERR.
+        0..255: probability, in 1/256, that a burst is answered by SLVERR.
     seed : int
     """
 
@@ -70,15 +70,15 @@ class MemoryRules:
     seed: int = 0
 
 
-def live_accelerator(config: Config, max_size_px: tuple[int, int], *, lanes: int = LANES) -> Design:
+def design_live_accelerator(config: Config, max_size_px: tuple[int, int]) -> Design:
     """The live build with an 8-bit video input, for frames up to a width and height."""
-    config = as_built(config)
-    size: dict[str, Any] = {"max_width_px": max_size_px[0], "max_height_px": max_size_px[1]}
+    config = strip_settings(config)
+    build: dict[str, Any] = {"max_width_px": max_size_px[0], "max_height_px": max_size_px[1], "lanes": BUILT_LANES}
     return Design(
         "the live accelerator",
         Ports(outputs=(), control=CONTROL),
-        lambda: LiveTop(LiveAccelerator(config=config, lanes=lanes, video_bits=8, **size)),
-        f"live {config} {lanes} {size} {source_key()}",
+        lambda: LiveTop(LiveAccelerator(config=config, video_bits=8, **build)),
+        f"live {config} {build} {digest_sources()}",
     )
 
 
@@ -110,9 +110,8 @@ class LiveBench:
     ) -> None:
         camera, rules = camera or CameraTiming(), rules or MemoryRules()
         self.memory = np.zeros(length_bytes, np.uint8)
-        self._library = _load(
-            verilator.shared_library(live_accelerator(config, size_px), progress=progress, harness=HARNESS)
-        )
+        design = design_live_accelerator(config, size_px)
+        self._library = load_library(verilator.build_library(design, progress=progress, harness=HARNESS), _FUNCTIONS)
         self._bench = self._library.live_open()
         self._used = 0
         self._frames: list[NDArray[np.uint8]] = []
@@ -128,7 +127,7 @@ class LiveBench:
         self._library.live_close(self._bench)
 
     def show(self, frames: Sequence[NDArray[np.uint8]]) -> None:
-        """Let the camera show gray frames of any size after those that it shows already."""
+        """Queue gray frames of any size for the camera."""
         for frame in frames:
             self._frames.append(np.ascontiguousarray(frame, np.uint8))
             self._library.live_frame(self._bench, self._frames[-1].ctypes.data, frame.shape[1], frame.shape[0])
@@ -144,17 +143,17 @@ class LiveBench:
 
     @property
     def violations(self) -> int:
-        """How often an offer was withdrawn or changed, a burst crossed 4 KiB, left the memory or ended wrongly."""
+        """How often the design broke AXI's rules: withdrew or changed an offer, or sent an invalid burst."""
         return int(self._library.live_violations(self._bench))
 
     @property
     def errors(self) -> int:
-        """Bursts that were answered by SLVERR."""
+        """Number of bursts answered by SLVERR."""
         return int(self._library.live_errors(self._bench))
 
     @property
     def last_pixels(self) -> list[int]:
-        """Clock of each frame's last pixel, in the order of the camera."""
+        """Clock in which the camera sent each frame's last pixel."""
         cycles = ctypes.POINTER(ctypes.c_uint64)()
         count = self._library.live_last_pixels(self._bench, ctypes.byref(cycles))
         return [int(cycles[n]) for n in range(count)]
@@ -170,19 +169,19 @@ class LiveBench:
         check_access("write", offset, self._library.live_write(self._bench, offset, value))
 
     def allocate(self, length_bytes: int) -> NDArray[np.uint8]:
-        """The next pages of the memory."""
+        """Take the next free pages of the memory."""
         start, self._used = self._used, self._used + -(-length_bytes // PAGE_BYTES) * PAGE_BYTES
         return self.memory[start : start + length_bytes]
 
     def address(self, buffer: NDArray[np.uint8]) -> int:
-        """Where the design finds memory that `allocate` gave."""
+        """The bus address of memory from `allocate`."""
         return int(BASE + buffer.ctypes.data - self.memory.ctypes.data)
 
     def invalidate(self, buffer: NDArray[np.uint8]) -> None:
-        """The simulated memory has no cache."""
+        """Do nothing: the simulated memory has no cache."""
 
     def exchange(self, sent: NDArray[np.uint8], length_bytes: int, received: NDArray[np.uint8]) -> int:
-        """Send ``length_bytes`` of hypotheses as a packet, and receive their scores; returns the bytes of these.
+        """Send ``length_bytes`` of hypotheses as a packet, and receive their scores; returns the length of the scores.
 
         Raises
         ------
@@ -191,41 +190,39 @@ class LiveBench:
         """
         hypotheses = np.array(sent[:length_bytes]).view(np.uint64)
         self._library.live_hypotheses(self._bench, hypotheses.ctypes.data, hypotheses.size)
-        for _ in range(LONGEST_SCORING_CLOCKS // CLOCKS_OF_A_LOOK):
-            self.run(CLOCKS_OF_A_LOOK)
+        for _ in range(MAX_SCORING_CLOCKS // POLL_CLOCKS):
+            self.run(POLL_CLOCKS)
             if self._library.live_score_packets(self._bench):
                 words = ctypes.POINTER(ctypes.c_uint64)()
                 count = self._library.live_scores(self._bench, ctypes.byref(words))
                 scores = np.ctypeslib.as_array(words, (count,)).view(np.uint8)
                 received[: scores.size] = scores
                 return int(scores.size)
-        raise TimeoutError(f"no scores in {LONGEST_SCORING_CLOCKS} clocks")
+        raise TimeoutError(f"no scores in {MAX_SCORING_CLOCKS} clocks")
 
     def wait(self, seconds: float) -> None:
-        """Let the simulation go on; its time is not that of the host."""
-        self.run(CLOCKS_OF_A_WAIT)
+        """Run for a while, whatever ``seconds`` says: simulated time is not that of the host."""
+        self.run(WAIT_CLOCKS)
 
 
-def _load(path: Path) -> ctypes.CDLL:
-    library = ctypes.CDLL(str(path))
-    pointer, word, wide = ctypes.c_void_p, ctypes.c_uint32, ctypes.c_uint64
-    signatures: dict[str, tuple[Any, tuple[Any, ...]]] = {
-        "live_open": (pointer, ()),
-        "live_close": (None, (pointer,)),
-        "live_memory": (None, (pointer, pointer, wide, wide)),
-        "live_rules": (None, (pointer, word, word, word, wide)),
-        "live_camera": (None, (pointer, *(word,) * 5)),
-        "live_frame": (None, (pointer, pointer, word, word)),
-        "live_run": (None, (pointer, wide)),
-        "live_write": (ctypes.c_int, (pointer, word, word)),
-        "live_read": (ctypes.c_int, (pointer, word, ctypes.POINTER(word))),
-        "live_hypotheses": (None, (pointer, pointer, wide)),
-        "live_score_packets": (wide, (pointer,)),
-        "live_scores": (wide, (pointer, ctypes.POINTER(ctypes.POINTER(wide)))),
-        "live_last_pixels": (wide, (pointer, ctypes.POINTER(ctypes.POINTER(wide)))),
-        **{f"live_{name}": (wide, (pointer,)) for name in ("cycle", "violations", "errors")},
-    }
-    for name, (result, arguments) in signatures.items():
-        function = getattr(library, name)
-        function.restype, function.argtypes = result, arguments
-    return library
+_BENCH, _WORD, _WIDE = ctypes.c_void_p, ctypes.c_uint32, ctypes.c_uint64
+_WORDS = ctypes.POINTER(ctypes.POINTER(_WIDE))
+_FUNCTIONS = {
+    "live_open": (_BENCH,),
+    "live_close": (None, _BENCH),
+    "live_memory": (None, _BENCH, ctypes.c_void_p, _WIDE, _WIDE),
+    "live_rules": (None, _BENCH, _WORD, _WORD, _WORD, _WIDE),
+    "live_camera": (None, _BENCH, *[_WORD] * 5),
+    "live_frame": (None, _BENCH, ctypes.c_void_p, _WORD, _WORD),
+    "live_run": (None, _BENCH, _WIDE),
+    "live_write": (ctypes.c_int, _BENCH, _WORD, _WORD),
+    "live_read": (ctypes.c_int, _BENCH, _WORD, ctypes.POINTER(_WORD)),
+    "live_hypotheses": (None, _BENCH, ctypes.c_void_p, _WIDE),
+    "live_score_packets": (_WIDE, _BENCH),
+    "live_scores": (_WIDE, _BENCH, _WORDS),
+    "live_last_pixels": (_WIDE, _BENCH, _WORDS),
+    "live_cycle": (_WIDE, _BENCH),
+    "live_violations": (_WIDE, _BENCH),
+    "live_errors": (_WIDE, _BENCH),
+}
+"""The functions of live.cpp."""

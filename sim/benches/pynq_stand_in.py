@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from golden_model.config import PRESETS
 from sim.backends.interface import BackendError
 from sim.simulators import verilator
-from sim.simulators.accelerator_designs import BUILT_SIZES_PX, FEATURES, MATCHES, accelerator
+from sim.simulators.accelerator_designs import BUILT_SIZES_PX, FEATURES, MATCHES, design_accelerator
 from sim.simulators.compiled import Bench
 from sim.simulators.recording import END_OF_LINE, Segment
 
@@ -79,8 +79,8 @@ class Overlay:
     """The block design of `skymosaic export --board`, for the preset ``aerial`` as it is built by default."""
 
     def __init__(self, bitfile_name: str) -> None:
-        design = accelerator(PRESETS["aerial"], BUILT_SIZES_PX[0])
-        self.skymosaic = Bench(verilator.shared_library(design), design.ports)
+        design = design_accelerator(PRESETS["aerial"], BUILT_SIZES_PX[0])
+        self.skymosaic = Bench(verilator.build_library(design), design.ports)
         self.dma_video, self.dma_features, self.dma_matches = Dma(self), Dma(self), Dma(self)
 
     def advance(self) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-from typing import Any
 
 import numpy as np
 
@@ -12,12 +11,13 @@ from hdl.export.accelerator import Build
 from hdl.export.ulx3s import DEFAULT_BUILD, ulx3s_top
 from sim.backends.interface import Progress, silent
 from sim.simulators import verilator
-from sim.simulators.accelerator_designs import as_built, source_key
+from sim.simulators.accelerator_designs import digest_sources, strip_settings
+from sim.simulators.compiled import load_library
 from sim.simulators.design import Design, Ports
 
 HARNESS = "serial.cpp"
 PATIENCE_BYTES = 100
-"""A read ends after a pause of so many bytes."""
+"""A read ends after a pause as long as this many bytes."""
 
 
 class SerialPort:
@@ -27,21 +27,22 @@ class SerialPort:
     ----------
     config : Config
     build : Build
-        What is left out is as in `hdl.export.ulx3s.DEFAULT_BUILD`.
+        Options that differ from `hdl.export.ulx3s.DEFAULT_BUILD`.
     progress : callable
         Receives lines of text about a first build.
     """
 
     def __init__(self, config: Config, build: Build | None = None, *, progress: Progress = silent) -> None:
-        whole, config = DEFAULT_BUILD | (build or {}), as_built(config)
+        whole, config = DEFAULT_BUILD | (build or {}), strip_settings(config)
         top = ulx3s_top(config, **whole)
         design = Design(
             "the top of the ULX3S",
             Ports(outputs=(), video="ftdi"),
             lambda: top,
-            f"ulx3s {config} {whole} {source_key()}",
+            f"ulx3s {config} {whole} {digest_sources()}",
         )
-        self._library = _load(str(verilator.shared_library(design, progress=progress, harness=HARNESS)))
+        library = verilator.build_library(design, progress=progress, harness=HARNESS)
+        self._library = load_library(library, _FUNCTIONS)
         self._patience = PATIENCE_BYTES * 10 * top.clocks_per_bit
         self._board = self._library.serial_open(top.clocks_per_bit)
 
@@ -50,11 +51,11 @@ class SerialPort:
         self._library.serial_close(self._board)
 
     def write(self, data: bytes) -> None:
-        """Send bytes; they pass the pin while bytes are read."""
+        """Queue bytes; they pass the pin during reads, when the simulation runs."""
         self._library.serial_send(self._board, data, len(data))
 
     def read(self, count: int) -> bytes:
-        """Up to ``count`` bytes, fewer where no more come."""
+        """Read up to ``count`` bytes, fewer if no more come."""
         there = min(count, self._library.serial_run(self._board, count, self._patience))
         taken = np.zeros(there, np.uint8)
         self._library.serial_take(self._board, taken.ctypes.data, there)
@@ -62,7 +63,7 @@ class SerialPort:
 
     @property
     def in_waiting(self) -> int:
-        """Bytes that have come and have not been read."""
+        """Number of bytes received and not yet read."""
         return int(self._library.serial_run(self._board, 0, 0))
 
     @property
@@ -72,23 +73,18 @@ class SerialPort:
 
     @property
     def broken(self) -> int:
-        """Bytes without a stop bit."""
+        """Number of bytes received without a stop bit."""
         return int(self._library.serial_broken(self._board))
 
 
-def _load(path: str) -> ctypes.CDLL:
-    library = ctypes.CDLL(path)
-    pointer, wide = ctypes.c_void_p, ctypes.c_uint64
-    signatures: dict[str, tuple[Any, tuple[Any, ...]]] = {
-        "serial_open": (pointer, (ctypes.c_uint32,)),
-        "serial_close": (None, (pointer,)),
-        "serial_send": (None, (pointer, ctypes.c_char_p, wide)),
-        "serial_run": (wide, (pointer, wide, wide)),
-        "serial_take": (None, (pointer, pointer, wide)),
-        "serial_cycle": (wide, (pointer,)),
-        "serial_broken": (wide, (pointer,)),
-    }
-    for name, (result, arguments) in signatures.items():
-        function = getattr(library, name)
-        function.restype, function.argtypes = result, arguments
-    return library
+_BOARD, _WIDE = ctypes.c_void_p, ctypes.c_uint64
+_FUNCTIONS = {
+    "serial_open": (_BOARD, ctypes.c_uint32),
+    "serial_close": (None, _BOARD),
+    "serial_send": (None, _BOARD, ctypes.c_char_p, _WIDE),
+    "serial_run": (_WIDE, _BOARD, _WIDE, _WIDE),
+    "serial_take": (None, _BOARD, ctypes.c_void_p, _WIDE),
+    "serial_cycle": (_WIDE, _BOARD),
+    "serial_broken": (_WIDE, _BOARD),
+}
+"""The functions of serial.cpp."""

@@ -26,14 +26,14 @@ from golden_model.arrays import Pixels
 from golden_model.front_end import extract
 from hdl.registers.register_map import REGISTERS, register_writes
 from hdl.settings import RUNNING, matched_frame_settings
-from sim.backends.golden import matched
+from sim.backends.golden import add_matches
 from sim.backends.interface import FrameResult, Reference
 from sim.cocotb.runner import CONFIG
 from sim.scene import pair as rendered_pair
 from sim.simulators.accelerator_designs import CONTROL, FEATURES, MATCHES
-from sim.simulators.hardware import frame_result
-from sim.simulators.recording import flat_frame
-from sim.simulators.scoreboard import first_mismatch
+from sim.simulators.hardware import decode_frame
+from sim.simulators.recording import flatten_frame
+from sim.simulators.scoreboard import find_mismatch
 
 CLOCK_NS = 10
 RESET_CYCLES = 4
@@ -137,7 +137,7 @@ class Bench:
     async def results(self, frames: int) -> list[FrameResult]:
         """Receive the next frames at both outputs."""
         packets = [(await self.packet(FEATURES), await self.packet(MATCHES)) for _ in range(frames)]
-        return [frame_result(*both, CONFIG, cycles=None) for both in packets]
+        return [decode_frame(*both, CONFIG) for both in packets]
 
 
 def _pauses(seed: int) -> Iterator[bool]:
@@ -149,7 +149,7 @@ def _pauses(seed: int) -> Iterator[bool]:
 
 def lines(image: Pixels) -> list[AxiStreamFrame]:
     """A frame as AXI4-Stream video: one packet for each line, TUSER with the first pixel."""
-    data, _ = flat_frame(image)
+    data, _ = flatten_frame(image)
     rows = [row.tolist() for row in data.reshape(image.shape[:2])]
     return [AxiStreamFrame(row, tuser=[int(y == 0 and x == 0) for x in range(len(row))]) for y, row in enumerate(rows)]
 
@@ -176,7 +176,7 @@ def scene(size_px: tuple[int, int], *, gray: bool) -> list[Pixels]:
 def golden(images: Mapping[int, Pixels], reference: Reference) -> list[FrameResult]:
     """The golden model's results for good frames, by their numbers since reset."""
     extracted = (extract(image, CONFIG.front_end, frame=number) for number, image in images.items())
-    results = list(matched(((frame.features, frame.status, None) for frame in extracted), CONFIG, reference))
+    results = list(add_matches(((frame.features, frame.status, None) for frame in extracted), CONFIG, reference))
     assert all(len(frame.features) for frame in results)
     assert any(len(frame.matches) for frame in results)
     return results
@@ -184,5 +184,5 @@ def golden(images: Mapping[int, Pixels], reference: Reference) -> list[FrameResu
 
 def assert_golden(results: Sequence[FrameResult], images: Mapping[int, Pixels], reference: Reference = "held") -> None:
     """Check that the good frames equal the golden model; ``images`` has the good ones by number since reset."""
-    mismatch = first_mismatch(golden(images, reference), [results[number] for number in images])
+    mismatch = find_mismatch(golden(images, reference), [results[number] for number in images])
     assert mismatch is None, str(mismatch)

@@ -13,7 +13,7 @@ from sim.backends.interface import Reference
 from sim.cocotb.bench import Bench, assert_golden, golden, lines, scene, transfer
 from sim.cocotb.runner import CONFIG, MAX_SIZE_PX
 from sim.simulators.accelerator_designs import FEATURES, MATCHES
-from sim.simulators.hardware import frame_result
+from sim.simulators.hardware import decode_frame
 
 ODD_SIZE_PX = (125, 101)
 LEAST_FEATURES, LEAST_MATCHES = 60, 15
@@ -97,6 +97,6 @@ async def an_output_that_is_off_discards(dut: Any) -> None:
     assert features.empty()
     assert matches.empty()
 
-    found = frame_result(feature_words, match_words[1], CONFIG, cycles=None)
+    found = decode_frame(feature_words, match_words[1], CONFIG)
     assert np.array_equal(found.features, expected[2].features)
     assert np.array_equal(found.matches, expected[1].matches)

@@ -11,7 +11,7 @@ from cocotb_tools.runner import Icarus, Runner, Verilator
 
 from golden_model.config import Config, FrontEndConfig
 from sim.backends.interface import Progress, silent
-from sim.simulators.accelerator_designs import accelerator
+from sim.simulators.accelerator_designs import design_accelerator
 from sim.simulators.build_cache import cached, digest
 from sim.simulators.verilator import package_folder
 
@@ -78,7 +78,7 @@ def run(cases: str, folder: Path, *, simulator: str = "verilator", progress: Pro
     runner, identity = _TOOLS[simulator]()
     flags = VERILATOR_FLAGS if simulator == "verilator" else ()
     sources = {"ports.vlt": PUBLIC_PORTS} if simulator == "verilator" else {}
-    sources["top.v"] = accelerator(CONFIG, MAX_SIZE_PX, lanes=LANES).verilog(progress)
+    sources["top.v"] = design_accelerator(CONFIG, MAX_SIZE_PX, lanes=LANES).verilog(progress)
 
     def build(made: Path) -> None:
         for name, text in sources.items():

@@ -1,4 +1,4 @@
-"""The project's designs, ready to be simulated, and the register writes that set them."""
+"""The project's designs, ready to be simulated."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import dataclasses
 import functools
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,32 +23,28 @@ from sim.simulators.design import Design, Ports
 from sim.simulators.front_end_top import SETTINGS, FrontEndTop, Tap
 
 FEATURES, MATCHES, CONTROL = "m_axis_features", "m_axis_matches", "s_axi_ctrl"
-LANES = BUILT_LANES
 BUILT_SIZES_PX = ((1920, 1080), (4096, 4096))
 """Largest width and height of the builds; a run uses the first one that its frames fit."""
 
 
-def built_size_px(frames: Sequence[NDArray[np.uint8]]) -> tuple[int, int]:
-    """The build for ``frames``: largest width and height it takes."""
+def choose_build_px(frames: Sequence[NDArray[np.uint8]]) -> tuple[int, int]:
+    """The largest width and height of the build that takes all ``frames``."""
     height_px, width_px = (max(sides, default=0) for sides in zip(*(image.shape[:2] for image in frames), strict=True))
     return next(size for size in BUILT_SIZES_PX if width_px <= size[0] and height_px <= size[1])
 
 
-def accelerator(
-    config: Config, max_size_px: tuple[int, int], *, lanes: int = LANES, video_bits: int = VIDEO_BITS[0]
-) -> Design:
+def design_accelerator(config: Config, max_size_px: tuple[int, int], *, lanes: int = BUILT_LANES) -> Design:
     """The whole accelerator for frames up to a width and height."""
-    config = as_built(config)
-    size: dict[str, Any] = {"max_width_px": max_size_px[0], "max_height_px": max_size_px[1], "video_bits": video_bits}
+    config, (width_px, height_px) = strip_settings(config), max_size_px
     return Design(
         "the accelerator",
         Ports(outputs=(FEATURES, MATCHES), control=CONTROL),
-        lambda: AcceleratorTop(Accelerator(config=config, lanes=lanes, **size)),
-        f"{config} {lanes} {size} {source_key()}",
+        lambda: AcceleratorTop(Accelerator(config=config, lanes=lanes, max_width_px=width_px, max_height_px=height_px)),
+        f"{config} {lanes} {max_size_px} {digest_sources()}",
     )
 
 
-def front_end(
+def design_front_end(
     config: FrontEndConfig,
     max_size_px: tuple[int, int],
     *,
@@ -57,32 +52,32 @@ def front_end(
     video_bits: int = VIDEO_BITS[0],
 ) -> Design:
     """The front end alone for frames up to a width and height, with ``taps`` that show stages."""
-    config = _as_built(config)
+    config = _strip_front_end_settings(config)
     size = {"max_width_px": max_size_px[0], "max_height_px": max_size_px[1], "video_bits": video_bits}
     return Design(
         "the front end",
         Ports(outputs=(FEATURES,), settings=SETTINGS, taps=tuple(tap.port for tap in taps)),
         lambda: FrontEndTop(FrontEnd(config=config, **size), taps=taps),
-        f"{config} {size} {taps} {source_key()}",
+        f"{config} {size} {taps} {digest_sources()}",
     )
 
 
-def as_built(config: Config) -> Config:
+def strip_settings(config: Config) -> Config:
     """The configuration with fixed values for what is set at run time, so that all settings share one build."""
     return dataclasses.replace(
         config,
         preset="any",
-        front_end=_as_built(config.front_end),
+        front_end=_strip_front_end_settings(config.front_end),
         matcher=dataclasses.replace(config.matcher, keep_above=0),
     )
 
 
-def _as_built(config: FrontEndConfig) -> FrontEndConfig:
+def _strip_front_end_settings(config: FrontEndConfig) -> FrontEndConfig:
     return dataclasses.replace(config, detector="harris", threshold=1, cell_px=None, per_cell=None)
 
 
 @functools.cache
-def source_key() -> str:
+def digest_sources() -> str:
     """A hash of all sources that the designs are made from."""
     folders = [Path(package.__path__[0]) for package in (golden_model, hdl)]
     return digest_files([*(path for folder in folders for path in folder.rglob("*.py")), Path(front_end_top.__file__)])

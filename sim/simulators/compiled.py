@@ -18,7 +18,7 @@ from sim.simulators.design import Ports
 from sim.simulators.recording import NO_PAUSES, Output, Pauses, Recording, Segment, check_access
 
 
-def ports_header(ports: Ports) -> str:
+def format_ports(ports: Ports) -> str:
     """``ports.hpp``, which names a design's ports for the harness."""
 
     def prefix_macros(kind: str, prefixes: Sequence[str]) -> list[str]:
@@ -121,7 +121,7 @@ class Bench:
         """
         is_done, recording = self.stream(segment, pauses)
         if not is_done:
-            raise segment.overdue(self.cycle)
+            raise segment.timeout_error(self.cycle)
         return recording
 
     @property

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from amaranth.hdl import Cat, ClockDomain, ClockSignal, Module, ResetSignal, Signal, signed
@@ -19,16 +19,15 @@ SETTINGS = {setting.name: setting.bits for setting in FRONT_END}
 
 
 class Tap(NamedTuple):
-    """A stage to observe: its level, its name in `golden_model.front_end.trace`, and which pixel of its beats."""
+    """A stage to observe: its level, and its name in `golden_model.front_end.trace`."""
 
     level: int
     stage: str
-    pixel: int = 0
 
     @property
     def port(self) -> str:
         """Prefix of the tap's ports."""
-        return f"tap_level{self.level}_{self.stage}" + "_right" * self.pixel
+        return f"tap_level{self.level}_{self.stage}"
 
 
 TAP_WORD = np.dtype([("value", "<i4"), ("x", "<i2"), ("y", "<i2")])
@@ -42,7 +41,7 @@ class FrontEndTop(wiring.Component):
     ----------
     front_end : FrontEnd
     taps : sequence of Tap
-        Stages whose beats are output, each as ``tap_level<n>_<stage>``.
+        Stages whose beats are output; only for an input of one pixel per clock.
 
     Members
     -------
@@ -52,17 +51,9 @@ class FrontEndTop(wiring.Component):
     tap_level<n>_<stage>_tvalid : Out(1)
     """
 
-    aclk: Signal
-    aresetn: Signal
-    s_axis_video_tdata: Signal
-    s_axis_video_tuser: Signal
-    s_axis_video_tlast: Signal
-    s_axis_video_tvalid: Signal
-    s_axis_video_tready: Signal
-    m_axis_features_tdata: Signal
-    m_axis_features_tlast: Signal
-    m_axis_features_tvalid: Signal
-    m_axis_features_tready: Signal
+    if TYPE_CHECKING:
+        # The ports follow from tables; a type checker cannot know their names.
+        def __getattr__(self, name: str) -> Signal: ...
 
     def __init__(self, front_end: FrontEnd, *, taps: Sequence[Tap] = ()):
         self._front_end = front_end
@@ -106,10 +97,11 @@ class FrontEndTop(wiring.Component):
         ]
         for tap, stage in self._stages.items():
             value, x, y = Signal(signed(32)), Signal(signed(16)), Signal(signed(16))
-            beat = stage.beats[tap.pixel]
+            (beat,) = stage.beats
             m.d.comb += [
+                # Assigned to signals first, which extends the sign: `Cat` alone would join the bits as they are.
                 value.eq(beat[stage.field]),
-                x.eq(beat.x + tap.pixel - stage.lag_px),
+                x.eq(beat.x - stage.lag_px),
                 y.eq(beat.y - stage.lag_px),
                 getattr(self, f"{tap.port}_tvalid").eq(beat.valid),
                 getattr(self, f"{tap.port}_tdata").eq(Cat(value, x, y)),

@@ -15,8 +15,8 @@ from golden_model.records import FRAME_STATUS, MATCH, WORD_BYTES, Record, featur
 from hdl.registers.register_map import register_writes
 from hdl.settings import RUNNING, matched_frame_settings
 from sim.backends.interface import Backend, FrameClocks, FrameResult, Mismatch, Progress, Reference
-from sim.simulators.accelerator_designs import FEATURES, MATCHES, accelerator, built_size_px
-from sim.simulators.recording import Recording, Segment, flat_frame
+from sim.simulators.accelerator_designs import FEATURES, MATCHES, choose_build_px, design_accelerator
+from sim.simulators.recording import Recording, Segment, flatten_frame
 from sim.simulators.stages import locate_mismatch
 
 
@@ -42,10 +42,10 @@ class HardwareBackend(Backend):
         self, frames: Sequence[NDArray[np.uint8]], config: Config, *, reference: Reference = "held"
     ) -> list[FrameResult]:
         """See `sim.backends.interface.Backend.run`."""
-        segments = frame_segments(frames, config, reference)
-        design = accelerator(config, built_size_px(frames))
+        segments = make_segments(frames, config, reference)
+        design = design_accelerator(config, choose_build_px(frames))
         recordings = self.simulate(design, segments, progress=self._progress, waves=self._waves)
-        return results_of(recordings, config)
+        return decode_recordings(recordings, config)
 
     def locate(self, image: NDArray[np.uint8], config: Config, *, frame: int) -> Mismatch | None:
         """See `sim.backends.interface.Backend.locate`; the first call builds a front end that outputs its stages."""
@@ -53,7 +53,7 @@ class HardwareBackend(Backend):
         return locate_mismatch(image, config.front_end, self.simulate, frame=frame, progress=self._progress)
 
 
-def frame_segments(frames: Sequence[NDArray[np.uint8]], config: Config, reference: Reference) -> list[Segment]:
+def make_segments(frames: Sequence[NDArray[np.uint8]], config: Config, reference: Reference) -> list[Segment]:
     """Frames as segments for the accelerator; consecutive frames of one shape share a segment and follow without a gap.
 
     Raises
@@ -62,12 +62,12 @@ def frame_segments(frames: Sequence[NDArray[np.uint8]], config: Config, referenc
         For a frame that the configuration cannot process.
     """
     groups = [list(group) for _, group in itertools.groupby(frames, key=lambda image: image.shape)]
-    return [_segment(group, config, reference, first=number == 0) for number, group in enumerate(groups)]
+    return [_make_segment(group, config, reference, first=number == 0) for number, group in enumerate(groups)]
 
 
-def _segment(frames: list[NDArray[np.uint8]], config: Config, reference: Reference, *, first: bool) -> Segment:
+def _make_segment(frames: list[NDArray[np.uint8]], config: Config, reference: Reference, *, first: bool) -> Segment:
     height_px, width_px = frames[0].shape[:2]
-    data, flags = (np.concatenate(parts) for parts in zip(*map(flat_frame, frames), strict=True))
+    data, flags = (np.concatenate(parts) for parts in zip(*map(flatten_frame, frames), strict=True))
     held = int(reference == "held")
     values = {
         **matched_frame_settings(config, width_px, height_px, gray_input=frames[0].ndim == 2),
@@ -81,44 +81,36 @@ def _segment(frames: list[NDArray[np.uint8]], config: Config, reference: Referen
     return Segment(data, flags, len(frames), cycle_limit, writes=register_writes(values))
 
 
-def results_of(recordings: Sequence[Recording], config: Config) -> list[FrameResult]:
+def decode_recordings(recordings: Sequence[Recording], config: Config) -> list[FrameResult]:
     """The frames of segments that ran one after the other."""
-    return [result for segment, recording in enumerate(recordings) for result in _results(recording, config, segment)]
+    return [frame for segment, recording in enumerate(recordings) for frame in _decode(recording, config, segment)]
 
 
-def _results(recording: Recording, config: Config, segment: int) -> Iterator[FrameResult]:
+def _decode(recording: Recording, config: Config, segment: int) -> Iterator[FrameResult]:
     features, matches = recording.outputs[FEATURES], recording.outputs[MATCHES]
     ends = zip(recording.starts, features.ends[:, 1], matches.ends[:, 1], strict=True)
     packets = zip(ends, features.packets, matches.packets, strict=True)
     for (start, features_end, matches_end), feature_words, match_words in packets:
         clocks = FrameClocks(segment, int(start), int(features_end), int(matches_end))
         cycles = clocks.features_end - clocks.first_pixel + 1
-        result = frame_result(feature_words, match_words, config, cycles=cycles)
-        yield dataclasses.replace(result, clocks=clocks)
+        yield dataclasses.replace(decode_frame(feature_words, match_words, config), cycles=cycles, clocks=clocks)
 
 
-def frame_result(
-    feature_words: NDArray[np.uint64], match_words: NDArray[np.uint64], config: Config, *, cycles: int | None
-) -> FrameResult:
+def decode_frame(feature_words: NDArray[np.uint64], match_words: NDArray[np.uint64], config: Config) -> FrameResult:
     """Decode the two packets of a frame; each consists of records and a FrameStatus."""
     pattern = config.front_end.pattern
     feature = feature_record(pattern.descriptor_bytes, pattern.window_bytes)
     return FrameResult(
-        features=_records(feature, feature_words),
-        matches=_records(MATCH, match_words),
-        status=packet_status(feature, feature_words),
-        match_status=packet_status(MATCH, match_words),
-        cycles=cycles,
+        features=feature_words.view(feature.dtype)[:-1],
+        matches=match_words.view(MATCH.dtype)[:-1],
+        status=decode_status(feature, feature_words),
+        match_status=decode_status(MATCH, match_words),
+        cycles=None,
     )
 
 
-def _records(record: Record, words: NDArray[np.uint64]) -> NDArray[np.void]:
-    """The records of a packet, without the status at its end."""
-    return words.view(record.dtype)[:-1]
-
-
-def packet_status(record: Record, words: NDArray[np.uint64]) -> np.void:
-    """The FrameStatus at the end of a packet of ``record``."""
+def decode_status(record: Record, words: NDArray[np.uint64]) -> np.void:
+    """The FrameStatus at the end of a packet of ``record``; it is as long as one of them."""
     last = words[-record.record_bytes // WORD_BYTES :]
     status: np.void = last[: FRAME_STATUS.record_bytes // WORD_BYTES].view(FRAME_STATUS.dtype)[0]
     return status

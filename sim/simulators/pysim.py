@@ -1,16 +1,16 @@
-"""Simulation by Amaranth's own simulator: a few thousand cycles per second, enough for tiny frames."""
+"""Simulation by Amaranth's own simulator: a few hundred clocks per second, enough for tiny frames."""
 
 from __future__ import annotations
 
 import contextlib
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from amaranth.sim import Simulator
+from numpy.typing import NDArray
 
 from sim.backends.interface import Progress, silent
 from sim.simulators.design import Design, Ports
@@ -39,7 +39,7 @@ def simulate(
     waves: Path | None = None,
     progress: Progress = silent,
 ) -> list[Recording]:
-    """Run segments one after the other, in Python; cycle for cycle the same as `sim.simulators.verilator.simulate`."""
+    """Run segments one after the other, in Python; clock for clock the same as `sim.simulators.verilator.simulate`."""
     bench = _Bench(design.top(), design.ports, pauses)
     recordings: list[Recording] = []
 
@@ -65,8 +65,11 @@ class _Bench:
         self._pauses = pauses
         self._cycle = 0
 
+    def _port(self, prefix: str, member: str) -> Any:
+        return getattr(self.top, f"{prefix}_{member}")
+
     async def reset(self, ctx: Any) -> None:
-        self._rest(ctx)
+        self._stop_streams(ctx)
         ctx.set(self.top.aresetn, 0)
         for _ in range(RESET_CYCLES):
             await self._settle(ctx)
@@ -74,9 +77,10 @@ class _Bench:
         ctx.set(self.top.aresetn, 1)
         self._cycle = 0
 
-    def _rest(self, ctx: Any) -> None:
-        for prefix, member in ((self._ports.video, "tvalid"), *((prefix, "tready") for prefix in self._ports.outputs)):
-            ctx.set(self._port(prefix, member), 0)
+    def _stop_streams(self, ctx: Any) -> None:
+        ctx.set(self._port(self._ports.video, "tvalid"), 0)
+        for prefix in self._ports.outputs:
+            ctx.set(self._port(prefix, "tready"), 0)
 
     async def run(self, ctx: Any, segment: Segment) -> Recording:
         self._ports.check(segment.settings)
@@ -87,29 +91,42 @@ class _Bench:
         for address, value in segment.writes:
             await self._write(ctx, address, value)
         starts: list[int] = []
-        traces = {prefix: _Trace() for prefix in (*self._ports.outputs, *self._ports.taps)}
+        words: dict[str, list[int]] = {prefix: [] for prefix in (*self._ports.outputs, *self._ports.taps)}
+        ends: dict[str, list[tuple[int, int]]] = {prefix: [] for prefix in self._ports.outputs}
+        video = functools.partial(self._port, self._ports.video)
         sent, offered = 0, False
         for _ in range(segment.cycle_limit):
-            if sent == segment.data.size and all(
-                len(traces[prefix].ends) >= segment.packets for prefix in self._ports.outputs
-            ):
-                self._rest(ctx)
-                return _recording(self._ports, starts, traces)
+            if sent == segment.data.size and all(len(packets) >= segment.packets for packets in ends.values()):
+                self._stop_streams(ctx)
+                outputs = {
+                    prefix: Output(_words(words.pop(prefix)), _words(ends[prefix]).reshape(-1, 2)) for prefix in ends
+                }
+                return Recording(_words(starts), outputs, {prefix: _words(values) for prefix, values in words.items()})
             offered = offered or (sent < segment.data.size and not self._pauses.gap(self._cycle))
             if offered:
-                self._offer(ctx, int(segment.data[sent]), int(segment.flags[sent]))
-            ctx.set(self._port(self._ports.video, "tvalid"), offered)
+                ctx.set(video("tdata"), int(segment.data[sent]))
+                ctx.set(video("tuser"), bool(segment.flags[sent] & START_OF_FRAME))
+                ctx.set(video("tlast"), bool(segment.flags[sent] & END_OF_LINE))
+            ctx.set(video("tvalid"), offered)
             for index, prefix in enumerate(self._ports.outputs, start=1):
                 ctx.set(self._port(prefix, "tready"), not self._pauses.stall(self._cycle, index))
             await self._settle(ctx)
-            if offered and ctx.get(self._port(self._ports.video, "tready")):
+            if offered and ctx.get(video("tready")):
                 if segment.flags[sent] & START_OF_FRAME:
                     starts.append(self._cycle)
                 sent, offered = sent + 1, False
-            self._take(ctx, traces)
+            self._record(ctx, words, ends)
             await self._edge(ctx)
             self._cycle += 1
-        raise segment.overdue(self._cycle)
+        raise segment.timeout_error(self._cycle)
+
+    def _record(self, ctx: Any, words: dict[str, list[int]], ends: dict[str, list[tuple[int, int]]]) -> None:
+        for prefix, values in words.items():
+            is_tap = prefix not in ends
+            if ctx.get(self._port(prefix, "tvalid")) and (is_tap or ctx.get(self._port(prefix, "tready"))):
+                values.append(ctx.get(self._port(prefix, "tdata")))
+                if not is_tap and ctx.get(self._port(prefix, "tlast")):
+                    ends[prefix].append((len(values), self._cycle))
 
     async def _write(self, ctx: Any, address: int, value: int) -> None:
         assert self._ports.control is not None, "the design has no registers"
@@ -131,24 +148,7 @@ class _Bench:
         ctx.set(port("bready"), 0)
         check_access("write", address, response)
 
-    def _port(self, prefix: str, member: str) -> Any:
-        return getattr(self.top, f"{prefix}_{member}")
-
-    def _offer(self, ctx: Any, data: int, flags: int) -> None:
-        ctx.set(self._port(self._ports.video, "tdata"), data)
-        ctx.set(self._port(self._ports.video, "tuser"), bool(flags & START_OF_FRAME))
-        ctx.set(self._port(self._ports.video, "tlast"), bool(flags & END_OF_LINE))
-
-    def _take(self, ctx: Any, traces: dict[str, _Trace]) -> None:
-        for prefix in self._ports.outputs:
-            if ctx.get(self._port(prefix, "tready")) and ctx.get(self._port(prefix, "tvalid")):
-                traces[prefix].words.append(ctx.get(self._port(prefix, "tdata")))
-                if ctx.get(self._port(prefix, "tlast")):
-                    traces[prefix].ends.append((len(traces[prefix].words), self._cycle))
-        for prefix in self._ports.taps:
-            if ctx.get(self._port(prefix, "tvalid")):
-                traces[prefix].words.append(ctx.get(self._port(prefix, "tdata")))
-
+    # The domain of a top is driven by its port `aclk`, so the simulator's own clocks cannot drive it.
     async def _settle(self, ctx: Any) -> None:
         ctx.set(self.top.aclk, 0)
         await ctx.delay(HALF_CLOCK_S)
@@ -158,20 +158,8 @@ class _Bench:
         await ctx.delay(HALF_CLOCK_S)
 
 
-@dataclass
-class _Trace:
-    words: list[int] = field(default_factory=list)
-    ends: list[tuple[int, int]] = field(default_factory=list)
-
-
-def _recording(ports: Ports, starts: list[int], traces: dict[str, _Trace]) -> Recording:
-    words = {prefix: np.array(trace.words, np.uint64) for prefix, trace in traces.items()}
-    ends = {prefix: np.array(trace.ends, np.uint64).reshape(-1, 2) for prefix, trace in traces.items()}
-    return Recording(
-        np.array(starts, np.uint64),
-        {prefix: Output(words[prefix], ends[prefix]) for prefix in ports.outputs},
-        {prefix: words[prefix] for prefix in ports.taps},
-    )
+def _words(values: Sequence[Any]) -> NDArray[np.uint64]:
+    return np.array(values, np.uint64)
 
 
 def load(*, progress: Progress, waves: Path | None) -> HardwareBackend:

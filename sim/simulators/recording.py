@@ -85,8 +85,8 @@ class Segment:
     writes: Sequence[tuple[int, int]] = ()
     reset: bool = False
 
-    def overdue(self, cycle: int) -> BackendError:
-        """The error to raise if the design has not finished by its cycle limit."""
+    def timeout_error(self, cycle: int) -> BackendError:
+        """The error of a design that has not finished by its cycle limit."""
         return BackendError(
             f"the simulated design did not end {self.packets} packets within {self.cycle_limit} cycles "
             f"(stopped in cycle {cycle})"
@@ -140,7 +140,7 @@ class Recording:
     taps: dict[str, NDArray[np.uint64]]
 
 
-def flat_frame(image: NDArray[np.uint8], *, pair_bits: int = 0) -> tuple[NDArray[np.uint64], NDArray[np.uint8]]:
+def flatten_frame(image: NDArray[np.uint8], *, pair_bits: int = 0) -> tuple[NDArray[np.uint64], NDArray[np.uint8]]:
     """Beats of a frame in raster order: data and flags for a `Segment`.
 
     Parameters

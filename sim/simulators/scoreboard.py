@@ -17,80 +17,80 @@ from golden_model.matching.matcher import ReferenceFrame
 from golden_model.timing import FrameWork, Timeline
 from sim.backends.interface import BUILT_LANES, FrameResult, Mismatch, Reference
 
-LEAST_LEVEL_0_FEATURES = 1000
-LEAST_LEVEL_1_FEATURES = 100
-LEAST_MATCHES = 100
+MIN_LEVEL_0_FEATURES = 1000
+MIN_LEVEL_1_FEATURES = 100
+MIN_MATCHES = 100
 POSITION_UNITS_PER_PX = 16
 
 
-def first_mismatch(expected: Sequence[FrameResult], actual: Sequence[FrameResult]) -> Mismatch | None:
+def find_mismatch(expected: Sequence[FrameResult], actual: Sequence[FrameResult]) -> Mismatch | None:
     """The first difference in features, matches or status records, frame by frame and record by record.
 
-    ``cycles`` of the status is left to `first_clock_mismatch`: the golden model's records have no clock.
+    ``cycles`` of the status is left to `find_clock_mismatch`: the golden model's records have no clock.
     """
     for number, (wanted, got) in enumerate(zip(expected, actual, strict=True)):
-        differences = (
-            _first_record(number, "feature", wanted.features, got.features, ("x", "y")),
-            _first_record(number, "match", wanted.matches, got.matches, ("left_x", "left_y")),
-            _first_field(number, "feature status", wanted.status, got.status, None),
-            _first_field(number, "match status", wanted.match_status, got.match_status, None),
+        mismatch = (
+            _compare_records(number, "feature", wanted.features, got.features, ("x", "y"))
+            or _compare_records(number, "match", wanted.matches, got.matches, ("left_x", "left_y"))
+            or _compare_fields(number, "feature status", wanted.status, got.status, None)
+            or _compare_fields(number, "match status", wanted.match_status, got.match_status, None)
         )
-        found = next((difference for difference in differences if difference), None)
-        if found:
-            return found
+        if mismatch:
+            return mismatch
     return None
 
 
-def predicted(
+def predict_timelines(
     golden: Sequence[FrameResult],
-    found: Sequence[FrameResult],
+    simulated: Sequence[FrameResult],
     config: Config,
     reference: Reference,
     *,
     lanes: int = BUILT_LANES,
 ) -> list[Timeline]:
-    """The timeline of each frame, in clocks since reset; shorter than ``found`` where the rest is not predicted.
+    """The timeline of each frame, in clocks since reset; it ends at the first frame that cannot be predicted.
 
     Parameters
     ----------
     golden : sequence of FrameResult
-        Its features and matches are what the prediction follows from.
-    found : sequence of FrameResult
-        Simulated; only the clock in which the first pixel of each segment was taken is used.
+        The prediction follows from its features and matches.
+    simulated : sequence of FrameResult
+        Only the clock in which the first pixel of each segment was taken is used.
     config : Config
     reference : {"held", "previous"}
     lanes : int
     """
-    works = list(_works(golden, reference))
+    works = list(_measure_works(golden, reference))
     timelines: list[Timeline] = []
-    clocks = [result.clocks for result in found if result.clocks]
+    clocks = [result.clocks for result in simulated if result.clocks]
     for _, segment in itertools.groupby(enumerate(clocks), key=lambda item: item[1].segment):
         numbers, (first, *_) = zip(*segment, strict=True)
-        # What follows a frame that is not predicted is not, either.
+        # After a frame whose clocks cannot be predicted, those of the next segments cannot be, either.
         if len(timelines) == numbers[0]:
             frames = timing.timelines([works[n] for n in numbers], config, lanes=lanes)
             timelines += [timeline.delay(first.first_pixel) for timeline in frames]
     return timelines
 
 
-def _works(golden: Sequence[FrameResult], reference: Reference) -> Iterator[FrameWork]:
-    frames = ReferenceFrame[int](held=reference == "held")
+def _measure_works(golden: Sequence[FrameResult], reference: Reference) -> Iterator[FrameWork]:
+    """What the clocks of each frame depend on."""
+    references: ReferenceFrame[int] = ReferenceFrame()
     for result in golden:
         good, count = bool(result.status["good"]), len(result.features)
         size_px = int(result.status["width"]), int(result.status["height"])
-        left = frames.for_frame(count, good=good)
+        left = references.for_frame(count, good=good, held=reference == "held")
         counts = (0, 0) if left is None else (left, count)
         yield FrameWork(*size_px, good, *counts, result.matches["left_index"])
 
 
-def first_clock_mismatch(timelines: Sequence[Timeline], found: Sequence[FrameResult]) -> Mismatch | None:
+def find_clock_mismatch(timelines: Sequence[Timeline], simulated: Sequence[FrameResult]) -> Mismatch | None:
     """The first clock that differs from its prediction, frame by frame."""
-    for number, (timeline, result) in enumerate(zip(timelines, found, strict=False)):
-        clocks = result.clocks
-        if clocks is None:
+    # Predictions may end before the frames do.
+    for number, (timeline, result) in enumerate(zip(timelines, simulated, strict=False)):
+        if result.clocks is None:
             continue
         for step in ("first_pixel", "features_end", "matches_end"):
-            wanted, got = getattr(timeline, step), getattr(clocks, step)
+            wanted, got = getattr(timeline, step), getattr(result.clocks, step)
             if wanted != got:
                 return Mismatch(number, f"clock of {step.replace('_', ' ')}", None, None, wanted, got)
         if timeline.status_cycles != result.status["cycles"]:
@@ -98,7 +98,7 @@ def first_clock_mismatch(timelines: Sequence[Timeline], found: Sequence[FrameRes
     return None
 
 
-def _first_record(
+def _compare_records(
     frame: int, kind: str, expected: NDArray[np.void], actual: NDArray[np.void], position: tuple[str, str]
 ) -> Mismatch | None:
     common = min(len(expected), len(actual))
@@ -108,7 +108,7 @@ def _first_record(
         wrong |= differs.any(axis=tuple(range(1, differs.ndim)))
     if wrong.any():
         row = int(wrong.argmax())
-        return _first_field(frame, f"{kind} {row}", expected[row], actual[row], position)
+        return _compare_fields(frame, f"{kind} {row}", expected[row], actual[row], position)
     if len(expected) != len(actual):
         extra = max(expected, actual, key=len)[common]
         x, y = (float(extra[axis]) / POSITION_UNITS_PER_PX for axis in position)
@@ -116,7 +116,7 @@ def _first_record(
     return None
 
 
-def _first_field(
+def _compare_fields(
     frame: int, kind: str, expected: np.void, actual: np.void, position: tuple[str, str] | None
 ) -> Mismatch | None:
     for name in expected.dtype.names or ():
@@ -126,49 +126,29 @@ def _first_field(
     return None
 
 
-def plane_mismatch(stage: str, expected: Plane, actual: np.ma.MaskedArray, *, frame: int = 0) -> Mismatch | None:
-    """The first pixel, in raster order, at which a stage's plane differs in the part where its values are specified.
-
-    Parameters
-    ----------
-    stage : str
-        Name of the stage, for the message.
-    expected : Plane
-        The golden plane with its margin.
-    actual : integer masked array
-        The hardware's plane, of the same shape; pixels without a value are masked.
-    """
-    margin_px = expected.margin_px
-    wrong = np.ma.filled(expected.specified != Plane(actual, margin_px).specified, fill_value=False)
-    if not wrong.any():
-        return None
-    y, x = (int(axis[0]) + margin_px for axis in np.nonzero(wrong))
-    return Mismatch(frame, stage, x, y, int(expected.values[y, x]), int(actual[y, x]))
-
-
-def first_stage_mismatch(
+def find_stage_mismatch(
     golden: FrontEndTrace, planes: Sequence[dict[str, np.ma.MaskedArray]], *, frame: int = 0
 ) -> Mismatch | None:
-    """The first stage, in data-flow order, whose hardware plane differs from the golden plane.
+    """The first pixel of the first stage, in data-flow order, whose plane differs where the values are specified.
 
     Parameters
     ----------
     golden : FrontEndTrace
         From `golden_model.front_end.trace`.
-    planes : sequence of dict of str to masked array
-        For each level, the hardware's planes under the golden model's names; missing stages are not compared.
+    planes : sequence of dict of str to integer masked array
+        For each level, the hardware's planes under the golden model's names; pixels without a value are masked, and
+        missing stages are not compared.
     """
-    return next(_stage_mismatches(golden, planes, frame), None)
-
-
-def _stage_mismatches(
-    golden: FrontEndTrace, planes: Sequence[dict[str, np.ma.MaskedArray]], frame: int
-) -> Iterator[Mismatch]:
     for level, (expected, actual) in enumerate(zip(golden.levels, planes, strict=True)):
         for stage in (name for name in expected if name in actual):
-            found = plane_mismatch(f"level {level} {stage}", expected[stage], actual[stage], frame=frame)
-            if found:
-                yield found
+            margin_px = expected[stage].margin_px
+            differs = expected[stage].specified != Plane(actual[stage], margin_px).specified
+            wrong = np.argwhere(np.ma.filled(differs, fill_value=False))
+            if len(wrong):
+                y, x = (wrong[0] + margin_px).tolist()
+                values = int(expected[stage].values[y, x]), int(actual[stage][y, x])
+                return Mismatch(frame, f"level {level} {stage}", x, y, *values)
+    return None
 
 
 @dataclass(frozen=True)
@@ -179,7 +159,7 @@ class Coverage:
     ----------
     frames : int
     features : tuple of (int, int)
-        Of level 0 and of level 1.
+        On level 0 and on level 1.
     sectors : int
         Number of the 16 orientation sectors that occurred.
     matches : int
@@ -205,14 +185,14 @@ class Coverage:
     def missing(self, config: FrontEndConfig) -> list[str]:
         """Reasons why the comparison covered too little; empty if it covered enough.
 
-        Enough is 1000 features of level 0, 100 matches, and, if the configuration has them, 100 features of level 1 and
+        Enough is 1000 features on level 0, 100 matches, and, if the configuration has them, 100 features on level 1 and
         all sectors.
         """
         counts = (
-            ("level-0 features", self.features[0], LEAST_LEVEL_0_FEATURES),
-            ("level-1 features", self.features[1], LEAST_LEVEL_1_FEATURES if config.levels == 2 else 0),
+            ("level-0 features", self.features[0], MIN_LEVEL_0_FEATURES),
+            ("level-1 features", self.features[1], MIN_LEVEL_1_FEATURES if config.levels == 2 else 0),
             ("sectors", self.sectors, SECTORS if config.pattern.oriented else 0),
-            ("matches", self.matches, LEAST_MATCHES),
+            ("matches", self.matches, MIN_MATCHES),
         )
         return [f"{count} {what}, at least {least} needed" for what, count, least in counts if count < least]
 

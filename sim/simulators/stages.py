@@ -11,10 +11,10 @@ from golden_model.config import FrontEndConfig
 from golden_model.front_end import trace
 from hdl.settings import frame_settings
 from sim.backends.interface import Mismatch, Progress, silent
-from sim.simulators.accelerator_designs import built_size_px, front_end
+from sim.simulators.accelerator_designs import choose_build_px, design_front_end
 from sim.simulators.front_end_top import TAP_WORD, Tap
-from sim.simulators.recording import Recording, Segment, flat_frame
-from sim.simulators.scoreboard import first_stage_mismatch
+from sim.simulators.recording import Recording, Segment, flatten_frame
+from sim.simulators.scoreboard import find_stage_mismatch
 
 
 def locate_mismatch(
@@ -32,7 +32,7 @@ def locate_mismatch(
     image : uint8 ndarray, shape (H, W) or (H, W, 3) BGR
     config : FrontEndConfig
     simulate : callable
-        ``simulate`` of `sim.simulators.verilator` or `sim.simulators.pysim`.
+        `sim.simulators.verilator.simulate` or `sim.simulators.pysim.simulate`.
     frame : int
         Number of the frame, for the message.
     progress : callable
@@ -44,24 +44,25 @@ def locate_mismatch(
         None if all planes are equal: then the difference arises after the corner candidates.
     """
     height_px, width_px = image.shape[:2]
-    data, flags = flat_frame(image)
+    data, flags = flatten_frame(image)
     values = frame_settings(config, width_px, height_px, gray_input=image.ndim == 2)
     segment = Segment(data, flags, packets=1, cycle_limit=4 * data.size, settings=values)
     golden = trace(image, config)
     taps = tuple(Tap(number, name) for number, level in enumerate(golden.levels) for name in level)
-    design = front_end(config, built_size_px([image]), taps=taps)
+    design = design_front_end(config, choose_build_px([image]), taps=taps)
     (recording,) = simulate(design, [segment], progress=progress)
     planes: list[dict[str, np.ma.MaskedArray]] = [{} for _ in golden.levels]
     for tap in taps:
         words = recording.taps[tap.port].view(TAP_WORD)
-        planes[tap.level][tap.stage] = _plane(words, (height_px >> tap.level, width_px >> tap.level))
-    return first_stage_mismatch(golden, planes, frame=frame)
+        planes[tap.level][tap.stage] = _place_values(words, (height_px >> tap.level, width_px >> tap.level))
+    return find_stage_mismatch(golden, planes, frame=frame)
 
 
-def _plane(words: NDArray[np.void], shape: tuple[int, int]) -> np.ma.MaskedArray:
+def _place_values(words: NDArray[np.void], shape: tuple[int, int]) -> np.ma.MaskedArray:
     """The values at their pixels; the other pixels are masked, since the hardware sent no value for them."""
     plane: np.ma.MaskedArray = np.ma.MaskedArray(np.zeros(shape, np.int64), mask=True)
     x, y = words["x"], words["y"]
+    # Stages lag behind the scan, so their first and last beats lie outside the frame.
     inside = (x >= 0) & (y >= 0) & (x < shape[1]) & (y < shape[0])
     plane[y[inside], x[inside]] = words["value"][inside]
     return plane

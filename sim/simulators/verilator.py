@@ -12,7 +12,7 @@ from pathlib import Path
 from golden_model.text import how_to_install
 from sim.backends.interface import BackendError, Progress, silent
 from sim.simulators.build_cache import cached, digest, digest_files
-from sim.simulators.compiled import Bench, ports_header
+from sim.simulators.compiled import Bench, format_ports
 from sim.simulators.compiler import compile_objects, link_library, optimisation, run_tool, toolchain_key
 from sim.simulators.design import Design
 from sim.simulators.hardware import HardwareBackend
@@ -28,7 +28,7 @@ RUNTIME_SOURCES = ("verilated.cpp", "verilated_threads.cpp")
 """Verilator's own part of every model. A model calls it in each clock, so it is optimised, and compiled only once."""
 
 
-def shared_library(
+def build_library(
     design: Design, *, waves: bool = False, progress: Progress = silent, harness: str = "harness.cpp"
 ) -> Path:
     """Return the design as a shared library, compiled the first time.
@@ -52,7 +52,7 @@ def shared_library(
     # First, so that a missing compiler is noticed before the design is converted for minutes.
     compiler = digest(toolchain_key(), optimisation())
     # With waves the modules are kept, since a viewer shows them as a tree.
-    verilog, ports = design.verilog(progress, flat=not waves), ports_header(design.ports)
+    verilog, ports = design.verilog(progress, flat=not waves), format_ports(design.ports)
     flags = (*VERILATOR_FLAGS, *(("--trace-vcd",) if waves else ()))
     library_name = "simulator.so"
 
@@ -150,7 +150,7 @@ def simulate(
     BackendError
         If a tool is missing or fails, or if the design hangs.
     """
-    library = shared_library(design, waves=waves is not None, progress=progress)
+    library = build_library(design, waves=waves is not None, progress=progress)
     with contextlib.closing(Bench(library, design.ports, waves)) as bench:
         return [bench.run(segment, pauses) for segment in segments]
 

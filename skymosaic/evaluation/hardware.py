@@ -11,7 +11,7 @@ from typing import Any
 from golden_model.arrays import Pixels
 from golden_model.timing import Timeline
 from sim.backends.interface import Mismatch, load_backend, silent
-from sim.simulators.scoreboard import Coverage, first_clock_mismatch, first_mismatch, predicted
+from sim.simulators.scoreboard import Coverage, find_clock_mismatch, find_mismatch, predict_timelines
 from skymosaic.imagery.images import load, reduce_to_width
 from skymosaic.registration.options import FeatureOptions
 from skymosaic.registration.register import extract_within_capacity
@@ -103,12 +103,12 @@ def compare(
     start = time.perf_counter()
     results = hardware.run(frames, config)
     seconds = time.perf_counter() - start
-    timelines = predicted(golden, results, config, "held")
-    mismatch = first_mismatch(golden, results)
+    timelines = predict_timelines(golden, results, config, "held")
+    mismatch = find_mismatch(golden, results)
     if mismatch:
         # A wrong record says little about the cause; the first stage that went wrong says more.
         mismatch = hardware.locate(frames[mismatch.frame], config, frame=mismatch.frame) or mismatch
-    mismatch = mismatch or first_clock_mismatch(timelines, results)
+    mismatch = mismatch or find_clock_mismatch(timelines, results)
     return Comparison(
         mismatch=mismatch,
         coverage=Coverage.of(golden),

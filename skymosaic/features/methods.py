@@ -155,16 +155,14 @@ class HostBackend(Backend):
     ) -> list[FrameResult]:
         """See `sim.backends.interface.Backend.run`."""
         results: list[FrameResult] = []
-        references = matcher.ReferenceFrame[_Frame](held=reference == "held")
+        references: matcher.ReferenceFrame[_Frame] = matcher.ReferenceFrame()
         for number, image in enumerate(frames):
             right, status = self._frame(image, config.front_end, number)
-            left = references.for_frame(right, good=right.good)
+            left = references.for_frame(right, good=right.good, held=reference == "held")
             features, matches = right.features, np.zeros(0, MATCH.dtype)
             if left is not None:
                 features, matches = self._match(left, right, config)
-            match_status = status.copy()
-            match_status["matches"], match_status["kept"] = len(matches), np.count_nonzero(matches["verdict"])
-            results.append(FrameResult(features, matches, status, match_status, None))
+            results.append(FrameResult.count_matches(features, matches, status))
         return results
 
     def _frame(self, image: Pixels, config: FrontEndConfig, number: int) -> tuple[_Frame, np.void]:

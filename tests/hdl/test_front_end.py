@@ -21,9 +21,9 @@ from hdl.selection.cell_ranking import CellRanking
 from hdl.settings import frame_settings
 from sim.scene import pair
 from sim.simulators import verilator
-from sim.simulators.accelerator_designs import FEATURES, front_end
+from sim.simulators.accelerator_designs import FEATURES, design_front_end
 from sim.simulators.compiled import Bench
-from sim.simulators.recording import NO_PAUSES, Pauses, Segment, flat_frame
+from sim.simulators.recording import NO_PAUSES, Pauses, Segment, flatten_frame
 
 AERIAL = PRESETS["aerial"].front_end
 FAST = dataclasses.replace(AERIAL, detector="fast", threshold=10)
@@ -66,7 +66,7 @@ class FrontEndBench:
         config = config or self.config
         height_px, width_px = frames[0].shape[:2]
         first = 0 if options.get("reset") else self.frames
-        beats = [flat_frame(frame, pair_bits=self.pair_bits) for frame in frames]
+        beats = [flatten_frame(frame, pair_bits=self.pair_bits) for frame in frames]
         gray_input = frames[0].ndim == 2
         packets, starts = self.run(
             beats, (width_px, height_px), len(frames), gray_input=gray_input, config=config, **options
@@ -85,8 +85,8 @@ def assert_golden(packet, golden):
 
 
 def compiled(config, size_px=SIZE_PX, **options):
-    design = front_end(config, size_px, **options)
-    return contextlib.closing(Bench(verilator.shared_library(design), design.ports))
+    design = design_front_end(config, size_px, **options)
+    return contextlib.closing(Bench(verilator.build_library(design), design.ports))
 
 
 @pytest.fixture(scope="module")
@@ -222,7 +222,7 @@ def test_two_pixels_a_clock_at_any_size_and_content(two_pixels, scene, size_px, 
 @pytest.mark.slow
 @pytest.mark.parametrize("admitted", [1, 2500, SMALL_PX[0] * SMALL_PX[1] // 2 - 1])
 def test_two_pixels_a_clock_after_a_reset_in_mid_frame(two_pixels, scene, admitted):
-    beats = flat_frame(gray(scene(0, SMALL_PX)), pair_bits=two_pixels.pair_bits)
+    beats = flatten_frame(gray(scene(0, SMALL_PX)), pair_bits=two_pixels.pair_bits)
     two_pixels.run([[part[:admitted] for part in beats]], SMALL_PX, 0)
     two_pixels.check([gray(scene(number, SMALL_PX)) for number in (1, 2)], reset=True)
 
@@ -233,7 +233,7 @@ def test_two_pixels_a_clock_survive_bad_frames(two_pixels, scene, pauses):
     """A line that is too short, one that is too long, a frame that ends early; good frames between them are clean."""
     frames = [gray(scene(number, SMALL_PX)) for number in range(4)]
     first = two_pixels.frames
-    good = [np.stack(flat_frame(frame, pair_bits=two_pixels.pair_bits)) for frame in frames]
+    good = [np.stack(flatten_frame(frame, pair_bits=two_pixels.pair_bits)) for frame in frames]
     bad = [np.delete(good[0], 407, axis=1), np.insert(good[1], 407, good[1][:, 406], axis=1), good[2][:, :4800]]
     beats = [beats for pair in zip(bad, good, strict=False) for beats in pair]
     packets, _ = two_pixels.run(beats, SMALL_PX, 2 * len(bad), pauses=pauses)
@@ -274,8 +274,8 @@ BAD_FRAMES = {
 def test_a_bad_frame_says_why_and_the_next_ones_are_clean(aerial, scene, spoil, cause, pauses):
     frames = [gray(scene(number, SMALL_PX)) for number in range(3)]
     first = aerial.frames
-    before, *after = (flat_frame(frame) for frame in frames)
-    bad = spoil(np.stack(flat_frame(frames[1])))
+    before, *after = (flatten_frame(frame) for frame in frames)
+    bad = spoil(np.stack(flatten_frame(frames[1])))
     packets, _ = aerial.run([before, bad, *after], SMALL_PX, 4, pauses=pauses)
     _, status = packets.pop(1)
     assert (status["good"], status["causes"], status["features"], status["frame"]) == (0, cause, 0, first + 1)
@@ -285,7 +285,7 @@ def test_a_bad_frame_says_why_and_the_next_ones_are_clean(aerial, scene, spoil, 
 
 @pytest.mark.parametrize("admitted", [1, 5000, SMALL_PX[0] * SMALL_PX[1] - 1])
 def test_reset_in_mid_frame_leaves_nothing(aerial, scene, admitted):
-    broken_off = [part[:admitted] for part in flat_frame(gray(scene(0, SMALL_PX)))]
+    broken_off = [part[:admitted] for part in flatten_frame(gray(scene(0, SMALL_PX)))]
     aerial.run([broken_off], SMALL_PX, 0)
     aerial.check([gray(scene(number, SMALL_PX)) for number in (1, 2)], reset=True)
 
@@ -294,7 +294,7 @@ def test_too_many_features_make_a_bad_frame(aerial):
     noise = extremes((640, 480))[-1]
     number = aerial.frames
     settings = {"cell_log2": 5, "per_cell": 8}
-    ((features, status),), _ = aerial.run([flat_frame(noise)], (640, 480), 1, **settings)
+    ((features, status),), _ = aerial.run([flatten_frame(noise)], (640, 480), 1, **settings)
     assert (status["good"], status["causes"], status["features"]) == (0, Cause.TOO_MANY_FEATURES, 0)
     assert len(features) == AERIAL.max_features
     small = extremes(SMALL_PX)[-1]
@@ -307,7 +307,7 @@ def test_the_adaptive_threshold_follows_the_golden_model_without_a_bubble(aerial
     frames = [gray(scene(number, SMALL_PX)) for number in range(8)]
     target, number = 40, aerial.frames
     code = frame_settings(initial, *SMALL_PX, gray_input=True)["threshold_code"]
-    beats = [flat_frame(frame) for frame in frames]
+    beats = [flatten_frame(frame) for frame in frames]
     packets, starts = aerial.run(beats, SMALL_PX, len(frames), config=initial, adaptive=1, target_features=target)
     np.testing.assert_array_equal(np.diff(starts)[1:], SMALL_PX[0] * SMALL_PX[1])
     for n, (frame, packet) in enumerate(zip(frames, packets, strict=True)):

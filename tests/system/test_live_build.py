@@ -11,7 +11,7 @@ from golden_model.config import PRESETS
 from golden_model.front_end import extract
 from golden_model.geometry.scoring import Cause, answers, quantise
 from hdl.settings import REQUESTED, matched_frame_settings
-from sim.backends.golden import matched
+from sim.backends.golden import add_matches
 from sim.benches.exported import host_programs
 from sim.benches.live import CameraTiming, LiveBench, MemoryRules
 from sim.scene import pair as rendered_pair
@@ -49,7 +49,7 @@ def check(delivered: list[tuple[int, Any, Any]], frames: list[np.ndarray], count
     """Every delivered frame equals the golden model, and every other one is counted as dropped."""
     front_end = CONFIG.front_end.for_size(*SIZE_PX)
     golden = [extract(frames[number - 1], front_end, frame=n) for n, (number, *_) in enumerate(delivered)]
-    results = matched(((each.features, each.status, None) for each in golden), CONFIG, "previous")
+    results = add_matches(((each.features, each.status, None) for each in golden), CONFIG, "previous")
     for (_, features, matches), expected in zip(delivered, results, strict=True):
         np.testing.assert_array_equal(features, expected.features)
         np.testing.assert_array_equal(matches, expected.matches)

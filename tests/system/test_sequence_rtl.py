@@ -1,4 +1,4 @@
-"""Ten frames back to back through the accelerator's Verilog, each matched with the one before or with the first."""
+"""Six frames back to back through the accelerator's Verilog, each matched with the one before or with the first."""
 
 import cv2
 import numpy as np
@@ -8,9 +8,9 @@ from golden_model.config import PRESETS
 from sim.backends.interface import Reference, load_backend
 from sim.scene import lawnmower
 from sim.simulators import verilator
-from sim.simulators.accelerator_designs import BUILT_SIZES_PX, MATCHES, accelerator
-from sim.simulators.hardware import frame_segments, results_of
-from sim.simulators.scoreboard import Coverage, first_clock_mismatch, first_mismatch, predicted
+from sim.simulators.accelerator_designs import BUILT_SIZES_PX, MATCHES, design_accelerator
+from sim.simulators.hardware import decode_recordings, make_segments
+from sim.simulators.scoreboard import Coverage, find_clock_mismatch, find_mismatch, predict_timelines
 
 FRAMES, SIZE_PX = 6, (640, 480)
 FRAME_CYCLES = SIZE_PX[0] * SIZE_PX[1]
@@ -26,23 +26,23 @@ def flight() -> list[np.ndarray]:
 
 @pytest.mark.parametrize("reference", ["previous", pytest.param("held", marks=pytest.mark.slow)])
 def test_no_frame_waits_and_every_match_comes_in_time(flight: list[np.ndarray], reference: Reference) -> None:
-    design = accelerator(CONFIG, BUILT_SIZES_PX[0])
-    (recording,) = verilator.simulate(design, frame_segments(flight, CONFIG, reference), progress=print)
+    design = design_accelerator(CONFIG, BUILT_SIZES_PX[0])
+    (recording,) = verilator.simulate(design, make_segments(flight, CONFIG, reference), progress=print)
     matches = recording.outputs[MATCHES]
     assert np.diff(recording.starts.astype(np.int64)).tolist() == [FRAME_CYCLES] * (FRAMES - 1)
     next_frame_ends = recording.starts + np.uint64(2 * FRAME_CYCLES)
     assert (matches.ends[:, 1] < next_frame_ends).all()
 
-    results = results_of([recording], CONFIG)
+    results = decode_recordings([recording], CONFIG)
     assert [int(result.status["frame"]) for result in results] == list(range(FRAMES))
     golden = load_backend("golden").run(flight, CONFIG, reference=reference)
-    mismatch = first_mismatch(golden, results)
+    mismatch = find_mismatch(golden, results)
     assert mismatch is None, str(mismatch)
-    timelines = predicted(golden, results, CONFIG, reference)
+    timelines = predict_timelines(golden, results, CONFIG, reference)
     assert len(timelines) == FRAMES
-    mismatch = first_clock_mismatch(timelines, results)
+    mismatch = find_clock_mismatch(timelines, results)
     assert mismatch is None, str(mismatch)
     late = [timeline.delay(number == FRAMES - 1) for number, timeline in enumerate(timelines)]
-    assert first_clock_mismatch(late, results).frame == FRAMES - 1
+    assert find_clock_mismatch(late, results).frame == FRAMES - 1
     assert not Coverage.of(results).missing(CONFIG.front_end)
     assert min(len(result.matches) for result in results[1:]) > LEAST_MATCHES

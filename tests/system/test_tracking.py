@@ -12,7 +12,7 @@ import pytest
 from golden_model.config import preset_config
 from sim.backends.interface import load_backend
 from sim.scene import pursuit
-from sim.simulators.scoreboard import first_mismatch
+from sim.simulators.scoreboard import find_mismatch
 from skymosaic.cli.track import track as track_command
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.geometry.homography import apply
@@ -185,6 +185,6 @@ def test_hardware_with_a_held_reference_tracks_the_same_corners(frames, roi, mon
     assert {reference for _, reference, _ in recorded["rtl"].runs} == {"held"}
     assert sum(len(results[-1].matches) for *_, results in recorded["rtl"].runs) > 100
     for (*_, wanted), (*_, got) in zip(recorded["golden"].runs, recorded["rtl"].runs, strict=True):
-        assert first_mismatch(wanted, got) is None
+        assert find_mismatch(wanted, got) is None
     for wanted, got in zip(tracked["golden"], tracked["rtl"], strict=True):
         np.testing.assert_array_equal(wanted.corners, got.corners)

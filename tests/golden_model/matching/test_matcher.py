@@ -216,9 +216,14 @@ def test_wrong_pattern_is_refused():
 
 
 @pytest.mark.parametrize(
-    ("held", "references"), [(True, [None, None, "b", None, "b"]), (False, [None, None, "b", None, "c"])]
+    ("held", "references"),
+    [
+        ([True] * 6, [None, None, "b", None, "b", "b"]),
+        ([False] * 6, [None, None, "b", None, "c", "e"]),
+        ([True, True, True, True, False, True], [None, None, "b", None, "c", "c"]),
+    ],
 )
 def test_the_reference_is_the_first_good_frame_or_the_one_before(held, references):
-    rule = matcher.ReferenceFrame(held=held)
-    frames = zip("abcde", (False, True, True, False, True), strict=True)
-    assert [rule.for_frame(frame, good=good) for frame, good in frames] == references
+    rule = matcher.ReferenceFrame()
+    frames = zip("abcdef", (False, True, True, False, True, True), held, strict=True)
+    assert [rule.for_frame(frame, good=good, held=hold) for frame, good, hold in frames] == references

@@ -11,7 +11,7 @@ from golden_model.records import FRAME_STATUS, MATCH, Cause, Tag, feature_record
 from hdl.matching.match_weigher import MatchWeigher
 from hdl.matching.matcher import Matcher
 from hdl.matching.nearest_neighbours import NearestNeighbours
-from sim.backends.golden import matched
+from sim.backends.golden import add_matches
 from sim.benches.block_bench import BlockBench
 from sim.simulators.recording import NO_PAUSES, Pauses
 
@@ -83,7 +83,7 @@ def packets_of(results):
 
 def expected_packets(frames, pattern, matcher, reference):
     config = Config(front_end=FrontEndConfig(descriptor=pattern.name, border_px=20), matcher=matcher)
-    results = list(matched(((features, status, None) for features, status in frames), config, reference))
+    results = list(add_matches(((features, status, None) for features, status in frames), config, reference))
     return list(packets_of((result.matches, result.match_status) for result in results)), results
 
 

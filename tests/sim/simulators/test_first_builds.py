@@ -12,7 +12,7 @@ BUILD = """
 from sim.simulators import verilator
 from tests.sim.simulators.test_simulators import DESIGN, random_images, segment
 
-verilator.shared_library(DESIGN, progress=lambda line: print(line, flush=True))
+verilator.build_library(DESIGN, progress=lambda line: print(line, flush=True))
 (recording,) = verilator.simulate(DESIGN, [segment(random_images(2), bias=7)])
 print("ends", recording.outputs["m_axis_difference"].ends.tolist(), flush=True)
 """

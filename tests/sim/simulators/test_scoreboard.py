@@ -11,7 +11,13 @@ from golden_model.pixel.harris import TENSOR_SHIFT
 from sim.backends.interface import FrameClocks, load_backend
 from sim.scene import pair as rendered_pair
 from sim.simulators import pysim
-from sim.simulators.scoreboard import Coverage, first_clock_mismatch, first_mismatch, first_stage_mismatch, predicted
+from sim.simulators.scoreboard import (
+    Coverage,
+    find_clock_mismatch,
+    find_mismatch,
+    find_stage_mismatch,
+    predict_timelines,
+)
 from sim.simulators.stages import locate_mismatch
 
 AERIAL = PRESETS["aerial"]
@@ -40,12 +46,12 @@ def changed(results, frame, part, field, *, row, value):
 
 
 def test_equal_results_have_no_mismatch(results):
-    assert first_mismatch(results, results) is None
+    assert find_mismatch(results, results) is None
 
 
 def test_a_feature_that_differs_is_named_with_its_position(results):
     feature = results[1].features[77]
-    found = first_mismatch(
+    found = find_mismatch(
         results, changed(results, 1, "features", "sector", row=77, value=(feature["sector"] + 1) % 16)
     )
     assert (found.frame, found.stage) == (1, "feature 77, sector")
@@ -56,23 +62,23 @@ def test_a_feature_that_differs_is_named_with_its_position(results):
 def test_the_first_of_several_mismatches_is_named(results):
     once = changed(results, 0, "features", "response", row=9, value=0)
     twice = changed(once, 0, "features", "index", row=4, value=4000)
-    assert first_mismatch(results, twice).stage == "feature 4, index"
+    assert find_mismatch(results, twice).stage == "feature 4, index"
 
 
 @pytest.mark.parametrize("step", ["first_pixel", "features_end", "matches_end"])
 def test_a_clock_that_differs_from_its_prediction_is_named(results, step):
     started = [dataclasses.replace(result, clocks=FrameClocks(0, 100, 0, 0)) for result in results]
-    timelines = predicted(results, started, AERIAL, "held")
+    timelines = predict_timelines(results, started, AERIAL, "held")
     found = []
     for result, timeline in zip(results, timelines, strict=True):
         status = result.status.copy()
         status["cycles"] = 640 * 480
         clocks = FrameClocks(0, timeline.first_pixel, timeline.features_end, timeline.matches_end)
         found.append(dataclasses.replace(result, status=status, clocks=clocks))
-    assert first_clock_mismatch(timelines, found) is None
+    assert find_clock_mismatch(timelines, found) is None
     assert timelines[0].first_pixel == 100
     late = dataclasses.replace(found[1].clocks, **{step: getattr(found[1].clocks, step) + 1})
-    mismatch = first_clock_mismatch(timelines, [found[0], dataclasses.replace(found[1], clocks=late)])
+    mismatch = find_clock_mismatch(timelines, [found[0], dataclasses.replace(found[1], clocks=late)])
     assert (mismatch.frame, mismatch.stage) == (1, f"clock of {step.replace('_', ' ')}")
     assert mismatch.actual - mismatch.expected == 1
 
@@ -80,14 +86,14 @@ def test_a_clock_that_differs_from_its_prediction_is_named(results, step):
 def test_a_byte_of_a_descriptor_counts(results):
     descriptor = results[0].features["descriptor"][3].copy()
     descriptor[15] ^= 128
-    found = first_mismatch(results, changed(results, 0, "features", "descriptor", row=3, value=descriptor))
+    found = find_mismatch(results, changed(results, 0, "features", "descriptor", row=3, value=descriptor))
     assert found.stage == "feature 3, descriptor"
 
 
 def test_a_missing_feature_is_a_mismatch(results):
     short = [dataclasses.replace(results[0], features=results[0].features[:-1]), results[1]]
     missing = results[0].features[-1]
-    assert str(first_mismatch(results, short)) == (
+    assert str(find_mismatch(results, short)) == (
         f"frame 0, feature count, x {missing['x'] / 16:g}, y {missing['y'] / 16:g}: "
         f"expected {len(results[0].features)}, got {len(results[0].features) - 1}"
     )
@@ -102,11 +108,11 @@ def test_a_missing_feature_is_a_mismatch(results):
     ],
 )
 def test_matches_and_status_count(results, part, field, row, stage):
-    assert first_mismatch(results, changed(results, 1, part, field, row=row, value=1)).stage == stage
+    assert find_mismatch(results, changed(results, 1, part, field, row=row, value=1)).stage == stage
 
 
 def test_cycles_do_not_count(results):
-    assert first_mismatch(results, changed(results, 0, "status", "cycles", row=None, value=1234)) is None
+    assert find_mismatch(results, changed(results, 0, "status", "cycles", row=None, value=1234)) is None
 
 
 def test_a_pair_covers_enough_and_its_parts_do_not(results):
@@ -124,12 +130,12 @@ def test_the_first_stage_that_differs_is_named(frames):
         {name: np.ma.masked_array(plane.values.astype(np.int64)) for name, plane in level.items()}
         for level in golden.levels
     ]
-    assert first_stage_mismatch(golden, planes) is None
+    assert find_stage_mismatch(golden, planes) is None
     planes[1]["tensor_b"][100, 50] += 1
     planes[1]["response_code"][20, 20] += 1
     planes[0]["gradient_x"][0, 0] += 1  # inside the margin, where nothing is specified
     planes[0]["gray"][3, 3] = np.ma.masked
-    found = first_stage_mismatch(golden, planes, frame=4)
+    found = find_stage_mismatch(golden, planes, frame=4)
     assert (found.frame, found.stage, found.x, found.y) == (4, "level 1 tensor_b", 50, 100)
     assert found.actual == found.expected + 1
 

@@ -16,7 +16,7 @@ from sim.backends.interface import BackendError
 from sim.simulators import pysim, verilator
 from sim.simulators.build_cache import digest_files
 from sim.simulators.design import Design, Ports
-from sim.simulators.recording import NO_PAUSES, Pauses, Segment, flat_frame
+from sim.simulators.recording import NO_PAUSES, Pauses, Segment, flatten_frame
 
 WIDTH, HEIGHT = 64, 16
 SIMULATORS = (pysim, verilator)
@@ -89,7 +89,7 @@ DESIGN = Design(
 
 
 def segment(images, *, bias=0, **changes):
-    data, flags = (np.concatenate(part) for part in zip(*map(flat_frame, images), strict=True))
+    data, flags = (np.concatenate(part) for part in zip(*map(flatten_frame, images), strict=True))
     values = {"packets": len(images), "cycle_limit": 30_000, **changes}
     return Segment(data, flags, settings={"bias": bias}, **values)
 
@@ -167,16 +167,16 @@ def test_waves(simulator, tmp_path):
 
 
 def test_missing_compiler_is_one_clear_line(monkeypatch, tmp_path):
-    verilator.shared_library(DESIGN)  # so that the Verilog is there
+    verilator.build_library(DESIGN)  # so that the Verilog is there
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(BackendError, match=r"g\+\+ is not installed.*apt install"):
-        verilator.shared_library(DESIGN)
+        verilator.build_library(DESIGN)
 
 
 def test_missing_verilator_is_one_clear_line(monkeypatch):
     monkeypatch.setitem(sys.modules, "verilator", None)
     with pytest.raises(BackendError, match=r"pip install '\.\[sim\]'"):
-        verilator.shared_library(DESIGN)
+        verilator.build_library(DESIGN)
 
 
 def test_unknown_backend_names_the_valid_ones():

@@ -21,11 +21,11 @@ import pytest
 from golden_model.config import PRESETS, Config, to_toml
 from hdl.settings import REQUESTED, matched_frame_settings
 from sim.backends import board
-from sim.backends.interface import BackendError, load_backend
+from sim.backends.interface import BUILT_LANES, BackendError, load_backend
 from sim.benches.exported import host_programs
 from sim.scene import pair as rendered_pair
 from sim.simulators import verilator
-from sim.simulators.accelerator_designs import BUILT_SIZES_PX, FEATURES, LANES, MATCHES, accelerator
+from sim.simulators.accelerator_designs import BUILT_SIZES_PX, FEATURES, MATCHES, design_accelerator
 from sim.simulators.compiled import Bench
 from sim.simulators.recording import END_OF_LINE, Segment
 from skymosaic.cli import main
@@ -97,7 +97,7 @@ class InterruptedBus(SimulatedBus):
 @pytest.fixture(scope="module")
 def driver() -> Iterator[object]:
     """The driver's modules as they are exported, and their map."""
-    with host_programs("pynq", CONFIG, lanes=LANES, max_width_px=BUILT_PX[0], max_height_px=BUILT_PX[1]) as load:
+    with host_programs("pynq", CONFIG, lanes=BUILT_LANES, max_width_px=BUILT_PX[0], max_height_px=BUILT_PX[1]) as load:
         load("skymosaic_driver")
         yield load("skymosaic_server")
 
@@ -110,9 +110,9 @@ def patient(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="module")
 def bench() -> Iterator[Bench]:
-    design = accelerator(CONFIG, BUILT_PX)
+    design = design_accelerator(CONFIG, BUILT_PX)
     with contextlib.closing(
-        Bench(verilator.shared_library(design, waves=False, progress=print), design.ports)
+        Bench(verilator.build_library(design, waves=False, progress=print), design.ports)
     ) as running:
         yield running
 
