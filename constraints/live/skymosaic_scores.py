@@ -69,4 +69,4 @@ def quantise(homographies):
     if wrong.size:
         raise AcceleratorError(f"homography {wrong[0]} is zero or not finite; leave it out")
     normalised = scaled / largest[:, np.newaxis, np.newaxis]
-    return np.floor(normalised * register_map.LARGEST_ELEMENT + 0.5).astype(np.int64)
+    return np.floor(normalised * register_map.MAX_ELEMENT + 0.5).astype(np.int64)

@@ -1,4 +1,4 @@
-"""Exports everything needed to build and run the accelerator on a Zynq board, in one folder."""
+"""Exports everything needed to build and run the accelerator on a board, in one folder."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _WRITABLE = (Access.SETTING, Access.REQUEST, Access.COMMAND)
 
 
 class Build(TypedDict, total=False):
-    """Parameters of `hdl.accelerator.Accelerator` besides the configuration, with its defaults."""
+    """Parameters of `hdl.accelerator.Accelerator` besides the configuration."""
 
     lanes: int
     max_width_px: int
@@ -46,10 +46,10 @@ class Build(TypedDict, total=False):
 DEFAULT_BUILD = Build(lanes=16, max_width_px=1920, max_height_px=1080, video_bits=32)
 VIDEO = {
     32: "32-bit words from a DMA, or AXI4-Stream video in their low bytes",
-    24: "AXI4-Stream video in RGB, 8 bits a colour (UG934)",
+    24: "AXI4-Stream video in RGB, 8 bits per colour (UG934)",
     8: "AXI4-Stream video in gray, 8 bits (UG934)",
-    48: "AXI4-Stream video in RGB, two pixels a clock, 8 bits a colour (UG934)",
-    16: "AXI4-Stream video in gray, two pixels a clock, 8 bits each (UG934)",
+    48: "AXI4-Stream video in RGB, two pixels per clock, 8 bits per colour (UG934)",
+    16: "AXI4-Stream video in gray, two pixels per clock, 8 bits each (UG934)",
 }
 
 
@@ -59,7 +59,7 @@ def top_module(config: Config, build: Build) -> AcceleratorTop:
 
 
 def verilog(top: AcceleratorTop) -> str:
-    """The accelerator in Verilog, top module ``skymosaic``; Vivado finds its buses by attributes of the ports."""
+    """The accelerator in Verilog, top module ``skymosaic``; from attributes of its ports, Vivado infers the buses."""
     return to_verilog(top, name=TOP, aliases=False, port_attributes=vivado_attributes(top.signature.members))
 
 
@@ -73,10 +73,10 @@ def export(folder: Path, *, board: str, config: Config, **build: Unpack[Build]) 
     board : str
         One of `hdl.export.boards.BOARDS`.
     config : Config
-        Of front end and matcher.
+        Configuration of front end and matcher.
     **build : Build
-        ``lanes``, ``max_width_px``, ``max_height_px``, ``video_bits``, as `hdl.accelerator.Accelerator` takes them;
-        what is left out is as in `DEFAULT_BUILD`.
+        ``lanes``, ``max_width_px``, ``max_height_px``, ``video_bits`` of `hdl.accelerator.Accelerator`; the defaults
+        are those in `DEFAULT_BUILD`.
 
     Raises
     ------
@@ -87,36 +87,30 @@ def export(folder: Path, *, board: str, config: Config, **build: Unpack[Build]) 
     """
     facts, build = board_facts(board), DEFAULT_BUILD | build
     top = top_module(config, build)
-    text = verilog(top)
-    rtl, vivado, registers, simulation = (folder / name for name in ("rtl", "vivado", "registers", "sim"))
-    for subfolder in (rtl, vivado, registers, simulation):
-        subfolder.mkdir(parents=True, exist_ok=True)
-    (rtl / f"{TOP}.v").write_text(text)
-    bench = accelerator_bench(TOP, module_ports(top), config, video_bits=build["video_bits"]).files()
-    for name, content in bench.items():
-        (simulation / name).write_text(content)
-    (folder / f"{TOP}.xml").write_text(ip_xact.component(TOP, module_ports(top), f"rtl/{TOP}.v"))
-    _write_litex(folder / "litex", build["video_bits"])
-    (folder / f"{TOP}.core").write_text(core_file(TOP, [f"rtl/{TOP}.v"], [f"sim/{name}" for name in bench]))
-    _write_vivado(vivado, board, facts["family"], build["video_bits"])
-    write_registers(registers, REGISTERS)
-    has_processor = facts["family"].startswith("zynq")
+    ports, family, video_bits = module_ports(top), facts["family"], build["video_bits"]
+    bench = accelerator_bench(TOP, ports, config, video_bits=video_bits).files()
+    litex = (SOURCES / "litex" / "skymosaic_litex.py").read_text()
+    facts |= {"board": board, "levels": str(config.front_end.levels), "descriptor": config.front_end.descriptor}
+    has_processor = family.startswith("zynq")
+    readme = ["README.md", "systems/pynq.md" if has_processor else "systems/jtag.md"]
+    write_files(
+        folder,
+        {
+            **core_files(TOP, verilog(top), REGISTERS),
+            **{f"sim/{name}": text for name, text in bench.items()},
+            f"{TOP}.xml": ip_xact.component(TOP, ports, f"rtl/{TOP}.v"),
+            f"{TOP}.core": core_file(TOP, [f"rtl/{TOP}.v"], [f"sim/{name}" for name in bench]),
+            "litex/skymosaic_litex.py": litex.replace("VIDEO_BITS = 32", f"VIDEO_BITS = {video_bits}"),
+            **_vivado_files(board, family, video_bits),
+            "README.md": fill_readme(readme, config, build, **facts),
+        },
+    )
     if has_processor:
         write_host(folder / "pynq", "pynq", config, **build)
-    use = (SOURCES / "systems" / ("pynq.md" if has_processor else "jtag.md")).read_text()
-    facts |= {
-        "board": board,
-        "levels": str(config.front_end.levels),
-        "descriptor": config.front_end.descriptor,
-        "features": str(config.front_end.max_features),
-        "video": VIDEO[build["video_bits"]],
-        **{name: str(value) for name, value in build.items()},
-    }
-    (folder / "README.md").write_text(((SOURCES / "README.md").read_text() + use).format(**facts))
 
 
 def export_live(folder: Path, *, config: Config, **build: Unpack[Build]) -> None:
-    """Write the live build's Verilog, its registers, the reader of its rings, and a README into ``folder``.
+    """Write a live build's Verilog, its registers, the reader of its rings, and a README into ``folder``.
 
     Parameters
     ----------
@@ -126,7 +120,7 @@ def export_live(folder: Path, *, config: Config, **build: Unpack[Build]) -> None
     Raises
     ------
     ValueError
-        For an impossible build; a live one has a video input of 24 or 8 bits.
+        For an impossible build, or a video input of other than 24 or 8 bits.
     OSError
         If the folder cannot be written.
     """
@@ -134,49 +128,55 @@ def export_live(folder: Path, *, config: Config, **build: Unpack[Build]) -> None
     if build["video_bits"] not in LIVE_VIDEO_BITS:
         raise ValueError(f"a live build takes video of {' or '.join(map(str, LIVE_VIDEO_BITS))} bits")
     top = LiveTop(LiveAccelerator(config=config, **build))
-    text = to_verilog(top, name=LIVE_TOP, aliases=False)
-    for subfolder in ("rtl", "registers"):
-        (folder / subfolder).mkdir(parents=True, exist_ok=True)
-    (folder / "rtl" / f"{LIVE_TOP}.v").write_text(text)
-    write_registers(folder / "registers", LIVE_REGISTERS)
+    verilog = to_verilog(top, name=LIVE_TOP, aliases=False)
+    readme = fill_readme(["live/README.md"], config, build)
+    write_files(folder, {**core_files(LIVE_TOP, verilog, LIVE_REGISTERS), "README.md": readme})
     write_host(folder / "host", "live", config, **build)
-    facts = {name: str(value) for name, value in build.items()} | {"video": VIDEO[build["video_bits"]]}
-    (folder / "README.md").write_text((SOURCES / "live" / "README.md").read_text().format(**facts))
 
 
-def write_registers(folder: Path, registers: Sequence[Register]) -> None:
-    """Write the map as Markdown, CMSIS-SVD and C header."""
-    (folder / "register_map.md").write_text(register_docs.markdown(registers))
-    (folder / f"{TOP}.svd").write_text(register_docs.svd(registers))
-    (folder / f"{TOP}_registers.h").write_text(register_docs.c_header(registers))
+def core_files(name: str, verilog: str, registers: Sequence[Register]) -> dict[str, str]:
+    """The Verilog, and the register map as Markdown, CMSIS-SVD and C header, by path in the export."""
+    return {
+        f"rtl/{name}.v": verilog,
+        "registers/register_map.md": register_docs.markdown(registers),
+        f"registers/{TOP}.svd": register_docs.svd(registers),
+        f"registers/{TOP}_registers.h": register_docs.c_header(registers),
+    }
 
 
-def _write_vivado(folder: Path, board: str, family: str, video_bits: int) -> None:
-    """Scripts and constraints; ``board.tcl`` and ``system.tcl`` are those of the board and its family."""
-    for source in (SOURCES / "vivado").iterdir():
-        shutil.copy(source, folder)
-    shutil.copy(SOURCES / "systems" / f"{family}.tcl", folder / "system.tcl")
-    board_text = (SOURCES / "boards" / f"{board}.tcl").read_text()
+def fill_readme(parts: Sequence[str], config: Config, build: Build, **facts: str) -> str:
+    """Join the parts of a README, and put the build and ``facts`` into its placeholders."""
+    text = "".join((SOURCES / part).read_text() for part in parts)
+    return text.format(video=VIDEO[build["video_bits"]], features=config.front_end.max_features, **build, **facts)
+
+
+def write_files(folder: Path, texts: Mapping[str, str]) -> None:
+    """Write files by their paths in ``folder``."""
+    for name, text in texts.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+
+
+def _vivado_files(board: str, family: str, video_bits: int) -> dict[str, str]:
+    """Scripts and constraints; ``board.tcl`` and ``system.tcl`` describe the board and its family."""
+    files = {source.name: source.read_text() for source in (SOURCES / "vivado").iterdir()}
+    files["system.tcl"] = (SOURCES / "systems" / f"{family}.tcl").read_text()
     facts = {"video_bits": video_bits, "core": VLNV, "core_version": CORE_VERSION, "core_revision": CORE_REVISION}
-    (folder / "board.tcl").write_text(board_text + "".join(f"set board({name}) {facts[name]}\n" for name in facts))
+    lines = [f"set board({name}) {value}\n" for name, value in facts.items()]
+    files["board.tcl"] = "".join([(SOURCES / "boards" / f"{board}.tcl").read_text(), *lines])
     pins = SOURCES / "boards" / f"{board}.xdc"
     if pins.exists():
-        shutil.copy(pins, folder / "bitstream_pins.xdc")
-
-
-def _write_litex(folder: Path, video_bits: int) -> None:
-    """The wrapper for LiteX, for this width of the video input."""
-    folder.mkdir(parents=True, exist_ok=True)
-    text = (SOURCES / "litex" / "skymosaic_litex.py").read_text()
-    (folder / "skymosaic_litex.py").write_text(text.replace("VIDEO_BITS = 32", f"VIDEO_BITS = {video_bits}"))
+        files["bitstream_pins.xdc"] = pins.read_text()
+    return {f"vivado/{name}": text for name, text in files.items()}
 
 
 HOST_FOLDERS = {"pynq": ("host", "server", "pynq"), "serial": ("host", "server", "serial"), "live": ("host", "live")}
-"""Where the programs of a host come from."""
+"""The folders of `SOURCES` with the programs for each kind of host."""
 
 
 def write_host(folder: Path, kind: Literal["pynq", "serial", "live"], config: Config, **build: Unpack[Build]) -> None:
-    """Write the programs of the host: driver and server for a processor's DMAs or a serial port, or a live reader."""
+    """Write the host's programs: driver and server for a processor's DMAs or a serial port, or the reader of rings."""
     folder.mkdir(parents=True, exist_ok=True)
     for source in (path for name in HOST_FOLDERS[kind] for path in (SOURCES / name).iterdir()):
         if source.suffix in {".py", ".ipynb"}:
@@ -190,12 +190,12 @@ def driver_map(config: Config, *, live: bool = False, **build: Unpack[Build]) ->
     constants = built_constants(
         front_end=config.front_end, matcher=config.matcher, live=live, **(DEFAULT_BUILD | build)
     )
-    # Patch versions have the same registers and records: the driver accepts them all.
+    # Patch versions have the same registers and records, so the driver accepts all of them.
     del constants["version_patch"]
     pattern = config.front_end.pattern
     positions = {f.name: (r.offset, f.low, f.bits) for r in registers for f in r.fields}
     written = sorted(fields(*_WRITABLE, registers=registers), key=lambda field: field.name)
-    writable = {f.name: _valid(f) for f in written}
+    writable = {f.name: _valid_range(f) for f in written}
     records = {
         "FEATURE": feature_record(pattern.descriptor_bytes, pattern.window_bytes).dtype,
         "MATCH": MATCH.dtype,
@@ -211,25 +211,25 @@ def driver_map(config: Config, *, live: bool = False, **build: Unpack[Build]) ->
         "import numpy as np",
         "",
         *_dictionary("FIELDS", positions, "Field: (byte offset of its register, lowest bit, bits)"),
-        *_dictionary("WRITABLE", writable, "Field that can be written: (smallest, largest valid value)"),
+        *_dictionary("WRITABLE", writable, "Writable field: (smallest, largest valid value)"),
         f"CORE = {VLNV!r}",
-        "# What a request to the server sets.",
+        "# The fields in a request to the server.",
         f"REQUESTED = {REQUESTED!r}",
-        *_dictionary("BUILT", constants, "What the constant fields read."),
-        *_dictionary("REQUEST_BITS", request_bits, "Offset of a register: bits that request something"),
+        *_dictionary("BUILT", constants, "Values of the constant fields"),
+        *_dictionary("REQUEST_BITS", request_bits, "Offset of a register: its bits that are requests"),
         *(f"{tag.name.removeprefix('FRAME_')}_TAG = {int(tag)}" for tag in tags),
-        *([f"UNIT_PX, LARGEST_ELEMENT = {1 << POSITION.integer_bits}, {ENTRY.max_raw}"] if live else []),
+        *([f"UNIT_PX, MAX_ELEMENT = {1 << POSITION.integer_bits}, {ENTRY.max_raw}"] if live else []),
         *(f"{name} = np.dtype({_dtype_text(dtype)})" for name, dtype in records.items()),
     ]
     return "\n".join(lines) + "\n"
 
 
 def _dictionary(name: str, entries: Mapping[Any, object], comment: str) -> list[str]:
-    """Source lines of a dictionary, an entry a line."""
+    """Source lines of a dictionary, one entry per line."""
     return [f"# {comment}", f"{name} = {{", *(f"    {key!r}: {value!r}," for key, value in entries.items()), "}"]
 
 
-def _valid(field: Field) -> tuple[int, int]:
+def _valid_range(field: Field) -> tuple[int, int]:
     """Smallest and largest value that may be written into a field."""
     values = (SETTINGS | SHELL)[field.name].values if field.access is Access.SETTING else FLAG
     return values[0], values[-1]
@@ -239,6 +239,7 @@ def _dtype_text(dtype: np.dtype[np.void]) -> str:
     """Source text of a structured dtype: the dictionary for ``np.dtype``."""
     names = list(dtype.names or ())
     subtypes = [dtype[name] for name in names]
+    # A row of bytes is a subarray, whose own str is only "|V16".
     formats = [(sub.base.str, sub.shape) if sub.shape else sub.str for sub in subtypes]
     assert dtype.fields is not None
     offsets = [dtype.fields[name][1] for name in names]

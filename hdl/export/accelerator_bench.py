@@ -20,14 +20,14 @@ from hdl.settings import RUNNING, matched_frame_settings
 
 FRAME_PX = MIN_FRAME_PX
 SHIFT_PX = 6
-"""Between the views of the two frames."""
+"""Distance between the views of the two frames."""
 _CONTROL = next(register.offset for register in REGISTERS if register.name == "CONTROL")
+# Not compared: the golden model has no clock.
 _CYCLES_WORD = next(offset for field, offset in FRAME_STATUS.offsets() if field.name == "cycles") // WORD_BYTES
-"""The golden model has no clock."""
 
 
 def accelerator_bench(module: str, ports: dict[str, Port], config: Config, *, video_bits: int) -> VerilogBench:
-    """A bench that reads a register, writes the settings, sends two gray frames as video, and compares all words.
+    """Make a bench that reads a register, writes the settings, sends two gray frames, and compares all words.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def accelerator_bench(module: str, ports: dict[str, Port], config: Config, *, vi
         The accelerator, with the ports of `hdl.accelerator.AcceleratorTop`.
     ports : dict of str to Port
     config : Config
-        What was built; the threshold is raised until the features fit.
+        The configuration built; the threshold is raised until the features fit.
     video_bits : int
         Width of the video input.
     """
@@ -79,7 +79,7 @@ def accelerator_bench(module: str, ports: dict[str, Port], config: Config, *, vi
 
 
 def _good_frames(config: Config, images: list[NDArray[np.uint8]]) -> tuple[Config, list[FrameFeatures]]:
-    """The frames with the smallest threshold that leaves no more features than were built."""
+    """Extract the frames, doubling the threshold until no frame has more features than were built."""
     front_end = config.front_end.for_size(FRAME_PX, FRAME_PX)
     while True:
         frames = [extract(image, front_end, frame=number) for number, image in enumerate(images)]
@@ -89,7 +89,7 @@ def _good_frames(config: Config, images: list[NDArray[np.uint8]]) -> tuple[Confi
 
 
 def _writes(config: Config) -> list[tuple[int, int]]:
-    """Addresses and words of the settings; CONTROL, which starts everything, comes last."""
+    """Addresses and words of the settings; CONTROL comes last, because it starts everything."""
     settings = matched_frame_settings(config, FRAME_PX, FRAME_PX, gray_input=True) | RUNNING
     return sorted(register_writes(settings), key=lambda write: write[0] == _CONTROL)
 

@@ -8,16 +8,16 @@ import re
 from pathlib import Path
 
 SOURCES = next(path for path in (folder / "constraints" for folder in Path(__file__).parents[1:3]) if path.is_dir())
-"""What an export copies: in an installed wheel data of this package, in the repository the folder at its top."""
+"""The files that an export copies: in a wheel this package's data, in the repository a folder at the top."""
 BOARDS = tuple(sorted(path.stem for path in (SOURCES / "boards").glob("*.tcl")))
 
 SERIAL_BOARD = "ulx3s"
-"""It has no processor: the accelerator is behind its serial port, and open tools build its bitstream."""
+"""A board without a processor: the accelerator is behind its serial port, and open tools build the bitstream."""
 ALL_BOARDS = (*BOARDS, SERIAL_BOARD)
 
 
 def board_facts(board: str) -> dict[str, str]:
-    """What the board's Tcl file says, by name; all boards have ``part``, ``family`` and ``clock_mhz``.
+    """Read a board's Tcl file; every board has ``part``, ``family`` and ``clock_mhz``.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The accelerator's ports as bus interfaces, for the tools of AMD and for IP-XACT, declared once."""
+"""The accelerator's ports as bus interfaces, for AMD's tools and IP-XACT."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 CLOCK, RESET, INTERRUPT = "aclk", "aresetn", "interrupt"
 BUS_VENDOR, BUS_VERSION = "xilinx.com", "1.0"
-"""What the names of AMD's bus definitions begin and end with; Vivado knows them by no other name."""
+"""Vendor and version of AMD's bus definitions; IP-XACT names them, too, because Vivado knows no others."""
 _LIBRARY = {"axis": ("interface", "axis"), "axi": ("interface", "aximm")}
 _SIGNALS = {CLOCK: "clock", RESET: "reset", INTERRUPT: "interrupt"}
 _SIGNAL_PORTS = {CLOCK: "CLK", RESET: "RST", INTERRUPT: "INTERRUPT"}
@@ -20,15 +20,15 @@ class BusInterface:
     Attributes
     ----------
     name : str
-        Of the interface; of a bus, also the prefix of its ports.
+        Name of the interface; for a bus, also the prefix of its ports.
     bus_library, bus : str
-        Of AMD's definitions: ``interface`` ``axis`` or ``aximm``, ``signal`` ``clock`` and so on.
+        AMD's definition: ``interface`` ``axis`` or ``aximm``, ``signal`` ``clock`` and so on.
     manager : bool
-        Whether it starts transfers, or drives the signal.
+        Whether the core starts transfers, or drives the signal.
     ports : dict of str to str
-        The bus's name of each port, and the port.
+        For each signal of the bus, the core's port.
     parameters : dict of str to str
-        FREQ_HZ is none of them: the clock is that of the design which the core is put into.
+        FREQ_HZ is omitted: the clock is that of the design around the core.
     """
 
     name: str
@@ -40,13 +40,13 @@ class BusInterface:
 
 
 def bus_interfaces(ports: Iterable[str]) -> list[BusInterface]:
-    """Interfaces of a core whose ports are named as AMD's are: ``s_axis_...``, ``m_axis_...``, ``s_axi_...``."""
+    """Group the ports of a core, named as AMD names them: ``s_axis_...``, ``m_axis_...``, ``s_axi_...``."""
     buses: dict[str, dict[str, str]] = {}
     for port in ports:
         if port not in _SIGNALS:
             prefix, _, name = port.rpartition("_")
             buses.setdefault(prefix, {})[name.upper()] = port
-    found = [
+    interfaces = [
         BusInterface(prefix, *_LIBRARY[prefix.split("_")[1]], prefix.startswith("m"), mapped)
         for prefix, mapped in buses.items()
     ]
@@ -55,14 +55,14 @@ def bus_interfaces(ports: Iterable[str]) -> list[BusInterface]:
         RESET: {"POLARITY": "ACTIVE_LOW"},
         INTERRUPT: {"SENSITIVITY": "LEVEL_HIGH"},
     }
-    return found + [
+    return interfaces + [
         BusInterface(port, "signal", bus, port == INTERRUPT, {_SIGNAL_PORTS[port]: port}, parameters[port])
         for port, bus in _SIGNALS.items()
     ]
 
 
 def vivado_attributes(ports: Iterable[str]) -> dict[str, dict[str, str]]:
-    """Attributes X_INTERFACE_INFO and X_INTERFACE_PARAMETER of each port (UG994): Vivado makes the buses from them."""
+    """Attributes X_INTERFACE_INFO and X_INTERFACE_PARAMETER of each port (UG994): Vivado infers the buses from them."""
     attributes: dict[str, dict[str, str]] = {}
     for interface in bus_interfaces(ports):
         kind = f"{BUS_VENDOR}:{interface.bus_library}:{interface.bus}:{BUS_VERSION}"

@@ -9,34 +9,31 @@ from golden_model.version import VERSION
 from hdl.blocks.export import CORE_LIBRARY, CORE_VENDOR
 from hdl.blocks.testbench import Port
 from hdl.export.bus_interfaces import BUS_VENDOR, BUS_VERSION, BusInterface, bus_interfaces
+from hdl.export.register_docs import XML_ACCESS
 from hdl.registers.register_map import ADDRESS_BITS, REGISTER_BITS, REGISTERS, Access, Register
 
 NAMESPACE = "http://www.accellera.org/XMLSchema/IPXACT/1685-2014"
 MEMORY_MAP = "registers"
-_ACCESS = {
-    Access.CONSTANT: "read-only",
-    Access.STATUS: "read-only",
-    Access.SETTING: "read-write",
-    Access.REQUEST: "read-write",
-    Access.EVENT: "read-write",
-    Access.COMMAND: "write-only",
-}
 
 
 def component(name: str, ports: Mapping[str, Port], file: str, registers: Sequence[Register] = REGISTERS) -> str:
-    """The component's XML.
+    """Describe a Verilog module as an IP-XACT component.
 
     Parameters
     ----------
     name : str
-        Of the Verilog module.
+        Name of the Verilog module.
     ports : mapping of str to Port
     file : str
         Path of the Verilog, from the XML file.
     registers : sequence of Register
+
+    Returns
+    -------
+    str
+        The XML file.
     """
-    ET.register_namespace("ipxact", NAMESPACE)
-    root = ET.Element(_tag("component"))
+    root = ET.Element("ipxact:component", {"xmlns:ipxact": NAMESPACE})
     _texts(root, vendor=CORE_VENDOR, library=CORE_LIBRARY, name=name, version=VERSION)
     buses = _child(root, "busInterfaces")
     for interface in bus_interfaces(ports):
@@ -67,9 +64,9 @@ def _bus(parent: ET.Element, interface: BusInterface) -> None:
     element = _child(parent, "busInterface")
     _texts(element, name=interface.name)
     identity = {"vendor": BUS_VENDOR, "library": interface.bus_library, "version": BUS_VERSION}
-    ET.SubElement(element, _tag("busType"), {**identity, "name": interface.bus})
+    _child(element, "busType", **identity, name=interface.bus)
     abstraction = _child(_child(element, "abstractionTypes"), "abstractionType")
-    ET.SubElement(abstraction, _tag("abstractionRef"), {**identity, "name": f"{interface.bus}_rtl"})
+    _child(abstraction, "abstractionRef", **identity, name=f"{interface.bus}_rtl")
     maps = _child(abstraction, "portMaps")
     for logical, physical in interface.ports.items():
         mapped = _child(maps, "portMap")
@@ -77,7 +74,7 @@ def _bus(parent: ET.Element, interface: BusInterface) -> None:
         _texts(_child(mapped, "physicalPort"), name=physical)
     mode = _child(element, "master" if interface.manager else "slave")
     if interface.bus == "aximm" and not interface.manager:
-        ET.SubElement(mode, _tag("memoryMapRef"), {"memoryMapRef": MEMORY_MAP})
+        _child(mode, "memoryMapRef", memoryMapRef=MEMORY_MAP)
     if interface.parameters:
         parameters = _child(element, "parameters")
         for name, value in interface.parameters.items():
@@ -97,7 +94,7 @@ def _register(parent: ET.Element, register: Register) -> None:
         described = _child(element, "field")
         _texts(described, name=field.name, description=field.description, bitOffset=str(field.low))
         _texts(_child(_child(described, "resets"), "reset"), value=str(field.init))
-        _texts(described, bitWidth=str(field.bits), access=_ACCESS[field.access])
+        _texts(described, bitWidth=str(field.bits), access=XML_ACCESS[field.access])
         if field.access is Access.EVENT:
             _texts(described, modifiedWriteValue="oneToClear")
 
@@ -111,12 +108,8 @@ def _port(parent: ET.Element, name: str, port: Port) -> None:
         _texts(_child(_child(wire, "vectors"), "vector"), left=str(port.bits - 1), right="0")
 
 
-def _tag(name: str) -> str:
-    return f"{{{NAMESPACE}}}{name}"
-
-
-def _child(parent: ET.Element, name: str) -> ET.Element:
-    return ET.SubElement(parent, _tag(name))
+def _child(parent: ET.Element, tag: str, **attributes: str) -> ET.Element:
+    return ET.SubElement(parent, f"ipxact:{tag}", attributes)
 
 
 def _texts(parent: ET.Element, **texts: str) -> None:

@@ -10,7 +10,7 @@ from hdl.registers.live_register_map import LIVE_REGISTERS, SHELL_OFFSET
 from hdl.registers.register_map import ADDRESS_BITS, REGISTER_BITS, REGISTERS, Access, Field, Register
 
 NAME = "skymosaic"
-_SVD_ACCESS = {
+XML_ACCESS = {
     Access.CONSTANT: "read-only",
     Access.STATUS: "read-only",
     Access.SETTING: "read-write",
@@ -18,10 +18,11 @@ _SVD_ACCESS = {
     Access.EVENT: "read-write",
     Access.COMMAND: "write-only",
 }
+"""The access of a field in the words of CMSIS-SVD and IP-XACT."""
 
 
 def markdown(registers: Sequence[Register] = LIVE_REGISTERS) -> str:
-    """The register map as a Markdown page; with all registers, `docs/register_map.md`."""
+    """The register map as a Markdown page; `docs/register_map.md` is that of a live build."""
     lines = [
         "# Register map",
         "",
@@ -88,7 +89,7 @@ def _svd_register(parent: ET.Element, register: Register) -> None:
             description=field.description,
             bitOffset=str(field.low),
             bitWidth=str(field.bits),
-            access=_SVD_ACCESS[field.access],
+            access=XML_ACCESS[field.access],
         )
         if field.access is Access.EVENT:
             _texts(described, modifiedWriteValues="oneToClear")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import shlex
 import shutil
 import subprocess
 import sys
@@ -14,7 +15,7 @@ from typing import Any, Unpack
 from golden_model.config import PRESETS, Config, to_toml
 from golden_model.text import how_to_install
 from hdl.accelerator import Accelerator
-from hdl.export.accelerator import Build, write_host, write_registers
+from hdl.export.accelerator import Build, core_files, fill_readme, write_files, write_host
 from hdl.export.boards import SOURCES
 from hdl.lib.ecp5 import Ecp5
 from hdl.netlist import to_verilog
@@ -28,8 +29,9 @@ DEFAULT_CONFIG = dataclasses.replace(
 )
 """The preset aerial with one level and banks of 1024 features, to need less logic."""
 DEVICE = ("--85k", "--package", "CABGA381", "--speed", "6")
-BITS_OF_A_BYTE = 10
-# Yosys 0.70's ABC9 ends without a word on the ring window; the older ABC takes its place.
+BITS_PER_BYTE = 10
+"""On the serial port, with start and stop bit."""
+# Yosys 0.70's ABC9 crashes silently on the ring window, hence the older ABC.
 SYNTHESIS = (
     f"read_verilog rtl/{TOP}.v; synth_ecp5 -top {TOP} -run begin:map_luts; abc -lut 4:7; clean; "
     f"synth_ecp5 -top {TOP} -run map_cells: -json build/{TOP}.json"
@@ -45,7 +47,7 @@ STEPS = (
     ),
     ("ecppack", "--compress", f"build/{TOP}.config", "build/skymosaic.bit"),
 )
-"""The tools and their arguments, in the export's folder."""
+"""The tools and their arguments, run in the export's folder."""
 
 
 class BuildError(Exception):
@@ -53,7 +55,7 @@ class BuildError(Exception):
 
 
 def ulx3s_top(config: Config = DEFAULT_CONFIG, **build: Unpack[Build]) -> Ulx3s:
-    """The top for a build; what is left out is as in `DEFAULT_BUILD`."""
+    """The top for a build; the defaults are those in `DEFAULT_BUILD`."""
     return Ulx3s(Accelerator(config=config, **(DEFAULT_BUILD | build)))
 
 
@@ -73,29 +75,25 @@ def export_ulx3s(folder: Path, *, config: Config = DEFAULT_CONFIG, **build: Unpa
         If the folder cannot be written.
     """
     build = DEFAULT_BUILD | build
-    text = to_verilog(ulx3s_top(config, **build), name=TOP, platform=Ecp5(), aliases=False)
-    for name in ("rtl", "registers"):
-        (folder / name).mkdir(parents=True, exist_ok=True)
-    (folder / "rtl" / f"{TOP}.v").write_text(text)
-    shutil.copy(SOURCES / "ulx3s" / "ulx3s.lpf", folder)
-    write_registers(folder / "registers", REGISTERS)
-    write_host(folder / "host", "serial", config, **build)
-    (folder / "config.toml").write_text(to_toml(config))
+    verilog = to_verilog(ulx3s_top(config, **build), name=TOP, platform=Ecp5(), aliases=False)
     area_px = build["max_width_px"] * build["max_height_px"]
-    quoted = (f"{tool} {' '.join(repr(each) if ' ' in each else each for each in rest)}" for tool, *rest in STEPS)
-    facts = {
-        **{name: str(value) for name, value in build.items()},
-        "features": str(config.front_end.max_features),
-        "baud": f"{BAUD:,}",
-        "frame_seconds": f"{BITS_OF_A_BYTE * area_px / BAUD:.2f}",
-        "frame_ms": f"{1000 * area_px / CLOCK_HZ:.1f}",
-        "commands": "\n".join(["mkdir -p build", *quoted]),
-    }
-    (folder / "README.md").write_text((SOURCES / "ulx3s" / "README.md").read_text().format(**facts))
+    readme = fill_readme(
+        ["ulx3s/README.md"],
+        config,
+        build,
+        baud=f"{BAUD:,}",
+        frame_seconds=f"{BITS_PER_BYTE * area_px / BAUD:.2f}",
+        frame_ms=f"{1000 * area_px / CLOCK_HZ:.1f}",
+        commands="\n".join(["mkdir -p build", *map(shlex.join, STEPS)]),
+    )
+    pins = (SOURCES / "ulx3s" / "ulx3s.lpf").read_text()
+    files = {"ulx3s.lpf": pins, "config.toml": to_toml(config), "README.md": readme}
+    write_files(folder, core_files(TOP, verilog, REGISTERS) | files)
+    write_host(folder / "host", "serial", config, **build)
 
 
-def build_bitstream(folder: Path, tell: Callable[[str], None] = lambda _line: None) -> dict[str, Any]:
-    """Make ``build/skymosaic.bit`` in the folder of an export; for the whole accelerator a matter of minutes.
+def build_bitstream(folder: Path, tell: Callable[[str], None] = lambda _name: None) -> dict[str, Any]:
+    """Make ``build/skymosaic.bit`` in the folder of an export; the whole accelerator takes minutes.
 
     Parameters
     ----------
@@ -106,7 +104,7 @@ def build_bitstream(folder: Path, tell: Callable[[str], None] = lambda _line: No
     Returns
     -------
     dict
-        ``bytes`` of the bitstream, ``clock_mhz`` that was reached, and for each kind of cell used and available.
+        ``bytes`` of the bitstream, the ``clock_mhz`` reached, and the used and available cells of each kind.
 
     Raises
     ------
@@ -116,7 +114,7 @@ def build_bitstream(folder: Path, tell: Callable[[str], None] = lambda _line: No
     (folder / "build").mkdir(exist_ok=True)
     for tool, *arguments in STEPS:
         tell(tool)
-        done = subprocess.run([_found(tool), *arguments], cwd=folder, capture_output=True, text=True, check=False)
+        done = subprocess.run([_find_tool(tool), *arguments], cwd=folder, capture_output=True, text=True, check=False)
         if done.returncode:
             lines = (done.stderr + done.stdout).splitlines()
             reason = next((line for line in lines if "ERROR" in line), f"exit status {done.returncode}")
@@ -132,10 +130,10 @@ def build_bitstream(folder: Path, tell: Callable[[str], None] = lambda _line: No
     }
 
 
-def _found(tool: str) -> str:
-    """The tool of the package in this environment, or of the system."""
-    beside = Path(sys.executable).with_name(f"yowasp-{tool}")
-    found = str(beside) if beside.exists() else shutil.which(tool)
-    if found is None:
+def _find_tool(tool: str) -> str:
+    """Find the tool in this environment (YoWASP's packages), or else on the system."""
+    packaged = Path(sys.executable).with_name(f"yowasp-{tool}")
+    path = str(packaged) if packaged.exists() else shutil.which(tool)
+    if path is None:
         raise BuildError(f"{tool} is not installed; {how_to_install('ulx3s')}")
-    return found
+    return path

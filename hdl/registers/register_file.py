@@ -5,22 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from amaranth import Cat, Const, Module, Mux, Signal, Value
+from amaranth import Cat, Const, Module, Mux, Value
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
 from hdl.axi.axi_lite import AxiLiteSignature, AxiLiteSubordinate
 from hdl.registers.register_map import ADDRESS_BITS, REGISTERS, Access, Field, Register, fields
 
-_FROM_HARDWARE = {Access.STATUS: "i_", Access.EVENT: "i_", Access.REQUEST: "i_"}
-_TO_HARDWARE = {Access.SETTING: "o_", Access.EVENT: "o_", Access.REQUEST: "o_", Access.COMMAND: "o_"}
+_FROM_HARDWARE = (Access.STATUS, Access.EVENT, Access.REQUEST)
+_TO_HARDWARE = (Access.SETTING, Access.EVENT, Access.REQUEST, Access.COMMAND)
 
 
 class RegisterFile(wiring.Component):
-    """Registers on the software's side, one signal for each field on the hardware's.
+    """Registers for software, and a port for each of their fields for hardware.
 
-    An access to an unknown address, or a write to a register without a writable field, is answered with SLVERR and
-    has no effect. Byte strobes are respected; the two lowest address bits are ignored.
+    An access to an unknown address, or a write to a register without a writable field, has no effect and gets the
+    response SLVERR. Byte strobes are respected; the two lowest address bits are ignored.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class RegisterFile(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Field registers, the answer to a write, the word of a read, the interrupt."""
+        """Build the fields, the answers to writes and reads, and the interrupt."""
         m = Module()
         m.submodules.bus = bus = AxiLiteSubordinate(address_bits=ADDRESS_BITS)
         wiring.connect(m, wiring.flipped(self.bus), bus.bus)
@@ -68,14 +68,14 @@ class RegisterFile(wiring.Component):
             for field in register.fields:
                 bits = slice(field.low, field.low + field.bits)
                 self._update(m, field, writes, bus.o_data[bits], strobes[bits])
-        writable = [register.offset // 4 for register in self.registers if _is_writable(register)]
-        m.d.comb += bus.i_write_known.eq(bus.o_write_word.matches(*writable))
+        writable = {r.offset // 4 for r in self.registers for field in r.fields if field.access in _TO_HARDWARE}
+        m.d.comb += bus.i_write_known.eq(bus.o_write_word.matches(*sorted(writable)))
         with m.Switch(bus.o_read_word):
             for register in self.registers:
                 with m.Case(register.offset // 4):
                     m.d.comb += [bus.i_read_known.eq(1), bus.i_data.eq(self._word(register))]
         events = self._fields(Access.EVENT)
-        masked = [self._signal("o_", event) & getattr(self, f"o_{event.name}_mask") for event in events]
+        masked = [getattr(self, f"o_{event.name}") & getattr(self, f"o_{event.name}_mask") for event in events]
         m.d.comb += self.o_interrupt.eq(Cat(masked).any())
         return m
 
@@ -83,23 +83,27 @@ class RegisterFile(wiring.Component):
         return fields(*accesses, registers=self.registers)
 
     def _update(self, m: Module, field: Field, writes: Value, data: Value, strobe: Value) -> None:
-        """Next value of a field. Where a write and the hardware meet in one clock, no event or request is lost."""
+        """Set the next value of a field."""
+        if field.access not in _TO_HARDWARE:
+            return
+        value = getattr(self, f"o_{field.name}")
         ones = Mux(writes, data & strobe, 0)
         match field.access:
             case Access.SETTING:
                 with m.If(writes):
-                    m.d.sync += self._signal("o_", field).eq((self._signal("o_", field) & ~strobe) | (data & strobe))
+                    m.d.sync += value.eq((value & ~strobe) | (data & strobe))
             case Access.COMMAND:
-                m.d.sync += self._signal("o_", field).eq(ones)
+                m.d.sync += value.eq(ones)
+            # What sets the bit comes last: where a write and the hardware meet in one clock, nothing gets lost.
             case Access.REQUEST:
-                obeyed = self._signal("i_", field)
-                m.d.sync += self._signal("o_", field).eq((self._signal("o_", field) & ~obeyed) | ones)
+                obeyed = getattr(self, f"i_{field.name}")
+                m.d.sync += value.eq((value & ~obeyed) | ones)
             case Access.EVENT:
-                happened = self._signal("i_", field)
-                m.d.sync += self._signal("o_", field).eq((self._signal("o_", field) & ~ones) | happened)
+                happened = getattr(self, f"i_{field.name}")
+                m.d.sync += value.eq((value & ~ones) | happened)
 
     def _word(self, register: Register) -> Value:
-        """The word that a read returns; unused bits are 0."""
+        """The word that a read returns, with 0 in unused bits."""
         parts: list[Value] = []
         for field in sorted(register.fields, key=lambda field: field.low):
             gap = field.low - len(Cat(parts))
@@ -110,17 +114,7 @@ class RegisterFile(wiring.Component):
         match field.access:
             case Access.CONSTANT:
                 return Const(self.constants[field.name], field.bits)
-            case Access.STATUS:
-                return self._signal("i_", field)
             case Access.COMMAND:
                 return Const(0, field.bits)
-            case _:
-                return self._signal("o_", field)
-
-    def _signal(self, prefix: str, field: Field) -> Signal:
-        signal: Signal = getattr(self, prefix + field.name)
-        return signal
-
-
-def _is_writable(register: Register) -> bool:
-    return any(field.access not in (Access.CONSTANT, Access.STATUS) for field in register.fields)
+        value: Value = getattr(self, f"{'i' if field.access is Access.STATUS else 'o'}_{field.name}")
+        return value

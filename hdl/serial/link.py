@@ -1,4 +1,4 @@
-"""What goes over the serial port: register accesses and pixels to the accelerator, answers and packets from it."""
+"""The protocol on the serial port: register accesses and pixels to the accelerator, answers and packets from it."""
 
 import enum
 
@@ -13,30 +13,31 @@ from hdl.registers.register_map import ADDRESS_BITS
 from hdl.streams import WordPayload
 
 FORGET_CLOCKS = 1 << 20
-"""After a pause of so many clocks inside a command, the next byte begins a command: 42 ms at 25 MHz."""
+"""After a pause of this length inside a command, the next byte begins a new one: 42 ms at 25 MHz."""
 
 
 class Command(enum.IntEnum):
-    """First byte of a command. Two more follow, lowest first: an address, or a number of pixels."""
+    """First byte of a command. Two more follow, the lower first: an address, or a number of pixels."""
 
     READ = ord("R")
     WRITE = ord("W")
-    """Followed by four bytes of data."""
+    """Four bytes of data follow."""
     PIXELS = ord("P")
-    """Followed by so many pixels."""
+    """That number of pixels follows."""
     LAST_PIXELS = ord("L")
-    """The same; the last one ends the transfer."""
+    """The same, and the last pixel ends the transfer."""
 
 
 class Message(enum.IntEnum):
-    """First byte of what the board sends. Those of words are followed by the eight bytes of one."""
+    """First byte of a message from the board."""
 
     ANSWER = ord("A")
-    """To a read or a write: AXI's response, of which bit 7 says that bytes were lost, and four bytes of data."""
+    """To a read or a write: a byte with AXI's response, whose bit 7 says that bytes were lost, and four of data."""
     FEATURES = 0x10
+    """Eight bytes follow, a word of the packet of features."""
     MATCHES = 0x20
     LAST = 0x01
-    """With one of the two: the word ends its packet."""
+    """Added to one of the two: the word ends its packet."""
 
 
 FIELD_BYTES, DATA_BYTES = 2, 4
@@ -46,15 +47,16 @@ LOST_BIT = 7
 
 
 class _Command:
-    """What is known of the command under way."""
+    """State of the command in progress."""
 
     def __init__(self) -> None:
         self.kind = Signal(8)
         self.field = Signal(16)
         self.data = Signal(8 * DATA_BYTES)
         self.left = Signal(range(max(FIELD_BYTES, DATA_BYTES) + 1))
-        # Clocks without a byte, and which channels of a write have been taken.
+        # Clocks without a byte.
         self.idle = Signal(range(FORGET_CLOCKS))
+        # Whether the bus has taken the address, and the data of a write.
         self.addressed = Signal()
         self.written = Signal()
 
@@ -62,15 +64,15 @@ class _Command:
 class SerialLink(wiring.Component):
     """Obeys commands byte by byte, and sends answers and the words of both packets, answers first.
 
-    An unknown command is one byte that is ignored, and an incomplete one is forgotten after `FORGET_CLOCKS`. While the
-    accelerator takes no pixel, no command is read.
+    A byte that begins no command is ignored; an incomplete command is dropped after `FORGET_CLOCKS`. While the
+    accelerator accepts no pixel, no command is read.
 
     Members
     -------
     i : In(stream of 8), o : Out(stream of 8)
         Bytes from and to the port.
     i_lost : In(1)
-        High for a clock where a byte was lost; the next answer says so.
+        High for a clock when a byte is lost; the next answer reports it.
     o_video : Out(stream of VideoPayload)
         Gray pixels, for an 8-bit input in memory mode.
     i_features, i_matches : In(stream of WordPayload)
@@ -89,7 +91,7 @@ class SerialLink(wiring.Component):
     o_has_lost: Out(1)
 
     def elaborate(self, platform: object) -> Module:
-        """Commands, and what is sent."""
+        """Connect the receiving and the sending half."""
         m = Module()
         answer = Signal(8 * (ANSWER_BYTES - 1))
         has_answer = Signal()
@@ -104,7 +106,7 @@ class SerialLink(wiring.Component):
         return m
 
     def _obey(self, m: Module, has_answer: Signal, answer: Signal) -> None:
-        """Take a command, its address or number, its data; then do it."""
+        """Receive a command, its address or number, and its data; then carry it out."""
         command, bus, video = _Command(), self.control, self.o_video
         m.d.comb += [
             bus.awaddr.eq(command.field),
@@ -126,7 +128,7 @@ class SerialLink(wiring.Component):
             self._access(m, command, has_answer, answer)
 
     def _gather(self, m: Module, command: _Command) -> None:
-        """The bytes of a command, but its pixels."""
+        """Receive the bytes of a command before its pixels."""
         byte, takes = self.i.payload, self.i.valid & self.i.ready
         ends = takes & (command.left == 1)
         with m.State("COMMAND"):
@@ -166,7 +168,7 @@ class SerialLink(wiring.Component):
                 m.next = "COMMAND"
 
     def _access(self, m: Module, command: _Command, has_answer: Signal, answer: Signal) -> None:
-        """Reads and writes of registers."""
+        """Read or write a register."""
         bus = self.control
         with m.State("READ"):
             m.d.comb += bus.arvalid.eq(~command.addressed)
@@ -187,7 +189,7 @@ class SerialLink(wiring.Component):
             m.next = "COMMAND"
 
     def _send(self, m: Module, has_answer: Signal, answer: Signal) -> Signal:
-        """One message after the other; high in the clock in which the answer has been taken over."""
+        """Send one message after the other; returns a signal that is high when the answer has been taken over."""
         message, left = Signal(8 * WORD_MESSAGE_BYTES), Signal(range(WORD_MESSAGE_BYTES + 1))
         taken = Signal()
         free = left == 0

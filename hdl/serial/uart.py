@@ -1,26 +1,24 @@
 """A serial port: eight data bits, no parity, one stop bit, lowest bit first."""
 
-from __future__ import annotations
-
 from amaranth import Cat, Module, Mux, Signal
 from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
 DATA_BITS = 8
-FEWEST_CLOCKS_PER_BIT = 4
+MIN_CLOCKS_PER_BIT = 4
 
 
-def _checked(clocks_per_bit: int) -> int:
-    if clocks_per_bit < FEWEST_CLOCKS_PER_BIT:
-        raise ValueError(f"clocks_per_bit is {clocks_per_bit}; it must be at least {FEWEST_CLOCKS_PER_BIT}")
-    return clocks_per_bit
+def _check_rate(clocks_per_bit: int) -> None:
+    if clocks_per_bit < MIN_CLOCKS_PER_BIT:
+        raise ValueError(f"clocks_per_bit is {clocks_per_bit}; it must be at least {MIN_CLOCKS_PER_BIT}")
 
 
 class UartReceiver(wiring.Component):
     """Turns the level of a pin into bytes.
 
-    A bit is sampled in its middle. The receiver may be off by a quarter of a bit in ten, so both clocks may differ by
-    2 %. A byte comes half a stop bit before its end; whoever takes it has ten bits of time until the next one.
+    Each bit is sampled in its middle. Over the ten bits of a byte the sampling may drift by a quarter of a bit, so the
+    clocks of the two ends may differ by 2 %. A byte is output in the middle of its stop bit; the next one follows ten
+    bits later at the earliest.
 
     Parameters
     ----------
@@ -30,7 +28,7 @@ class UartReceiver(wiring.Component):
     Members
     -------
     i_pin : In(1)
-        High while nothing is sent; asynchronous.
+        High when idle; asynchronous.
     o_valid : Out(1), o_byte : Out(8)
         High for one clock with each byte.
     o_broken : Out(1)
@@ -42,19 +40,20 @@ class UartReceiver(wiring.Component):
         For too few clocks.
     """
 
-    i_pin: Signal
-    o_valid: Signal
-    o_byte: Signal
-    o_broken: Signal
+    i_pin: In(1)
+    o_valid: Out(1)
+    o_byte: Out(DATA_BITS)
+    o_broken: Out(1)
 
     def __init__(self, *, clocks_per_bit: int) -> None:
-        self.clocks_per_bit = _checked(clocks_per_bit)
-        super().__init__({"i_pin": In(1), "o_valid": Out(1), "o_byte": Out(DATA_BITS), "o_broken": Out(1)})
+        _check_rate(clocks_per_bit)
+        self.clocks_per_bit = clocks_per_bit
+        super().__init__()
 
     def elaborate(self, platform: object) -> Module:
         """Wait for a start bit, then sample in the middle of each bit."""
         m = Module()
-        # Two registers against metastability, and one to see the edge.
+        # Two registers against metastability, and a third to detect the edge.
         pin = Signal(3, init=0b111)
         m.d.sync += pin.eq(Cat(self.i_pin, pin))
         level, before = pin[1], pin[2]
@@ -69,7 +68,7 @@ class UartReceiver(wiring.Component):
         with m.Else():
             m.d.sync += [clock.eq(self.clocks_per_bit - 1), bit.eq(bit + 1)]
             with m.If(bit == 0):
-                # A start bit that is over by now was a spike.
+                # A start bit that is over by its middle was a glitch.
                 m.d.sync += receiving.eq(~level)
             with m.Elif(bit <= DATA_BITS):
                 m.d.sync += self.o_byte.eq(Cat(self.o_byte[1:], level))
@@ -79,7 +78,7 @@ class UartReceiver(wiring.Component):
 
 
 class UartTransmitter(wiring.Component):
-    """Sends bytes one after the other: ten bits each.
+    """Sends bytes, as ten bits each.
 
     Parameters
     ----------
@@ -90,7 +89,7 @@ class UartTransmitter(wiring.Component):
     -------
     i : In(stream of 8)
     o_pin : Out(1)
-        High while nothing is sent.
+        High when idle.
 
     Raises
     ------
@@ -98,15 +97,16 @@ class UartTransmitter(wiring.Component):
         For too few clocks.
     """
 
-    i: stream.Interface
-    o_pin: Signal
+    i: In(stream.Signature(DATA_BITS))
+    o_pin: Out(1)
 
     def __init__(self, *, clocks_per_bit: int) -> None:
-        self.clocks_per_bit = _checked(clocks_per_bit)
-        super().__init__({"i": In(stream.Signature(DATA_BITS)), "o_pin": Out(1)})
+        _check_rate(clocks_per_bit)
+        self.clocks_per_bit = clocks_per_bit
+        super().__init__()
 
     def elaborate(self, platform: object) -> Module:
-        """A shift register; ones follow the stop bit."""
+        """Shift the bits out; ones follow the stop bit."""
         m = Module()
         bits = Signal(DATA_BITS + 2, init=-1)
         clock = Signal(range(self.clocks_per_bit))

@@ -1,7 +1,5 @@
 """The top for the ULX3S board (ECP5-85): frames over its USB serial port, records back."""
 
-from __future__ import annotations
-
 from amaranth import Cat, ClockDomain, ClockSignal, Module, ResetInserter, Signal
 from amaranth.lib import fifo, wiring
 from amaranth.lib.wiring import In, Out
@@ -14,34 +12,35 @@ CLOCK_HZ = 25_000_000
 """The board's oscillator; no PLL is needed, since the port is far slower than the accelerator."""
 BAUD = 1_000_000
 COMMAND_SPACE = 64
+"""Bytes of the queue besides a frame, for the commands around it."""
 RESET_CLOCKS = 16
 LEDS = 8
 
 
 class Ulx3s(wiring.Component):
-    """The accelerator with an 8-bit input between the two pins of a serial port.
+    """The accelerator, with an 8-bit input, behind the two pins of a serial port.
 
-    Everything runs with the board's 25 MHz. What arrives waits in a queue that holds a whole frame, because the port
-    has no flow control: the host may send one frame, and has to take its packets before it sends the next.
+    Everything runs at the board's 25 MHz. The port has no flow control, so a queue holds a whole frame: the host may
+    send one frame, and has to receive its packets before it sends the next.
 
     Parameters
     ----------
     accelerator : Accelerator
         With ``video_bits`` 8.
     clocks_per_bit : int
-        Of the serial port.
+        Bit time of the serial port.
 
     Members
     -------
     clk_25mhz : In(1)
     btn_fire1 : In(1)
-        Resets everything while it is pressed (high).
+        Resets everything while pressed (high).
     ftdi_txd : In(1), ftdi_rxd : Out(1)
         The port, named from the side of the board's USB chip.
     led : Out(8)
         From the lowest: pixels are enabled, bytes were lost, features wait, matches wait.
     wifi_gpio0 : Out(1)
-        Kept high, or the board's radio module would take over.
+        Constantly high.
 
     Raises
     ------
@@ -49,32 +48,24 @@ class Ulx3s(wiring.Component):
         For an accelerator with another input.
     """
 
-    clk_25mhz: Signal
-    btn_fire1: Signal
-    ftdi_txd: Signal
-    ftdi_rxd: Signal
-    led: Signal
-    wifi_gpio0: Signal
+    clk_25mhz: In(1)
+    btn_fire1: In(1)
+    ftdi_txd: In(1)
+    ftdi_rxd: Out(1)
+    led: Out(LEDS)
+    wifi_gpio0: Out(1)
 
     def __init__(self, accelerator: Accelerator, *, clocks_per_bit: int = CLOCK_HZ // BAUD) -> None:
         if accelerator.video_bits != 8:
             raise ValueError(f"video_bits is {accelerator.video_bits}; over a serial port it must be 8")
         self.accelerator = accelerator
         self.clocks_per_bit = clocks_per_bit
-        super().__init__(
-            {
-                "clk_25mhz": In(1),
-                "btn_fire1": In(1),
-                "ftdi_txd": In(1),
-                "ftdi_rxd": Out(1),
-                "led": Out(LEDS),
-                "wifi_gpio0": Out(1),
-            }
-        )
+        super().__init__()
 
     def elaborate(self, platform: object) -> Module:
-        """Port, queue, link, accelerator."""
+        """Connect port, queue, link and accelerator."""
         m = Module()
+        # The board has no reset line; the configuration sets `starting`, and the button sets it again.
         m.domains.sync = ClockDomain(reset_less=True)
         pressed, starting = Signal(2), Signal(range(RESET_CLOCKS + 1), init=RESET_CLOCKS)
         m.d.sync += [pressed.eq(Cat(self.btn_fire1, pressed)), starting.eq(starting - starting.any())]
@@ -106,6 +97,7 @@ class Ulx3s(wiring.Component):
             link.i.payload.eq(waiting.r_data),
             waiting.r_en.eq(link.i.ready),
             self.led.eq(Cat(inner.registers.o_enable, link.o_has_lost, inner.o_features.valid, inner.o_matches.valid)),
+            # At a low level, the board's radio module would take over.
             self.wifi_gpio0.eq(1),
         ]
         return m
