@@ -16,7 +16,8 @@ from golden_model.feature.ilbp import PATTERNS
 from golden_model.records import FRAME_STATUS, HYPOTHESIS, MATCH, SCORE, Record, feature_record
 from skymosaic.cli import app
 from skymosaic.mosaicking.options import MosaicOptions
-from skymosaic.registration.options import FeatureOptions, RegistrationOptions, options_of
+from skymosaic.options import options_of
+from skymosaic.registration.options import FeatureOptions, RegistrationOptions
 
 TOP = Path(__file__).parents[2]
 BLOCK_PACKAGES = {"golden_model": "golden_model.md", "hdl": "hardware.md"}

@@ -11,7 +11,8 @@ from skymosaic.cli.options import OverwriteOption, with_options
 from skymosaic.cli.session import session
 from skymosaic.evaluation.hardware import compare as compare_pair
 from skymosaic.imagery.images import check_unused
-from skymosaic.registration.options import OUTPUT, FeatureOptions
+from skymosaic.options import OUTPUT
+from skymosaic.registration.options import FeatureOptions
 
 
 @with_options

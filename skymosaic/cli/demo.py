@@ -7,13 +7,24 @@ import time
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 
 from sim.backends.interface import BACKENDS, BackendError
+from sim.scene import pair as rendered_pair
 from skymosaic.cli.options import OverwriteOption, choice
 from skymosaic.cli.session import session
-from skymosaic.demo import Demonstration, compare_hardware, make_demo
-from skymosaic.imagery.images import check_unused
+from skymosaic.errors import RegistrationError
+from skymosaic.evaluation.hardware import compare
+from skymosaic.evaluation.metrics import grid_error
+from skymosaic.imagery.images import check_unused, save
+from skymosaic.mosaicking.api import mosaic
+from skymosaic.registration.options import FeatureOptions
+from skymosaic.reports.pages import make_folder
+from skymosaic.reports.pair import write_pair_report
+from skymosaic.stopwatch import Stopwatch
+
+MAX_ERROR_PX = 0.5
 
 
 def demo(
@@ -29,39 +40,66 @@ def demo(
     The simulated hardware is compared with the golden model bit for bit.
     """
     check_unused(output, overwrite=overwrite)
-    with session.working("demo") as step:
-        made = make_demo(output, seed, step)
-    _show(made)
+    make_folder(output)
+    photographs = output / "left.png", output / "right.png"
+    _make_mosaic(output, photographs, seed)
     if backend != "golden":
-        _show_hardware(made, backend)
+        _compare_hardware(photographs, backend)
 
 
-def _show(made: Demonstration) -> None:
-    pair = made.pair
-    session.seconds.update(made.seconds)
-    session.numbers = {"error_px": made.error_px, "pair": pair.summary(), "hardware": None}
+def _make_mosaic(folder: Path, photographs: tuple[Path, Path], seed: int) -> None:
+    """Render the pair, write its mosaic and report, and measure its homography against the known poses."""
+    clock = Stopwatch()
+    with session.working("demo") as step:
+        step("rendering a synthetic flight")
+        flight = rendered_pair(seed=seed)
+        for path, image in zip(photographs, flight.images, strict=True):
+            save(path, image)
+        clock.lap("rendering")
+        step("making the mosaic")
+        result = mosaic(photographs)
+        clock.lap("mosaic")
+        step("drawing")
+        save(folder / "mosaic.png", result.image)
+        pair = result.pairs[0]
+        page = write_pair_report(folder / "report", pair, np.asarray(result.image, dtype=np.uint8))
+        clock.lap("drawing")
+    assert pair.homography is not None  # mosaic() raises without one
+    error_px = grid_error(pair.homography, flight.homography_between(0, 1), pair.left.size, pair.right.size)
+    if error_px >= MAX_ERROR_PX:
+        raise RegistrationError(f"mean homography error {error_px:.3f} px; below {MAX_ERROR_PX} px expected")
+    session.seconds.update(clock.seconds)
+    session.numbers = {"error_px": error_px, "pair": pair.summary(), "hardware": None}
     session.show(f"features {len(pair.features[0])} and {len(pair.features[1])}, inliers {len(pair.inliers)}")
-    session.show(f"mean homography error {made.error_px:.3f} px")
-    session.show(f"photographs {made.photographs[0]} {made.photographs[1]}")
-    for name, path in (("mosaic", made.mosaic), ("matches", made.matches), ("report", made.page)):
+    session.show(f"mean homography error {error_px:.3f} px")
+    session.show(f"photographs {photographs[0]} {photographs[1]}")
+    outputs = {"mosaic": folder / "mosaic.png", "matches": page.with_name("matches.png"), "report": page}
+    for name, path in outputs.items():
         session.wrote(path)
         session.show(f"{name:11} {path}")
 
 
-def _show_hardware(made: Demonstration, backend: str) -> None:
-    """Compare the hardware with the golden model; without a compiler, only say that it was not simulated."""
+def _compare_hardware(photographs: tuple[Path, Path], backend: str) -> None:
+    """Compare the hardware with the golden model; without a compiler, only say that it was not simulated.
+
+    Raises
+    ------
+    RegistrationError
+        If they differ.
+    """
     # What was shown so far is worth seeing before a first compile, which takes a while.
     sys.stdout.flush()
     start = time.perf_counter()
     try:
         with session.working("simulating the hardware") as step:
-            result = compare_hardware(made.photographs, backend, step)
+            result = compare(*photographs, FeatureOptions(backend=backend), progress=step)
     except BackendError as error:
         session.warn(f"hardware not simulated: {error}")
         return
+    if result.mismatch:
+        raise RegistrationError(f"hardware and golden model differ: {result.mismatch}")
     session.seconds["hardware"] = time.perf_counter() - start
     session.numbers["hardware"] = result.summary()
     session.show(f"hardware    equal to the golden model bit for bit: {result.coverage}")
-    session.show(
-        f"            {result.cycles_per_frame[0]} clocks a frame, {result.cycles_per_second / 1e6:.2f} M a second"
-    )
+    clocks, speed = result.cycles_per_frame[0], result.cycles_per_second / 1e6
+    session.show(f"            {clocks} clocks per frame, {speed:.2f} M per second")

@@ -20,11 +20,12 @@ from skymosaic.imagery.photographs import is_folder
 from skymosaic.live.mosaic import LiveMosaic, LiveUpdate
 from skymosaic.live.pace import Pace
 from skymosaic.mosaicking.options import MosaicOptions
-from skymosaic.registration.options import INPUT, OUTPUT, options_of
+from skymosaic.options import INPUT, OUTPUT, options_of
 
 PREVIEW_WIDTH_PX = 1280
 PREVIEW_SECONDS = 1.0
-LIVE_OPTIONS = tuple(each.name for each in options_of(MosaicOptions) if each.live)
+LIVE_OPTIONS = ("preset", "config", "backend", "working_width_px", "seed", "band", "scale", "canvas_limit_px")
+"""The options that a live mosaic has."""
 
 IdleOption = Annotated[
     float | None,
@@ -69,7 +70,9 @@ def grow_instead(
     if len(photographs) != 1:
         raise InputError(f"--live takes one folder, video or camera, not {len(photographs)}")
     useless = [
-        each.flag for each in options_of(MosaicOptions) if not each.live and getattr(options, each.name) != each.default
+        each.flag
+        for each in options_of(MosaicOptions)
+        if each.name not in LIVE_OPTIONS and getattr(options, each.name) != each.default
     ]
     useless += [flag for flag, value in others.items() if value]
     if useless:

@@ -28,7 +28,7 @@ from skymosaic.maps.geotiff import COMPRESSIONS
 from skymosaic.mosaicking.api import open_plan
 from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.mosaicking.plan import MosaicPlan
-from skymosaic.registration.options import INPUT, MAP, OUTPUT
+from skymosaic.options import INPUT, MAP, OUTPUT
 from skymosaic.reports.flight import describe_bands, describe_map, flight_numbers, write_report
 from skymosaic.reports.pages import make_folder
 

@@ -23,7 +23,8 @@ from skymosaic.cli.session import session
 from skymosaic.errors import InputError
 from skymosaic.imagery.lens import load_lens
 from skymosaic.maps.control_points import load_control_points
-from skymosaic.registration.options import INPUT, MACHINE, OUTPUT, FeatureOptions, Option, options_of
+from skymosaic.options import INPUT, MACHINE, OUTPUT, Option, options_of
+from skymosaic.registration.options import FeatureOptions
 from skymosaic.registration.pair import Pair
 
 
@@ -85,7 +86,8 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
 
     @functools.wraps(command)
     def run(**values: Any) -> None:
-        command(options=_read(usual, {name: values.pop(name) for name in typed}), **values)
+        read = _read(usual, {name: values.pop(name, each.default) for name, each in typed.items()})
+        command(options=read, **values)
 
     others = [each for each in signature.parameters.values() if each is not declared]
     vars(run)["__signature__"] = signature.replace(parameters=[*others, *typed.values()])

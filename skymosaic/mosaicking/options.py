@@ -12,17 +12,8 @@ from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.picture.composition import MEMORY_BYTES
 from skymosaic.imagery.lens import Lens
 from skymosaic.maps.control_points import ControlPoints
-from skymosaic.registration.options import (
-    INPUT,
-    MACHINE,
-    MAP,
-    PICTURE,
-    Option,
-    RegistrationKeywords,
-    RegistrationOptions,
-    option,
-    options_of,
-)
+from skymosaic.options import INPUT, MACHINE, MAP, PICTURE, option, options_of
+from skymosaic.registration.options import RegistrationKeywords, RegistrationOptions
 
 MEGABYTE = 1 << 20
 MEGAPIXEL = 1_000_000
@@ -37,80 +28,59 @@ class MosaicOptions(RegistrationOptions):
     """
 
     lens: Lens | None = option(
-        None, Option("Distortion and mask, the same for all photographs.", INPUT, flag="--camera or --mask")
+        None, "Distortion and mask, the same for all photographs.", INPUT, flag="--camera or --mask"
     )
     band: str | None = option(
-        None,
-        Option("Of multi-band sets, the band that registers the flight, by name or number: nir, 2.", INPUT, live=True),
+        None, "Of multi-band sets, the band that registers the flight, by name or number: nir, 2.", INPUT
     )
     blending: str | None = option(
         None,
-        Option(
-            "By default distance for two photographs, multiband along seams for more.",
-            PICTURE,
-            choices=tuple(METHODS),
-            flag="--blend",
-        ),
+        "By default distance for two photographs, multiband along seams for more.",
+        PICTURE,
+        choices=tuple(METHODS),
+        flag="--blend",
     )
     # The reference is the right one of two photographs; of more, the most connected one, without its tilt.
-    scale: float = option(
-        1.0, Option("Canvas pixels per pixel of the reference photograph.", PICTURE, above=0, maximum=1, live=True)
-    )
+    scale: float = option(1.0, "Canvas pixels per pixel of the reference photograph.", PICTURE, above=0, maximum=1)
     warp: str = option(
         "homography",
-        Option(
-            "A mesh bends the left photograph over relief; auto: only if held-out matches gain by it.",
-            PICTURE,
-            choices=("homography", "mesh", "auto"),
-            not_for_more="more than two photographs are laid out by homographies",
-        ),
+        "A mesh bends the left photograph over relief; auto: only if held-out matches gain by it.",
+        PICTURE,
+        choices=("homography", "mesh", "auto"),
+        not_for_more="more than two photographs are laid out by homographies",
     )
     canvas_limit_px: int = option(
         CANVAS_LIMIT_PX,
-        Option(
-            "Largest canvas: pixels, on the command line megapixels.",
-            PICTURE,
-            flag="--canvas-limit",
-            flag_unit=MEGAPIXEL,
-            minimum=1,
-            live=True,
-        ),
+        "Largest canvas: pixels, on the command line megapixels.",
+        PICTURE,
+        flag_unit=MEGAPIXEL,
+        minimum=1,
     )
     all_groups: bool = option(
         False,
-        Option(
-            "A mosaic of each group of photographs that overlap, numbered.",
-            PICTURE,
-            not_for_two="two photographs make one mosaic",
-        ),
+        "A mosaic of each group of photographs that overlap, numbered.",
+        PICTURE,
+        not_for_two="two photographs make one mosaic",
     )
     gsd_m: float | None = option(
-        None,
-        Option("Metres on the ground per canvas pixel, instead of --scale; needs GPS.", MAP, flag="--gsd", above=0),
+        None, "Metres on the ground per canvas pixel, instead of --scale; needs GPS.", MAP, above=0
     )
     control: ControlPoints | None = option(
-        None, Option("Ground control points instead of GPS, from OpenDroneMap's gcp_list.txt.", MAP, flag="--gcp")
+        None, "Ground control points instead of GPS, from OpenDroneMap's gcp_list.txt.", MAP, flag="--gcp"
     )
     memory_bytes: int = option(
         MEMORY_BYTES,
-        Option(
-            "Limit of the photographs kept decoded: bytes, on the command line megabytes.",
-            MACHINE,
-            flag="--memory",
-            flag_unit=MEGABYTE,
-            minimum=64 * MEGABYTE,
-        ),
+        "Limit of the photographs kept decoded: bytes, on the command line megabytes.",
+        MACHINE,
+        flag_unit=MEGABYTE,
+        minimum=64 * MEGABYTE,
     )
-    scheduler: str | None = option(
-        None, Option("Address of a Dask scheduler, tcp://HOST:PORT, instead of threads.", MACHINE)
-    )
+    scheduler: str | None = option(None, "Address of a Dask scheduler, tcp://HOST:PORT, instead of threads.", MACHINE)
     cache: Path | None = option(
         None,
-        Option(
-            "Folder that keeps features and links of flights for the next run.",
-            MACHINE,
-            not_for_two="two photographs are registered anew each time",
-        ),
+        "Folder that keeps features and links of flights for the next run.",
+        MACHINE,
+        not_for_two="two photographs are registered anew each time",
     )
     default_cache: Path | None = None
 

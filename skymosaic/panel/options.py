@@ -12,7 +12,7 @@ from skymosaic.errors import InputError
 from skymosaic.features.detectors import FRONT_END_DETECTORS
 from skymosaic.features.methods import choose_method
 from skymosaic.mosaicking.options import MosaicOptions
-from skymosaic.registration.options import options_of
+from skymosaic.options import options_of
 
 AUTOMATIC = "automatic"
 """What the page shows for the library's default blending, which is None."""

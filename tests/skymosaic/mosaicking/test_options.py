@@ -8,14 +8,8 @@ import pytest
 
 from skymosaic.errors import InputError
 from skymosaic.mosaicking.options import MosaicKeywords, MosaicOptions
-from skymosaic.registration.options import (
-    GROUPS,
-    FeatureKeywords,
-    FeatureOptions,
-    RegistrationKeywords,
-    RegistrationOptions,
-    options_of,
-)
+from skymosaic.options import GROUPS, options_of
+from skymosaic.registration.options import FeatureKeywords, FeatureOptions, RegistrationKeywords, RegistrationOptions
 
 
 @pytest.mark.parametrize(
