@@ -1,7 +1,7 @@
-"""How much work a pair gets: one pass of the front end where that is enough, more frames where it is not.
+"""Searches a pair for a homography: one pass of the front end where that is enough, further passes where it is not.
 
 A pass matches a frame of one image with a frame of the other. The first pass takes the images as they are. A weak
-result gets more passes, in this order: both images √2 times larger (and smaller), one image reduced in steps for
+result gets further passes, in this order: both images √2 times larger (and smaller), one image reduced in steps for
 large zooms, one image compressed as if seen from the side. All go through the same front end and matcher. A homography
 is accepted by the matches of these unguided passes alone.
 """
@@ -24,42 +24,45 @@ from skymosaic.geometry import acceptance
 from skymosaic.geometry.homography import apply
 from skymosaic.geometry.prosac import MIN_INLIERS, Estimate, Scoring, estimate_homography
 
+# A result above all three thresholds needs no further passes. Where fewer of the kept matches agree, relief divides
+# them between planes, and more matches settle which plane counts.
 STRONG_INLIERS = 60
-STRONG_SHARE = 0.25
-STRONG_AGREEMENT = 0.25
-"""A pass with so many inliers, spread over so much of the overlap, and such a share of the kept matches needs no other.
-Where fewer of the kept matches agree, relief divides them, and more matches settle which plane counts."""
-FURTHER_SAMPLES = 1000
-"""Samples of the one search in a further pass; there are up to ten passes, and most pairs that need so many are
-unrelated."""
-FEWEST_PLACES = 12
-FAR_OCTAVES = 0.19
-"""Two octaves of each frame meet best where the zoom is a power of two; farther from it another ratio is tried."""
+STRONG_SHARE_OF_OVERLAP = 0.25
+STRONG_SHARE_OF_KEPT = 0.25
+# There are up to ten further passes, and most pairs that need so many are unrelated: one short search for each.
+FURTHER_PASS_SAMPLES = 1000
+MIN_PLACES = 12
+# Two octaves of each frame meet best where the zoom is a power of two; farther from it another ratio is tried.
+MAX_OCTAVES_OFF = 0.19
 
 
 @dataclass(frozen=True)
-class Run:
-    """One run of the front end: a frame of one image, held as the reference, and frames of the other."""
+class FrontEndRun:
+    """One run of the front end: a frame of one image, the reference, is matched with each of the other's frames.
+
+    Attributes
+    ----------
+    reference : Change
+    others : tuple of Change
+        One pass for each.
+    swapped : bool
+        The reference is a frame of the right image instead of the left one.
+    """
 
     reference: Change
     others: tuple[Change, ...]
-    exchanged: bool = False
-    """The reference is made of the right image."""
+    swapped: bool = False
 
 
-LARGER, SMALLER = (Run(Change(scale), (Change(scale),)) for scale in (math.sqrt(2), math.sqrt(0.5)))
+LARGER, SMALLER = (FrontEndRun(Change(scale), (Change(scale),)) for scale in (math.sqrt(2), math.sqrt(0.5)))
+# Ratios of 2.8 and 4 between the frames: with two octaves each, all zooms from 1.4 to 5.7 are near a power of two.
 REDUCED = (Change(0.5), Change(math.sqrt(0.125)))
-LADDER = tuple(Run(Change(math.sqrt(2)), REDUCED, exchanged) for exchanged in (False, True))
-"""Ratios of 2.8 and 4 between the frames: with two octaves each, all zooms from 1.4 to 5.7 are near a power of two."""
-TILTS = (
-    Run(
-        Change(),
-        tuple(Change(1.0, tilt, direction) for tilt in (math.sqrt(2), 2.0) for direction in (0.0, 60.0, 120.0)),
-        exchanged=True,
-    ),
-)
-"""The left image compressed in three directions. Where it is itself the tilted one, compressing it across its own
-tilt makes it smaller as a whole, which the octaves absorb."""
+LADDER = tuple(FrontEndRun(Change(math.sqrt(2)), REDUCED, swapped) for swapped in (False, True))
+# Only the left image is compressed. Where it is itself the tilted one, compressing it across its own tilt makes it
+# smaller as a whole, which the octaves absorb.
+DIRECTIONS_DEG = (0.0, 60.0, 120.0)
+TILTED = tuple(Change(1.0, tilt, direction) for tilt in (math.sqrt(2), 2.0) for direction in DIRECTIONS_DEG)
+TILTS = (FrontEndRun(Change(), TILTED, swapped=True),)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,21 +72,21 @@ class Evidence:
     Attributes
     ----------
     features : tuple of structured arrays
-        Of all frames of left and right, the first pass's first.
+        Left and right, pass by pass.
     matches : structured array
-        Of all passes; their indices refer to ``features``.
+        Their indices refer to ``features``.
     """
 
     features: tuple[Records, Records]
     matches: Records
 
-    def with_pass(self, left: Records, right: Records, matches: Records) -> Evidence:
-        """This and another pass, whose features come behind."""
-        moved = matches.copy()
+    def with_pass(self, other: Evidence) -> Evidence:
+        """This evidence and that of a further pass, whose features are appended."""
+        matches = other.matches.copy()
         for side, features in zip(("left", "right"), self.features, strict=True):
-            moved[f"{side}_index"] += len(features)
-        both = tuple(np.concatenate(pair) for pair in zip(self.features, (left, right), strict=True))
-        return Evidence((both[0], both[1]), np.concatenate((self.matches, moved)))
+            matches[f"{side}_index"] += len(features)
+        left, right = (np.concatenate(sides) for sides in zip(self.features, other.features, strict=True))
+        return Evidence((left, right), np.concatenate((self.matches, matches)))
 
     @property
     def kept(self) -> Records:
@@ -93,8 +96,21 @@ class Evidence:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
-    """What the passes gave: the evidence, and the homography in working px with its inliers among all matches."""
+class SearchState:
+    """How far a search has come.
+
+    Attributes
+    ----------
+    evidence : Evidence
+    homography : (3, 3) ndarray or None
+        Left to right, working px; None where none is accepted.
+    inliers : (N,) bool ndarray
+        Among all matches of the evidence.
+    places : int
+        Different places that the inliers show.
+    passes : int
+        Pairs of frames that were matched.
+    """
 
     evidence: Evidence
     homography: Matrix | None
@@ -112,96 +128,95 @@ class Search:
         images: tuple[Pixels, Pixels],
         config: Config,
         rng: np.random.Generator,
-        counted: Callable[[Records], Records],
+        remove_masked: Callable[[Records], Records],
         *,
         scoring: Scoring | None = None,
     ) -> None:
-        """``counted`` returns those of the match records that count: none in what a lens masks."""
+        """``remove_masked`` drops the match records in what a lens masks."""
         self._front_end, self._images, self._config, self._rng = front_end, images, config, rng
-        self._counted = counted
+        self._remove_masked = remove_masked
         self._scoring = scoring
         self._sizes = tuple((image.shape[1], image.shape[0]) for image in images)
 
-    def run(self, effort: str, found: Found) -> Found:
-        """Go on from the first pass as far as ``effort`` says and the pair needs."""
-        if effort == "fast" or (effort == "normal" and self._strong(found)):
-            return found
-        found = self._union(found, (LARGER, SMALLER) if effort == "thorough" else (LARGER,))
-        if self._strong(found):
-            return found
-        if found.homography is not None:
-            run = _between_octaves(found.homography, self._sizes[0])
-            return self._best_pass(found, (run,)) if run else found
+    def run(self, effort: str, state: SearchState) -> SearchState:
+        """Continue after the first pass as far as ``effort`` allows and the pair needs."""
+        if effort == "fast" or (effort == "normal" and self._is_strong(state)):
+            return state
+        state = self._search_together(state, (LARGER, SMALLER) if effort == "thorough" else (LARGER,))
+        if self._is_strong(state):
+            return state
+        if state.homography is not None:
+            run = _choose_run_between_octaves(state.homography, self._sizes[0])
+            return self._search_separately(state, (run,)) if run else state
         for runs in (LADDER, TILTS):
-            found = self._best_pass(found, runs)
-            if found.homography is not None:
+            state = self._search_separately(state, runs)
+            if state.homography is not None:
                 break
-        return found
+        return state
 
-    def _union(self, found: Found, runs: Sequence[Run]) -> Found:
-        """Add frames of the same scale on both sides and search all matches together."""
-        evidence, passes = found.evidence, found.passes
-        for single in self._passes(runs):
-            evidence, passes = evidence.with_pass(*single.features, single.matches), passes + 1
-        starts = [] if found.homography is None else [found.homography]
-        return self._judged(evidence, self._estimate(evidence, starts=starts), passes)
-
-    def _best_pass(self, found: Found, runs: Sequence[Run]) -> Found:
-        """Search every pass by itself: among the matches of all, the few right ones of one would not be found.
-
-        Of passes that are good by themselves the best is fitted to the matches of all.
-        """
-        evidence, passes, starts = found.evidence, found.passes, []
-        for single in self._passes(runs):
-            passes += 1
-            alone = self._judged(single, self._estimate(single, max_samples=FURTHER_SAMPLES, restarts=1), 1)
-            if alone.homography is not None:
-                starts.append(alone.homography)
-                evidence = evidence.with_pass(*single.features, single.matches)
-        if not starts:
-            return Found(found.evidence, found.homography, found.inliers, found.places, passes)
-        starts += [] if found.homography is None else [found.homography]
-        return self._judged(evidence, self._estimate(evidence, restarts=0, starts=starts), passes)
-
-    def _passes(self, runs: Sequence[Run]) -> Iterator[Evidence]:
-        """Features and matches of each pass, in pixels of the working images."""
-        for run in runs:
-            of_reference, of_others = self._images[::-1] if run.exchanged else self._images
-            reference = make_frame(of_reference, run.reference)
-            others = [frame for frame in (make_frame(of_others, change) for change in run.others) if frame]
-            if reference is None or not others:
-                continue
-            frames = [reference, *others]
-            results = self._front_end.run([frame.pixels for frame in frames], self._config)
-            for frame, result in zip(others, results[1:], strict=True):
-                features = results[0].features, result.features
-                yield self._in_images(features, result.matches, (reference, frame), run.exchanged)
-
-    def _in_images(
-        self, features: tuple[Records, Records], matches: Records, frames: tuple[Frame, Frame], exchanged: bool
-    ) -> Evidence:
-        images = self._images
-        if exchanged:
-            features, frames, matches = features[::-1], frames[::-1], swap_sides(matches)
-            for name in ("turn", "peak_turn"):
-                matches[name] = -matches[name].astype(np.int16) % SECTORS
-        moved = tuple(map_to_image(found, frame.to_image) for found, frame in zip(features, frames, strict=True))
-        return Evidence((moved[0], moved[1]), self._counted(map_matches_to_images(matches, frames, images)))
-
-    def judged(self, evidence: Evidence, homography: Matrix | None, inliers: Mask, passes: int) -> Found:
-        """A homography with its inliers among all matches of the evidence; None where it is not accepted."""
+    def accept(self, evidence: Evidence, homography: Matrix | None, inliers: Mask, passes: int) -> SearchState:
+        """The state with this homography, or with None where its inliers are too few or too close together."""
         left, right = match_points(evidence.matches[inliers])
         places = acceptance.count_places(left, right)
-        if homography is not None and places < FEWEST_PLACES:
+        if homography is not None and places < MIN_PLACES:
             homography = None
         if homography is not None and not acceptance.spread_enough(homography, left, right, *self._sizes):
             homography = None
-        return Found(evidence, homography, inliers, places, passes)
+        return SearchState(evidence, homography, inliers, places, passes)
 
-    def _judged(self, evidence: Evidence, estimate: Estimate, passes: int) -> Found:
+    def _search_together(self, state: SearchState, runs: Sequence[FrontEndRun]) -> SearchState:
+        """Add passes over frames of the same scale on both sides, and search all matches together."""
+        evidence, passes = state.evidence, state.passes
+        for further in self._match_frames(runs):
+            evidence, passes = evidence.with_pass(further), passes + 1
+        starts = [] if state.homography is None else [state.homography]
+        return self._accept_estimate(evidence, self._estimate(evidence, starts=starts), passes)
+
+    def _search_separately(self, state: SearchState, runs: Sequence[FrontEndRun]) -> SearchState:
+        """Search each pass separately: pooled, the few correct matches of one drown among the wrong ones of all.
+
+        The passes that succeed are pooled, and the best of their homographies is fitted to all their matches.
+        """
+        evidence, passes, starts = state.evidence, state.passes, []
+        for further in self._match_frames(runs):
+            passes += 1
+            estimate = self._estimate(further, max_samples=FURTHER_PASS_SAMPLES, restarts=1)
+            homography = self._accept_estimate(further, estimate, 1).homography
+            if homography is not None:
+                starts.append(homography)
+                evidence = evidence.with_pass(further)
+        if not starts:
+            return SearchState(state.evidence, state.homography, state.inliers, state.places, passes)
+        starts += [] if state.homography is None else [state.homography]
+        return self._accept_estimate(evidence, self._estimate(evidence, restarts=0, starts=starts), passes)
+
+    def _match_frames(self, runs: Sequence[FrontEndRun]) -> Iterator[Evidence]:
+        """The evidence of each pass, without frames that the front end does not take."""
+        for run in runs:
+            reference_image, other_image = self._images[::-1] if run.swapped else self._images
+            reference = make_frame(reference_image, run.reference)
+            others = [frame for frame in (make_frame(other_image, change) for change in run.others) if frame]
+            if reference is None or not others:
+                continue
+            first, *results = self._front_end.run([frame.pixels for frame in (reference, *others)], self._config)
+            for frame, result in zip(others, results, strict=True):
+                features, frames, matches = (first.features, result.features), (reference, frame), result.matches
+                if run.swapped:
+                    features, frames, matches = features[::-1], frames[::-1], _swap(matches)
+                yield self._map_to_images(features, frames, matches)
+
+    def _map_to_images(
+        self, features: tuple[Records, Records], frames: tuple[Frame, Frame], matches: Records
+    ) -> Evidence:
+        left, right = (map_to_image(side, frame.to_image) for side, frame in zip(features, frames, strict=True))
+        mapped = map_matches_to_images(matches, frames, self._images)
+        return Evidence((left, right), self._remove_masked(mapped))
+
+    def _accept_estimate(self, evidence: Evidence, estimate: Estimate, passes: int) -> SearchState:
+        """`accept` for an estimate, whose inliers are counted among the kept matches."""
         inliers = np.zeros(len(evidence.matches), dtype=bool)
         inliers[evidence.matches["verdict"] == 1] = estimate.inliers
-        return self.judged(evidence, estimate.homography, inliers, passes)
+        return self.accept(evidence, estimate.homography, inliers, passes)
 
     def _estimate(self, evidence: Evidence, *, starts: Sequence[Matrix] = (), **search: int) -> Estimate:
         kept = evidence.kept
@@ -209,42 +224,49 @@ class Search:
         weight = kept["weight"].astype(np.float64)
         return estimate_homography(left, right, weight, rng=self._rng, starts=starts, scoring=self._scoring, **search)
 
-    def _strong(self, found: Found) -> bool:
-        if found.homography is None or found.places < STRONG_INLIERS:
+    def _is_strong(self, state: SearchState) -> bool:
+        if state.homography is None or state.places < STRONG_INLIERS:
             return False
-        if np.count_nonzero(found.inliers) < STRONG_AGREEMENT * len(found.evidence.kept):
+        if np.count_nonzero(state.inliers) < STRONG_SHARE_OF_KEPT * len(state.evidence.kept):
             return False
-        left, _ = match_points(found.evidence.matches[found.inliers])
-        return acceptance.hull_share(found.homography, left, *self._sizes) >= STRONG_SHARE
+        left, _ = match_points(state.evidence.matches[state.inliers])
+        return acceptance.hull_share(state.homography, left, *self._sizes) >= STRONG_SHARE_OF_OVERLAP
 
 
-def why_not(found: Found) -> str:
-    """Why a pair was refused, with the counts."""
-    features, kept = [len(side) for side in found.evidence.features], len(found.evidence.kept)
-    counts = f"features {features[0]} and {features[1]}, matches {len(found.evidence.matches)}, "
-    counts += f"kept {kept}, inliers {found.places}"
-    if min(features) < MIN_INLIERS:
+def explain_refusal(state: SearchState) -> str:
+    """Why a pair is not accepted, with the counts."""
+    (left, right), kept = (len(side) for side in state.evidence.features), len(state.evidence.kept)
+    if min(left, right) < MIN_INLIERS:
         cause = "too few features (flat or blurred image?)"
     elif kept < MIN_INLIERS:
         cause = "too few matches (do the images overlap?)"
-    elif found.places < FEWEST_PLACES:
-        cause = f"too few inliers, {FEWEST_PLACES} needed (do the images overlap?)"
+    elif state.places < MIN_PLACES:
+        cause = f"too few inliers, {MIN_PLACES} needed (do the images overlap?)"
     else:
         cause = "the inliers cover too little of the overlap"
-    return f"{cause}: {counts}"
+    matches = len(state.evidence.matches)
+    return f"{cause}: features {left} and {right}, matches {matches}, kept {kept}, inliers {state.places}"
 
 
-def _between_octaves(homography: Matrix, left_size: tuple[int, int]) -> Run | None:
-    """The run of the ladder whose frames differ by about the zoom between the images, where the first pass's do not."""
+def _swap(matches: Records) -> Records:
+    """The same matches with left and right exchanged, and so turned the other way."""
+    swapped = swap_sides(matches)
+    for name in ("turn", "peak_turn"):
+        swapped[name] = -swapped[name].astype(np.int16) % SECTORS
+    return swapped
+
+
+def _choose_run_between_octaves(homography: Matrix, left_size: tuple[int, int]) -> FrontEndRun | None:
+    """The run whose frames differ by about the zoom between the images; None where those of the first pass do."""
     x, y = (left_size[0] - 1) / 2, (left_size[1] - 1) / 2
     centre, across, down = apply(homography, [[x, y], [x + 1, y], [x, y + 1]])
     (a, b), (c, d) = across - centre, down - centre
     area = abs(float(a * d - b * c))
     octaves = 0.5 * math.log2(area) if area > 0 and math.isfinite(area) else 0.0
     # Octaves are one apart in each frame, so zooms of 1/2, 1 and 2 meet in the first pass.
-    if abs(octaves - round(octaves)) <= FAR_OCTAVES and abs(octaves) < 1 + FAR_OCTAVES:
+    if abs(octaves - round(octaves)) <= MAX_OCTAVES_OFF and abs(octaves) < 1 + MAX_OCTAVES_OFF:
         return None
     offsets = [abs(octaves) - math.log2(math.sqrt(2) / change.scale) for change in REDUCED]
     reduced = REDUCED[int(np.argmin([abs(offset - round(offset)) for offset in offsets]))]
     # Where the right image shows more detail it is the one that is reduced.
-    return Run(Change(math.sqrt(2)), (reduced,), exchanged=octaves < 0)
+    return FrontEndRun(Change(math.sqrt(2)), (reduced,), swapped=octaves < 0)

@@ -24,7 +24,7 @@ from skymosaic.imagery.images import Photograph, load, reduce_for_front_end
 from skymosaic.imagery.lens import Lens
 from skymosaic.registration.options import RegistrationKeywords, RegistrationOptions
 from skymosaic.registration.pair import Pair
-from skymosaic.registration.passes import Evidence, Search, why_not
+from skymosaic.registration.passes import Evidence, Search, explain_refusal
 from skymosaic.stopwatch import Stopwatch
 
 
@@ -96,50 +96,53 @@ def register_photographs(
         reduce_for_front_end(photo.pixels, options.working_width_px, photo.name) for photo in photographs
     )
     front_end = options.open_backend(method, progress)
-    results, config = extract_within_capacity(front_end, [left, right], config)
+    (left_result, right_result), config = extract_within_capacity(front_end, [left, right], config)
     masks = [lens.visible((image.shape[1], image.shape[0])) if lens else None for image in (left, right)]
-    on_the_ground = partial(select_ground_matches, visible=masks)
+    remove_masked = partial(select_ground_matches, visible=masks)
     clock.lap("features and matches")
-    rng, estimator = np.random.default_rng(options.seed), options.estimator
-    search = Search(front_end, (left, right), config, rng, on_the_ground, scoring=SCORINGS.get(estimator))
-    first = Evidence((results[0].features, results[1].features), on_the_ground(results[1].matches))
-    found = search.run(effort, search.judged(first, *_estimated(estimator, first.matches, rng), passes=1))
+    rng = np.random.default_rng(options.seed)
+    search = Search(front_end, (left, right), config, rng, remove_masked, scoring=SCORINGS.get(options.estimator))
+    first_pass = Evidence((left_result.features, right_result.features), remove_masked(right_result.matches))
+    homography, inliers = _estimate(options.estimator, first_pass.matches, rng)
+    state = search.run(effort, search.accept(first_pass, homography, inliers, passes=1))
     clock.lap("homography")
-    homography, refined_inliers, inliers, matches = found.homography, 0, found.inliers, found.evidence.matches
+    homography, refined_inliers, inliers, matches = state.homography, 0, state.inliers, state.evidence.matches
     if options.refine and homography is not None:
         homography, refined_inliers = refine_pair(left, right, homography, config)
-        inliers = _inliers(matches, homography) if refined_inliers else inliers
+        # Without a gain the homography is the same, and so are its inliers.
+        inliers = _select_inliers(matches, homography) if refined_inliers else inliers
         clock.lap("refinement")
     return Pair(
         left=photographs[0],
         right=photographs[1],
         to_original=(to_left, to_right),
         working=(left, right),
-        features=found.evidence.features,
+        features=state.evidence.features,
         matches=matches,
-        kept=found.evidence.kept,
+        kept=state.evidence.kept,
         inliers=matches[inliers],
         refined_inliers=refined_inliers,
-        homography=None if homography is None else _in_originals(homography, to_left, to_right),
-        reason="" if homography is not None else why_not(found),
+        homography=None if homography is None else _map_to_originals(homography, to_left, to_right),
+        reason=explain_refusal(state) if homography is None else "",
         config=config,
         method=method,
-        estimator=estimator,
+        estimator=options.estimator,
         effort=effort,
-        passes=found.passes,
+        passes=state.passes,
         backend=options.backend_name,
         seconds=clock.seconds,
     )
 
 
-def _inliers(matches: Records, homography: Matrix) -> Mask:
-    """Kept matches that a homography between the working images maps to within `INLIER_PX`."""
+def _select_inliers(matches: Records, homography: Matrix) -> Mask:
+    """Which of the matches are kept and agree with a homography between the working images within `INLIER_PX`."""
     left, right = match_points(matches)
     near = np.linalg.norm(apply(homography, left) - right, axis=1) <= INLIER_PX
     return np.asarray((matches["verdict"] == 1) & near)
 
 
-def _estimated(estimator: str, matches: Records, rng: np.random.Generator) -> tuple[Matrix | None, Mask]:
+def _estimate(estimator: str, matches: Records, rng: np.random.Generator) -> tuple[Matrix | None, Mask]:
+    """The homography of the first pass, by any of the estimators; further passes are for PROSAC alone."""
     left, right = match_points(matches)
     return estimate(estimator, left, right, matches["weight"].astype(np.float64), matches["verdict"] == 1, rng=rng)
 
@@ -162,7 +165,8 @@ def extract_within_capacity(
         config = dataclasses.replace(config, front_end=raised)
 
 
-def _in_originals(homography: Matrix, to_left: Matrix, to_right: Matrix) -> Matrix:
+def _map_to_originals(homography: Matrix, to_left: Matrix, to_right: Matrix) -> Matrix:
+    """A homography between working images as one between the original photographs."""
     original = to_right @ homography @ np.linalg.inv(to_left)
     scaled: Matrix = original / original[2, 2]
     return scaled
