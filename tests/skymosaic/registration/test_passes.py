@@ -1,5 +1,3 @@
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -45,9 +43,9 @@ class Counting(GoldenBackend):
         return super().run(frames, config, reference=reference)
 
 
-@pytest.mark.parametrize("exchanged", [False, True])
-def test_a_zoom_of_three_needs_the_ladder(near, far, exchanged):
-    one, other = (far, near) if exchanged else (near, far)
+@pytest.mark.parametrize("swapped", [False, True])
+def test_a_zoom_of_three_needs_the_ladder(near, far, swapped):
+    one, other = (far, near) if swapped else (near, far)
     truth = other[0].homography(CAMERA) @ np.linalg.inv(one[0].homography(CAMERA))
     assert not register(one[1], other[1], effort="fast").accepted
     pair = register(one[1], other[1])
@@ -99,11 +97,3 @@ def test_an_effort_that_cannot_apply_is_refused(near, options, message):
 
 def test_other_methods_take_one_pass_by_default(near):
     assert register(near[1], near[1], detector="orb").effort == "fast"
-
-
-def test_confidence_falls_with_the_overlap_and_with_relief(near):
-    good = register(near[1], view(dataclasses.replace(near[0], x_px=100), 3)).confidence
-    assert good.verdict == "good"
-    assert good.predicted_px < 1
-    assert good.correlation > 0.7
-    assert set(good.summary()) >= {"verdict", "reason", "predicted_px", "held_out_share", "correlation"}

@@ -1,0 +1,67 @@
+"""The predicted error rises, and so confidence falls, as the overlap shrinks and as the ground gets relief."""
+
+import itertools
+
+import cv2
+import numpy as np
+import pytest
+
+from golden_model.arrays import Pixels
+from sim.scene import Camera, CameraPose, Photometry, render_ground, render_view
+from sim.scene.camera import visible_box
+from skymosaic import register
+from skymosaic.registration.confidence import Confidence
+
+CAMERA = Camera(width_px=480, height_px=360, focal_px=384)
+
+
+def view(x_px: int, seed: int) -> Pixels:
+    """What the camera sees from 384 px above the ground, so that ``x_px`` moves the picture by as many pixels."""
+    pose = CameraPose(x_px=x_px, y_px=40, altitude_px=384)
+    left, top, width, height = visible_box(pose, CAMERA)
+    ground = render_ground(1, width, height, (left, top))
+    photometry = Photometry(blur_sigma_px=0.4, noise_sigma=1.5)
+    image = render_view(ground, pose, CAMERA, photometry, np.random.default_rng(seed), origin=(left, top))
+    return image[..., 1].copy()
+
+
+def with_relief(image: Pixels, parallax_px: float) -> Pixels:
+    """The image with hills that move what they carry by up to ``parallax_px``, which no homography follows."""
+    y, x = np.mgrid[: CAMERA.height_px, : CAMERA.width_px].astype(np.float32)
+    moved = x + np.float32(parallax_px) * np.sin(x / 60) * np.cos(y / 45)
+    return np.asarray(cv2.remap(image, moved, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT), dtype=np.uint8)
+
+
+def confidence(left: Pixels, right: Pixels) -> Confidence:
+    pair = register(left, right)
+    assert pair.confidence is not None, pair.reason
+    return pair.confidence
+
+
+def assert_rising(values: list[float]) -> None:
+    assert all(later > earlier for earlier, later in itertools.pairwise(values)), values
+
+
+@pytest.fixture(scope="module")
+def left() -> Pixels:
+    return view(60, seed=0)
+
+
+def test_confidence_falls_with_the_overlap(left: Pixels) -> None:
+    # Shared by both: 92, 54 and 21 % of the width.
+    views = [confidence(left, view(x_px, seed=3)) for x_px in (100, 280, 440)]
+    assert_rising([each.predicted_px for each in views])
+    assert [each.verdict for each in views] == ["good"] * 3
+    assert all(each.correlation > 0.7 and each.held_out_share > 0.9 for each in views)
+    assert set(views[0].summary()) >= {"verdict", "reason", "predicted_px", "held_out_share", "correlation"}
+
+
+def test_confidence_falls_with_relief(left: Pixels) -> None:
+    right = view(100, seed=3)
+    hills = [confidence(left, with_relief(right, parallax_px)) for parallax_px in (0, 2, 4, 8, 12)]
+    assert_rising([each.predicted_px for each in hills])
+    assert_rising([-each.held_out_share for each in hills])
+    assert_rising([-each.correlation for each in hills])
+    assert [each.verdict for each in hills] == ["good", "good", "good", "check", "poor"]
+    assert hills[-1].reason.startswith("relief: ")
+    assert hills[-1].quality.held_out_px > 5 > hills[1].quality.held_out_px
