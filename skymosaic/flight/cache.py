@@ -98,6 +98,10 @@ class ResultCache:
         return folder / f"{key}.entry"
 
 
+NO_CACHE = ResultCache(None)
+"""Keeps nothing."""
+
+
 def _checksum(key: str, data: bytes) -> bytes:
     """SHA-256 of an entry; it covers the key, so that a renamed entry is not taken for another."""
     return hashlib.sha256(key.encode() + data).digest()

@@ -1,11 +1,11 @@
 """Which pairs of a flight are worth matching: before a layout exists, and as soon as a layout predicts overlaps.
 
 Matching every pair that overlaps would take a time that grows with the square of the overlap, and links beyond about
-ten a photograph hardly improve the layout. So each round asks what the network lacks. Taken as resistors, whose
+ten per photograph hardly improve the layout. So each round asks what the network lacks. Taken as resistors, whose
 conductance is the number of common points, the links leave a resistance R between two photographs: their relative
 position is that uncertain. A new link with w common points removes a share w R / (1 + w R) of it. Neighbours within
 a strip that is well linked have a small w R; strips that meet, and loops that close, have a large one. Over all
-links, w R adds up to the number of photographs less one (Foster 1949), which is 0.2 a link with ten links each.
+links, w R adds up to the number of photographs less one (Foster 1949), which is 0.2 per link with ten links each.
 """
 
 from __future__ import annotations
@@ -21,25 +21,23 @@ from skymosaic.flight.layout.layout import outline, overlap
 from skymosaic.flight.linking.links import Candidate, Link
 from skymosaic.flight.linking.view import View
 
-NEXT_IN_ORDER = 2
-NEAREST_BY_GPS = 4
-MOST_ALIKE = 4
-"""Number of partners that each view proposes by order, by GPS, and by similarity."""
-FEWEST_VOTES = 9
-"""Views without common ground get 2 to 11 votes (measured)."""
-MOST_PREDICTED = 2
-LEAST_OVERLAP = 0.1
-LEAST_GAIN = 0.2
-"""Partners that each view proposes at most in a round, and the smallest overlap and w R that count."""
+NEXT_IN_ORDER, NEAREST_BY_GPS, MOST_SIMILAR = 2, 4, 4
+"""Partners that each view proposes by order, by GPS, and by votes."""
+MIN_VOTES = 9
+"""Views without common ground get 2 to 11 votes (measured): a false candidate costs a match, a missed one a link."""
+MAX_PREDICTED = 2
+"""Partners that each view proposes per round; the next round sees what these links have changed."""
+MIN_OVERLAP, MIN_GAIN = 0.1, 0.2
+"""Smallest overlap and w R of a predicted pair; 0.2 is the mean w R of a network with ten links per photograph."""
 
 
 def first_candidates(views: Sequence[View], votes: NDArray[np.int64]) -> set[Candidate]:
-    """Pairs to try before a layout exists: by order, by GPS, and by `votes`."""
+    """Pairs to try before a layout exists: by order, by GPS, and by votes (V, V)."""
     pairs = [(i, i + step) for step in range(1, NEXT_IN_ORDER + 1) for i in range(len(views) - step)]
     pairs += _nearest_by_gps(views)
     for i, row in enumerate(votes):
-        alike = np.argsort(-row, kind="stable")[:MOST_ALIKE]
-        pairs += [(i, int(j)) for j in alike if row[j] >= FEWEST_VOTES]
+        similar = np.argsort(-row, kind="stable")[:MOST_SIMILAR]
+        pairs += [(i, int(j)) for j in similar if row[j] >= MIN_VOTES]
     return {(min(pair), max(pair)) for pair in pairs}
 
 
@@ -55,7 +53,7 @@ def _nearest_by_gps(views: Sequence[View]) -> list[Candidate]:
 def predicted(
     views: Sequence[View], transforms: Mapping[int, Array], links: Mapping[Candidate, Link]
 ) -> set[Candidate]:
-    """Pairs not tried yet that overlap according to the layout and would tell most about it.
+    """Pairs not tried yet that overlap according to the layout and would fix it most.
 
     Parameters
     ----------
@@ -67,19 +65,17 @@ def predicted(
         Every pair that was tried.
     """
     shares = _overlaps(views, transforms)
-    held = {pair: link for pair, link in links.items() if link.holds and pair[0] in transforms}
-    resistance = _resistances(list(transforms), held)
+    valid = {pair: link for pair, link in links.items() if link.holds and pair[0] in transforms}
+    resistance = _resistances(list(transforms), valid)
     row = {member: index for index, member in enumerate(transforms)}
-    ties_of_full_overlap = float(
-        np.median([link.ties / max(shares.get(p, 0), LEAST_OVERLAP) for p, link in held.items()])
-    )
+    full_overlap_ties = float(np.median([link.ties / max(shares.get(p, 0), MIN_OVERLAP) for p, link in valid.items()]))
     proposals: dict[int, list[tuple[float, Candidate]]] = {member: [] for member in transforms}
     for (left, right), share in shares.items():
-        gain = float(share * ties_of_full_overlap * resistance[row[left], row[right]])
-        if share >= LEAST_OVERLAP and gain >= LEAST_GAIN and (left, right) not in links:
+        gain = float(share * full_overlap_ties * resistance[row[left], row[right]])
+        if share >= MIN_OVERLAP and gain >= MIN_GAIN and (left, right) not in links:
             proposals[left].append((gain, (left, right)))
             proposals[right].append((gain, (left, right)))
-    return {pair for offers in proposals.values() for _, pair in sorted(offers, reverse=True)[:MOST_PREDICTED]}
+    return {pair for offers in proposals.values() for _, pair in sorted(offers, reverse=True)[:MAX_PREDICTED]}
 
 
 def _overlaps(views: Sequence[View], transforms: Mapping[int, Array]) -> dict[Candidate, float]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skymosaic.flight.layout.layout import groups
-from skymosaic.flight.linking.links import Candidate, Link, holding
+from skymosaic.flight.linking.links import Candidate, Link, valid_links
 from skymosaic.flight.linking.surveyor import Surveyor
 from skymosaic.flight.linking.view import View
 from skymosaic.geometry.homography import apply
@@ -22,66 +22,75 @@ from skymosaic.imagery.photographs import Source
 
 PARTNERS = 2
 """Views outside its group that each view is matched with: those that resemble it most."""
+MAX_SAMPLES = 20_000
+"""Samples per link: few of the matches that the first look left over are right."""
 
 
-def with_more_features(
+def link_by_more_features(
     surveyor: Surveyor,
     sources: Sequence[Source],
-    of: Sequence[View],
+    views: Sequence[View],
     links: Mapping[Candidate, Link],
     votes: NDArray[np.int64],
 ) -> dict[Candidate, Link]:
-    """Links of groups apart with the rest: with the neighbours in order, and with the most similar views.
+    """Links that reconnect isolated groups: with the neighbours in order, and with the most similar views.
 
     Parameters
     ----------
     surveyor : Surveyor
-        Of the more expensive features.
-    sources, of : sequence of Source and of View
+        The first look's; nothing is linked if its preset cannot have more features.
+    sources : sequence of Source
+    views : sequence of View
+        One for each source.
     links : mapping of (int, int) to Link
     votes : ndarray of int64, shape (V, V)
-        From `Surveyor.votes`.
+        From `Surveyor.count_votes`.
     """
-    parts = groups(len(of), holding(links))
+    settings = surveyor.settings.with_more_features()
+    if settings is None:
+        return {}
     pairs: set[Candidate] = set()
-    for members in parts[1:]:
-        outside = np.setdiff1d(np.arange(len(of)), members)
+    for members in groups(len(views), valid_links(links))[1:]:
+        outside = np.setdiff1d(np.arange(len(views)), members)
         for view in members:
             alike = outside[np.argsort(-votes[view, outside], kind="stable")[:PARTNERS]]
             before, after = outside[outside < view][-1:], outside[outside > view][:1]
             pairs |= {(min(view, other), max(view, other)) for other in np.concatenate([alike, before, after]).tolist()}
     involved = sorted({view for pair in pairs for view in pair})
+    surveyor = surveyor.with_settings(settings, max_samples=MAX_SAMPLES)
     described = surveyor.describe([sources[view] for view in involved])
     closer = dict(zip(involved, (view for view in described if isinstance(view, View)), strict=True))
     return surveyor.link(closer, pairs)
 
 
-def across_heights(surveyor: Surveyor, of: Sequence[View], links: Mapping[Candidate, Link]) -> dict[Candidate, Link]:
-    """Links of groups apart with the largest group that hold where one of the two photographs is seen in its thumbnail.
+def link_across_heights(
+    surveyor: Surveyor, views: Sequence[View], links: Mapping[Candidate, Link]
+) -> dict[Candidate, Link]:
+    """Links that reconnect isolated groups with the largest one, by the thumbnail of one of the two photographs.
 
-    Arguments as of `with_more_features`.
+    Parameters are those of `link_by_more_features`; only links that hold are returned.
     """
-    largest, *apart = groups(len(of), holding(links))
-    if not apart:
+    largest, *others = groups(len(views), valid_links(links))
+    if not others:
         return {}
-    alone = np.concatenate(apart).tolist()
-    small = surveyor.in_thumbnails(of)
-    found: dict[Candidate, Link] = {}
-    for reduced in (set(alone), set(largest)):
-        views = [small[index] if index in reduced else view for index, view in enumerate(of)]
-        votes = surveyor.votes(views, across=alone)[np.ix_(alone, largest)]
-        best = np.argsort(-votes, axis=1, kind="stable")[:, :PARTNERS]
-        pairs = {(view, largest[other]) for view, row in zip(alone, best.tolist(), strict=True) for other in row}
-        for pair, link in surveyor.link(views, {(min(pair), max(pair)) for pair in pairs}).items():
-            if link.holds and (pair not in found or link.ties > found[pair].ties):
-                found[pair] = _in_working_px(link, views, of)
-    return found
+    isolated = np.concatenate(others).tolist()
+    thumbnails = surveyor.describe_thumbnails(views)
+    best_links: dict[Candidate, Link] = {}
+    for reduced in (set(isolated), set(largest)):
+        mixed = [thumbnails[index] if index in reduced else view for index, view in enumerate(views)]
+        votes = surveyor.count_votes(mixed, across=isolated)[np.ix_(isolated, largest)]
+        alike = np.argsort(-votes, axis=1, kind="stable")[:, :PARTNERS]
+        pairs = {(view, largest[other]) for view, row in zip(isolated, alike.tolist(), strict=True) for other in row}
+        for pair, link in surveyor.link(mixed, {(min(pair), max(pair)) for pair in pairs}).items():
+            if link.holds and (pair not in best_links or link.ties > best_links[pair].ties):
+                best_links[pair] = _in_working_px(link, mixed, views)
+    return best_links
 
 
-def _in_working_px(link: Link, views: Sequence[View], of: Sequence[View]) -> Link:
-    """A link of ``views`` with its points in the working px of ``of``."""
+def _in_working_px(link: Link, mixed: Sequence[View], views: Sequence[View]) -> Link:
+    """Convert the points of a link from working px of the ``mixed`` views to those of ``views``."""
     left, right = (
-        apply(np.linalg.inv(of[index].to_original) @ views[index].to_original, points)
+        apply(np.linalg.inv(views[index].to_original) @ mixed[index].to_original, points)
         for index, points in ((link.left, link.left_points), (link.right, link.right_points))
     )
     return replace(link, left_points=left, right_points=right)

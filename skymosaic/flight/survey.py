@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,11 +13,16 @@ from skymosaic.errors import InputError
 from skymosaic.flight import candidates
 from skymosaic.flight.cache import ResultCache
 from skymosaic.flight.layout.layout import Layout, groups, lay_out, rough_transforms
-from skymosaic.flight.layout.self_calibration import Calibration, calibrate, remaining_distortion, straightened_links
-from skymosaic.flight.linking.links import Candidate, Link, PairEstimator, holding
+from skymosaic.flight.layout.self_calibration import (
+    Calibration,
+    calibrate,
+    measure_remaining_distortion,
+    straighten_links,
+)
+from skymosaic.flight.linking.links import Candidate, Link, valid_links
 from skymosaic.flight.linking.surveyor import Surveyor
 from skymosaic.flight.linking.view import Settings, View
-from skymosaic.flight.second_look import across_heights, with_more_features
+from skymosaic.flight.second_look import link_across_heights, link_by_more_features
 from skymosaic.flight.workers import Workers
 from skymosaic.geometry.prosac import MIN_INLIERS
 from skymosaic.imagery.lens import Lens
@@ -27,7 +32,6 @@ from skymosaic.stopwatch import Stopwatch
 
 MAX_ROUNDS = 6
 """How often a better layout may propose further pairs."""
-SECOND_LOOK_SAMPLES = 20_000
 BLURRED = 0.25
 """Relative sharpness below which a photograph is blurred: a blur of about 0.8 working px."""
 
@@ -39,11 +43,11 @@ class Flight:
     Attributes
     ----------
     names : tuple of str
-        Of all photographs, as given.
+        Names of all photographs, as given.
     sources : tuple of Source
         The photographs that could be read, without repetitions.
     views : tuple of View
-        One for each source, in the same order. Links and layouts refer to views by their index in this tuple.
+        One for each source. Links and layouts refer to views by their index in this tuple.
     links : tuple of Link
         Every pair that was tried.
     layouts : tuple of Layout
@@ -56,7 +60,7 @@ class Flight:
     pair : Pair or None
         The registration of two photographs, see `skymosaic.flight.two_photographs`.
     calibration : Calibration or None
-        What the ties told about the lens. Views, links and layouts are then those of straightened photographs.
+        The lens estimated from tie points. Views, links and layouts are then those of straightened photographs.
     """
 
     names: tuple[str, ...]
@@ -72,7 +76,7 @@ class Flight:
 
     @property
     def lens(self) -> Lens:
-        """What straightens the photographs: the lens that was given, or the one that the ties told."""
+        """The lens that straightens the photographs: as given, or as estimated from tie points."""
         return self.settings.lens if self.calibration is None else self.calibration.lens
 
     @cached_property
@@ -92,13 +96,12 @@ class Flight:
 
     def absent_from(self, layout: Layout) -> dict[int, str]:
         """Photographs that are not in a layout, by their index among those given, with the reason."""
-        elsewhere = ((member, other) for other in self.layouts if other is not layout for member in other.members)
-        apart = {
-            self.sources[member].index: f"{self.sources[member].name}: in another group of "
-            f"{len(other.members)} photographs, which nothing links to this one"
-            for member, other in elsewhere
-        }
-        return dict(sorted((self.left_out | apart).items()))
+        absent = dict(self.left_out)
+        for other in self.layouts:
+            for source in (self.sources[member] for member in other.members if other is not layout):
+                group = f"another group of {len(other.members)} photographs"
+                absent[source.index] = f"{source.name}: in {group}, which nothing links to this one"
+        return dict(sorted(absent.items()))
 
 
 def survey(sources: Sequence[Source], settings: Settings, seed: int, workers: Workers, cache: ResultCache) -> Flight:
@@ -110,7 +113,7 @@ def survey(sources: Sequence[Source], settings: Settings, seed: int, workers: Wo
         In any order; fewer pairs have to be tried in the order of the flight.
     settings : Settings
     seed : int
-        Of the robust estimator.
+        Seed of the robust estimator.
     workers : Workers
         What computes features and pairs.
     cache : ResultCache
@@ -129,43 +132,29 @@ def survey(sources: Sequence[Source], settings: Settings, seed: int, workers: Wo
     if len(sources) < 2:
         raise InputError(f"a mosaic takes at least two photographs, not {len(sources)}")
     clock = Stopwatch()
-    surveyor = Surveyor(settings, PairEstimator(settings.config, seed), workers, cache)
-    distinct, left_out = _distinct(sources)
-    described = dict(zip(distinct, surveyor.describe(distinct), strict=True))
-    left_out |= {source.index: reason for source, reason in described.items() if isinstance(reason, str)}
-    seen = {source: view for source, view in described.items() if isinstance(view, View)}
-    if not seen:
-        raise InputError(f"none of the {len(sources)} photographs can be used: {next(iter(left_out.values()))}")
-    of = tuple(seen.values())
+    surveyor = Surveyor(settings, seed, workers, cache)
+    view_of, left_out = _describe(surveyor, sources)
+    usable, views = tuple(view_of), tuple(view_of.values())
     clock.lap("features")
-    votes = surveyor.votes(of)
-    links = surveyor.link(of, candidates.first_candidates(of, votes))
-    _explore(surveyor, of, links)
-    if (further := settings.second_look()) is not None:
-        estimator = PairEstimator(further.config, seed, SECOND_LOOK_SAMPLES)
-        closer = Surveyor(further, estimator, workers, cache)
-        links |= with_more_features(closer, tuple(seen), of, links, votes)
-    links |= across_heights(surveyor, of, links)
-    _explore(surveyor, of, links)
+    links = _link(surveyor, usable, views)
     clock.lap("pairs")
-    held = holding(links)
-    parts = groups(len(of), held)
+    parts = groups(len(views), valid_links(links))
     calibration = None
     if settings.lens.matrix is None:
-        calibration = calibrate(of, parts[0], held, settings.lens.mask, cache)
+        calibration = calibrate(views, parts[0], valid_links(links), settings.lens.mask, cache)
     if calibration is not None:
-        of, calibration = _without_distortion(surveyor, tuple(seen), of, links, members=parts[0], found=calibration)
-        held = holding(links)
+        views, links, calibration = _straighten(
+            surveyor, usable, views, links, members=parts[0], calibration=calibration
+        )
     clock.lap("lens")
-    layouts = tuple(lay_out(of, members, held) for members in parts if len(members) > 1)
+    layouts = tuple(lay_out(views, members, valid_links(links)) for members in parts if len(members) > 1)
     clock.lap("layout")
     alone = (members[0] for members in parts if len(members) == 1)
-    left_out |= {tuple(seen)[view].index: _why_alone(view, of, links.values()) for view in alone}
-    names = tuple(source.name for source in sources)
+    left_out |= {usable[view].index: _why_alone(view, views, links.values()) for view in alone}
     return Flight(
-        names=names,
-        sources=tuple(seen),
-        views=of,
+        names=tuple(source.name for source in sources),
+        sources=usable,
+        views=views,
         links=tuple(links.values()),
         layouts=layouts,
         left_out=left_out,
@@ -175,67 +164,86 @@ def survey(sources: Sequence[Source], settings: Settings, seed: int, workers: Wo
     )
 
 
-def _distinct(sources: Sequence[Source]) -> tuple[list[Source], dict[int, str]]:
-    """The sources that can be read and do not repeat another, and why the rest are left out."""
-    first: dict[str, Source] = {}
+def _describe(surveyor: Surveyor, sources: Sequence[Source]) -> tuple[dict[Source, View], dict[int, str]]:
+    """The views of all sources that can be used and do not repeat another; why the rest is left out, by index."""
+    distinct: dict[str, Source] = {}
     left_out: dict[int, str] = {}
     for source in sources:
         try:
-            same = first.setdefault(source.digest, source)
+            same = distinct.setdefault(source.digest, source)
         except InputError as error:
             left_out[source.index] = str(error)
             continue
         if same is not source:
             left_out[source.index] = f"{source.name}: the same photograph as {same.name}"
-    return list(first.values()), left_out
+    views: dict[Source, View] = {}
+    for source, view in zip(distinct.values(), surveyor.describe(list(distinct.values())), strict=True):
+        if isinstance(view, View):
+            views[source] = view
+        else:
+            left_out[source.index] = view
+    if not views:
+        raise InputError(f"none of the {len(sources)} photographs can be used: {next(iter(left_out.values()))}")
+    return views, left_out
 
 
-def _explore(surveyor: Surveyor, of: Sequence[View], links: dict[Candidate, Link]) -> None:
+def _link(surveyor: Surveyor, sources: Sequence[Source], views: Sequence[View]) -> dict[Candidate, Link]:
+    """Link likely pairs, then what the layout predicts; groups that stay isolated get a second look."""
+    votes = surveyor.count_votes(views)
+    links = surveyor.link(views, candidates.first_candidates(views, votes))
+    _add_predicted(surveyor, views, links)
+    links |= link_by_more_features(surveyor, sources, views, links, votes)
+    links |= link_across_heights(surveyor, views, links)
+    _add_predicted(surveyor, views, links)
+    return links
+
+
+def _add_predicted(surveyor: Surveyor, views: Sequence[View], links: dict[Candidate, Link]) -> None:
     """Add links that the present layout predicts: closed loops, and neighbours that were not candidates before."""
     for _ in range(MAX_ROUNDS):
-        held = holding(links)
-        rough = [rough_transforms(of, part, held) for part in groups(len(of), held) if len(part) > 2]
-        proposed = {pair for transforms in rough for pair in candidates.predicted(of, transforms, links)}
-        if not proposed:
+        valid = valid_links(links)
+        rough = [rough_transforms(views, part, valid) for part in groups(len(views), valid) if len(part) > 2]
+        pairs = {pair for transforms in rough for pair in candidates.predicted(views, transforms, links)}
+        if not pairs:
             return
-        links |= surveyor.link(of, proposed)
+        links |= surveyor.link(views, pairs)
 
 
-def _without_distortion(
+def _straighten(
     surveyor: Surveyor,
     sources: Sequence[Source],
-    of: Sequence[View],
-    links: dict[Candidate, Link],
+    views: Sequence[View],
+    links: Mapping[Candidate, Link],
     *,
     members: Sequence[int],
-    found: Calibration,
-) -> tuple[tuple[View, ...], Calibration]:
-    """Views of the straightened photographs, whose links replace those that hold, and the distortion by these links.
+    calibration: Calibration,
+) -> tuple[tuple[View, ...], dict[Candidate, Link], Calibration]:
+    """Describe and link the photographs again without their distortion, and measure what distortion remains.
 
     Near the border of a bent photograph a corner looks different from what it is in the middle of a neighbour, and its
-    position is off: features have to be found again. Where the new ones do not link two views, the old ties stay.
+    position is off, so features are computed anew. Where the new ones do not link two views, the old ties stay.
     """
-    straight = surveyor.through(found.lens)
-    described = straight.describe(sources)
+    surveyor = surveyor.with_settings(replace(surveyor.settings, lens=calibration.lens))
+    described = surveyor.describe(sources)
     if (reason := next((view for view in described if isinstance(view, str)), None)) is not None:
         raise InputError(reason)
-    views = tuple(view for view in described if isinstance(view, View))
-    held = {(link.left, link.right): link for link in straightened_links(holding(links), of, found.distortion)}
-    held |= {pair: link for pair, link in straight.link(views, held).items() if link.holds}
-    remaining = remaining_distortion(views, members, list(held.values()), surveyor.cache)
-    links |= {(link.left, link.right): link for link in straightened_links(list(held.values()), views, remaining)}
-    return views, found.with_remaining(remaining)
+    straight_views = tuple(view for view in described if isinstance(view, View))
+    straight = straighten_links(valid_links(links), views, calibration.distortion)
+    straight |= {pair: link for pair, link in surveyor.link(straight_views, straight).items() if link.holds}
+    remaining = measure_remaining_distortion(straight_views, members, valid_links(straight), surveyor.cache)
+    straight = straighten_links(valid_links(straight), straight_views, remaining)
+    return straight_views, {**links, **straight}, calibration.with_remaining(remaining)
 
 
-def _why_alone(view: int, of: Sequence[View], links: Iterable[Link]) -> str:
+def _why_alone(view: int, views: Sequence[View], links: Iterable[Link]) -> str:
     """Why no link joins a view to the others, with its best match."""
-    features = len(of[view].features)
+    features = len(views[view].features)
     if features < MIN_INLIERS:
-        return f"{of[view].name}: too few features ({features}; flat or blurred image?)"
+        return f"{views[view].name}: too few features ({features}; flat or blurred image?)"
     tried = [link for link in links if view in (link.left, link.right)]
     if not tried:
-        return f"{of[view].name}: no other photograph can be used"
+        return f"{views[view].name}: no other photograph can be used"
     best = max(tried, key=lambda link: link.inliers)
-    other = of[best.left + best.right - view].name
-    found = f"at best {best.inliers} matches agree, with {other}; {MIN_INLIERS} are needed"
-    return f"{of[view].name}: nothing links it to the others ({found})"
+    other = views[best.left + best.right - view].name
+    best_match = f"at best {best.inliers} matches agree, with {other}; {MIN_INLIERS} are needed"
+    return f"{views[view].name}: nothing links it to the others ({best_match})"

@@ -1,4 +1,4 @@
-"""Two photographs as a small flight: one link, and a layout in the frame of the right photograph."""
+"""A registered pair as a flight of two photographs: one link, and a layout in the frame of the right photograph."""
 
 from __future__ import annotations
 
@@ -6,11 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from golden_model.arrays import Matrix
 from skymosaic.features.positions import match_points
 from skymosaic.flight.layout.layout import Layout
-from skymosaic.flight.linking.links import Link, link_of
-from skymosaic.flight.linking.view import Settings, view_of
+from skymosaic.flight.linking.links import Link, tie_views
+from skymosaic.flight.linking.view import Settings, make_view
 from skymosaic.flight.survey import Flight
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.lens import Lens
@@ -19,19 +18,19 @@ from skymosaic.registration.pair import Pair
 
 
 def flight_of_pair(pair: Pair, sources: Sequence[Source], lens: Lens) -> Flight:
-    """A registered pair as a flight; without a layout where the pair was not accepted.
+    """Turn a registered pair into a flight; without a layout if the pair was not accepted.
 
     Parameters
     ----------
     pair : Pair
     sources : sequence of Source
-        Of the left and of the right photograph.
+        The left and the right photograph.
     lens : Lens
         Distortion and mask of the photographs; the distortion is already taken out of the pair's.
     """
     settings = Settings(pair.config, pair.backend, max(image.shape[1] for image in pair.working), lens)
     views = tuple(
-        view_of(source, photograph, settings, working=working, to_original=to_original, features=features)
+        make_view(source, photograph, settings, working=working, to_original=to_original, features=features)
         for source, photograph, working, to_original, features in zip(
             sources, (pair.left, pair.right), pair.working, pair.to_original, pair.features, strict=True
         )
@@ -52,15 +51,16 @@ def flight_of_pair(pair: Pair, sources: Sequence[Source], lens: Lens) -> Flight:
 
 def _link(pair: Pair) -> Link:
     left_points, right_points = match_points(pair.kept)
-    if pair.homography is None:
+    if pair.working_homography is None:
         return Link(0, 1, left_points[:0], right_points[:0], len(pair.inliers), near=0)
-    return link_of((0, 1), left_points, right_points, _in_working_px(pair, pair.homography), len(pair.inliers))
+    return tie_views((0, 1), left_points, right_points, pair.working_homography, len(pair.inliers))
 
 
 def _layout(pair: Pair, link: Link) -> Layout:
     """The right photograph defines the ground: with two photographs nothing else tells what is level."""
     assert pair.homography is not None
-    homography = _in_working_px(pair, pair.homography)
+    assert pair.working_homography is not None
+    homography = pair.working_homography
     errors_px = np.linalg.norm(apply(homography, link.left_points) - link.right_points, axis=1)
     return Layout(
         members=(0, 1),
@@ -72,8 +72,3 @@ def _layout(pair: Pair, link: Link) -> Layout:
         reason="two photographs, in the frame of the right one",
         originals={0: pair.homography, 1: np.eye(3)},
     )
-
-
-def _in_working_px(pair: Pair, homography: Matrix) -> Matrix:
-    to_left, to_right = pair.to_original
-    return np.asarray(np.linalg.inv(to_right) @ homography @ to_left)

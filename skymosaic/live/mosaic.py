@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -18,9 +19,9 @@ from golden_model.config import Config
 from sim.backends.interface import load_backend
 from skymosaic.compositing.warp import CANVAS_LIMIT_PX, Canvas, CanvasError
 from skymosaic.errors import InputError
-from skymosaic.flight.candidates import FEWEST_VOTES
-from skymosaic.flight.linking.links import PairEstimator
-from skymosaic.flight.linking.resemblance import votes
+from skymosaic.flight.candidates import MIN_VOTES, MOST_SIMILAR
+from skymosaic.flight.linking.links import link_views
+from skymosaic.flight.linking.resemblance import count_votes
 from skymosaic.geometry.homography import apply, estimate, resize_matrix
 from skymosaic.imagery.images import reduce_for_front_end
 from skymosaic.live.submap import Frame, Placement, Submap
@@ -28,10 +29,8 @@ from skymosaic.registration.options import WORKING_WIDTH_PX
 from skymosaic.registration.register import extract_within_capacity
 
 LATEST = 3
-"""A new frame is first matched with this many of the latest frames."""
-MOST_ALIKE = 4
-"""If these fail, it is matched with this many of the older frames, those with the most similar features."""
-FEWEST_FEATURES = 50
+"""A new frame is first matched with this many of the latest frames; if these fail, with the most similar older ones."""
+MIN_FEATURES = 50
 """A frame with fewer features does not start a submap."""
 
 
@@ -104,7 +103,7 @@ class LiveMosaic:
             raise InputError(f"scale is {scale}; it must be more than 0 and at most 1")
         self._config = config
         self._front_end = load_backend(backend)
-        self._estimator = PairEstimator(config, seed)
+        self._link_views = partial(link_views, config=config, seed=seed)
         self._working_width_px = working_width_px
         self._scale = scale
         self._canvas_limit_px = canvas_limit_px
@@ -119,14 +118,16 @@ class LiveMosaic:
     @property
     def transforms(self) -> dict[int, Array]:
         """For each frame's number, the transformation (3, 3) from its original pixels to those of `image`."""
-        return {frame.number: self._mosaic.canvas.to_image @ frame.from_original for frame in self._mosaic.frames}
+        return {
+            frame.number: self._mosaic.canvas.to_image @ frame.from_original for frame in self._mosaic.frames.values()
+        }
 
     @property
     def left_out(self) -> dict[int, str]:
         """Numbers of the frames that are not in the mosaic, with the reasons."""
-        inside = {frame.number for frame in self._mosaic.frames}
-        apart = "does not overlap the mosaic"
-        return {number: reason or apart for number, reason in enumerate(self._reasons) if number not in inside}
+        inside = self._mosaic.frames
+        default = "does not overlap the mosaic"
+        return {number: reason or default for number, reason in enumerate(self._reasons) if number not in inside}
 
     def add(self, pixels: Pixels, features: Records | None = None) -> LiveUpdate:
         """Register and paint the next frame.
@@ -142,24 +143,24 @@ class LiveMosaic:
         -------
         LiveUpdate
         """
-        placement, reason = None, ""
         try:
-            frame = self._described(pixels, features)
+            frame = self._describe(pixels, features)
         except InputError as error:
             self._reasons.append(str(error))
             return LiveUpdate(len(self._reasons) - 1, None, str(error), len(self._submaps))
+        placement, reason = None, ""
         try:
-            found = self._found(frame, self._submaps)
-            if found is not None:
-                submap, placement = found
-                submap.add(frame.moved(placement.transform), pixels)
-                self._join(submap, frame.moved(placement.transform)).settle()
-            elif len(frame.features) >= FEWEST_FEATURES:
-                submap = Submap(self._estimator, self._canvas_limit_px)
+            submap, placement = self._register(frame, self._submaps)
+            if submap is not None and placement is not None:
+                placed = frame.moved(placement.transform)
+                submap.add(placed, pixels)
+                self._join(submap, placed).settle()
+            elif len(frame.features) >= MIN_FEATURES:
+                submap = self._empty_submap()
                 submap.add(frame, pixels)
                 self._submaps.append(submap)
             else:
-                reason = f"too few features (flat or blurred?): {len(frame.features)}, {FEWEST_FEATURES} needed"
+                reason = f"too few features (flat or blurred?): {len(frame.features)}, {MIN_FEATURES} needed"
         except CanvasError as error:
             reason = str(error)
         self._reasons.append(reason)
@@ -172,10 +173,13 @@ class LiveMosaic:
     @property
     def _mosaic(self) -> Submap:
         """The submap with the most frames; an empty submap before the first frame."""
-        empty = Submap(self._estimator, self._canvas_limit_px)
-        return max(self._submaps, key=lambda submap: len(submap.frames), default=empty)
+        return max(self._submaps, key=lambda submap: len(submap.frames), default=self._empty_submap())
 
-    def _described(self, pixels: Pixels, features: Records | None) -> Frame:
+    def _empty_submap(self) -> Submap:
+        return Submap(self._link_views, self._canvas_limit_px)
+
+    def _describe(self, pixels: Pixels, features: Records | None) -> Frame:
+        """Reduce a frame to the working width, and compute its features unless they are given."""
         working, to_original = reduce_for_front_end(pixels, self._working_width_px, "frame")
         if features is None:
             results, _ = extract_within_capacity(self._front_end, [working], self._config)
@@ -183,24 +187,23 @@ class LiveMosaic:
         size = working.shape[1], working.shape[0]
         return Frame(len(self._reasons), size, features, to_original, resize_matrix(self._scale) @ to_original)
 
-    def _found(self, frame: Frame, submaps: list[Submap]) -> tuple[Submap, Placement] | None:
-        """A submap that the frame overlaps, and the frame's placement in it; None if there is none."""
+    def _register(self, frame: Frame, submaps: list[Submap]) -> tuple[Submap, Placement] | tuple[None, None]:
+        """Find a submap that the frame overlaps, and place the frame in it."""
         for submap, other in self._candidates(frame, submaps):
-            tied = submap.tied(other, frame)
-            placement = tied and submap.register(frame, tied)
-            if placement:
+            if (placement := submap.register(frame, other)) is not None:
                 return submap, placement
-        return None
+        return None, None
 
     def _candidates(self, frame: Frame, submaps: list[Submap]) -> Iterator[tuple[Submap, Frame]]:
         """Registered frames to match with a new one, likeliest first: the latest, then those that resemble it."""
-        placed = [(submap, other) for submap in submaps for other in submap.frames]
+        placed = [(submap, other) for submap in submaps for other in submap.frames.values()]
         placed.sort(key=lambda pair: -pair[1].number)
         yield from placed[:LATEST]
+        # Votes are only counted when the latest frames have failed, because they take longer than a match.
         older = placed[LATEST:]
-        resembling = np.array(votes(frame.compact, [other.compact for _, other in older]), dtype=np.intp)
-        for index in np.argsort(-resembling, kind="stable")[:MOST_ALIKE]:
-            if resembling[index] >= FEWEST_VOTES:
+        votes = np.array(count_votes(frame.compact, [other.compact for _, other in older]), dtype=np.intp)
+        for index in np.argsort(-votes, kind="stable")[:MOST_SIMILAR]:
+            if votes[index] >= MIN_VOTES:
                 yield older[index]
 
     def _join(self, submap: Submap, frame: Frame) -> Submap:
@@ -208,16 +211,12 @@ class LiveMosaic:
 
         The smaller submap is absorbed by the larger one, which is returned.
         """
-        found = self._found(frame, [other for other in self._submaps if other is not submap])
-        if found is None:
+        other, placement = self._register(frame, [other for other in self._submaps if other is not submap])
+        if other is None or placement is None:
             return submap
-        other, placement = found
         corners = Canvas(0, 0, *frame.size).corners
-        here, there = apply(frame.transform, corners), apply(placement.transform, corners)
-        if len(other.frames) >= len(submap.frames):
-            other.absorb(submap, estimate(here, there, model="similarity"))
-            self._submaps.remove(submap)
-            return other
-        submap.absorb(other, estimate(there, here, model="similarity"))
-        self._submaps.remove(other)
-        return submap
+        mapped = {submap: apply(frame.transform, corners), other: apply(placement.transform, corners)}
+        larger, smaller = (other, submap) if len(other.frames) >= len(submap.frames) else (submap, other)
+        larger.absorb(smaller, estimate(mapped[smaller], mapped[larger], model="similarity"))
+        self._submaps.remove(smaller)
+        return larger

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -14,17 +15,17 @@ import numpy as np
 from golden_model.arrays import Array, Float32, Pixels, Records
 from skymosaic.compositing.warp import Canvas, CanvasError
 from skymosaic.flight.layout.adjustment import MODELS, Network, Ties, shapes
-from skymosaic.flight.layout.layout import normalisation
-from skymosaic.flight.linking.links import TIE_PX, PairEstimator, verify
+from skymosaic.flight.layout.layout import LinkedGroup, normalisation
+from skymosaic.flight.linking.links import TIE_PX, Candidate, Link
 from skymosaic.flight.linking.resemblance import compact
 from skymosaic.geometry.homography import apply, estimate, rescale
 from skymosaic.geometry.prosac import MIN_INLIERS
 from skymosaic.live.growing_canvas import GrowingCanvas
 
-MOST_NEIGHBOURS = 4
+MAX_NEIGHBOURS = 4
 """A new frame is registered against at most this many frames."""
-LEAST_USE = 0.1
-"""Least share of the new frame's area that each of them must overlap in addition to the others."""
+MIN_USE = 0.1
+"""Smallest share of the new frame's area that each of them must overlap in addition to the others."""
 GROWTH = 2
 """The layout is recomputed when the number of frames has grown by this factor."""
 WORTH_MOVING_PX = 1.0
@@ -84,31 +85,6 @@ class Frame:
         return dataclasses.replace(self, transform=transform)
 
 
-class Tied(NamedTuple):
-    """Common points of a registered frame and a new one: ``placed`` (N, 2) and ``points`` (N, 2) in working pixels.
-
-    ``placed`` are pixels of the registered ``frame``, ``points`` of the new one.
-    """
-
-    frame: Frame
-    placed: Array
-    points: Array
-
-    @property
-    def ground(self) -> Array:
-        """The points in the reference frame, (N, 2)."""
-        return apply(self.frame.transform, self.placed)
-
-
-class _Link(NamedTuple):
-    """Common points (N, 2) of two frames in working pixels, and the frames' numbers."""
-
-    left: int
-    right: int
-    left_points: Array
-    right_points: Array
-
-
 class Placement(NamedTuple):
     """Registration of a new frame.
 
@@ -128,42 +104,44 @@ class Submap:
 
     Each time the number of frames has doubled, their layout is recomputed and the painted pixels are moved.
 
+    Parameters
+    ----------
+    link_views : callable
+        `skymosaic.flight.linking.links.link_views` with the configuration and the seed of the mosaic.
+    limit_px : int
+        Largest area of the canvas.
+
     Attributes
     ----------
-    frames : list of Frame
-        In order of time.
+    frames : dict of int to Frame
+        By their numbers, in order of time.
     canvas : GrowingCanvas
     """
 
-    def __init__(self, estimator: PairEstimator, limit_px: int) -> None:
-        self.frames: list[Frame] = []
+    def __init__(self, link_views: Callable[[Candidate, Records, Records], Link], limit_px: int) -> None:
+        self.frames: dict[int, Frame] = {}
         self.canvas = GrowingCanvas(limit_px)
-        self._estimator = estimator
+        self._link_views = link_views
         self._limit_px = limit_px
-        self._links: list[_Link] = []
+        self._links: list[Link] = []
         self._laid_out = 2
 
-    def tied(self, other: Frame, frame: Frame) -> Tied | None:
-        """Common points of a registered frame ``other`` and a new one; None if they do not match."""
-        link = verify(self._estimator, (other.number, frame.number), other.features, frame.features)
-        return Tied(other, link.left_points, link.right_points) if link.holds else None
-
-    def register(self, frame: Frame, first: Tied) -> Placement | None:
-        """Register a frame against those that it overlaps, given its common points with one of them.
-
-        None if too few of the common points agree.
-        """
-        guess = frame.moved(estimate(first.points, first.ground, model="similarity"))
-        others = (self.tied(other, frame) for other in self._neighbours(guess, first.frame))
-        tied = [first, *filter(None, others)]
+    def register(self, frame: Frame, similar: Frame) -> Placement | None:
+        """Register a new frame against a ``similar`` one and others that it overlaps; None if too few points agree."""
+        first = self._link(similar, frame)
+        if not first.holds:
+            return None
+        guess = frame.moved(estimate(first.right_points, self._ground_points(first), model="similarity"))
+        others = (self._link(other, frame) for other in self._neighbours(guess, similar))
+        links = [first, *(link for link in others if link.holds)]
         # If the neighbours contradict each other, too few ties agree; then only the first neighbour is used.
-        for group in (tied, tied[:1]):
-            transform, error_px = _fitted(guess, group)
+        for group in (links, links[:1]):
+            ground = np.concatenate([self._ground_points(link) for link in group])
+            transform, error_px = _fit(guess, ground, np.concatenate([link.right_points for link in group]))
             ties = int(np.count_nonzero(error_px <= TIE_PX))
             if ties >= MIN_INLIERS:
-                numbers = tuple(each.frame.number for each in group)
-                self._links += [_Link(each.frame.number, frame.number, each.placed, each.points) for each in group]
-                return Placement(transform, numbers, ties, float(np.median(error_px)))
+                self._links += group
+                return Placement(transform, tuple(link.left for link in group), ties, float(np.median(error_px)))
         return None
 
     def add(self, frame: Frame, pixels: Pixels) -> None:
@@ -175,13 +153,13 @@ class Submap:
             If the canvas would become too large; nothing has changed then.
         """
         self.canvas.paint(pixels, frame.from_original, frame.number)
-        self.frames.append(frame)
+        self.frames[frame.number] = frame
 
     def absorb(self, other: Submap, to_this: Array) -> None:
         """Add all frames and pixels of another submap, moved by ``to_this`` (3, 3); raises CanvasError as `add`."""
-        self.canvas.take_over(other.canvas, {frame.number: to_this for frame in other.frames}, matching=True)
-        moved = [frame.moved(rescale(to_this @ frame.transform)) for frame in other.frames]
-        self.frames = sorted([*self.frames, *moved], key=lambda frame: frame.number)
+        self.canvas.take_over(other.canvas, dict.fromkeys(other.frames, to_this), matching=True)
+        moved = {number: frame.moved(rescale(to_this @ frame.transform)) for number, frame in other.frames.items()}
+        self.frames = dict(sorted((self.frames | moved).items()))
         self._links += other._links
 
     def settle(self, *, at_last: bool = False) -> None:
@@ -192,81 +170,88 @@ class Submap:
         if len(self.frames) < (3 if at_last else GROWTH * self._laid_out):
             return
         self._laid_out = len(self.frames)
-        transforms = self._layout()
-        if self._largest_move_px(transforms) < WORTH_MOVING_PX:
+        moved = self._lay_out()
+        pairs = [(frame, moved[number]) for number, frame in self.frames.items()]
+        if max(np.abs(after.outline - before.outline).max() for before, after in pairs) < WORTH_MOVING_PX:
             return
-        motions = {f.number: t @ np.linalg.inv(f.transform) for f, t in zip(self.frames, transforms, strict=True)}
+        motions = {old.number: new.transform @ np.linalg.inv(old.transform) for old, new in pairs}
         canvas = GrowingCanvas(self._limit_px)
         with contextlib.suppress(CanvasError):  # If the new layout does not fit, the old one is kept.
             canvas.take_over(self.canvas, motions, matching=False)
-            self.canvas = canvas
-            self.frames = [frame.moved(t) for frame, t in zip(self.frames, transforms, strict=True)]
+            self.canvas, self.frames = canvas, moved
 
-    def _layout(self) -> list[Array]:
-        """Transformations of all frames, fitted to all ties together; position and scale of the first stay fixed."""
-        row = {frame.number: index for index, frame in enumerate(self.frames)}
-        to_unit = [normalisation(frame.size) for frame in self.frames]
-        ties = [
-            Ties(left, right, apply(to_unit[left], link.left_points), apply(to_unit[right], link.right_points))
-            for link in self._links
-            for left, right in [(row[link.left], row[link.right])]
-        ]
-        network = Network(ties, [1 / float(unit[0, 0]) for unit in to_unit], reference=0)
-        frames = zip(self.frames, to_unit, strict=True)
-        found = np.stack([_similar(to_unit[0] @ frame.transform @ np.linalg.inv(unit)) for frame, unit in frames])
+    def _lay_out(self) -> dict[int, Frame]:
+        """Fit the transformations of all frames to all ties together; position and scale of the first stay fixed."""
+        group = LinkedGroup({number: frame.size for number, frame in self.frames.items()}, self._links, reference=0)
+        network = group.network(slice(None), max_ties=None)
+        to_unit = group.normalisations
+        frames = zip(self.frames.values(), to_unit, strict=True)
+        transforms = np.stack(
+            [_nearest_similarity(to_unit[0] @ frame.transform @ np.linalg.inv(unit)) for frame, unit in frames]
+        )
         for model in MODELS:
-            found = network.adjust(found, model)
-        to_reference = np.linalg.inv(to_unit[0])
-        return [rescale(to_reference @ each @ unit) for each, unit in zip(found, to_unit, strict=True)]
+            transforms = network.adjust(transforms, model)
+        to_ground = group.to_ground(transforms)
+        return {number: frame.moved(rescale(to_ground[number])) for number, frame in self.frames.items()}
 
-    def _largest_move_px(self, transforms: list[Array]) -> float:
-        corners = [Canvas(0, 0, *frame.size).corners for frame in self.frames]
-        moved = [apply(transform, each) for transform, each in zip(transforms, corners, strict=True)]
-        moves = [np.abs(there - frame.outline).max() for there, frame in zip(moved, self.frames, strict=True)]
-        return float(max(moves))
+    def _link(self, other: Frame, frame: Frame) -> Link:
+        return self._link_views((other.number, frame.number), other.features, frame.features)
+
+    def _ground_points(self, link: Link) -> Array:
+        """The points of a link's registered frame in the reference frame, (N, 2)."""
+        return apply(self.frames[link.left].transform, link.left_points)
 
     def _neighbours(self, frame: Frame, first: Frame) -> list[Frame]:
         """More registered frames that overlap much of a new one and little of each other."""
-        use = {other: frame.overlap(other) for other in self.frames if other is not first}
+        use = {other: frame.overlap(other) for other in self.frames.values() if other is not first}
         chosen = [first]
-        while use and len(chosen) < MOST_NEIGHBOURS:
+        while use and len(chosen) < MAX_NEIGHBOURS:
             use = {other: value * (1 - chosen[-1].overlap(other)) for other, value in use.items()}
             best = max(use, key=lambda other: use[other])
-            if use.pop(best) < LEAST_USE:
+            if use.pop(best) < MIN_USE:
                 break
             chosen.append(best)
         return chosen[1:]
 
 
-def _similar(transform: Array) -> Array:
+def _nearest_similarity(transform: Array) -> Array:
     """The similarity closest to a transformation (3, 3) of normalised coordinates."""
     corners = np.array([[-0.8, -0.6], [0.8, -0.6], [0.8, 0.6], [-0.8, 0.6]])
     return estimate(corners, apply(transform, corners), model="similarity")
 
 
-def _fitted(guess: Frame, tied: list[Tied]) -> tuple[Array, Array]:
-    """Fit a frame's transformation to its ties; returns it and the error of each tie in the frame's pixels.
+def _fit(guess: Frame, ground: Array, points: Array) -> tuple[Array, Array]:
+    """Fit a frame's transformation to its ties: a homography that loses some of its stretch and tilt.
 
-    A homography is fitted, loses some of its stretch and tilt, and is then adjusted by a similarity.
+    Parameters
+    ----------
+    guess : Frame
+        The frame, about where it lies.
+    ground, points : ndarray of float64, shape (N, 2)
+        The ties in the reference frame and in working px.
+
+    Returns
+    -------
+    transform : ndarray of float64, shape (3, 3)
+        Working px to the reference frame.
+    errors_px : ndarray of float64, shape (N,)
+        Error of each tie, working px.
     """
-    width, height = guess.size
-    unit_px = float(np.hypot(width, height)) / 2
-    to_unit = np.array([[1, 0, (1 - width) / 2], [0, 1, (1 - height) / 2], [0, 0, unit_px]])
+    to_unit = normalisation(guess.size)
     unit_to_reference = guess.transform @ np.linalg.inv(to_unit)
     reference_to_unit = np.linalg.inv(unit_to_reference).astype(np.float64)
     # The network has two views: the reference frame, seen as the guess sees it, and the new frame.
-    ground = apply(reference_to_unit, np.concatenate([each.ground for each in tied]))
-    points = apply(to_unit, np.concatenate([each.points for each in tied]))
-    network = Network([Ties(0, 1, ground, points)], [unit_px] * 2, reference=0)
+    ties = Ties(0, 1, apply(reference_to_unit, ground), apply(to_unit, points))
+    network = Network([ties], [1 / float(to_unit[0, 0])] * 2, reference=0)
     views = network.adjust(np.stack([np.eye(3)] * 2), "homography")
     errors_px = network.errors_px(views)[0]
-    most_px = float(np.median(errors_px)) + LEVELLING_COST_PX
+    max_px = float(np.median(errors_px)) + LEVELLING_COST_PX
     fitted = rescale(np.linalg.inv(views[0]) @ views[1])
     shape = shapes(rescale(unit_to_reference @ fitted)[None])[0]
     for share in LEVELLING:
         level = network.adjust(np.stack([np.eye(3), fitted @ _deformation(-share * shape)]), "similarity")
         level_errors_px = network.errors_px(level)[0]
-        if np.median(level_errors_px) <= most_px:
+        if np.median(level_errors_px) <= max_px:
             views, errors_px = level, level_errors_px
             break
     return rescale(unit_to_reference @ np.linalg.inv(views[0]) @ views[1] @ to_unit), errors_px

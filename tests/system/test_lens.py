@@ -104,7 +104,7 @@ def test_the_lens_is_kept_beside_the_links_and_as_a_camera_file(folder, flight, 
     lens = load_lens(camera, None)
     assert lens.key == flight.calibration.lens.key
     monkeypatch.setattr(
-        "skymosaic.flight.layout.self_calibration._measured", lambda *_args, **_options: pytest.fail("again")
+        "skymosaic.flight.layout.self_calibration._measure", lambda *_args, **_options: pytest.fail("again")
     )
     assert surveyed([folder], cache=tmp_path / "cache").calibration.k1 == flight.calibration.k1
     again = surveyed([folder], lens)

@@ -148,6 +148,14 @@ def test_a_frame_beyond_the_canvas_limit_is_left_out_and_the_rest_stays(frames) 
     np.testing.assert_array_equal(live.image, before)
 
 
+def test_the_layout_is_recomputed_without_a_frame_that_could_not_be_painted(frames) -> None:
+    live = LiveMosaic(CONFIG, canvas_limit_px=int(1.6 * SIZE[0] * SIZE[1]))
+    reasons = [live.add(frame).reason for frame in (frames[0], frames[1], frames[2], frames[0], frames[1])]
+    assert ["limit" in reason for reason in reasons] == [False, False, True, False, False]
+    live.finish()
+    assert sorted(live.transforms) == [0, 1, 3, 4]
+
+
 def test_a_scale_beyond_one_is_refused() -> None:
     with pytest.raises(InputError, match="scale is 2"):
         LiveMosaic(CONFIG, scale=2)

@@ -33,5 +33,5 @@ def test_photographs_of_two_heights_become_one_mosaic(flight: Flight) -> None:
 
 @pytest.mark.slow
 def test_links_across_heights_are_what_joins_them(flight: Flight, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(survey, "across_heights", lambda *_: {})
+    monkeypatch.setattr(survey, "link_across_heights", lambda *_: {})
     assert len(mosaic(list(flight.images)).left_out) == 2

@@ -1,4 +1,4 @@
-"""Global refinement of a flight: one transformation a view, fitted to the ties of all links at once.
+"""Global refinement of a flight: one transformation per view, fitted to the ties of all links at once.
 
 Views and the ground are related by homographies (projective transformations, eight parameters). Each is refined
 by small motions of the view's own pixels: two translations, rotation, scale (these four make a similarity), two
@@ -8,7 +8,8 @@ The ties alone leave some motions open, above all a bending of the whole mosaic.
 ground a camera that looks down sees a similarity, except for a little tilt and the stretch that follows from it.
 The stretch and tilt of all views thereby define the ground plane.
 
-The distortion of the lens, the same for all views, can be one more unknown.
+The radial distortion of the lens, the same for all views, can be one more unknown: one coefficient, which is OpenCV's
+k1 in units that need no focal length.
 """
 
 from __future__ import annotations
@@ -22,7 +23,6 @@ from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
 from golden_model.arrays import Array
-from skymosaic.flight.layout.distortion import LARGEST_CHANGE, LARGEST_DISTORTION, bending_of, straightened
 
 MODELS = {"similarity": 4, "affine": 6, "homography": 8}
 """Motions that each model leaves free."""
@@ -32,10 +32,15 @@ STRETCH_SIGMA = 1e-3
 """Expected stretch beside what the tilt explains."""
 TILT_SIGMA = 0.05
 """Expected perspective: the tangent of the tilt over the focal length in half diagonals; about 3 degrees."""
-SMALLEST_SCALE_PX = 1.5
+MIN_SCALE_PX = 1.5
 """Scale of the robust loss once the residuals are small; before that, twice their median."""
 MAX_STEPS = 15
 CONVERGED_PX = 0.01
+MAX_DISTORTION = 0.25
+"""Bound of the displacement in the corners, as a share of the half diagonal; stronger lenses need a calibration."""
+MAX_DISTORTION_CHANGE = 0.03
+"""Bound of one step: far from the solution the ties are not nearly linear in the distortion."""
+STRAIGHTENING_ROUNDS = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +71,12 @@ class Network:
     reference : int
         The view whose position, rotation and scale stay fixed.
     distortion : float
-        Of the lens, see `skymosaic.flight.layout.distortion.straightened`. `calibrate` changes it.
+        Distortion of the lens, see `straighten`.
+
+    Attributes
+    ----------
+    distortion : float
+        As given, or as `adjust` estimated it.
     """
 
     def __init__(
@@ -76,13 +86,17 @@ class Network:
         # Every link gets the same number of rows, those beyond its ties without weight: arrays need no loop over links.
         self._counts = np.array([len(tie.left_points) for tie in ties], dtype=np.intp)
         self._valid = np.arange(self._counts.max()) < self._counts[:, None]
-        self._seen = np.zeros((2, *self._valid.shape, 2))
+        self._points = np.zeros((2, *self._valid.shape, 2))
         for row, tie in enumerate(ties):
-            self._seen[:, row, : len(tie.left_points)] = tie.left_points, tie.right_points
-        self.distortion = distortion
+            self._points[:, row, : len(tie.left_points)] = tie.left_points, tie.right_points
+        self._straighten_ties(distortion)
         self._views = len(units_px)
         self._reference = reference
         self._unit_px = np.asarray(units_px, dtype=np.float64)[self._pairs[:, 1], None]
+
+    def _straighten_ties(self, distortion: float) -> None:
+        self.distortion = distortion
+        self._left, self._right = self._points if distortion == 0 else straighten(self._points, distortion)
 
     def errors_px(self, transforms: Array) -> list[Array]:
         """Distance of each tie's mapped left point from its right one, by link, in working px of the right view."""
@@ -90,35 +104,27 @@ class Network:
         error_px = np.linalg.norm(residual, axis=2) * self._unit_px
         return [row[:count] for row, count in zip(error_px, self._counts, strict=True)]
 
-    def adjust(self, start: Array, model: str, *, max_steps: int = MAX_STEPS) -> Array:
+    def adjust(self, start: Array, model: str, *, max_steps: int = MAX_STEPS, lens: bool = False) -> Array:
         """Refine the transformations (V, 3, 3), view to ground, by reweighted Gauss-Newton steps.
 
         Every step weighs the ties by 1 / (1 + e²/s²)² (Geman-McClure), s falling with the median residual.
+
+        Parameters
+        ----------
+        start : ndarray of float64, shape (V, 3, 3)
+        model : str
+            A key of `MODELS`.
+        max_steps : int
+        lens : bool
+            Whether the distortion of the lens is one more unknown; `distortion` is then set.
         """
-        return self._adjusted(start, MODELS[model], max_steps, lens=False)
-
-    def calibrate(self, start: Array, model: str, *, max_steps: int = MAX_STEPS) -> Array:
-        """As `adjust`, with the distortion of the lens as one more unknown; sets `distortion`."""
-        return self._adjusted(start, MODELS[model], max_steps, lens=True)
-
-    @property
-    def distortion(self) -> float:
-        """Of the lens."""
-        return self._distortion
-
-    @distortion.setter
-    def distortion(self, value: float) -> None:
-        self._distortion = value
-        self._x, self._y = self._seen if value == 0 else straightened(self._seen, value)
-
-    def _adjusted(self, start: Array, free: int, max_steps: int, *, lens: bool) -> Array:
         transforms = start
         for _ in range(max_steps):
-            motion, bending = self._step(transforms, free, lens=lens)
+            motion, change = self._step(transforms, MODELS[model], lens=lens)
             transforms = transforms @ _motions(motion)
             transforms = transforms / transforms[:, 2:, 2:]
             if lens:
-                self.distortion = float(np.clip(self.distortion + bending, -LARGEST_DISTORTION, LARGEST_DISTORTION))
+                self._straighten_ties(float(np.clip(self.distortion + change, -MAX_DISTORTION, MAX_DISTORTION)))
             if np.abs(motion).max() * self._unit_px.max() < CONVERGED_PX:
                 break
         return transforms
@@ -127,46 +133,78 @@ class Network:
         """The left points in the right views with the derivative of that mapping, and their offset from the right."""
         left, right = transforms[self._pairs[:, 0]], transforms[self._pairs[:, 1]]
         between = np.linalg.inv(right) @ left
-        mapped = self._x @ between[:, :, :2].transpose(0, 2, 1) + between[:, None, :, 2]
+        mapped = self._left @ between[:, :, :2].transpose(0, 2, 1) + between[:, None, :, 2]
         predicted = mapped[..., :2] / mapped[..., 2:]
         derivative = between[:, None, :2, :2] - predicted[..., None] * between[:, None, 2:, :2]
-        return (predicted, derivative / mapped[..., 2, None, None]), predicted - self._y
+        return (predicted, derivative / mapped[..., 2, None, None]), predicted - self._right
 
     def _step(self, transforms: Array, free: int, *, lens: bool) -> tuple[Array, float]:
-        """The motions (V, 8) of one Gauss-Newton step, and the change of the distortion."""
+        """Compute the motions (V, 8) of one Gauss-Newton step, and the change of the distortion."""
         (predicted, derivative), residual = self._residuals(transforms)
-        error_px = np.linalg.norm(residual, axis=2) * self._unit_px
-        scale_px = max(SMALLEST_SCALE_PX, 2 * float(np.median(error_px[self._valid])))
-        root = (self._valid * self._unit_px / (1 + (error_px / scale_px) ** 2))[..., None]
+        root = self._root_weights(residual)
         # A motion of the right view moves its point away from under the mapped one.
-        jacobian = np.concatenate([_times(derivative, generators(self._x, free)), -generators(predicted, free)], axis=3)
+        by_left, by_right = _times(derivative, generators(self._left, free)), -generators(predicted, free)
+        jacobian = np.concatenate([by_left, by_right], axis=3) * root[..., None]
         residual = residual * root
         bending = self._bending(derivative) * root if lens else np.zeros_like(residual)
-        rows = (jacobian * root[..., None]).reshape(len(self._pairs), -1, 2 * free)
-        ends = np.stack([residual, bending], axis=-1).reshape(len(self._pairs), -1, 2)
-        system = _BlockSystem(self._views, self._pairs, rows, ends)
+        links = len(self._pairs)
+        targets = np.stack([residual, bending], axis=-1).reshape(links, -1, 2)
+        system = _BlockSystem(self._views, self._pairs, jacobian.reshape(links, -1, 2 * free), targets)
         if free > MODELS["similarity"]:
-            sigma = np.array([STRETCH_SIGMA, STRETCH_SIGMA, TILT_SIGMA, TILT_SIGMA])[: free - 4]
             shape = shapes(transforms)
             shape[:, :2] -= stretch_of_tilt(shape[:, 2:])
+            sigma = np.array([STRETCH_SIGMA, STRETCH_SIGMA, TILT_SIGMA, TILT_SIGMA])[: free - 4]
             system.add_prior(shape[:, : free - 4], 1 / sigma**2)
         motion = np.zeros((self._views, 8))
-        solved, of_bending = system.solve(self._reference)
-        if not lens:
-            motion[:, :free] = solved
-            return motion, 0.0
-        # The motions are eliminated first (Schur complement): a change of the distortion moves them by of_bending.
-        to_bending = system.target[..., 1]
-        downhill = float(np.vdot(bending, residual) + np.vdot(to_bending, solved))
-        change = -downhill / float(np.vdot(bending, bending) + np.vdot(to_bending, of_bending))
-        change = float(np.clip(change, -LARGEST_CHANGE, LARGEST_CHANGE))
-        motion[:, :free] = solved + change * of_bending
+        still, per_change = system.solve(self._reference)
+        change = _distortion_change(residual, bending, system.target[..., 1], still, per_change) if lens else 0.0
+        motion[:, :free] = still + change * per_change
         return motion, change
+
+    def _root_weights(self, residual: Array) -> Array:
+        """Square roots of the robust weights of all ties, (L, N, 1), in working px."""
+        error_px = np.linalg.norm(residual, axis=2) * self._unit_px
+        scale_px = max(MIN_SCALE_PX, 2 * float(np.median(error_px[self._valid])))
+        return np.asarray(self._valid * self._unit_px / (1 + (error_px / scale_px) ** 2))[..., None]
 
     def _bending(self, derivative: Array) -> Array:
         """How the residuals change with the distortion, (L, N, 2)."""
-        left, right = (bending_of(points, self.distortion) for points in (self._x, self._y))
+        left, right = (bending_of(points, self.distortion) for points in (self._left, self._right))
         return np.asarray(_times(derivative, left[..., None])[..., 0] - right)
+
+
+def _distortion_change(residual: Array, bending: Array, target: Array, still: Array, per_change: Array) -> float:
+    """The change of the distortion in one step, once the motions are eliminated (Schur complement).
+
+    Parameters
+    ----------
+    residual, bending : ndarray of float64, shape (L, N, 2)
+        Weighted residuals, and how they change with the distortion.
+    target : ndarray of float64, shape (V, free)
+        The motions' right-hand side for the distortion.
+    still, per_change : ndarray of float64, shape (V, free)
+        The motions if the distortion stays as it is, and what they gain per change of it.
+    """
+    downhill = float(np.vdot(bending, residual) + np.vdot(target, still))
+    change = -downhill / float(np.vdot(bending, bending) + np.vdot(target, per_change))
+    return float(np.clip(change, -MAX_DISTORTION_CHANGE, MAX_DISTORTION_CHANGE))
+
+
+def straighten(points: Array, distortion: float) -> Array:
+    """Take the distortion of the lens out of points (..., 2) about the centre, in half diagonals.
+
+    A point at distance r from the centre, in half diagonals, was displaced outwards by ``distortion * r^2`` of it.
+    """
+    straight = points
+    for _ in range(STRAIGHTENING_ROUNDS):
+        straight = points / (1 + distortion * (straight**2).sum(axis=-1, keepdims=True))
+    return np.asarray(straight)
+
+
+def bending_of(straight: Array, distortion: float) -> Array:
+    """How straightened points (..., 2) move with the distortion."""
+    squared = (straight**2).sum(axis=-1, keepdims=True)
+    return np.asarray(-straight * squared / (1 + 3 * distortion * squared))
 
 
 def _times(left: Array, right: Array) -> Array:
@@ -175,7 +213,7 @@ def _times(left: Array, right: Array) -> Array:
 
 
 class _BlockSystem:
-    """Normal equations of a network: one block of unknowns a view, and two right-hand sides.
+    """Normal equations of a network: one block of unknowns per view, and two right-hand sides.
 
     Parameters
     ----------
@@ -184,15 +222,15 @@ class _BlockSystem:
         Left and right view of each link.
     rows : ndarray of float64, shape (L, N, 2 free)
         Derivatives of the residuals by the unknowns of the left and of the right view.
-    ends : ndarray of float64, shape (L, N, 2)
+    targets : ndarray of float64, shape (L, N, 2)
         What the rows should explain.
     """
 
-    def __init__(self, views: int, pairs: NDArray[np.intp], rows: Array, ends: Array) -> None:
+    def __init__(self, views: int, pairs: NDArray[np.intp], rows: Array, targets: Array) -> None:
         self._pairs = pairs
-        self._free = free = rows.shape[2] // 2
+        free = rows.shape[2] // 2
         transposed = rows.transpose(0, 2, 1)
-        normal, target = transposed @ rows, transposed @ ends
+        normal, target = transposed @ rows, transposed @ targets
         self._diagonal = np.zeros((views, free, free))
         self.target = np.zeros((views, free, 2))
         for side in (0, 1):
@@ -208,7 +246,7 @@ class _BlockSystem:
         self.target[:, -k:, 0] += values * weights
 
     def solve(self, reference: int) -> tuple[Array, Array]:
-        """The unknowns (V, free) that lower each right-hand side; the first four of the reference are 0."""
+        """Solve for the unknowns (V, free) of each right-hand side; the first four of the reference are 0."""
         views, free, _ = self.target.shape
         corners = np.concatenate([np.stack([np.arange(views)] * 2, axis=1), self._pairs, self._pairs[:, ::-1]])
         blocks = np.concatenate([self._diagonal, self._across, self._across.transpose(0, 2, 1)])

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -23,8 +24,8 @@ GOOD_ENOUGH = 1.05
 FALSE_LINK_PX = 10.0
 """A link whose median error stays above this contradicts the others."""
 ROUGH_STEPS = 4
-TIES_A_LINK = 200
-"""More ties of a link than these change a layout by less than it is off, but take longer."""
+MAX_TIES_PER_LINK = 200
+"""More ties per link change a layout by less than it is off, but take longer."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +37,8 @@ class Layout:
     members : tuple of int
         Indices of the views, rising.
     reference : int
-        Index of the most connected one. The ground's frame is its own without its tilt; of two photographs, that
-        of the right one.
+        Index of the most connected view. The ground's frame is that of this view without its tilt; for two
+        photographs, that of the right one.
     transforms : dict of int to ndarray, shape (3, 3)
         Working pixels of each member to ground pixels, which are the reference's working pixels.
     links : tuple of Link
@@ -86,10 +87,11 @@ class Layout:
 
 
 def groups(count: int, links: Sequence[Link]) -> list[list[int]]:
-    """Views that links join directly or through others, the largest group first."""
-    _, label = connected_components(_inliers(count, links), directed=False)
-    found = [np.flatnonzero(label == group).tolist() for group in range(int(label.max()) + 1)]
-    return sorted(found, key=lambda members: (-len(members), members[0]))
+    """Group the views that links join directly or through others, the largest group first."""
+    inliers = _inlier_matrix(count, [(link.left, link.right) for link in links], links)
+    _, label = connected_components(inliers, directed=False)
+    parts = [np.flatnonzero(label == group).tolist() for group in range(int(label.max()) + 1)]
+    return sorted(parts, key=lambda members: (-len(members), members[0]))
 
 
 def lay_out(views: Sequence[View], members: Sequence[int], links: Sequence[Link]) -> Layout:
@@ -106,7 +108,7 @@ def lay_out(views: Sequence[View], members: Sequence[int], links: Sequence[Link]
     """
     if len(members) == 1:
         return Layout(tuple(members), members[0], {members[0]: np.eye(3)})
-    group = LinkedGroup(views, members, links)
+    group = linked_group(views, members, links)
     model, reason, start = _choose_model(group)
     network = group.network(slice(None))
     refined = network.adjust(start, model)
@@ -130,52 +132,85 @@ def lay_out(views: Sequence[View], members: Sequence[int], links: Sequence[Link]
 
 def rough_transforms(views: Sequence[View], members: Sequence[int], links: Sequence[Link]) -> dict[int, Array]:
     """Similarities, as `Layout.transforms`, exact enough to predict which views overlap."""
-    group = LinkedGroup(views, members, links)
+    group = linked_group(views, members, links)
     return group.to_ground(group.network(slice(None)).adjust(group.start, "similarity", max_steps=ROUGH_STEPS))
 
 
 class LinkedGroup:
-    """Linked views, renumbered from 0, and their ties in normalised coordinates."""
+    """Linked views, renumbered from 0, and their ties in normalised coordinates.
 
-    def __init__(self, views: Sequence[View], members: Sequence[int], links: Sequence[Link]) -> None:
-        row = {member: index for index, member in enumerate(members)}
+    Parameters
+    ----------
+    sizes : mapping of int to (int, int)
+        Width and height of each view of the group, working px, by its index.
+    links : sequence of Link
+        Links that hold; those outside the group are ignored.
+    reference : int or None
+        Row of the view whose position, rotation and scale stay fixed; None: the most connected one.
+    """
+
+    def __init__(
+        self, sizes: Mapping[int, tuple[int, int]], links: Sequence[Link], reference: int | None = None
+    ) -> None:
+        row = {member: index for index, member in enumerate(sizes)}
         self.links = [link for link in links if link.left in row and link.right in row]
-        self._members = members
-        self._normalised = [normalisation(views[member].working_size) for member in members]
-        self.units_px = [1 / float(matrix[0, 0]) for matrix in self._normalised]
+        self.members = tuple(sizes)
+        self.normalisations = [normalisation(size) for size in sizes.values()]
+        self.units_px = [1 / float(matrix[0, 0]) for matrix in self.normalisations]
         self._ties = []
         for link in self.links:
             left, right = row[link.left], row[link.right]
-            left_points = apply(self._normalised[left], link.left_points)
-            self._ties.append(Ties(left, right, left_points, apply(self._normalised[right], link.right_points)))
-        weights = _inliers(len(views), self.links)[list(members)][:, list(members)]
-        self.reference = int(np.argmax((weights + weights.T).sum(axis=0)))
-        self.start = _spanning_start(self._ties, weights, self.reference)
+            left_points = apply(self.normalisations[left], link.left_points)
+            self._ties.append(Ties(left, right, left_points, apply(self.normalisations[right], link.right_points)))
+        pairs = [(tie.left, tie.right) for tie in self._ties]
+        self._weights = _inlier_matrix(len(sizes), pairs, self.links)
+        if reference is None:
+            reference = int(np.argmax((self._weights + self._weights.T).sum(axis=0)))
+        self.reference = reference
 
-    def network(self, chosen: slice, most: int = TIES_A_LINK, distortion: float = 0.0) -> Network:
-        """The network of every link's ties, or of some of them.
+    @cached_property
+    def start(self) -> Array:
+        """Similarities (V, 3, 3) chained from the reference along the links with the most inliers."""
+        by_pair = {(tie.left, tie.right): tie for tie in self._ties}
+        cost = self._weights.copy()
+        cost.data = 1 / cost.data
+        order, parents = breadth_first_order(minimum_spanning_tree(cost), self.reference, directed=False)
+        transforms = np.tile(np.eye(3), (len(self.members), 1, 1))
+        for view, parent in zip(order[1:], parents[order[1:]], strict=True):
+            tie = by_pair[min(view, parent), max(view, parent)]
+            source, target = (tie.left_points, tie.right_points)[:: 1 if tie.left == view else -1]
+            transforms[view] = transforms[parent] @ estimate(source, target, model="similarity")
+        return transforms
+
+    def network(self, chosen: slice, max_ties: int | None = MAX_TIES_PER_LINK, distortion: float = 0.0) -> Network:
+        """Build the network of every link's ties, or of some of them.
 
         Parameters
         ----------
         chosen : slice
-            Of the ties that are considered.
-        most : int
-            Ties of a link that are considered, spread evenly.
+            Which of the considered ties are taken.
+        max_ties : int or None
+            Ties per link that are considered, spread evenly; None: all.
         distortion : float
-            Of the lens, see `skymosaic.flight.layout.distortion.straightened`.
+            Distortion of the lens, see `skymosaic.flight.layout.adjustment.straighten`.
         """
         ties = []
         for tie in self._ties:
             count = len(tie.left_points)
-            rows = np.linspace(0, count - 1, min(count, most)).astype(np.intp)[chosen]
+            rows = np.linspace(0, count - 1, min(count, max_ties or count)).astype(np.intp)[chosen]
             ties.append(Ties(tie.left, tie.right, tie.left_points[rows], tie.right_points[rows]))
         return Network(ties, self.units_px, self.reference, distortion)
 
     def to_ground(self, transforms: Array) -> dict[int, Array]:
-        """Transformations (V, 3, 3) of normalised coordinates, converted to pixels, by view."""
-        to_pixels = np.linalg.inv(self._normalised[self.reference])
-        rows = zip(self._members, transforms, self._normalised, strict=True)
+        """Convert transformations (V, 3, 3) of normalised coordinates to those of pixels, by view."""
+        to_pixels = np.linalg.inv(self.normalisations[self.reference])
+        rows = zip(self.members, transforms, self.normalisations, strict=True)
         return {member: to_pixels @ transform @ normalised for member, transform, normalised in rows}
+
+
+def linked_group(views: Sequence[View], members: Sequence[int], links: Sequence[Link]) -> LinkedGroup:
+    """Collect the sizes and ties of some of the views of a flight."""
+    return LinkedGroup({member: views[member].working_size for member in members}, links)
 
 
 def outline(view: View, transform: Array) -> Array:
@@ -190,9 +225,9 @@ def overlap(one: Array, other: Array) -> float:
     return float(area) / max(min(cv2.contourArea(one), cv2.contourArea(other)), 1.0)
 
 
-def _inliers(count: int, links: Sequence[Link]) -> csr_array:
-    """Inliers of every link as a (count, count) matrix, upper triangle."""
-    rows, columns = [link.left for link in links], [link.right for link in links]
+def _inlier_matrix(count: int, pairs: Sequence[tuple[int, int]], links: Sequence[Link]) -> csr_array:
+    """Inliers of the link of each pair, as a (count, count) matrix, upper triangle."""
+    rows, columns = [left for left, _ in pairs], [right for _, right in pairs]
     return csr_array(([float(link.inliers) for link in links], (rows, columns)), shape=(count, count))
 
 
@@ -201,21 +236,6 @@ def normalisation(size: tuple[int, int]) -> Array:
     half_px = float(np.hypot(*size)) / 2
     x, y = (size[0] - 1) / 2, (size[1] - 1) / 2
     return np.array([[1 / half_px, 0, -x / half_px], [0, 1 / half_px, -y / half_px], [0, 0, 1]])
-
-
-def _spanning_start(ties: Sequence[Ties], weights: csr_array, reference: int) -> Array:
-    """Similarities (V, 3, 3) chained from the reference along the links with the most inliers."""
-    by_pair = {(tie.left, tie.right): tie for tie in ties}
-    strongest = weights.copy()
-    strongest.data = 1 / strongest.data
-    tree = minimum_spanning_tree(strongest)
-    order, parents = breadth_first_order(tree, reference, directed=False)
-    transforms = np.tile(np.eye(3), (weights.shape[0], 1, 1))
-    for view, parent in zip(order[1:], parents[order[1:]], strict=True):
-        tie = by_pair[min(view, parent), max(view, parent)]
-        source, target = (tie.left_points, tie.right_points)[:: 1 if tie.left == view else -1]
-        transforms[view] = transforms[parent] @ estimate(source, target, model="similarity")
-    return transforms
 
 
 def _choose_model(group: LinkedGroup) -> tuple[str, str, Array]:

@@ -18,28 +18,34 @@ from dataclasses import dataclass
 import numpy as np
 
 from golden_model.arrays import Array, Pixels
-from skymosaic.flight.cache import ResultCache, key_of
-from skymosaic.flight.layout.adjustment import FOCAL_HALF_DIAGONALS, MAX_STEPS, MODELS
-from skymosaic.flight.layout.distortion import LARGEST_DISTORTION, straightened
-from skymosaic.flight.layout.layout import LinkedGroup, normalisation
-from skymosaic.flight.linking.links import Link
+from skymosaic.flight.cache import NO_CACHE, ResultCache, key_of
+from skymosaic.flight.layout.adjustment import (
+    FOCAL_HALF_DIAGONALS,
+    MAX_DISTORTION,
+    MAX_STEPS,
+    MODELS,
+    Network,
+    straighten,
+)
+from skymosaic.flight.layout.layout import LinkedGroup, linked_group, normalisation
+from skymosaic.flight.linking.links import Candidate, Link
 from skymosaic.flight.linking.view import View
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.lens import Lens
 
-FEWEST_VIEWS = 6
+MIN_VIEWS = 6
 """Fewer views leave the distortion to the tilts: a homography each can absorb most of it."""
-WANTED_GAIN = 0.95
+MAX_ERROR_RATIO = 0.95
 """The coefficient is used if the median error of held-out ties falls below this share: straightening costs detail."""
-TIES_A_LINK = 100
-"""More ties of a link than these do not tell better whether a distortion helps, but take longer."""
-BETWEEN_STEPS = 4
+TRIAL_TIES_PER_LINK = 100
+"""More ties per link show no better whether a distortion helps, but take longer."""
+AFFINE_STEPS = 4
 """Steps of the affine model, which only leads from similarities to homographies."""
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """What was found about the lens.
+    """The lens estimated from tie points.
 
     Attributes
     ----------
@@ -57,7 +63,7 @@ class Calibration:
     lens: Lens
 
     def with_remaining(self, distortion: float) -> Calibration:
-        """With what distortion the photographs have left once ``lens`` has straightened them."""
+        """Add the distortion that is left once ``lens`` has straightened the photographs."""
         assert self.lens.size is not None
         whole = self.distortion + distortion
         return dataclasses.replace(self, distortion=whole, lens=_lens(whole, self.lens.size, self.lens.mask))
@@ -100,21 +106,21 @@ def calibrate(
     members: Sequence[int],
     links: Sequence[Link],
     mask: Pixels | None = None,
-    cache: ResultCache | None = None,
+    cache: ResultCache = NO_CACHE,
 ) -> Calibration | None:
     """Estimate the distortion that all views share.
 
     Parameters
     ----------
     views : sequence of View
-        All views of the flight, as their lens made them.
+        All views of the flight.
     members : sequence of int
         The largest group of linked views, rising.
     links : sequence of Link
         Links that hold.
     mask : ndarray of uint8 or None
-        Of the lens, see `Lens`.
-    cache : ResultCache or None
+        Mask of the lens, see `Lens`.
+    cache : ResultCache
         Keeps the result for the next run with the same links.
 
     Returns
@@ -123,36 +129,34 @@ def calibrate(
         None for few views, different sizes (different cameras), or where held-out ties do not improve.
     """
     sizes = {tuple(sorted(views[member].size)) for member in members}
-    if len(members) < FEWEST_VIEWS or len(sizes) > 1:
+    if len(members) < MIN_VIEWS or len(sizes) > 1:
         return None
-    before_px, after_px, distortion = _kept("calibration", _measured, LinkedGroup(views, members, links), cache)
-    if abs(distortion) >= LARGEST_DISTORTION or after_px > WANTED_GAIN * before_px:
+    group = linked_group(views, members, links)
+    before_px, after_px, distortion = _load_or_measure("calibration", _measure, group, cache)
+    if abs(distortion) >= MAX_DISTORTION or after_px > MAX_ERROR_RATIO * before_px:
         return None
     return Calibration(distortion, before_px, after_px, _lens(distortion, views[members[0]].size, mask))
 
 
-def remaining_distortion(
-    views: Sequence[View], members: Sequence[int], links: Sequence[Link], cache: ResultCache | None = None
+def measure_remaining_distortion(
+    views: Sequence[View], members: Sequence[int], links: Sequence[Link], cache: ResultCache = NO_CACHE
 ) -> float:
-    """The distortion between straightened photographs; arguments as of `calibrate`."""
-    (distortion,) = _kept("remaining distortion", _remaining, LinkedGroup(views, members, links), cache)
+    """Measure the distortion between straightened photographs; parameters as of `calibrate`."""
+    group = linked_group(views, members, links)
+    (distortion,) = _load_or_measure("remaining distortion", _measure_remaining, group, cache)
     return distortion
 
 
-def _kept(
-    what: str,
-    measure: Callable[[LinkedGroup], tuple[float, ...]],
-    group: LinkedGroup,
-    cache: ResultCache | None,
+def _load_or_measure(
+    what: str, measure: Callable[[LinkedGroup], tuple[float, ...]], group: LinkedGroup, cache: ResultCache
 ) -> tuple[float, ...]:
-    """What ``measure`` finds, from the cache where sizes and ties are those of an earlier run."""
+    """Call ``measure``, or load its result from the cache where sizes and ties are those of an earlier run."""
     key = key_of(what, group.units_px, _digest(group.links))
-    arrays = cache.load(key) if cache is not None else None
+    arrays = cache.load(key)
     if arrays is None:
-        arrays = {"found": np.array(measure(group))}
-        if cache is not None:
-            cache.save(key, arrays)
-    return tuple(arrays["found"].tolist())
+        arrays = {"numbers": np.array(measure(group))}
+        cache.save(key, arrays)
+    return tuple(arrays["numbers"].tolist())
 
 
 def _digest(links: Sequence[Link]) -> str:
@@ -163,60 +167,60 @@ def _digest(links: Sequence[Link]) -> str:
     return state.hexdigest()
 
 
-def _measured(group: LinkedGroup) -> tuple[float, float, float]:
-    """Median error of held-out ties without and with a distortion, working px, and the distortion by all ties."""
-    before_px, _, _ = _trial(group, lens=False)
-    after_px, distortion, transforms = _trial(group, lens=True)
+def _measure(group: LinkedGroup) -> tuple[float, float, float]:
+    """The median error of held-out ties without and with a distortion, working px, and the distortion by all ties."""
+    before_px, _, _ = _try(group, lens=False)
+    after_px, distortion, transforms = _try(group, lens=True)
     whole = group.network(slice(None), distortion=distortion)
-    whole.calibrate(transforms, "homography")
+    whole.adjust(transforms, "homography", lens=True)
     return before_px, after_px, whole.distortion
 
 
-def _remaining(group: LinkedGroup) -> tuple[float]:
+def _measure_remaining(group: LinkedGroup) -> tuple[float]:
     whole = group.network(slice(None))
-    _fitted(group.start, whole.calibrate)
+    _fit(whole, group.start, lens=True)
     return (whole.distortion,)
 
 
-def _trial(group: LinkedGroup, *, lens: bool) -> tuple[float, float, Array]:
-    """Fit every second tie: the median error of the others, working px; the distortion, and the transformations."""
-    fitted = group.network(slice(0, None, 2), TIES_A_LINK)
-    transforms = _fitted(group.start, fitted.calibrate if lens else fitted.adjust)
-    held_out = group.network(slice(1, None, 2), TIES_A_LINK, fitted.distortion)
+def _try(group: LinkedGroup, *, lens: bool) -> tuple[float, float, Array]:
+    """Fit every second tie; the median error of the others, working px, the distortion and the transformations."""
+    fitted = group.network(slice(0, None, 2), TRIAL_TIES_PER_LINK)
+    transforms = _fit(fitted, group.start, lens=lens)
+    held_out = group.network(slice(1, None, 2), TRIAL_TIES_PER_LINK, fitted.distortion)
     return float(np.median(np.concatenate(held_out.errors_px(transforms)))), fitted.distortion, transforms
 
 
-def _fitted(start: Array, fit: Callable[..., Array]) -> Array:
-    """Transformations by `Network.adjust` or `Network.calibrate`."""
+def _fit(network: Network, start: Array, *, lens: bool) -> Array:
+    """Fit one model after the other."""
     # Similarities converge from far away; homographies with a wrong distortion may not, so they come last.
     transforms = start
     for model in MODELS:
-        transforms = fit(transforms, model, max_steps=BETWEEN_STEPS if model == "affine" else MAX_STEPS)
+        steps = AFFINE_STEPS if model == "affine" else MAX_STEPS
+        transforms = network.adjust(transforms, model, max_steps=steps, lens=lens)
     return transforms
 
 
-def straightened_links(links: Sequence[Link], views: Sequence[View], distortion: float) -> list[Link]:
-    """The links with their ties where a lens without distortion would have shown them."""
-    return [
-        dataclasses.replace(
+def straighten_links(links: Sequence[Link], views: Sequence[View], distortion: float) -> dict[Candidate, Link]:
+    """Move the ties to where a lens without distortion would have shown them; the links by their pairs."""
+    return {
+        (link.left, link.right): dataclasses.replace(
             link,
-            left_points=_straightened_pixels(link.left_points, views[link.left], distortion),
-            right_points=_straightened_pixels(link.right_points, views[link.right], distortion),
+            left_points=_straighten_pixels(link.left_points, views[link.left], distortion),
+            right_points=_straighten_pixels(link.right_points, views[link.right], distortion),
         )
         for link in links
-    ]
+    }
 
 
-def _straightened_pixels(points: Array, view: View, distortion: float) -> Array:
+def _straighten_pixels(points: Array, view: View, distortion: float) -> Array:
     matrix = normalisation(view.working_size)
-    return apply(np.linalg.inv(matrix).astype(np.float64), straightened(apply(matrix, points), distortion))
+    return apply(np.linalg.inv(matrix).astype(np.float64), straighten(apply(matrix, points), distortion))
 
 
 def _lens(distortion: float, size: tuple[int, int], mask: Pixels | None) -> Lens:
-    """As a camera file would describe it; the focal length is that of common drones (`FOCAL_HALF_DIAGONALS`)."""
+    """The lens as a camera file describes it; the focal length is that of common drones."""
     focal_px = FOCAL_HALF_DIAGONALS * float(np.hypot(*size)) / 2
     x, y = (size[0] - 1) / 2, (size[1] - 1) / 2
     matrix = np.array([[focal_px, 0, x], [0, focal_px, y], [0, 0, 1]])
-    return Lens(
-        size=size, matrix=matrix, distortion=np.array([distortion * FOCAL_HALF_DIAGONALS**2, 0, 0, 0, 0]), mask=mask
-    )
+    coefficients = np.array([distortion * FOCAL_HALF_DIAGONALS**2, 0, 0, 0, 0])
+    return Lens(size=size, matrix=matrix, distortion=coefficients, mask=mask)

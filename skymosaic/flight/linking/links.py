@@ -37,7 +37,7 @@ class Link:
     left_points, right_points : ndarray of float64, shape (N, 2)
         The ties: matches within 3 working px of the pair's homography; none where the views are not linked.
     inliers : int
-        Matches within 2 px of the best homography that was found.
+        Matches within 2 px of the best homography.
     near : int
         Matches within 12 px of it.
     """
@@ -59,62 +59,61 @@ class Link:
         """Whether the views are linked."""
         return self.ties > 0
 
-    def packed(self) -> Arrays:
-        """The link as arrays for a file, without the indices, which are valid for one list of photographs only."""
+    def pack(self) -> Arrays:
+        """Turn the link into arrays for a file, without the indices, which are valid for one list of views only."""
         counts = np.array([self.inliers, self.near])
         return {"left_points": self.left_points, "right_points": self.right_points, "counts": counts}
 
+    @classmethod
+    def unpack(cls, arrays: Arrays, left: int, right: int) -> Link:
+        """Read the link that `pack` turned into arrays."""
+        inliers, near = arrays["counts"].tolist()
+        left_points, right_points = (arrays[side].astype(np.float64) for side in ("left_points", "right_points"))
+        return cls(left, right, left_points, right_points, inliers, near)
 
-def holding(links: Mapping[Candidate, Link]) -> list[Link]:
+
+def valid_links(links: Mapping[Candidate, Link]) -> list[Link]:
     """The links that hold."""
     return [link for link in links.values() if link.holds]
 
 
-def unpacked(arrays: Arrays, left: int, right: int) -> Link:
-    """The link that `Link.packed` put into arrays."""
-    inliers, near = arrays["counts"].tolist()
-    left_points, right_points = (arrays[side].astype(np.float64) for side in ("left_points", "right_points"))
-    return Link(left, right, left_points, right_points, inliers, near)
+def link_views(
+    pair: Candidate,
+    left: Records,
+    right: Records,
+    *,
+    config: Config,
+    seed: int,
+    max_samples: int = FIRST_LOOK_SAMPLES,
+) -> Link:
+    """Match the features of two views and fit a homography.
 
-
-@dataclass(frozen=True)
-class PairEstimator:
-    """How two views are matched and their homography is estimated.
-
-    Attributes
+    Parameters
     ----------
+    pair : (int, int)
+    left, right : structured ndarray
+        Feature records.
     config : Config
-        What the features were computed with.
+        The configuration by which the features were computed.
     seed : int
-        Of the robust estimator. The same for every pair, so that a link does not depend on which others are tried.
+        Seed of the robust estimator. The same for every pair, so that no link depends on which others are tried.
     max_samples : int
-        Of the robust estimator.
+        Samples of the robust estimator, at most.
     """
-
-    config: Config
-    seed: int
-    max_samples: int = FIRST_LOOK_SAMPLES
-
-
-def verify(estimator: PairEstimator, pair: Candidate, left: Records, right: Records) -> Link:
-    """Match the features of two views and fit a homography."""
-    config = estimator.config
     matches = match(left, right, config.front_end.pattern, config.matcher)
-    kept = matches[matches["verdict"] == 1]
-    left_points, right_points = match_points(kept)
-    weight = kept["weight"].astype(np.float64)
-    rng = np.random.default_rng(estimator.seed)
-    estimate = estimate_homography(
-        left_points, right_points, weight, rng=rng, max_samples=estimator.max_samples, restarts=1
-    )
+    accepted = matches[matches["verdict"] == 1]
+    left_points, right_points = match_points(accepted)
+    weight = accepted["weight"].astype(np.float64)
+    rng = np.random.default_rng(seed)
+    estimate = estimate_homography(left_points, right_points, weight, rng=rng, max_samples=max_samples, restarts=1)
     inliers = int(np.count_nonzero(estimate.inliers))
     if estimate.homography is None:
-        return Link(*pair, left_points[:0], right_points[:0], inliers, 0)
-    return link_of(pair, left_points, right_points, estimate.homography, inliers)
+        return Link(*pair, left_points[:0], right_points[:0], inliers, near=0)
+    return tie_views(pair, left_points, right_points, estimate.homography, inliers)
 
 
-def link_of(pair: Candidate, left_points: Points, right_points: Points, homography: Matrix, inliers: int) -> Link:
-    """The link of two views whose homography is known: matches close to it become ties.
+def tie_views(pair: Candidate, left_points: Points, right_points: Points, homography: Matrix, inliers: int) -> Link:
+    """Link two views by their matches that a known homography explains.
 
     Parameters
     ----------
@@ -127,5 +126,6 @@ def link_of(pair: Candidate, left_points: Points, right_points: Points, homograp
         Matches within 2 px of it.
     """
     error_px = np.linalg.norm(apply(homography, left_points) - right_points, axis=1)
-    ties = error_px <= TIE_PX
-    return Link(*pair, left_points[ties], right_points[ties], inliers, int(np.count_nonzero(error_px <= RELIEF_PX)))
+    is_tie = error_px <= TIE_PX
+    near = int(np.count_nonzero(error_px <= RELIEF_PX))
+    return Link(*pair, left_points[is_tie], right_points[is_tie], inliers, near)

@@ -1,4 +1,4 @@
-"""The data that stays in memory of each photograph of a flight: features, a thumbnail, GPS and sharpness."""
+"""What a flight keeps in memory of each photograph: features, a thumbnail, GPS and sharpness."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ class View:
     Attributes
     ----------
     name : str
-        Of its source.
+        Name of its source.
     key : str
-        Changes with the photograph's content and all that the view was computed with.
+        Cache key, which changes with the photograph's content and with everything that computed the view.
     size, working_size : (int, int)
         Width and height of the original and of the image the front end saw, px.
     to_original, to_thumbnail : ndarray of float64, shape (3, 3)
@@ -51,7 +51,7 @@ class View:
         Feature records of the working image.
     thumbnail : ndarray of uint8, shape (h, w) or (h, w, 3)
     sample : ndarray
-        Values of a photograph of more than 8 bits, spread evenly over it; else empty.
+        Values of a photograph of more than 8 bits, at evenly spaced places; else empty.
     value_range : ValueRange or None
         The range that the thumbnail shows; None for a photograph of 8 bits.
     sharpness : float
@@ -79,13 +79,25 @@ class View:
     taken: Metadata
     notes: tuple[str, ...]
 
-    def packed(self) -> Arrays:
-        """The view as arrays for a cache file, which `unpacked` reads; without the name, because files are renamed."""
+    def pack(self) -> Arrays:
+        """Turn the view into arrays for a file; without the name, because photographs are renamed."""
         arrays = {name: getattr(self, name) for name in _ARRAYS}
         facts = {name: getattr(self, name) for name in _FACTS}
         facts["taken"] = dataclasses.asdict(self.taken)
         facts["value_range"] = None if self.value_range is None else dataclasses.astuple(self.value_range)
         return arrays | {"facts": np.array(json.dumps(facts))}
+
+    @classmethod
+    def unpack(cls, arrays: Arrays, name: str, key: str) -> View:
+        """Read the view that `pack` turned into arrays."""
+        facts = json.loads(str(arrays["facts"]))
+        position = facts["taken"].pop("position")
+        size, working_size, notes = (tuple(facts[fact]) for fact in ("size", "working_size", "notes"))
+        facts |= {"size": size, "working_size": working_size, "notes": notes}
+        facts["taken"] = Metadata(None if position is None else Position(**position), **facts["taken"])
+        facts["value_range"] = None if facts["value_range"] is None else ValueRange(*facts["value_range"])
+        values: dict[str, Any] = {array: arrays[array] for array in _ARRAYS} | facts
+        return cls(name=name, key=key, **values)
 
     @property
     def gps(self) -> Position | None:
@@ -96,18 +108,6 @@ class View:
     def points(self) -> Array:
         """Positions of the features, (N, 2), working px."""
         return feature_points(self.features)
-
-
-def unpacked(arrays: Arrays, name: str, key: str) -> View:
-    """The view that `View.packed` put into arrays."""
-    facts = json.loads(str(arrays["facts"]))
-    position = facts["taken"].pop("position")
-    size, working_size, notes = (tuple(facts[key]) for key in ("size", "working_size", "notes"))
-    facts |= {"size": size, "working_size": working_size, "notes": notes}
-    facts["taken"] = Metadata(None if position is None else Position(**position), **facts["taken"])
-    facts["value_range"] = None if facts["value_range"] is None else ValueRange(*facts["value_range"])
-    values: dict[str, Any] = {key: arrays[key] for key in _ARRAYS} | facts
-    return View(name=name, key=key, **values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +136,7 @@ class Settings:
         how = self.lens.key, self.config.front_end, self.backend, self.working_width_px
         return key_of("view", source.digest, source.keep_damaged, *how)
 
-    def second_look(self) -> Settings | None:
+    def with_more_features(self) -> Settings | None:
         """Twice the features and descriptor bits, by the golden model; None if the preset cannot have more."""
         front_end = self.config.front_end
         if not front_end.selection or front_end.descriptor != "ilbp-128":
@@ -155,12 +155,12 @@ def describe(source: Source, settings: Settings) -> View:
     """
     photograph = source.read_photograph(settings.lens)
     working, to_original = reduce_for_front_end(photograph.pixels, settings.working_width_px, source.name)
-    features = _features(working, settings, source.name)
-    return view_of(source, photograph, settings, working=working, to_original=to_original, features=features)
+    features = _extract_from_ground(working, settings, source.name)
+    return make_view(source, photograph, settings, working=working, to_original=to_original, features=features)
 
 
-def in_thumbnail(view: View, settings: Settings) -> View:
-    """The view with the features of its thumbnail, which is then its working image.
+def describe_thumbnail(view: View, settings: Settings) -> View:
+    """Take the thumbnail of a view for its working image, and compute the features of that.
 
     Raises
     ------
@@ -174,12 +174,12 @@ def in_thumbnail(view: View, settings: Settings) -> View:
         working_size=(view.thumbnail.shape[1], view.thumbnail.shape[0]),
         to_original=view.to_original @ from_thumbnail,
         to_thumbnail=np.eye(3),
-        features=_features(view.thumbnail, settings, view.name),
+        features=_extract_from_ground(view.thumbnail, settings, view.name),
     )
 
 
-def _features(working: Pixels, settings: Settings, name: str) -> Records:
-    """The features of an image that show the ground."""
+def _extract_from_ground(working: Pixels, settings: Settings, name: str) -> Records:
+    """Compute the features of an image, without those on what the lens masks."""
     backend = load_backend(settings.backend)
     try:
         results, _ = extract_within_capacity(backend, [working], settings.config)
@@ -190,7 +190,7 @@ def _features(working: Pixels, settings: Settings, name: str) -> Records:
     return features[are_on_ground(feature_points(features), visible)]
 
 
-def view_of(
+def make_view(
     source: Source,
     photograph: Photograph,
     settings: Settings,
@@ -199,7 +199,7 @@ def view_of(
     to_original: Array,
     features: Records,
 ) -> View:
-    """The view of a photograph whose features are known.
+    """Keep what the layout needs of a photograph whose features are known.
 
     Parameters
     ----------
@@ -208,7 +208,7 @@ def view_of(
         Decoded, without the lens's distortion.
     settings : Settings
     working : ndarray of uint8
-        The image the front end saw.
+        The image that the front end saw.
     to_original : ndarray of float64, shape (3, 3)
         Working pixels to original pixels.
     features : structured ndarray

@@ -15,7 +15,7 @@ from sim.scene import pair as rendered_pair
 from skymosaic import temporary
 from skymosaic.errors import InputError
 from skymosaic.flight.cache import ResultCache, key_of
-from skymosaic.flight.linking.view import Settings, describe, unpacked
+from skymosaic.flight.linking.view import Settings, View, describe
 from skymosaic.imagery.exif import Metadata, Position, read_metadata
 from skymosaic.imagery.lens import Lens, load_lens
 from skymosaic.imagery.own_outputs import record_output
@@ -163,8 +163,8 @@ def test_a_view_survives_the_cache(tmp_path):
     source = Source(0, "image", rendered_pair(seed=1).images[0])
     view = describe(source, Settings(preset_config("aerial")))
     assert cache.load(view.key) is None
-    cache.save(view.key, view.packed())
-    again = unpacked(cache.load(view.key), "renamed", view.key)
+    cache.save(view.key, view.pack())
+    again = View.unpack(cache.load(view.key), "renamed", view.key)
     np.testing.assert_array_equal(again.features, view.features)
     np.testing.assert_array_equal(again.thumbnail, view.thumbnail)
     assert again.features.dtype == view.features.dtype

@@ -2,7 +2,16 @@ import numpy as np
 import pytest
 
 from sim.scene import Camera, CameraPose
-from skymosaic.flight.layout.adjustment import FOCAL_HALF_DIAGONALS, Network, Ties, generators, shapes, stretch_of_tilt
+from skymosaic.flight.layout.adjustment import (
+    FOCAL_HALF_DIAGONALS,
+    Network,
+    Ties,
+    bending_of,
+    generators,
+    shapes,
+    straighten,
+    stretch_of_tilt,
+)
 from skymosaic.geometry.homography import apply
 
 UNIT_PX = 800.0
@@ -80,8 +89,8 @@ def test_exact_ties_give_the_true_mappings_between_views():
     start = true.copy()
     start[1:, :2, 2] += rng.normal(0, 0.02, (7, 2))
     start[:, 2, :2] = 0
-    found = ties.adjust(start, "homography")
-    assert np.concatenate(ties.errors_px(found)).max() < 0.02
+    refined = ties.adjust(start, "homography")
+    assert np.concatenate(ties.errors_px(refined)).max() < 0.02
 
 
 def test_a_tenth_of_wrong_ties_does_no_harm():
@@ -93,23 +102,34 @@ def test_a_tenth_of_wrong_ties_does_no_harm():
         tie.right_points[:6] += rng.normal(0, 0.1, (6, 2))
         links.append(tie)
     ties = Network(links, [UNIT_PX] * 6, 0)
-    found = ties.adjust(true, "homography")
-    good = np.concatenate([error[6:] for error in ties.errors_px(found)])
+    refined = ties.adjust(true, "homography")
+    good = np.concatenate([error[6:] for error in ties.errors_px(refined)])
     assert np.median(good) < 0.35
 
 
 def test_the_reference_stays_where_it_is():
     rng = np.random.default_rng(3)
     true = true_transforms(5, rng)
-    found = network(true, rng, 0.3).adjust(true, "homography")
-    np.testing.assert_allclose(found[0, :2, 2], 0, atol=1e-4)
-    np.testing.assert_allclose(shapes(found)[:, :2], 0, atol=0.004)
+    refined = network(true, rng, 0.3).adjust(true, "homography")
+    np.testing.assert_allclose(refined[0, :2, 2], 0, atol=1e-4)
+    np.testing.assert_allclose(shapes(refined)[:, :2], 0, atol=0.004)
 
 
 @pytest.mark.parametrize("model", ["similarity", "affine"])
 def test_a_model_leaves_what_it_does_not_have_alone(model):
     rng = np.random.default_rng(4)
-    found = network(true_transforms(5, rng), rng, 0.3).adjust(np.tile(np.eye(3), (5, 1, 1)), model)
-    np.testing.assert_allclose(found[:, 2], [[0, 0, 1]] * 5, atol=1e-12)
+    refined = network(true_transforms(5, rng), rng, 0.3).adjust(np.tile(np.eye(3), (5, 1, 1)), model)
+    np.testing.assert_allclose(refined[:, 2], [[0, 0, 1]] * 5, atol=1e-12)
     if model == "similarity":
-        np.testing.assert_allclose(shapes(found), 0, atol=1e-9)
+        np.testing.assert_allclose(shapes(refined), 0, atol=1e-9)
+
+
+def test_straightening_undoes_the_bending():
+    def bent(points, distortion):
+        return points * (1 + distortion * (points**2).sum(axis=1, keepdims=True))
+
+    points = np.random.default_rng(1).uniform(-0.7, 0.7, (100, 2))
+    np.testing.assert_allclose(straighten(bent(points, -0.2), -0.2), points, atol=1e-4)
+    step = 1e-6
+    moved = (straighten(bent(points, 0.1), 0.1 + step) - straighten(bent(points, 0.1), 0.1)) / step
+    np.testing.assert_allclose(bending_of(points, 0.1), moved, atol=1e-5)

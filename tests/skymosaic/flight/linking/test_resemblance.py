@@ -6,7 +6,14 @@ from golden_model.config import preset_config
 from golden_model.feature.orientation import SECTORS
 from golden_model.front_end import extract
 from golden_model.matching.hamming import distances, mutual_matches
-from skymosaic.flight.linking.resemblance import CLOSE_BITS, COMPACT_FEATURES, LIKELY, compact, likely_pairs, votes
+from skymosaic.flight.linking.resemblance import (
+    CLOSE_BITS,
+    COMPACT_FEATURES,
+    PARTNERS,
+    compact,
+    count_votes,
+    likely_pairs,
+)
 
 VIEWS, SHARED, WRONG_BITS = 100, 24, 0.1
 DESCRIPTOR = np.dtype([("descriptor", np.uint8, 16)])
@@ -22,9 +29,12 @@ def test_votes_count_as_the_matcher_would():
     close = best <= CLOSE_BITS * bits
     turn = (other["sector"][right[close]] - one["sector"][left[close]]) % SECTORS
     counts = np.bincount(turn, minlength=SECTORS)
-    assert votes(one, [other, other[:0]]) == [max((counts + np.roll(counts, 1) + np.roll(counts, -1)).tolist()), 0]
-    assert votes(one, [other])[0] > 50
-    assert votes(one, [other])[0] == pytest.approx(votes(other, [one])[0], abs=2)
+    assert count_votes(one, [other, other[:0]]) == [
+        max((counts + np.roll(counts, 1) + np.roll(counts, -1)).tolist()),
+        0,
+    ]
+    assert count_votes(one, [other])[0] > 50
+    assert count_votes(one, [other])[0] == pytest.approx(count_votes(other, [one])[0], abs=2)
 
 
 def ring(rng):
@@ -33,7 +43,7 @@ def ring(rng):
     bits[:, :SHARED] = np.roll(bits, 1, axis=0)[:, SHARED : 2 * SHARED] ^ (
         rng.random((VIEWS, SHARED, 128)) < WRONG_BITS
     )
-    # What every view has, such as flat ground, tells nothing.
+    # Words that every view has, as of flat ground, must not count.
     bits[:, -50:] = bits[0, -50:]
     views = np.zeros((VIEWS, COMPACT_FEATURES), DESCRIPTOR)
     views["descriptor"] = np.packbits(bits, axis=2)
@@ -46,12 +56,12 @@ def test_views_that_share_features_are_likely_pairs():
     assert neighbours <= set(pairs)
     assert pairs == sorted(set(pairs))
     assert all(left < right for left, right in pairs)
-    assert len(pairs) <= VIEWS * LIKELY
+    assert len(pairs) <= VIEWS * PARTNERS
 
 
 def test_few_views_are_all_compared():
-    views = ring(np.random.default_rng(6))[: LIKELY + 1]
-    assert likely_pairs(views) == [(i, j) for i in range(LIKELY + 1) for j in range(i + 1, LIKELY + 1)]
+    views = ring(np.random.default_rng(6))[: PARTNERS + 1]
+    assert likely_pairs(views) == [(i, j) for i in range(PARTNERS + 1) for j in range(i + 1, PARTNERS + 1)]
     assert likely_pairs([views[0], views[1][:0]]) == [(0, 1)]
     assert likely_pairs([views[0][:0], views[1][:0]]) == [(0, 1)]
     assert likely_pairs(views[:1]) == []
