@@ -1,7 +1,7 @@
-"""When a homography may be believed: enough different matches agree with it, and not all in one corner.
+"""Accepts a homography if enough different matches agree with it, and not all in one corner.
 
-Matches of several frames show the same corner again and again, so they are counted by place. Twelve places that lie
-close together fix no homography of a whole image: a union of scales once gave 15 inliers on 4 % of an image and an
+Several frames of a pair show the same corner again, so matches are counted by place. Twelve places close together
+determine no homography of a whole image: matches pooled over scales once gave 15 inliers on 4 % of an image, and an
 error of 27 px.
 """
 
@@ -20,17 +20,20 @@ CELL_PX = 4.0
 """Matches in one cell of this side count once."""
 MIN_SHARE_OF_OVERLAP = 0.10
 MIN_SHARE_OF_IMAGE = 0.08
+"""Hull of the inliers that is large enough, as a share of the overlap, or of the smaller image."""
+MAX_COORDINATE_PX = 1e6
+"""A corner mapped farther than this is at the horizon, for all that float32 can tell."""
 
 
 def count_places(left: Points, right: Points) -> int:
-    """How many matches show different places: the number of cells they occupy, in the image where that is less."""
+    """Count matches at different places: the occupied cells, in the image with fewer of them."""
     return min(len(np.unique(np.floor(points / CELL_PX), axis=0)) for points in (left, right))
 
 
 def overlap(homography: Matrix, left_size: Size, right_size: Size) -> Points:
-    """The part of the left image that the right one shows, as a convex polygon (N, 2); N = 0 where they do not meet.
+    """The part of the left image that the right one shows, as a convex polygon (N, 2); N = 0 without an overlap.
 
-    Empty too where the homography folds the image over the horizon: such a polygon would not be convex.
+    N = 0 also where the homography folds the image over the horizon, because that polygon would not be convex.
     """
     nothing = np.zeros((0, 2))
     corners = _corners(left_size)
@@ -38,7 +41,7 @@ def overlap(homography: Matrix, left_size: Size, right_size: Size) -> Points:
     if depth.min() * depth.max() <= 0:
         return nothing
     mapped = apply(homography, corners)
-    if np.abs(mapped).max() > 1e6:
+    if np.abs(mapped).max() > MAX_COORDINATE_PX:
         return nothing
     area, common = cv2.intersectConvexConvex(mapped.astype(np.float32), _corners(right_size).astype(np.float32))
     if area <= 0 or common is None:
@@ -54,7 +57,7 @@ def hull_area(points: Points) -> float:
 
 
 def hull_share(homography: Matrix, points: Points, left_size: Size, right_size: Size) -> float:
-    """Area of the hull of left points / area of the overlap, at most 1; 0 where there is no overlap."""
+    """Area of the left points' hull as a share of the overlap's, at most 1; 0 without an overlap."""
     area = hull_area(overlap(homography, left_size, right_size))
     return min(hull_area(points) / area, 1.0) if area > 0 else 0.0
 

@@ -1,4 +1,4 @@
-"""The robust estimators by name: ours by float or integer scores, OpenCV's two, and the thesis's fuzzy RANSAC."""
+"""Robust estimators by name: PROSAC by float or integer scores, OpenCV's RANSAC and MAGSAC++, and fuzzy RANSAC."""
 
 from __future__ import annotations
 
@@ -7,27 +7,25 @@ import numpy as np
 
 from golden_model.arrays import Array, Mask
 from skymosaic.geometry import fuzzy_ransac
-from skymosaic.geometry.homography import DegenerateError, apply, dlt
-from skymosaic.geometry.prosac import INLIER_PX, MIN_INLIERS, Scoring, estimate_homography, transfer_scorer
+from skymosaic.geometry.homography import DegenerateError, dlt, transfer_error
+from skymosaic.geometry.prosac import CONFIDENCE, INLIER_PX, MIN_INLIERS, Scoring, estimate_homography, transfer_scorer
 from skymosaic.geometry.scored import integer_scorer
 
 FUZZY_RANSAC = "fuzzy-ransac"
 SCORINGS: dict[str, Scoring] = {"prosac": transfer_scorer, "scored": integer_scorer}
-"""The estimators that are `skymosaic.geometry.prosac`, and what ranks their samples: floating point, or the integers
-of the scoring block."""
+"""Names of the two variants of `skymosaic.geometry.prosac`; samples are ranked in floating point, or by the integers of
+the scoring block."""
 ESTIMATORS = (*SCORINGS, "ransac", "magsac", FUZZY_RANSAC)
-"""Every estimator."""
 MIN_MATCHES = 4
 RANSAC_ROUNDS = 2000
 MAGSAC_TOLERANCE_PX = 3.0
 MAGSAC_ROUNDS = 10_000
-CONFIDENCE = 0.9999
 
 
 def estimate(
     name: str, left: Array, right: Array, weight: Array, verified: Mask, *, rng: np.random.Generator
 ) -> tuple[Array | None, Mask]:
-    """The homography of matches, of which many may be wrong.
+    """Estimate the homography of matches, of which many may be wrong.
 
     Parameters
     ----------
@@ -52,9 +50,9 @@ def estimate(
     inliers = np.zeros(len(left), dtype=bool)
     if name in SCORINGS:
         chosen = left[verified], right[verified], weight[verified]
-        found = estimate_homography(*chosen, rng=rng, scoring=SCORINGS[name])
-        inliers[verified] = found.inliers
-        return found.homography, inliers
+        result = estimate_homography(*chosen, rng=rng, scoring=SCORINGS[name])
+        inliers[verified] = result.inliers
+        return result.homography, inliers
     if name == FUZZY_RANSAC:
         # RANSAC needs all matches here: the rules count the ones that only one of the two checks accepts.
         H, decision = fuzzy(left, right, verified)
@@ -63,27 +61,27 @@ def estimate(
         H = (magsac if name == "magsac" else ransac)(left[verified], right[verified])
     if H is None:
         return None, inliers
-    near = verified & (np.linalg.norm(apply(H, left) - right, axis=1) <= INLIER_PX)
+    near = verified & (transfer_error(H, left, right) <= INLIER_PX)
     return H if near.sum() >= MIN_INLIERS else None, inliers if name == FUZZY_RANSAC else near
 
 
 def ransac(left: Array, right: Array, tolerance_px: float = fuzzy_ransac.TOLERANCE_PX) -> Array | None:
-    """OpenCV's RANSAC: fit samples of four matches until a better one is improbable (thesis, section III.5.1).
+    """Estimate by OpenCV's RANSAC: fit samples of four until a better one is improbable (thesis, section III.5.1).
 
     Returns None where no homography can be estimated.
     """
-    return _estimated(left, right, cv2.RANSAC, tolerance_px, RANSAC_ROUNDS)
+    return _estimate_by_opencv(left, right, cv2.RANSAC, tolerance_px, RANSAC_ROUNDS)
 
 
 def magsac(left: Array, right: Array) -> Array | None:
-    """OpenCV's MAGSAC++ (Barath et al., 2020) at 3 px; None where no homography can be estimated."""
-    return _estimated(left, right, cv2.USAC_MAGSAC, MAGSAC_TOLERANCE_PX, MAGSAC_ROUNDS)
+    """Estimate by OpenCV's MAGSAC++ (Barath et al., 2020) at 3 px; None where no homography can be estimated."""
+    return _estimate_by_opencv(left, right, cv2.USAC_MAGSAC, MAGSAC_TOLERANCE_PX, MAGSAC_ROUNDS)
 
 
 def fuzzy(left: Array, right: Array, verified: Mask) -> tuple[Array | None, fuzzy_ransac.Decision | None]:
-    """RANSAC over all matches, then the six rules on each, then the DLT over the accepted ones (thesis, Table III-3).
+    """Run RANSAC over all matches, apply the six rules, and fit the accepted ones by DLT (thesis, Table III-3).
 
-    The decision is None where RANSAC finds no homography, the homography where the rules accept too few matches.
+    Where RANSAC finds nothing, both are None; where the rules accept too few matches, the homography alone.
     """
     H = ransac(left, right)
     if H is None:
@@ -95,7 +93,7 @@ def fuzzy(left: Array, right: Array, verified: Mask) -> tuple[Array | None, fuzz
         return None, decision
 
 
-def _estimated(left: Array, right: Array, kind: int, tolerance_px: float, rounds: int) -> Array | None:
+def _estimate_by_opencv(left: Array, right: Array, kind: int, tolerance_px: float, rounds: int) -> Array | None:
     if len(left) < MIN_MATCHES:
         return None
     H, _ = cv2.findHomography(left, right, kind, tolerance_px, maxIters=rounds, confidence=CONFIDENCE)

@@ -1,8 +1,8 @@
 """The thesis's fuzzy RANSAC: six rules decide which matches are inliers of a homography (Table III-3).
 
 A match is an inlier if it passed the bidirectional check and its error is less than or equal to tau. The counts of
-Table IV-4 result only if both checks are made on every match by itself, as `decide` does. The thesis's text instead
-decides four random matches together, see `skymosaic.thesis.reference.fuzzy_ransac`.
+Table IV-4 come out only if every match is decided on its own, as `decide` does. The thesis's text instead decides
+four random matches together, see `skymosaic.thesis.reference.fuzzy_ransac`.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from numpy.typing import ArrayLike, NDArray
 from golden_model.arrays import Array, Mask
 from golden_model.formats import POSITION
 from golden_model.matching.fuzzy import ONE, Rule, SugenoSystem, Variable
-from skymosaic.geometry.homography import apply
+from skymosaic.geometry.homography import transfer_error
 
 TOLERANCE_PX = 4.0
 INLIER_RULES = (0, 1)
 NEAR_RULES = (0, 1, 3, 4)
-"""Rules of the matches that RANSAC alone would accept: the error is less than or equal to tau."""
+"""Rules for an error of at most tau: the matches that RANSAC alone would accept."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Decision:
 
 @lru_cache
 def rule_base(tolerance_px: float = TOLERANCE_PX) -> SugenoSystem:
-    """The six rules over two inputs: the bidirectional check (0 or 1) and the error in 1/16 px."""
+    """Build the six rules over two inputs: the bidirectional check (0 or 1) and the error in 1/16 px."""
     tau = round(tolerance_px * POSITION.one)
     steps = np.arange(tau + 2)
     check = {"verified": np.array([0, ONE]), "not verified": np.array([ONE, 0])}
@@ -69,7 +69,7 @@ def decide(
     *,
     tolerance_px: float = TOLERANCE_PX,
 ) -> Decision:
-    """Apply the rules to every match by itself.
+    """Apply the rules to each match on its own.
 
     Parameters
     ----------
@@ -89,10 +89,9 @@ def decide(
 
 
 def error_steps(H: Array, left: ArrayLike, right: ArrayLike, tolerance_px: float) -> NDArray[np.int64]:
-    """Transfer error in steps of 1/16 px, limited to twice tau, which infinite errors get too.
+    """Transfer errors in steps of 1/16 px, limited to twice tau; infinite errors are at the limit.
 
     The step is the resolution of feature positions, so "equal to tau" means within half a step of it.
     """
-    error_px = np.linalg.norm(apply(H, left) - np.asarray(right, dtype=np.float64), axis=-1)
-    capped = np.minimum(np.nan_to_num(error_px, nan=np.inf), 2 * tolerance_px)
+    capped = np.minimum(np.nan_to_num(transfer_error(H, left, right), nan=np.inf), 2 * tolerance_px)
     return np.asarray(np.rint(capped * POSITION.one), dtype=np.int64)

@@ -8,6 +8,7 @@ positive, the point lies on the same side of the camera as the left image's firs
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,7 +24,7 @@ class DegenerateError(ValueError):
 
 
 def rescale(H: Array) -> Array:
-    """``H`` scaled to H[2, 2] = 1.
+    """Scale ``H`` to H[2, 2] = 1.
 
     Raises
     ------
@@ -36,10 +37,10 @@ def rescale(H: Array) -> Array:
 
 
 def resize_matrix(factor_x: float, factor_y: float | None = None) -> Matrix:
-    """The transformation (3, 3) of pixel coordinates when an image is resized by ``factor_x`` and ``factor_y``.
+    """The map (3, 3) from an image's pixel coordinates to those of the image resized by the factors.
 
-    ``factor_y`` defaults to ``factor_x``. The outer corner of pixel (0, 0), at (-0.5, -0.5), keeps its position, so
-    that pixel centres are at integers before and after.
+    ``factor_y`` defaults to ``factor_x``. Pixel centres are at integers before and after, so the outer corner of pixel
+    (0, 0), at (-0.5, -0.5), keeps its position.
     """
     factor_y = factor_x if factor_y is None else factor_y
     return np.array([[factor_x, 0, (factor_x - 1) / 2], [0, factor_y, (factor_y - 1) / 2], [0, 0, 1]])
@@ -50,6 +51,11 @@ def apply(H: Array, points: ArrayLike) -> Array:
     mapped = np.asarray(points, dtype=np.float64) @ H[:, :2].T + H[:, 2]
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(mapped[..., :2] / mapped[..., 2:])
+
+
+def transfer_error(H: Array, left: ArrayLike, right: ArrayLike) -> Array:
+    """Distances (N,) in the right image between mapped left points and right points, (N, 2) each, px."""
+    return np.asarray(np.linalg.norm(apply(H, left) - np.asarray(right, dtype=np.float64), axis=-1))
 
 
 def estimate(left: ArrayLike, right: ArrayLike, *, model: str = "projective", weight: ArrayLike | None = None) -> Array:
@@ -103,7 +109,7 @@ def dlt(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None = None) -> A
 def check_pairs(
     left: ArrayLike, right: ArrayLike, weight: ArrayLike | None, *, minimum: int
 ) -> tuple[Array, Array, Array]:
-    """Point pairs as (N, 2) float64 arrays and the square roots (N,) of their weights.
+    """Check point pairs; returns them as (N, 2) float64 arrays, and the square roots (N,) of their weights.
 
     Raises
     ------
@@ -148,15 +154,7 @@ def design_matrix(x: Array, y: Array, root_weight: Array) -> Array:
     return rows.reshape(-1, 9)
 
 
-def _isometry(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None) -> Array:
-    return _rotation_scale(left, right, weight, keep_scale=False)
-
-
-def _similarity(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None) -> Array:
-    return _rotation_scale(left, right, weight, keep_scale=True)
-
-
-def _rotation_scale(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None, *, keep_scale: bool) -> Array:
+def _fit_similarity(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None, *, with_scale: bool) -> Array:
     """Closed form in complex numbers: about the centroids, x' = a x with a = sum(w x' x*) / sum(w |x|^2)."""
     x, y, root = check_pairs(left, right, weight, minimum=2)
     w = root**2
@@ -165,12 +163,12 @@ def _rotation_scale(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None,
     spread, rotation = np.sum(w * np.abs(z) ** 2), np.sum(w * target * z.conj())
     if abs(rotation) <= RANK_TOLERANCE * spread:
         raise DegenerateError("the points coincide, or no rotation relates them")
-    a = rotation / spread if keep_scale else rotation / abs(rotation)
+    a = rotation / spread if with_scale else rotation / abs(rotation)
     linear = np.array([[a.real, -a.imag], [a.imag, a.real]])
     return np.block([[linear, (centre_y - linear @ centre_x)[:, None]], [np.zeros((1, 2)), np.ones((1, 1))]])
 
 
-def _affine(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None) -> Array:
+def _fit_affine(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None) -> Array:
     x, y, root = check_pairs(left, right, weight, minimum=3)
     to_x = normalisation(x, root)
     rows = homogeneous(apply(to_x, x)) * root[:, None]
@@ -178,7 +176,7 @@ def _affine(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None) -> Arra
 
 
 def solve_least_squares(rows: Array, target: Array) -> Array:
-    """The least-squares solution of ``rows @ h = target``.
+    """Solve ``rows @ h = target`` by least squares.
 
     Raises
     ------
@@ -192,8 +190,8 @@ def solve_least_squares(rows: Array, target: Array) -> Array:
 
 
 _MODELS: dict[str, Callable[[ArrayLike, ArrayLike, ArrayLike | None], Array]] = {
-    "isometry": _isometry,
-    "similarity": _similarity,
-    "affine": _affine,
+    "isometry": partial(_fit_similarity, with_scale=False),
+    "similarity": partial(_fit_similarity, with_scale=True),
+    "affine": _fit_affine,
     "projective": dlt,
 }

@@ -13,7 +13,7 @@ from skymosaic.geometry.prosac import estimate_homography
 TOLERANCE_PX = 3.0
 """A match with at most this error supports a transformation."""
 MAX_TRIED = 60
-"""Similarities are tried from all pairs among this many matches, the heaviest."""
+"""Similarities are tried from all pairs among this many matches, those with the largest weights."""
 MIN_BASE_PX = 10.0
 """Two matches closer than this do not determine scale and rotation well enough."""
 NOISE_PX = 1.0
@@ -56,13 +56,13 @@ def fit(left: Array, right: Array, weight: Array, *, fewest: int, rng: np.random
     if projective is not None:
         inliers = int((_squared_error(projective, left, right) <= TOLERANCE_PX**2).sum())
         fits.append(Fit(projective, "projective", inliers))
-    return min((found for found in fits if found), key=lambda found: _criterion(found, left, right), default=None)
+    return min((each for each in fits if each), key=lambda each: _criterion(each, left, right), default=None)
 
 
 def fit_similarity(left: Array, right: Array, weight: Array, *, fewest: int) -> Fit | None:
-    """Find the similarity with the most weighted support among all that two matches define, refitted to its inliers.
+    """Find the similarity through two matches with the most weighted support, and refit it to its inliers.
 
-    Arguments and result as in `fit`. Few matches allow every pair to be tried, so there is no random sampling.
+    Arguments and result as in `fit`. With few matches every pair can be tried, so there is no random sampling.
     """
     heaviest = np.argsort(-weight, kind="stable")[:MAX_TRIED]
     x, y = left @ [1, 1j], right @ [1, 1j]
@@ -85,10 +85,10 @@ def fit_similarity(left: Array, right: Array, weight: Array, *, fewest: int) -> 
     return Fit(matrix, "similarity", int(inliers.sum()))
 
 
-def _criterion(found: Fit, left: Array, right: Array) -> float:
-    """The information criterion: bounded squared errors plus a penalty for each parameter; smaller is better."""
-    errors = np.minimum(_squared_error(found.matrix, left, right) / NOISE_PX**2, 4)
-    return float(errors.sum() + PARAMETERS[found.model] * np.log(4 * len(left)))
+def _criterion(candidate: Fit, left: Array, right: Array) -> float:
+    """The information criterion: bounded squared errors plus a penalty per parameter; smaller is better."""
+    errors = np.minimum(_squared_error(candidate.matrix, left, right) / NOISE_PX**2, 4)
+    return float(errors.sum() + PARAMETERS[candidate.model] * np.log(4 * len(left)))
 
 
 def _squared_error(homography: Array, left: Array, right: Array) -> Array:

@@ -1,12 +1,12 @@
 """Robust homography from weighted matches: PROSAC with local optimisation.
 
-Sampling follows Chum and Matas (Matching with PROSAC, CVPR 2005): matches ordered by weight, samples drawn from
-a growing set of the best. Samples are solved and scored in batches. The best sample of a batch is improved by
-the DLT over its shrinking inlier band (Chum, Matas and Kittler, Locally optimized RANSAC, 2003), the final
-homography by reweighted Gauss-Newton.
+Sampling follows Chum and Matas (Matching with PROSAC, CVPR 2005): matches are ordered by weight, and samples are drawn
+from a growing set of the best. Samples are solved and scored in batches. The best sample of a batch is improved by the
+DLT over its shrinking inlier band (Chum, Matas and Kittler, Locally optimized RANSAC, 2003), the final homography by
+reweighted Gauss-Newton.
 
-Where the ground is not flat, several planes explain part of the matches, and a search that ends with the first good
-one depends on the seed. So the search is restarted, and the homography with the highest score is kept.
+Where the ground is not flat, several planes explain part of the matches, and a search that stops at the first good one
+depends on the seed. So the search is restarted, and the homography with the highest score wins.
 """
 
 from __future__ import annotations
@@ -37,25 +37,25 @@ LOCAL_BANDS = (2.0, 1.5, 1.0)
 MIN_GAIN = 0.01
 """The local optimisation continues while a round raises the score by at least this share."""
 INLIER_PX = 2.0
-"""Largest error of an inlier, in pixels of the working image; every stage of registration uses it."""
+"""Maximum error of an inlier, in pixels of the working image; every stage of registration uses it."""
 MIN_INLIERS = 12
 """A homography with fewer inliers is not accepted."""
 CONFIDENCE = 0.9999
 """Sampling stops once a sample without wrong matches has been drawn with this probability."""
 RESTARTS = 3
-"""Independent searches, of which the one with the highest score counts."""
+"""Independent searches; the homography with the highest score wins."""
 BATCH = 64
-"""Samples that are solved and scored together: NumPy is fast on arrays only."""
+"""Samples that are solved and scored together, because NumPy is fast on arrays only."""
 EIGENVALUE_TOLERANCE = 1e-13
-"""Normal equations whose second smallest eigenvalue is smaller, relative to the largest, are degenerate."""
+"""Normal equations are degenerate if their second smallest eigenvalue is below this share of the largest."""
 TRIPLES = ((1, 2, 3), (2, 0, 3), (0, 1, 3), (0, 1, 2))
 """The triangles among a sample's four points. The first three leave out point 0, 1 and 2; the ratios of their areas to
 the last give the fourth point as a combination of the first three."""
 
 Scorer = Callable[[Array], Array]
-"""Scores (M,) of homographies (M, 3, 3), of which the highest is the best; 0 has no support."""
+"""Scores (M,) of homographies (M, 3, 3); higher is better, 0 means no support."""
 Scoring = Callable[[Points, Points, Array], Scorer]
-"""Makes the scorer of matches: left, right, and weights, which fall."""
+"""Makes a `Scorer` from left points, right points and weights in falling order."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class _Matches:
         self.order = np.argsort(-root_weight, kind="stable")
         self.left, self.right, self.weight = x[self.order], y[self.order], root_weight[self.order] ** 2
         ones = np.ones(len(x))
-        # Without two different points there is nothing to normalise, and no sample to fit.
+        # Without two different points there is nothing to normalise and no sample to fit.
         self._fits = all(len(points) and np.ptp(points, axis=0).any() for points in (x, y))
         if self._fits:
             self._to_left, self._to_right = normalisation(self.left, ones), normalisation(self.right, ones)
@@ -105,10 +105,10 @@ class _Matches:
         return np.asarray(_gain(squared_error) @ self.weight)
 
     def fit(self, chosen: Mask) -> Matrix:
-        """The weighted DLT over some of the matches, by the normal equations.
+        """Fit the chosen matches by the weighted DLT, from its normal equations.
 
-        The 9x9 matrix loses half of the digits that `skymosaic.geometry.homography.dlt` keeps, which does not matter
-        for a step of a search, and takes a fraction of its time.
+        The 9x9 matrix loses half of the digits that `skymosaic.geometry.homography.dlt` keeps. That does not matter
+        for a step of a search, and it takes a fraction of the time.
         """
         if not self._fits or np.count_nonzero(chosen) < 4:
             raise DegenerateError("fewer than 4 matches")
@@ -119,14 +119,22 @@ class _Matches:
             raise DegenerateError("the matches do not determine a homography")
         return rescale(np.linalg.inv(self._to_right) @ vectors[:, 0].reshape(3, 3) @ self._to_left)
 
-    def estimate(self, H: Matrix | None, samples: int) -> Estimate:
-        """The polished homography with its inliers in the order in which the matches were given."""
-        best = None if H is None else _polish(H, self)
+    def polish(self, H: Matrix | None, samples: int) -> Estimate:
+        """Refine the best homography; its inliers are in the order in which the matches were given."""
+        best = None if H is None else self._refine(H)
         inliers = np.zeros(len(self.left), dtype=bool)
         if best is None:
             return Estimate(None, inliers, samples)
         inliers[self.order] = self.squared_error(best) <= INLIER_PX**2
         return Estimate(best if inliers.sum() >= MIN_INLIERS else None, inliers, samples)
+
+    def _refine(self, H: Matrix) -> Matrix | None:
+        """Reweighted Gauss-Newton over all matches; None where that does not give a homography."""
+        finite = np.isfinite(self.squared_error(H))
+        try:
+            return refine_robustly(H, self.left[finite], self.right[finite])
+        except DegenerateError:
+            return None
 
 
 def estimate_homography(
@@ -151,11 +159,11 @@ def estimate_homography(
     rng : numpy.random.Generator
         Source of the samples; the same state gives the same result.
     max_samples : int
-        Most samples drawn in each search; fewer once a better homography is improbable.
+        Samples per search; it ends earlier once a better homography is improbable.
     restarts : int
-        Independent searches; the homography with the highest score counts. With 0, only ``starts`` do.
+        Independent searches; the homography with the highest score wins. With 0, only ``starts`` compete.
     starts : sequence of (3, 3) ndarray
-        Homographies known from elsewhere that compete after local optimisation.
+        Homographies known from elsewhere, which compete after local optimisation.
     scoring : callable, optional
         What ranks the samples; default `transfer_scorer`. Local optimisation always works in floating point.
 
@@ -171,23 +179,23 @@ def estimate_homography(
     """
     matches = _Matches(left, right, weight)
     scores = (scoring or transfer_scorer)(matches.left, matches.right, matches.weight)
-    found = [_search(matches, scores, rng, max_samples) for _ in range(restarts)]
-    found += [(*_optimise_locally(start, 0.0, matches), 0) for start in starts if len(matches.left) >= 4]
-    best, _, _ = max(found, key=lambda result: result[1], default=(None, 0.0, 0))
-    return matches.estimate(best, sum(samples for _, _, samples in found))
+    results = [_search(matches, scores, rng, max_samples) for _ in range(restarts)]
+    results += [(*_optimise_locally(start, 0.0, matches), 0) for start in starts if len(matches.left) >= 4]
+    best, _, _ = max(results, key=lambda result: result[1], default=(None, 0.0, 0))
+    return matches.polish(best, sum(samples for _, _, samples in results))
 
 
 def transfer_scorer(left: Points, right: Points, weight: Array) -> Scorer:
-    """The scorer in floating point: the sum of w max(0, 1 - e²/2tau²), where e is the transfer error."""
+    """Make the scorer in floating point: the sum of w max(0, 1 - e²/2tau²), where e is the transfer error."""
     lifted = homogeneous(left).T
 
-    def scores(homographies: Array) -> Array:
+    def score(homographies: Array) -> Array:
         x, y, w = (homographies.reshape(-1, 3) @ lifted).reshape(len(homographies), 3, -1).transpose(1, 0, 2)
         with np.errstate(divide="ignore", invalid="ignore"):
             squared_error = (x / w - right[:, 0]) ** 2 + (y / w - right[:, 1]) ** 2
         return _gain(squared_error) @ weight
 
-    return scores
+    return score
 
 
 def _gain(squared_error: Array) -> Array:
@@ -198,7 +206,7 @@ def _gain(squared_error: Array) -> Array:
 def _search(
     matches: _Matches, scores: Scorer, rng: np.random.Generator, max_samples: int
 ) -> tuple[Array | None, float, int]:
-    """The homography with the highest score, its score, and the number of samples drawn."""
+    """Search once; returns the homography with the highest score, its score, and the number of samples drawn."""
     subset_sizes = _subset_sizes(len(matches.left), max_samples)
     best, best_score, best_sample_score = None, 0.0, 0.0
     drawn, needed = 0, float(len(subset_sizes))
@@ -217,10 +225,10 @@ def _search(
 
 
 def _subset_sizes(count: int, max_samples: int) -> NDArray[np.int64]:
-    """Size of the set of best matches that each PROSAC sample is drawn from, (samples,).
+    """Size of the set of best matches from which each PROSAC sample is drawn, (samples,).
 
-    The set of the n best matches is used for as many samples as would be expected, among ``max_samples`` uniform
-    samples of all matches, to have the n-th match as their worst; each size gets at least one sample.
+    Among ``max_samples`` uniform samples of all matches, a certain number would have the n-th match as their worst. The
+    n best matches serve that many samples, but at least one.
     """
     if count < 4:
         return np.zeros(0, dtype=np.int64)
@@ -245,9 +253,8 @@ def _minimal_homographies(matches: _Matches, samples: NDArray[np.int64]) -> Arra
     """Homographies (M, 3, 3) of the samples (B, 4) that preserve orientation and are not degenerate.
 
     In homogeneous coordinates the fourth point is p3 = sum_i a_i p_i, i = 0..2, where a_i is a ratio of triangle
-    areas. With b_i the same of the right points, H = sum_i (b_i / a_i) q_i (p_j x p_k)'. The signs of the areas
-    are the orientation test: a view from the same side turns no triangle over. The third coordinate of all four points
-    is given a positive sign.
+    areas. With b_i the same ratio for the right points, H = sum_i (b_i / a_i) q_i (p_j x p_k)'. The signs of the areas
+    are the orientation test: a view from the same side turns no triangle over. All four third coordinates are positive.
     """
     left, right = (homogeneous(points[samples]) for points in (matches.left, matches.right))
     left_areas, right_areas = _areas(left), _areas(right)
@@ -261,7 +268,7 @@ def _minimal_homographies(matches: _Matches, samples: NDArray[np.int64]) -> Arra
 
 
 def _areas(points: Array) -> Array:
-    """Twice the signed area (B, 4) of the triangles `TRIPLES` of homogeneous points (B, 4, 3)."""
+    """Twice the signed areas (B, 4) of the triangles `TRIPLES` among homogeneous points (B, 4, 3)."""
     corners = points[:, np.array(TRIPLES), :2]
     first, second = corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0]
     return np.asarray(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
@@ -270,13 +277,13 @@ def _areas(points: Array) -> Array:
 def _best_of(homographies: Array, scores: Scorer) -> tuple[Array | None, float]:
     if len(homographies) == 0:
         return None, 0.0
-    found = scores(homographies)
-    best = int(np.argmax(found))
-    return homographies[best], float(found[best])
+    values = scores(homographies)
+    best = int(np.argmax(values))
+    return homographies[best], float(values[best])
 
 
 def _optimise_locally(H: Array, score: float, matches: _Matches) -> tuple[Array, float]:
-    """Refit by the DLT to the matches within each band in turn, repeat while the score rises, and return the best."""
+    """Refit by DLT to the matches within each band in turn, repeat while the score rises, and return the best."""
     gain = 1.0
     while gain > MIN_GAIN:
         start = score
@@ -295,16 +302,9 @@ def _optimise_locally(H: Array, score: float, matches: _Matches) -> tuple[Array,
 
 
 def _samples_needed(H: Array, matches: _Matches) -> float:
-    """Number of samples that contain one without outliers with probability `CONFIDENCE`, given the inliers of ``H``."""
+    """Samples needed for one without outliers, with probability `CONFIDENCE`, given the inliers of ``H``."""
     inlier_share = float(np.mean(matches.squared_error(H) < 2 * TOLERANCE_PX**2))
+    # With no outlier at all, the logarithm below would be of 0.
     good_sample = min(inlier_share**4, 1 - 1e-9)
     return float(np.log(1 - CONFIDENCE) / np.log1p(-good_sample))
 
-
-def _polish(H: Array, matches: _Matches) -> Array | None:
-    """Reweighted Gauss-Newton over all matches; None where that does not give a homography."""
-    finite = np.isfinite(matches.squared_error(H))
-    try:
-        return refine_robustly(H, matches.left[finite], matches.right[finite])
-    except DegenerateError:
-        return None

@@ -45,7 +45,7 @@ def refine_robustly(
         For fewer than 4 pairs or coincident points.
     """
     x, y, root = check_pairs(left, right, None, minimum=4)
-    # In coordinates around 1, so that the eight elements of h have similar magnitudes.
+    # Normalised coordinates are around 1, which gives the eight elements of h similar magnitudes.
     to_x, to_y, scale = joint_normalisation(x, y, root)
     x, y = apply(to_x, x), apply(to_y, y)
     h = rescale(to_y @ H @ np.linalg.inv(to_x)).ravel()[:8]
@@ -85,10 +85,7 @@ def transfer(h: Array, x: Array, y: Array) -> tuple[Array, Array]:
 
 
 def joint_normalisation(x: Array, y: Array, root_weight: Array) -> tuple[Array, Array, float]:
-    """Normalisations (3, 3) of both point sets with one common scale, and that scale.
-
-    With a common scale, errors in both images keep their proportion.
-    """
+    """Normalisations (3, 3) of both point sets with one scale, which keeps errors in proportion; and that scale."""
     to_x, to_y = normalisation(x, root_weight), normalisation(y, root_weight)
     scale = float(to_x[0, 0])
     to_y[:2] *= scale / to_y[0, 0]

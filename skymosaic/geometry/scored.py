@@ -1,4 +1,4 @@
-"""Ranks the samples of PROSAC by the integer scores of the hardware (`hdl.geometry.scoring`)."""
+"""Ranks PROSAC's samples by the hardware's integer scores (`hdl.geometry.scoring`)."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from skymosaic.geometry.prosac import Scorer
 
 Integers = NDArray[np.int64]
 Score = Callable[[Integers, Integers, Integers, Integers], Scores]
-"""Scores hypotheses by left and right positions and weights."""
+"""Scores hypotheses, given left positions, right positions and weights."""
 
 
 def integer_scorer(left: Points, right: Points, weight: Array, *, score: Score = score) -> Scorer:
-    """The scorer in the integers of the hardware, for `skymosaic.geometry.prosac.estimate_homography`.
+    """Make the scorer in the hardware's integers, for `skymosaic.geometry.prosac.estimate_homography`.
 
-    Positions are rounded to 1/16 px and weights to integers, which they already are in match records. Matches outside
-    the range of positions do not count, nor those beyond the 2048 that the hardware stores; the lightest are last.
+    Positions are rounded to 1/16 px and weights to integers, as they already are in match records. Matches outside the
+    range of positions do not count, nor those beyond the 2048 that the hardware stores, which have the lowest weights.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def integer_scorer(left: Points, right: Points, weight: Array, *, score: Score =
     weight : (N,) float64 ndarray
         0 to 255.
     score : callable
-        What scores hypotheses: the golden model, or a simulation of the hardware.
+        The golden model, or a simulation of the hardware.
 
     Returns
     -------
@@ -42,7 +42,4 @@ def integer_scorer(left: Points, right: Points, weight: Array, *, score: Score =
     stored = np.flatnonzero(((positions >= 0) & (positions <= POSITION.max_raw)).all(axis=1))[:MAX_MATCHES]
     matches = x[stored], y[stored], np.rint(weight[stored]).astype(np.int64)
 
-    def scores(homographies: Array) -> Array:
-        return score(quantise(homographies), *matches).score.astype(np.float64)
-
-    return scores
+    return lambda homographies: score(quantise(homographies), *matches).score.astype(np.float64)

@@ -1,8 +1,8 @@
-"""How far off a fitted homography may be, from the matches it was fitted to.
+"""Judges a fitted homography by its matches: how well they determine it, and how well it describes the scene.
 
-The covariance of the fit tells how well its inliers fix it, if their errors are independent. With relief they are not:
-neighbouring matches deviate together. So the fit is also repeated without a part of the image, and the held-out matches
-show how well a homography describes the scene at all.
+The covariance of the fit assumes that the inliers' errors are independent. With relief they are not, because
+neighbouring matches deviate together. So the fit is also repeated without a part of the image, and the held-out
+matches show how well any homography describes the scene.
 """
 
 from __future__ import annotations
@@ -13,38 +13,38 @@ import numpy as np
 
 from golden_model.arrays import Array, Mask, Matrix, Points
 from skymosaic.geometry.acceptance import CELL_PX, Size, hull_share, overlap
-from skymosaic.geometry.homography import DegenerateError, apply, normalisation, rescale
+from skymosaic.geometry.homography import DegenerateError, apply, normalisation, rescale, transfer_error
 from skymosaic.geometry.prosac import INLIER_PX
 from skymosaic.geometry.refinement import refine_robustly, transfer
 
 NEAR_PX = 12.0
-"""Matches this close to the homography are taken for right ones, which relief may have displaced."""
+"""Matches this close to the homography are considered correct, though relief may have displaced them."""
 NOISE_PX = 0.3
-"""Smallest standard deviation that a match is credited with, in each direction."""
+"""Lower limit on a match's standard deviation, in each direction."""
 FOLDS = 2
 GRID_POINTS = 12
 BLOCKS = 6
-"""Blocks across the extent of the matches, which are held out like the fields of a chessboard."""
+"""Blocks across the extent of the matches, held out like the fields of a chessboard."""
 
 
 @dataclass(frozen=True)
 class FitQuality:
-    """What the matches of a homography say about it.
+    """Quality of a homography, measured on its matches.
 
     Attributes
     ----------
     covariance_px : float
-        Expected error of the fit over the overlap, from its covariance: mean standard deviation.
+        Mean standard deviation of the fit over the overlap, from its covariance.
     instability_px : float
-        Mean distance, over the overlap, between fits that each lack a part of the matches and the fit to all.
+        Mean distance, over the overlap, between the fit to all matches and fits without a part of them.
     held_out_share : float
         Share of the held-out matches within 12 px that lie within 2 px, 0..1.
     held_out_px : float
         90th percentile of the errors of the held-out matches within 12 px.
     hull_share : float
-        Area of the hull of the inliers / area of the overlap, 0..1.
+        Area of the inliers' hull / area of the overlap, 0..1.
     inliers : int
-        Different matches within 2 px.
+        Matches within 2 px, at different places.
     """
 
     covariance_px: float
@@ -56,7 +56,7 @@ class FitQuality:
 
 
 def assess_fit(homography: Matrix, left: Points, right: Points, left_size: Size, right_size: Size) -> FitQuality:
-    """Judge a homography by matches (N, 2) to (N, 2), of which some may be wrong; N >= 4 of them within 12 px.
+    """Measure how good a homography is, by matches of which some may be wrong; at least 4 lie within 12 px.
 
     Parameters
     ----------
@@ -65,14 +65,14 @@ def assess_fit(homography: Matrix, left: Points, right: Points, left_size: Size,
     left, right : (N, 2) ndarray
         Matches of unguided passes, px.
     left_size, right_size : (int, int)
-        Of the images, px.
+        Width and height of the images, px.
     """
-    left, right = _one_a_place(left, right)
-    error_px = np.linalg.norm(apply(homography, left) - right, axis=1)
+    left, right = _one_per_place(left, right)
+    error_px = transfer_error(homography, left, right)
     near, inlier = error_px <= NEAR_PX, error_px <= INLIER_PX
     grid = _grid(overlap(homography, left_size, right_size))
     held_out_px, fits = _cross_validated(homography, left[near], right[near])
-    distances = [np.linalg.norm(apply(fit, grid) - apply(homography, grid), axis=1).mean() for fit in fits]
+    distances = [transfer_error(fit, grid, apply(homography, grid)).mean() for fit in fits]
     return FitQuality(
         covariance_px=_covariance_error(homography, left[inlier], right[inlier], grid),
         instability_px=float(np.mean(distances)) if distances else NEAR_PX,
@@ -84,7 +84,7 @@ def assess_fit(homography: Matrix, left: Points, right: Points, left_size: Size,
 
 
 def covariance(homography: Matrix, left: Points, right: Points) -> Array:
-    """Covariance (8, 8) of h11 ... h32 with h33 = 1, from the transfer errors of N inliers and their Jacobian.
+    """Covariance (8, 8) of h11 ... h32 with h33 = 1, from N inliers' transfer errors and their Jacobian.
 
     Raises
     ------
@@ -101,10 +101,10 @@ def covariance(homography: Matrix, left: Points, right: Points) -> Array:
 
 
 def _covariance_error(homography: Matrix, left: Points, right: Points, grid: Points) -> float:
-    """Mean standard deviation of the mapped grid; 12 px where the inliers determine nothing."""
+    """Mean standard deviation of the mapped grid; 12 px where the inliers determine no homography."""
     if len(left) < 5 or not len(grid):
         return NEAR_PX
-    # In normalised coordinates of the left image; the elements of h differ by six orders of magnitude otherwise.
+    # Without normalised coordinates in the left image, the elements of h would differ by six orders of magnitude.
     to_left = normalisation(left, np.ones(len(left)))
     try:
         H = rescale(homography @ np.linalg.inv(to_left))
@@ -118,7 +118,7 @@ def _covariance_error(homography: Matrix, left: Points, right: Points, grid: Poi
 
 
 def _cross_validated(homography: Matrix, left: Points, right: Points) -> tuple[Array, list[Matrix]]:
-    """Errors of all matches under fits that have not seen them, and these fits."""
+    """Errors of the matches under fits without them, and these fits."""
     if len(left) < 8:
         return np.zeros(0), []
     low, high = left.min(axis=0), left.max(axis=0)
@@ -131,18 +131,18 @@ def _cross_validated(homography: Matrix, left: Points, right: Points) -> tuple[A
         except (DegenerateError, ValueError, np.linalg.LinAlgError):
             continue
         fits.append(fit)
-        error_px[held_out] = np.linalg.norm(apply(fit, left[held_out]) - right[held_out], axis=1)
+        error_px[held_out] = transfer_error(fit, left[held_out], right[held_out])
     return error_px[np.isfinite(error_px)], fits
 
 
-def _one_a_place(left: Points, right: Points) -> tuple[Points, Points]:
-    """The first match of each cell: frames at several scales show the same corner again."""
+def _one_per_place(left: Points, right: Points) -> tuple[Points, Points]:
+    """The first match of each cell, because frames at several scales show the same corner again."""
     _, first = np.unique(np.floor(left / CELL_PX), axis=0, return_index=True)
     return left[first], right[first]
 
 
 def _grid(polygon: Points) -> Points:
-    """Points inside a convex polygon (N, 2), on a grid over its bounding box; none where it is empty."""
+    """Grid points (M, 2) inside a convex polygon (N, 2); none where it is empty."""
     if len(polygon) < 3:
         return np.zeros((0, 2))
     axes = [np.linspace(*bounds, GRID_POINTS) for bounds in zip(polygon.min(axis=0), polygon.max(axis=0), strict=True)]
