@@ -1,4 +1,4 @@
-"""Feature records of any key points: with OpenCV's descriptors, ILBP, gray windows, or none (for the KLT tracker)."""
+"""Describes key points in feature records: by OpenCV's descriptors, ILBP, gray windows, or nothing (for KLT)."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from skymosaic.features.positions import raw_positions
 Bytes = NDArray[np.uint8]
 
 _OPENCV: dict[str, Callable[[], cv2.Feature2D]] = {
-    # nfeatures, octave layers, contrast, edge, sigma. SIFT's descriptors hold whole numbers from 0 to 255, so that
-    # CV_8U loses nothing.
+    # nfeatures, octave layers, contrast, edge, sigma. SIFT's descriptors are whole numbers from 0 to 255, so CV_8U
+    # loses nothing.
     "sift": lambda: cv2.SIFT.create(0, 3, 0.02, 10, 1.6, cv2.CV_8U, False),
     "orb": cv2.ORB.create,
     "akaze": cv2.xfeatures2d.AKAZE.create,
@@ -36,12 +36,11 @@ WINDOWS_PX = {f"window-{size}": size for size in (3, 10, 22, 25, 30)}
 """Gray windows for correlation, with the sides of Table IV-2."""
 TRACKED = "klt"
 DESCRIPTORS = (*PATTERNS, *WINDOWS_PX, *_OPENCV, TRACKED)
-"""Every descriptor by name."""
 ANGLE_IGNORED = ("brisk", "freak", *PATTERNS, *WINDOWS_PX)
-"""Descriptors that ignore a key point's angle. SIFT's key points at one position differ in their angle only, so that
-these descriptors would describe them all alike."""
+"""Descriptors that ignore a key point's angle. SIFT's key points at one position differ in nothing else, so these
+descriptors would describe them all alike."""
 STRONGEST_RESPONSE = 1 << 30
-"""Response stored for the strongest key point of an image; the others are scaled in proportion."""
+"""Stored response of an image's strongest key point; the others are in proportion."""
 
 
 def describe(gray: Pixels, key_points: KeyPoints, descriptor: str) -> Records:
@@ -53,12 +52,12 @@ def describe(gray: Pixels, key_points: KeyPoints, descriptor: str) -> Records:
     key_points : sequence of cv2.KeyPoint
         Key points nearer to the border than the descriptor's support are dropped.
     descriptor : str
-        One of `DESCRIPTORS`. ILBP and windows are computed at the nearest pixel of the full-size image.
+        One of `DESCRIPTORS`. ILBP and windows are taken at the nearest pixel of the full-size image.
 
     Returns
     -------
     structured ndarray, shape (N,)
-        `golden_model.records.feature_record`. The sector is the ILBP's, or follows from the key point's angle.
+        `golden_model.records.feature_record`. The sector is ILBP's own, else that of the key point's angle.
     """
     if descriptor in _OPENCV:
         extractor = _extractor(descriptor)
@@ -75,7 +74,7 @@ def describe(gray: Pixels, key_points: KeyPoints, descriptor: str) -> Records:
 
 @cache
 def _extractor(descriptor: str) -> cv2.Feature2D:
-    """OpenCV's extractor, created once: building BRISK's tables takes longer than describing an image."""
+    """Create OpenCV's extractor, once: building BRISK's tables takes longer than describing an image."""
     return _OPENCV[descriptor]()
 
 

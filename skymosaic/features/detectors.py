@@ -1,6 +1,6 @@
-"""Key points of every detector: the front end's Harris and FAST, SURF's box filters, and OpenCV's detectors.
+"""Key points by every detector: the front end's Harris and FAST, SURF's box filters, and OpenCV's detectors.
 
-The thresholds are low enough for thousands of key points on ordinary photographs; callers keep the strongest.
+The thresholds are low enough for thousands of key points per photograph; callers keep the strongest.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ KeyPoints = Sequence[cv2.KeyPoint]
 
 FRONT_END_DETECTORS = ("harris", "fast")
 CORNER_SIZE_PX = 7.0
-"""Diameter of Harris and FAST corners, which have no scale: the value that OpenCV gives to its FAST corners."""
+"""Diameter of Harris and FAST corners, which have no scale: OpenCV's value for its FAST corners."""
 
 _OPENCV: dict[str, Callable[[int], cv2.Feature2D]] = {
     # No limit: SIFT counts every orientation at a position towards nfeatures.
@@ -31,11 +31,10 @@ _OPENCV: dict[str, Callable[[int], cv2.Feature2D]] = {
     "klt": lambda count: cv2.GFTTDetector.create(maxCorners=count, qualityLevel=1e-3, minDistance=5),
 }
 DETECTORS = (*FRONT_END_DETECTORS, "surf", *_OPENCV)
-"""Every detector by name."""
 
 
 def detect(gray: Pixels, detector: str, count: int) -> list[cv2.KeyPoint]:
-    """Key points of an image in order of falling response.
+    """Detect key points; returns them in order of falling response.
 
     Parameters
     ----------
@@ -45,17 +44,17 @@ def detect(gray: Pixels, detector: str, count: int) -> list[cv2.KeyPoint]:
     count : int
         Number wanted; detectors without a limit may return more.
     """
-    found = surf.key_points(gray) if detector == "surf" else _OPENCV[detector](count).detect(gray, None)
-    return sorted(found, key=lambda point: -float(point.response))
+    points = surf.key_points(gray) if detector == "surf" else _OPENCV[detector](count).detect(gray, None)
+    return sorted(points, key=lambda point: -float(point.response))
 
 
 def keep_one_per_position(key_points: KeyPoints) -> list[cv2.KeyPoint]:
-    """The first key point at each position: SIFT returns one for every strong orientation there."""
+    """Keep the first key point at each position; SIFT returns one per strong orientation."""
     return list({point.pt: point for point in reversed(key_points)}.values())[::-1]
 
 
 def to_key_points(features: Records) -> list[cv2.KeyPoint]:
-    """The front end's corners as key points; their angle is that of the sector."""
+    """Convert the front end's corners to key points, with the angle of their sector."""
     return [
         cv2.KeyPoint(x, y, CORNER_SIZE_PX, angle, response)
         for x, y, angle, response in zip(
@@ -69,7 +68,7 @@ def to_key_points(features: Records) -> list[cv2.KeyPoint]:
 
 
 def strip_octaves(key_points: KeyPoints) -> list[cv2.KeyPoint]:
-    """The key points without their octave, for another descriptor: every OpenCV class encodes octaves differently."""
+    """Strip key points of their octave for another descriptor, because OpenCV's classes encode octaves differently."""
     return [cv2.KeyPoint(point.pt[0], point.pt[1], point.size, point.angle, point.response) for point in key_points]
 
 

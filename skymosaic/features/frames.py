@@ -1,8 +1,8 @@
-"""Changed copies of an image for further passes of the front end: other scales, and simulated tilts.
+"""Copies of an image at other scales and simulated tilts, for further passes of the front end.
 
 The front end describes two octaves of an image. Copies at other scales fill the gaps between octaves and extend
 their range; copies compressed in one direction imitate a camera that looks from the side (Morel and Yu, ASIFT: a new
-framework for fully affine invariant image comparison, 2009). Front end and matcher see them as ordinary frames.
+framework for fully affine invariant image comparison, 2009). To front end and matcher they are ordinary frames.
 """
 
 from __future__ import annotations
@@ -14,12 +14,11 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Matrix, Pixels, Records
+from golden_model.config import MAX_FRAME_PX, MIN_FRAME_PX
 from golden_model.records import MATCH
 from skymosaic.features.positions import feature_points, match_points, raw_positions
 from skymosaic.geometry.homography import apply, resize_matrix
 
-SIDES_PX = (64, 4096)
-"""Shortest and longest side of a frame that the front end takes."""
 TILT_BLUR = 0.8
 """Blur before a compression by t, in sqrt(t² - 1) px (ASIFT's value): the aliasing limit of a camera's own blur."""
 
@@ -35,17 +34,17 @@ class Change:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """A changed image, and the affine map (3, 3) from its pixels to those of the image it was made of."""
+    """A changed copy of an image, and the affine map (3, 3) from its pixels to the image's."""
 
     pixels: Pixels
     to_image: Matrix
 
 
 def make_frame(image: Pixels, change: Change) -> Frame | None:
-    """The changed image; None where a side would leave the front end's range."""
+    """Make a changed copy of an image; None where a side would leave the front end's range."""
     height_px, width_px = image.shape[:2]
     size = round(width_px * change.scale), round(height_px * change.scale)
-    if not all(SIDES_PX[0] <= side_px <= SIDES_PX[1] for side_px in size):
+    if not all(MIN_FRAME_PX <= side_px <= MAX_FRAME_PX for side_px in size):
         return None
     pixels, to_image = image, np.eye(3)
     if size != (width_px, height_px):
@@ -54,18 +53,14 @@ def make_frame(image: Pixels, change: Change) -> Frame | None:
         to_image = resize_matrix(width_px / size[0], height_px / size[1])
     if change.tilt == 1:
         return Frame(pixels, to_image)
-    compressed = _compressed(pixels, change.tilt, math.radians(change.direction_deg))
-    if min(compressed.pixels.shape[:2]) < SIDES_PX[0]:
+    compressed = _compress(pixels, change.tilt, math.radians(change.direction_deg))
+    if min(compressed.pixels.shape[:2]) < MIN_FRAME_PX:
         return None
     return Frame(compressed.pixels, to_image @ compressed.to_image)
 
 
-def _compressed(image: Pixels, tilt: float, direction_rad: float) -> Frame:
-    """The image compressed by ``tilt`` along a direction, in the smallest frame that holds it.
-
-    The image is blurred along the direction first. Outside the image the frame shows its reflection, so that its
-    edges make no corners; `map_to_image` drops the features that lie out there.
-    """
+def _compress(image: Pixels, tilt: float, direction_rad: float) -> Frame:
+    """Compress an image by ``tilt`` along a direction, in the smallest frame that holds it; blurs it first."""
     cosine, sine = math.cos(direction_rad), math.sin(direction_rad)
     turn = np.array([[cosine, sine], [-sine, cosine]])
     linear = turn.T @ np.diag([1 / tilt, 1.0]) @ turn
@@ -76,6 +71,8 @@ def _compressed(image: Pixels, tilt: float, direction_rad: float) -> Frame:
     forward = np.eye(3)
     forward[:2, :2], forward[:2, 2] = linear, -low
     blurred = cv2.filter2D(image, -1, _line_blur(tilt, cosine, sine), borderType=cv2.BORDER_REFLECT)
+    # A reflection outside the image keeps its edges from making corners. `map_matches_to_images` drops what is found
+    # out there.
     pixels = cv2.warpAffine(
         blurred, forward[:2], (width, height), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT
     )
@@ -93,14 +90,14 @@ def _line_blur(tilt: float, cosine: float, sine: float) -> Matrix:
 
 
 def map_to_image(features: Records, to_image: Matrix) -> Records:
-    """Feature records of a frame with the positions of the image it was made of."""
+    """Move feature records of a frame to their positions in the image."""
     moved = features.copy()
     moved["x"], moved["y"] = raw_positions(apply(to_image, feature_points(features))).T
     return moved
 
 
 def map_matches_to_images(matches: Records, frames: tuple[Frame, Frame], images: tuple[Pixels, Pixels]) -> Records:
-    """Match records of two frames with the positions of the images; without those outside the images."""
+    """Move match records of two frames to their positions in the images; drops those outside the images."""
     moved = matches.copy()
     inside = np.ones(len(matches), dtype=bool)
     for side, frame, image, points in zip(("left", "right"), frames, images, match_points(matches), strict=True):
@@ -111,7 +108,7 @@ def map_matches_to_images(matches: Records, frames: tuple[Frame, Frame], images:
 
 
 def swap_sides(matches: Records) -> Records:
-    """The same matches with left and right exchanged."""
+    """Swap left and right of match records."""
     other = np.zeros(len(matches), dtype=MATCH.dtype)
     for name in matches.dtype.names or ():
         side, _, rest = name.partition("_")

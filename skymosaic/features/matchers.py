@@ -1,7 +1,7 @@
-"""Matchers that the front end does not have: ratio test, window correlation, KLT tracking.
+"""Matchers beyond those of the front end: ratio test, window correlation, KLT tracking.
 
 All return `golden_model.records.MATCH` records in order of the left index. ``verdict`` is 1 for matches that passed the
-check in the other direction, or the fuzzy rules.
+bidirectional check or the fuzzy rules.
 """
 
 from __future__ import annotations
@@ -19,18 +19,20 @@ from skymosaic.features.positions import feature_points, raw_positions
 RATIO = 0.8
 """A match is distinct if its distance is below this share of the distance to the second nearest (equation II-7)."""
 GOOD_MATCH_ABOVE = 191
-"""Fuzzy correlation keeps matches whose weight is nearer to a good match (255) than to a medium one (128)."""
+"""Fuzzy correlation keeps weights nearer to that of a good match (255) than of a medium one (128)."""
 TRACKING_WINDOW_PX = 21
 TRACKING_LEVELS = 5
 RETURN_TOLERANCE_PX = 1.0
-"""A corner that is tracked into the other image and back must return to within this distance of its start."""
+"""A corner tracked into the other image and back must return to within this distance of its start."""
 
 RATIO_RULES = ("nearest in both directions", "nearest in one direction only")
 TRACKING_RULES = ("tracked there and back", "lost on the way back")
 
 
 def match_by_ratio(left: Records, right: Records, norm: int) -> Records:
-    """Ratio test, at most one match per right feature (equation II-7), and bidirectional check (section III.5.2).
+    """Match by the ratio test (equation II-7) and the bidirectional check (section III.5.2).
+
+    Each right feature has at most one match.
 
     Parameters
     ----------
@@ -66,7 +68,7 @@ def match_by_ratio(left: Records, right: Records, norm: int) -> Records:
 
 
 def match_by_correlation(left: Records, right: Records) -> Records:
-    """Mutual nearest neighbours under SAD, weighted by fuzzy correlation (Tables III-1 and III-2).
+    """Match mutually nearest windows under SAD, weighted by fuzzy correlation (Tables III-1 and III-2).
 
     Parameters
     ----------
@@ -106,7 +108,7 @@ def track_features(left_gray: Pixels, right_gray: Pixels, left: Records, right: 
     Returns
     -------
     features : structured ndarray
-        ``right``, followed by one feature for each left one that was found, at its position in the right image.
+        ``right``, followed by a feature per tracked left one, at its position in the right image.
     matches : structured ndarray
         ``verdict`` is 1 where the feature, tracked back, returns to its start; ``rule`` indexes `TRACKING_RULES`.
     """
@@ -114,41 +116,41 @@ def track_features(left_gray: Pixels, right_gray: Pixels, left: Records, right: 
     if len(left) == 0:
         return right, pair_features(left, right, np.zeros(0, np.intp), np.zeros(0, np.intp))
     height, width = right_gray.shape
-    left_gray, right_gray = _of_one_size(left_gray, right_gray)
-    there, found = _track(left_gray, right_gray, start)
-    returned, found_back = _track(right_gray, left_gray, there)
-    inside = found & ((there >= 0) & (there <= (width - 1, height - 1))).all(axis=1)
+    left_gray, right_gray = _pad_to_one_size(left_gray, right_gray)
+    there, arrives = _track(left_gray, right_gray, start)
+    back, returns = _track(right_gray, left_gray, there)
+    inside = arrives & ((there >= 0) & (there <= (width - 1, height - 1))).all(axis=1)
     index = np.flatnonzero(inside)
     arrived = left[index].copy()
     arrived["x"], arrived["y"] = raw_positions(there[index]).T
     features = np.concatenate([right, arrived])
     features["index"] = np.arange(len(features))
     matches = pair_features(left, features, index, len(right) + np.arange(len(index)))
-    kept = found_back & (np.linalg.norm(returned - start, axis=1) <= RETURN_TOLERANCE_PX)
+    kept = returns & (np.linalg.norm(back - start, axis=1) <= RETURN_TOLERANCE_PX)
     matches["weight"], matches["verdict"] = WEIGHT.max_raw, kept[index]
     matches["rule"] = 1 - matches["verdict"]
     return features, matches
 
 
 def _nearest(queries: Records, candidates: Records, norm: int, count: int) -> tuple[Array, NDArray[np.int32]]:
-    """Distances and indices (N, count) of each query's nearest candidates, nearest first, lowest index among equals."""
+    """Distances and indices (N, count) of each query's nearest candidates: nearest first, then the lowest index."""
     first, second = (np.ascontiguousarray(records["descriptor"]) for records in (queries, candidates))
     if norm == cv2.NORM_L2:
-        # OpenCV computes L2 distances of bytes ten times slower than of floats.
+        # OpenCV takes ten times as long for L2 distances of bytes.
         first, second = first.astype(np.float32), second.astype(np.float32)
     kind = cv2.CV_32F if norm == cv2.NORM_L2 else cv2.CV_32S
     distance, index = cv2.batchDistance(first, second, kind, normType=norm, K=count)
     return distance.astype(np.float64), index
 
 
-def _of_one_size(*images: Pixels) -> list[Pixels]:
-    """The images, padded to the largest height and width by repeating their last rows and columns."""
+def _pad_to_one_size(*images: Pixels) -> list[Pixels]:
+    """Pad images to their largest height and width by repeating last rows and columns; OpenCV tracks in no others."""
     height, width = np.max([image.shape for image in images], axis=0)
     return [np.pad(image, ((0, height - image.shape[0]), (0, width - image.shape[1])), "edge") for image in images]
 
 
 def _track(before: Pixels, after: Pixels, points: Float32) -> tuple[Float32, Mask]:
-    moved, found, _ = cv2.calcOpticalFlowPyrLK(
+    moved, status, _ = cv2.calcOpticalFlowPyrLK(
         before, after, points, None, winSize=(TRACKING_WINDOW_PX, TRACKING_WINDOW_PX), maxLevel=TRACKING_LEVELS
     )
-    return moved, found[:, 0] == 1
+    return moved, status[:, 0] == 1

@@ -1,7 +1,7 @@
 """Valid combinations of detector and descriptor, and a host backend that computes them.
 
 Harris and FAST with an ILBP descriptor run on the accelerator, so every backend computes them. All other combinations
-are computed here, with the same `sim.backends.interface.Backend` interface.
+are computed here, behind the same interface, `sim.backends.interface.Backend`.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from skymosaic.features.descriptors import ANGLE_IGNORED, DESCRIPTORS, TRACKED, 
 from skymosaic.features.detectors import DETECTORS, FRONT_END_DETECTORS
 
 FAST_THRESHOLD = 10
-"""FAST's threshold in gray levels: a Harris configuration's threshold has another unit and cannot be used."""
+"""FAST's threshold in gray levels; that of a Harris configuration has another unit."""
 MAX_BORDER_PX = 255
 USUAL_DETECTOR = {name: name for name in DETECTORS} | {"freak": "brisk"}
-"""The detector chosen for a descriptor if none is named; descriptors not listed get the configuration's detector."""
+"""The detector for a descriptor if none is named; other descriptors get the configuration's detector."""
 
 
 @dataclass(frozen=True)
@@ -58,13 +58,13 @@ class Method:
 
 
 def choose_method(config: Config, detector: str | None = None, descriptor: str | None = None) -> tuple[Method, Config]:
-    """Complete a choice of detector and descriptor and adapt the configuration to it.
+    """Complete a choice of detector and descriptor, and adapt the configuration to it.
 
     Parameters
     ----------
     config : Config
-        Supplies what is not named. Its rule base judges the matches of ILBP descriptors (with "none": the ratio
-        test on the host, no test on the accelerator); all other matches are judged by the ratio test, fuzzy
+        Supplies what is not named. Its rule base decides on matches of ILBP descriptors; with "none", the ratio test
+        does on the host, and nothing on the accelerator. All other matches are decided by the ratio test, fuzzy
         correlation or the tracker.
     detector, descriptor : str or None
         Names in `DETECTORS` and `DESCRIPTORS`; None: the one that goes with the other, or the configuration's.
@@ -108,7 +108,7 @@ def choose_method(config: Config, detector: str | None = None, descriptor: str |
 
 
 def load_backend_for(method: Method, backend: str, progress: Progress = silent) -> Backend:
-    """The backend that computes the method: the named one, or `HostBackend`.
+    """Load the backend that computes a method: the named one, or `HostBackend`.
 
     Raises
     ------
@@ -145,7 +145,7 @@ class _Frame:
 class HostBackend(Backend):
     """Computes any method on the host, with the golden model's corners and rules and OpenCV's other algorithms.
 
-    Of OpenCV's and SURF's key points, the ``max_features`` strongest are kept.
+    OpenCV's and SURF's key points are limited to the ``max_features`` strongest.
     """
 
     method: Method
@@ -185,7 +185,7 @@ class HostBackend(Backend):
         return _Frame(gray, features, bool(status["good"])), status
 
     def _match(self, left: _Frame, right: _Frame, config: Config) -> tuple[Records, Records]:
-        """The right features, to which a tracker adds its own, and the matches."""
+        """Match; returns the right features, to which a tracker adds its own, and the matches."""
         descriptor = self.method.descriptor
         if descriptor == TRACKED:
             return matchers.track_features(left.gray, right.gray, left.features, right.features)
@@ -214,8 +214,8 @@ def _front_end(config: Config, method: Method) -> FrontEndConfig:
     threshold = own.threshold
     if detector != own.detector:
         threshold = FAST_THRESHOLD if detector == "fast" else PRESETS[config.preset].front_end.threshold
-    # The smallest border depends on detector and descriptor, and a configuration with a smaller one is refused: so
-    # these are changed under the largest border first.
+    # A configuration is refused if its border is too small for detector and descriptor. So these are changed first,
+    # under the largest border.
     changed = dataclasses.replace(
         own, detector=detector, descriptor=descriptor, threshold=threshold, border_px=MAX_BORDER_PX
     )

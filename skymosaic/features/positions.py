@@ -1,12 +1,18 @@
-"""Positions of feature and match records in pixels, and back."""
+"""Positions of feature and match records in pixels and back, and which of them count under a lens mask."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from golden_model.arrays import Points, Records
+from golden_model.arrays import Mask, Pixels, Points, Records
 from golden_model.formats import POSITION
+
+MASK_MARGIN_PX = 40
+"""Features keep this distance from masked pixels, in working px: farther away no descriptor reads the mask."""
 
 
 def feature_points(features: Records) -> Points:
@@ -28,3 +34,30 @@ def raw_positions(points: NDArray[np.floating]) -> NDArray[np.uint16]:
     """
     raw = np.floor(points * POSITION.one + 0.5)
     return np.asarray(np.clip(raw, POSITION.min_raw, POSITION.max_raw), dtype=np.uint16)
+
+
+def are_on_ground(points: Points, visible: Pixels | None) -> Mask:
+    """Whether each point (N, 2) is far enough from masked pixels to count, (N,).
+
+    A lens mask hides what moves with the camera: the drone's own legs, a watermark.
+
+    Parameters
+    ----------
+    points : ndarray of float64, shape (N, 2)
+        Working px.
+    visible : ndarray of uint8, shape (H, W), or None
+        255 where the working image shows ground, else 0; None: everywhere.
+    """
+    if visible is None:
+        return np.ones(len(points), dtype=np.bool_)
+    kernel = np.ones((2 * MASK_MARGIN_PX + 1, 2 * MASK_MARGIN_PX + 1), np.uint8)
+    inside = cv2.erode(visible, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=255)
+    x, y = np.rint(points).astype(np.intp).clip(0, np.subtract(visible.shape[::-1], 1)).T
+    return np.asarray(inside[y, x] == 255)
+
+
+def select_ground_matches(matches: Records, visible: Sequence[Pixels | None]) -> Records:
+    """The match records that count in both images; ``visible`` as in `are_on_ground`, left and right."""
+    left, right = (are_on_ground(points, mask) for points, mask in zip(match_points(matches), visible, strict=True))
+    chosen: Records = matches[left & right]
+    return chosen

@@ -1,7 +1,7 @@
 """SURF's key points: maxima of a box-filter Hessian over position and scale (Bay, Tuytelaars and Van Gool, 2006).
 
-Second derivatives are box sums of the integral image, so that a filter of any size costs the same. OpenCV's packages do
-not contain its own SURF. Only the detector is implemented here; any descriptor can be combined with it.
+Second derivatives are box sums of the integral image, so a filter of any size costs the same. OpenCV's packages leave
+out OpenCV's own SURF. Only the detector is implemented here; any descriptor can be combined with it.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 from golden_model.arrays import Array, Pixels
 
 OCTAVES_PX = ((9, 15, 21, 27), (15, 27, 39, 51), (27, 51, 75, 99))
-"""Side of the filters of each octave; maxima are searched at the inner two."""
+"""Sides of each octave's filters; maxima are searched at the inner two."""
 MIXED_WEIGHT = 0.9
-"""Corrects the mixed derivative for the difference between boxes and the Gaussians they replace (equation II-6)."""
+"""Corrects the mixed derivative for the boxes that replace Gaussians (equation II-6)."""
 MIN_RESPONSE = 10.0
 """Smaller determinants are noise, for gray levels 0 to 255 and filters normalised by their area."""
 MAX_STEP = 1.0
-"""A fitted maximum more than one pixel or one filter size from its sample belongs to another sample and is dropped."""
+"""A fitted maximum farther than one pixel or one filter size from its sample belongs to another sample."""
 
 
 def key_points(gray: Pixels) -> list[cv2.KeyPoint]:
-    """Key points of an image.
+    """Find the key points of an image.
 
     Parameters
     ----------
@@ -36,11 +36,8 @@ def key_points(gray: Pixels) -> list[cv2.KeyPoint]:
         determinant, ``angle`` -1: the key points are upright.
     """
     integral = cv2.integral(gray)
-    found = []
-    for sizes in OCTAVES_PX:
-        if sizes[-1] < min(gray.shape):
-            found += _octave(integral, sizes)
-    return found
+    octaves = (sizes for sizes in OCTAVES_PX if sizes[-1] < min(gray.shape))
+    return [point for sizes in octaves for point in _octave(integral, sizes)]
 
 
 def determinant(integral: NDArray[np.int32], size_px: int) -> Array:

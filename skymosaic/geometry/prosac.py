@@ -307,4 +307,3 @@ def _samples_needed(H: Array, matches: _Matches) -> float:
     # With no outlier at all, the logarithm below would be of 0.
     good_sample = min(inlier_share**4, 1 - 1e-9)
     return float(np.log(1 - CONFIDENCE) / np.log1p(-good_sample))
-

@@ -15,8 +15,7 @@ from golden_model.config import MAX_THRESHOLD, Config
 from golden_model.records import Cause
 from sim.backends.interface import Backend, FrameResult, Progress, silent
 from skymosaic.features.guided_matching import refine_pair
-from skymosaic.features.masks import select_ground_matches
-from skymosaic.features.positions import match_points
+from skymosaic.features.positions import match_points, select_ground_matches
 from skymosaic.geometry.estimators import SCORINGS, estimate
 from skymosaic.geometry.homography import apply
 from skymosaic.geometry.prosac import INLIER_PX

@@ -17,8 +17,7 @@ from golden_model.config import Config
 from golden_model.pixel.gray import to_gray
 from sim.backends.interface import load_backend
 from skymosaic.errors import InputError
-from skymosaic.features.masks import are_on_ground
-from skymosaic.features.positions import feature_points
+from skymosaic.features.positions import are_on_ground, feature_points
 from skymosaic.flight.cache import Arrays, key_of
 from skymosaic.imagery.depth import ValueRange
 from skymosaic.imagery.exif import Metadata, Position, read_metadata
