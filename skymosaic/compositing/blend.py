@@ -16,7 +16,7 @@ from skymosaic.compositing.warp import Canvas, shrink
 METHODS = ("average", "distance", "multiband")
 BANDS = 5
 DETAIL_PX = 32
-"""Fine detail farther from a tile than this changes only bands that hold none of it."""
+"""Fine detail farther from a tile than this reaches it only in coarse bands, which contain none of it."""
 TINY = float(np.finfo(np.float32).tiny)
 
 
@@ -39,17 +39,16 @@ def blend(
     canvas : Canvas
         The rectangle of the reference frame to fill.
     method : {"average", "distance", "multiband"}
-        The plain average; the average weighted by the distance to each image's own border (thesis, equation
-        III-10), which fades every image out towards its border; or in each pixel the image with the largest
-        distance, blended in frequency bands (Burt and Adelson 1983), which keeps detail where the registration is
-        not perfect.
+        The plain average; the average weighted by the distance to each image's own border (thesis, equation III-10),
+        which fades images out towards their borders; or the image with the largest distance in each pixel, blended in
+        frequency bands (Burt and Adelson 1983), which keeps detail where the registration is not perfect.
     tones : sequence of Tone, optional
         From `skymosaic.compositing.exposure.estimate_tones`; by default the intensities stay as they are.
 
     Returns
     -------
     (height, width) or (height, width, 3) ndarray
-        Of the images' type; 0 where there is no image.
+        The images' type; 0 where there is no image.
 
     Raises
     ------
@@ -61,7 +60,7 @@ def blend(
 
 
 def blend_layers(layers: Sequence[Layer], canvas: Canvas, *, method: str = "distance") -> tuple[Intensities, Mask]:
-    """As `blend`, for layers, which may have masks and seams; all must be gray or all BGR, and of one type.
+    """Blend layers, which may have masks and seams; all must be gray or all BGR, and of one type.
 
     Returns
     -------
@@ -105,7 +104,7 @@ def prepare_layers(
 
 
 def _blend_average(layers: Sequence[Layer], tile: Canvas, *, by_distance: bool) -> tuple[Intensities, Mask]:
-    """The weighted average of all images in one tile."""
+    """Blend one tile by the weighted average of all images."""
     total = np.zeros((tile.height_px, tile.width_px, *layers[0].image.shape[2:]), dtype=np.float32)
     total_weight = np.zeros((tile.height_px, tile.width_px), dtype=np.float32)
     for layer in layers:
@@ -116,18 +115,19 @@ def _blend_average(layers: Sequence[Layer], tile: Canvas, *, by_distance: bool) 
         weight = np.float32(layer.favour) * (distance if by_distance else np.sign(distance))
         total[part.within(tile)] += layer.pixels(part) * _per_channel(weight, total)
         total_weight[part.within(tile)] += weight
-    return _rounded(_divided(total, total_weight), layers[0].image.dtype), total_weight > 0
+    return _round(_divide(total, total_weight), layers[0].image.dtype), total_weight > 0
 
 
 def _blend_bands(layers: Sequence[Layer], tile: Canvas) -> tuple[Intensities, Mask]:
-    """Multi-band blending of one tile, in which each pixel belongs to the layer with the largest claim.
+    """Blend one tile in frequency bands; each pixel belongs to the layer with the largest claim.
 
-    Computed in float32: OpenCV's blender, with its 16-bit pyramids, darkens a mosaic by two gray levels on average.
+    The pyramids are in float32. OpenCV's blender, with pyramids of 16 bits, darkens a mosaic by two gray levels on
+    average.
     """
     around = _with_margin(tile)
     owner = _owners(layers, around)
     if owner.min() == owner.max() >= 0:
-        # The bands of one photograph add up to the photograph.
+        # The bands of a single photograph add up to the photograph itself.
         return layers[int(owner.max())].pixels(tile), np.ones((tile.height_px, tile.width_px), dtype=np.bool_)
     shape = (*owner.shape, *layers[0].image.shape[2:])
     in_detail = np.zeros(owner.shape, dtype=np.bool_)
@@ -137,7 +137,7 @@ def _blend_bands(layers: Sequence[Layer], tile: Canvas) -> tuple[Intensities, Ma
     weights = [np.zeros(band.shape[:2], dtype=np.float32) for band in coarser]
     for index in np.flatnonzero(np.bincount(owner[owner >= 0])).tolist():
         shown = owner == index
-        part = _with_margin(_bounds(shown, around)).intersection(around) or around
+        part = _with_margin(around.bounding(shown)).intersection(around) or around
         where = part.within(around)
         weight = shown[where].astype(np.float32)
         bands = _bands(layers[index].pixels_around(part, (shown & in_detail)[where]).astype(np.float32))
@@ -147,17 +147,17 @@ def _blend_bands(layers: Sequence[Layer], tile: Canvas) -> tuple[Intensities, Ma
             weight, where = cv2.pyrDown(weight), _halved(where)
             total[where] += band * _per_channel(weight, band)
             total_weight[where] += weight
-    blended = _divided(coarser[-1], weights[-1])
+    blended = _divide(coarser[-1], weights[-1])
     for band, weight in zip(coarser[-2::-1], weights[-2::-1], strict=True):
-        blended = cv2.pyrUp(blended) + _divided(band, weight)
+        blended = cv2.pyrUp(blended) + _divide(band, weight)
     blended = cv2.pyrUp(blended) + finest
     blended[owner < 0] = 0
     inside = tile.within(around)
-    return _rounded(blended[inside], layers[0].image.dtype), owner[inside] >= 0
+    return _round(blended[inside], layers[0].image.dtype), owner[inside] >= 0
 
 
 def _bands(image: Float32) -> Iterator[Float32]:
-    """The Laplacian pyramid: `BANDS` bands, finest first, then the remaining low frequencies."""
+    """Split an image into its Laplacian pyramid: `BANDS` bands, finest first, then the remaining low frequencies."""
     for _ in range(BANDS):
         coarser = cv2.pyrDown(image)
         yield image - cv2.pyrUp(coarser)
@@ -166,9 +166,9 @@ def _bands(image: Float32) -> Iterator[Float32]:
 
 
 def _with_margin(part: Canvas) -> Canvas:
-    """The part with a margin that holds all pixels its bands depend on, aligned to pixels of the coarsest band.
+    """Add a margin with all pixels that a part's bands depend on, aligned to pixels of the coarsest band.
 
-    Reduction and expansion by `BANDS` levels reach less than two coarsest pixels in each direction. With this margin,
+    Reduction and expansion by `BANDS` levels reach less than two coarsest pixels in each direction. Since the margin is
     aligned to the reference frame, the bands of neighbouring tiles agree.
     """
     cell_px = 1 << BANDS
@@ -180,15 +180,8 @@ def _halved(where: tuple[slice, slice]) -> tuple[slice, slice]:
     return rows, columns
 
 
-def _bounds(shown: Mask, canvas: Canvas) -> Canvas:
-    """The smallest rectangle of a canvas that contains all pixels of the mask."""
-    rows, columns = (np.flatnonzero(shown.any(axis=axis)) for axis in (1, 0))
-    x, y = canvas.x_px + int(columns[0]), canvas.y_px + int(rows[0])
-    return Canvas(x, y, int(columns[-1] - columns[0]) + 1, int(rows[-1] - rows[0]) + 1)
-
-
 def _owners(layers: Sequence[Layer], canvas: Canvas) -> NDArray[np.int16]:
-    """Index of the layer with the largest claim to each pixel; -1 where there is none."""
+    """Index of the layer with the largest claim to each pixel; -1 without a claim."""
     owner = np.full((canvas.height_px, canvas.width_px), -1, dtype=np.int16)
     strongest = np.zeros(owner.shape, dtype=np.float32)
     for index, layer in enumerate(layers):
@@ -203,13 +196,13 @@ def _owners(layers: Sequence[Layer], canvas: Canvas) -> NDArray[np.int16]:
     return owner
 
 
-def _divided(total: Float32, weight: Float32) -> Float32:
-    """The weighted mean from a sum and its weights; 0 where the weight is 0."""
+def _divide(total: Float32, weight: Float32) -> Float32:
+    """Divide a weighted sum by its weights; 0 where the weight is 0."""
     return np.asarray(total / _per_channel(np.maximum(weight, TINY), total), dtype=np.float32)
 
 
 def _per_channel(plane: Float32, pixels: Float32) -> Float32:
-    """The plane repeated for each channel of ``pixels``; this multiplies three times faster than broadcasting."""
+    """Repeat a plane for each channel of ``pixels``, because broadcasting multiplies three times slower."""
     return plane if pixels.ndim == 2 else np.asarray(cv2.merge([plane] * pixels.shape[2]), dtype=np.float32)
 
 
@@ -217,6 +210,6 @@ def _as_bgr(image: Intensities) -> Intensities:
     return image if image.ndim == 3 else np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), dtype=image.dtype)
 
 
-def _rounded(values: Float32, kind: np.dtype[np.uint8 | np.uint16]) -> Intensities:
-    """The values as whole numbers of the photographs' type."""
+def _round(values: Float32, kind: np.dtype[np.uint8 | np.uint16]) -> Intensities:
+    """Round to whole numbers of the photographs' type, which saturate."""
     return np.asarray(np.rint(np.clip(values, 0, np.iinfo(kind).max)), dtype=kind)

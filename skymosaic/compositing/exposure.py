@@ -1,9 +1,9 @@
-"""Exposure of a flight: the tone of each photograph that makes all of them agree where they overlap.
+"""Estimates the tone of each photograph of a flight, so that all of them agree where they overlap.
 
-The logarithm of an intensity is what was on the ground plus the photograph's exposure plus the lens falloff, so the
+The logarithm of an intensity is that of the ground plus the photograph's exposure plus the lens falloff, so the
 unknowns enter linearly. Least squares on the gains themselves (Brown and Lowe 2007, equation 29) pulls them towards
-zero, because darker pictures always differ less; differences of logarithms have no such bias. What exposures leave is
-described by a smooth field of light on each photograph, see `skymosaic.compositing.light`.
+zero, because darker pictures always differ less; differences of logarithms have no such bias. Differences that
+exposures do not explain are left to a smooth light field per photograph, see `skymosaic.compositing.light`.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
 from golden_model.arrays import Array, Intensities
 from skymosaic.compositing.layer import Layer
@@ -26,28 +27,28 @@ from skymosaic.imagery.depth import TAIL_PERCENT, ValueRange
 EXPOSURE_SIGMA, BALANCE_SIGMA = 0.7, 0.05
 """Expected spread of the exposures, and of the channels of a photograph around its exposure."""
 CELLS_OF_PRIOR = 4
-"""The weight of these expectations, in cells: enough for photographs without an overlap, too little to bend a strip."""
+"""Weight of these expectations, in cells: enough for photographs without an overlap, too little to bend a strip."""
 FALLOFF_SIGMA = 0.3
 ROUNDS = 5
 NEARLY_WHITE = 250 / 255
-MORE_WHITE = 0.0005
+MAX_MORE_WHITE = 0.0005
 """Share of white from which ground looks white, and the share of pixels that may become so."""
 SHOULDERS = (SHOULDER_START, 160 / 255, 120 / 255, 80 / 255)
-"""Shoulders that are tried until no more pixels become white than that; the last one stays where none is enough."""
+"""Shoulders to try until few enough pixels become white; if none does it, the last one stays."""
 ANCHORINGS = 3
-"""How often all gains are scaled together: highlights that are compressed make the photographs darker again."""
-HELD_OUT_GAIN = 0.99
-"""A lens falloff is used if it lowers the median difference in overlaps it was not fitted to below this share."""
+"""Rounds of scaling all gains together, because compressed highlights darken the photographs again."""
+MAX_HELD_OUT_DIFFERENCE = 0.99
+"""A lens falloff is used if it lowers the median difference of held-out overlaps below this share."""
 
 
 @dataclass(frozen=True)
 class Levels:
-    """What the camera's numbers mean, where photographs have 16 bits.
+    """Range of the camera's numbers in photographs of 16 bits.
 
     Attributes
     ----------
     black : float
-        The number of no light.
+        The number without light.
     white : float
         The largest number.
     """
@@ -57,14 +58,14 @@ class Levels:
 
 
 def estimate_levels(samples: Sequence[NDArray[np.generic]], blacks: Sequence[float | None]) -> Levels:
-    """The levels of photographs of 16 bits.
+    """Estimate the levels of photographs of 16 bits.
 
     Parameters
     ----------
     samples : sequence of ndarray of uint16
         Values of each photograph.
     blacks : sequence of float or None
-        What the camera wrote as its black level into each; without it, black is 0.
+        Black level that the camera wrote into each photograph; without any, black is 0.
     """
     least, most = min(sample.min() for sample in samples), max(sample.max() for sample in samples)
     known = [black for black in blacks if black is not None]
@@ -75,7 +76,7 @@ def estimate_levels(samples: Sequence[NDArray[np.generic]], blacks: Sequence[flo
 
 
 def estimate_tones(thumbnails: Sequence[Layer], levels: Levels = Levels()) -> list[Tone]:
-    """The tone of each photograph.
+    """Estimate the tone of each photograph.
 
     Parameters
     ----------
@@ -87,13 +88,14 @@ def estimate_tones(thumbnails: Sequence[Layer], levels: Levels = Levels()) -> li
     -------
     list of Tone
         Scaled so that the median photograph keeps its brightness, with a shoulder that turns no more ground white
-        than the photographs show. Neutral for photographs that overlap no other.
+        than the photographs show. Neutral for photographs without an overlap.
     """
     number = len(thumbnails)
     overlaps = compare_overlaps(thumbnails, levels.black, levels.white)
-    exposure, falloff = _exposures(overlaps, number)
-    logs = exposure[:, None] + _balance(overlaps, number)
-    explained = logs[overlaps.i] - logs[overlaps.j] + (overlaps.falloff @ falloff)[:, None]
+    design = _design(overlaps, number)
+    exposure, falloff = _fit_exposure(overlaps, design)
+    logs = exposure[:, None] + _fit_balance(overlaps, design)
+    explained = design @ logs + (overlaps.falloff @ falloff)[:, None]
     light = estimate_light(overlaps, overlaps.difference - explained, number)
     joined = np.unique(np.concatenate((overlaps.i, overlaps.j))).tolist()
     tones = [NEUTRAL] * number
@@ -102,7 +104,7 @@ def estimate_tones(thumbnails: Sequence[Layer], levels: Levels = Levels()) -> li
         gain = tuple(np.exp(logs[index]).tolist())
         tones[index] = Tone(gain, (float(falloff[0]), float(falloff[1])), levels.black, own)
     if joined:
-        together = _anchored([thumbnails[index] for index in joined], [tones[index] for index in joined])
+        together = _anchor([thumbnails[index] for index in joined], [tones[index] for index in joined])
         for index, tone in zip(joined, together, strict=True):
             tones[index] = tone
     return tones
@@ -111,7 +113,7 @@ def estimate_tones(thumbnails: Sequence[Layer], levels: Levels = Levels()) -> li
 def measure_toned_range(
     tones: Sequence[Tone], samples: Sequence[NDArray[np.generic]], values: ValueRange
 ) -> ValueRange:
-    """The range that photographs of 16 bits have with their tones.
+    """Measure the range of photographs of 16 bits after toning.
 
     Parameters
     ----------
@@ -119,27 +121,27 @@ def measure_toned_range(
     samples : sequence of ndarray of uint16, shape (N,)
         Values of each photograph.
     values : ValueRange
-        Of all photographs as they were taken.
+        The range before toning.
     """
     toned = [tone.apply(np.asarray(sample, np.uint16)[:, None]) for tone, sample in zip(tones, samples, strict=True)]
     low, high = np.percentile(np.concatenate(toned), (TAIL_PERCENT, 100 - TAIL_PERCENT))
     return replace(values, low=float(low), high=float(high))
 
 
-def _anchored(thumbnails: Sequence[Layer], tones: Sequence[Tone]) -> list[Tone]:
-    """The tones, scaled together so that the median photograph keeps its brightness, and with a common shoulder."""
+def _anchor(thumbnails: Sequence[Layer], tones: Sequence[Tone]) -> list[Tone]:
+    """Scale tones together so that the median photograph keeps its brightness, and choose their shoulder."""
     unchanged = np.mean([_white_share(layer.image) for layer in thumbnails])
     anchored = list(tones)
     for shoulder in SHOULDERS:
         anchored = [replace(tone, shoulder=shoulder) for tone in tones]
         for _ in range(ANCHORINGS):
-            toned = [_toned(layer, tone) for layer, tone in zip(thumbnails, anchored, strict=True)]
+            toned = [_apply_tone(layer, tone) for layer, tone in zip(thumbnails, anchored, strict=True)]
             kept = [
                 after.mean() / max(layer.image.mean(), 1e-6) for after, layer in zip(toned, thumbnails, strict=True)
             ]
             factor = 1 / float(np.median(kept))
             anchored = [replace(tone, gain=tuple(factor * gain for gain in tone.gain)) for tone in anchored]
-        if np.mean([_white_share(after) for after in toned]) <= unchanged + MORE_WHITE:
+        if np.mean([_white_share(after) for after in toned]) <= unchanged + MAX_MORE_WHITE:
             break
     return anchored
 
@@ -149,77 +151,52 @@ def _white_share(pixels: Intensities) -> float:
     return float(cv2.inRange(pixels, (NEARLY_WHITE * white + 1,) * 3, (white,) * 3).mean() / 255)
 
 
-def _toned(layer: Layer, tone: Tone) -> Intensities:
-    """The whole photograph with a tone."""
+def _apply_tone(layer: Layer, tone: Tone) -> Intensities:
+    """Apply a tone to a whole photograph."""
     return tone.apply(layer.image, tone.factors(layer.size, Canvas(0, 0, *layer.size)))
 
 
-def _exposures(overlaps: Overlaps, number: int) -> tuple[Array, Array]:
-    """Logarithmic exposure of each photograph, and the falloff of the lens where it explains held-out overlaps."""
-    difference = overlaps.difference.mean(axis=1)
-    none = np.zeros((len(difference), 0))
+def _design(overlaps: Overlaps, number: int) -> sparse.csr_array:
+    """The matrix (N, number) that takes logarithms of gains to differences between photographs: 1 for i, -1 for j."""
+    count = len(overlaps.i)
+    values, columns = np.tile([1.0, -1.0], count), np.column_stack((overlaps.i, overlaps.j)).ravel()
+    return sparse.csr_array((values, columns, np.arange(0, 2 * count + 1, 2)), shape=(count, number))
+
+
+def _fit_exposure(overlaps: Overlaps, design: sparse.csr_array) -> tuple[Array, Array]:
+    """Logarithmic exposure of each photograph, and the lens falloff where it explains held-out overlaps."""
+    difference, number = overlaps.difference.mean(axis=1), design.shape[1]
+    with_falloff = sparse.hstack((design, sparse.csr_array(overlaps.falloff)), format="csr")
     odd = overlaps.pair % 2 == 1
     if odd.any() and not odd.all():
-        held_out = []
-        for columns in (none, overlaps.falloff):
-            fitted = _solved(overlaps, difference, columns, number, ~odd)
-            residual = difference - _predicted(overlaps, columns, fitted, number)
-            held_out.append(np.median(np.abs(residual[odd])))
-        if held_out[1] < HELD_OUT_GAIN * held_out[0]:
-            fitted = _solved(overlaps, difference, overlaps.falloff, number, np.ones_like(odd))
+        plain, reduced = (
+            np.median(np.abs(difference[odd] - matrix[odd] @ _fit(matrix[~odd], difference[~odd], number)))
+            for matrix in (design, with_falloff)
+        )
+        if reduced < MAX_HELD_OUT_DIFFERENCE * plain:
+            fitted = _fit(with_falloff, difference, number)
             return fitted[:number], fitted[number:]
-    return _solved(overlaps, difference, none, number, np.ones_like(odd)), np.zeros(2)
+    return _fit(design, difference, number), np.zeros(2)
 
 
-def _balance(overlaps: Overlaps, number: int) -> Array:
+def _fit_balance(overlaps: Overlaps, design: sparse.csr_array) -> Array:
     """Logarithmic gain of each channel against the photograph's exposure, (number, 3)."""
-    none = np.zeros((len(overlaps.i), 0))
-    everything = np.ones(len(overlaps.i), dtype=np.bool_)
     beyond = overlaps.difference - overlaps.difference.mean(axis=1, keepdims=True)
-    return np.stack(
-        [_solved(overlaps, beyond[:, channel], none, number, everything, spread=BALANCE_SIGMA) for channel in range(3)],
-        axis=1,
-    )
+    channels = [_fit(design, channel, design.shape[1], spread=BALANCE_SIGMA) for channel in beyond.T]
+    return np.stack(channels, axis=1)
 
 
-def _predicted(overlaps: Overlaps, columns: Array, fitted: Array, number: int) -> Array:
-    return np.asarray(fitted[overlaps.i] - fitted[overlaps.j] + columns @ fitted[number:])
+def _fit(design: sparse.csr_array, target: Array, number: int, *, spread: float = EXPOSURE_SIGMA) -> Array:
+    """Robust least squares for one unknown per photograph, then those of the lens falloff.
 
-
-def _solved(
-    overlaps: Overlaps,
-    difference: Array,
-    columns: Array,
-    number: int,
-    used: NDArray[np.bool_],
-    *,
-    spread: float = EXPOSURE_SIGMA,
-) -> Array:
-    """Robust least squares: unknowns of the photographs, then those of ``columns``.
-
-    Iteratively reweighted with Geman and McClure's weights: moving things and parallax differ by more than exposure.
+    Iteratively reweighted with Geman and McClure's weights, since moving things and parallax differ by more than
+    exposure.
     """
-    unknowns = number + columns.shape[1]
-    prior = np.concatenate(
-        [np.full(number, CELLS_OF_PRIOR / spread**2), np.full(columns.shape[1], 1 / FALLOFF_SIGMA**2)]
-    )
-    i, j, rows, wanted = overlaps.i[used], overlaps.j[used], columns[used], difference[used]
-    weight = np.full(len(wanted), 1 / LOG_SIGMA**2)
-    fitted = np.zeros(unknowns)
+    falloff = np.full(design.shape[1] - number, 1 / FALLOFF_SIGMA**2)
+    prior = np.diag(np.concatenate((np.full(number, CELLS_OF_PRIOR / spread**2), falloff)))
+    weight, fitted = np.full(len(target), 1 / LOG_SIGMA**2), np.zeros(len(prior))
     for _ in range(ROUNDS):
-        system = np.zeros((unknowns, unknowns))
-        np.add.at(system, (i, i), weight)
-        np.add.at(system, (j, j), weight)
-        np.add.at(system, (i, j), -weight)
-        np.add.at(system, (j, i), -weight)
-        target = np.bincount(i, weight * wanted, unknowns) - np.bincount(j, weight * wanted, unknowns)
-        for column in range(columns.shape[1]):
-            share = weight * rows[:, column]
-            cross = np.bincount(i, share, number) - np.bincount(j, share, number)
-            system[number + column, :number] = system[:number, number + column] = cross
-            system[number + column, number:] = rows.T @ share
-            target[number + column] = share @ wanted
-        fitted = np.linalg.solve(system + np.diag(prior), target)
-        residual = wanted - (fitted[i] - fitted[j] + rows @ fitted[number:])
-        weight = 1 / LOG_SIGMA**2 / (1 + (residual / LOG_SIGMA) ** 2) ** 2
+        weighted = design.T.multiply(weight).tocsr()
+        fitted = np.linalg.solve((weighted @ design).toarray() + prior, weighted @ target)
+        weight = 1 / LOG_SIGMA**2 / (1 + ((target - design @ fitted) / LOG_SIGMA) ** 2) ** 2
     return np.asarray(fitted)

@@ -1,4 +1,4 @@
-"""One photograph as a layer of a mosaic: its warped pixels, and the strength of its claim to each of them."""
+"""A photograph as a layer of a mosaic: its warped pixels, and how strongly it claims each of them."""
 
 from __future__ import annotations
 
@@ -15,15 +15,16 @@ from skymosaic.compositing.warp import Canvas, footprint, source_window, warp_ba
 from skymosaic.geometry.homography import apply, resize_matrix
 
 MIN_WEIGHT = 1e-3
-"""Weight of a pixel on the image's own border, so that it still counts where no other image covers the pixel."""
+"""Weight of a pixel on the image's own border, so that it counts where no other image covers the pixel."""
 BEYOND = cv2.BORDER_REPLICATE
 FINE_BLOCK_PX, FINE_REACH_PX = 32, 8
-"""Fine detail is computed in blocks of this side, and so far beyond what is shown: the finest two bands reach it."""
+"""Fine detail is computed in blocks of this side, and this far beyond what is shown, as far as the finest two bands
+reach."""
 
 
 @dataclass(frozen=True, eq=False)
 class SeamMask:
-    """The pixels that seams assign to a photograph, on a reduced canvas.
+    """Pixels that seams assign to a photograph, on a reduced canvas.
 
     Attributes
     ----------
@@ -40,14 +41,14 @@ class SeamMask:
     scale: float
 
     def touches(self, part: Canvas) -> bool:
-        """Whether the photograph shows anywhere in ``part`` of the reference frame, or within a mask pixel of it."""
+        """Whether the photograph shows in ``part`` of the reference frame, or within a mask pixel of it."""
         first, last = apply(self._to_mask, part.corners[[0, 2]])
         x, y = np.maximum(np.floor(first) - 1, 0).astype(int)
         last_x, last_y = np.maximum(np.ceil(last) + 2, 0).astype(int)
         return bool(self.mask[y:last_y, x:last_x].any())
 
     def share(self, part: Canvas) -> Pixels:
-        """The mask, interpolated to ``part`` of the reference frame, 0..255; this smooths the seams."""
+        """Interpolate the mask to ``part`` of the reference frame, 0..255, which smooths the seams."""
         matrix = self._to_mask @ np.linalg.inv(part.translation)
         size = (part.width_px, part.height_px)
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
@@ -69,13 +70,12 @@ class Layer:
     transform : ndarray of float64, shape (3, 3)
         Image pixels to reference pixels.
     tone : Tone
-        What makes its intensities agree with those of its neighbours.
     visible : ndarray of uint8, shape (H, W), or None
         255 where the image shows the ground, else 0; None: everywhere.
     favour : float
-        Factor on the claim: below 1 for a photograph that should show only where others do not.
+        Factor on the claim, below 1 for a photograph that should show only where others do not.
     seam : SeamMask or None
-        The pixels that seams assign to it; None: the photograph whose border is farthest shows.
+        The pixels that seams assign to it; None: each pixel belongs to the photograph whose border is farthest.
     """
 
     image: Intensities
@@ -95,7 +95,7 @@ class Layer:
         return footprint(self.size, self.transform).intersection(canvas)
 
     def shown_part(self, canvas: Canvas) -> Canvas | None:
-        """As `part_of`, but also None if the seams leave nothing of the image there."""
+        """As `covered_part`, but also None if the seams leave nothing of the image there."""
         part = self.covered_part(canvas)
         return part if part is None or self.seam is None or self.seam.touches(part) else None
 
@@ -106,10 +106,10 @@ class Layer:
         )
 
     def pixels_around(self, part: Canvas, shown: Mask) -> Intensities:
-        """As `pixels`, but fine detail only near where it is ``shown``; elsewhere for the low frequencies of a blend.
+        """As `pixels`, but with fine detail only near ``shown`` pixels; a blend needs low frequencies elsewhere.
 
-        Lanczos's kernel keeps the energy of fine detail, of which bicubic interpolation loses a tenth, but takes ten
-        times as long as bilinear interpolation.
+        Lanczos's kernel keeps the energy of fine detail, while bicubic interpolation loses a tenth of it. But it takes
+        ten times as long as bilinear interpolation.
         """
         near = cv2.dilate(shown.astype(np.uint8), np.ones((2 * FINE_REACH_PX + 1,) * 2, np.uint8))
         warped = warp_backward(self.image, self.transform, part, border=BEYOND)
@@ -128,7 +128,7 @@ class Layer:
 
     def border_distance(self, part: Canvas) -> Float32:
         """Distance of each pixel from the border of the image's visible part, in image pixels; 0 outside."""
-        # Warping interpolates: with 1 added to the distance, values below 1 are mixed with the outside.
+        # Warping interpolates. With 1 added to the distance, values below 1 are mixtures with the outside.
         source = source_window(self.size, self.transform, part)
         plus_one = warp_tile(self._plus_one(source), self.transform, source, part, border=cv2.BORDER_CONSTANT)
         inside = plus_one > 1 - MIN_WEIGHT
@@ -141,7 +141,7 @@ class Layer:
         """
         if self.seam is None:
             return self.border_distance(part) * np.float32(self.favour)
-        # Seams assign no pixels between two masks and beyond the last one; any image that covers these may show them.
+        # Pixels between two masks and beyond the last one have no owner, so any image that covers them may show them.
         share = np.maximum(self.seam.share(part), 1)
         return np.where(self._covers(part), share, 0).astype(np.float32)
 

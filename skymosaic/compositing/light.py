@@ -1,6 +1,6 @@
-"""The light on each photograph that one exposure does not describe: a smooth field of gains for each channel.
+"""Estimates light that a single exposure per photograph does not describe: a smooth field of gains per channel.
 
-Clouds pass, the sun is reflected from one side, and a lens darkens the colours of its corners differently. Where
+Clouds pass, the ground reflects the sun on one side, and a lens darkens its corners differently in each colour. Where
 photographs overlap, all of this shows as differences that change slowly across the photograph.
 """
 
@@ -12,98 +12,85 @@ from scipy import sparse
 from scipy.sparse.linalg import cg
 
 from golden_model.arrays import Array
+from skymosaic.compositing.grid import interpolation, roughness
 from skymosaic.compositing.overlaps import Overlaps
 
-ROWS, COLUMNS = 5, 7
-NODES = ROWS * COLUMNS
-"""Of the grid of gains, at the corners of the photograph and between them; bilinear in between."""
+GRID = 5, 7
+"""Rows and columns of the grid of gains over a photograph."""
+NODES = GRID[0] * GRID[1]
 LOG_SIGMA = 0.08
 """Expected difference of two cells that show the same ground, as a logarithm; larger ones count less."""
 FIELD_SIGMA, STEP_SIGMA = 0.28, 0.18
 """Expected size of the field, as a logarithm, and of its difference between neighbouring nodes."""
 ROBUST_SIGMAS = (0.64, 0.32, 0.16, LOG_SIGMA, LOG_SIGMA)
-"""Scales of the reweighting: a field that starts at zero must not take sunlight for an outlier."""
-STEPS, CLOSE_ENOUGH = 200, 1e-3
-"""Of conjugate gradients: steps at most, and the share of the target's size that may be left."""
-HELD_OUT_GAIN = 0.95
-"""Fields are used if they lower the robust cost of pairs they were not fitted to below this share."""
+"""Scales of the reweighting. They begin wide, because sunlight looks like an outlier to a field that starts at zero."""
+MAX_STEPS, TOLERANCE = 200, 1e-3
+"""Steps of conjugate gradients, and the residual at which they end, as a share of the target."""
+MAX_HELD_OUT_COST = 0.95
+"""Fields are used if they lower the robust cost of held-out pairs below this share."""
 
 
 def estimate_light(overlaps: Overlaps, residual: Array, number: int) -> Array | None:
-    """The fields that explain what exposures leave.
+    """Estimate the light fields of photographs from differences that exposures do not explain.
 
     Parameters
     ----------
     overlaps : Overlaps
     residual : ndarray of float64, shape (N, 3)
-        What is left of their difference.
+        The differences of `overlaps` less those of the exposures.
     number : int
-        Of photographs.
+        Number of photographs.
 
     Returns
     -------
     ndarray of float64, shape (number, 5, 7, 3), or None
-        Logarithms of gains; None where they do not lower the differences of pairs that were held out.
+        Logarithms of gains; None where they do not lower the differences of held-out pairs.
     """
     odd = overlaps.pair % 2 == 1
     if odd.all() or not odd.any():
         return None
-    # Photograph i is darker than j by the residual, so i's gain less j's gain has to be that.
-    columns = _columns(overlaps.i, overlaps.at_i, number) - _columns(overlaps.j, overlaps.at_j, number)
-    left = residual[odd] - columns[odd] @ _fitted(columns[~odd], residual[~odd], number)
-    # Not the median: clouds may pass over a few photographs only.
-    if _cost(left) > HELD_OUT_GAIN * _cost(residual[odd]):
+    # Photograph i is darker than j by the residual, so i's gain less j's gain has to equal it.
+    design = _design(overlaps.i, overlaps.at_i, number) - _design(overlaps.j, overlaps.at_j, number)
+    left = residual[odd] - design[odd] @ _fit(design[~odd], residual[~odd], number)
+    # The mean cost, because the median would miss clouds that pass over a few photographs only.
+    if _cost(left) > MAX_HELD_OUT_COST * _cost(residual[odd]):
         return None
-    return _fitted(columns, residual, number).reshape(number, ROWS, COLUMNS, 3)
+    return _fit(design, residual, number).reshape(number, *GRID, 3)
 
 
-def _columns(photograph: NDArray[np.intp], places: Array, number: int) -> sparse.csr_array:
-    """Bilinear weights (N, number * NODES) of the nodes at places of photographs."""
-    position = np.clip(places, 0, 1) * [COLUMNS - 1, ROWS - 1]
-    first = np.minimum(position.astype(np.intp), [COLUMNS - 2, ROWS - 2])
-    across, down = (position - first).T
-    corners = (NODES * photograph + COLUMNS * first[:, 1] + first[:, 0])[:, None] + [0, 1, COLUMNS, COLUMNS + 1]
-    weights = np.column_stack(((1 - across) * (1 - down), across * (1 - down), (1 - across) * down, across * down))
-    starts = np.arange(0, 4 * len(places) + 1, 4)
-    return sparse.csr_array((weights.ravel(), corners.ravel(), starts), shape=(len(places), NODES * number))
+def _design(photograph: NDArray[np.intp], places: Array, number: int) -> sparse.csr_array:
+    """Weights (N, number * NODES) of all photographs' nodes at one place of one photograph each."""
+    weights = interpolation(places, GRID)
+    nodes = weights.indices + NODES * np.repeat(photograph, 4)
+    return sparse.csr_array((weights.data, nodes, weights.indptr), shape=(len(places), NODES * number))
 
 
-def _fitted(columns: sparse.csr_array, wanted: Array, number: int) -> Array:
-    """Nodes (number * NODES, 3), by least squares that are reweighted with Geman and McClure's weights."""
-    expected = sparse.kron(sparse.eye_array(number), _smoothness(), format="csr")
-    nodes, weight = np.zeros((columns.shape[1], 3)), np.full(len(wanted), 1 / LOG_SIGMA**2)
+def _fit(design: sparse.csr_array, target: Array, number: int) -> Array:
+    """Nodes (number * NODES, 3) by least squares, iteratively reweighted with Geman and McClure's weights."""
+    smooth = np.eye(NODES) / FIELD_SIGMA**2 + roughness(GRID) / STEP_SIGMA**2
+    prior = sparse.kron(sparse.eye_array(number), smooth, format="csr")
+    nodes, weight = np.zeros((design.shape[1], 3)), np.full(len(target), 1 / LOG_SIGMA**2)
     for sigma in ROBUST_SIGMAS:
-        weighted = columns.T.multiply(weight).tocsr()
-        nodes = _solved((weighted @ columns + expected).tocsr(), weighted @ wanted, nodes)
-        squared = ((wanted - columns @ nodes) ** 2).mean(axis=1)
+        weighted = design.T.multiply(weight).tocsr()
+        nodes = _solve((weighted @ design + prior).tocsr(), weighted @ target, nodes)
+        squared = ((target - design @ nodes) ** 2).mean(axis=1)
         weight = 1 / LOG_SIGMA**2 / (1 + squared / sigma**2) ** 2
     return nodes
 
 
 def _cost(difference: Array) -> float:
-    """Geman and McClure's, to which parallax and moving things add at most 1 each."""
+    """Mean Geman-McClure loss, to which parallax and moving things add at most 1 each."""
     squared = (difference / LOG_SIGMA) ** 2
     return float((squared / (1 + squared)).mean())
 
 
-def _smoothness() -> Array:
-    """The quadratic form of one photograph's nodes and of the differences between neighbours."""
-    form = np.eye(NODES) / FIELD_SIGMA**2
-    index = np.arange(NODES).reshape(ROWS, COLUMNS)
-    for first, second in ((index[:, :-1], index[:, 1:]), (index[:-1], index[1:])):
-        difference = np.zeros((first.size, NODES))
-        order = np.arange(first.size)
-        difference[order, first.ravel()], difference[order, second.ravel()] = 1, -1
-        form += difference.T @ difference / STEP_SIGMA**2
-    return form
-
-
-def _solved(system: sparse.csr_array, target: Array, start: Array) -> Array:
-    """Conjugate gradients for each channel, scaled by the diagonal: a direct solution takes tens of seconds."""
+def _solve(system: sparse.csr_array, target: Array, start: Array) -> Array:
+    """Solve for each channel by conjugate gradients, scaled by the diagonal."""
+    # A direct solution takes tens of seconds for a flight.
     scale = sparse.diags_array(1 / system.diagonal())
     return np.column_stack(
         [
-            cg(system, wanted, x0=first, rtol=CLOSE_ENOUGH, maxiter=STEPS, M=scale)[0]
-            for wanted, first in zip(target.T, start.T, strict=True)
+            cg(system, channel, x0=first, rtol=TOLERANCE, maxiter=MAX_STEPS, M=scale)[0]
+            for channel, first in zip(target.T, start.T, strict=True)
         ]
     )

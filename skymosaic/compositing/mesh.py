@@ -1,10 +1,10 @@
 """A smooth grid of displacements on top of a homography, for ground with relief.
 
-No homography fits two views of ground that is not flat. The matches that deviate from it by a few pixels tell where the
-relief is: their residuals, spread over a coarse grid and smoothed, bend one photograph so that the homography fits it
-better. The bent photograph is an ordinary one for everything that follows. (Zaragoza and others, As-projective-as-
-possible image stitching, 2013, moves the homography instead; a grid of residuals is smaller and falls back to the
-homography where there are no matches.)
+No homography fits two views of ground that is not flat. Where there is relief, matches deviate from the homography by a
+few pixels. Their residuals, spread over a coarse grid and smoothed, bend one photograph so that the homography fits it
+better; to all later stages, the bent photograph is an ordinary one. (Zaragoza and others, As-projective-as-possible
+image stitching, 2013, move the homography instead. A grid of residuals is smaller, and falls back to the homography
+where there are no matches.)
 """
 
 from __future__ import annotations
@@ -15,24 +15,25 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Array, Intensities, Matrix, Points
-from skymosaic.geometry.homography import apply
+from skymosaic.compositing.grid import interpolation, roughness
+from skymosaic.geometry.homography import apply, transfer_error
 from skymosaic.geometry.prosac import INLIER_PX
 
 CELLS = 10
 """Cells of the grid along the longer side of the image."""
 NEAR_PX = 12.0
-"""Matches this close to the homography shape the grid; others are taken for wrong."""
+"""Matches this close to the homography shape the grid; others are considered wrong."""
 STIFFNESS = 0.3
 """Weight of the difference between neighbouring nodes, against a match's weight of 1."""
 RETURN = 0.01
-"""Weight of a node's own displacement: without matches near it, it returns to the homography."""
+"""Weight of a node's own displacement, which returns it to the homography where no matches are near."""
 ROBUST_PX = (6.0, 3.0, 2.0)
-"""Scales of the reweighting, of which each halves the weight of what lies 0.64 scales off."""
+"""Scales of the reweighting; a residual of 0.64 scales has half of the weight."""
 MIN_MATCHES = 30
 CHECK_CELLS = 10
-"""Held-out matches lie in fields of a chessboard with so many fields along a side."""
+"""Held-out matches lie in alternate fields of a chessboard with this many fields along a side."""
 MIN_GAIN = 0.03
-"""Held-out matches within 2 px that a grid has to gain, as a share, before it is worth bending a photograph."""
+"""Rise of the share of held-out matches within 2 px from which bending a photograph is worthwhile."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +45,8 @@ class Mesh:
     size : (int, int)
         Width and height of the image, px.
     nodes_px : ndarray of float64, shape (rows, columns, 2)
-        What to add to a position in the bent image to get the position in the image. The first and the last node are
-        at the image's corner pixels.
+        Added to a position in the bent image, they give the position in the image. The outermost nodes are at the
+        image's corner pixels.
     """
 
     size: tuple[int, int]
@@ -53,14 +54,15 @@ class Mesh:
 
     def displacement(self, points: Points) -> Points:
         """Displacements (N, 2) at points (N, 2) of the bent image."""
-        matrix = _interpolation(points, self.size, self.nodes_px.shape[:2])
-        return np.asarray(matrix @ self.nodes_px.reshape(-1, 2))
+        rows, columns, _ = self.nodes_px.shape
+        weights = interpolation(points / (np.array(self.size) - 1), (rows, columns))
+        return np.asarray(weights @ self.nodes_px.reshape(-1, 2))
 
     def bend(self, image: Intensities) -> Intensities:
-        """The bent image; ``image`` may have any size, the grid is stretched over it."""
+        """Bend an image of any size; the grid is stretched over it."""
         height, width = image.shape[:2]
         stretch = np.array([width, height]) / self.size
-        # OpenCV puts the outermost samples half a pixel outside when it enlarges; here nodes are at the corner pixels.
+        # Not cv2.resize, which would put the outermost nodes half a pixel outside instead of at the corner pixels.
         rows, columns = self.nodes_px.shape[:2]
         x, y = np.meshgrid(np.linspace(0, columns - 1, width), np.linspace(0, rows - 1, height))
         nodes = (self.nodes_px * stretch).astype(np.float32)
@@ -72,7 +74,7 @@ class Mesh:
 
 
 def fit_mesh(homography: Matrix, left: Points, right: Points, size: tuple[int, int]) -> Mesh | None:
-    """The grid that brings the left image of a pair closer to the right one under its homography.
+    """Fit the grid that brings the left image of a pair closer to the right one under its homography.
 
     Parameters
     ----------
@@ -81,22 +83,23 @@ def fit_mesh(homography: Matrix, left: Points, right: Points, size: tuple[int, i
     left, right : (N, 2) ndarray
         Matches, wrong ones included, px.
     size : (int, int)
-        Of the left image, px.
+        Width and height of the left image, px.
 
     Returns
     -------
     Mesh or None
         None with fewer than 30 matches within 12 px of the homography.
     """
-    near = np.linalg.norm(apply(homography, left) - right, axis=1) <= NEAR_PX
+    near = transfer_error(homography, left, right) <= NEAR_PX
     if np.count_nonzero(near) < MIN_MATCHES:
         return None
-    # Where the homography looks for the right point, the bent image has to show the left one.
+    # The bent image has to show the left point where the homography looks for the right one.
     bent = apply(np.asarray(np.linalg.inv(homography)), right[near])
     target = left[near] - bent
     cell_px = max(size) / CELLS
     shape = (max(round(size[1] / cell_px), 1) + 1, max(round(size[0] / cell_px), 1) + 1)
-    matrix, smooth = _interpolation(bent, size, shape), _smoothness(shape)
+    matrix = interpolation(bent / (np.array(size) - 1), shape).toarray()
+    smooth = STIFFNESS * roughness(shape) + RETURN * np.eye(shape[0] * shape[1])
     weight, nodes = np.ones(len(bent)), np.zeros((shape[0] * shape[1], 2))
     for scale_px in ROBUST_PX:
         normal = matrix.T @ (matrix * weight[:, None]) + smooth
@@ -107,17 +110,17 @@ def fit_mesh(homography: Matrix, left: Points, right: Points, size: tuple[int, i
 
 
 def fit_useful_mesh(homography: Matrix, left: Points, right: Points, size: tuple[int, int]) -> Mesh | None:
-    """`fit_mesh`, or None where held-out matches do not gain by it."""
+    """As `fit_mesh`, but None also where held-out matches do not gain by it."""
     plain, bent = held_out_shares(homography, left, right, size)
     return fit_mesh(homography, left, right, size) if bent >= plain + MIN_GAIN else None
 
 
 def held_out_shares(homography: Matrix, left: Points, right: Points, size: tuple[int, int]) -> tuple[float, float]:
-    """Share of the held-out matches within 12 px that lie within 2 px: of the homography alone, and with a grid.
+    """Share of the held-out matches within 12 px that lie within 2 px: under the homography alone, and with a grid.
 
     The grid is fitted twice, each time without the matches on half of the fields of a chessboard.
     """
-    near = np.linalg.norm(apply(homography, left) - right, axis=1) <= NEAR_PX
+    near = transfer_error(homography, left, right) <= NEAR_PX
     left, right = left[near], right[near]
     if len(left) < 2 * MIN_MATCHES:
         return 0.0, 0.0
@@ -127,40 +130,9 @@ def held_out_shares(homography: Matrix, left: Points, right: Points, size: tuple
         mesh = fit_mesh(homography, left[~held_out], right[~held_out], size)
         if mesh is None or not held_out.any():
             return 0.0, 0.0
-        # The error is measured in the right image, as the homography's own.
+        # Errors are measured in the right image, like those of the homography alone.
         expected = apply(np.asarray(np.linalg.inv(homography)), right[held_out])
         moved = left[held_out] - mesh.displacement(expected)
-        plain.append(np.linalg.norm(apply(homography, left[held_out]) - right[held_out], axis=1) <= INLIER_PX)
-        bent.append(np.linalg.norm(apply(homography, moved) - right[held_out], axis=1) <= INLIER_PX)
+        plain.append(transfer_error(homography, left[held_out], right[held_out]) <= INLIER_PX)
+        bent.append(transfer_error(homography, moved, right[held_out]) <= INLIER_PX)
     return float(np.concatenate(plain).mean()), float(np.concatenate(bent).mean())
-
-
-def _interpolation(points: Points, size: tuple[int, int], shape: tuple[int, ...]) -> Array:
-    """Bilinear weights (N, rows * columns) of the nodes at points, which are clipped to the image."""
-    rows, columns = shape
-    position = np.clip(points / (np.array(size) - 1), 0, 1) * [columns - 1, rows - 1]
-    first = np.minimum(np.floor(position), [columns - 2, rows - 2]).astype(np.intp)
-    share = position - first
-    weights = np.zeros((len(points), rows * columns))
-    index = np.arange(len(points))
-    for down in (0, 1):
-        for across in (0, 1):
-            factor = np.where(across, share[:, 0], 1 - share[:, 0]) * np.where(down, share[:, 1], 1 - share[:, 1])
-            weights[index, (first[:, 1] + down) * columns + first[:, 0] + across] += factor
-    return weights
-
-
-def _smoothness(shape: tuple[int, int]) -> Array:
-    """The quadratic form of the differences between neighbours, and of the displacements themselves."""
-    rows, columns = shape
-    index = np.arange(rows * columns).reshape(shape)
-    pairs = np.concatenate(
-        [
-            np.stack((index[:, :-1].ravel(), index[:, 1:].ravel()), axis=1),
-            np.stack((index[:-1].ravel(), index[1:].ravel()), axis=1),
-        ]
-    )
-    difference = np.zeros((len(pairs), rows * columns))
-    order = np.arange(len(pairs))
-    difference[order, pairs[:, 0]], difference[order, pairs[:, 1]] = 1, -1
-    return np.asarray(STIFFNESS * difference.T @ difference + RETURN * np.eye(rows * columns))

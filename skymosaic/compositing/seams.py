@@ -1,7 +1,7 @@
-"""Seams: lines between the photographs of a mosaic along which neighbours look alike.
+"""Finds seams: lines between the photographs of a mosaic along which neighbours look alike.
 
-Seams are found on thumbnails. Each photograph may show the pixels that are nearly as far from its own border as from
-any other's; within the remaining overlaps, OpenCV's seam finder cuts where the colours differ least.
+Seams are found on thumbnails. A photograph may show the pixels that are nearly as far from its own border as from any
+other's. Within the overlaps that are left, OpenCV's seam finder cuts where the colours differ least.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from skymosaic.imagery.depth import ValueRange, show_in_8_bit
 NEARLY_FARTHEST = 0.6
 """A photograph may show a pixel if its claim is at least this share of the strongest claim to it."""
 SURROUND_PX = 2
-"""Pixels of a mask's rectangle beyond what a photograph may show: masks continue beyond their rectangle."""
+"""Margin of a mask's rectangle around what a photograph may show, because masks continue beyond their rectangle."""
 
 
 def find_seams(thumbnails: Sequence[Layer], scale: float, values: ValueRange | None = None) -> list[SeamMask]:
@@ -33,12 +33,12 @@ def find_seams(thumbnails: Sequence[Layer], scale: float, values: ValueRange | N
     scale : float
         Pixels of that frame per pixel of the mosaic's reference frame.
     values : ValueRange or None
-        Shows thumbnails of 16 bits in 8.
+        How 8 bits show thumbnails of 16 bits.
 
     Returns
     -------
     list of SeamMask
-        One for each thumbnail.
+        One per thumbnail.
     """
     canvases = [footprint(layer.size, layer.transform) for layer in thumbnails]
     claims = [layer.claim(canvas) for layer, canvas in zip(thumbnails, canvases, strict=True)]
@@ -47,27 +47,23 @@ def find_seams(thumbnails: Sequence[Layer], scale: float, values: ValueRange | N
     for canvas, claim in zip(canvases, claims, strict=True):
         where = canvas.within(whole)
         strongest[where] = np.maximum(strongest[where], claim)
-    # Lists of Any, because OpenCV's type hints do not accept lists of arrays here.
     parts, allowed, pixels = [], [], []
     for layer, canvas, claim in zip(thumbnails, canvases, claims, strict=True):
         near_enough = (claim > 0) & (claim >= NEARLY_FARTHEST * strongest[canvas.within(whole)])
-        # The finder compares whole rectangles: in a dense flight, most of a photograph is far from all of its seams.
-        part = _surrounded(near_enough, canvas)
+        # The finder compares whole rectangles, but in a dense flight most of a photograph is far from all its seams.
+        part = _surround(near_enough, canvas)
         parts.append(part)
         allowed.append(near_enough[part.within(canvas)].astype(np.uint8) * 255)
         pixels.append(show_in_8_bit(layer.pixels(part, cv2.INTER_LINEAR), values).astype(np.float32))
     corners = [(part.x_px, part.y_px) for part in parts]
+    # Any, because OpenCV's type hints do not accept lists of arrays here.
     finder: Any = cv2.detail.DpSeamFinder("COLOR_GRAD")
-    found = finder.find(pixels, corners, allowed)
-    return [SeamMask(mask.get(), part, scale) for mask, part in zip(found, parts, strict=True)]
+    masks = finder.find(pixels, corners, allowed)
+    return [SeamMask(mask.get(), part, scale) for mask, part in zip(masks, parts, strict=True)]
 
 
-def _surrounded(mask: Mask, canvas: Canvas) -> Canvas:
-    """The rectangle of a canvas that contains the mask and `SURROUND_PX` around it; one pixel if it is empty."""
+def _surround(mask: Mask, canvas: Canvas) -> Canvas:
+    """The part of a canvas that contains the mask and `SURROUND_PX` around it; one pixel if the mask is empty."""
     if not mask.any():
         return Canvas(canvas.x_px, canvas.y_px, 1, 1)
-    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
-    first_x, first_y = columns[0] - SURROUND_PX, rows[0] - SURROUND_PX
-    width, height = columns[-1] + SURROUND_PX + 1 - first_x, rows[-1] + SURROUND_PX + 1 - first_y
-    around = Canvas(canvas.x_px + int(first_x), canvas.y_px + int(first_y), int(width), int(height))
-    return around.intersection(canvas) or canvas
+    return canvas.bounding(mask).grown(SURROUND_PX).intersection(canvas) or canvas

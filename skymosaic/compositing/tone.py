@@ -1,4 +1,4 @@
-"""The tone of a photograph in a mosaic: exposure gain, lens falloff, field of light and highlight shoulder."""
+"""Tone of a photograph in a mosaic: exposure gain, lens falloff, light field and highlight shoulder."""
 
 from __future__ import annotations
 
@@ -14,24 +14,23 @@ from skymosaic.geometry.homography import apply
 SHOULDER_START = 200 / 255
 """Toned intensities above this share of white are compressed, so that what was below white stays below white."""
 FIELD_STEP_PX = 16
-"""Factors are computed on a grid this coarse and interpolated: exact to a hundredth at the worst."""
+"""Factors are computed on a grid this coarse and interpolated, with errors of a hundredth at most."""
 
 
 @dataclass(frozen=True, eq=False)
 class Tone:
-    """What makes a photograph's intensities agree with those of its neighbours.
+    """Correction that makes a photograph's intensities agree with those of its neighbours.
 
     Attributes
     ----------
     gain : tuple of float
-        Factor on the intensities, one or one for each channel.
+        Factor on the intensities, one for all channels or one per channel.
     falloff : tuple of float
-        Coefficients v of the lens falloff: the photograph is darker towards its corners by
-        exp(-(v[0] r^2 + v[1] r^4)), with r the distance from its centre in half diagonals, and the tone undoes it.
-        The same for all photographs of a camera.
+        Coefficients v of the lens falloff, the same for all photographs of a camera: the photograph is darker towards
+        its corners by exp(-(v[0] r^2 + v[1] r^4)), with r the distance from its centre in half diagonals; the tone
+        undoes that.
     black : float
-        The intensity that stays as it is whatever the gain. Above 0 for photographs of 16 bits, whose numbers begin at
-        some level of the camera's.
+        The intensity that no gain changes. Above 0 for photographs of 16 bits from a camera with a black level.
     light : ndarray of float64, shape (rows, columns, 1 or 3), or None
         Logarithms of further gains, from the photograph's first pixel to its last one, bilinear in between.
     shoulder : float
@@ -46,19 +45,19 @@ class Tone:
 
     @property
     def is_neutral(self) -> bool:
-        """Whether it changes nothing."""
+        """Whether the tone changes nothing."""
         return all(gain == 1 for gain in self.gain) and not self.varies
 
     @property
     def varies(self) -> bool:
-        """Whether it differs between places of the photograph."""
+        """Whether the tone differs between places of the photograph."""
         return self.light is not None or any(self.falloff)
 
     def apply(self, pixels: Intensities, factors: Float32 | None = None) -> Intensities:
-        """The toned intensities.
+        """Apply the tone to intensities.
 
         White is the largest number of the pixels' type. Above the shoulder a rational curve continues the straight
-        line with the same slope and ends at (white, white), whatever the factor: factors above 1 burn nothing out,
+        line with the same slope and ends at (white, white) for any factor. So factors above 1 burn nothing out, and
         factors below 1 do not turn white gray.
 
         Parameters
@@ -90,7 +89,7 @@ class Tone:
         return np.asarray(np.rint(toned, out=toned), dtype=pixels.dtype).reshape(pixels.shape)
 
     def factors(self, size: tuple[int, int], part: Canvas, to_image: Array | None = None) -> Float32:
-        """The factors on a photograph's intensities.
+        """Factors on a photograph's intensities.
 
         Parameters
         ----------
@@ -98,7 +97,7 @@ class Tone:
             Width and height of the photograph, px.
         part : Canvas
         to_image : ndarray of float64, shape (3, 3), or None
-            Reference pixels to the photograph's pixels; None: they are the same.
+            Reference pixels to the photograph's pixels; None: the identity.
 
         Returns
         -------
@@ -113,12 +112,11 @@ class Tone:
         points = np.stack(np.meshgrid(x, y), axis=-1)
         if to_image is not None:
             points = apply(to_image, points)
-        last = np.array(size) - 1
-        squared = ((points - last / 2) ** 2).sum(axis=-1) / (np.hypot(*size) / 2) ** 2
+        squared = squared_radius(points, size)
         logs = np.asarray((self.falloff[0] * squared + self.falloff[1] * squared**2)[..., None] + np.log(self.gain))
         if self.light is not None:
             nodes = np.array(self.light.shape[1::-1]) - 1
-            places = (np.clip(points / last, 0, 1) * nodes).astype(np.float32)
+            places = (np.clip(points / (np.array(size) - 1), 0, 1) * nodes).astype(np.float32)
             light = cv2.remap(self.light.astype(np.float32), places[..., 0], places[..., 1], cv2.INTER_LINEAR)
             logs = logs + light.reshape(len(y), len(x), -1)
         size = (cells.width_px, cells.height_px)
@@ -127,4 +125,9 @@ class Tone:
 
 
 NEUTRAL = Tone()
-"""Changes nothing."""
+
+
+def squared_radius(points: Array, size: tuple[int, int]) -> Array:
+    """Squared distances (...) of points (..., 2) from the centre of an image (width, height), in half diagonals."""
+    centre = (np.array(size) - 1) / 2
+    return np.asarray(((points - centre) ** 2).sum(axis=-1) / (np.hypot(*size) / 2) ** 2)

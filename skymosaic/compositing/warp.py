@@ -1,8 +1,7 @@
-"""Warping images into a common frame: the canvas and backward warping.
+"""Warps images into a common reference frame.
 
-Every image has a homography that maps its pixels to the pixels of a common reference frame. A `Canvas` is a rectangle
-of that frame: the whole mosaic, a tile, or the part that one image covers. The planar manifold (thesis, section II.2.4)
-is the reference frame itself.
+Every image has a homography from its pixels to those of the reference frame, the planar manifold of the thesis
+(section II.2.4). A `Canvas` is a rectangle of that frame: the whole mosaic, a tile, or the part that one image covers.
 """
 
 from __future__ import annotations
@@ -15,17 +14,17 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from golden_model.arrays import Array, Intensities, Pixels
+from golden_model.arrays import Array, Intensities, Mask, Pixels
 from skymosaic.geometry.homography import apply, rescale, resize_matrix
 
 CANVAS_LIMIT_PX = 250_000_000
 """Default limit on the area of a canvas."""
 TILE_PX = 1024
-"""Side of the tiles that are warped at once: they fit the processor's cache and OpenCV's size limit of 32767 px."""
+"""Side of the tiles that are warped at once. They fit the processor's cache and OpenCV's size limit of 32767 px."""
 ROUNDING_PX = 1e-6
-"""A corner this close to a pixel counts as on it, because composed transformations have rounding errors."""
+"""A corner this close to a pixel counts as on it, because products of transformations have rounding errors."""
 SUPPORT_PX = 5
-"""Pixels around a source position that Lanczos interpolation may read, including rounding."""
+"""Margin around a source position that Lanczos interpolation may read, including rounding."""
 
 
 class CanvasError(ValueError):
@@ -61,7 +60,7 @@ class Canvas:
         return np.array([[self.x_px, self.y_px], [x, self.y_px], [x, y], [self.x_px, y]], dtype=np.float64)
 
     def intersection(self, other: Canvas) -> Canvas | None:
-        """The rectangle that both cover; None if they do not overlap."""
+        """The rectangle that both cover; None without an overlap."""
         x, y = max(self.x_px, other.x_px), max(self.y_px, other.y_px)
         width = min(self.x_px + self.width_px, other.x_px + other.width_px) - x
         height = min(self.y_px + self.height_px, other.y_px + other.height_px) - y
@@ -70,6 +69,12 @@ class Canvas:
     def grown(self, by_px: int) -> Canvas:
         """The rectangle with a margin on every side."""
         return Canvas(self.x_px - by_px, self.y_px - by_px, self.width_px + 2 * by_px, self.height_px + 2 * by_px)
+
+    def bounding(self, mask: Mask) -> Canvas:
+        """The smallest part that contains all pixels of a mask of this rectangle; the mask must not be empty."""
+        rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+        x, y = self.x_px + int(columns[0]), self.y_px + int(rows[0])
+        return Canvas(x, y, int(columns[-1] - columns[0]) + 1, int(rows[-1] - rows[0]) + 1)
 
     def aligned(self, cell_px: int) -> Canvas:
         """The smallest rectangle of whole cells of the reference frame that contains this one."""
@@ -83,7 +88,7 @@ class Canvas:
         return slice(y, y + self.height_px), slice(x, x + self.width_px)
 
     def tiles(self, side_px: int = TILE_PX) -> Iterator[Canvas]:
-        """Tiles of at most ``side_px`` x ``side_px`` pixels that cover the rectangle, row by row."""
+        """Cut the rectangle into tiles of at most ``side_px`` x ``side_px`` pixels, row by row."""
         for y in range(0, self.height_px, side_px):
             for x in range(0, self.width_px, side_px):
                 width, height = min(side_px, self.width_px - x), min(side_px, self.height_px - y)
@@ -102,13 +107,13 @@ def enclosing_canvas(
     transforms : sequence of (3, 3) float64 ndarray
         Image pixels to reference pixels.
     limit_px : int
-        Largest accepted area.
+        Maximum area.
 
     Raises
     ------
     CanvasError
-        If a corner of an image maps to a point behind the camera, or the area exceeds the limit; nothing has been
-        allocated then.
+        If a corner of an image maps to a point behind the camera, or the area exceeds the limit; nothing is allocated
+        before.
     """
     parts = [footprint(size, transform) for size, transform in zip(sizes, transforms, strict=True)]
     x, y = min(part.x_px for part in parts), min(part.y_px for part in parts)
@@ -142,7 +147,7 @@ def footprint(size: tuple[int, int], transform: Array) -> Canvas:
 
 
 def magnification(size: tuple[int, int], transform: Array) -> float:
-    """Pixels of the reference frame for each pixel of an image of ``size`` (width, height), at its centre."""
+    """Pixels of the reference frame per pixel of an image of ``size`` (width, height), at its centre."""
     x, y = (np.array(size) - 1) / 2
     along_x, along_y = apply(transform, [(x + 1, y), (x, y + 1)]) - apply(transform, (x, y))
     return math.sqrt(abs(along_x[0] * along_y[1] - along_x[1] * along_y[0]))
@@ -151,7 +156,7 @@ def magnification(size: tuple[int, int], transform: Array) -> float:
 def shrink(image: Intensities, transform: Array) -> tuple[Intensities, Array]:
     """Reduce an image by area if its transformation shrinks it to half or less; returns image and transformation.
 
-    Bilinear interpolation reads only four pixels, so an image that becomes much smaller must be averaged first.
+    Bilinear interpolation reads only four pixels, so an image that becomes much smaller has to be averaged first.
     """
     height, width = image.shape[:2]
     factor = min(int(1 / max(magnification((width, height), transform), 1e-6) + 1e-6), width, height)
@@ -163,14 +168,12 @@ def shrink(image: Intensities, transform: Array) -> tuple[Intensities, Array]:
 
 
 def source_window(size: tuple[int, int], transform: Array, tile: Canvas) -> Canvas:
-    """The rectangle of image pixels that a tile of the reference frame needs.
-
-    If the tile shows nothing of the image, this is the nearest part of the image's border.
-    """
+    """The rectangle of image pixels that a tile needs; outside the image, the nearest part of its border."""
     inverse = np.asarray(np.linalg.inv(rescale(transform)), dtype=np.float64)
     depth = tile.corners @ inverse[2, :2] + inverse[2, 2]
+    # Corners of a tile that extends beyond the horizon do not bound what it shows.
     if depth.min() <= 0:
-        return Canvas(0, 0, *size)  # The tile extends beyond the horizon, so its corners do not bound what it shows.
+        return Canvas(0, 0, *size)
     mapped = apply(inverse, tile.corners)
     last_pixel = np.array(size) - 1
     x, y = np.clip(np.floor(mapped.min(axis=0)) - SUPPORT_PX, 0, last_pixel).astype(int).tolist()
@@ -186,7 +189,7 @@ def warp_backward(
     border: int = cv2.BORDER_CONSTANT,
     interpolation: int = cv2.INTER_LINEAR,
 ) -> Intensities:
-    """Backward warping x = H^-1 x' (thesis, equation II-17).
+    """Warp an image backward, x = H^-1 x' (thesis, equation II-17).
 
     Parameters
     ----------
