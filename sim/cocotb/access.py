@@ -10,7 +10,7 @@ from cocotbext.axi import AxiResp
 
 from golden_model.version import VERSION
 from hdl.registers.register_map import IDENTITY, REGISTERS, Access, Register, built_constants
-from sim.cocotb.bench import REGISTER_BYTES, Bench, scene, transfer
+from sim.cocotb.bench import REGISTER_BYTES, Bench, render_scene
 from sim.cocotb.runner import CONFIG, LANES, MAX_SIZE_PX
 from sim.simulators.accelerator_designs import FEATURES, MATCHES
 
@@ -22,16 +22,15 @@ READ_ONLY = (Access.CONSTANT, Access.STATUS)
 EVENTS = ("frame_done", "matches_done", "frame_bad")
 
 
-def _settings(register: Register) -> int:
+def _mask_settings(register: Register) -> int:
     """The bits of a register that can be written and read back."""
     return sum(field.mask for field in register.fields if field.access == Access.SETTING)
 
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
-async def what_was_built_can_be_read(dut: Any) -> None:
+async def the_build_can_be_read(dut: Any) -> None:
     """Identity, version and the built configuration."""
-    bench = Bench(dut)
-    await bench.start()
+    bench = await Bench.open(dut)
     assert await bench.read_word(0) == (AxiResp.OKAY, IDENTITY)
     assert await bench.read_word(4) == (AxiResp.OKAY, int.from_bytes(map(int, VERSION.split(".")), "big"))
     constants = built_constants(
@@ -48,11 +47,10 @@ async def what_was_built_can_be_read(dut: Any) -> None:
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def settings_are_kept_byte_by_byte(dut: Any) -> None:
     """Every setting, with pauses on all channels: from its initial value to all ones, one byte strobe after another."""
-    bench = Bench(dut)
-    await bench.start()
+    bench = await Bench.open(dut)
     bench.pause_at_random(300)
     for register in REGISTERS:
-        bits = _settings(register)
+        bits = _mask_settings(register)
         if not bits:
             continue
         expected = sum(field.init << field.low for field in register.fields)
@@ -66,10 +64,9 @@ async def settings_are_kept_byte_by_byte(dut: Any) -> None:
 
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
-async def what_cannot_be_written_or_does_not_exist_is_refused(dut: Any) -> None:
-    """Accesses to other addresses are answered with SLVERR and change nothing."""
-    bench = Bench(dut)
-    await bench.start()
+async def other_accesses_are_refused(dut: Any) -> None:
+    """Writes to read-only registers and all accesses to other addresses are answered with SLVERR and change nothing."""
+    bench = await Bench.open(dut)
     before = {register.offset: await bench.read_word(register.offset) for register in REGISTERS}
     for address in UNKNOWN_ADDRESSES:
         assert (await bench.read_word(address))[0] == AxiResp.SLVERR, hex(address)
@@ -83,39 +80,37 @@ async def what_cannot_be_written_or_does_not_exist_is_refused(dut: Any) -> None:
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def the_interrupt_is_high_while_a_masked_event_is_set(dut: Any) -> None:
     """Events are set even if they are masked; writing 1 to an event clears it and no other."""
-    bench = Bench(dut)
-    await bench.start()
-    image = scene(SMALL_PX, gray=True)[0]
+    bench = await Bench.open(dut)
+    image = render_scene(SMALL_PX, gray=True)[0]
     await bench.configure(image, memory_mode=1)
-    await bench.video.send(transfer([image]))
-    await bench.results(1)
-    assert await _events(bench) == [1, 1, 0]
+    await bench.send_memory(image)
+    await bench.receive_frames(1)
+    assert await _read_events(bench) == [1, 1, 0]
     assert not dut.interrupt.value
     await bench.write(frame_bad_mask=1)
     assert not dut.interrupt.value
     await bench.write(matches_done_mask=1)
     assert dut.interrupt.value
     await bench.write(frame_done=1)
-    assert await _events(bench) == [0, 1, 0]
+    assert await _read_events(bench) == [0, 1, 0]
     assert dut.interrupt.value
     await bench.write(frame_bad=1)
-    assert await _events(bench) == [0, 1, 0]
+    assert await _read_events(bench) == [0, 1, 0]
     await bench.write(matches_done=1)
-    assert await _events(bench) == [0, 0, 0]
+    assert await _read_events(bench) == [0, 0, 0]
     assert not dut.interrupt.value
 
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
-async def the_interrupt_tells_the_end_of_a_packet(dut: Any) -> None:
+async def the_interrupt_marks_the_end_of_a_packet(dut: Any) -> None:
     """The interrupt rises when the last word of the frame has been taken, not before."""
-    bench = Bench(dut)
-    await bench.start()
-    image = scene(SMALL_PX, gray=True)[0]
+    bench = await Bench.open(dut)
+    image = render_scene(SMALL_PX, gray=True)[0]
     matches = bench.sinks[MATCHES]
     matches.pause = True
     await bench.configure(image, memory_mode=1, matches_done_mask=1)
-    await bench.video.send(transfer([image]))
-    await bench.packet(FEATURES)
+    await bench.send_memory(image)
+    await bench.receive_packet(FEATURES)
     while not await bench.read("matches_waiting"):
         await ClockCycles(dut.aclk, 100)
     assert not dut.interrupt.value
@@ -124,5 +119,5 @@ async def the_interrupt_tells_the_end_of_a_packet(dut: Any) -> None:
     assert not matches.empty()
 
 
-async def _events(bench: Bench) -> list[int]:
+async def _read_events(bench: Bench) -> list[int]:
     return [await bench.read(name) for name in EVENTS]

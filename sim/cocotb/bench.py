@@ -1,10 +1,10 @@
-"""The part that all benches share: AXI agents around the accelerator, frames in, results out."""
+"""AXI agents around the accelerator: frames in, results out."""
 
 from __future__ import annotations
 
 import logging
 import random
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import cocotb
@@ -38,16 +38,16 @@ from sim.simulators.scoreboard import find_mismatch
 CLOCK_NS = 10
 RESET_CYCLES = 4
 REGISTER_BYTES = 4
-PLACES = {field.name: (register.offset, field) for register in REGISTERS for field in register.fields}
+FIELDS = {field.name: (register.offset, field) for register in REGISTERS for field in register.fields}
 
 
 class Bench:
-    """The accelerator with a manager at its registers, a source of pixels and two sinks of packets.
+    """The accelerator, running after a reset, with a manager at its registers, a source of pixels and two packet sinks.
 
     Parameters
     ----------
     dut
-        cocotb's handle of the top module.
+        cocotb's handle of the top module; `open` also starts its clock and resets it.
 
     Attributes
     ----------
@@ -66,20 +66,23 @@ class Bench:
         self.video = AxiStreamSource(AxiStreamBus.from_prefix(dut, "s_axis_video"), byte_lanes=1, **wires)
         self.sinks = {name: AxiStreamSink(AxiStreamBus.from_prefix(dut, name), **wires) for name in (FEATURES, MATCHES)}
 
-    async def start(self) -> None:
+    @classmethod
+    async def open(cls, dut: Any) -> Bench:
         """Start the clock, and reset."""
-        Clock(self.dut.aclk, CLOCK_NS, unit="ns").start()
-        self.dut.aresetn.value = 0
-        await ClockCycles(self.dut.aclk, RESET_CYCLES)
-        self.dut.aresetn.value = 1
-        await ClockCycles(self.dut.aclk, RESET_CYCLES)
+        bench = cls(dut)
+        Clock(dut.aclk, CLOCK_NS, unit="ns").start()
+        dut.aresetn.value = 0
+        await ClockCycles(dut.aclk, RESET_CYCLES)
+        dut.aresetn.value = 1
+        await ClockCycles(dut.aclk, RESET_CYCLES)
+        return bench
 
     def pause_at_random(self, seed: int) -> None:
         """Pause every channel at random, and check that a word that waits at an output does not change."""
         write, read = self.registers.write_if, self.registers.read_if
         control = (write.aw_channel, write.w_channel, write.b_channel, read.ar_channel, read.r_channel)
         for number, channel in enumerate((self.video, *self.sinks.values(), *control)):
-            channel.set_pause_generator(_pauses(seed + number))
+            channel.set_pause_generator(_generate_pauses(seed + number))
         self.check_outputs()
 
     def check_outputs(self) -> None:
@@ -101,7 +104,7 @@ class Bench:
         return (await self.registers.write(address, data)).resp
 
     async def read_word(self, address: int) -> tuple[AxiResp, int]:
-        """Read a word."""
+        """Read a word; returns the response, too."""
         answer = await self.registers.read(address, REGISTER_BYTES)
         return answer.resp, int.from_bytes(answer.data, "little")
 
@@ -112,7 +115,7 @@ class Bench:
 
     async def read(self, name: str) -> int:
         """Read a field."""
-        offset, field = PLACES[name]
+        offset, field = FIELDS[name]
         response, word = await self.read_word(offset)
         assert response == AxiResp.OKAY
         value: int = (word & field.mask) >> field.low
@@ -128,33 +131,46 @@ class Bench:
         }
         await self.write(**settings | values)
 
-    async def packet(self, name: str) -> NDArray[np.uint64]:
+    async def send(self, packets: Iterable[AxiStreamFrame]) -> None:
+        """Queue packets for the video input; it takes them while other calls wait."""
+        for packet in packets:
+            await self.video.send(packet)
+
+    async def send_video(self, *images: Pixels) -> None:
+        """Queue frames line by line, back to back."""
+        await self.send(line for image in images for line in make_lines(image))
+
+    async def send_memory(self, *images: Pixels) -> None:
+        """Queue frames in one transfer."""
+        await self.send([make_transfer(images)])
+
+    async def receive_packet(self, name: str) -> NDArray[np.uint64]:
         """Receive the next packet of an output."""
         packet = await self.sinks[name].recv(compact=False)
         assert all(packet.tkeep)
         return np.frombuffer(bytes(packet.tdata), np.uint64)
 
-    async def results(self, frames: int) -> list[FrameResult]:
+    async def receive_frames(self, frames: int) -> list[FrameResult]:
         """Receive the next frames at both outputs."""
-        packets = [(await self.packet(FEATURES), await self.packet(MATCHES)) for _ in range(frames)]
+        packets = [(await self.receive_packet(FEATURES), await self.receive_packet(MATCHES)) for _ in range(frames)]
         return [decode_frame(*both, CONFIG) for both in packets]
 
 
-def _pauses(seed: int) -> Iterator[bool]:
-    """Random runs of pauses and of activity, up to 8 clocks each."""
+def _generate_pauses(seed: int) -> Iterator[bool]:
+    """Random runs of pauses and of activity, 1 to 8 clocks each."""
     rng = random.Random(seed)
     while True:
         yield from [rng.random() < 0.4] * rng.randint(1, 8)
 
 
-def lines(image: Pixels) -> list[AxiStreamFrame]:
+def make_lines(image: Pixels) -> list[AxiStreamFrame]:
     """A frame as AXI4-Stream video: one packet for each line, TUSER with the first pixel."""
     data, _ = flatten_frame(image)
     rows = [row.tolist() for row in data.reshape(image.shape[:2])]
     return [AxiStreamFrame(row, tuser=[int(y == 0 and x == 0) for x in range(len(row))]) for y, row in enumerate(rows)]
 
 
-def transfer(images: Sequence[Pixels]) -> AxiStreamFrame:
+def make_transfer(images: Sequence[Pixels]) -> AxiStreamFrame:
     """Frames as a DMA sends them: four gray pixels in each beat, with each frame padded to whole beats; or RGBX."""
     beats: list[int] = []
     for image in images:
@@ -167,13 +183,13 @@ def transfer(images: Sequence[Pixels]) -> AxiStreamFrame:
     return AxiStreamFrame(beats)
 
 
-def scene(size_px: tuple[int, int], *, gray: bool) -> list[Pixels]:
+def render_scene(size_px: tuple[int, int], *, gray: bool) -> list[Pixels]:
     """Two rendered views of a landscape."""
     images = rendered_pair(seed=3, size=size_px).images
     return [np.ascontiguousarray(image[..., 1]) if gray else image for image in images]
 
 
-def golden(images: Mapping[int, Pixels], reference: Reference) -> list[FrameResult]:
+def compute_golden(images: Mapping[int, Pixels], reference: Reference) -> list[FrameResult]:
     """The golden model's results for good frames, by their numbers since reset."""
     extracted = (extract(image, CONFIG.front_end, frame=number) for number, image in images.items())
     results = list(add_matches(((frame.features, frame.status, None) for frame in extracted), CONFIG, reference))
@@ -184,5 +200,5 @@ def golden(images: Mapping[int, Pixels], reference: Reference) -> list[FrameResu
 
 def assert_golden(results: Sequence[FrameResult], images: Mapping[int, Pixels], reference: Reference = "held") -> None:
     """Check that the good frames equal the golden model; ``images`` has the good ones by number since reset."""
-    mismatch = find_mismatch(golden(images, reference), [results[number] for number in images])
+    mismatch = find_mismatch(compute_golden(images, reference), [results[number] for number in images])
     assert mismatch is None, str(mismatch)

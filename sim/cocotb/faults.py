@@ -13,7 +13,7 @@ from cocotbext.axi import AxiStreamFrame
 from golden_model.arrays import Pixels
 from golden_model.records import WORD_BYTES, Cause, Tag, feature_record
 from sim.backends.interface import FrameResult
-from sim.cocotb.bench import Bench, assert_golden, lines, scene, transfer
+from sim.cocotb.bench import Bench, assert_golden, make_lines, render_scene
 from sim.cocotb.runner import CONFIG, MAX_SIZE_PX
 from sim.simulators.accelerator_designs import FEATURES
 
@@ -24,38 +24,26 @@ WAIT_CYCLES = 100
 RECORD_WORDS = feature_record(CONFIG.front_end.pattern.descriptor_bytes).record_bytes // WORD_BYTES
 
 
-def _short_line(image: Pixels) -> list[AxiStreamFrame]:
-    packets = lines(image)
+FAULTS = (Cause.SHORT_LINE, Cause.LONG_LINE, Cause.EARLY_END, Cause.MISSING_START)
+
+
+def _make_faulty_lines(image: Pixels, fault: Cause) -> list[AxiStreamFrame]:
+    """A frame as video with one of `FAULTS`."""
+    packets = make_lines(image)
     line = packets[FAULTY_LINE]
-    packets[FAULTY_LINE] = AxiStreamFrame(line.tdata[:-1], tuser=line.tuser[:-1])
+    if fault == Cause.EARLY_END:
+        return packets[:-MISSING_LINES]
+    if fault == Cause.MISSING_START:
+        return [AxiStreamFrame(packet.tdata, tuser=0) for packet in packets]
+    if fault == Cause.SHORT_LINE:
+        packets[FAULTY_LINE] = AxiStreamFrame(line.tdata[:-1], tuser=line.tuser[:-1])
+    else:
+        packets[FAULTY_LINE] = AxiStreamFrame([*line.tdata, 0], tuser=[*line.tuser, 0])
     return packets
-
-
-def _long_line(image: Pixels) -> list[AxiStreamFrame]:
-    packets = lines(image)
-    line = packets[FAULTY_LINE]
-    packets[FAULTY_LINE] = AxiStreamFrame([*line.tdata, 0], tuser=[*line.tuser, 0])
-    return packets
-
-
-def _early_end(image: Pixels) -> list[AxiStreamFrame]:
-    return lines(image)[:-MISSING_LINES]
-
-
-def _missing_start(image: Pixels) -> list[AxiStreamFrame]:
-    return [AxiStreamFrame(line.tdata, tuser=0) for line in lines(image)]
-
-
-FAULTS = {
-    Cause.SHORT_LINE: _short_line,
-    Cause.LONG_LINE: _long_line,
-    Cause.EARLY_END: _early_end,
-    Cause.MISSING_START: _missing_start,
-}
 
 
 def assert_bad(result: FrameResult, number: int, cause: Cause) -> None:
-    """Check that both statuses of a frame tell its cause, and that it has no matches."""
+    """Check that both statuses of a frame give its cause, and that it has no matches."""
     for status in (result.status, result.match_status):
         assert not status["good"]
         assert status["causes"] == cause
@@ -82,19 +70,17 @@ async def _assert_only_second_bad(
 @cocotb.test(timeout_time=3, timeout_unit="ms")
 async def malformed_video(dut: Any) -> None:
     """Each fault occurs between two good frames, without a pause."""
-    bench = Bench(dut)
-    await bench.start()
-    left, right = scene(SIZE_PX, gray=True)
+    bench = await Bench.open(dut)
+    left, right = render_scene(SIZE_PX, gray=True)
     await bench.configure(left)
     good, bad = {0: left}, dict[int, Cause]()
-    packets = lines(left)
-    for cause, spoilt in FAULTS.items():
+    packets = make_lines(left)
+    for cause in FAULTS:
         number = len(good) + len(bad)
         bad[number], good[number + 1] = cause, right
-        packets += [*spoilt(right), *lines(right)]
-    for packet in packets:
-        await bench.video.send(packet)
-    results = await bench.results(len(good) + len(bad))
+        packets += [*_make_faulty_lines(right, cause), *make_lines(right)]
+    await bench.send(packets)
+    results = await bench.receive_frames(len(good) + len(bad))
     for number, cause in bad.items():
         assert_bad(results[number], number, cause)
     assert_golden(results, good)
@@ -104,59 +90,53 @@ async def malformed_video(dut: Any) -> None:
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def a_transfer_that_ends_early(dut: Any) -> None:
     """In memory mode, the next transfer starts a new frame."""
-    bench = Bench(dut)
-    await bench.start()
-    left, right = scene(SIZE_PX, gray=True)
+    bench = await Bench.open(dut)
+    left, right = render_scene(SIZE_PX, gray=True)
     await bench.configure(left, memory_mode=1)
-    for packet in ([left], [right[:-MISSING_LINES]], [right]):
-        await bench.video.send(transfer(packet))
-    results = await bench.results(3)
+    for image in (left, right[:-MISSING_LINES], right):
+        await bench.send_memory(image)
+    results = await bench.receive_frames(3)
     await _assert_only_second_bad(bench, results, (left, right), Cause.EARLY_END)
 
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def more_features_than_fit(dut: Any) -> None:
     """Noise fills every cell, and the setting allows more features per cell than fit in total."""
-    bench = Bench(dut)
-    await bench.start()
-    left, right = scene(MAX_SIZE_PX, gray=True)
+    bench = await Bench.open(dut)
+    left, right = render_scene(MAX_SIZE_PX, gray=True)
     noise = np.random.default_rng(0).integers(0, 256, left.shape, np.uint8)
     results = []
     for image, settings in ((left, {}), (noise, {"per_cell": 8}), (right, {})):
         await bench.configure(image, reference="held", memory_mode=1, **settings)
-        await bench.video.send(transfer([image]))
-        results += await bench.results(1)
+        await bench.send_memory(image)
+        results += await bench.receive_frames(1)
     await _assert_only_second_bad(bench, results, (left, right), Cause.TOO_MANY_FEATURES)
 
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def clear_in_mid_frame(dut: Any) -> None:
-    """Clearing drops the frame in progress and the reference but keeps the settings; a packet under way is ended."""
-    bench = Bench(dut)
-    await bench.start()
+    """Clearing drops the frame in progress and the reference, ends a packet under way, and keeps the settings."""
+    bench = await Bench.open(dut)
     bench.check_outputs()
-    left, right = scene(SIZE_PX, gray=True)
+    left, right = render_scene(SIZE_PX, gray=True)
     features = bench.sinks[FEATURES]
     await bench.configure(left)
-    for packet in lines(right):
-        await bench.video.send(packet)
-    await bench.results(1)
+    await bench.send_video(right)
+    await bench.receive_frames(1)
     features.pause = True
-    for packet in _early_end(right):
-        await bench.video.send(packet)
+    await bench.send(_make_faulty_lines(right, Cause.EARLY_END))
     while not await bench.read("features_waiting"):
         await ClockCycles(dut.aclk, WAIT_CYCLES)
     await bench.configure(left, clear=1)
     assert await bench.read("features_waiting")
     assert await bench.read("frames") == 0
     features.pause = False
-    broken_off = await bench.packet(FEATURES)
+    broken_off = await bench.receive_packet(FEATURES)
     assert len(broken_off) % RECORD_WORDS == 0
     assert int(broken_off[-RECORD_WORDS]) == Tag.FRAME_STATUS | Cause.CLEARED << 16
     assert await bench.read("frames") == 0
-    for packet in [*lines(left), *lines(right)]:
-        await bench.video.send(packet)
-    results = await bench.results(3)
+    await bench.send_video(left, right)
+    results = await bench.receive_frames(3)
     # The rest of the frame that was dropped: its start is gone.
     assert_bad(results[0], 0, Cause.MISSING_START)
     assert_golden(results, {1: left, 2: right})

@@ -6,21 +6,21 @@ import subprocess
 from importlib.metadata import version
 from pathlib import Path
 
-from cocotb_tools.config import libs_dir
-from cocotb_tools.runner import Icarus, Runner, Verilator
+from cocotb_tools.config import libs_dir, share_dir
+from cocotb_tools.runner import Icarus, Verilator
 
 from golden_model.config import Config, FrontEndConfig
 from sim.backends.interface import Progress, silent
 from sim.simulators.accelerator_designs import design_accelerator
 from sim.simulators.build_cache import cached, digest
-from sim.simulators.verilator import package_folder
+from sim.simulators.compiler import compile_objects, link_objects, optimisation, toolchain_key
+from sim.simulators.verilator import VERILATOR_FLAGS, runtime_folder, runtime_includes, translate
 
 CONFIG = Config(front_end=FrontEndConfig(max_features=80))
 MAX_SIZE_PX = (160, 128)
 LANES = 4
 TOP = "top"
 CASES = ("access", "frames", "faults", "settings")
-SIMULATORS = ("verilator", "icarus")
 SEED = 1
 TIMESCALE = ("1ns", "1ps")
 
@@ -28,28 +28,7 @@ TIMESCALE = ("1ns", "1ps")
 PUBLIC_PORTS = "`verilator_config\n" + "".join(
     f'public_flat_rw -module "{TOP}" -var "{name}"\n' for name in ("a*", "s_axi*", "m_axi*", "interrupt")
 )
-VERILATOR_FLAGS = (
-    "--no-public-flat-rw", "-O3", "--x-assign", "fast", "--x-initial", "fast", "--no-assert", "--output-split", "20000",
-    "-Wno-fatal", "-Wno-lint", "-Wno-style", "-Wno-SYMRSVDWORD",
-)  # fmt: skip
-# GCC finds precompiled headers by -include; without the first word files of larger designs do not compile.
-MAKE_VARIABLES = "CFG_CXXFLAGS_PCH_I=-include OPT_FAST=-Og OPT_GLOBAL=-O0"
-
-
-class _PackagedVerilator(Verilator):
-    """Use the Verilator of the Python package, even if another one is on PATH."""
-
-    def _simulator_in_path_build_only(self) -> None:
-        self.executable = str(package_folder() / "bin" / "verilator_bin")
-
-    def _set_env_build(self) -> None:
-        super()._set_env_build()
-        self.env |= {"VERILATOR_ROOT": str(package_folder()), "MAKEFLAGS": MAKE_VARIABLES}
-
-    def _set_env_test(self) -> None:
-        super()._set_env_test()
-        # A kept build was linked against cocotb in the environment that built it, which may be gone by now.
-        self.env["LD_LIBRARY_PATH"] = str(libs_dir)
+VERILATOR_RUNTIME = ("verilated.cpp", "verilated_dpi.cpp", "verilated_threads.cpp", "verilated_vpi.cpp")
 
 
 def run(cases: str, folder: Path, *, simulator: str = "verilator", progress: Progress = silent) -> Path:
@@ -63,7 +42,7 @@ def run(cases: str, folder: Path, *, simulator: str = "verilator", progress: Pro
         To run in.
     simulator : {"verilator", "icarus"}
     progress : callable
-        Told of a first build.
+        Receives lines of text about a first build.
 
     Returns
     -------
@@ -75,18 +54,18 @@ def run(cases: str, folder: Path, *, simulator: str = "verilator", progress: Pro
     SystemExit
         Under pytest, if a case fails; the simulator is not installed; the simulation ends early.
     """
-    runner, identity = _TOOLS[simulator]()
-    flags = VERILATOR_FLAGS if simulator == "verilator" else ()
-    sources = {"ports.vlt": PUBLIC_PORTS} if simulator == "verilator" else {}
-    sources["top.v"] = design_accelerator(CONFIG, MAX_SIZE_PX, lanes=LANES).verilog(progress)
+    runner = Verilator() if simulator == "verilator" else Icarus()
+    verilog = design_accelerator(CONFIG, MAX_SIZE_PX, lanes=LANES).verilog(progress)
 
-    def build(made: Path) -> None:
-        for name, text in sources.items():
-            (made / name).write_text(text, encoding="utf-8")
-        files = [made / name for name in sources]
-        runner.build(sources=files, build_args=flags, hdl_toplevel=TOP, build_dir=made, timescale=TIMESCALE)
+    def build(folder: Path) -> None:
+        (folder / "top.v").write_text(verilog, encoding="utf-8")
+        if simulator == "verilator":
+            _build_with_verilator(folder, progress)
+        else:
+            runner.build(sources=[folder / "top.v"], hdl_toplevel=TOP, build_dir=folder, timescale=TIMESCALE)
 
-    key = digest(*sources.values(), *flags, MAKE_VARIABLES, version("cocotb"), identity)
+    tools = _identify_verilator() if simulator == "verilator" else _identify_icarus()
+    key = digest(verilog, Path(__file__).read_text(encoding="utf-8"), version("cocotb"), tools)
     what = f"the accelerator for cocotb on {simulator}"
     return runner.test(
         cases,
@@ -102,13 +81,24 @@ def run(cases: str, folder: Path, *, simulator: str = "verilator", progress: Pro
     )
 
 
-def _verilator() -> tuple[Runner, str]:
-    return _PackagedVerilator(), version("verilator")
+def _build_with_verilator(folder: Path, progress: Progress) -> None:
+    """Compile ``top.v`` without cocotb's makefile, which splits paths with spaces."""
+    (folder / "ports.vlt").write_text(PUBLIC_PORTS, encoding="utf-8")
+    flags = [*VERILATOR_FLAGS, "--output-split", "20000", "--vpi", "--top-module", TOP, "-Wno-SYMRSVDWORD"]
+    jobs = translate(folder, [folder / "ports.vlt", folder / "top.v"], flags)
+    jobs += [(runtime_folder() / name, "-O1") for name in VERILATOR_RUNTIME]
+    jobs.append((share_dir / "lib" / "verilator" / "verilator.cpp", "-O1"))
+    # cocotb's library calls functions of the runtime.
+    cxx_flags = [f"-I{folder}", *runtime_includes(), "-fvisibility=default"]
+    objects = compile_objects(folder, jobs, cxx_flags, progress)
+    library = [f"-L{libs_dir}", "-lcocotbvpi_verilator", "-Xlinker", "-rpath", "-Xlinker", str(libs_dir)]
+    link_objects(folder / TOP, objects, *library, "-lpthread")
 
 
-def _icarus() -> tuple[Runner, str]:
-    runner = Icarus()
-    return runner, subprocess.run(["iverilog", "-V"], capture_output=True, text=True, check=True).stdout
+def _identify_verilator() -> str:
+    # The program finds cocotb's library in the environment that built it.
+    return f"{version('verilator')} {toolchain_key()} {optimisation()} {libs_dir}"
 
 
-_TOOLS = {"verilator": _verilator, "icarus": _icarus}
+def _identify_icarus() -> str:
+    return subprocess.run(["iverilog", "-V"], capture_output=True, text=True, check=True).stdout

@@ -10,7 +10,7 @@ from cocotb.triggers import ClockCycles
 
 from golden_model.records import Cause
 from hdl.settings import RUNNING
-from sim.cocotb.bench import Bench, assert_golden, golden, lines, scene, transfer
+from sim.cocotb.bench import Bench, assert_golden, compute_golden, render_scene
 from sim.cocotb.faults import assert_bad
 from sim.cocotb.runner import MAX_SIZE_PX
 from sim.simulators.accelerator_designs import MATCHES
@@ -23,42 +23,39 @@ QUIET_CYCLES = 500
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def size_and_mode_written_in_mid_frame(dut: Any) -> None:
     """The running frame is unaffected; the next one is cut from the stream by the new size and mode."""
-    bench = Bench(dut)
-    await bench.start()
-    (left, right), (small, _) = scene(SIZE_PX, gray=True), scene(OTHER_SIZE_PX, gray=True)
-    colour, _ = scene(OTHER_SIZE_PX, gray=False)
+    bench = await Bench.open(dut)
+    (left, right), (small, _) = render_scene(SIZE_PX, gray=True), render_scene(OTHER_SIZE_PX, gray=True)
+    colour, _ = render_scene(OTHER_SIZE_PX, gray=False)
     await bench.configure(left, memory_mode=1)
-    await bench.video.send(transfer([left]))
+    await bench.send_memory(left)
     await ClockCycles(dut.aclk, MID_FRAME_CYCLES)
     await bench.configure(small, memory_mode=1)
-    await bench.video.send(transfer([small]))
+    await bench.send_memory(small)
     await ClockCycles(dut.aclk, left.size)
     await bench.configure(colour, memory_mode=1)
-    await bench.video.send(transfer([colour]))
+    await bench.send_memory(colour)
     await ClockCycles(dut.aclk, small.size)
     await bench.configure(right)
-    for packet in lines(right):
-        await bench.video.send(packet)
-    assert_golden(await bench.results(4), {0: left, 1: small, 2: colour, 3: right})
+    await bench.send_video(right)
+    assert_golden(await bench.receive_frames(4), {0: left, 1: small, 2: colour, 3: right})
 
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def limit_and_reference_written_after_the_last_pixel(dut: Any) -> None:
-    """What is written while a frame is matched or waits for it takes effect with the next frame."""
-    bench = Bench(dut)
-    await bench.start()
-    left, right = scene(SIZE_PX, gray=True)
+    """Settings written while a frame is matched, or waits to be, take effect with the next frame."""
+    bench = await Bench.open(dut)
+    left, right = render_scene(SIZE_PX, gray=True)
     images = {0: left, 1: right, 2: right, 3: right}
-    expected = golden(images, "held")
+    expected = compute_golden(images, "held")
     bench.sinks[MATCHES].pause = True
     await bench.configure(left, memory_mode=1)
-    await bench.video.send(transfer([left, right, right]))
+    await bench.send_memory(left, right, right)
     await bench.video.wait()
     await ClockCycles(dut.aclk, QUIET_CYCLES)
     await bench.configure(left, reference="previous", memory_mode=1, keep_above=255, take_reference=0)
     bench.sinks[MATCHES].pause = False
-    await bench.video.send(transfer([right]))
-    results = await bench.results(4)
+    await bench.send_memory(right)
+    results = await bench.receive_frames(4)
     assert_golden(results[:3], {number: images[number] for number in range(3)})
     # The last frame alone is matched with the one before it, and keeps nothing.
     last = results[3].match_status
@@ -69,9 +66,8 @@ async def limit_and_reference_written_after_the_last_pixel(dut: Any) -> None:
 @cocotb.test(timeout_time=3, timeout_unit="ms")
 async def impossible_settings_are_refused_and_counted(dut: Any) -> None:
     """Larger than built, or out of range: a bad frame with its cause in either mode; the next valid one is good."""
-    bench = Bench(dut)
-    await bench.start()
-    left, right = scene(SIZE_PX, gray=True)
+    bench = await Bench.open(dut)
+    left, right = render_scene(SIZE_PX, gray=True)
     wide = np.zeros((64, MAX_SIZE_PX[0] + 32), np.uint8)
     impossible = [
         (wide, {}),
@@ -82,23 +78,21 @@ async def impossible_settings_are_refused_and_counted(dut: Any) -> None:
         (left, {"cell_log2": 4}),
     ]
     number = 0
-    for memory_mode in (0, 1):
+    for memory_mode, send in enumerate((bench.send_video, bench.send_memory)):
         for image, values in impossible:
             await bench.configure(image, reference="held", memory_mode=memory_mode, **values)
-            for packet in [transfer([image])] if memory_mode else lines(image):
-                await bench.video.send(packet)
-            (result,) = await bench.results(1)
+            await send(image)
+            (result,) = await bench.receive_frames(1)
             assert_bad(result, number, Cause.INVALID_SETTINGS)
             number += 1
         await bench.video.wait()
         assert await bench.read("bad_frames") == len(impossible) * (1 + memory_mode)
         await bench.configure(left, memory_mode=memory_mode, reference="previous")
-        for packet in [transfer([right])] if memory_mode else lines(left):
-            await bench.video.send(packet)
-        (good,) = await bench.results(1)
+        await send(right if memory_mode else left)
+        (good,) = await bench.receive_frames(1)
         number += 1
         assert good.status["good"]
         assert not good.status["causes"]
-    assert len(good.matches) == golden({0: left, 1: right}, "previous")[1].match_status["matches"]
+    assert len(good.matches) == compute_golden({0: left, 1: right}, "previous")[1].match_status["matches"]
     assert await bench.read("frames") == number
     assert await bench.read("enable") == RUNNING["enable"]

