@@ -19,7 +19,7 @@ from rich.table import Table
 from golden_model.geometry.scoring import finish_cycles, quantise, score
 from hdl.geometry.scoring import HomographyScoring, set_of_matches
 from sim.benches.block_bench import BlockBench
-from sim.benches.scoring import clocked_scores
+from sim.benches.scoring import time_scores
 
 MATCHES = (10, 100, 500, 1000, 1850, 2048)
 """The last but one is the most that a 640x480 frame can have, the last what the memory holds."""
@@ -41,7 +41,7 @@ def simulate(count: int) -> None:
     async def run(ctx: Any) -> None:
         for payload in set_of_matches(left, right, weight):
             await bench.stream_put(ctx, dut.i_matches, payload)
-        found.extend(await clocked_scores(ctx, dut, hypotheses))
+        found.extend(await time_scores(ctx, dut, hypotheses))
 
     bench = BlockBench(dut, cycle_limit=10 * (count + 100))
     bench.run(run)

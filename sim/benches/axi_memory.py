@@ -1,4 +1,4 @@
-"""A memory behind AXI4 write ports for Amaranth's simulator: it delays, refuses, and checks every rule on the way."""
+"""A memory behind AXI4 write ports, for Amaranth's simulator: it delays, refuses, and checks AXI's rules."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ from amaranth import Cat
 
 from golden_model.records import WORD_BYTES
 from hdl.axi.axi_lite import Response
-
-PAGE_BYTES = 4096
+from hdl.settings import PAGE_BYTES
 
 
 class AxiMemory:
@@ -21,13 +20,13 @@ class AxiMemory:
     Parameters
     ----------
     base, length_bytes : int
-        Every other address is a fault of the design.
+        Writes to any other address are faults of the design.
     waits : int
-        0..255: how often, in 1/256, address or data are not accepted in a clock.
+        0..255: probability per clock, in 1/256, that address or data are not accepted.
     latency_clocks : int
         Longest time from a burst's last word to its response.
     errors : int
-        0..255: how often, in 1/256, a burst is answered by SLVERR; its words are not written then.
+        0..255: probability, in 1/256, that a burst is answered by SLVERR, without being written.
     data_first : bool
         Addresses are accepted only after a word of their burst, as AXI allows a memory to do.
     seed : int

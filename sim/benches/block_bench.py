@@ -1,4 +1,4 @@
-"""The bench of every block test: Amaranth's simulator with a clock, a cycle limit, reset, gaps and stalls."""
+"""The bench of block tests: Amaranth's simulator with a clock, a cycle limit, reset, gaps and stalls."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class CycleLimitError(AssertionError):
 
 @dataclass
 class _StreamState:
-    """A stream's number for the pauses, the clocks it has used, and the payload that waits to be taken."""
+    """A stream's number for the pauses, its clocks so far, and the payload that waits to be taken."""
 
     number: int
     cycle: int = 0
@@ -78,20 +78,20 @@ class BlockBench:
         """
         simulator = Simulator(ResetInserter(self.reset)(self.dut))
         simulator.add_clock(CLOCK_S)
-        # In each clock the simulator continues testbenches in the order in which they were added: what answers and
-        # observes in the background has seen a clock before a testbench decides on it.
-        simulator.add_testbench(self._set)
-        for testbench in (self._stop, *background):
+        # In each clock the simulator continues testbenches in the order in which they were added: those in the
+        # background have seen a clock before a testbench decides on it.
+        simulator.add_testbench(self._apply_settings)
+        for testbench in (self._limit_cycles, *background):
             simulator.add_testbench(testbench, background=True)
         for testbench in testbenches:
             simulator.add_testbench(testbench)
         simulator.run()
 
-    async def _set(self, ctx: Any) -> None:
+    async def _apply_settings(self, ctx: Any) -> None:
         for name, value in self._settings.items():
             ctx.set(getattr(self.dut, name), value)
 
-    async def _stop(self, ctx: Any) -> None:
+    async def _limit_cycles(self, ctx: Any) -> None:
         for _ in range(self._cycle_limit):
             await ctx.tick()
         raise CycleLimitError(f"not done within {self._cycle_limit} cycles")
@@ -106,7 +106,7 @@ class BlockBench:
         payload : value
             As the port's payload takes it.
         """
-        state = self._state(port)
+        state = self._find_state(port)
         while self._pauses.gap(state.cycle, state.number):
             self._garbage.put(ctx, port.payload)
             await ctx.tick()
@@ -127,7 +127,7 @@ class BlockBench:
         AssertionError
             If the block withdraws or changes a payload before it is taken.
         """
-        state = self._state(port)
+        state = self._find_state(port)
         while True:
             ready = not self._pauses.stall(state.cycle, state.number)
             ctx.set(port.ready, ready)
@@ -140,20 +140,7 @@ class BlockBench:
                 ctx.set(port.ready, 0)
                 return payload
 
-    async def stream_assert(self, ctx: Any, port: Any, expected: Any) -> None:
-        """Take one payload of an output and compare it.
-
-        Parameters
-        ----------
-        expected : value
-            A payload of the port; of a structure, a mapping of all fields that are not 0.
-        """
-        payload = await self.stream_get(ctx, port)
-        shape = port.payload.shape()
-        wanted = shape.const(expected) if hasattr(shape, "const") else expected
-        assert payload == wanted, f"expected {wanted!r}, got {payload!r}"
-
-    def _state(self, port: Any) -> _StreamState:
+    def _find_state(self, port: Any) -> _StreamState:
         # Streams are numbered in the order of their first use, which the simulator repeats in every run.
         return self._streams.setdefault(id(port), _StreamState(len(self._streams)))
 
@@ -163,13 +150,13 @@ class BlockBench:
         await ctx.tick()
         ctx.set(port, 0)
 
-    async def cycles_until_low(self, ctx: Any, port: Any, *, at_most: int | None = None) -> int:
-        """Wait until ``port`` is 0, and return for how many clocks it was not.
+    async def wait_until_low(self, ctx: Any, port: Any, *, at_most: int | None = None) -> int:
+        """Wait until ``port`` is 0, and return how many clocks that took.
 
         Raises
         ------
         AssertionError
-            If that was longer than ``at_most``.
+            If it took more than ``at_most``.
         """
         cycles = 0
         while ctx.get(port):

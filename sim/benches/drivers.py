@@ -33,7 +33,7 @@ def run_streams(
     inputs : mapping of str to sequence
         For each input port, the payloads to send.
     counts : mapping of str to int
-        For each output port, how many payloads to wait for.
+        For each output port, the number of payloads to wait for.
     settings : mapping of str to values, optional
         Other input ports, set once.
     pauses : Pauses
@@ -53,8 +53,8 @@ def run_streams(
     """
     bench = BlockBench(dut, settings=settings, pauses=pauses, cycle_limit=cycle_limit)
     received: dict[str, list[Any]] = {name: [] for name in counts}
-    sources = [_source(bench, name, payloads) for name, payloads in inputs.items()]
-    sinks = [_sink(bench, name, count, received[name]) for name, count in counts.items()]
+    sources = [_make_source(bench, name, payloads) for name, payloads in inputs.items()]
+    sinks = [_make_sink(bench, name, count, received[name]) for name, count in counts.items()]
     try:
         bench.run(*sources, *sinks)
     except CycleLimitError as error:
@@ -63,7 +63,7 @@ def run_streams(
     return received
 
 
-def _source(bench: BlockBench, name: str, payloads: Sequence[Any]) -> Testbench:
+def _make_source(bench: BlockBench, name: str, payloads: Sequence[Any]) -> Testbench:
     async def testbench(ctx: Any) -> None:
         for payload in payloads:
             await bench.stream_put(ctx, getattr(bench.dut, name), payload)
@@ -71,7 +71,7 @@ def _source(bench: BlockBench, name: str, payloads: Sequence[Any]) -> Testbench:
     return testbench
 
 
-def _sink(bench: BlockBench, name: str, count: int, received: list[Any]) -> Testbench:
+def _make_sink(bench: BlockBench, name: str, count: int, received: list[Any]) -> Testbench:
     async def testbench(ctx: Any) -> None:
         while len(received) < count:
             received.append(await bench.stream_get(ctx, getattr(bench.dut, name)))
@@ -84,7 +84,7 @@ def run_clocks(
     inputs: Iterable[Sequence[tuple[ValueLike, Any]]],
     outputs: Sequence[ValueLike],
 ) -> list[tuple[Any, ...]]:
-    """Set inputs clock by clock, and return what the outputs were in each clock.
+    """Set inputs clock by clock, and return the outputs of each clock.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def run_clocks(
     Returns
     -------
     list of tuple
-        For each clock, the values of ``outputs`` before its end: those of a block that needs L clocks come L entries
+        For each clock, the values of ``outputs`` at its end: those of a block with a latency of L clocks come L entries
         after their inputs.
     """
     rows = list(inputs)
@@ -132,7 +132,7 @@ class Beats:
     def plane(self, field: str, shape: tuple[int, int], *, lag_px: int = 0) -> NDArray[Any]:
         """A field as a plane of ``shape``, each value at the pixel it belongs to; pixels without a beat are 0.
 
-        ``lag_px`` says how far that pixel lies to the left of and above the beat's position.
+        That pixel lies ``lag_px`` to the left of the beat's position and above it.
         """
         values = self.fields[field]
         x, y = self.fields["x"] - lag_px, self.fields["y"] - lag_px
@@ -165,7 +165,7 @@ def run_beats(
     Parameters
     ----------
     dut : Component
-        In the domain ``sync``, with beats at ``i`` and ``o``; of more than one pixel if it has ``pixels_per_clock``.
+        In the domain ``sync``, with beats at ``i`` and ``o``, of ``pixels_per_clock`` pixels if it has that attribute.
     frames : sequence of mapping of str to ndarray
         For each frame, the planes of the payload's fields: shape (H, W) or, for arrays, (H, W, ...). They are sent in
         raster order without a pause between frames other than the seeded gaps, which hold garbage.
@@ -176,19 +176,19 @@ def run_beats(
     drain_cycles : int
         Clocks to run after the last beat.
     received_per_clock : int, optional
-        Pixels of a beat at ``o``, where they are not as many as at ``i``.
+        Pixels of a beat at ``o``, if their number differs from that at ``i``.
 
     Returns
     -------
     sent, received : Beats
-        One for each pixel, those beyond an odd line included. ``received.cycles - sent.cycles`` is the latency of a
-        block that sends one beat for each beat.
+        One for each pixel, including the pixel that fills the last beat of an odd line. ``received.cycles -
+        sent.cycles`` is the latency of a block that sends one beat for each beat.
     """
     i, o = (getattr(dut, name) for name in ("i", "o"))
     layout = i.shape()
     count = getattr(dut, "pixels_per_clock", 1)
-    packed = _packer(layout)
-    beats = [packed(beat) for frame in frames for beat in _raster(frame, count)]
+    pack = _make_packer(layout)
+    beats = [pack(beat) for frame in frames for beat in _list_beats(frame, count)]
     sent: list[tuple[int, int]] = []
     received: list[tuple[int, int]] = []
 
@@ -211,11 +211,11 @@ def run_beats(
     # Generous: even gaps of 255 leave one clock in 256 on average.
     bench = BlockBench(dut, settings=settings, cycle_limit=256 * (len(beats) + 1) + drain_cycles)
     bench.run(testbench)
-    return _decoded(sent, layout, count), _decoded(received, o.shape(), received_per_clock or count)
+    return _decode(sent, layout, count), _decode(received, o.shape(), received_per_clock or count)
 
 
-def _raster(frame: Mapping[str, NDArray[np.integer]], pixels_per_clock: int) -> Iterator[dict[str, Any]]:
-    """Beats in raster order; what a beat holds beyond an odd line is the line's last pixel once more."""
+def _list_beats(frame: Mapping[str, NDArray[np.integer]], pixels_per_clock: int) -> Iterator[dict[str, Any]]:
+    """Beats in raster order; the last beat of an odd line repeats the line's last pixel."""
     height, width = next(iter(frame.values())).shape[:2]
     for y, x in np.ndindex(height, -(-width // pixels_per_clock)):
         left = x * pixels_per_clock
@@ -226,12 +226,12 @@ def _raster(frame: Mapping[str, NDArray[np.integer]], pixels_per_clock: int) -> 
         yield {"valid": 1, "x": left, "y": y, **payload}
 
 
-def _decoded(beats: Sequence[tuple[int, int]], layout: data.Layout, pixels_per_clock: int) -> Beats:
+def _decode(beats: Sequence[tuple[int, int]], layout: data.Layout, pixels_per_clock: int) -> Beats:
     fields = {
-        str(name): np.array([unpacked(bits >> field.offset) for _, bits in beats])
+        str(name): np.array([unpack(bits >> field.offset) for _, bits in beats])
         for name, field in layout
         if name != "valid"
-        for unpacked in (_unpacker(field.shape),)
+        for unpack in (_make_unpacker(field.shape),)
     }
     cycles = np.array([cycle for cycle, _ in beats])
     if pixels_per_clock > 1:
@@ -242,20 +242,20 @@ def _decoded(beats: Sequence[tuple[int, int]], layout: data.Layout, pixels_per_c
     return Beats(cycles, fields)
 
 
-def _packer(shape: ShapeLike) -> Callable[[Any], int]:
-    """What turns a value of a shape into bits: ``Layout.const`` would take a quarter of a test's time (measured)."""
+def _make_packer(shape: ShapeLike) -> Callable[[Any], int]:
+    """A function that turns values of a shape into bits: ``Layout.const`` would take a quarter of a test's time."""
     if isinstance(shape, data.Layout):
-        fields = [(name, field.offset, _packer(field.shape)) for name, field in shape]
-        return lambda value: sum(packed(value[name]) << offset for name, offset, packed in fields)
+        fields = [(name, field.offset, _make_packer(field.shape)) for name, field in shape]
+        return lambda value: sum(pack(value[name]) << offset for name, offset, pack in fields)
     mask = (1 << Shape.cast(shape).width) - 1
     return lambda value: int(value) & mask
 
 
-def _unpacker(shape: ShapeLike) -> Callable[[int], Any]:
-    """What turns the low bits of a number into an integer, or into lists where the shape is an array."""
+def _make_unpacker(shape: ShapeLike) -> Callable[[int], Any]:
+    """A function that turns the low bits of a number into an integer, or into lists where the shape is an array."""
     if isinstance(shape, data.ArrayLayout):
-        elements = [(field.offset, _unpacker(field.shape)) for _, field in shape]
-        return lambda bits: [unpacked(bits >> offset) for offset, unpacked in elements]
+        elements = [(field.offset, _make_unpacker(field.shape)) for _, field in shape]
+        return lambda bits: [unpack(bits >> offset) for offset, unpack in elements]
     plain = Shape.cast(shape)
     mask, sign = (1 << plain.width) - 1, (1 << plain.width >> 1) if plain.signed else 0
     return lambda bits: ((bits & mask) ^ sign) - sign

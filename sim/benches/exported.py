@@ -1,4 +1,4 @@
-"""The host programs of an export, loaded as they are, to run over a simulated bus."""
+"""Imports the host programs of an export unchanged, to run them over a simulated bus."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from hdl.export.accelerator import Build, write_host
 def host_programs(
     kind: Literal["pynq", "serial", "live"], config: Config, **build: Unpack[Build]
 ) -> Iterator[Callable[[str], ModuleType]]:
-    """Write the programs for a build, and import them by name as long as the context lasts.
+    """Write the programs for a build; inside the context they can be imported by name.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
-"""What the exported programs use of the package ``pynq``, in front of the simulated accelerator.
+"""A stand-in for the package ``pynq``, in front of the simulated accelerator.
 
-A test puts a module ``pynq`` on the path that takes everything from here: notebook and driver then run unchanged.
+A test puts a module ``pynq`` on the path that imports everything from here: notebook and driver then run unchanged.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Channel:
         self.error = False
 
     def start(self) -> None:
-        """Forget the transfer under way."""
+        """Drop the transfer under way."""
         self.buffer = None
 
     def transfer(self, buffer: NDArray[np.uint8], start: int = 0, nbytes: int = 0) -> None:
@@ -52,25 +52,25 @@ class Channel:
 
     @property
     def idle(self) -> bool:
-        """Whether no transfer is under way; those that are wait for the simulation, which runs now."""
+        """Whether no transfer is under way; reading it runs the simulation while one is."""
         if self.buffer is not None:
             self._overlay.advance()
         return self.buffer is None
 
 
 class Dma:
-    """An AXI DMA with the channels that the block design has; its reset registers do nothing but end."""
+    """An AXI DMA with the channels of the block design; a reset ends at once."""
 
     def __init__(self, overlay: Overlay) -> None:
         self.sendchannel = Channel(overlay)
         self.recvchannel = Channel(overlay)
 
     def read(self, offset: int) -> int:
-        """A register: no reset is under way."""
+        """Read a register, which always says that no reset is under way."""
         return 0
 
     def write(self, offset: int, value: int) -> None:
-        """A reset ends both transfers."""
+        """Write a register: a reset, which drops both transfers."""
         self.sendchannel.start()
         self.recvchannel.start()
 
@@ -84,7 +84,7 @@ class Overlay:
         self.dma_video, self.dma_features, self.dma_matches = Dma(self), Dma(self), Dma(self)
 
     def advance(self) -> None:
-        """Send the frame that waits, and store its packets; without one, let the accelerator run."""
+        """Send the waiting frame and store its packets; without one, drain the accelerator."""
         sent = self.dma_video.sendchannel
         receiving = {FEATURES: self.dma_features.recvchannel, MATCHES: self.dma_matches.recvchannel}
         if sent.buffer is None:

@@ -13,7 +13,7 @@ from sim.benches.block_bench import BlockBench
 from sim.simulators.recording import NO_PAUSES, Pauses
 
 
-def simulated_score(
+def simulate_scoring(
     hypotheses: NDArray[np.integer],
     left: NDArray[np.integer],
     right: NDArray[np.integer],
@@ -24,8 +24,8 @@ def simulated_score(
 ) -> Scores:
     """Send a set of matches and all hypotheses through `hdl.geometry.scoring.HomographyScoring`.
 
-    Parameters and result as in `golden_model.geometry.scoring.score`. A few thousand clocks a second; with N matches a
-    hypothesis takes N.
+    Parameters and result as in `golden_model.geometry.scoring.score`. It simulates a few thousand clocks per second;
+    with N matches a hypothesis takes N clocks.
 
     Raises
     ------
@@ -48,29 +48,29 @@ def simulated_score(
 
     async def receive(ctx: Any) -> None:
         for _ in hypotheses:
-            found = await bench.stream_get(ctx, dut.o)
-            received.append((found.score, found.support, found.causes))
+            answer = await bench.stream_get(ctx, dut.o)
+            received.append((answer.score, answer.support, answer.causes))
 
     bench.run(send, receive)
     return Scores(*np.array(received, dtype=np.int64).reshape(-1, 3).T)
 
 
-async def clocked_scores(ctx: Any, dut: HomographyScoring, hypotheses: NDArray[np.integer]) -> list[tuple[int, Any]]:
-    """Offer hypotheses to the idle block without a pause: the clock in which each score comes, and the score.
+async def time_scores(ctx: Any, dut: HomographyScoring, hypotheses: NDArray[np.integer]) -> list[tuple[int, Any]]:
+    """Offer hypotheses to the idle block without a pause; return each score with the clock in which it comes.
 
     The first hypothesis is offered in clock 0. Scores are taken at once.
     """
-    came: list[tuple[int, Any]] = []
+    scores: list[tuple[int, Any]] = []
     payloads = hypothesis_payloads(hypotheses)
     taken = clock = 0
     ctx.set(dut.o.ready, 1)
-    while len(came) < len(hypotheses):
+    while len(scores) < len(hypotheses):
         ctx.set(dut.i_hypotheses.valid, taken < len(hypotheses))
         ctx.set(dut.i_hypotheses.payload, payloads[min(taken, len(payloads) - 1)])
         if ctx.get(dut.o.valid):
-            came.append((clock, ctx.get(dut.o.payload)))
+            scores.append((clock, ctx.get(dut.o.payload)))
         *_, was_taken = await ctx.tick().sample(dut.i_hypotheses.valid & dut.i_hypotheses.ready)
         taken += was_taken
         clock += 1
     await ctx.tick()
-    return came
+    return scores

@@ -81,7 +81,7 @@ class MergeBench:
             ctx.set(dut.i_starts, 0)
             self.started.append(number)
             await ctx.tick().repeat(40)
-            await self.bench.cycles_until_low(ctx, dut.o_pending)
+            await self.bench.wait_until_low(ctx, dut.o_pending)
             ctx.set(dut.i_causes, cause)
             ctx.set(dut.i_threshold_code, 100 + number)
             await self.bench.pulse(ctx, dut.i_ends)

@@ -10,7 +10,7 @@ from golden_model.geometry.scoring import Cause, finish_cycles, quantise, score
 from hdl.geometry.scoring import IN_FLIGHT, HomographyScoring, hypothesis_payloads, set_of_matches
 from sim.benches.block_bench import BlockBench
 from sim.benches.drivers import run_streams
-from sim.benches.scoring import clocked_scores, simulated_score
+from sim.benches.scoring import simulate_scoring, time_scores
 from sim.simulators.recording import NO_PAUSES, Pauses
 
 PAUSES = Pauses(gaps=120, stalls=150, seed=7)
@@ -87,7 +87,7 @@ def test_scores_equal_the_golden_model(pauses):
     hypotheses = near_truth(9)
     expected = score(hypotheses, left, right, weight)
     assert len(set(expected.score)) == len(hypotheses)
-    assert_equal(simulated_score(hypotheses, left, right, weight, max_matches=30, pauses=pauses), expected)
+    assert_equal(simulate_scoring(hypotheses, left, right, weight, max_matches=30, pauses=pauses), expected)
 
 
 def test_extremes_equal_the_golden_model():
@@ -95,7 +95,7 @@ def test_extremes_equal_the_golden_model():
     expected = score(hypotheses, *given)
     assert {0, Cause.OUT_OF_RANGE, Cause.NOT_NORMALISED} == set(expected.causes)
     assert (expected.score > 0).sum() >= 3
-    assert_equal(simulated_score(hypotheses, *given, max_matches=32), expected)
+    assert_equal(simulate_scoring(hypotheses, *given, max_matches=32), expected)
 
 
 def test_hypotheses_wait_for_a_set_that_begins_with_them():
@@ -139,7 +139,7 @@ def test_every_score_comes_in_the_predicted_clock():
         for count in counts:
             for payload in set_of_matches(*matches(count)):
                 await bench.stream_put(ctx, dut.i_matches, payload)
-            scores = await clocked_scores(ctx, dut, near_truth(hypotheses))
+            scores = await time_scores(ctx, dut, near_truth(hypotheses))
             found.append([clock for clock, _ in scores])
 
     bench = BlockBench(dut, cycle_limit=2000)

@@ -134,7 +134,7 @@ def test_peak_of_the_orientation_histogram_equals_the_golden_model():
             for turn, weight in zip(turns.tolist(), weights.tolist(), strict=True):
                 await bench.stream_put(ctx, dut.i, {"relative_orientation": turn, "weight": weight})
             await bench.pulse(ctx, dut.i_find)
-            await bench.cycles_until_low(ctx, dut.o_busy, at_most=49)
+            await bench.wait_until_low(ctx, dut.o_busy, at_most=49)
             peaks.append(ctx.get(dut.o_peak))
 
     bench.run(run)

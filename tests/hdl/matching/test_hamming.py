@@ -92,7 +92,7 @@ def searched(dut, pairs):
             ctx.set(dut.i_left_count, len(left))
             ctx.set(dut.i_right_count, len(right))
             await bench.pulse(ctx, dut.i_start)
-            cycles = await bench.cycles_until_low(ctx, dut.o_busy, at_most=dut.search_cycles(len(left), len(right)))
+            cycles = await bench.wait_until_low(ctx, dut.o_busy, at_most=dut.search_cycles(len(left), len(right)))
             rows = await read(ctx, dut.i_row_index, dut.o_row, len(left))
             columns = await read(ctx, dut.i_column_index, dut.o_column, len(right))
             results.append((rows, columns, cycles))
@@ -174,7 +174,7 @@ def walked(dut, distance, pauses):
         for _ in range(2):
             await bench.pulse(ctx, dut.i_start)
             pairs.clear()
-            cycles = await bench.cycles_until_low(ctx, dut.o_busy, at_most=399)
+            cycles = await bench.wait_until_low(ctx, dut.o_busy, at_most=399)
             walks.append((pairs.copy(), cycles))
 
     async def take(ctx):

@@ -47,21 +47,9 @@ def test_payloads_arrive_in_order(pauses):
 
     async def check(ctx):
         for number in range(50):
-            await bench.stream_assert(ctx, dut.o, number)
+            assert await bench.stream_get(ctx, dut.o) == number
 
     bench.run(put, check)
-
-
-def test_a_wrong_payload_is_named():
-    dut = SkidBuffer(shape=8)
-    bench = BlockBench(dut)
-
-    async def testbench(ctx):
-        await bench.stream_put(ctx, dut.i, 7)
-        await bench.stream_assert(ctx, dut.o, 8)
-
-    with pytest.raises(AssertionError, match="expected 8, got 7"):
-        bench.run(testbench)
 
 
 def test_a_payload_that_changes_while_stalled_is_an_error():
@@ -93,7 +81,7 @@ def test_a_signal_that_stays_high_too_long_is_an_error():
 
     async def testbench(ctx):
         await ctx.tick()
-        await bench.cycles_until_low(ctx, dut.o, at_most=20)
+        await bench.wait_until_low(ctx, dut.o, at_most=20)
 
     with pytest.raises(AssertionError, match="not 0 after 21 cycles"):
         bench.run(testbench)
@@ -109,7 +97,7 @@ def test_reset_empties_the_block():
         await bench.pulse(ctx, bench.reset)
         assert not ctx.get(dut.o.valid)
         await bench.stream_put(ctx, dut.i, 2)
-        await bench.stream_assert(ctx, dut.o, 2)
+        assert await bench.stream_get(ctx, dut.o) == 2
 
     bench.run(testbench)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from golden_model.geometry.scoring import LEVELS, MAX_MATCHES
-from sim.benches.scoring import simulated_score
+from sim.benches.scoring import simulate_scoring
 from sim.scene import pair as rendered_pair
 from skymosaic import register
 from skymosaic.geometry import estimators, prosac
@@ -59,7 +59,7 @@ def same_with_the_hardware(left, right, monkeypatch, **options):
 
     def simulated(h, *stored):
         hypotheses.append(len(h))
-        return simulated_score(h, *stored)
+        return simulate_scoring(h, *stored)
 
     monkeypatch.setitem(estimators.SCORINGS, "scored", functools.partial(integer_scorer, score=simulated))
     hardware = register(left, right, estimator="scored", effort="fast", **options)
