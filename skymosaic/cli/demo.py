@@ -12,7 +12,7 @@ import typer
 
 from sim.backends.interface import BACKENDS, BackendError
 from sim.scene import pair as rendered_pair
-from skymosaic.cli.options import OverwriteOption, choice
+from skymosaic.cli.options import OverwriteOption, choice, output_option
 from skymosaic.cli.session import session
 from skymosaic.errors import RegistrationError
 from skymosaic.evaluation.hardware import compare
@@ -28,9 +28,7 @@ MAX_ERROR_PX = 0.5
 
 
 def demo(
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for mosaic, pictures and report.")] = Path(
-        "demo"
-    ),
+    output: Annotated[Path, output_option("Folder for mosaic, pictures and report.")] = Path("demo"),
     overwrite: OverwriteOption = False,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the rendered landscape.")] = 9,
     backend: Annotated[str, choice(BACKENDS, "Hardware to compare with; golden: none.")] = "rtl",

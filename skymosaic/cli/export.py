@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
-from typing import Annotated
+from types import ModuleType
+from typing import Annotated, Any
 
 import typer
 
-from golden_model.config import Config
 from hdl.export.boards import ALL_BOARDS, SERIAL_BOARD
-from skymosaic.cli.options import OverwriteOption, choice, with_options
+from skymosaic.cli.options import OverwriteOption, choice, output_option, with_options
 from skymosaic.cli.session import session
 from skymosaic.errors import InputError
 from skymosaic.fuzzy.fll import load_system
@@ -32,7 +31,7 @@ def export(
     board: Annotated[str | None, choice(ALL_BOARDS, "The kit.")] = None,
     block: Annotated[str | None, typer.Option(help="One block with a test bench, instead of all: harris, ...")] = None,
     live: Annotated[bool, typer.Option("--live", help="For a camera: packets of every frame go to memory.")] = False,
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")],
+    output: Annotated[Path, output_option("Folder to write.")],
     overwrite: OverwriteOption = False,
     options: Annotated[FeatureOptions, ("preset", "config")],
     lanes: Annotated[
@@ -47,8 +46,8 @@ def export(
     video_bits: Annotated[
         int | None,
         typer.Option(
-            help="Video input: 32 bits for a DMA (usual for a board), 24 RGB (usual live), 8 gray; two pixels a clock: "
-            "48 RGB, 16 gray."
+            help="Video input: 32 bits for a DMA (usual for a board), 24 RGB (usual live), 8 gray; with two pixels "
+            "per clock 48 RGB, 16 gray."
         ),
     ] = None,
     build_it: Annotated[
@@ -69,19 +68,23 @@ def export(
         raise InputError("--block takes no option of the whole accelerator (--lanes, --preset, ...); leave it out")
     _check_rules(block, rules, entries)
     check_unused(output, overwrite=overwrite)
-    # All of these load Amaranth, which --help need not wait for.
-    write: Callable[[Path], None]
-    if rules is not None:
-        write = partial(_export_rules, rules=rules, entries=entries)
-    elif block is not None:
-        write = partial(_export_block, name=block)
-    elif board == SERIAL_BOARD:
-        own = None if options == FeatureOptions() else options.base_config
-        write = partial(_export_serial, config=own, build=asked, build_it=build_it)
-    else:
-        write = partial(_export_accelerator, board=board, config=options.base_config, build=build)
+
+    def write(folder: Path) -> None:
+        if rules is not None:
+            _export_rules(folder, rules, entries)
+        elif block is not None:
+            _import_hdl("blocks.export").export_block(folder, block)
+        elif board is None:
+            _import_hdl("export.accelerator").export_live(folder, config=options.base_config, **build)
+        elif board == SERIAL_BOARD:
+            # The board has a configuration of its own, which only an explicit one replaces.
+            own = {} if options == FeatureOptions() else {"config": options.base_config}
+            _export_serial(folder, own | asked, build_it=build_it)
+        else:
+            _import_hdl("export.accelerator").export(folder, board=board, config=options.base_config, **build)
+
     with session.working("writing Verilog"):
-        _write_whole(output, write)
+        _write_completely(output, write)
     session.wrote(output)
     session.show(f"wrote {output}; its README.md tells the next steps")
 
@@ -94,10 +97,10 @@ def _check_rules(block: str | None, rules: Path | None, entries: int) -> None:
         raise InputError("--entries is the length of the tables of --rules; add these, or leave it out")
 
 
-def _write_whole(output: Path, write: Callable[[Path], None]) -> None:
-    """Have a folder written complete, or not at all: beside its place, and then moved there."""
+def _write_completely(output: Path, write: Callable[[Path], None]) -> None:
+    """Have a folder written complete or not at all: beside its place, and then moved there."""
     try:
-        with temporary_folder(_existing(output.absolute().parent)) as folder:
+        with temporary_folder(_existing_parent(output.absolute().parent)) as folder:
             made = folder / "export"
             write(made)
             for path in sorted(path for path in made.rglob("*") if path.is_file()):
@@ -110,18 +113,9 @@ def _write_whole(output: Path, write: Callable[[Path], None]) -> None:
         raise InputError(f"{output}: cannot be written ({error.strerror}); choose another folder") from None
 
 
-def _export_block(folder: Path, name: str) -> None:
-    """Write one block of the accelerator."""
-    importlib.import_module("hdl.blocks.export").export_block(folder, name)
-
-
-def _export_accelerator(folder: Path, board: str | None, config: Config, build: dict[str, int]) -> None:
-    """Write the accelerator for a board with a processor; without a board, that for a live camera."""
-    exports = importlib.import_module("hdl.export.accelerator")
-    if board is None:
-        exports.export_live(folder, config=config, **build)
-    else:
-        exports.export(folder, board=board, config=config, **build)
+def _import_hdl(name: str) -> ModuleType:
+    """Import a module that loads Amaranth, for which ``--help`` need not wait."""
+    return importlib.import_module(f"hdl.{name}")
 
 
 def _export_rules(folder: Path, rules: Path, entries: int) -> None:
@@ -131,13 +125,13 @@ def _export_rules(folder: Path, rules: Path, entries: int) -> None:
         made = importlib.import_module("skymosaic.fuzzy.verilog").make_block(quantise(system, entries))
     except ValueError as error:
         raise InputError(f"{rules}: cannot be made of hardware: {error}") from None
-    importlib.import_module("hdl.blocks.export").write_block(folder, "fuzzy", made)
+    _import_hdl("blocks.export").write_block(folder, "fuzzy", made)
 
 
-def _export_serial(folder: Path, config: Config | None, build: dict[str, int], *, build_it: bool) -> None:
-    """Write the folder of the board with a serial port; None is its own configuration."""
-    serial = importlib.import_module("hdl.export.ulx3s")
-    serial.export_ulx3s(folder, **({} if config is None else {"config": config}), **build)
+def _export_serial(folder: Path, build: dict[str, Any], *, build_it: bool) -> None:
+    """Write the folder of the board with a serial port, and its bitstream where that is asked for."""
+    serial = _import_hdl("export.ulx3s")
+    serial.export_ulx3s(folder, **build)
     if not build_it:
         return
     session.tell("building the bitstream, about a quarter of an hour")
@@ -146,9 +140,10 @@ def _export_serial(folder: Path, config: Config | None, build: dict[str, int], *
     except serial.BuildError as error:
         raise InputError(str(error)) from None
     (length, mhz), used = (made.pop("bytes"), made.pop("clock_mhz")), made
-    told = ", ".join(f"{name} {count} of {available}" for name, (count, available) in used.items())
-    session.show(f"bitstream of {length} bytes; {mhz} MHz reached, 25 needed; {told}")
+    cells = ", ".join(f"{name} {count} of {available}" for name, (count, available) in used.items())
+    session.show(f"bitstream of {length} bytes; {mhz} MHz reached, 25 needed; {cells}")
 
 
-def _existing(folder: Path) -> Path:
-    return folder if folder.exists() else _existing(folder.parent)
+def _existing_parent(folder: Path) -> Path:
+    """The nearest existing folder: the temporary one beside it is on the same disk, so files move by renaming."""
+    return folder if folder.exists() else _existing_parent(folder.parent)

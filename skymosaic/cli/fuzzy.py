@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from skymosaic.cli.options import OverwriteOption, plotting_module
+from skymosaic.cli.options import OverwriteOption, import_plots, output_option
 from skymosaic.cli.session import STDOUT, session
 from skymosaic.errors import InputError
 from skymosaic.fuzzy.fll import SHIPPED, load_system, write_fll
@@ -19,7 +19,6 @@ from skymosaic.fuzzy.golden import (
     ENTRIES,
     MIN_FIRING_STRENGTH,
     ErrorBounds,
-    GoldenSystem,
     measure_errors,
     quantise,
 )
@@ -49,10 +48,9 @@ def fuzzy(
         ),
     ] = None,
     plot: Annotated[bool, typer.Option("--plot", help="Draw membership curves and rule surfaces.")] = False,
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the pictures.")] = Path("fuzzy"),
+    output: Annotated[Path, output_option("Folder for the pictures.")] = Path("fuzzy"),
     write: Annotated[
-        Path | None,
-        typer.Option("--write", help="Write the one system that is named to an .fll file; -: to stdout."),
+        Path | None, typer.Option(help="Write the one system that is named to an .fll file; -: to stdout.")
     ] = None,
     entries: Annotated[
         int, typer.Option(min=2, max=1 << 16, help="Table entries of each input in the integer model of a file.")
@@ -68,17 +66,17 @@ def fuzzy(
         check_unused(output, overwrite=overwrite)
     if write:
         _write(names, write, overwrite=overwrite)
-    found = [_from_file(Path(name), entries) if Path(name).suffix else _own(name) for name in names]
-    session.numbers["systems"] = [each.numbers for each in found]
-    for each in found:
+    shown = [_show_file(Path(name), entries) if Path(name).suffix else _show_shipped(name) for name in names]
+    session.numbers["systems"] = [each.numbers for each in shown]
+    for each in shown:
         session.show(each.rules)
         if errors := each.numbers.get("errors"):
-            session.show(_in_words(each.name, entries, ErrorBounds(**errors)))
+            session.show(_describe_errors(each.name, entries, ErrorBounds(**errors)))
     if plot:
-        _draw(found, output)
+        _draw(shown, output)
 
 
-def _own(name: str) -> _Shown:
+def _show_shipped(name: str) -> _Shown:
     if name not in PLOTTED_SYSTEMS:
         raise InputError(f"no fuzzy system {name}; valid: {', '.join(PLOTTED_SYSTEMS)}, or an .fll file")
     plotted = PLOTTED_SYSTEMS[name]
@@ -89,13 +87,12 @@ def _own(name: str) -> _Shown:
     return _Shown(name, table, lambda: plotted, {"name": name, "conjunction": system.conjunction, "rules": rules})
 
 
-def _from_file(path: Path, entries: int) -> _Shown:
+def _show_file(path: Path, entries: int) -> _Shown:
     system = load_system(path)
     try:
         golden = quantise(system, entries)
     except ValueError as error:
         raise InputError(f"{path}: has no integer model: {error}") from None
-    errors = measure_errors(golden)
     inputs = [variable.name for variable in system.inputs]
     rules = [
         [*(rule.conditions.get(name, "any") for name in inputs), system.output.constants[rule.conclusion]]
@@ -103,15 +100,15 @@ def _from_file(path: Path, entries: int) -> _Shown:
     ]
     table = _table(f"{path}: {system.name}, AND is the {system.conjunction}", inputs, system.output.name, rules)
     numbers: dict[str, Any] = {"name": system.name, "conjunction": system.conjunction, "rules": rules}
-    numbers |= {"errors": dataclasses.asdict(errors), "tables": _tables(golden)}
+    numbers["errors"] = dataclasses.asdict(measure_errors(golden))
+    numbers["tables"] = {
+        variable.name: {name: table.tolist() for name, table in variable.sets.items()}
+        for variable in golden.model.inputs
+    }
     return _Shown(path.stem, table, lambda: plan_plot(golden), numbers)
 
 
-def _tables(golden: GoldenSystem) -> dict[str, dict[str, list[int]]]:
-    return {v.name: {name: table.tolist() for name, table in v.sets.items()} for v in golden.model.inputs}
-
-
-def _in_words(name: str, entries: int, errors: ErrorBounds) -> str:
+def _describe_errors(name: str, entries: int, errors: ErrorBounds) -> str:
     compared = "all" if errors.complete else "random"
     return (
         f"{name}: integer model with {entries} entries per input: largest error {errors.largest:.4f} "
@@ -151,7 +148,7 @@ def _write(names: list[str], path: Path, *, overwrite: bool) -> None:
 
 
 def _draw(systems: list[_Shown], folder: Path) -> None:
-    draw_system = plotting_module("skymosaic.reports.fuzzy_plots").draw_system
+    draw_system = import_plots("skymosaic.reports.fuzzy_plots").draw_system
     make_folder(folder)
     for each in systems:
         path = folder / f"{each.name}.png"

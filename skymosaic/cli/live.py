@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from skymosaic.cli.options import OverwriteOption, StrictOption, with_options
+from skymosaic.cli.options import OverwriteOption, StrictOption, output_option, with_options
 from skymosaic.cli.session import session
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.imagery import images
@@ -20,7 +20,7 @@ from skymosaic.imagery.photographs import is_folder
 from skymosaic.live.mosaic import LiveMosaic, LiveUpdate
 from skymosaic.live.pace import Pace
 from skymosaic.mosaicking.options import MosaicOptions
-from skymosaic.options import INPUT, OUTPUT, options_of
+from skymosaic.options import INPUT, options_of
 
 PREVIEW_WIDTH_PX = 1280
 PREVIEW_SECONDS = 1.0
@@ -37,30 +37,26 @@ IdleOption = Annotated[
 def live(
     *,
     source: Annotated[str, typer.Argument(help="A folder that fills, a video or its address, a camera's number.")],
-    output: Annotated[
-        Path,
-        typer.Option("-o", "--output", rich_help_panel=OUTPUT, help="The mosaic, written at the end: .png, .tif ..."),
-    ],
+    idle_seconds: IdleOption = None,
+    output: Annotated[Path, output_option("The mosaic, written at the end: .png, .tif ...")],
     overwrite: OverwriteOption = False,
     strict: StrictOption = False,
-    idle_seconds: IdleOption = None,
     options: Annotated[MosaicOptions, LIVE_OPTIONS],
 ) -> None:
     """Grow a mosaic frame by frame, with a preview beside it; Ctrl-C stops and writes it."""
-    _grow_and_write(source, output, options, idle_seconds, overwrite=overwrite, strict=strict)
+    write_live_mosaic(source, output, options, idle_seconds, overwrite=overwrite, strict=strict)
 
 
-def grow_instead(
-    photographs: Sequence[str],
-    output: Path,
-    options: MosaicOptions,
-    idle_seconds: float | None,
-    others: Mapping[str, object],
-    *,
-    overwrite: bool,
-    strict: bool,
-) -> None:
-    """`live` for ``skymosaic mosaic --live``; ``others`` are options by their flags that a live mosaic does not have.
+def check_live(photographs: Sequence[str], options: MosaicOptions, others: Mapping[str, bool]) -> None:
+    """Refuse what has no effect on a live mosaic.
+
+    Parameters
+    ----------
+    photographs : sequence of str
+        What the user names to make a mosaic of.
+    options : MosaicOptions
+    others : mapping of str to bool
+        Flags that a live mosaic does not have, and whether they are given.
 
     Raises
     ------
@@ -69,20 +65,16 @@ def grow_instead(
     """
     if len(photographs) != 1:
         raise InputError(f"--live takes one folder, video or camera, not {len(photographs)}")
-    useless = [
-        each.flag
-        for each in options_of(MosaicOptions)
-        if each.name not in LIVE_OPTIONS and getattr(options, each.name) != each.default
-    ]
-    useless += [flag for flag, value in others.items() if value]
+    changed = [each for each in options_of(MosaicOptions) if getattr(options, each.name) != each.default]
+    useless = [each.flag for each in changed if each.name not in LIVE_OPTIONS]
+    useless += [flag for flag, given in others.items() if given]
     if useless:
         raise InputError(
             f"{', '.join(useless)}: no effect with --live, which adds one frame at a time; leave out either"
         )
-    _grow_and_write(photographs[0], output, options, idle_seconds, overwrite=overwrite, strict=strict)
 
 
-def _grow_and_write(
+def write_live_mosaic(
     source: str,
     output: Path,
     options: MosaicOptions,
@@ -91,6 +83,15 @@ def _grow_and_write(
     overwrite: bool,
     strict: bool,
 ) -> None:
+    """Grow a mosaic until its source ends or the user stops it, and write it.
+
+    Raises
+    ------
+    InputError
+        For an unusable source or output.
+    RegistrationError
+        If no frame could be used, or with ``strict`` if one was left out.
+    """
     images.check_output(output, (source,), overwrite=overwrite)
     preview = output.with_suffix(".preview.jpg")
     images.check_unused(preview, overwrite=overwrite)
@@ -102,8 +103,8 @@ def _grow_and_write(
         scale=options.scale,
         canvas_limit_px=options.canvas_limit_px,
     )
-    made = output, preview
-    frames = read_live_frames(source, idle_seconds=idle_seconds, tell=session.tell, made=made, band=options.band)
+    written = output, preview
+    frames = read_live_frames(source, idle_seconds=idle_seconds, tell=session.tell, made=written, band=options.band)
     pace = Pace(options.base_config, options.backend_name)
     try:
         grow(mosaic, frames, preview, pace)
@@ -117,13 +118,13 @@ def _grow_and_write(
     with session.working("writing"):
         images.save(output, mosaic.image)
     if is_folder(Path(source)):
-        for path in made:
+        for path in written:
             record_output(path, [Path(source) / path.name])
     height_px, width_px = mosaic.image.shape[:2]
     session.numbers = {"size": [width_px, height_px], "frames": len(mosaic.transforms), "left_out": absent}
     session.numbers["pace"] = pace.numbers
     session.tell(str(pace))
-    for path in made:
+    for path in written:
         session.wrote(path)
     session.show(f"mosaic {output} ({width_px}x{height_px}): {len(mosaic.transforms)} frames, {len(absent)} left out")
 
@@ -151,19 +152,19 @@ def report_absent(absent: Mapping[int, str], *, strict: bool) -> None:
 
 def grow(mosaic: LiveMosaic, frames: Iterable[Photograph], preview: Path, pace: Pace) -> None:
     """Add frames as they come, print a line for each, and update the preview."""
-    shown = 0.0
+    shown_s = 0.0
     for frame in frames:
         update = mosaic.add(frame.pixels)
         pace.add(update)
-        session.tell(f"{update.number} {frame.name}: {_description(update)}")
-        if not update.reason and time.monotonic() - shown >= PREVIEW_SECONDS:
+        session.tell(f"{update.number} {frame.name}: {_describe(update)}")
+        if not update.reason and time.monotonic() - shown_s >= PREVIEW_SECONDS:
             images.save(preview, images.reduce_to_width(mosaic.image, PREVIEW_WIDTH_PX)[0])
-            shown = time.monotonic()
+            shown_s = time.monotonic()
     if mosaic.transforms:
         images.save(preview, images.reduce_to_width(mosaic.image, PREVIEW_WIDTH_PX)[0])
 
 
-def _description(update: LiveUpdate) -> str:
+def _describe(update: LiveUpdate) -> str:
     if update.reason:
         return f"left out: {update.reason}"
     parts = f"; {update.submaps} separate parts" if update.submaps > 1 else ""

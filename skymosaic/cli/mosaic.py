@@ -8,12 +8,13 @@ from typing import Annotated
 
 import typer
 
-from skymosaic.cli.live import IdleOption, grow_instead, report_absent
+from skymosaic.cli.live import IdleOption, check_live, report_absent, write_live_mosaic
 from skymosaic.cli.options import (
     OverwriteOption,
     PhotographsArgument,
     StrictOption,
     choice,
+    output_option,
     print_pair,
     with_options,
 )
@@ -38,18 +39,10 @@ def mosaic(
     *,
     photographs: PhotographsArgument,
     live: Annotated[
-        bool,
-        typer.Option(
-            "--live",
-            rich_help_panel=INPUT,
-            help="Grow the mosaic while a folder fills, a video plays or a camera films.",
-        ),
+        bool, typer.Option("--live", rich_help_panel=INPUT, help="Grow with a folder that fills, a video or a camera.")
     ] = False,
     idle_seconds: IdleOption = None,
-    output: Annotated[
-        Path,
-        typer.Option("-o", "--output", rich_help_panel=OUTPUT, help="The mosaic: .png, .tif ...; -: PNG on stdout."),
-    ],
+    output: Annotated[Path, output_option("The mosaic: .png, .tif ...; -: PNG on stdout.")],
     report: Annotated[
         Path | None, typer.Option(rich_help_panel=OUTPUT, help="Folder for pictures and numbers.")
     ] = None,
@@ -58,12 +51,10 @@ def mosaic(
         typer.Option(
             metavar="FILE",
             rich_help_panel=OUTPUT,
-            help="Write the lens estimated from the tie points of a flight, for --camera of the next one.",
+            help="Write the lens estimated from a flight's tie points, for --camera of the next one.",
         ),
     ] = None,
-    compress: Annotated[str, choice(COMPRESSIONS, "Of a .tif; deflate is without loss.", group=OUTPUT)] = COMPRESSIONS[
-        0
-    ],
+    compress: Annotated[str, choice(COMPRESSIONS, "Of a .tif; deflate is lossless.", group=OUTPUT)] = "deflate",
     overwrite: OverwriteOption = False,
     strict: StrictOption = False,
     tiles: Annotated[
@@ -75,12 +66,13 @@ def mosaic(
     """Make one mosaic of overlapping photographs: two, or a whole flight."""
     if live:
         others = {
-            "--report": report,
-            "--save-camera": save_camera,
-            "--tiles": tiles,
-            "--compress": compress != COMPRESSIONS[0],
+            "--report": report is not None,
+            "--save-camera": save_camera is not None,
+            "--tiles": tiles is not None,
+            "--compress": compress != "deflate",
         }
-        grow_instead(photographs, output, options, idle_seconds, others, overwrite=overwrite, strict=strict)
+        check_live(photographs, options, others)
+        write_live_mosaic(photographs[0], output, options, idle_seconds, overwrite=overwrite, strict=strict)
         return
     if idle_seconds is not None:
         raise InputError("--idle-seconds ends a live mosaic; add --live, or leave it out")

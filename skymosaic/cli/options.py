@@ -1,4 +1,4 @@
-"""Makes Typer parameters of the library's options, and the options of what the user typed."""
+"""Turns the library's options into options of a command, and what the user typed into an object of options."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from skymosaic.cli.session import session
 from skymosaic.errors import InputError
 from skymosaic.imagery.lens import load_lens
 from skymosaic.maps.control_points import load_control_points
-from skymosaic.options import INPUT, MACHINE, OUTPUT, Option, options_of
+from skymosaic.options import GROUPS, INPUT, MACHINE, OUTPUT, Option, options_of
 from skymosaic.registration.options import FeatureOptions
 from skymosaic.registration.pair import Pair
 
@@ -43,6 +43,11 @@ def choice(names: Iterable[str], help_text: str, *declarations: str, group: str 
     )
 
 
+def output_option(help_text: str) -> Any:
+    """The option ``-o`` of a command that writes."""
+    return typer.Option("-o", "--output", rich_help_panel=OUTPUT, help=help_text)
+
+
 OverwriteOption = Annotated[
     bool,
     typer.Option("--overwrite", rich_help_panel=OUTPUT, help="Replace files that exist; without it they are refused."),
@@ -59,7 +64,7 @@ PhotographsArgument = Annotated[
     list[str],
     typer.Argument(help="Overlapping photographs, folders of them, or a video.", metavar="PHOTOGRAPHS|FOLDER|VIDEO"),
 ]
-# Options that are typed in two parts.
+# One option of the library, typed in two parts.
 AddressOption = Annotated[
     str | None, typer.Option(metavar="HOST[:PORT]", rich_help_panel=MACHINE, help="Of the board, for --backend board.")
 ]
@@ -72,7 +77,7 @@ MaskOption = Annotated[
 
 
 def with_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Have the user type the command's parameter ``options``, an object of the library, option by option.
+    """Give a command an option for each field of its parameter ``options``, an object of the library.
 
     The parameter's annotation names the class and, with ``Annotated``, those of its options that the command has. A
     default of the parameter holds other defaults than the class.
@@ -86,12 +91,21 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
 
     @functools.wraps(command)
     def run(**values: Any) -> None:
-        read = _read(usual, {name: values.pop(name, each.default) for name, each in typed.items()})
-        command(options=read, **values)
+        # Tests call a command as a function, without the options that keep their defaults.
+        chosen = {name: values.pop(name, each.default) for name, each in typed.items()}
+        command(options=_read(usual, chosen), **values)
 
     others = [each for each in signature.parameters.values() if each is not declared]
-    vars(run)["__signature__"] = signature.replace(parameters=[*others, *typed.values()])
+    parameters = sorted([*others, *typed.values()], key=_group_number)
+    # Typer reads options from the signature.
+    vars(run)["__signature__"] = signature.replace(parameters=parameters)
     return run
+
+
+def _group_number(parameter: inspect.Parameter) -> int:
+    """The place of a parameter's group in the help; arguments and options without a group come first."""
+    group = get_args(parameter.annotation)[1].rich_help_panel
+    return GROUPS.index(group) if group else -1
 
 
 def _parameters(option: Option, usual: FeatureOptions) -> Iterator[tuple[str, inspect.Parameter]]:
@@ -104,8 +118,8 @@ def _parameters(option: Option, usual: FeatureOptions) -> Iterator[tuple[str, in
     if option.name == "backend":
         annotations["address"] = AddressOption
     for name, annotation in annotations.items():
-        default = getattr(usual, name, None)
-        typed = default // option.flag_unit if default is not None and option.flag_unit > 1 else default
+        default: Any = getattr(usual, name, None)
+        typed = default // option.flag_unit if option.flag_unit > 1 else default
         yield name, inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=typed, annotation=annotation)
 
 
@@ -117,7 +131,7 @@ def _typer_option(option: Option) -> Any:
 
 
 def _read(usual: FeatureOptions, typed: dict[str, Any]) -> FeatureOptions:
-    """The options that the user typed, with the files that they name.
+    """The options that the user typed, with the contents of the files that they name.
 
     Raises
     ------
@@ -147,7 +161,7 @@ def _read(usual: FeatureOptions, typed: dict[str, Any]) -> FeatureOptions:
     return options
 
 
-def plotting_module(name: str) -> ModuleType:
+def import_plots(name: str) -> ModuleType:
     """Import a module that needs matplotlib, which is an extra and takes a second to import.
 
     Raises

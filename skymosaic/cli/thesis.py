@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from skymosaic.cli.options import OverwriteOption, plotting_module
+from skymosaic.cli.options import OverwriteOption, import_plots, output_option
 from skymosaic.cli.progress import progress_bars
 from skymosaic.cli.session import session
 from skymosaic.flight.workers import Progress
@@ -25,18 +25,16 @@ def thesis(
     data: Annotated[
         Path | None, typer.Option(help="Folder with pairs.csv; by default a rendered flight.", show_default=False)
     ] = None,
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the page and the measurements.")] = Path(
-        "thesis"
-    ),
+    output: Annotated[Path, output_option("Folder for the page and the measurements.")] = Path("thesis"),
     overwrite: OverwriteOption = False,
 ) -> None:
     """Repeat the thesis's experiments, tables IV-1 to IV-7 and figure IV-6, beside the published figures."""
-    page = plotting_module("skymosaic.thesis.page")
+    page = import_plots("skymosaic.thesis.page")
     sources = dataset.list_sources(data)
     check_unused(output, overwrite=overwrite)
     make_folder(output)
     with progress_bars() as progress:
-        measurements = run_experiments(_counted(sources, progress))
+        measurements = run_experiments(_report_each(sources, progress))
     save_bytes(output / "measurements.csv", measurements.to_csv().encode())
     with session.working("drawing"):
         shown = sources[find_best_pair(measurements)]()
@@ -53,7 +51,7 @@ def thesis(
         session.wrote(output / name)
 
 
-def _counted(sources: Sequence[Source], progress: Progress) -> Iterator[Source]:
+def _report_each(sources: Sequence[Source], progress: Progress) -> Iterator[Source]:
     for number, source in enumerate(sources):
         progress("pairs", number, len(sources))
         yield source

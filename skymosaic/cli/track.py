@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from skymosaic.cli.options import OverwriteOption, with_options
+from skymosaic.cli.options import OverwriteOption, output_option, with_options
 from skymosaic.cli.session import session
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.imagery import images
@@ -30,7 +30,7 @@ def track(
     inputs: Annotated[
         list[Path], typer.Argument(help="A picture of the object, and the video.", metavar="[TEMPLATE] VIDEO")
     ],
-    output: Annotated[Path, typer.Option("-o", "--output", help="The video with the outline: .mp4, .mov or .mkv.")],
+    output: Annotated[Path, output_option("The video with the outline: .mp4, .mov or .mkv.")],
     roi: Annotated[
         str | None, typer.Option(metavar="X,Y,W,H", help="The object's rectangle in the first frame; no TEMPLATE then.")
     ] = None,
