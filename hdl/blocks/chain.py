@@ -1,4 +1,4 @@
-"""Blocks that are useful by themselves, made of several of `hdl`'s: from a stream of pixels to a stream of answers."""
+"""Blocks made of several of `hdl`'s that are useful on their own: a stream of pixels in, a stream of answers out."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from hdl.streams import carry_scan
 
 
 class Chain(wiring.Component):
-    """Blocks with beats at ``i`` and ``o``, one after the other; other inputs of theirs become ports.
+    """Blocks with beats at ``i`` and ``o``, one after the other; their other inputs become ports.
 
     Parameters
     ----------
     blocks : mapping of str to Component
-        By name of the submodule.
+        The blocks, by name of their submodules.
     lag_px : int
-        Of the whole chain.
+        Lag of the whole chain.
     fields : mapping of str to str, optional
-        For fields of inputs that the block before does not have, the field that they take instead.
+        For an input field that the block before does not have, the field to connect instead.
     constants : mapping of str to int, optional
-        Inputs that are fixed and become no ports.
+        Inputs with a fixed value, which become no ports.
     """
 
     i: data.View
@@ -62,7 +62,7 @@ class Chain(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Connect each block to the next, and all to the settings."""
+        """Connect each block to the next, and the settings to all."""
         m = Module()
         blocks: Sequence[Any] = list(self.blocks.values())
         for name, block in self.blocks.items():
@@ -81,7 +81,7 @@ class Chain(wiring.Component):
 
 
 class Descriptor(wiring.Component):
-    """`hdl.feature.ilbp.RingDescriptor` with the pixels of a candidate in the clock in which it is valid.
+    """`RingDescriptor` that takes the pixels of a candidate in the clock in which it is valid.
 
     Candidates come at least 4 clocks apart.
 
@@ -92,7 +92,7 @@ class Descriptor(wiring.Component):
     Members
     -------
     i : In({valid, rings})
-        Pixels of each ring, `DescriptorPattern.offsets`.
+        The pixels of each ring (`DescriptorPattern.offsets`).
     o : Out({valid, sector, descriptor})
         Bit 8 j + i of the descriptor is bit i of byte j.
     """
@@ -105,18 +105,14 @@ class Descriptor(wiring.Component):
     def __init__(self, *, pattern: DescriptorPattern) -> None:
         self._block = RingDescriptor(pattern=pattern, spacing_cycles=self.spacing_cycles)
         rings = data.ArrayLayout(data.ArrayLayout(8, pattern.angles), len(pattern.radii_px))
-        answer = {"valid": 1, "sector": 4, "descriptor": pattern.bits}
-        super().__init__(
-            {
-                "i": In(data.StructLayout({"valid": 1, "rings": rings})),
-                "o": Out(data.StructLayout(answer)),
-            }
-        )
+        answer = data.StructLayout({"valid": 1, "sector": 4, "descriptor": pattern.bits})
+        super().__init__({"i": In(data.StructLayout({"valid": 1, "rings": rings})), "o": Out(answer)})
 
     def elaborate(self, platform: object) -> Module:
-        """The block wants to know of a candidate a clock before its pixels."""
+        """Delay the pixels for the block."""
         m = Module()
         m.submodules.block = block = self._block
+        # The block needs `i_candidate` one clock before the pixels.
         rings = delayed(m, self.i.rings, 1)
         m.d.comb += [
             block.i_candidate.eq(self.i.valid),

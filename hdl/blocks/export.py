@@ -1,4 +1,4 @@
-"""Exports one block: Verilog with flat ports, test bench, vectors and README."""
+"""Exports one block: Verilog with flat ports, a test bench with vectors, and a README."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def export_block(folder: Path, name: str) -> None:
 
 
 def write_block(folder: Path, name: str, block: Block) -> None:
-    """Write any block and its test bench into ``folder``; ``name`` is that of the Verilog module."""
+    """Write a block and its test bench into ``folder``; the Verilog module is called ``name``."""
     top = FlatBlock(block.component)
     bench = VerilogBench(
         module=name,
@@ -54,9 +54,9 @@ def write_block(folder: Path, name: str, block: Block) -> None:
 
 
 def core_file(name: str, sources: Sequence[str], bench: Sequence[str]) -> str:
-    """The description for FuseSoC (CAPI2): the module, and a target ``sim`` that runs its test bench in Icarus."""
+    """Describe a module for FuseSoC (CAPI2), with a target ``sim`` that runs its test bench in Icarus."""
     files = [f"      - {file}: {{file_type: systemVerilogSource}}" for file in bench if file.endswith(".v")]
-    # The simulator runs in a folder of its own and looks for vectors there.
+    # FuseSoC runs the simulator in another folder, where $readmemh then looks for the vectors.
     files += [
         f"      - {file}: {{file_type: user, copyto: {Path(file).name}}}" for file in bench if file.endswith(".hex")
     ]
@@ -88,7 +88,7 @@ def core_file(name: str, sources: Sequence[str], bench: Sequence[str]) -> str:
 
 
 def module_ports(top: wiring.Component) -> dict[str, Port]:
-    """The ports of a component whose members are plain signals."""
+    """List the ports of a component whose members are plain signals."""
     members = top.signature.members
     return {name: Port(Shape.cast(member.shape).width, member.flow == In) for name, member in members.items()}
 

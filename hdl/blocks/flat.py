@@ -1,4 +1,4 @@
-"""A component with one plain port for each field of its streams, beats and arrays."""
+"""A component with a plain port for each field of its streams, beats and arrays."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from amaranth.lib.wiring import In
 
 CLOCK, RESET = "clk", "rst"
 PAYLOAD = "payload"
-"""Left out of the names of a stream's fields."""
+"""The part of a stream that is left out of the names of its fields."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Field:
 
 
 def leaves(name: str, shape: ShapeLike, low: int = 0) -> Iterator[Field]:
-    """The leaves of a shape: a field ``b`` of a structure ``a`` is ``a_b``, an element of an array ``a_0``."""
+    """Walk the leaves of a shape: a field ``b`` of a structure ``a`` is ``a_b``, an element of an array ``a_0``."""
     try:
         layout = data.Layout.cast(shape)
     except TypeError:
@@ -36,7 +36,7 @@ def leaves(name: str, shape: ShapeLike, low: int = 0) -> Iterator[Field]:
 
 
 def flat_values(name: str, value: Any) -> dict[str, int]:
-    """The leaves of a value of dictionaries and sequences, under the names of `leaves`."""
+    """Flatten a value of dictionaries and sequences, with the names of `leaves`."""
     parts: Iterable[tuple[Any, Any]]
     if isinstance(value, dict):
         parts = value.items()
@@ -48,14 +48,14 @@ def flat_values(name: str, value: Any) -> dict[str, int]:
 
 
 class FlatBlock(wiring.Component):
-    """A component of the domain ``sync`` with flat ports, for use outside Amaranth.
+    """A component in the domain ``sync`` with flat ports, for use outside Amaranth.
 
     Members
     -------
     clk, rst : In(1)
         Clock, and synchronous reset, active high.
     others
-        `leaves` of the component's members; those of a stream ``i`` are ``i_valid``, ``i_ready`` and its fields.
+        The `leaves` of the component's members; a stream ``i`` has ``i_valid``, ``i_ready`` and its fields.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class FlatBlock(wiring.Component):
         super().__init__(ports)
 
     def elaborate(self, platform: object) -> Module:
-        """Connect each port to its part of the component's."""
+        """Connect each port to its bits of the component's ports."""
         m = Module()
         m.domains.sync = ClockDomain()
         m.submodules.block = self.component

@@ -1,4 +1,4 @@
-"""A self-checking Verilog test bench: vectors in, answers compared, one line with the verdict."""
+"""A self-checking Verilog test bench: it sends vectors, compares the answers, and prints one line with the verdict."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from hdl.blocks.vectors import Row
 
 RESET_CYCLES = 8
 IDLE_CYCLES = 1 << 16
-"""A bench fails after so many clocks without an answer."""
+"""Clocks without an answer after which a bench fails."""
 
 
 @dataclass(frozen=True)
@@ -27,13 +27,13 @@ class Channel:
     Attributes
     ----------
     prefix : str
-        Of the names of its ports: ``i_``, ``m_axis_features_t``.
+        Prefix of its ports' names: ``i_``, ``m_axis_features_t``.
     fields : mapping of str to int
         Widths of the ports that carry data.
     has_ready : bool
         Whether it can stall.
     rows : sequence of Row
-        What is sent, or what must come.
+        The rows to send, or the expected ones.
     """
 
     prefix: str
@@ -43,17 +43,17 @@ class Channel:
 
     @property
     def name(self) -> str:
-        """Of the variables and files of the bench."""
+        """Name of its variables and files in the bench."""
         return self.prefix.rstrip("_")
 
     @property
     def valid(self) -> str:
-        """The port that says that there is a row."""
+        """The port that is high with a row."""
         return f"{self.prefix}valid"
 
     @property
     def ready(self) -> str:
-        """The port that takes a row; only with ``has_ready``."""
+        """The port that accepts a row; only with ``has_ready``."""
         return f"{self.prefix}ready"
 
     @property
@@ -67,7 +67,7 @@ class Channel:
         return "{" + ", ".join(self.fields) + "}"
 
     def words(self) -> tuple[str, str]:
-        """Rows as hexadecimal words for ``$readmemh``, and which of their bits are specified."""
+        """Convert the rows to hexadecimal words for ``$readmemh``, and to masks of their specified bits."""
         digits = -(-self.bits // 4)
         values, specified = [], []
         for row in self.rows:
@@ -90,14 +90,14 @@ class VerilogBench:
     module : str
     ports : mapping of str to Port
     inputs, outputs : mapping of str to sequence of Row
-        For the prefix of each stream, what is sent and what must come, in order.
+        For the prefix of each stream, the rows to send and the expected ones, in order.
     settings : mapping of str to int
-        Other inputs; they stay.
+        Values of other inputs, which stay.
     spacing_cycles : int
-        Clocks from an input to the next, at least.
+        Minimum number of clocks from one input to the next.
     clock, reset : str
     reset_level : {0, 1}
-        Level of ``reset`` that resets.
+        Active level of ``reset``.
     """
 
     module: str
@@ -174,7 +174,7 @@ class VerilogBench:
 
 
 def _source(channel: Channel, clock: str, spacing_cycles: int) -> str:
-    """Offers the rows, with gaps; the fields are unknown in clocks without a row."""
+    """The Verilog that sends the rows, with gaps; fields are unknown (X) in clocks without a row."""
     name, unknown = channel.name, f"{{{channel.bits}{{1'bx}}}}"
     taken = f"{channel.valid} && {channel.ready}" if channel.has_ready else channel.valid
     return f"""
@@ -203,7 +203,7 @@ def _source(channel: Channel, clock: str, spacing_cycles: int) -> str:
 
 
 def _sink(channel: Channel, clock: str) -> str:
-    """Takes answers, with stalls, and compares what is specified of them."""
+    """The Verilog that accepts answers, with stalls, and compares their specified bits."""
     name, bits, rows = channel.name, channel.bits, len(channel.rows)
     taken, stalls = f"{channel.valid} === 1'b1", ""
     if channel.has_ready:

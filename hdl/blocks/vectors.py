@@ -1,4 +1,4 @@
-"""What a test bench sends to a block and expects from it."""
+"""Vectors of a test bench: the inputs of a block and its expected outputs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from golden_model.records import FRAME_STATUS
 from hdl.blocks.flat import flat_values
 
 Row = dict[str, int]
-"""Values of ports by their flat names; an expectation leaves out what is not specified."""
+"""Values of ports by their flat names; unspecified outputs are missing."""
 
 
 @dataclass(frozen=True)
@@ -27,11 +27,11 @@ class Block:
     description : str
         A sentence for its README.
     inputs, outputs : mapping of str to sequence of Row
-        For each stream or beat, what is sent and what must come, in order.
+        For each stream or beat, the inputs and the expected outputs, in order.
     settings : mapping of str to int
-        Other inputs; they stay.
+        Values of other inputs, which stay.
     spacing_cycles : int
-        Clocks from an input to the next, at least.
+        Minimum number of clocks from one input to the next.
     """
 
     component: wiring.Component
@@ -43,12 +43,12 @@ class Block:
 
 
 def rows(name: str, values: Sequence[Any]) -> list[Row]:
-    """Rows of the stream or beat ``name`` for values of dictionaries and sequences."""
+    """Convert values of dictionaries and sequences to rows of the stream or beat ``name``."""
     return [flat_values(name, value) for value in values]
 
 
 def pixel_rows(**planes: NDArray[Any]) -> list[Row]:
-    """A frame at the port ``i``: beats in raster order."""
+    """Convert a frame to the beats at the port ``i``, in raster order."""
     height, width = next(iter(planes.values())).shape[:2]
     beats = [
         {"x": x, "y": y, **{name: plane[y, x].tolist() for name, plane in planes.items()}}
@@ -58,9 +58,10 @@ def pixel_rows(**planes: NDArray[Any]) -> list[Row]:
 
 
 def answer_rows(*, lag_px: int = 0, margin_px: int = 0, **planes: NDArray[Any]) -> list[Row]:
-    """The beats at the port ``o`` for a frame: a pixel's answer comes ``lag_px`` to the right of and below it.
+    """Convert the results for a frame to the beats at the port ``o``.
 
-    In the margin, where the block's window leaves the frame, the answer is not specified.
+    Each comes ``lag_px`` to the right of and below its pixel. In the margin, where the block's window leaves the frame,
+    outputs are unspecified.
     """
     height, width = next(iter(planes.values())).shape[:2]
     beats: list[dict[str, Any]] = []
@@ -74,7 +75,7 @@ def answer_rows(*, lag_px: int = 0, margin_px: int = 0, **planes: NDArray[Any]) 
 
 
 def sample_image(height: int = 26, width: int = 30, seed: int = 3) -> NDArray[np.uint8]:
-    """Gray tiles of 5 px with noise: edges and corners everywhere."""
+    """Make an image with edges and corners everywhere: gray tiles of 5 px with noise."""
     rng = np.random.default_rng(seed)
     tiles = rng.integers(0, 256, (height // 5 + 1, width // 5 + 1))
     image = np.kron(tiles, np.ones((5, 5), int))[:height, :width] + rng.integers(-6, 7, (height, width))
@@ -82,16 +83,16 @@ def sample_image(height: int = 26, width: int = 30, seed: int = 3) -> NDArray[np
 
 
 def packet(*records: NDArray[Any], unspecified: tuple[int, ...] = ()) -> list[dict[str, int]]:
-    """The words of a packet; of the last record, some words are not specified."""
-    *words, last = np.frombuffer(b"".join(_unpadded(record).tobytes() for record in records), np.uint64).tolist()
+    """Convert records to the words of a packet; ``unspecified`` lists words of the last record to leave out."""
+    *words, last = np.frombuffer(b"".join(_clear_padding(record).tobytes() for record in records), np.uint64).tolist()
     packet = [{"data": word, "last": 0} for word in words] + [{"data": last, "last": 1}]
     for word in unspecified:
         del packet[len(packet) - records[-1].itemsize // 8 + word]["data"]
     return packet
 
 
-def _unpadded(records: NDArray[Any]) -> NDArray[Any]:
-    """The same records with zeros between their fields: NumPy leaves there what it finds."""
+def _clear_padding(records: NDArray[Any]) -> NDArray[Any]:
+    """Copy records with zeros between their fields, where NumPy leaves whatever was in memory."""
     clean = np.zeros(records.shape, records.dtype)
     for name in records.dtype.names or ():
         clean[name] = records[name]
@@ -99,7 +100,7 @@ def _unpadded(records: NDArray[Any]) -> NDArray[Any]:
 
 
 def padded_status(status: np.void, record_bytes: int, **values: int) -> NDArray[Any]:
-    """A FrameStatus in the length of the records before it."""
+    """Pad a FrameStatus to the length of the records before it; ``values`` replace some of its fields."""
     padded = np.zeros((), FRAME_STATUS.dtype_padded_to(record_bytes))
     for name in FRAME_STATUS.dtype.names or ():
         padded[name] = values.get(name, status[name])

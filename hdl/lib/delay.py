@@ -1,4 +1,4 @@
-"""Registers without reset: fixed delays, outputs, and pipelines that hold their value in clocks without a beat."""
+"""Registers without reset: fixed delays, outputs, and pipelines that keep their value in clocks without a beat."""
 
 from __future__ import annotations
 
@@ -9,32 +9,32 @@ from amaranth.lib import data
 
 Delayed = TypeVar("Delayed", Value, data.View)
 WORD_BITS = 64
-"""What a compiled simulation copies or shifts at once."""
-LEAST_SHARED_STAGES = 8
+"""Bits that a compiled simulation copies or shifts at once."""
+MIN_SHARED_STAGES = 8
 """With fewer, a compiled simulation is slower: a register that reads itself is often copied before it is shifted."""
 
 
 def delayed(m: Module, value: Delayed, cycles: int, *, reset_less: bool = True) -> Delayed:
-    """``value`` a fixed number of clocks later.
+    """Delay ``value`` by a fixed number of clocks.
 
     Without reset the registers pack into shift-register LUTs (30 % fewer flip-flops, measured). A valid bit needs
     ``reset_less=False``, otherwise a stale valid survives reset. Call this outside of any ``m.If``: inside, the
     registers would only advance while the condition holds.
 
-    The last register is named after the variable that the result is assigned to, or else after the signal that is
-    delayed: ``x_after2`` is ``x`` two clocks later. Earlier stages of a long, narrow delay share registers, the newest
-    in the lowest bits: compiled simulations then shift a machine word instead of copying every stage.
+    The last register is named after the variable that the result is assigned to, or else after the delayed signal:
+    ``x_after2`` is ``x`` two clocks later. Earlier stages of a long, narrow delay share registers, the newest in the
+    lowest bits: compiled simulations then shift a machine word instead of copying every stage.
     """
     if cycles == 0:
         return value
     name = tracer.get_var_name(depth=2, default="") or later(value, cycles)
-    # One frame further up, or every register would be said to come from here.
+    # One frame further up, or the source attribute of every register would point here.
     result: Delayed = Signal.like(value, name=name, reset_less=reset_less, src_loc_at=1)
     last = Value.cast(result)
     assert isinstance(last, Signal)
     bits = len(last)
     shared = WORD_BITS // max(bits, 1)
-    stages = shared if min(shared, cycles - 1) >= LEAST_SHARED_STAGES else 1
+    stages = shared if min(shared, cycles - 1) >= MIN_SHARED_STAGES else 1
     oldest = Value.cast(value)
     for first in range(1, cycles, stages):
         count = min(stages, cycles - first)
@@ -52,9 +52,9 @@ def delayed(m: Module, value: Delayed, cycles: int, *, reset_less: bool = True) 
 
 
 def port_register(m: Module, port: Delayed) -> Delayed:
-    """A register without reset that drives the output ``port`` of a component, named after the variable it is put in.
+    """Drive the output ``port`` of a component by a register without reset, named after the variable it is assigned to.
 
-    The ports of a component have a reset if they are registers themselves. Data that a valid bit qualifies needs none.
+    A port that is itself a register has a reset, which data qualified by a valid bit does not need.
     """
     name = tracer.get_var_name(depth=2, default="") or later(port)
     register: Delayed = Signal.like(port, name=name, reset_less=True, src_loc_at=1)
@@ -74,7 +74,7 @@ def _first_name(value: Value) -> str:
     """Name of the first signal in an expression."""
     if isinstance(value, Signal):
         return str(value.name)
-    # The operands, under the names that Amaranth's kinds of expressions have for them.
+    # Amaranth's kinds of expressions have different names for their operands.
     parts = [getattr(value, "value", None), getattr(value, "test", None)]
     parts += [part for name in ("operands", "parts", "elems") for part in getattr(value, name, ())]
     names = (_first_name(Value.cast(part)) for part in parts if isinstance(part, (Value, ValueCastable)))
@@ -82,7 +82,7 @@ def _first_name(value: Value) -> str:
 
 
 class Pipe:
-    """Registers that keep their value in clocks without a beat, which saves power and simulation time.
+    """A pipeline whose registers keep their value in clocks without a beat, which saves power and simulation time.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ class Pipe:
         self._valid = [valid]
 
     def registered(self, value: Value, cycles: int) -> Signal:
-        """``value`` one clock later, where ``value`` itself is ``cycles`` clocks behind the pipe's start."""
+        """Delay ``value``, which is ``cycles`` clocks behind the pipe's start, by another clock."""
         while len(self._valid) <= cycles:
             self._valid.append(delayed(self._m, self._valid[-1], 1, reset_less=False))
         name = tracer.get_var_name(depth=2, default="") or later(value)

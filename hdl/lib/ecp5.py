@@ -1,6 +1,6 @@
 """Multipliers and block RAMs of Lattice's ECP5, instantiated with their own registers.
 
-Yosys infers both, but without the registers inside: on an ECP5-85 of speed grade 8, a structure tensor then reaches
+Yosys infers both, but without the registers inside: a structure tensor on an ECP5-85 of speed grade 8 then reaches
 half the clock. `ecp5_models.v` beside this file has models of the primitives for simulation.
 """
 
@@ -15,28 +15,29 @@ MODELS = Path(__file__).with_name("ecp5_models.v")
 
 FACTOR_BITS = 18
 WIDTHS = (18, 9, 4, 2, 1)
-"""Bits of a word of a DP16KD; each next width has twice as many words, from 1024 to 16384."""
+"""Word widths of a DP16KD; each has twice as many words as the one before, from 1024 to 16384."""
 ADDRESS_BITS = 14
 PORT_BITS = 18
 BYTE_ENABLES = 0b11
-"""Lowest address bits of an 18 bit word, which has no use for them: write both bytes."""
+"""In 18-bit words the lowest address bits are byte enables instead: write both bytes."""
 
 
 class Ecp5:
-    """Technology of the ECP5 family: MULT18X18D and DP16KD (`hdl.lib.technology.Technology`)."""
+    """The `Technology` of the ECP5 family: MULT18X18D and DP16KD."""
 
     def multiplier(self, m: Module, *, a: Value, b: Value, loads: tuple[Value, Value, Value], product: Signal) -> None:
-        """A MULT18X18D with its input, pipeline and output registers.
+        """Add a MULT18X18D with its input, pipeline and output registers.
 
         Raises
         ------
         ValueError
             For a factor of more than 18 bits.
         """
-        widest = max(len(a), len(b))
-        if widest > FACTOR_BITS:
-            raise ValueError(f"a factor has {widest} bits; a MULT18X18D takes {FACTOR_BITS}")
+        factor_bits = max(len(a), len(b))
+        if factor_bits > FACTOR_BITS:
+            raise ValueError(f"a factor has {factor_bits} bits; a MULT18X18D takes {FACTOR_BITS}")
         product_bits = Signal(2 * FACTOR_BITS)
+        # Each register and its clock enable, of which the primitive has four.
         registers = {"INPUTA": 0, "INPUTB": 0, "PIPELINE": 1, "OUTPUT": 2}
         ports: dict[str, object] = {
             **{f"p_REG_{name}_CLK": "CLK0" for name in registers},
@@ -47,8 +48,8 @@ class Ecp5:
             **_bits("i_CLK", Const(0, 4), first=1),
             **_bits("i_CE", Cat(*loads, Const(1, 1))),
             **_bits("i_RST", Const(0, 4)),
-            **_bits("i_A", _extended(m, a)),
-            **_bits("i_B", _extended(m, b)),
+            **_bits("i_A", _extend(m, a)),
+            **_bits("i_B", _extend(m, b)),
             **_bits("i_C", Const(0, FACTOR_BITS)),
             "i_SOURCEA": Const(0, 1),
             "i_SOURCEB": Const(0, 1),
@@ -69,7 +70,7 @@ class Ecp5:
         write_address: Value,
         write_data: Value,
     ) -> None:
-        """As many DP16KD as the word is wide, with their output registers; port A writes and port B reads.
+        """Add DP16KDs side by side for the width of a word, with output registers; port A writes and port B reads.
 
         Raises
         ------
@@ -78,7 +79,7 @@ class Ecp5:
         """
         if depth > 1 << ADDRESS_BITS:
             raise ValueError(f"the memory has {depth} words; a DP16KD has {1 << ADDRESS_BITS} at most")
-        # Addresses count bits: that of a word ends with as many others as a word of its width has address bits.
+        # Addresses of a DP16KD count bits: wider words leave the lowest address bits unused.
         unused = min(ADDRESS_BITS - (depth - 1).bit_length(), len(WIDTHS) - 1)
         width = WIDTHS[-1 - unused]
         low = Const(BYTE_ENABLES if width == PORT_BITS else 0, unused)
@@ -125,8 +126,8 @@ def _block(
         i_CLKB=ClockSignal(),
         i_WEA=write,
         i_WEB=Const(0, 1),
-        # Always enabled: only what `registers` takes counts, and an enable would be one more long wire. It also makes
-        # no difference then whether the output register needs the port's enable besides its own.
+        # Always enabled: only what the output register takes counts, and an enable would be one more long wire. Whether
+        # that register needs the port's enable besides its own then makes no difference either.
         i_CEA=Const(1, 1),
         i_CEB=Const(1, 1),
         i_OCEA=Const(1, 1),
@@ -144,11 +145,11 @@ def _block(
 
 
 def _bits(port: str, value: Value, *, first: int = 0) -> dict[str, object]:
-    """The primitives have a port for each bit."""
+    """Ports of a primitive for ``value``: it has one for each bit."""
     return {f"{port}{n}": value[n] for n in range(first, len(value))}
 
 
-def _extended(m: Module, factor: Value) -> Signal:
+def _extend(m: Module, factor: Value) -> Signal:
     extended = Signal(Shape(FACTOR_BITS, factor.shape().signed), name="factor")
     m.d.comb += extended.eq(factor)
     return extended

@@ -11,24 +11,24 @@ from hdl.lib.technology import Technology
 
 
 class LineMemory(wiring.Component):
-    """One port to read, one to write; the word that is read passes through a register.
+    """A memory with a port to read and one to write, and a register behind the read port.
 
-    The output of a block RAM is slow, therefore the register, which tools may take from the block RAM itself. Where
-    they do not, a technology instantiates its block RAM. Reading a word that is being written may give anything.
+    The output of a block RAM is slow, hence the register, which tools may take from the block RAM itself. Where they
+    do not, a technology instantiates its block RAM. Reading a word that is being written may return anything.
 
     Parameters
     ----------
     shape : ShapeLike
-        Of a word.
+        Shape of a word.
     depth : int
-        Words.
+        Number of words.
 
     Members
     -------
     i_read : In(1)
     i_read_address : In(range(depth))
     o_word : Out(shape)
-        What was read, until the next word arrives.
+        The word read last.
     i_write : In(1)
     i_write_address : In(range(depth))
     i_word : In(shape)
@@ -63,7 +63,7 @@ class LineMemory(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """The memory and its output register, described or in the technology's block RAMs."""
+        """Add the memory and its output register, inferred or in the technology's block RAMs."""
         m = Module()
         is_read = delayed(m, self.i_read, 1, reset_less=False)
         if isinstance(platform, Technology):

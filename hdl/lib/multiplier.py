@@ -11,22 +11,22 @@ from hdl.lib.technology import Technology
 
 
 class Multiplier(wiring.Component):
-    """``o_product`` = ``i_a`` × ``i_b``, with operand, multiplier and product register; one product a clock.
+    """``o_product`` = ``i_a`` × ``i_b``, with operand, multiplier and product register; one product per clock.
 
-    Yosys and Vivado move all three registers into a DSP48 of xc7. A technology whose tools leave them outside, where
-    the wires to and from the multiplier limit the clock, instantiates its multiplier. No register has a reset.
+    Yosys and Vivado move all three registers into a DSP48 of xc7. Tools that leave them outside let the wires to and
+    from the multiplier limit the clock; a `Technology` for these instantiates its multiplier. No register has a reset.
 
     Parameters
     ----------
     a, b : Shape
-        Of the factors.
+        Shapes of the factors.
     product : Shape
-        Of the product, which must fit it.
+        Shape of the product; it must hold every product.
 
     Members
     -------
     i_valid : In(1)
-        There are factors. Stages without work keep their value.
+        There are factors. Stages without valid data keep their value.
     i_a, i_b : In
     o_product : Out
 
@@ -46,7 +46,7 @@ class Multiplier(wiring.Component):
         super().__init__({"i_valid": In(1), "i_a": In(a), "i_b": In(b), "o_product": Out(product)})
 
     def elaborate(self, platform: object) -> Module:
-        """Three registers, described or in the technology's multiplier."""
+        """Add the multiplier and its registers, inferred or in the technology's multiplier."""
         m = Module()
         operands_valid = delayed(m, self.i_valid, 1, reset_less=False)
         multiplied = delayed(m, operands_valid, 1, reset_less=False)

@@ -1,4 +1,4 @@
-"""Population counts of many lanes at once, with carry-save counters on bit planes."""
+"""Population counts of many lanes at once, by carry-save counters on bit planes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from amaranth.lib.wiring import In, Out
 
 from hdl.lib.delay import delayed
 
-LAYERS_A_STAGE = 2
+LAYERS_PER_STAGE = 2
 """Layers of counters between two registers, except before the first register: two levels of LUTs."""
 
 Plane = TypeVar("Plane")
@@ -20,7 +20,7 @@ Columns = list[list[Plane]]
 
 
 class Popcount(wiring.Component):
-    """``o_counts[k]`` = how many of ``i_planes`` have bit k set: one count per lane in every clock.
+    """``o_counts[k]`` = number of ``i_planes`` with bit k set: one count per lane and clock.
 
     A plane holds one bit of every lane, side by side. Counters replace six planes of one weight by three of rising
     weight (or three by two), with one LUT per output bit and lane, until at most two planes of each weight are left;
@@ -37,7 +37,7 @@ class Popcount(wiring.Component):
     Members
     -------
     i_valid : In(1)
-        Whether there is anything to count. Stages without work keep their value: this saves power and simulation time.
+        The planes are valid. Stages without valid data keep their value, which saves power and simulation time.
     i_planes : In(lanes).array(bits)
     o_counts : Out(range(bits + 1)).array(lanes)
 
@@ -60,28 +60,26 @@ class Popcount(wiring.Component):
             raise ValueError(f"bits is {bits}; it must be at least 3")
         self.bits = bits
         self.lanes = lanes
-        columns = reduced([[None] * bits], _sum_of_nothing, largest=3)
+        columns = add_layer([[None] * bits], _count_bits, largest=3)
         self.latency_cycles = 2
-        while _tallest(columns) > 2:
-            columns = _stage(columns, _sum_of_nothing)
+        while _max_height(columns) > 2:
+            columns = _stage(columns, _count_bits)
             self.latency_cycles += 1
         super().__init__(
             {"i_valid": In(1), "i_planes": In(lanes).array(bits), "o_counts": Out(range(bits + 1)).array(lanes)}
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Layers of counters between registers, then the adders.
-
-        The first layer counts only triples: the XOR of the descriptors that feeds it then fits the same LUTs.
-        """
+        """Layers of counters between registers, then the adders."""
         m = Module()
 
         def counter(planes: list[Value]) -> list[Value]:
             return _sum6(m, planes) if len(planes) == 6 else _full_adder(m, *planes)
 
-        valid, columns = self._registered(m, self.i_valid, reduced([list(self.i_planes)], counter, largest=3))
-        while _tallest(columns) > 2:
-            valid, columns = self._registered(m, valid, _stage(columns, counter))
+        # The first layer counts triples only, so that the XOR of the descriptors in front of it fits the same LUTs.
+        valid, columns = self._register(m, self.i_valid, add_layer([list(self.i_planes)], counter, largest=3))
+        while _max_height(columns) > 2:
+            valid, columns = self._register(m, valid, _stage(columns, counter))
         # Columns of at most two planes are left: the two rows of an ordinary addition in each lane.
         for lane, count in enumerate(self.o_counts):
             first = Cat(column[0][lane] for column in columns)
@@ -93,7 +91,7 @@ class Popcount(wiring.Component):
         return m
 
     @staticmethod
-    def _registered(m: Module, valid: Value, columns: Columns[Value]) -> tuple[Value, Columns[Value]]:
+    def _register(m: Module, valid: Value, columns: Columns[Value]) -> tuple[Value, Columns[Value]]:
         registers: Columns[Value] = [
             [Signal.like(plane, name="plane", reset_less=True) for plane in column] for column in columns
         ]
@@ -103,12 +101,12 @@ class Popcount(wiring.Component):
         return delayed(m, valid, 1, reset_less=False), registers
 
 
-def reduced(
+def add_layer(
     columns: Columns[Plane], counter: Callable[[list[Plane]], list[Plane]], *, largest: int = 6
 ) -> Columns[Plane]:
-    """One layer of carry-save counters: groups of ``largest`` planes of one weight first, then groups of 3.
+    """Add a layer of carry-save counters: groups of ``largest`` planes of one weight first, then groups of 3.
 
-    ``counter`` takes a group and returns the bits of its sum, lowest weight first. Planes left over pass unchanged.
+    ``counter`` takes a group and returns the bits of its sum, lowest weight first. The remaining planes pass unchanged.
     """
     result: Columns[Plane] = [[] for _ in range(len(columns) + 2)]
     for weight, column in enumerate(columns):
@@ -123,17 +121,17 @@ def reduced(
 
 
 def _stage(columns: Columns[Plane], counter: Callable[[list[Plane]], list[Plane]]) -> Columns[Plane]:
-    for _ in range(LAYERS_A_STAGE):
-        columns = reduced(columns, counter)
+    for _ in range(LAYERS_PER_STAGE):
+        columns = add_layer(columns, counter)
     return columns
 
 
-def _tallest(columns: Columns[Plane]) -> int:
+def _max_height(columns: Columns[Plane]) -> int:
     return max(len(column) for column in columns)
 
 
-def _sum_of_nothing(planes: list[None]) -> list[None]:
-    """Stand-in for a counter, where only the number of planes matters (to compute the latency)."""
+def _count_bits(planes: list[None]) -> list[None]:
+    """Stand-in for a counter where only the number of planes matters: to compute the latency."""
     return [None] * len(planes).bit_length()
 
 

@@ -1,4 +1,4 @@
-"""A register stage of a stream that breaks every combinational path."""
+"""A register stage for a stream that breaks every combinational path."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from amaranth.lib.wiring import In, Out
 
 
 class SkidBuffer(wiring.Component):
-    """Pass a stream on; neither ``ready`` nor ``valid`` or the payload depend on the other side in the same clock.
+    """Passes a stream on; neither side's signals depend on the other side in the same clock.
 
-    Two places are written and read in turn. ``ready`` and ``valid`` are registers, and the payload is chosen by one: a
-    late ``ready`` of the output only moves a pointer and enables no wide register. The throughput is one payload a
+    Two places are written and read in turn. ``ready`` and ``valid`` are registers, and a register selects the payload:
+    a late ``ready`` of the output moves only a pointer and enables no wide register. The throughput is one payload per
     clock. After reset the buffer is empty.
 
     Parameters
     ----------
     shape : ShapeLike
-        Of the payload.
+        Shape of the payload.
 
     Members
     -------
@@ -38,7 +38,7 @@ class SkidBuffer(wiring.Component):
         super().__init__({"i": In(stream.Signature(shape)), "o": Out(stream.Signature(shape))})
 
     def elaborate(self, platform: object) -> Module:
-        """The two places, the pointers to them, and whether they are full or empty."""
+        """Two places, the pointers to them, and the registers for ``ready`` and ``valid``."""
         m = Module()
         places = [Signal(self.shape, name=f"place{n}", reset_less=True) for n in range(2)]
         write = Signal()
@@ -47,7 +47,7 @@ class SkidBuffer(wiring.Component):
         ready = Signal()
         m.d.comb += [self.i.ready.eq(ready), self.o.payload.eq(Mux(read, places[1], places[0]))]
         for n, place in enumerate(places):
-            # A place that is free takes whatever comes; what counts is whether the pointer then leaves it.
+            # A free place takes whatever comes; only when the pointer moves on does its content count.
             with m.If(ready & (write == n)):
                 m.d.sync += place.eq(self.i.payload)
         arrives, leaves = self.i.valid & ready, self.o.valid & self.o.ready

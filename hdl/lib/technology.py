@@ -1,4 +1,4 @@
-"""What a vendor's tools do not infer: multipliers and memories with registers of their own, as instances."""
+"""Instances of a vendor's multipliers and memories, where its tools do not infer them with their registers."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from amaranth import Module, Signal, Value
 class Technology(Protocol):
     """The platform of an elaboration for one family of FPGAs: ``to_verilog(component, platform=Ecp5())``.
 
-    Without one, the blocks describe their registers and the tools infer the rest. Both have the same latency.
+    Without one, the tools infer multipliers and memories. The latency is the same.
     """
 
     def multiplier(self, m: Module, *, a: Value, b: Value, loads: tuple[Value, Value, Value], product: Signal) -> None:
-        """``product`` = ``a`` × ``b``; ``loads`` let the operand, multiplier and product registers take new values."""
+        """Add ``product`` = ``a`` × ``b``; ``loads`` enable the operand, multiplier and product registers."""
 
     def memory(
         self,
@@ -29,7 +29,7 @@ class Technology(Protocol):
         write_address: Value,
         write_data: Value,
     ) -> None:
-        """A memory that is read in every clock; in the next one ``registers`` passes the word on to ``read_data``.
+        """Add a memory that is read in every clock; in the next, ``registers`` passes the word on to ``read_data``.
 
-        A read of the address that is being written may return anything.
+        A read of the address being written may return anything.
         """

@@ -1,4 +1,4 @@
-"""Signals with a layout, under the type that they have."""
+"""Signals with a layout, typed as the views that they are."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from amaranth.lib import data
 def view_signal(
     layout: data.Layout | type[data.Struct], *, name: str | None = None, init: Any = None, reset_less: bool = False
 ) -> data.View:
-    """``Signal(layout)``, declared as the view that it is.
+    """Make ``Signal(layout)``, typed as the view that it is.
 
-    Amaranth makes the view in a metaclass, which mypy does not follow: it takes the call for a plain ``Signal`` and
-    rejects every field.
+    Amaranth makes the view in a metaclass, which mypy does not follow: to mypy, the call returns a plain ``Signal``
+    without fields.
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ def view_signal(
     init : mapping, sequence or None
         Values after reset, by field; None: zero, or the layout's own.
     reset_less : bool
-        Reset does not change the signal.
+        Whether a reset leaves the signal unchanged.
     """
     # One frame further up, or every signal would be named after a variable in here.
     signal = Signal(layout, src_loc_at=1, name=name, init=init, reset_less=reset_less)

@@ -45,21 +45,21 @@ class _Term:
 
 
 class WeightedSum(wiring.Component):
-    """``o_sum`` = sum of ``weights[n] * i_values[n]``, one set of values a clock.
+    """``o_sum`` = sum of ``weights[n] * i_values[n]``, one set of values per clock.
 
     Parameters
     ----------
     weights : sequence of int
         Constant weight of each value, positive or negative; 0 leaves the value out.
     shape : Shape
-        Of the values.
+        Shape of the values.
 
     Members
     -------
     i_valid, i_values : In
-        Values count only where ``i_valid``; otherwise the adders keep their last values.
+        Values count only with ``i_valid``; otherwise the adders keep their last values.
     o_valid, o_sum : Out
-        The sum, as wide as its range needs and no wider.
+        The sum, just wide enough for its range.
 
     Attributes
     ----------
@@ -83,10 +83,8 @@ class WeightedSum(wiring.Component):
         if not any(weights):
             raise ValueError(f"weights are {list(weights)}; at least one must not be 0")
         self.weights = tuple(weights)
-        extremes = (
-            (-(1 << shape.width - 1), (1 << shape.width - 1) - 1) if shape.signed else (0, (1 << shape.width) - 1)
-        )
-        self._extremes = extremes
+        lowest = -(1 << shape.width - 1) if shape.signed else 0
+        self._extremes = extremes = (lowest, lowest + (1 << shape.width) - 1)
         self.low = sum(min(weight * extreme for extreme in extremes) for weight in weights)
         self.high = sum(max(weight * extreme for extreme in extremes) for weight in weights)
         terms = sum(len(signed_digits(weight)) for weight in weights)
@@ -101,13 +99,11 @@ class WeightedSum(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Build the tree of adders.
-
-        A tree and not ``sum()``: Amaranth widens every step of a chain by a bit. Terms are sorted by shift, so that
-        the first adders combine terms of similar size and stay narrow.
-        """
+        """Build the tree of adders."""
         m = Module()
         low, high = self._extremes
+        # A tree and not sum(), which would widen every step by a bit. Sorted by shift, terms of similar size meet in
+        # the first adders, which stay narrow.
         digits = sorted(
             (shift, sign, n) for n, weight in enumerate(self.weights) for shift, sign in signed_digits(weight)
         )
@@ -116,7 +112,7 @@ class WeightedSum(wiring.Component):
         for level in range(self.latency_cycles):
             # An odd term out passes through a register, so that all terms stay in step.
             sums = [a.plus(b) for a, b in zip(terms[0::2], terms[1::2], strict=False)] + terms[len(terms) & ~1 :]
-            terms = [self._registered(m, valid, term, f"level{level}_term{n}") for n, term in enumerate(sums)]
+            terms = [self._register(m, valid, term, f"level{level}_term{n}") for n, term in enumerate(sums)]
             registered_valid = Signal(name=f"level{level}_valid")
             m.d.sync += registered_valid.eq(valid)
             valid = registered_valid
@@ -125,7 +121,7 @@ class WeightedSum(wiring.Component):
         return m
 
     @staticmethod
-    def _registered(m: Module, valid: Value, term: _Term, name: str) -> _Term:
+    def _register(m: Module, valid: Value, term: _Term, name: str) -> _Term:
         register = Signal(range(term.low, term.high + 1), name=name, reset_less=True)
         with m.If(valid):
             m.d.sync += register.eq(term.value)

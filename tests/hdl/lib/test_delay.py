@@ -12,7 +12,7 @@ from amaranth.hdl import Fragment, ResetInserter, Shape
 from amaranth.lib import data
 from amaranth.sim import Simulator
 
-from hdl.lib.delay import LEAST_SHARED_STAGES, WORD_BITS, delayed
+from hdl.lib.delay import MIN_SHARED_STAGES, WORD_BITS, delayed
 
 CLOCKS = 300
 
@@ -25,7 +25,7 @@ def simulated(m: Module, run: Any) -> None:
     simulator.run()
 
 
-@pytest.mark.parametrize("cycles", [0, 1, 2, LEAST_SHARED_STAGES, LEAST_SHARED_STAGES + 1, 10, 64, 65, 66, 130])
+@pytest.mark.parametrize("cycles", [0, 1, 2, MIN_SHARED_STAGES, MIN_SHARED_STAGES + 1, 10, 64, 65, 66, 130])
 @pytest.mark.parametrize("shape", [unsigned(1), signed(3), unsigned(8), unsigned(9), signed(WORD_BITS), unsigned(70)])
 def test_a_value_comes_a_number_of_clocks_later(shape: Shape, cycles: int) -> None:
     m = Module()
