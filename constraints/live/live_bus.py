@@ -1,4 +1,4 @@
-"""Registers, memory and the DMA of the scores of a live build under PYNQ 3.1. Not yet run on a board."""
+"""Registers, memory and the scores' DMA of a live build under PYNQ 3.1. Not yet run on a board."""
 
 import time
 
@@ -12,14 +12,14 @@ TIMEOUT_SECONDS = 5.0
 
 
 class LiveBus:
-    """Loads an overlay and gives access to the registers of its live build, and to memory for the rings.
+    """Loads an overlay, and accesses the registers of its live build and memory for the rings.
 
     Parameters
     ----------
     bitstream : str
         Path of the .bit file; the .hwh file must be in the same folder.
     address : int
-        Of the registers in the block design.
+        Address of the registers in the block design.
     """
 
     def __init__(self, bitstream, address):
@@ -39,15 +39,15 @@ class LiveBus:
         return allocate(shape=(length_bytes,), dtype=np.uint8)
 
     def address(self, buffer):
-        """Where the accelerator finds the memory."""
+        """The memory's address for the accelerator."""
         return buffer.device_address
 
     def invalidate(self, buffer):
-        """Forget what the processor's cache holds of the memory."""
+        """Invalidate the memory's lines in the processor's cache."""
         buffer.invalidate()
 
     def exchange(self, sent, length_bytes, received):
-        """Send ``length_bytes`` of hypotheses as a packet, and receive their scores; returns the bytes of these.
+        """Send ``length_bytes`` of hypotheses as a packet, and receive their scores; returns the scores' length.
 
         The block design has an AXI DMA in simple mode, ``dma_scores``, at the two streams.
         """
@@ -65,5 +65,5 @@ class LiveBus:
         return dma.recvchannel.transferred
 
     def wait(self, seconds):
-        """Do nothing for a while."""
+        """Wait for some time."""
         time.sleep(seconds)

@@ -1,7 +1,7 @@
-"""Reads the rings that a live build of skymosaic writes. Needs Python 3.10 and numpy, nothing else.
+"""Reads the rings that a live build of skymosaic writes. Needs Python 3.10 and numpy.
 
-`Live` uses a *bus*: registers, memory that the accelerator can write, and a wait. On a board that is
-`live_bus.LiveBus`; tests pass an object with the same methods that runs a simulation.
+`Live` uses a *bus*: registers, memory that the accelerator can write, and a wait. On a board it is `live_bus.LiveBus`;
+tests pass an object with the same methods that runs a simulation.
 
     live = Live(bus, settings)
     for frame in live:
@@ -11,14 +11,12 @@
 """
 
 import skymosaic_map as register_map
-from skymosaic_registers import AcceleratorError, Registers
+from skymosaic_map import CLOSING_RECORDS, HEADER_BYTES, PAGE_BYTES
+from skymosaic_registers import AcceleratorError, Registers, split_packet
 
 RINGS = ("features", "matches")
-PAGE_BYTES = 4096
-HEADER_BYTES = 128
 WAIT_SECONDS = 0.002
 TIMEOUT_SECONDS = 5.0
-SPARE_RECORDS = 2
 COUNTERS = (
     "camera_frames", "dropped", "cut", "features_errors", "matches_errors", "features_lost", "matches_lost", "scored",
     "unscored",
@@ -26,16 +24,16 @@ COUNTERS = (
 
 
 class LiveFrame:
-    """A frame in memory; the arrays are views of the rings, valid until the next frame is asked for.
+    """A frame in memory; the arrays are views of the rings, valid until the next frame is requested.
 
     Attributes
     ----------
     number : int
-        Of the camera's frame, from 1 on; a gap is a frame that was dropped.
+        Number of the camera's frame, from 1 on; gaps are dropped frames.
     time, clocks : int
         Clock of its first pixel, and clocks from there until its matches were in memory.
     good : bool
-        Whether the frame was whole; a bad one has no features that count.
+        Whether the frame was complete; the features of a bad one are invalid.
     features, matches : structured ndarray
         Records of `skymosaic_map.FEATURE` and `skymosaic_map.MATCH`.
     status, match_status : structured scalar
@@ -56,13 +54,13 @@ class Ring:
     registers : LiveRegisters
     name : {"features", "matches"}
     dtype : numpy.dtype
-        Of its records.
+        Type of its records.
     slots : int
     """
 
     def __init__(self, registers, name, dtype, slots):
         self.registers, self.name, self.dtype, self.slots = registers, name, dtype, slots
-        longest = HEADER_BYTES + (register_map.BUILT["built_max_features"] + SPARE_RECORDS) * dtype.itemsize
+        longest = HEADER_BYTES + (register_map.BUILT["built_max_features"] + CLOSING_RECORDS) * dtype.itemsize
         self.slot_pages = -(-longest // PAGE_BYTES)
         self.buffer = registers.bus.allocate(slots * self.slot_pages * PAGE_BYTES)
         self.address = registers.bus.address(self.buffer)
@@ -71,12 +69,12 @@ class Ring:
         self.read = 0
 
     def stop(self):
-        """Switch the ring off, and wait until nothing of it is being written."""
+        """Switch the ring off, and wait until the accelerator no longer writes it."""
         self.registers.write(**{f"{self.name}_enable": 0})
         self.registers.wait_for(f"{self.name}_active", 0)
 
     def start(self):
-        """Set the ring up from its first slot on, and switch it on."""
+        """Set the ring up and switch it on; it starts at its first slot."""
         self.read = 0
         self.registers.write(
             **{
@@ -90,34 +88,33 @@ class Ring:
         self.registers.write(**{f"{self.name}_enable": 1})
 
     def waiting(self):
-        """How many packets are in memory that have not been released."""
+        """Count the packets in memory that have not been released."""
         return (self.registers.read(f"{self.name}_written") - self.read) % (1 << 32)
 
     def head(self):
-        """Header, records and status of the oldest packet, as views; None if it is damaged."""
+        """View header, records and status of the oldest packet; None if it is damaged."""
         start = self.read % self.slots * self.slot_pages * PAGE_BYTES
         slot = self.buffer[start : start + self.slot_pages * PAGE_BYTES]
         self.registers.bus.invalidate(self.buffer)
         header = slot[: register_map.HEADER.itemsize].view(register_map.HEADER)[0]
-        length = int(header["length_bytes"])
-        records, rest = divmod(length, self.dtype.itemsize)
-        is_mine = int(header["sequence"]) == (self.read + 1) % (1 << 32)
-        if not is_mine or header["flags"] or rest or not records or HEADER_BYTES + length > slot.size:
+        end = HEADER_BYTES + int(header["length_bytes"])
+        # An old sequence number: the memory refused the header, and the one before is still there.
+        is_expected = int(header["sequence"]) == (self.read + 1) % (1 << 32)
+        if not is_expected or header["flags"] or end > slot.size:
             return None
-        packet = slot[HEADER_BYTES : HEADER_BYTES + length]
-        status = packet[length - self.dtype.itemsize :][: register_map.STATUS.itemsize].view(register_map.STATUS)[0]
-        if status["tag"] != register_map.STATUS_TAG:
+        try:
+            return header, *split_packet(slot[HEADER_BYTES:end], self.dtype)
+        except AcceleratorError:
             return None
-        return header, packet.view(self.dtype)[:-1], status
 
     def release(self):
-        """Give the oldest packet's slot back."""
+        """Return the oldest packet's slot to the accelerator."""
         self.read = (self.read + 1) % (1 << 32)
         self.registers.write(**{f"{self.name}_read": self.read})
 
 
 class LiveRegisters(Registers):
-    """Registers that can be waited for, with the time of the bus."""
+    """Registers that can be waited for, in the time of the bus."""
 
     def wait_for(self, field, value):
         """Wait until a field has a value."""
@@ -129,7 +126,7 @@ class LiveRegisters(Registers):
 
 
 class Live:
-    """Frames of a camera with their features and matches, as they come into memory.
+    """Frames of a camera with their features and matches, as they arrive in memory.
 
     Parameters
     ----------
@@ -137,14 +134,14 @@ class Live:
     settings : dict
         Values of the register fields in `skymosaic_map.REQUESTED`, and ``gray_input``.
     slots : int
-        Frames that memory holds; more let the host pause for longer.
+        Number of frames that fit the memory; with more, the host can pause for longer.
     hold_reference : bool
         Match every frame with the first; otherwise each with the previous one.
 
     Attributes
     ----------
     damaged : int
-        Packets that were left out because the memory reported an error.
+        Packets that were skipped because the memory had reported an error.
     """
 
     def __init__(self, bus, settings, slots=8, hold_reference=False):
@@ -159,7 +156,7 @@ class Live:
         self.restart()
 
     def restart(self):
-        """Start over with empty rings, whatever was under way."""
+        """Start again with empty rings, whatever was in progress."""
         self.close()
         self.registers.write(**self.settings, memory_mode=0, hold_reference=int(self.hold_reference))
         for ring in self._rings.values():
@@ -167,17 +164,17 @@ class Live:
         self.registers.write(enable=1)
 
     def close(self):
-        """Switch camera and rings off. Until then the accelerator writes the rings' memory: do not free it before."""
+        """Switch camera and rings off. Only then may the rings' memory be freed, since the accelerator writes it."""
         self.registers.write(enable=0, clear=1)
         for ring in self._rings.values():
             ring.stop()
 
     def counts(self):
-        """What the shell has counted since its reset, and why the last frame was dropped."""
+        """Read the shell's counters since its reset, and why the last frame was dropped."""
         return {name: self.registers.read(name) for name in (*COUNTERS, "dropped_reason", "refused", "camera_stopped")}
 
     def __iter__(self):
-        """Frames for as long as they come."""
+        """Iterate over the frames until none comes for `TIMEOUT_SECONDS`."""
         while True:
             frame = self.next_frame(TIMEOUT_SECONDS)
             if frame is None:
@@ -186,7 +183,7 @@ class Live:
             self.release()
 
     def next_frame(self, timeout_seconds):
-        """The oldest frame, or None if none comes in time; `release` gives its memory back."""
+        """Wait for the oldest frame, or return None if none comes in time; `release` frees its memory."""
         waits = round(timeout_seconds / WAIT_SECONDS)
         while True:
             if all(ring.waiting() for ring in self._rings.values()):
@@ -194,15 +191,15 @@ class Live:
                 numbers = [None if slot is None else int(slot[0]["number"]) for slot in slots]
                 if None not in numbers and numbers[0] == numbers[1]:
                     return LiveFrame(*slots)
-                self._leave_out(numbers)
+                self._skip_damaged(numbers)
             elif waits:
                 waits -= 1
                 self.registers.bus.wait(WAIT_SECONDS)
             else:
                 return None
 
-    def _leave_out(self, numbers):
-        """A damaged packet takes the other ring's with it; where one ring has lost a packet, the older one goes."""
+    def _skip_damaged(self, numbers):
+        """Release both packets where one is damaged, or the older one where the other ring has lost its own."""
         self.damaged += 1
         ahead = None not in numbers and numbers[0] > numbers[1]
         for position, ring in enumerate(self._rings.values()):
@@ -210,6 +207,6 @@ class Live:
                 ring.release()
 
     def release(self):
-        """Give the memory of the frame read last back to the accelerator."""
+        """Return the slots of the frame read last to the accelerator."""
         for ring in self._rings.values():
             ring.release()

@@ -1,10 +1,10 @@
-"""Scores homographies by the matches that the accelerator holds. Needs Python 3.10 and numpy, nothing else."""
+"""Scores homographies by the matches in the accelerator. Needs Python 3.10 and numpy."""
 
 import numpy as np
 import skymosaic_map as register_map
 from skymosaic_registers import AcceleratorError
 
-MOST_HYPOTHESES = 1024
+MAX_HYPOTHESES = 1024
 
 
 class Scorer:
@@ -17,8 +17,8 @@ class Scorer:
 
     def __init__(self, bus):
         self.bus = bus
-        self._sent = bus.allocate(MOST_HYPOTHESES * register_map.HYPOTHESIS.itemsize)
-        self._received = bus.allocate(MOST_HYPOTHESES * register_map.SCORE.itemsize)
+        self._sent = bus.allocate(MAX_HYPOTHESES * register_map.HYPOTHESIS.itemsize)
+        self._received = bus.allocate(MAX_HYPOTHESES * register_map.SCORE.itemsize)
 
     def score(self, homographies):
         """Score homographies.
@@ -26,14 +26,14 @@ class Scorer:
         Parameters
         ----------
         homographies : float64 ndarray, shape (M, 3, 3)
-            At least one and at most `MOST_HYPOTHESES`. They map pixels of the frame before to pixels of the newest
-            one; the third coordinate of a point in front of the camera is positive.
+            At least one and at most `MAX_HYPOTHESES`. They map pixels of the frame before to pixels of the newest
+            one; points in front of the camera have a positive third coordinate.
 
         Returns
         -------
         structured ndarray, shape (M,)
-            Records of `skymosaic_map.SCORE`. ``frame`` is that of the matches, as their status has it. Where
-            ``causes`` is not 0, there is no score: no matches, or elements of which none is large enough.
+            Records of `skymosaic_map.SCORE`. ``frame`` is the number in the status of the matches. Where ``causes``
+            is not 0, there is no score, for example without matches.
 
         Raises
         ------
@@ -43,9 +43,9 @@ class Scorer:
         return self.score_integers(quantise(np.asarray(homographies, dtype=np.float64)))
 
     def score_integers(self, hypotheses):
-        """As `score`, for integers (M, 3, 3) of 32 bits in the fixed point of `quantise`."""
-        if not 1 <= len(hypotheses) <= MOST_HYPOTHESES:
-            raise AcceleratorError(f"{len(hypotheses)} homographies; send 1 to {MOST_HYPOTHESES} at a time")
+        """Score homographies given as 32-bit integers (M, 3, 3) in the fixed point of `quantise`."""
+        if not 1 <= len(hypotheses) <= MAX_HYPOTHESES:
+            raise AcceleratorError(f"{len(hypotheses)} homographies; send 1 to {MAX_HYPOTHESES} at a time")
         records = np.zeros(len(hypotheses), register_map.HYPOTHESIS)
         records["tag"], records["number"] = register_map.HYPOTHESIS_TAG, np.arange(len(records))
         for row, column in np.ndindex(3, 3):
@@ -61,7 +61,7 @@ class Scorer:
 
 
 def quantise(homographies):
-    """Homographies (M, 3, 3) as integers: positions in units of 4096 px, the largest element 2^24 - 1."""
+    """Convert homographies (M, 3, 3) to integers: positions in units of 4096 px, the largest element 2^24 - 1."""
     units = np.array([register_map.UNIT_PX, register_map.UNIT_PX, 1.0])
     scaled = homographies * units / units[:, np.newaxis]
     largest = np.abs(scaled).max(axis=(1, 2), initial=0)

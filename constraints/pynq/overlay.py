@@ -1,7 +1,7 @@
 """Writes a device-tree overlay for Linux without PYNQ: python3 overlay.py skymosaic.hwh > skymosaic.dtso.
 
-It reads the addresses that Vivado assigned from the .hwh file, and gives the registers of the accelerator and of the
-three DMAs to the driver generic-uio, and memory for a frame and its packets to u-dma-buf.
+It takes the addresses that Vivado assigned from the .hwh file. The overlay binds the registers of the accelerator and
+of the three DMAs to the driver generic-uio, and memory for a frame and its packets to u-dma-buf.
 """
 
 import argparse
@@ -10,33 +10,33 @@ import xml.etree.ElementTree as ET
 
 BLOCKS = ("skymosaic", "dma_video", "dma_features", "dma_matches")
 BUFFERS = {"frame": 16 << 20, "features": 1 << 20, "matches": 1 << 20}
-"""Bytes of each buffer: more than the largest build needs."""
+"""Bytes of each buffer, enough for the largest build."""
 PARENT_CELLS = {"zynq": 1, "zynquplus": 2}
-"""Cells of an address at the root of the board's tree, by family."""
+"""Cells of an address at the root of the board's device tree, by family."""
 
 
 def block_ranges(hwh):
-    """First address and length of the registers of each block, from the text of a .hwh file.
+    """Find the first address and length of each block's registers in the text of a .hwh file.
 
     Raises
     ------
     ValueError
         If a block is missing.
     """
-    found = {}
+    ranges = {}
     for each in ET.fromstring(hwh).iter("MEMRANGE"):
         name = each.get("INSTANCE")
         if name in BLOCKS and each.get("MEMTYPE") == "REGISTER":
             first, last = int(each.get("BASEVALUE"), 16), int(each.get("HIGHVALUE"), 16)
-            found[name] = first, last + 1 - first
-    missing = [name for name in BLOCKS if name not in found]
+            ranges[name] = first, last + 1 - first
+    missing = [name for name in BLOCKS if name not in ranges]
     if missing:
         raise ValueError(f"no registers of {', '.join(missing)}; give the .hwh of the same export")
-    return found
+    return ranges
 
 
 def overlay(hwh, cells):
-    """The text of the overlay, for addresses and lengths of so many cells of 32 bits."""
+    """Write the overlay, with addresses and lengths of ``cells`` times 32 bits."""
 
     def words(value):
         return " ".join(f"{value >> 32 * n & 0xFFFFFFFF:#x}" for n in reversed(range(cells)))

@@ -10,19 +10,19 @@ from skymosaic_registers import AcceleratorError
 
 POLL_SECONDS = 0.0002
 RESET_SECONDS = 1.0
-# Control registers of an AXI DMA (PG021): of its channel from memory, and of its channel to memory.
+# The control registers of an AXI DMA (PG021), for its channel from memory and its channel to memory.
 SEND_CONTROL, RECEIVE_CONTROL = 0x00, 0x30
 CONTROL_RESET = 1 << 2
 
 
 class Skymosaic(DefaultIP):
-    """The IP core in an overlay; PYNQ finds this class by the core's VLNV."""
+    """The IP core in an overlay; PYNQ binds this class by the core's VLNV."""
 
     bindto = [register_map.CORE]
 
 
 class PynqBus:
-    """Loads an overlay and gives access to its registers and DMAs.
+    """Loads an overlay, and accesses its registers and DMAs.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class PynqBus:
         self._receive[channel].transfer(buffer)
 
     def wait(self, timeout_seconds):
-        """Wait until every transfer that was started has ended; return the lengths of the packets in bytes."""
+        """Wait until every started transfer has ended; returns the lengths of the packets in bytes."""
         channels = {"video": self._send, **self._receive}
         end = time.monotonic() + timeout_seconds
         while not all(channel.idle for channel in channels.values()):
@@ -74,10 +74,8 @@ class PynqBus:
         return {name: channel.transferred for name, channel in self._receive.items()}
 
     def reset(self):
-        """Reset the DMAs, whatever they are doing, and start them again.
-
-        PYNQ's ``stop`` would wait without a limit for a transfer that never ends.
-        """
+        """Reset the DMAs, whatever they are doing, and start them again."""
+        # Not by PYNQ's `stop`, which waits without a limit for a transfer that never ends.
         for dma, control in self._controls.values():
             dma.write(control, CONTROL_RESET)
         end = time.monotonic() + RESET_SECONDS

@@ -1,9 +1,9 @@
-"""The accelerator's registers and packets behind a serial port, as `pynq_bus` has them on a board with a processor.
+"""The accelerator's registers and packets behind a serial port, with the methods of `pynq_bus.PynqBus`.
 
-A command is a letter, two bytes (an address, or a number of pixels; the lowest first), and what belongs to it: `R`;
-`W` and four bytes; `P` or `L` and pixels, of which the last one ends a frame. The board sends `A`, a byte that is 0
-unless something went wrong, and four bytes as an answer; and 16 or 32, plus 1 at the end of a packet, with the eight
-bytes of a word of features or matches.
+A command is a letter and two bytes, the lower first: an address, or a number of pixels. `R` reads, `W` and four more
+bytes write, `P` sends pixels, and `L` sends pixels up to the end of a frame. The board answers a read or write by `A`,
+a byte that is 0 on success, and four bytes of data. It sends a word of features or matches as 16 or 32, plus 1 at the
+packet's end, and eight bytes.
 """
 
 import time
@@ -13,11 +13,11 @@ from skymosaic_registers import AcceleratorError
 
 BAUD = 1_000_000
 TIMEOUT_SECONDS = 0.2
-"""Of a read of the port: after so long a pause nothing more comes."""
+"""Timeout of a read of the port: after such a pause, nothing more comes."""
 ANSWER_SECONDS = 2.0
-MOST_PIXELS = 65535
+MAX_PIXELS = 65535
 CHUNK_BYTES = 1024
-"""What the board sends meanwhile must not overflow the computer's buffers: it is fetched after each chunk."""
+"""After each chunk, received bytes are fetched, which must not overflow the computer's buffers meanwhile."""
 ANSWER, ANSWER_BYTES = ord("A"), 6
 CHANNELS = {0x10: "features", 0x20: "matches"}
 WORD_BYTES = 9
@@ -51,17 +51,17 @@ class SerialBus:
         return np.zeros(length_bytes, np.uint8)
 
     def start_send(self, buffer, length_bytes):
-        """Keep a frame until it is waited for."""
+        """Keep a frame until `wait` sends it."""
         self._sent = bytes(buffer[:length_bytes])
 
     def start_receive(self, channel, buffer):
-        """Where the next packet of ``channel`` belongs."""
+        """Set the buffer for the next packet of ``channel``."""
         self._receiving[channel] = buffer
 
     def wait(self, timeout_seconds):
-        """Send the frame, and receive the packets that were started; return their lengths in bytes."""
-        for start in range(0, len(self._sent), MOST_PIXELS):
-            pixels = self._sent[start : start + MOST_PIXELS]
+        """Send the frame, and receive the packets of the started channels; returns their lengths in bytes."""
+        for start in range(0, len(self._sent), MAX_PIXELS):
+            pixels = self._sent[start : start + MAX_PIXELS]
             letter = b"L" if start + len(pixels) == len(self._sent) else b"P"
             self._send(letter + len(pixels).to_bytes(2, "little") + pixels)
         self._sent = b""
@@ -79,7 +79,7 @@ class SerialBus:
         return lengths
 
     def reset(self):
-        """Wait until nothing more comes, and forget what came."""
+        """Wait until nothing more comes, and drop everything received."""
         while self._port.read(CHUNK_BYTES):
             pass
         self._forget()
@@ -92,7 +92,7 @@ class SerialBus:
         self._receiving, self._sent = {}, b""
 
     def _access(self, command):
-        """Send a command, and return the data of its answer."""
+        """Send a command, and wait for the data of its answer."""
         self._send(command)
         end = time.monotonic() + ANSWER_SECONDS
         while not self._answers:
@@ -113,7 +113,7 @@ class SerialBus:
                 self._fetch(self._port.in_waiting)
 
     def _fetch(self, count):
-        """Take up to ``count`` bytes from the port, and sort the messages that are complete."""
+        """Take up to ``count`` bytes from the port, and sort complete messages."""
         self._bytes += self._port.read(count)
         while self._bytes:
             tag = self._bytes[0]

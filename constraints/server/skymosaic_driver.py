@@ -1,6 +1,6 @@
-"""Driver of the skymosaic accelerator. Needs Python 3.10 and numpy, nothing else.
+"""Driver of the skymosaic accelerator. Needs Python 3.10 and numpy.
 
-`Accelerator` uses a *bus*: registers and three DMA channels. On the board that is `pynq_bus.PynqBus`; tests pass an
+`Accelerator` uses a *bus*: registers and three DMA channels. On the board it is `pynq_bus.PynqBus`; tests pass an
 object with the same methods that runs a simulation.
 
     from pynq_bus import PynqBus
@@ -15,7 +15,7 @@ import itertools
 import numpy as np
 
 import skymosaic_map as register_map
-from skymosaic_registers import AcceleratorError, Registers
+from skymosaic_registers import AcceleratorError, Registers, split_packet
 
 CHANNELS = ("features", "matches")
 TIMEOUT_SECONDS = 5.0
@@ -33,20 +33,8 @@ class Frame:
     """
 
     def __init__(self, feature_packet, match_packet):
-        self.features, self.status = _records(feature_packet, register_map.FEATURE)
-        self.matches, self.match_status = _records(match_packet, register_map.MATCH)
-
-
-def _records(packet, dtype):
-    """The records of a packet, and the FrameStatus at its end."""
-    if packet.size < dtype.itemsize or packet.size % dtype.itemsize:
-        raise AcceleratorError(
-            f"a packet has {packet.size} bytes, which is not a multiple of {dtype.itemsize}-byte records"
-        )
-    status = packet[packet.size - dtype.itemsize :][: register_map.STATUS.itemsize].view(register_map.STATUS)[0]
-    if status["tag"] != register_map.STATUS_TAG:
-        raise AcceleratorError("a packet does not end with a frame's status; clear the accelerator and try again")
-    return packet.view(dtype)[:-1], status
+        self.features, self.status = split_packet(feature_packet, register_map.FEATURE)
+        self.matches, self.match_status = split_packet(match_packet, register_map.MATCH)
 
 
 class Accelerator(Registers):
@@ -56,7 +44,7 @@ class Accelerator(Registers):
     ----------
     bus : PynqBus or an object with its methods
     timeout_seconds : float
-        Longest time for one frame.
+        Maximum time for one frame.
 
     Raises
     ------
@@ -69,13 +57,12 @@ class Accelerator(Registers):
         self.timeout_seconds = timeout_seconds
         self.video_bits = self.read("built_video_bits")
         self.max_width_px, self.max_height_px = self.read("built_width_px"), self.read("built_height_px")
-        # A packet that is ended early has a record more, and its FrameStatus.
-        capacity = self.read("built_max_features") + 2
+        capacity = self.read("built_max_features") + register_map.CLOSING_RECORDS
         self._received = {
             "features": bus.allocate(capacity * register_map.FEATURE.itemsize),
             "matches": bus.allocate(capacity * register_map.MATCH.itemsize),
         }
-        # Two pixels a clock: a line of odd width has one more.
+        # With two pixels per clock, a line of odd width has one more.
         self._sent = bus.allocate(4 * (self.max_width_px + 1) * self.max_height_px)
 
     def run(self, frames, settings, hold_reference):
@@ -84,7 +71,7 @@ class Accelerator(Registers):
         Parameters
         ----------
         frames : iterable of uint8 ndarray, shape (H, W) or (H, W, 3) BGR
-            At least one, all of one shape; taken one at a time, so that a server need not hold them all.
+            At least one, all of one shape; taken one at a time, so that a server need not keep them all.
         settings : dict
             Values of the register fields in `skymosaic_map.REQUESTED`.
         hold_reference : bool
@@ -107,15 +94,15 @@ class Accelerator(Registers):
         return [self._run_one(frame, size_px) for frame in itertools.chain([first], frames)]
 
     def _recover(self):
-        """End whatever an interrupted run has left: transfers, frames, and the packets under way."""
+        """End whatever an interrupted run has left: transfers, frames and unfinished packets."""
         self.bus.reset()
         self.write(enable=0, clear=1)
-        # The accelerator withdraws no word: it ends a packet that was under way, and that has to be taken.
+        # AXI4-Stream withdraws no word: the accelerator completes an unfinished packet, and someone has to take it.
         for channel in CHANNELS:
             if self.read(channel + "_waiting"):
                 self.bus.start_receive(channel, self._received[channel])
                 self.bus.wait(self.timeout_seconds)
-        # A DMA takes some words before it is asked to.
+        # A DMA takes some words before it is asked to: they may be such a rest.
         self.bus.reset()
 
     def _run_one(self, frame, size_px):
@@ -135,11 +122,11 @@ class Accelerator(Registers):
 
 
 def as_words(frame, video_bits=32):
-    """A frame in the format of memory mode: four gray pixels in a 32-bit word, or one pixel as R, G, B, X.
+    """Convert a frame to the format of memory mode: four gray pixels in a 32-bit word, or one pixel as R, G, B, X.
 
-    At an 8-bit input, gray pixels follow each other in the same way; at a 24-bit one, each has a word of its own. An
-    input of 16 or 48 bits takes two pixels at once, and every line starts with a new pair: 16 bits of gray, or 64 bits
-    with R, G, B of both, or gray in their places, and two bytes that are dropped.
+    An 8-bit input takes gray pixels in the same way; for a 24-bit one, each has a word of its own. An input of 16 or 48
+    bits takes two pixels at once, and every line starts with a new pair: 16 bits of gray, or 64 bits with R, G, B (or
+    gray in their places) of both pixels and two bytes that are dropped.
     """
     if video_bits in (16, 48):
         return _as_pairs(frame, video_bits)
@@ -156,7 +143,7 @@ def as_words(frame, video_bits=32):
 
 
 def _as_pairs(frame, video_bits):
-    """The words of a frame for an input that takes two pixels at once."""
+    """Convert a frame to words for an input that takes two pixels at once."""
     height, width = frame.shape[:2]
     if video_bits == 16:
         if frame.ndim == 3:

@@ -1,11 +1,11 @@
-"""Serves the accelerator to one client at a time over TCP. Needs the standard library, numpy and the driver.
+"""Serves the accelerator to one client at a time over TCP. Needs numpy and the driver.
 
 A request is a line of JSON. If it is valid, the server answers with a JSON object, the client sends the bytes of the
 frames, and the server answers with a line of JSON and the bytes of the packets.
 
-A server with a key first answers with a ``challenge``. The client then sends the SHA-256 of its frames and the
-HMAC-SHA256, with the key, of the challenge, the request's line and that SHA-256; only then are frames accepted. This
-keeps others from using the board; nothing is encrypted.
+A server with a key first answers with a ``challenge``. The client then sends the SHA-256 of its frames, and the
+HMAC-SHA256, with the key, of challenge, request line and that SHA-256; only then are frames accepted. This keeps others
+from using the board; nothing is encrypted.
 """
 
 import argparse
@@ -23,15 +23,15 @@ import numpy as np
 import skymosaic_map as register_map
 
 PORT = 7020
-SHORTEST_KEY_BYTES = 16
-KEY_HELP = """Without --host, only programs on this machine (or an SSH tunnel) reach the server. With another host, a
-key is needed: a file of at least 16 bytes, of which each client has a copy.
-It can be made by: python3 -c "import secrets; print(secrets.token_hex())" > key"""
+MIN_KEY_BYTES = 16
+KEY_HELP = """Without --host, only programs on this machine (or an SSH tunnel) reach the server. Another host needs a
+key: a file of at least 16 bytes, of which each client has a copy.
+To make one: python3 -c "import secrets; print(secrets.token_hex())" > key"""
 MAX_LINE_BYTES = 65536
 MAX_FRAMES = 64
 IDLE_SECONDS = 30
 REQUEST_SECONDS = 120
-"""Longest time that the server waits for one client in all: the others wait meanwhile."""
+"""Total time that the server waits for one client, since all others wait meanwhile."""
 CHUNK_BYTES = 1 << 16
 
 
@@ -40,13 +40,13 @@ class ClientGoneError(Exception):
 
 
 class Client:
-    """The connection to a client, with limits on the time that is spent waiting for it.
+    """The connection to a client, with limits on the time spent waiting for it.
 
     Parameters
     ----------
     connection : socket
     idle_seconds, request_seconds : float
-        Longest wait for the next bytes, and for all bytes of a request; the accelerator's time does not count.
+        Limits for the next bytes, and for all bytes of a request; the accelerator's time does not count.
     """
 
     def __init__(self, connection, idle_seconds, request_seconds):
@@ -60,13 +60,12 @@ class Client:
         while b"\n" not in self._received:
             if len(self._received) > MAX_LINE_BYTES:
                 raise ValueError(f"the request is malformed: its line is longer than {MAX_LINE_BYTES} bytes")
-            more = self._waited(self._connection.recv, CHUNK_BYTES)
+            more = self._wait_for(self._connection.recv, CHUNK_BYTES)
             if not more:
-                # What is left may be a request without its end.
+                # The rest may be a request without a line end: report it as malformed instead of hanging up.
                 return self._take(len(self._received))
             self._received += more
-        found = self._take(self._received.index(b"\n") + 1)
-        return found[:-1]
+        return self._take(self._received.index(b"\n") + 1)[:-1]
 
     def bytes(self, length):
         """The next ``length`` bytes, in a new array."""
@@ -75,7 +74,7 @@ class Client:
         data[: len(have)] = have
         view, filled = memoryview(data), len(have)
         while filled < length:
-            count = self._waited(self._connection.recv_into, view[filled : filled + CHUNK_BYTES])
+            count = self._wait_for(self._connection.recv_into, view[filled : filled + CHUNK_BYTES])
             if not count:
                 raise ClientGoneError
             filled += count
@@ -84,13 +83,13 @@ class Client:
     def answer(self, header, *parts):
         """Send a line of JSON and bytes."""
         for part in (json.dumps(header).encode() + b"\n", *parts):
-            self._waited(self._connection.sendall, part)
+            self._wait_for(self._connection.sendall, part)
 
     def _take(self, length):
-        found, self._received = self._received[:length], self._received[length:]
-        return found
+        taken, self._received = self._received[:length], self._received[length:]
+        return taken
 
-    def _waited(self, call, argument):
+    def _wait_for(self, call, argument):
         self._connection.settimeout(max(min(self._idle_seconds, self._seconds_left), 0.001))
         started = time.monotonic()
         try:
@@ -105,7 +104,7 @@ class Handler(socketserver.BaseRequestHandler):
     """One request, one answer."""
 
     def handle(self):
-        """Read, check, run, answer. An error is sent to the client as one line, and the server goes on."""
+        """Serve a request; an error is sent to the client as one line, and the server continues."""
         server = self.server
         self.client = Client(self.request, server.idle_seconds, server.request_seconds)
         self.frames_left, self.frame_bytes = 0, 0
@@ -113,62 +112,51 @@ class Handler(socketserver.BaseRequestHandler):
             self._serve()
         except ClientGoneError:
             return
-        # Any error of the accelerator's software must not end the server, nor be lost.
+        # No error of the accelerator's software may end the server or get lost.
         except Exception as error:
             self._refuse(str(error) or type(error).__name__)
 
     def _serve(self):
         line = self.client.line()
-        shape, count, settings, hold_reference = self._parsed(line)
-        # Before the frames are sent: a client that is still sending would not read the error.
+        shape, count, settings, hold_reference = self._parse(line)
+        # Before the frames arrive: a client that is still sending would not read the error.
         self._check(shape, count, settings)
-        announced = self._authenticated(line) if self.server.key else None
+        announced = self._authenticate(line) if self.server.key else None
         self.client.answer({})
         self.frames_left, self.frame_bytes = count, int(np.prod(shape))
         sent = hashlib.sha256()
         frames = (self._frame(shape, sent) for _ in range(count))
         results = self.server.accelerator.run(frames, settings, hold_reference)
         if announced is not None and not hmac.compare_digest(announced, sent.hexdigest()):
-            raise ValueError("the frames are not those that were announced")
+            raise ValueError("the frames differ from the announced ones")
         parts = [
             part for frame in results for part in (frame.features, frame.status, frame.matches, frame.match_status)
         ]
         self.client.answer({"lengths": [part.nbytes for part in parts]}, *(part.tobytes() for part in parts))
 
-    def _parsed(self, line):
+    def _parse(self, line):
         try:
             request = json.loads(line)
-            shape, count = tuple(map(_whole, request["shape"])), _whole(request["frames"])
-            settings = {name: _whole(request["settings"][name]) for name in register_map.REQUESTED}
-            hold_reference = _typed(request["hold_reference"], bool)
+            shape = tuple(_require_type(side, int) for side in request["shape"])
+            count = _require_type(request["frames"], int)
+            settings = {name: _require_type(request["settings"][name], int) for name in register_map.REQUESTED}
+            hold_reference = _require_type(request["hold_reference"], bool)
         # RecursionError: JSON that is nested thousands of times.
         except (KeyError, TypeError, ValueError, RecursionError) as error:
             raise ValueError(f"the request is malformed: {error}") from None
         return shape, count, settings, hold_reference
 
     def _check(self, shape, count, settings):
-        accelerator = self.server.accelerator
         if not 1 <= count <= MAX_FRAMES:
             raise ValueError(f"{count} frames requested; the server takes 1 to {MAX_FRAMES} at a time")
         if len(shape) not in (2, 3) or shape[2:] not in ((), (3,)):
             raise ValueError(f"frames have shape {shape}; it must be (height, width) or (height, width, 3)")
-        for name, size_px, built_px in (
-            ("width_px", shape[1], accelerator.max_width_px),
-            ("height_px", shape[0], accelerator.max_height_px),
-        ):
-            smallest_px, _ = register_map.WRITABLE[name]
-            if not smallest_px <= size_px <= built_px:
-                extent = "wide" if name == "width_px" else "high"
-                raise ValueError(f"frames are {size_px} px {extent}; {smallest_px} to {built_px} were built")
         if (settings["width_px"], settings["height_px"]) != (shape[1], shape[0]):
             raise ValueError("width_px and height_px differ from the frames' shape")
-        for name, value in settings.items():
-            smallest, largest = register_map.WRITABLE[name]
-            if not smallest <= value <= largest:
-                raise ValueError(f"{name} is {value}; it must be {smallest} to {largest}")
+        self.server.accelerator.check(settings)
 
-    def _authenticated(self, line):
-        """Check that the client knows the key; returns the SHA-256 of the frames that it announces."""
+    def _authenticate(self, line):
+        """Check that the client knows the key; returns the announced SHA-256 of its frames."""
         challenge = secrets.token_hex(32)
         self.client.answer({"challenge": challenge})
         try:
@@ -196,19 +184,15 @@ class Handler(socketserver.BaseRequestHandler):
             return
 
 
-def _whole(value):
-    return _typed(value, int)
-
-
-def _typed(value, kind):
-    # Not isinstance, for which True is a whole number.
+def _require_type(value, kind):
+    # Not isinstance, for which True is an int.
     if type(value) is not kind:
         raise TypeError(f"{value!r:.40} is not of type {kind.__name__}")
     return value
 
 
 def authentication(key, challenge, line, frames_digest):
-    """HMAC-SHA256 that proves to know the key, as hexadecimal digits."""
+    """The HMAC-SHA256 that proves knowledge of the key, as hexadecimal digits."""
     return hmac.new(key, challenge.encode() + line + frames_digest.encode(), hashlib.sha256).hexdigest()
 
 
@@ -221,7 +205,7 @@ class Server(socketserver.TCPServer):
         Host and port to listen on.
     accelerator : skymosaic_driver.Accelerator
     key : bytes or None
-        Shared with the clients; needed unless the host is this machine's loopback.
+        Shared with the clients; required unless the host is this machine's loopback.
     idle_seconds, request_seconds : float
         See `Client`.
 
@@ -242,7 +226,7 @@ class Server(socketserver.TCPServer):
 
 
 def options_parser(description):
-    """The options of a program that serves an accelerator; it may add its own."""
+    """Make the option parser of a program that serves an accelerator; programs add their own options."""
     parser = argparse.ArgumentParser(description=description, epilog=KEY_HELP)
     parser.add_argument("--host", default="127.0.0.1", help="address to listen on; 0.0.0.0: all")
     parser.add_argument("--port", type=int, default=PORT)
@@ -250,14 +234,14 @@ def options_parser(description):
     return parser
 
 
-def serve(parser, opened):
-    """Serve what ``opened`` makes of the options, until the program is interrupted."""
+def serve(parser, open_accelerator):
+    """Serve the accelerator that ``open_accelerator`` makes from the options, until the program is interrupted."""
     options = parser.parse_args()
     key = options.key.read_bytes().strip() if options.key else None
-    if key is not None and len(key) < SHORTEST_KEY_BYTES:
-        parser.error(f"{options.key} has less than {SHORTEST_KEY_BYTES} bytes")
+    if key is not None and len(key) < MIN_KEY_BYTES:
+        parser.error(f"{options.key} has less than {MIN_KEY_BYTES} bytes")
     try:
-        server = Server((options.host, options.port), opened(options), key)
+        server = Server((options.host, options.port), open_accelerator(options), key)
     except ValueError as error:
         parser.error(str(error))
     with server:

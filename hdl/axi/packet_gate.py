@@ -8,6 +8,8 @@ from golden_model.records import FRAME_STATUS, WORD_BYTES, Cause, Tag
 from hdl.lib.skid_buffer import SkidBuffer
 from hdl.streams import WORD, WordPayload, record_layout, words
 
+CLOSING_RECORDS = 2
+"""Records by which a packet that breaks off may be longer: the one that was begun, and its FrameStatus."""
 _STATUS = record_layout(FRAME_STATUS)
 
 
@@ -16,8 +18,8 @@ class PacketGate(wiring.Component):
 
     ``i_clear`` breaks off the packet in progress. Words already offered must still be taken, since AXI4-Stream lets
     none be withdrawn. Then zeros complete the record, and a FrameStatus (`Cause.CLEARED`) ends the packet, which may
-    thus be longer by two records. Only then is the next packet accepted. A packet of which nothing has been offered is
-    dropped.
+    thus be longer by `CLOSING_RECORDS`. Only then is the next packet accepted. A packet of which nothing has been
+    offered is dropped.
 
     Throughput is one word per clock; before each packet the switch takes another clock.
 

@@ -15,6 +15,7 @@ from golden_model.geometry.scoring import ENTRY
 from golden_model.records import FRAME_STATUS, HYPOTHESIS, MATCH, SCORE, Tag, feature_record
 from golden_model.version import VERSION
 from hdl.accelerator import Accelerator, AcceleratorTop
+from hdl.axi.packet_gate import CLOSING_RECORDS
 from hdl.blocks.export import CORE_LIBRARY, CORE_VENDOR, core_file, module_ports
 from hdl.export import ip_xact, register_docs
 from hdl.export.accelerator_bench import accelerator_bench
@@ -23,9 +24,9 @@ from hdl.export.bus_interfaces import vivado_attributes
 from hdl.netlist import to_verilog
 from hdl.registers.live_register_map import LIVE_REGISTERS
 from hdl.registers.register_map import REGISTERS, Access, Field, Register, built_constants, fields
-from hdl.settings import FLAG, REQUESTED, SETTINGS, SHELL
+from hdl.settings import FLAG, PAGE_BYTES, REQUESTED, SETTINGS, SHELL
 from hdl.shell.live import LIVE_VIDEO_BITS, LiveAccelerator, LiveTop
-from hdl.shell.slot import HEADER
+from hdl.shell.slot import HEADER, HEADER_BYTES
 
 TOP, LIVE_TOP = "skymosaic", "skymosaic_live"
 # Vivado numbers a core by major.minor and keeps a revision beside it (UG1118).
@@ -218,6 +219,9 @@ def driver_map(config: Config, *, live: bool = False, **build: Unpack[Build]) ->
         *_dictionary("BUILT", constants, "Values of the constant fields"),
         *_dictionary("REQUEST_BITS", request_bits, "Offset of a register: its bits that are requests"),
         *(f"{tag.name.removeprefix('FRAME_')}_TAG = {int(tag)}" for tag in tags),
+        "# A packet that is ended early is longer by this number of records.",
+        f"CLOSING_RECORDS = {CLOSING_RECORDS}",
+        *([f"PAGE_BYTES, HEADER_BYTES = {PAGE_BYTES}, {HEADER_BYTES}"] if live else []),
         *([f"UNIT_PX, MAX_ELEMENT = {1 << POSITION.integer_bits}, {ENTRY.max_raw}"] if live else []),
         *(f"{name} = np.dtype({_dtype_text(dtype)})" for name, dtype in records.items()),
     ]

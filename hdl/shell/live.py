@@ -12,6 +12,7 @@ from golden_model.records import MATCH, WORD_BYTES
 from hdl.accelerator import Accelerator
 from hdl.axi.axi_lite import AxiLiteSignature
 from hdl.axi.axi_write import AxiWriteSignature
+from hdl.axi.packet_gate import CLOSING_RECORDS
 from hdl.axi.video_input import VideoPayload
 from hdl.geometry.records import RecordScoring
 from hdl.registers.live_register_map import SHELL_REGISTERS
@@ -25,8 +26,6 @@ FIFO_WORDS = 512
 CLOSING_PX = 1024
 """Before the next frame, a frame that was cut off is closed: the rest of its line, and up to this many pixels. The
 queue holds the next frame's pixels meanwhile; otherwise that frame would be cut off, too, and so on for ever."""
-SPARE_RECORDS = 2
-"""A packet that CONTROL.clear ends has one record more, and its FrameStatus."""
 
 
 class LiveAccelerator(wiring.Component):
@@ -66,7 +65,7 @@ class LiveAccelerator(wiring.Component):
 
     def __init__(self, **build: Any) -> None:
         self.accelerator = accelerator = Accelerator(shell_registers=SHELL_REGISTERS, **build)
-        capacity = accelerator.config.front_end.max_features + SPARE_RECORDS
+        capacity = accelerator.config.front_end.max_features + CLOSING_RECORDS
         words = {
             "features": accelerator.registers.constants["built_feature_bytes"] // WORD_BYTES,
             "matches": MATCH.record_bytes // WORD_BYTES,

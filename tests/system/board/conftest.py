@@ -1,6 +1,7 @@
 """The board's server as it is exported, with a stand-in for the accelerator: no simulator is needed."""
 
 import socket
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -27,6 +28,10 @@ class StandIn:
         self.frames = 0
         self.change: dict[str, int] = {}
 
+    def check(self, settings: dict[str, int]) -> None:
+        """The driver's own check, which needs the map only."""
+        sys.modules["skymosaic_registers"].Registers.check(self, settings)
+
     def run(self, frames, settings: dict[str, int], hold_reference: bool) -> list[SimpleNamespace]:
         return [self._result(frame) for frame in frames]
 
@@ -44,6 +49,7 @@ class StandIn:
 @pytest.fixture(scope="module")
 def server_module() -> Iterator[ModuleType]:
     with host_programs("pynq", CONFIG, lanes=16, max_width_px=192, max_height_px=160) as load:
+        load("skymosaic_registers")
         yield load("skymosaic_server")
 
 

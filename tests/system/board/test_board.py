@@ -200,7 +200,7 @@ def test_a_wrong_address_is_told_in_one_line(
 
 def test_the_server_refuses_what_was_not_built_and_lives_on(address: str) -> None:
     wide = np.zeros((120, 2000), np.uint8)
-    with pytest.raises(BackendError, match="2000 px wide; 64 to 1920 were built"):
+    with pytest.raises(BackendError, match="width_px is 2000; it must be 64 to 1920"):
         load_backend(f"board:{address}").run([wide, wide], CONFIG)
     host, port = address.split(":")
     for nonsense in (b"GET / HTTP/1.1\r\n", b"{}\n", b'{"shape": [1], "frames": 1}\n'):
@@ -252,7 +252,7 @@ def test_the_driver_checks_settings_before_it_touches_anything(driver, bench: Be
 class FakeDma:
     """A DMA of PYNQ; one that is ``stuck`` does not come out of its reset, however often it is asked."""
 
-    MOST_READS = 1000
+    MAX_READS = 1000
 
     def __init__(self, *, stuck: bool) -> None:
         self.stuck, self.registers, self.started, self.reads = stuck, {0x00: 1, 0x30: 1}, 0, 0
@@ -266,7 +266,7 @@ class FakeDma:
 
     def read(self, offset: int) -> int:
         self.reads += 1
-        assert self.reads < self.MOST_READS, "the driver waits without a time limit"
+        assert self.reads < self.MAX_READS, "the driver waits without a time limit"
         return self.registers[offset]
 
 
