@@ -16,7 +16,7 @@ from skymosaic.errors import InputError, RegistrationError
 from skymosaic.imagery import images
 from skymosaic.imagery.video import OUTPUT_SUFFIXES, VideoReader, write_video
 from skymosaic.registration.options import RegistrationOptions
-from skymosaic.tracking.output import TABLE_SUFFIXES, TrackedCorners, outlined, row, save_corners
+from skymosaic.tracking.output import TABLE_SUFFIXES, TrackedCorners, draw_outline, make_row, save_corners
 from skymosaic.tracking.template import Roi
 from skymosaic.tracking.tracker import track as track_frames
 
@@ -50,8 +50,8 @@ def track(
     start = time.perf_counter()
     with session.working("tracking") as step, write_video(output, reader.frame_rate) as write:
         for frame in frames:
-            write(outlined(frame))
-            rows.append(row(frame, reader.frame_rate))
+            write(draw_outline(frame))
+            rows.append(make_row(frame, reader.frame_rate))
             if session.animated or frame.number % LINE_EVERY == 0:
                 step(f"frame {frame.number}")
         if not any(each.corners for each in rows):

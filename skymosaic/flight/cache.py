@@ -25,6 +25,7 @@ SOURCES = (
     *(f"skymosaic/{name}" for name in ("features", "flight", "geometry", "imagery", "registration")),
 )
 """The code that computes what is kept; its text is part of every key, because results change within a version too."""
+CHECKSUM_BYTES = hashlib.sha256().digest_size
 Arrays = dict[str, NDArray[np.generic]]
 
 
@@ -37,16 +38,16 @@ class ResultCache:
     Parameters
     ----------
     folder : Path or None
-        Made where it is missing; None keeps nothing.
+        Created if it is missing; None keeps nothing.
     required : bool
-        Whether it is an error if the folder cannot be made: the user asked for it.
+        Whether it is an error if the folder cannot be created: the user asked for it.
     tell : callable
         Receives a line if nothing can be kept from now on.
 
     Raises
     ------
     InputError
-        If a required folder cannot be made.
+        If a required folder cannot be created.
     """
 
     def __init__(
@@ -68,10 +69,11 @@ class ResultCache:
         if self._folder is None:
             return None
         try:
-            entry = self._path(self._folder, key).read_bytes()
-            stored, data = entry[: hashlib.sha256().digest_size], entry[hashlib.sha256().digest_size :]
-            if stored != _checksum(key, data):
+            entry = (self._folder / f"{key}.entry").read_bytes()
+            checksum, data = entry[:CHECKSUM_BYTES], entry[CHECKSUM_BYTES:]
+            if checksum != _checksum(key, data):
                 return None
+            # Pickles would run code from the folder, which may be shared.
             with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
                 return dict(arrays)
         except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile):
@@ -85,17 +87,13 @@ class ResultCache:
         np.savez(buffer, allow_pickle=False, **arrays)
         data = buffer.getvalue()
         try:
-            save_bytes(self._path(self._folder, key), _checksum(key, data) + data)
+            save_bytes(self._folder / f"{key}.entry", _checksum(key, data) + data)
         except InputError as error:
             self._give_up(str(error))
 
     def _give_up(self, reason: str) -> None:
         self._writable = False
         self._tell(f"note: features and links are not kept for the next run: {reason}")
-
-    @staticmethod
-    def _path(folder: Path, key: str) -> Path:
-        return folder / f"{key}.entry"
 
 
 NO_CACHE = ResultCache(None)

@@ -10,7 +10,7 @@ from skymosaic.flight.layout.layout import Layout, groups, outline, overlap
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.survey import BLURRED, Flight
 
-LITTLE_OVERLAP = 0.3
+MIN_BEST_OVERLAP = 0.3
 """Best overlap with any other photograph below which a photograph is poorly tied."""
 CLIPPED = 0.2
 """A photograph is badly exposed if more than this share of it is black or white."""
@@ -29,7 +29,7 @@ class PhotographCheck:
     links : int
         Photographs it is linked with.
     overlap : float
-        Best overlap with another one, as share of the smaller; 0 if it is in no mosaic.
+        Best overlap with another one, as a share of the smaller; 0 if it is in no mosaic.
     sharpness : float
         Relative to photographs of the same ground; 1 is as sharp as they are.
     clipped : float
@@ -58,7 +58,7 @@ class FlightCheck:
     photographs : tuple of PhotographCheck
         In the order of the flight, without those that cannot be read.
     problems : tuple of str
-        Of the whole flight, each with the remedy.
+        Problems of the whole flight, each with the remedy.
     """
 
     complete: bool
@@ -70,10 +70,9 @@ def check_flight(flight: Flight) -> FlightCheck:
     """Find the problems of a flight that was laid out."""
     overlaps = _best_overlaps(flight)
     sharpness = flight.relative_sharpness.tolist()
-    held = [link for link in flight.links if link.holds]
     photographs = []
     for index, view in enumerate(flight.views):
-        links = sum(index in (link.left, link.right) for link in held)
+        links = sum(link.holds and index in (link.left, link.right) for link in flight.links)
         problems = _problems(links, overlaps[index], sharpness[index], view.clipped)
         photographs.append(
             PhotographCheck(
@@ -91,7 +90,7 @@ def check_flight(flight: Flight) -> FlightCheck:
 
 
 def _overlaps(flight: Flight, layout: Layout) -> dict[Link, float]:
-    """Overlap of the two photographs of each link, as share of the smaller."""
+    """Overlap of the two photographs of each link, as a share of the smaller."""
     outlines = {m: outline(flight.views[m], layout.transforms[m]) for m in layout.members}
     return {link: overlap(outlines[link.left], outlines[link.right]) for link in layout.links}
 
@@ -106,16 +105,16 @@ def _best_overlaps(flight: Flight) -> list[float]:
 
 
 def _problems(links: int, best_overlap: float, sharpness: float, clipped: float) -> tuple[str, ...]:
-    found = []
+    problems = []
     if links == 0:
-        found.append("linked with no other photograph")
-    elif best_overlap < LITTLE_OVERLAP:
-        found.append(f"overlaps others by {best_overlap:.0%} at most")
+        problems.append("linked with no other photograph")
+    elif best_overlap < MIN_BEST_OVERLAP:
+        problems.append(f"overlaps others by {best_overlap:.0%} at most")
     if sharpness < BLURRED:
-        found.append("blurred")
+        problems.append("blurred")
     if clipped > CLIPPED:
-        found.append(f"{clipped:.0%} black or white")
-    return tuple(found)
+        problems.append(f"{clipped:.0%} black or white")
+    return tuple(problems)
 
 
 def _problems_of_all(flight: Flight) -> Iterator[str]:

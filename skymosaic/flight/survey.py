@@ -223,7 +223,7 @@ def _straighten(
     Near the border of a bent photograph a corner looks different from what it is in the middle of a neighbour, and its
     position is off, so features are computed anew. Where the new ones do not link two views, the old ties stay.
     """
-    surveyor = surveyor.with_settings(replace(surveyor.settings, lens=calibration.lens))
+    surveyor = replace(surveyor, settings=replace(surveyor.settings, lens=calibration.lens))
     described = surveyor.describe(sources)
     if (reason := next((view for view in described if isinstance(view, str)), None)) is not None:
         raise InputError(reason)

@@ -16,12 +16,12 @@ from typing import Any, TypeVar
 from golden_model.text import how_to_install
 from skymosaic.errors import InputError
 
-CALLS_A_WORKER = 8
-"""Calls ahead of the one whose result is awaited, for each worker: enough to keep all of them busy while the caller
-writes what is done, few enough to bound the memory of finished results."""
+CALLS_PER_WORKER = 8
+"""Calls ahead of the one whose result is awaited: enough to keep all workers busy while the caller writes what is done,
+few enough to bound the memory of finished results."""
 CONNECT_TIMEOUT_S = 10
 CPU_SHARE = Path("/sys/fs/cgroup/cpu.max")
-"""Of a container: microseconds of processor time, or max, in how many microseconds."""
+"""A container's share of the processors: microseconds of processor time, or max, per how many microseconds."""
 
 Result = TypeVar("Result")
 Progress = Callable[[str, int, int], None]
@@ -40,8 +40,8 @@ class Workers:
     Parameters
     ----------
     address : str or None
-        Of a Dask scheduler (``tcp://host:8786``), whose workers see the photographs under the same paths and have
-        skymosaic installed; None: threads.
+        Address of a Dask scheduler (``tcp://host:8786``), whose workers see the photographs under the same paths and
+        have skymosaic installed; None: threads.
     progress : callable
         Called after each call.
 
@@ -52,7 +52,7 @@ class Workers:
     """
 
     def __init__(self, address: str | None = None, *, progress: Progress = silent) -> None:
-        self._client = _connected(address) if address else None
+        self._client = _connect(address) if address else None
         self._executor: Executor = (
             self._client.get_executor(pure=False) if self._client is not None else ThreadPoolExecutor(_cores())
         )
@@ -69,9 +69,9 @@ class Workers:
     def run(
         self, stage: str, function: Callable[..., Result], arguments: Sequence[tuple[Any, ...]]
     ) -> Iterator[Result]:
-        """``function(*each)`` for each of ``arguments``, in order; workers go on while the caller uses a result."""
+        """Call ``function(*each)`` for each of ``arguments``; results come in order, while workers go on."""
         pending: deque[Future[Result]] = deque()
-        ahead = CALLS_A_WORKER * self._count()
+        ahead = CALLS_PER_WORKER * self._count()
         try:
             for each in arguments[:ahead]:
                 pending.append(self._submit(function, each))
@@ -85,7 +85,7 @@ class Workers:
                 future.cancel()
 
     def _submit(self, function: Callable[..., Result], arguments: tuple[Any, ...]) -> Future[Result]:
-        # Bound beforehand: Dask looks for its own objects inside the arguments of a call, which takes long.
+        # Bound beforehand: Dask searches the arguments of a call for its own objects, which takes long.
         return self._executor.submit(partial(function, *arguments))
 
     def _count(self) -> int:
@@ -102,8 +102,9 @@ def _cores() -> int:
         return cores
 
 
-def _connected(address: str) -> Any:
+def _connect(address: str) -> Any:
     try:
+        # An extra, and slow to import.
         distributed = importlib.import_module("distributed")
     except ImportError:
         raise InputError(f"a cluster needs the package distributed; {how_to_install('cluster')}") from None

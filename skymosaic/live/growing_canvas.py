@@ -54,7 +54,7 @@ class GrowingCanvas:
         transform : ndarray, shape (3, 3)
             Its pixels to the reference frame.
         number : int
-            Of the photograph, 0 to 65534.
+            Number of the photograph, 0 to 65534.
 
         Raises
         ------
@@ -62,8 +62,8 @@ class GrowingCanvas:
             If the canvas would exceed its limit, or the picture extends behind the camera; nothing has changed then.
         """
         coloured = picture if picture.ndim == 3 else cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)
-        whole = np.full(picture.shape[:2], 255, np.uint8)
-        self._paint([_Part(np.asarray(coloured, dtype=np.uint8), whole, transform, number)], matching=True)
+        everywhere = np.full(picture.shape[:2], 255, np.uint8)
+        self._paint([_Part(np.asarray(coloured, dtype=np.uint8), everywhere, transform, number)], matching=True)
 
     def take_over(self, other: GrowingCanvas, motions: Mapping[int, Array], *, matching: bool) -> None:
         """Paint the pixels of another canvas, each photograph's moved by a transformation of the reference frame.
@@ -85,15 +85,15 @@ class GrowingCanvas:
         bounds = Canvas(0, 0, other._room.width_px, other._room.height_px)
         parts = []
         for number, motion in motions.items():
-            shown = np.asarray(other._number == number, dtype=np.uint8)
-            x, y, width, height = cv2.boundingRect(shown)
+            own = np.asarray(other._number == number, dtype=np.uint8)
+            x, y, width, height = cv2.boundingRect(own)
             if width == 0:
                 continue
             # A margin of the neighbouring pixels is moved too, so that seams fade as before and no gaps open.
             margin = Canvas(x - FEATHER_PX, y - FEATHER_PX, width + 2 * FEATHER_PX, height + 2 * FEATHER_PX)
             around = margin.intersection(bounds) or bounds
             where = around.within(bounds)
-            mask = cv2.dilate(shown[where], kernel) * (other._distance[where] > 0) * np.uint8(255)
+            mask = cv2.dilate(own[where], kernel) * (other._distance[where] > 0) * np.uint8(255)
             x, y, width, height = cv2.boundingRect(mask)
             inner = slice(y, y + height), slice(x, x + width)
             corner = np.linalg.inv(around.translation @ other._room.translation) @ Canvas(-x, -y, 0, 0).translation
@@ -114,11 +114,13 @@ class GrowingCanvas:
         return self._pixels[self.extent.within(self._room)]
 
     def _darken(self, divisor: Float32) -> None:
+        """Divide all channels (3,) of the mosaic by ``divisor``."""
         if (divisor > 1).any():
             levels = np.arange(256)[:, None] / divisor
             cv2.LUT(self._pixels, np.rint(levels).astype(np.uint8)[None], dst=self._pixels)
 
     def _paint(self, parts: Sequence[_Part], *, matching: bool) -> None:
+        # First of all the room, which may be refused: until then nothing has changed.
         self._reserve(parts)
         for picture, mask, transform, number in parts:
             covered = footprint((picture.shape[1], picture.shape[0]), transform)
@@ -139,7 +141,7 @@ class GrowingCanvas:
             np.maximum(old_distance, new_distance, out=old_distance)
 
     def _reserve(self, parts: Sequence[_Part]) -> None:
-        """Extend the canvas to hold the pictures; if the allocated room is too small, allocate more than needed."""
+        """Extend the canvas to hold the pictures; allocate more than needed where it has to grow."""
         sizes = [(part.picture.shape[1], part.picture.shape[0]) for part in parts]
         transforms, old = [part.transform for part in parts], self.extent
         if old is not None:
@@ -176,9 +178,9 @@ class _Part(NamedTuple):
 
 def _distance(mask: Pixels, transform: Array, part: Canvas) -> Float32:
     """Distance of each pixel in a part of the reference frame to the nearest pixel that the picture does not cover."""
-    shown = np.asarray(warp_backward(*shrink(mask, transform), part) == 255, dtype=np.uint8)
+    covered = np.asarray(warp_backward(*shrink(mask, transform), part) == 255, dtype=np.uint8)
     # The pixels around the part count as not covered, too.
-    framed = cv2.copyMakeBorder(shown, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
+    framed = cv2.copyMakeBorder(covered, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
     return np.asarray(cv2.distanceTransform(framed, cv2.DIST_L2, 5)[1:-1, 1:-1], dtype=np.float32)
 
 

@@ -1,4 +1,4 @@
-"""Live numbers: how many frames a second are processed, and what the accelerator takes for each of them."""
+"""Live numbers: how many frames are processed per second, and what the accelerator takes for each of them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CLOCK_HZ = 150_000_000
 class Pace:
     """Counts frames as they are added, and the accelerator's clocks for them.
 
-    Frames a second are those of this computer, and with a simulated accelerator mostly the simulation's. What the
+    Frames per second are those of this computer, and with a simulated accelerator mostly the simulation's. What the
     accelerator itself takes is computed from its exact timeline (`golden_model.timing`), for frames that follow each
     other without a pause: from the size of a frame, its features, and its matches with the frame before it.
 
@@ -29,7 +29,7 @@ class Pace:
     ----------
     config : Config
     backend : str
-        Of the live mosaic; the golden model has no clocks.
+        Backend of the live mosaic; the golden model has no clocks.
     """
 
     def __init__(self, config: Config, backend: str) -> None:
@@ -62,7 +62,7 @@ class Pace:
 
     @property
     def numbers(self) -> dict[str, Any]:
-        """Frames, those dropped, frames a second; with clocks also the accelerator's, of its slowest frame."""
+        """Frames, dropped frames and frames per second; with clocks also the accelerator's, for its slowest frame."""
         numbers: dict[str, Any] = {
             "seen": self._frames,
             "dropped": self._dropped,
@@ -82,11 +82,11 @@ class Pace:
         numbers = self.numbers
         line = f"{self._frames} frames in {self._seconds:.1f} s, {self._dropped} dropped"
         if numbers["frames_per_second"] is not None:
-            line += f": {numbers['frames_per_second']:g} a second"
+            line += f": {numbers['frames_per_second']:g} per second"
         if "accelerator" in numbers:
             accelerator = numbers["accelerator"]
             line += (
-                f"; the accelerator at {CLOCK_HZ / 1e6:g} MHz: {accelerator['frames_per_second']:g} a second, last "
+                f"; the accelerator at {CLOCK_HZ / 1e6:g} MHz: {accelerator['frames_per_second']:g} per second, last "
                 f"pixel to last match {accelerator['latency_ms']:g} ms"
             )
         return line

@@ -25,7 +25,7 @@ _SUBPIXEL_SHIFT = 4
 
 @dataclass(frozen=True)
 class TrackedCorners:
-    """One row of the table: corners (x, y) clockwise from the template's top left, None if it was lost."""
+    """One row of the table: corners (x, y) clockwise from the template's top left; None if the template was lost."""
 
     frame: int
     seconds: float
@@ -34,8 +34,8 @@ class TrackedCorners:
     inliers: int
 
 
-def outlined(frame: TrackedFrame) -> Pixels:
-    """A copy of the frame with the template's outline in green; without an outline if the template was lost."""
+def draw_outline(frame: TrackedFrame) -> Pixels:
+    """Copy the frame and draw the template's outline in green; none if the template was lost."""
     picture = frame.pixels.copy()
     if frame.corners is not None:
         corners = np.rint(frame.corners * (1 << _SUBPIXEL_SHIFT)).astype(np.int32)
@@ -43,8 +43,8 @@ def outlined(frame: TrackedFrame) -> Pixels:
     return picture
 
 
-def row(frame: TrackedFrame, frame_rate: Fraction) -> TrackedCorners:
-    """The table row of a frame; corners are rounded to 0.001 px."""
+def make_row(frame: TrackedFrame, frame_rate: Fraction) -> TrackedCorners:
+    """Make the table row of a frame; corners are rounded to 0.001 px."""
     seconds = round(float(frame.number / frame_rate), 6)
     if frame.corners is None or frame.pose is None:
         return TrackedCorners(frame.number, seconds, None, "", 0)

@@ -23,8 +23,7 @@ from skymosaic.features.positions import feature_points, match_points
 from skymosaic.geometry.homography import apply, resize_matrix
 from skymosaic.geometry.model_selection import TOLERANCE_PX, fit, fit_similarity
 
-SMALLEST_SIDE_PX = 128
-LARGEST_SIDE_PX = 256
+MIN_VIEW_SIDE_PX, MAX_VIEW_SIDE_PX = 128, 256
 """Limits of the object's side in the view, measured as the square root of its area; the object is resized to them."""
 MARGIN_PX = 64
 """Surroundings in the view: the front end's border at half size (40 px) and the possible error of the expected pose."""
@@ -40,7 +39,7 @@ class Roi(NamedTuple):
 
 
 class TemplatePose(NamedTuple):
-    """Where the template is in a frame.
+    """Pose of the template in a frame.
 
     ``homography`` (3, 3) maps template pixels to frame pixels; ``model`` is the estimated model, "similarity" or
     "projective"; ``features`` are the indices of the template's features that agree within 3 view pixels; ``inliers``
@@ -88,7 +87,7 @@ class Template:
     def zoom(self) -> float:
         """View pixels per template pixel."""
         side_px = float(np.sqrt(self.roi.width_px * self.roi.height_px))
-        return float(np.clip(side_px, SMALLEST_SIDE_PX, LARGEST_SIDE_PX)) / side_px
+        return float(np.clip(side_px, MIN_VIEW_SIDE_PX, MAX_VIEW_SIDE_PX)) / side_px
 
     @cached_property
     def weight(self) -> Array:
@@ -103,8 +102,8 @@ class Template:
         inside = (np.abs(from_middle) <= 1).all(axis=1)
         return np.where(inside, np.exp(-(from_middle**2).sum(axis=1)), 0)
 
-    def near(
-        self, frame: Pixels, expected: Array, weight: Array, *, fewest: int, rng: np.random.Generator
+    def find_near(
+        self, frame: Pixels, expected: Array, weight: Array, *, min_inliers: int, rng: np.random.Generator
     ) -> TemplatePose | None:
         """Find the template within about a quarter of its size from the expected pose.
 
@@ -115,7 +114,7 @@ class Template:
             Expected pose, template to frame pixels.
         weight : ndarray, shape (F,)
             Weight of the template's features; 0 for features that are not trusted.
-        fewest : int
+        min_inliers : int
             Inliers needed.
         rng : numpy.random.Generator
             Source of the robust estimator's samples.
@@ -125,27 +124,29 @@ class Template:
         TemplatePose or None
             None if the template is not found.
         """
-        index, left, right = self._matches(self._view(frame, expected))
+        index, left, right = self._match(self._view(frame, expected))
         trusted = weight[index] > 0
-        found = fit(left[trusted], right[trusted], weight[index[trusted]], fewest=fewest, rng=rng)
-        if found is None:
+        best = fit(left[trusted], right[trusted], weight[index[trusted]], fewest=min_inliers, rng=rng)
+        if best is None:
             return None
-        agreeing = np.linalg.norm(apply(found.matrix, left) - right, axis=1) <= TOLERANCE_PX
-        homography = expected @ np.linalg.inv(self._to_view) @ found.matrix @ self._to_view
-        return TemplatePose(homography / homography[2, 2], found.model, found.inliers, index[agreeing])
+        agreeing = np.linalg.norm(apply(best.matrix, left) - right, axis=1) <= TOLERANCE_PX
+        homography = expected @ np.linalg.inv(self._to_view) @ best.matrix @ self._to_view
+        return TemplatePose(homography / homography[2, 2], best.model, best.inliers, index[agreeing])
 
-    def within(self, frame: Pixels, part: Canvas, zoom: float, weight: Array, *, fewest: int) -> Array | None:
+    def guess_within(
+        self, frame: Pixels, part: Canvas, zoom: float, weight: Array, *, min_inliers: int
+    ) -> Array | None:
         """Guess the template's pose (3, 3) from a part of the frame magnified by ``zoom``; None if it is not found.
 
-        A similarity needs ``fewest`` inliers; up to 3 matches agree by chance.
+        A similarity needs ``min_inliers``; up to 3 matches agree by chance.
         """
         magnified = resize_matrix(zoom)
-        index, left, right = self._matches(warped(frame, magnified, part))
+        index, left, right = self._match(_warp(frame, magnified, part))
         trusted = weight[index] > 0
-        found = fit_similarity(left[trusted], right[trusted], weight[index[trusted]], fewest=fewest)
-        if found is None:
+        best = fit_similarity(left[trusted], right[trusted], weight[index[trusted]], fewest=min_inliers)
+        if best is None:
             return None
-        homography = np.linalg.inv(part.translation @ magnified) @ found.matrix @ self._to_view
+        homography = np.linalg.inv(part.translation @ magnified) @ best.matrix @ self._to_view
         return np.asarray(homography / homography[2, 2])
 
     @cached_property
@@ -160,19 +161,19 @@ class Template:
     def _view(self, frame: Pixels, pose: Array) -> Pixels:
         """The view of a frame, for a template in ``pose`` (template to frame pixels, (3, 3))."""
         width, height = (round(self.zoom * side) + 2 * MARGIN_PX for side in self.roi[2:])
-        return warped(frame, self._to_view @ np.linalg.inv(pose), Canvas(0, 0, width, height))
+        return _warp(frame, self._to_view @ np.linalg.inv(pose), Canvas(0, 0, width, height))
 
-    def _matches(self, shown: Pixels) -> tuple[NDArray[np.intp], Array, Array]:
-        """Mutual matches of the template's features: feature index (N,) and positions (N, 2) in view and ``shown``.
+    def _match(self, picture: Pixels) -> tuple[NDArray[np.intp], Array, Array]:
+        """Match the template's features: feature index (N,) and positions (N, 2) in the view and in ``picture``.
 
         Matches of the surroundings are left out. The fuzzy stage's verdicts are ignored, because the relative
         orientation that most matches agree on may be that of the surroundings.
         """
-        matches = self.front_end.run([self._reference, shown], self.config, reference="held")[1].matches
+        matches = self.front_end.run([self._reference, picture], self.config, reference="held")[1].matches
         matches = matches[self.weight[matches["left_index"]] > 0]
         return matches["left_index"].astype(np.intp), *match_points(matches)
 
 
-def warped(frame: Pixels, transform: Array, canvas: Canvas) -> Pixels:
+def _warp(frame: Pixels, transform: Array, canvas: Canvas) -> Pixels:
     """Warp a frame into ``canvas``, averaged by area where it shrinks; its border pixels are repeated beyond it."""
     return np.asarray(warp_backward(*shrink(frame, transform), canvas, border=cv2.BORDER_REPLICATE), dtype=np.uint8)

@@ -27,21 +27,21 @@ from skymosaic.imagery.images import load
 from skymosaic.registration.register import extract_within_capacity
 from skymosaic.tracking.template import Roi, Template, TemplatePose
 
-SMALLEST_ROI_PX = 16
-FEWEST_FEATURES = 12
+MIN_ROI_PX = 16
+MIN_FEATURES = 12
 """A template with fewer features cannot be distinguished from chance."""
-FEWEST_TO_STAY = 6
+MIN_TO_STAY = 6
 """Inliers that continue a track. If the object is hidden or elsewhere, at most 3 matches agree by chance."""
-FEWEST_TO_BEGIN = 8
+MIN_TO_BEGIN = 8
 """Inliers that start or resume a track."""
-FEWEST_TO_GUESS = 4
-"""Inliers of a guessed pose, which is then verified with `FEWEST_TO_BEGIN`."""
+MIN_TO_GUESS = 4
+"""Inliers of a guessed pose, which is then verified with `MIN_TO_BEGIN`."""
 POSITION_GAIN, VELOCITY_GAIN = 0.85, 0.4
 """Gains of the alpha-beta filter: shares of the prediction error that correct position and velocity."""
 COASTED_FRAMES = 10
 """For this many frames after losing the template, it is still searched where its last velocity would have taken it."""
 LEARNING_FRAMES = 5
-"""Frames after which features are judged by how often they followed the object."""
+"""Frames after which features are weighted by how often they followed the object."""
 TRUSTED_SHARE = 0.15
 """Only features that followed the object in at least this share of the frames are trusted: a rectangle in the first
 frame also contains some ground, which matches where the object is not."""
@@ -51,7 +51,7 @@ PART_OVERLAP_PX = 192
 """Overlap of neighbouring parts."""
 SEARCH_SCALES: tuple[float, ...] = (1.0, 0.7, 1.4, 0.5, 2.0)
 """Sizes of the object relative to the template that are tried in turn until its size is known."""
-LARGEST_CHANGE = 2.0
+MAX_CHANGE = 2.0
 """Reject poses whose area differs from the expected one by more than this factor."""
 
 
@@ -133,8 +133,8 @@ def track(
 def _check_roi(roi: Roi, frame: Pixels) -> None:
     height, width = frame.shape[:2]
     text = ",".join(map(str, roi))
-    if min(roi.width_px, roi.height_px) < SMALLEST_ROI_PX:
-        raise InputError(f"roi {text}: too small; give at least {SMALLEST_ROI_PX}x{SMALLEST_ROI_PX} pixels")
+    if min(roi.width_px, roi.height_px) < MIN_ROI_PX:
+        raise InputError(f"roi {text}: too small; give at least {MIN_ROI_PX}x{MIN_ROI_PX} pixels")
     if min(roi) < 0 or roi.x_px + roi.width_px > width or roi.y_px + roi.height_px > height:
         raise InputError(f"roi {text}: not inside the first frame, {width}x{height} pixels; give x,y,width,height")
 
@@ -153,9 +153,9 @@ class _Tracker:
         self._followed_frames = 0
         self._followed = np.zeros(len(template.weight))
         features = np.count_nonzero(template.weight)
-        if features < FEWEST_FEATURES:
+        if features < MIN_FEATURES:
             raise RegistrationError(
-                f"the template has {features} features, {FEWEST_FEATURES} needed; choose a larger part with more detail"
+                f"the template has {features} features, {MIN_FEATURES} needed; choose a larger part with more detail"
             )
 
     def begin(self, homography: Array) -> None:
@@ -166,7 +166,7 @@ class _Tracker:
 
     def follow(self, frame: Pixels) -> TemplatePose | None:
         """The pose in the next frame; None if the template is not found."""
-        pose = self._expected(frame) or self._searched(frame)
+        pose = self._follow_expected(frame) or self._search(frame)
         if pose is None:
             # While the template is not seen, it is assumed to keep its shape and to move uniformly.
             self._velocity[:] = self._velocity.mean(axis=0)
@@ -181,12 +181,12 @@ class _Tracker:
         share = self._followed / self._followed_frames
         return np.where(share >= TRUSTED_SHARE, share * self.template.weight, 0)
 
-    def _expected(self, frame: Pixels) -> TemplatePose | None:
+    def _follow_expected(self, frame: Pixels) -> TemplatePose | None:
         """Search at the expected pose, and update the expectation by one step of the alpha-beta filter."""
         if self.corners is None or self._lost_frames > COASTED_FRAMES:
             return None
         self.corners = self.corners + self._velocity
-        pose = self._verified(frame, dlt(self.template.corners, self.corners), FEWEST_TO_STAY)
+        pose = self._verify(frame, dlt(self.template.corners, self.corners), MIN_TO_STAY)
         if pose is not None:
             error = apply(pose.homography, self.template.corners) - self.corners
             # A new track takes its first step as its velocity.
@@ -198,37 +198,39 @@ class _Tracker:
             self._followed_frames += 1
         return pose
 
-    def _verified(self, frame: Pixels, expected: Array, fewest: int) -> TemplatePose | None:
-        """The pose near an expected one, if it is plausible: convex corners, and an area like the expected one."""
+    def _verify(self, frame: Pixels, expected: Array, min_inliers: int) -> TemplatePose | None:
+        """Measure the pose near an expected one; None if its corners are not convex or its area changed too much."""
         try:
-            pose = self.template.near(frame, expected, self._weight, fewest=fewest, rng=self._rng)
+            pose = self.template.find_near(frame, expected, self._weight, min_inliers=min_inliers, rng=self._rng)
         except DegenerateError:
             return None
         if pose is None:
             return None
         corners, before = (apply(homography, self.template.corners) for homography in (pose.homography, expected))
         change = _area(corners) / _area(before)
-        plausible = cv2.isContourConvex(corners.astype(np.float32)) and 1 / LARGEST_CHANGE < change < LARGEST_CHANGE
+        plausible = cv2.isContourConvex(corners.astype(np.float32)) and 1 / MAX_CHANGE < change < MAX_CHANGE
         return pose if plausible else None
 
-    def _searched(self, frame: Pixels) -> TemplatePose | None:
+    def _search(self, frame: Pixels) -> TemplatePose | None:
         """Search one part of the frame for the object at one size; successive frames try other parts and sizes."""
-        looks = self._looks((frame.shape[1], frame.shape[0]))
-        zoom, part = looks[self._lost_frames % len(looks)]
-        guess = self.template.within(frame, part, zoom, self._weight, fewest=FEWEST_TO_GUESS)
-        pose = None if guess is None else self._verified(frame, guess, FEWEST_TO_BEGIN)
+        # One part per frame bounds the time that a frame takes, whatever its size.
+        steps = self._search_steps((frame.shape[1], frame.shape[0]))
+        zoom, part = steps[self._lost_frames % len(steps)]
+        guess = self.template.guess_within(frame, part, zoom, self._weight, min_inliers=MIN_TO_GUESS)
+        pose = None if guess is None else self._verify(frame, guess, MIN_TO_BEGIN)
         if pose is not None:
             self.begin(pose.homography)
         return pose
 
-    def _looks(self, size: tuple[int, int]) -> list[tuple[float, Canvas]]:
+    def _search_steps(self, size: tuple[int, int]) -> list[tuple[float, Canvas]]:
         """Magnifications of the frame, each with a part of the magnified frame, in the order of the search."""
         middle, scales = np.array(size) / 2, SEARCH_SCALES
         if self.corners is not None:
             middle = self.corners.mean(axis=0)
             scales = (math.sqrt(_area(self.corners) / _area(self.template.corners)),)
-        smallest_zoom = MIN_SIDE_PX / min(size)
-        zooms = [max(self.template.zoom / scale, smallest_zoom) for scale in scales]
+        # The front end takes no smaller picture.
+        min_zoom = MIN_SIDE_PX / min(size)
+        zooms = [max(self.template.zoom / scale, min_zoom) for scale in scales]
         return [(zoom, part) for zoom in zooms for part in _parts(size, zoom, middle)]
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from sim.scene import lawnmower
 from skymosaic.errors import InputError, RegistrationError
-from skymosaic.flight.bands.rig import alignments
+from skymosaic.flight.bands.rig import align_bands
 from skymosaic.flight.workers import Workers
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.band_sets import group_band_sets
@@ -56,7 +56,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def aligned(folder: Path, band: str = "green"):
     with Workers() as workers:
-        return alignments(group_band_sets(list_sources([folder]), band), band, Lens(), workers)
+        return align_bands(group_band_sets(list_sources([folder]), band), band, Lens(), workers)
 
 
 def test_the_alignment_of_the_rig_is_found(folder):

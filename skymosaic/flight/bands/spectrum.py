@@ -13,7 +13,7 @@ from golden_model.arrays import Intensities, Mask, Pixels
 from skymosaic.compositing.tone import NEUTRAL
 from skymosaic.compositing.warp import Canvas
 from skymosaic.errors import InputError
-from skymosaic.flight.bands.rig import Alignment, alignments
+from skymosaic.flight.bands.rig import Alignment, align_bands
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.linking.view import THUMBNAIL_WIDTH_PX, Settings, View
 from skymosaic.flight.picture.composition import Composition, equalise, thumbnail_layers
@@ -27,14 +27,14 @@ from skymosaic.imagery.photographs import Source
 
 @dataclass(frozen=True, eq=False)
 class SpectralComposition(Composition):
-    """The mosaic of all bands; what it shares with a `Composition` is that of the registering band.
+    """The mosaic of all bands; what it shares with a `Composition` is that of the reference band.
 
     Attributes
     ----------
     each : tuple of Composition
         One for each band, all on the same canvas.
     reference : int
-        Index of the registering band.
+        Index of the band that was registered.
     """
 
     each: tuple[Composition, ...] = ()
@@ -47,26 +47,27 @@ class SpectralComposition(Composition):
         return np.stack(planes, axis=-1) * mask[..., None], mask
 
     def empty(self, width_px: int, height_px: int) -> Intensities:
-        """A picture without photographs, (H, W, bands)."""
+        """A black picture, (H, W, bands)."""
         return np.stack([super().empty(width_px, height_px)] * len(self.each), axis=-1)
 
     def in_8_bit(self, pixels: Intensities) -> Pixels:
-        """The registering band, in gray."""
+        """Reduce the reference band to 8 bits, in gray."""
         return super().in_8_bit(np.ascontiguousarray(pixels[..., self.reference]))
 
     def for_tile(self, tile: Canvas) -> Composition:
-        """As of each band."""
+        """Keep only the placements of each band that change a tile."""
         return dataclasses.replace(self, each=tuple(one.for_tile(tile) for one in self.each), placements=())
 
 
 def in_all_bands(composition: Composition, flight: Flight, layout: Layout, workers: Workers) -> SpectralComposition:
-    """Add the other bands to the composition of the one that the flight was laid out by.
+    """Add the other bands to the composition of the reference band.
 
     Parameters
     ----------
     composition : Composition
-        Of a flight whose sources are sets.
+        The composition of a layout.
     flight : Flight
+        A flight whose sources are multi-band sets.
     layout : Layout
     workers : Workers
 
@@ -83,40 +84,39 @@ def in_all_bands(composition: Composition, flight: Flight, layout: Layout, worke
     reference = next(name for name in names if captures[0].bands[name].content == captures[0].content)
     _check_gray(views)
     settings = dataclasses.replace(flight.settings, lens=flight.lens)
-    aligned = alignments(captures, reference, flight.lens, workers)
+    alignments = align_bands(captures, reference, flight.lens, workers)
     each = {reference: composition}
-    for name, alignment in aligned.items():
+    for name, alignment in alignments.items():
         sources = [capture.bands[name] for capture in captures]
         calls = [(source, view, settings) for source, view in zip(sources, views, strict=True)]
-        own_views = list(workers.run(f"band {name}", _view, calls))
-        _check_gray(own_views)
-        band = _in_band(composition, sources, own_views, alignment)
+        band_views = list(workers.run(f"band {name}", _describe_band, calls))
+        _check_gray(band_views)
+        band = _replace_band(composition, sources, band_views, alignment)
         # Two captures keep their exposures, as two photographs do; each band of more has exposures of its own.
-        each[name] = equalise(band, own_views, thumbnail_layers(band, own_views)[0]) if flight.pair is None else band
+        each[name] = equalise(band, band_views, thumbnail_layers(band, band_views)[0]) if flight.pair is None else band
     ordered = {name: each[name] for name in names}
     _check_one_type(ordered)
-    aligned_px = {name: found.error_px for name, found in aligned.items()}
-    named = dataclasses.replace(composition, band_names=names, aligned_px=aligned_px)
-    shared = {field.name: getattr(named, field.name) for field in dataclasses.fields(named)}
+    shared = {field.name: getattr(composition, field.name) for field in dataclasses.fields(composition)}
+    shared |= {"band_names": names, "aligned_px": {name: alignment.error_px for name, alignment in alignments.items()}}
     return SpectralComposition(**shared, each=tuple(ordered.values()), reference=names.index(reference))
 
 
-def _in_band(
-    composition: Composition, sources: Sequence[Source], views: Sequence[View], aligned: Alignment
+def _replace_band(
+    composition: Composition, sources: Sequence[Source], views: Sequence[View], alignment: Alignment
 ) -> Composition:
-    """Canvas and seams of a composition, with the files and the alignment of another band."""
-    transforms = [placement.transform @ aligned.homography for placement in composition.placements]
+    """Keep canvas and seams of a composition, with the files of another band."""
+    transforms = [placement.transform @ alignment.homography for placement in composition.placements]
     moved = composition.with_each(source=sources, transform=transforms, tone=[NEUTRAL] * len(sources))
     return dataclasses.replace(moved, values=measure_common_range([view.sample for view in views]))
 
 
-def _view(source: Source, like: View, settings: Settings) -> View:
-    """The view of another band: what exposure needs."""
+def _describe_band(source: Source, reference: View, settings: Settings) -> View:
+    """Decode another band of a view, and keep what exposure needs."""
     photograph = source.read_photograph(settings.lens)
     thumbnail, _ = reduce_to_width(reduce_to_width(photograph.pixels, settings.working_width_px)[0], THUMBNAIL_WIDTH_PX)
     assert isinstance(source.content, Path)
     return dataclasses.replace(
-        like,
+        reference,
         name=source.name,
         thumbnail=thumbnail,
         sample=photograph.sample,
@@ -129,7 +129,7 @@ def _check_one_type(each: Mapping[str, Composition]) -> None:
     """Check that all bands fit into one file."""
     types = {name: one.empty(1, 1).dtype for name, one in each.items()}
     first = next(iter(types))
-    other = next((name for name, found in types.items() if found != types[first]), None)
+    other = next((name for name, kind in types.items() if kind != types[first]), None)
     if other is not None:
         raise InputError(
             f"band {other} is written as {types[other]} and band {first} as {types[first]}; one file holds one type: "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -18,10 +18,11 @@ from skymosaic.flight.workers import Workers
 from skymosaic.imagery.photographs import Source
 
 
+@dataclass(frozen=True, eq=False)
 class Surveyor:
     """Computes views and links, or takes them from the cache.
 
-    Parameters
+    Attributes
     ----------
     settings : Settings
     seed : int
@@ -32,24 +33,11 @@ class Surveyor:
         Samples of the robust estimator per link, at most.
     """
 
-    def __init__(
-        self,
-        settings: Settings,
-        seed: int,
-        workers: Workers,
-        cache: ResultCache,
-        *,
-        max_samples: int = FIRST_LOOK_SAMPLES,
-    ) -> None:
-        self.settings = settings
-        self._seed = seed
-        self._workers = workers
-        self.cache = cache
-        self._max_samples = max_samples
-
-    def with_settings(self, settings: Settings, *, max_samples: int = FIRST_LOOK_SAMPLES) -> Surveyor:
-        """Another surveyor with the same seed, workers and cache."""
-        return Surveyor(settings, self._seed, self._workers, self.cache, max_samples=max_samples)
+    settings: Settings
+    seed: int
+    workers: Workers
+    cache: ResultCache
+    max_samples: int = FIRST_LOOK_SAMPLES
 
     def describe(self, sources: Sequence[Source]) -> list[View | str]:
         """Compute the view of each source, or say why there is none."""
@@ -60,15 +48,15 @@ class Surveyor:
                 views[index] = View.unpack(arrays, source.name, key)
         missing = [index for index in range(len(sources)) if index not in views]
         calls = [(sources[index], self.settings) for index in missing]
-        for index, view in zip(missing, self._workers.run("features", _describe, calls), strict=True):
+        for index, view in zip(missing, self.workers.run("features", _describe, calls), strict=True):
             views[index] = view
             if isinstance(view, View):
                 self.cache.save(view.key, view.pack())
         return [views[index] for index in range(len(sources))]
 
     def describe_thumbnails(self, views: Sequence[View]) -> list[View]:
-        """Compute the features of the thumbnails; without any where the front end cannot take one."""
-        return list(self._workers.run("thumbnails", _describe_thumbnail, [(view, self.settings) for view in views]))
+        """Replace the features of the views by those of their thumbnails."""
+        return list(self.workers.run("thumbnails", describe_thumbnail, [(view, self.settings) for view in views]))
 
     def count_votes(self, views: Sequence[View], across: Sequence[int] = ()) -> NDArray[np.int64]:
         """Count the votes for pairs of views that share words, (V, V), else 0; see `resemblance`.
@@ -83,7 +71,7 @@ class Surveyor:
                 partners[one].append(other)
         calls = [(compacts[one], [compacts[other] for other in others]) for one, others in partners.items()]
         votes = np.zeros((len(views), len(views)), dtype=np.int64)
-        rows = self._workers.run("look-up", resemblance.count_votes, calls)
+        rows = self.workers.run("look-up", resemblance.count_votes, calls)
         for (one, others), row in zip(partners.items(), rows, strict=True):
             votes[one, others] = votes[others, one] = row
         return votes
@@ -92,7 +80,7 @@ class Surveyor:
         """Link the views of each pair, in rising order of the pairs; some of the links may not hold."""
         matcher = self.settings.config.matcher
         keys = {
-            (left, right): key_of("pair", views[left].key, views[right].key, matcher, self._seed, self._max_samples)
+            (left, right): key_of("pair", views[left].key, views[right].key, matcher, self.seed, self.max_samples)
             for left, right in sorted(pairs)
         }
         links: dict[Candidate, Link] = {}
@@ -100,9 +88,9 @@ class Surveyor:
             if arrays := self.cache.load(key):
                 links[pair] = Link.unpack(arrays, *pair)
         missing = [pair for pair in keys if pair not in links]
-        link_pair = partial(link_views, config=self.settings.config, seed=self._seed, max_samples=self._max_samples)
+        link_pair = partial(link_views, config=self.settings.config, seed=self.seed, max_samples=self.max_samples)
         calls = [(pair, *(views[side].features for side in pair)) for pair in missing]
-        for pair, link in zip(missing, self._workers.run("pairs", link_pair, calls), strict=True):
+        for pair, link in zip(missing, self.workers.run("pairs", link_pair, calls), strict=True):
             links[pair] = link
             self.cache.save(keys[pair], link.pack())
         # The sums of the adjustment depend on the order of the links, which must not depend on what was kept.
@@ -115,10 +103,3 @@ def _describe(source: Source, settings: Settings) -> View | str:
         return describe(source, settings)
     except InputError as error:
         return str(error)
-
-
-def _describe_thumbnail(view: View, settings: Settings) -> View:
-    try:
-        return describe_thumbnail(view, settings)
-    except InputError:
-        return replace(view, features=view.features[:0])

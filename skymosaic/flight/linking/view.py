@@ -159,13 +159,11 @@ def describe(source: Source, settings: Settings) -> View:
 
 
 def describe_thumbnail(view: View, settings: Settings) -> View:
-    """Take the thumbnail of a view for its working image, and compute the features of that.
-
-    Raises
-    ------
-    InputError
-        For a thumbnail that the front end cannot take.
-    """
+    """Take the thumbnail of a view for its working image; without features if the front end cannot take it."""
+    try:
+        features = _extract_from_ground(view.thumbnail, settings, view.name)
+    except InputError:
+        features = view.features[:0]
     from_thumbnail = np.linalg.inv(view.to_thumbnail).astype(np.float64)
     return dataclasses.replace(
         view,
@@ -173,7 +171,7 @@ def describe_thumbnail(view: View, settings: Settings) -> View:
         working_size=(view.thumbnail.shape[1], view.thumbnail.shape[0]),
         to_original=view.to_original @ from_thumbnail,
         to_thumbnail=np.eye(3),
-        features=_extract_from_ground(view.thumbnail, settings, view.name),
+        features=features,
     )
 
 

@@ -19,7 +19,7 @@ from skymosaic.geometry.homography import apply
 from skymosaic.maps.control_points import ControlPoints
 from skymosaic.maps.georeference import MIN_POSITIONS, NO_MAPS, Georeference, fit_to_map, has_maps, project_to_utm
 
-FINEST_GSD = 0.99
+MIN_GSD = 0.99
 """A ground resolution is refused below this share of the photographs' own: enlarging them shows nothing new."""
 
 
@@ -30,14 +30,14 @@ class MapPlace:
     Attributes
     ----------
     georeference : Georeference or None
-        Of the pixels of the layout's reference frame.
+        Georeference of the layout's reference frame.
     fitted_to : tuple of str
-        Names of what the georeference's offsets belong to: photographs or control points.
+        Names of the photographs or control points that the georeference's offsets belong to.
     by : {"GPS", "control points"}
     note : str
         Why there is none, or why it may be wrong; else empty.
     height_m : float or None
-        Median height of the cameras above the ground, as the layout has it.
+        Median height of the cameras above the ground, by the layout.
     recorded_height_m : float or None
         Median of the heights that the cameras recorded, above where they started.
     turned_deg : float or None
@@ -65,7 +65,7 @@ def place_on_map(flight: Flight, layout: Layout, control: ControlPoints | None =
         If the control points do not fit the layout.
     """
     if control is not None:
-        return _placed_by(control, flight, layout)
+        return _fit_to_control_points(control, flight, layout)
     views = [flight.views[member] for member in layout.members]
     positions = [view.gps for view in views if view.gps is not None]
     if not positions:
@@ -78,50 +78,50 @@ def place_on_map(flight: Flight, layout: Layout, control: ControlPoints | None =
     targets = np.full((len(views), 2), np.nan)
     targets[[view.gps is not None for view in views]] = metres
     names = tuple(Path(view.name).name for view in views)
-    found, note = fit_to_map(cameras[:, :2], targets, crs, names)
-    if found is None:
+    georeference, note = fit_to_map(cameras[:, :2], targets, crs, names)
+    if georeference is None:
         return MapPlace(note=note)
-    turned = _turned_deg(views, transforms, found.to_map)
+    turned = _turned_deg(views, transforms, georeference.to_map)
     if len(views) == 2:
         note = "two GPS positions fit exactly, so that nothing checks them"
         note += "" if turned is None else f" but the cameras' compass, which differs by {abs(turned):.0f} degrees"
     return MapPlace(
-        georeference=found,
+        georeference=georeference,
         fitted_to=names,
         note=note,
-        height_m=float(np.median(cameras[:, 2])) * found.metres_per_pixel,
+        height_m=float(np.median(cameras[:, 2])) * georeference.metres_per_pixel,
         recorded_height_m=_median([view.taken.height_m for view in views]),
         turned_deg=turned,
     )
 
 
-def _placed_by(control: ControlPoints, flight: Flight, layout: Layout) -> MapPlace:
+def _fit_to_control_points(control: ControlPoints, flight: Flight, layout: Layout) -> MapPlace:
     """Fit a layout to the control points that its photographs show, each at the mean of its sightings."""
     transforms = layout.to_reference(flight.views)
     members = {Path(flight.views[member].name).name.lower(): member for member in layout.members}
-    seen: dict[int, list[Points]] = {}
+    places: dict[int, list[Points]] = {}
     for sighting in control.sightings:
         member = members.get(Path(sighting.photograph).name.lower())
         if member is not None:
             pixel = np.array([[sighting.x_px, sighting.y_px]])
             straight = flight.lens.straighten_points(pixel, flight.views[member].size)
-            seen.setdefault(sighting.point, []).append(apply(transforms[member], straight)[0])
-    if len(seen) < MIN_POSITIONS:
+            places.setdefault(sighting.point, []).append(apply(transforms[member], straight)[0])
+    if len(places) < MIN_POSITIONS:
         raise InputError(
-            f"{control.name}: the mosaic shows {len(seen)} of its {len(control.names)} points; "
+            f"{control.name}: the mosaic shows {len(places)} of its {len(control.names)} points; "
             f"{MIN_POSITIONS} are needed: check the names of the photographs"
         )
-    points = sorted(seen)
-    places = np.array([np.mean(seen[point], axis=0) for point in points])
+    points = sorted(places)
+    means = np.array([np.mean(places[point], axis=0) for point in points])
     names = tuple(control.names[point] for point in points)
-    found, reason = fit_to_map(places, control.metres[points], control.crs, names)
-    if found is None:
+    georeference, reason = fit_to_map(means, control.metres[points], control.crs, names)
+    if georeference is None:
         raise InputError(f"{control.name}: {reason}; check the coordinates and pixels")
-    return MapPlace(georeference=found, fitted_to=names, by="control points")
+    return MapPlace(georeference=georeference, fitted_to=names, by="control points")
 
 
 def camera_positions(flight: Flight, layout: Layout) -> Array:
-    """Where the cameras of a layout's members were (N, 3): x and y in its reference frame, height over it, px."""
+    """Positions of the cameras of a layout's members (N, 3): x and y in its reference frame, height above it, px."""
     transforms = layout.to_reference(flight.views)
     return np.array([_camera(flight, flight.views[member], transforms[member]) for member in layout.members])
 
@@ -144,7 +144,7 @@ def _camera(flight: Flight, view: View, transform: Matrix) -> Array:
 
 
 def _focal_half_diagonals(flight: Flight, view: View) -> float:
-    """Of the camera file, of the photograph's EXIF data, or else that of common drones."""
+    """Focal length from the camera file, else from the photograph's EXIF data, else that of common drones."""
     given = flight.settings.lens
     if given.matrix is not None and given.size is not None:
         return float(given.matrix[0, 0] / (np.hypot(*given.size) / 2))
@@ -152,6 +152,7 @@ def _focal_half_diagonals(flight: Flight, view: View) -> float:
 
 
 def _turned_deg(views: Sequence[View], transforms: Sequence[Matrix], to_map: Matrix) -> float | None:
+    """Median clockwise turn of the photographs on the map against the yaw that the cameras recorded."""
     differences = []
     for view, transform in zip(views, transforms, strict=True):
         if view.taken.yaw_deg is None:
@@ -169,7 +170,7 @@ def _median(values: Sequence[float | None]) -> float | None:
 
 
 def north_up(georeference: Georeference, metres_per_pixel: float) -> Matrix:
-    """What maps the pixels of a georeference to pixels of a map, (3, 3): north up, of ``metres_per_pixel``."""
+    """Pixels of a georeference to pixels of a map with north up and ``metres_per_pixel``, (3, 3)."""
     to_canvas = np.diag([1 / metres_per_pixel, -1 / metres_per_pixel, 1.0]) @ georeference.to_map
     # The origin is arbitrary; small numbers keep their digits.
     to_canvas[:2, 2] -= np.round(to_canvas[:2, 2])
@@ -188,10 +189,16 @@ def usual_magnification(flight: Flight, layout: Layout) -> float:
 
 
 def scale_for(flight: Flight, layout: Layout, on_map: Georeference | None, gsd_m: float) -> float:
-    """The scale at which canvas pixels are so many metres wide."""
+    """The scale at which canvas pixels are ``gsd_m`` metres wide.
+
+    Raises
+    ------
+    InputError
+        Without a map, or for a resolution finer than that of the photographs.
+    """
     if on_map is None:
         raise InputError("gsd: the mosaic has no place on the map, so metres are unknown; use --scale instead")
     finest_m = on_map.metres_per_pixel * usual_magnification(flight, layout)
-    if gsd_m < FINEST_GSD * finest_m:
+    if gsd_m < MIN_GSD * finest_m:
         raise InputError(f"gsd is {gsd_m:g} m, finer than the photographs; give at least {finest_m:.3g}")
     return min(finest_m / gsd_m, 1.0)

@@ -33,7 +33,7 @@ class OutputForm:
     Attributes
     ----------
     compress : {"deflate", "jpeg"}
-        Of a GeoTIFF.
+        Compression of a GeoTIFF.
     tiles : Path or None
         Folder for map tiles and a page that shows them.
     """
@@ -48,7 +48,7 @@ class OutputForm:
         ----------
         path : Path
         bands : int
-            Of a multi-band mosaic; else 0.
+            Number of bands of a multi-band mosaic; else 0.
 
         Raises
         ------
@@ -69,7 +69,7 @@ class OutputForm:
             raise InputError(f"compression and tiles: {NO_MAPS}")
 
     def numbered(self, number: int) -> OutputForm:
-        """That of one of several mosaics, counted from 1."""
+        """The form of one of several mosaics, counted from 1."""
         if self.tiles is None or number == 1:
             return self
         return replace(self, tiles=self.tiles.with_name(f"{self.tiles.name}_{number}"))
@@ -80,7 +80,7 @@ PLAIN = OutputForm()
 
 @dataclass(frozen=True, eq=False)
 class Delivery:
-    """A mosaic that was written.
+    """A written mosaic.
 
     Attributes
     ----------
@@ -93,7 +93,7 @@ class Delivery:
     preview : ndarray of uint8
         The mosaic, reduced.
     seconds : float
-        For blending and writing.
+        Wall time of blending and writing.
     tiles : Path or None
         Folder of map tiles.
     """
@@ -132,13 +132,14 @@ def deliver(
     flight : Flight
     layout : Layout
     composition : Composition
-        Of that layout.
+        The composition of that layout.
     bands : iterable of (ndarray, ndarray)
-        Its picture in bands of whole rows from the top, and where they show a photograph; rendered as they are asked
-        for. Photographs of 16 bits are written with 16 bits into ``.tif``, otherwise as `Composition.values` says.
+        Its picture in bands of whole rows from the top, each with a mask of where a photograph shows; rendered as they
+        are asked for. Photographs of 16 bits are written with 16 bits into ``.tif``, otherwise as `Composition.values`
+        says.
     form : OutputForm
     preview_width_px : int
-        Of the preview, at most.
+        Largest width of the preview.
 
     Raises
     ------
@@ -149,24 +150,39 @@ def deliver(
     values, on_map = composition.values, composition.place.georeference
     if form.compress == "jpeg" and values is not None and values.deep:
         raise InputError(f"{path}: JPEG holds 8 bits, the photographs have 16; leave out the compression")
-    preview = _Preview(min(1.0, preview_width_px / composition.size[0]), composition)
-    watched = preview.watch(bands)
+    previews: list[Pixels] = []
+    # Every band is rendered once: on its way into the file it also fills the preview and the raster for tiles.
+    bands = _collect_previews(bands, composition, min(1.0, preview_width_px / composition.size[0]), previews)
     is_cog = _is_tiff(path) and has_maps()
     with temporary_folder(path.parent) as folder:
         raster = folder / "mosaic.tif"
         if is_cog or form.tiles is not None:
-            watched = tee_to_raster(raster, composition.size, watched, on_map, composition.band_names)
+            bands = tee_to_raster(raster, composition.size, bands, on_map, composition.band_names)
         if is_cog:
-            for _ in watched:
+            for _ in bands:
                 pass
             write_cog(path, raster, form.compress)
         else:
-            pictures = (pixels if _is_tiff(path) else composition.in_8_bit(pixels) for pixels, _ in watched)
+            pictures = (pixels if _is_tiff(path) else composition.in_8_bit(pixels) for pixels, _ in bands)
             _write_picture(path, flight, composition, pictures)
         if form.tiles is not None:
             write_tiles(form.tiles, raster, path.stem, values)
-    note = composition.place.note or _why_not_on_the_map(path)
-    return Delivery(path, flight, layout, composition, note, preview.image(), time.perf_counter() - start, form.tiles)
+    note = composition.place.note
+    if not note and not _is_tiff(path):
+        note = f"{path.suffix} files have no georeference; .tif files do"
+    preview = np.concatenate(previews)
+    return Delivery(path, flight, layout, composition, note, preview, time.perf_counter() - start, form.tiles)
+
+
+def _collect_previews(
+    bands: Iterable[tuple[Intensities, Mask]], composition: Composition, scale: float, previews: list[Pixels]
+) -> Iterator[tuple[Intensities, Mask]]:
+    """Pass on the bands of a picture, and append each, in 8 bits and reduced by ``scale``, to ``previews``."""
+    for pixels, mask in bands:
+        size = (max(1, round(pixels.shape[1] * scale)), max(1, round(len(pixels) * scale)))
+        small = cv2.resize(composition.in_8_bit(pixels), size, interpolation=cv2.INTER_AREA)
+        previews.append(np.asarray(small, dtype=np.uint8))
+        yield pixels, mask
 
 
 def _write_picture(path: Path, flight: Flight, composition: Composition, pictures: Iterable[Intensities]) -> None:
@@ -180,28 +196,3 @@ def _write_picture(path: Path, flight: Flight, composition: Composition, picture
 
 def _is_tiff(path: Path) -> bool:
     return path.suffix.lower() in GEOTIFF_SUFFIXES
-
-
-def _why_not_on_the_map(path: Path) -> str:
-    return "" if _is_tiff(path) else f"{path.suffix} files have no georeference; .tif files do"
-
-
-class _Preview:
-    """Collects bands reduced by ``scale`` while they are written."""
-
-    def __init__(self, scale: float, composition: Composition) -> None:
-        self._scale = scale
-        self._composition = composition
-        self._bands: list[Pixels] = []
-
-    def watch(self, bands: Iterable[tuple[Intensities, Mask]]) -> Iterator[tuple[Intensities, Mask]]:
-        """The bands, unchanged."""
-        for band, shown in bands:
-            size = (max(1, round(band.shape[1] * self._scale)), max(1, round(len(band) * self._scale)))
-            small = cv2.resize(self._composition.in_8_bit(band), size, interpolation=cv2.INTER_AREA)
-            self._bands.append(np.asarray(small, dtype=np.uint8))
-            yield band, shown
-
-    def image(self) -> Pixels:
-        """The reduced bands, joined."""
-        return np.concatenate(self._bands)

@@ -13,7 +13,7 @@ from skymosaic.imagery.images import save_bytes
 from skymosaic.imagery.video import VideoReader, write_video
 from skymosaic.panel.options import Options
 from skymosaic.panel.results import TrackingResult
-from skymosaic.tracking.output import TrackedCorners, outlined, row, save_corners
+from skymosaic.tracking.output import TrackedCorners, draw_outline, make_row, save_corners
 from skymosaic.tracking.tracker import track
 
 VIDEO, CORNERS = "tracked.mp4", "corners.csv"
@@ -38,8 +38,8 @@ def follow(
         for frame in track(
             folder / template, reader, config=preset_config(options.preset), backend=options.backend_name
         ):
-            write(outlined(frame))
-            rows.append(row(frame, reader.frame_rate))
+            write(draw_outline(frame))
+            rows.append(make_row(frame, reader.frame_rate))
             progress(f"frame {frame.number + 1}")
         if not any(each.corners for each in rows):
             raise RegistrationError(f"{video}: the object was found in none of {len(rows)} frames")

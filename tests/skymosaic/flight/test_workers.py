@@ -33,7 +33,7 @@ def test_calls_run_only_so_far_ahead(monkeypatch):
         results = workers.run("stage", started.append, [(number,) for number in range(100)])
         next(results)
         results.close()
-    assert len(started) <= flight_workers.CALLS_A_WORKER
+    assert len(started) <= flight_workers.CALLS_PER_WORKER
 
 
 def test_an_error_of_a_call_is_raised_where_its_result_is_due():
