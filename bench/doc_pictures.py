@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from golden_model.arrays import Pixels
 from golden_model.feature.ilbp import ILBP_128
-from sim.scene import pair as rendered_pair
+from sim.scene import make_pair
 from skymosaic import Pair, mosaic
 from skymosaic.reports import figures
 from skymosaic.reports.fuzzy_plots import draw_system
@@ -71,7 +71,7 @@ def outlined(pair: Pair, image: Pixels) -> Pixels:
 
 def main(folder: Path) -> None:
     """Draw every picture."""
-    result = mosaic(list(rendered_pair(seed=SEED).images))
+    result = mosaic(list(make_pair(seed=SEED).images))
     pair = result.pairs[0]
     save(folder, "corners", figures.draw_corners(pair.working[0], pair.features[0]))
     save(folder, "rings", rings())

@@ -22,7 +22,7 @@ from rich.table import Table
 
 from golden_model.config import preset_config
 from sequence import JPEG_QUALITY, position_errors
-from sim.scene import lawnmower
+from sim.scene import make_lawnmower
 from sim.scene.flight import Flight
 from skymosaic.flight.cache import ResultCache
 from skymosaic.flight.linking.view import Settings
@@ -71,7 +71,7 @@ def main(
     table = Table("flight", "position error, px (each seed)", "median error of ties, px")
     size = (width_px, width_px * 3 // 4)
     for name, (how, known) in track(FLIGHTS.items(), console=Console(stderr=True)):
-        flights = (lawnmower(seed, images, size, side_overlap=0.5, **how) for seed in range(1, seeds + 1))
+        flights = (make_lawnmower(seed, images, size, side_overlap=0.5, **how) for seed in range(1, seeds + 1))
         errors, ties = np.array([measured(flight, known=known) for flight in flights]).T
         each = ", ".join(f"{error:.3f}" for error in errors)
         table.add_row(name, f"{errors.mean():.3f} ({each})", f"{ties.mean():.2f}")

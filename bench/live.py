@@ -33,7 +33,7 @@ from sim.backends.golden import add_matches
 from sim.backends.interface import BUILT_LANES
 from sim.benches.exported import host_programs
 from sim.benches.live import CameraTiming, LiveBench, MemoryRules
-from sim.scene import lawnmower
+from sim.scene import make_lawnmower
 
 AERIAL = PRESETS["aerial"]
 FEATURES, MATCHES = 2000, 1400
@@ -70,7 +70,7 @@ def rates(clock_mhz: float) -> dict[str, Rate]:
 
 def flight(frames: int, size_px: tuple[int, int], seed: int) -> list[NDArray[np.uint8]]:
     """A rendered flight in gray, its photographs as close as those of a video."""
-    images = lawnmower(seed, frames, size_px, forward_overlap=0.9).images
+    images = make_lawnmower(seed, frames, size_px, forward_overlap=0.9).images
     return [cv2.cvtColor(images[n], cv2.COLOR_BGR2GRAY) for n in track(range(frames), "rendering", transient=True)]
 
 

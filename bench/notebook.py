@@ -23,7 +23,7 @@ from nbclient import NotebookClient
 from golden_model.config import PRESETS
 from hdl.export.accelerator import write_host
 from hdl.export.boards import SOURCES
-from sim.scene import pair as rendered_pair
+from sim.scene import make_pair
 
 ROOT = Path(__file__).parents[1]
 NOTEBOOK = SOURCES / "pynq" / "skymosaic.ipynb"
@@ -44,7 +44,7 @@ def executed(size_px: tuple[int, int] = SIZE_PX) -> Any:
         folder = Path(temporary)
         write_host(folder, "pynq", PRESETS["aerial"])
         (folder / "pynq.py").write_text(STAND_IN)
-        for name, image in zip(("left", "right"), rendered_pair(seed=9, size=size_px).images, strict=True):
+        for name, image in zip(("left", "right"), make_pair(seed=9, size=size_px).images, strict=True):
             np.save(folder / f"{name}.npy", np.ascontiguousarray(image[..., 1]))
         environment = {**os.environ, "PYTHONPATH": str(ROOT), "IPYTHONDIR": str(folder / "ipython")}
         client = NotebookClient(notebook, timeout=None, resources={"metadata": {"path": str(folder)}})

@@ -23,7 +23,7 @@ from rich.progress import track
 from rich.table import Table
 
 from golden_model.arrays import Array
-from sim.scene import Flight, lawnmower
+from sim.scene import Flight, make_lawnmower
 from skymosaic.errors import RegistrationError
 from skymosaic.geometry.homography import apply
 from skymosaic.mosaicking.api import mosaic
@@ -60,7 +60,7 @@ class Nuisance:
 
     strengths: tuple[float, float, float]
     meaning: str
-    flight: Render = lambda _strength: lawnmower(SEED, IMAGES, SIZE_PX)
+    flight: Render = lambda _strength: make_lawnmower(SEED, IMAGES, SIZE_PX)
     change: Change = lambda picture, _number, _strength: picture
     jpeg: bool = False
 
@@ -69,7 +69,7 @@ def _light(**changes: Callable[[int, float], float]) -> Render:
     """A flight whose photographs have other settings of `sim.scene.Photometry`, by number and strength."""
 
     def render(strength: float) -> Flight:
-        flight = lawnmower(SEED, IMAGES, SIZE_PX)
+        flight = make_lawnmower(SEED, IMAGES, SIZE_PX)
         settings = [{name: of(number, strength) for name, of in changes.items()} for number in range(IMAGES)]
         changed = (replace(light, **one) for light, one in zip(flight.photometries, settings, strict=True))
         return replace(flight, photometries=tuple(changed))
@@ -81,7 +81,7 @@ def _poses(**changes: Callable[[float, int, float], float]) -> Render:
     """A flight whose poses are changed: the value of a pose, the number and the strength, to the new value."""
 
     def render(strength: float) -> Flight:
-        flight = lawnmower(SEED, IMAGES, SIZE_PX)
+        flight = make_lawnmower(SEED, IMAGES, SIZE_PX)
         poses = [
             replace(pose, **{name: of(getattr(pose, name), number, strength) for name, of in changes.items()})
             for number, pose in enumerate(flight.poses)
@@ -158,7 +158,7 @@ NUISANCES = {
     "overlap": Nuisance(
         (0.5, 0.35, 0.2),
         "forward and side",
-        lambda overlap: lawnmower(SEED, IMAGES, SIZE_PX, forward_overlap=overlap, side_overlap=overlap),
+        lambda overlap: make_lawnmower(SEED, IMAGES, SIZE_PX, forward_overlap=overlap, side_overlap=overlap),
     ),
     "any heading": Nuisance(
         (30, 77, 180), "degrees between photographs", _poses(heading_deg=lambda old, number, turn: old + number * turn)
@@ -167,7 +167,7 @@ NUISANCES = {
         (1.5, 3, 5), "ratio", _poses(altitude_px=lambda old, number, ratio: old * (ratio if number % 2 else 1))
     ),
     "camera leans forward": Nuisance((15, 25, 35), "degrees", _poses(pitch_deg=lambda _old, _number, pitch: pitch)),
-    "lens": Nuisance((-0.1, -0.25, -0.35), "k1", lambda k1: lawnmower(SEED, IMAGES + 4, SIZE_PX, k1=k1)),
+    "lens": Nuisance((-0.1, -0.25, -0.35), "k1", lambda k1: make_lawnmower(SEED, IMAGES + 4, SIZE_PX, k1=k1)),
     "rolling shutter": Nuisance((2, 6, 12), "shear, px", change=rolling_shutter),
     "text burned in": Nuisance((2, 6, 12), "lines", change=overlay),
     "vehicles": Nuisance((25, 100, 300), "count", change=vehicles),

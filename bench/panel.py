@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 from playwright.sync_api import Browser, Locator, Page, expect
 
-from sim.scene import pair as rendered_pair
+from sim.scene import make_pair
 from tools.panel.visit import (
     chromium,
     load_built_in_pair,
@@ -116,7 +116,7 @@ def measure_pair(browser: Browser, address: str) -> None:
 def measure_tiles(browser: Browser, address: str, folder: Path) -> None:
     """A mosaic large enough to be shown by tiles."""
     paths = [folder / "left.png", folder / "right.png"]
-    for path, image in zip(paths, rendered_pair(seed=5).images, strict=True):
+    for path, image in zip(paths, make_pair(seed=5).images, strict=True):
         cv2.imwrite(str(path), cv2.resize(image, None, fx=ENLARGED, fy=ENLARGED))
     page = open_panel(browser, address)
     page.get_by_label("Choose photographs").set_input_files(paths)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from rich.progress import track
 
 from sim.scene import Camera, CameraPose, Photometry, render_ground, render_view
-from sim.scene.camera import visible_box
+from sim.scene.camera import find_visible_box
 from skymosaic.evaluation.known_pairs import COLUMNS, LIST_NAME
 from skymosaic.imagery.images import save
 
@@ -57,10 +57,10 @@ def rendered_pairs(kind: str, each: int) -> Iterator[RenderedPair]:
     """``each`` pairs for every zoom, or every tilt."""
     for step in ZOOMS if kind == "zoom" else TILTS_DEG:
         for number in range(each):
-            yield rendered_pair(kind, step, number)
+            yield make_pair(kind, step, number)
 
 
-def rendered_pair(kind: str, step: float, number: int) -> RenderedPair:
+def make_pair(kind: str, step: float, number: int) -> RenderedPair:
     """Pair ``number`` of a zoom (a factor) or a tilt (degrees); the same on every run."""
     rng = np.random.default_rng([KINDS.index(kind), round(10 * step), number])
     width_px, height_px = SIZE_PX
@@ -96,7 +96,7 @@ def rendered_pair(kind: str, step: float, number: int) -> RenderedPair:
 
 def _view(landscape: int, pose: CameraPose, camera: Camera, photometry: Photometry, rng: np.random.Generator) -> Pixels:
     large = Camera(**{name: value * OVERSAMPLING for name, value in vars(camera).items()})
-    left, top, width_px, height_px = visible_box(pose, large)
+    left, top, width_px, height_px = find_visible_box(pose, large)
     ground = render_ground(landscape, width_px, height_px, (left, top))
     view = render_view(ground, pose, large, Photometry(), rng, origin=(left, top))
     reduced = cv2.resize(view, (camera.width_px, camera.height_px), interpolation=cv2.INTER_AREA)

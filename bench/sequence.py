@@ -35,7 +35,7 @@ from rich.table import Table
 from golden_model.arrays import Array
 from golden_model.config import preset_config
 from sim.scene import Flight as RenderedFlight
-from sim.scene import lawnmower
+from sim.scene import make_lawnmower
 from sim.simulators.build_cache import cache_folder
 from skymosaic.flight.cache import ResultCache
 from skymosaic.flight.linking.view import Settings
@@ -225,7 +225,7 @@ def main(
     if rendered_images:
         size = (image_width_px, image_width_px * 3 // 4)
         light = {"vignetting": 0.35, "exposure_step": 0.06, "balance_sigma": 0.03} if k1 else {}
-        flight = lawnmower(seed, rendered_images, size, side_overlap=side_overlap, k1=k1, relief=relief, **light)
+        flight = make_lawnmower(seed, rendered_images, size, side_overlap=side_overlap, k1=k1, relief=relief, **light)
         name = f"rendered, {rendered_images} images {size[0]}x{size[1]}, side overlap {side_overlap:.0%}, k1 {k1}"
         name += f", {'relief' if relief else 'flat'}, seed {seed}"
         figures[name] = rendered(flight, working_width_px, memory_gb)

@@ -28,7 +28,7 @@ from rich.table import Table
 
 from golden_model.config import PRESETS
 from hdl.settings import frame_settings
-from sim.scene import pair as rendered_pair
+from sim.scene import make_pair
 from sim.simulators import accelerator_designs, pysim, verilator
 from sim.simulators.design import Design
 from sim.simulators.hardware import make_segments
@@ -42,7 +42,7 @@ TINY_PX = 64
 
 def gray_pair() -> list[NDArray[np.uint8]]:
     """The two pictures."""
-    return [cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in rendered_pair(seed=1).images]
+    return [cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in make_pair(seed=1).images]
 
 
 def front_end_segment(frames: list[NDArray[np.uint8]]) -> Segment:

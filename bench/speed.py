@@ -23,7 +23,7 @@ from rich.console import Console
 from rich.table import Table
 
 from baselines import Baseline
-from sim.scene import pair as rendered_pair
+from sim.scene import make_pair
 from skymosaic import register
 from skymosaic.imagery.images import save
 
@@ -73,7 +73,7 @@ def main(
             left, right = map(str, photographs)
         else:
             left, right = (f"{folder}/{side}.png" for side in ("left", "right"))
-            for path, image in zip((left, right), rendered_pair(seed=1).images, strict=True):
+            for path, image in zip((left, right), make_pair(seed=1).images, strict=True):
                 save(Path(path), image)
         calls = {"skymosaic aerial": lambda: register(left, right)}
         calls |= {f"{name} {FEATURES} + MAGSAC": opencv(name, left, right) for name in ("sift", "orb")}

@@ -29,7 +29,7 @@ from hdl.settings import RUNNING, matched_frame_settings
 from sim.backends.golden import add_matches
 from sim.backends.interface import FrameResult, Reference
 from sim.cocotb.runner import CONFIG
-from sim.scene import pair as rendered_pair
+from sim.scene import make_pair
 from sim.simulators.accelerator_designs import CONTROL, FEATURES, MATCHES
 from sim.simulators.hardware import decode_frame
 from sim.simulators.recording import flatten_frame
@@ -185,7 +185,7 @@ def make_transfer(images: Sequence[Pixels]) -> AxiStreamFrame:
 
 def render_scene(size_px: tuple[int, int], *, gray: bool) -> list[Pixels]:
     """Two rendered views of a landscape."""
-    images = rendered_pair(seed=3, size=size_px).images
+    images = make_pair(seed=3, size=size_px).images
     return [np.ascontiguousarray(image[..., 1]) if gray else image for image in images]
 
 

@@ -1,9 +1,9 @@
 """Synthetic flights: a generated landscape, a camera above it, and the exact homographies between its views."""
 
 from sim.scene.camera import Camera, CameraPose, Photometry, project, render_view
-from sim.scene.flight import Flight, lawnmower, pair
+from sim.scene.flight import Flight, make_lawnmower, make_pair
 from sim.scene.ground import render_ground, render_heights
-from sim.scene.target import Pursuit, pursuit
+from sim.scene.target import Pursuit, make_pursuit
 
 __all__ = [
     "Camera",
@@ -11,10 +11,10 @@ __all__ = [
     "Flight",
     "Photometry",
     "Pursuit",
-    "lawnmower",
-    "pair",
+    "make_lawnmower",
+    "make_pair",
+    "make_pursuit",
     "project",
-    "pursuit",
     "render_ground",
     "render_heights",
     "render_view",

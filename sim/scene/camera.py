@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 _RESAMPLING_MARGIN_PX = 4
 _MARCH_PX = 0.5
-"""Steps of a ray over the ground while it is followed to the surface."""
+"""Step of a ray over the ground on its way to the surface."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,11 +57,11 @@ class Camera:
         return np.array([[-0.5, -0.5], [right, -0.5], [right, bottom], [-0.5, bottom]])
 
     @property
-    def seen_corners(self) -> NDArray[np.float64]:
+    def undistorted_corners(self) -> NDArray[np.float64]:
         """Where a pinhole would see what the corners show, shape (4, 2)."""
-        return self.undistorted(self.corners)
+        return self.undistort(self.corners)
 
-    def undistorted(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def undistort(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Where a pinhole would see what appears at ``points``, (N, 2)."""
         if self.k1 == 0:
             return points
@@ -134,7 +134,7 @@ class CameraPose:
 
     def footprint(self, camera: Camera) -> NDArray[np.float64]:
         """Ground positions of the corners of the image, shape (4, 2), clockwise from the image's top left."""
-        return project(np.linalg.inv(self.homography(camera)), camera.seen_corners)
+        return project(np.linalg.inv(self.homography(camera)), camera.undistorted_corners)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -175,7 +175,7 @@ def project(homography: NDArray[np.floating[Any]], points: NDArray[np.float64]) 
     return projected
 
 
-def visible_box(pose: CameraPose, camera: Camera) -> tuple[int, int, int, int]:
+def find_visible_box(pose: CameraPose, camera: Camera) -> tuple[int, int, int, int]:
     """x, y, width and height of the ground that a view needs, with the margin that its resampling reads."""
     footprint = pose.footprint(camera)
     margin = _RESAMPLING_MARGIN_PX * max(1.0, pose.altitude_px / camera.focal_px)
@@ -207,8 +207,8 @@ def render_view(
     origin : (int, int)
         Ground coordinates of the pixel ``ground[0, 0]``.
     heights : ndarray or None
-        Shape (H, W): what stands above the ground, in pixels; it leans away from the point under the camera and hides
-        what is behind it. None: the ground is flat.
+        Shape (H, W), heights above the ground, in pixels: objects lean away from the point under the camera and hide
+        the ground behind them. None: the ground is flat.
 
     Returns
     -------
@@ -216,44 +216,44 @@ def render_view(
         Shape (camera.height_px, camera.width_px, 3), uint8. Its geometry, where the ground is flat and the lens
         straight, is ``pose.homography(camera)``, up to the 1/32 px to which OpenCV rounds sampling positions.
     """
-    left, top, width, height = visible_box(pose, camera)
+    left, top, width, height = find_visible_box(pose, camera)
     x, y = max(left - origin[0], 0), max(top - origin[1], 0)
-    seen = ground[y : max(top - origin[1] + height, 0), x : max(left - origin[0] + width, 0)]
-    if not seen.size:
+    visible = ground[y : max(top - origin[1] + height, 0), x : max(left - origin[0] + width, 0)]
+    if not visible.size:
         raise ValueError(f"the view at ({pose.x_px:.0f}, {pose.y_px:.0f}) misses the ground; move the camera")
     reduction = pose.altitude_px / camera.focal_px
     if reduction > 1:
         # A pixel of the reduced image averages several ground pixels; blur by that amount, less the averaging that the
         # ground's own pixels already contain.
-        seen = cv2.GaussianBlur(seen, (0, 0), 0.5 * np.sqrt(reduction**2 - 1))
+        visible = cv2.GaussianBlur(visible, (0, 0), 0.5 * np.sqrt(reduction**2 - 1))
     shift = np.array([[1, 0, x + origin[0]], [0, 1, y + origin[1]], [0, 0, 1]])
     size = (camera.width_px, camera.height_px)
     if heights is None and camera.k1 == 0:
-        image = cv2.warpPerspective(seen, pose.homography(camera) @ shift, size, flags=cv2.INTER_CUBIC)
+        image = cv2.warpPerspective(visible, pose.homography(camera) @ shift, size, flags=cv2.INTER_CUBIC)
         return photometry.apply(image, rng)
     pixels = np.stack(np.meshgrid(np.arange(size[0]), np.arange(size[1])), axis=-1).reshape(-1, 2).astype(np.float64)
-    at = project(np.linalg.inv(pose.homography(camera) @ shift), camera.undistorted(pixels)).astype(np.float32)
+    at = project(np.linalg.inv(pose.homography(camera) @ shift), camera.undistort(pixels)).astype(np.float32)
     at = at.reshape(size[1], size[0], 2)
     if heights is not None:
-        window = heights[y : y + seen.shape[0], x : x + seen.shape[1]].astype(np.float32)
+        window = heights[y : y + visible.shape[0], x : x + visible.shape[1]].astype(np.float32)
         under = np.array([pose.x_px, pose.y_px]) - (x + origin[0], y + origin[1])
-        at = _first_hit(at, window, under.astype(np.float32), pose.altitude_px)
-    return photometry.apply(cv2.remap(seen, at, None, cv2.INTER_CUBIC), rng)
+        at = _follow_rays(at, window, under.astype(np.float32), pose.altitude_px)
+    return photometry.apply(cv2.remap(visible, at, None, cv2.INTER_CUBIC), rng)
 
 
-def _first_hit(
+def _follow_rays(
     at: NDArray[np.float32], heights: NDArray[np.float32], under: NDArray[np.float32], altitude_px: float
 ) -> NDArray[np.float32]:
-    """Where the rays that would reach the flat ground at positions ``at`` (H, W, 2) meet the surface first.
+    """Where rays towards positions ``at`` (H, W, 2) of the flat ground meet the surface first.
 
     A ray to ``at`` from above ``under`` is at height t over ``at + (under - at) t / altitude``.
     """
     towards = (under - at) / np.float32(altitude_px)
     reach = float(np.linalg.norm(towards, axis=-1).max())
     highest = float(heights.max())
-    found = np.zeros(at.shape[:2], np.float32)
+    reached = np.zeros(at.shape[:2], np.float32)
     for height in np.linspace(0, highest, max(round(highest * reach / _MARCH_PX), 1) + 1).astype(np.float32):
         # From the ground upwards: the last hit is the one nearest to the camera.
         hit = cv2.remap(heights, at + towards * height, None, cv2.INTER_NEAREST) >= height
-        found[hit] = height
-    return np.asarray(at + towards * found[..., np.newaxis], dtype=np.float32)
+        reached[hit] = height
+    return np.asarray(at + towards * reached[..., np.newaxis], dtype=np.float32)

@@ -15,7 +15,7 @@ class Canvas:
     """A window of the plane with its top left pixel at ``x_px``, ``y_px``.
 
     ``reflectance`` has shape (3, H, W), BGR, display values 0..1; ``relief`` (H, W) is the height of the surface in
-    pixels; ``noise`` comes from `sim.scene.noise.noise_bands`, shape (octaves, H, W). Painting changes the first two.
+    pixels; ``noise`` comes from `sim.scene.noise.make_noise`, shape (octaves, H, W). Painting changes the first two.
     """
 
     x_px: int

@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.scene.camera import Camera, CameraPose, Photometry, project, render_view, visible_box
+from sim.scene.camera import Camera, CameraPose, Photometry, find_visible_box, project, render_view
 from sim.scene.ground import render_ground, render_heights
-from sim.scene.noise import Stream, random_stream
+from sim.scene.noise import Stream, make_rng
 
 FOCAL_WIDTHS = 0.8
 """Focal length in image widths: 64 degrees across, as on common drones."""
@@ -62,15 +62,15 @@ class Flight:
     def overlap_between(self, left: int, right: int) -> float:
         """Share of the area of picture ``left`` that is also in picture ``right``."""
         corners = self.camera.corners
-        seen = project(self.homography_between(right, left), corners)
-        area, _ = cv2.intersectConvexConvex(corners.astype(np.float32), seen.astype(np.float32))
+        outline = project(self.homography_between(right, left), corners)
+        area, _ = cv2.intersectConvexConvex(corners.astype(np.float32), outline.astype(np.float32))
         return float(area) / (self.camera.width_px * self.camera.height_px)
 
     def _render(self, number: int) -> NDArray[np.uint8]:
         pose, photometry = self.poses[number], self.photometries[number]
-        left, top, width_px, height_px = visible_box(pose, self.camera)
+        left, top, width_px, height_px = find_visible_box(pose, self.camera)
         ground = render_ground(self.seed, width_px, height_px, (left, top))
-        rng = random_stream(self.seed, Stream.SENSOR, number)
+        rng = make_rng(self.seed, Stream.SENSOR, number)
         heights = render_heights(self.seed, width_px, height_px, (left, top)) if self.relief else None
         return render_view(ground, pose, self.camera, photometry, rng, origin=(left, top), heights=heights)
 
@@ -105,7 +105,7 @@ class RenderedImages(Sequence[NDArray[np.uint8]]):
         return self._render(numbers[index])
 
 
-def pair(seed: int, size: tuple[int, int] = (640, 480), overlap: float = 0.6) -> Flight:
+def make_pair(seed: int, size: tuple[int, int] = (640, 480), overlap: float = 0.6) -> Flight:
     """Two overlapping pictures that differ by a few degrees of rotation, in scale, tilt and exposure.
 
     Parameters
@@ -123,14 +123,14 @@ def pair(seed: int, size: tuple[int, int] = (640, 480), overlap: float = 0.6) ->
         Two pictures, the left one first.
     """
     _check_overlap("overlap", overlap)
-    rng = random_stream(seed, Stream.PAIR)
+    rng = make_rng(seed, Stream.PAIR)
     camera = Camera(width_px=size[0], height_px=size[1], focal_px=FOCAL_WIDTHS * size[0])
     heading, turn = rng.uniform(0, 360), rng.choice([-1, 1]) * rng.uniform(3, 8)
     away = (1 - overlap) * size[0] * np.array([np.cos(np.radians(heading)), np.sin(np.radians(heading))])
     start = rng.uniform(-500, 500, 2)
     poses = [
-        _aimed_at(start, camera.focal_px, heading, rng),
-        _aimed_at(start + away, camera.focal_px * rng.uniform(0.97, 1.05), heading + turn, rng),
+        _aim_at(start, camera.focal_px, heading, rng),
+        _aim_at(start + away, camera.focal_px * rng.uniform(0.97, 1.05), heading + turn, rng),
     ]
     left = Photometry(blur_sigma_px=0.4, noise_sigma=1.5, vignetting=0.1)
     right = Photometry(
@@ -139,7 +139,7 @@ def pair(seed: int, size: tuple[int, int] = (640, 480), overlap: float = 0.6) ->
     return Flight(seed, camera, tuple(poses), (left, right))
 
 
-def _aimed_at(
+def _aim_at(
     target: NDArray[np.float64], altitude_px: float, heading_deg: float, rng: np.random.Generator
 ) -> CameraPose:
     """A pose, tilted by up to 2 degrees, with ``target`` at the image centre."""
@@ -150,7 +150,7 @@ def _aimed_at(
     return replace(pose, x_px=x, y_px=y)
 
 
-def lawnmower(
+def make_lawnmower(
     seed: int,
     images: int,
     size: tuple[int, int] = (1600, 1200),
@@ -179,7 +179,7 @@ def lawnmower(
     forward_overlap, side_overlap : float
         Overlap of successive pictures of a leg, and of neighbouring legs, 0..1; the variation above changes both.
     k1, vignetting : float
-        Of the lens, see `Camera` and `Photometry`.
+        Properties of the lens, see `Camera` and `Photometry`.
     exposure_step : float
         Standard deviation of the change of the gain from one picture to the next.
     balance_sigma : float
@@ -196,7 +196,7 @@ def lawnmower(
     _check_overlap("side_overlap", side_overlap)
     if images < 1:
         raise ValueError(f"images is {images}; a flight has at least 1")
-    rng = random_stream(seed, Stream.LAWNMOWER)
+    rng = make_rng(seed, Stream.LAWNMOWER)
     camera = Camera(width_px=size[0], height_px=size[1], focal_px=FOCAL_WIDTHS * size[0], k1=k1)
     side_px, forward_px = (1 - side_overlap) * size[0], (1 - forward_overlap) * size[1]
     leg_images = max(1, round(np.sqrt(images * side_px / forward_px)))

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.scene.canvas import Canvas, Plane
-from sim.scene.layout import sections_around
-from sim.scene.noise import Stream, noise_bands, random_stream
+from sim.scene.layout import plan_sections
+from sim.scene.noise import Stream, make_noise, make_rng
 from sim.scene.objects import paint_boxes, paint_plants
 from sim.scene.surface import paint_parcels, paint_ponds, paint_roads
 
@@ -46,42 +46,42 @@ def render_ground(seed: int, width_px: int, height_px: int, origin: tuple[int, i
     ndarray
         Shape (height_px, width_px, 3), uint8, BGR. Parts that overlap agree exactly.
     """
-    return _assembled(0, np.empty((height_px, width_px, 3), np.uint8), seed, origin)
+    return _assemble_tiles(0, np.empty((height_px, width_px, 3), np.uint8), seed, origin)
 
 
 def render_heights(seed: int, width_px: int, height_px: int, origin: tuple[int, int] = (0, 0)) -> NDArray[np.float16]:
     """Height of the surface of that landscape over the plane, in pixels, (height_px, width_px); arguments the same."""
-    return _assembled(1, np.empty((height_px, width_px), np.float16), seed, origin)
+    return _assemble_tiles(1, np.empty((height_px, width_px), np.float16), seed, origin)
 
 
-def _assembled(part: int, whole: NDArray[Any], seed: int, origin: tuple[int, int]) -> NDArray[Any]:
+def _assemble_tiles(part: int, whole: NDArray[Any], seed: int, origin: tuple[int, int]) -> NDArray[Any]:
     """``whole`` filled from one part of the tiles, 0 the colours or 1 the heights."""
     left, top = origin
     height_px, width_px = whole.shape[:2]
     for row in range(top // TILE_PX, (top + height_px - 1) // TILE_PX + 1):
         for column in range(left // TILE_PX, (left + width_px - 1) // TILE_PX + 1):
             x, y = column * TILE_PX - left, row * TILE_PX - top
-            tile = _tile(seed, column, row)[part][max(-y, 0) : height_px - y, max(-x, 0) : width_px - x]
+            tile = _paint_tile(seed, column, row)[part][max(-y, 0) : height_px - y, max(-x, 0) : width_px - x]
             x, y = max(x, 0), max(y, 0)
             whole[y : y + tile.shape[0], x : x + tile.shape[1]] = tile
     return whole
 
 
 @lru_cache(maxsize=CACHED_TILES)
-def _tile(seed: int, column: int, row: int) -> tuple[NDArray[np.uint8], NDArray[np.float16]]:
+def _paint_tile(seed: int, column: int, row: int) -> tuple[NDArray[np.uint8], NDArray[np.float16]]:
     """Colours and heights of one tile: painted and lit with its margin, which is then cut off."""
     x_px, y_px = column * TILE_PX - _MARGIN_PX, row * TILE_PX - _MARGIN_PX
     size = TILE_PX + 2 * _MARGIN_PX
-    noise = noise_bands(seed, x_px, y_px, size, size)
+    noise = make_noise(seed, x_px, y_px, size, size)
     canvas = Canvas(x_px, y_px, np.empty((3, size, size), np.float32), np.empty((size, size), np.float32), noise)
-    sections = sections_around(seed, x_px, y_px, size, size)
+    sections = plan_sections(seed, x_px, y_px, size, size)
     parcels = [parcel for section in sections for parcel in section.parcels]
     paint_parcels(canvas, [parcel for parcel in parcels if canvas.meets(parcel.outline)])
     paint_ponds(canvas, np.concatenate([section.ponds for section in sections]))
     paint_roads(canvas, [road for section in sections for road in section.roads if canvas.meets(road.points)])
     paint_boxes(canvas, [box for section in sections for box in section.boxes])
     paint_plants(canvas, np.concatenate([section.plants for section in sections]))
-    lit = _light(canvas, random_stream(seed, Stream.SUN))
+    lit = _light(canvas, make_rng(seed, Stream.SUN))
     inside = slice(_MARGIN_PX, -_MARGIN_PX)
     colours, heights = lit[inside, inside].copy(), canvas.relief[inside, inside].astype(np.float16)
     for part in (colours, heights):
@@ -97,7 +97,7 @@ def _light(canvas: Canvas, rng: np.random.Generator) -> NDArray[np.uint8]:
     across, down = (np.clip(cv2.Sobel(relief, -1, *axes, scale=1 / 8), -1.2, 1.2) for axes in ((1, 0), (0, 1)))
     facing = np.float32(np.tan(elevation)) - toward_sun[0] * across - toward_sun[1] * down
     facing = np.maximum(facing, 0) / np.sqrt(1 + across**2 + down**2) / np.float32(np.tan(elevation))
-    sunlit = facing * (1 - _shadow(relief, toward_sun, np.tan(elevation)))
+    sunlit = facing * (1 - _cast_shadows(relief, toward_sun, np.tan(elevation)))
     open_sky = 1 - np.clip((cv2.blur(relief, (25, 25)) - relief) / 40, 0, 0.5)
     channels = []
     for reflectance, sun, sky, haze in zip(canvas.reflectance, _SUN, _SKY, _HAZE, strict=True):
@@ -107,7 +107,7 @@ def _light(canvas: Canvas, rng: np.random.Generator) -> NDArray[np.uint8]:
     return lit_ground
 
 
-def _shadow(relief: Plane, toward_sun: NDArray[np.float32], rise: float) -> Plane:
+def _cast_shadows(relief: Plane, toward_sun: NDArray[np.float32], rise: float) -> Plane:
     """Share of the sun that is hidden, 0..1.
 
     The height of the shadow above each pixel is the largest relief towards the sun, lowered by ``rise`` for each pixel

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from golden_model.arrays import Points
-from sim.scene.noise import Stream, random_stream
+from sim.scene.noise import Stream, make_rng
 
 SECTION_PX = 1500
-LARGEST_OFFSET_PX = 560
+MAX_OFFSET_PX = 560
 """The largest distance by which parts of a section lie outside its lattice square."""
 
 FIELD_SHARES = {
@@ -99,10 +99,10 @@ class Section:
     ponds: NDArray[np.float64]
 
 
-def sections_around(seed: int, x_px: int, y_px: int, width_px: int, height_px: int) -> list[Section]:
+def plan_sections(seed: int, x_px: int, y_px: int, width_px: int, height_px: int) -> list[Section]:
     """The sections that may reach into a window of the plane."""
     columns, rows = (
-        range((start - LARGEST_OFFSET_PX) // SECTION_PX, (start + size + LARGEST_OFFSET_PX) // SECTION_PX + 1)
+        range((start - MAX_OFFSET_PX) // SECTION_PX, (start + size + MAX_OFFSET_PX) // SECTION_PX + 1)
         for start, size in ((x_px, width_px), (y_px, height_px))
     )
     return [_plan_section(seed, column, row) for row in rows for column in columns]
@@ -155,13 +155,13 @@ class _Land:
         t = np.linspace(0, 1, 9)[:-1]
         zero, one = np.zeros_like(t), np.ones_like(t)
         outline = self.at(np.concatenate([t, one, 1 - t, zero]), np.concatenate([zero, t, one, 1 - t]))
-        return Parcel(outline, self.angle_rad + rng.normal(0, 0.03), use, _variety(rng))
+        return Parcel(outline, self.angle_rad + rng.normal(0, 0.03), use, _draw_number(rng))
 
 
 @lru_cache(maxsize=8)
-def _waves(seed: int) -> tuple[Points, Points, Points]:
+def _make_waves(seed: int) -> tuple[Points, Points, Points]:
     """Wave vectors (2, n), phases (n,) and displacements (n, 2) of the plane's slow bends."""
-    rng = random_stream(seed, Stream.WAVES)
+    rng = make_rng(seed, Stream.WAVES)
     count = 3
     direction, length_px = rng.uniform(0, 2 * np.pi, count), rng.uniform(1100, 2600, count)
     vectors = np.array([np.cos(direction), np.sin(direction)]) * 2 * np.pi / length_px
@@ -170,31 +170,31 @@ def _waves(seed: int) -> tuple[Points, Points, Points]:
 
 def _bend(seed: int, points: Points) -> Points:
     """Displace points by slow waves, at most 120 px in x and y."""
-    vectors, phases, displacements = _waves(seed)
+    vectors, phases, displacements = _make_waves(seed)
     return points + np.sin(points @ vectors + phases) @ displacements
 
 
-def _variety(rng: np.random.Generator) -> int:
+def _draw_number(rng: np.random.Generator) -> int:
     return int(rng.integers(1 << 30))
 
 
-def _node(seed: int, column: int, row: int) -> Points:
-    jitter = random_stream(seed, Stream.NODES, column, row).uniform(-_JITTER_PX, _JITTER_PX, 2)
+def _place_node(seed: int, column: int, row: int) -> Points:
+    jitter = make_rng(seed, Stream.NODES, column, row).uniform(-_JITTER_PX, _JITTER_PX, 2)
     return np.array([column, row]) * SECTION_PX + jitter
 
 
 @lru_cache(maxsize=64)
 def _plan_section(seed: int, column: int, row: int) -> Section:
     """Plan the section at ``column``, ``row`` of the lattice."""
-    rng = random_stream(seed, Stream.SECTIONS, column, row)
-    nodes = [[_node(seed, column + i, row + j) for i in (0, 1)] for j in (0, 1)]
+    rng = make_rng(seed, Stream.SECTIONS, column, row)
+    nodes = [[_place_node(seed, column + i, row + j) for i in (0, 1)] for j in (0, 1)]
     whole = _Land(np.array(nodes), seed)
     t = np.linspace(0, 1, 120)
     # Each boundary road is planned twice, by the two sections at its sides: with the same random stream, so alike.
-    across = [random_stream(seed, Stream.ROADS_ACROSS, column, row + j) for j in (0, 1)]
-    down = [random_stream(seed, Stream.ROADS_DOWN, column + i, row) for i in (0, 1)]
-    roads = [Road(whole.at(t, np.full_like(t, j)), _choice(across[j], MAIN_ROAD_SHARES)) for j in (0, 1)]
-    roads += [Road(whole.at(np.full_like(t, i), t), _choice(down[i], MAIN_ROAD_SHARES)) for i in (0, 1)]
+    across = [make_rng(seed, Stream.ROADS_ACROSS, column, row + j) for j in (0, 1)]
+    down = [make_rng(seed, Stream.ROADS_DOWN, column + i, row) for i in (0, 1)]
+    roads = [Road(whole.at(t, np.full_like(t, j)), _choose(across[j], MAIN_ROAD_SHARES)) for j in (0, 1)]
+    roads += [Road(whole.at(np.full_like(t, i), t), _choose(down[i], MAIN_ROAD_SHARES)) for i in (0, 1)]
     inner = whole.between(_ROADSIDE, 1 - _ROADSIDE).lengthwise().between(_ROADSIDE, 1 - _ROADSIDE)
     parcels = [whole.parcel("verge", rng)]
     boxes: list[Box] = []
@@ -202,12 +202,12 @@ def _plan_section(seed: int, column: int, row: int) -> Section:
     for land, use in _divide(inner, rng, roads, village=False):
         parcels.append(land.parcel(use, rng))
         if use == "lot":
-            boxes += _homestead(land, rng, roads)
+            boxes += _build_homestead(land, rng, roads)
         if use == "yard":
-            boxes += _farmyard(land, rng)
+            boxes += _build_farmyard(land, rng)
         if use in ("meadow", "pasture") and rng.random() < 0.3:
             ponds.append(np.hstack([land.at(*rng.uniform(0.3, 0.7, 2)), rng.uniform(25, 75, (1, 1))]))
-        plants += [_scattered(land, use, rng), *_hedges(land, rng, often=use in VILLAGE_SHARES)]
+        plants += [_scatter_plants(land, use, rng), *_plant_hedges(land, rng, often=use in VILLAGE_SHARES)]
     return Section(tuple(parcels), tuple(roads), tuple(boxes), np.concatenate(plants), np.concatenate(ponds))
 
 
@@ -221,7 +221,7 @@ def _join(line: Points, roads: list[Road]) -> Points:
     return np.concatenate([ends[0], line, ends[1]])
 
 
-def _choice(rng: np.random.Generator, shares: dict[str, float]) -> str:
+def _choose(rng: np.random.Generator, shares: dict[str, float]) -> str:
     weights = np.array(list(shares.values()))
     return str(rng.choice(list(shares), p=weights / weights.sum()))
 
@@ -232,7 +232,7 @@ def _divide(land: _Land, rng: np.random.Generator, roads: list[Road], *, village
     length_px, _ = land.size_px
     village = village or (length_px < 900 and rng.random() < 0.16)
     if length_px < (_LOT_PX if village else _FIELD_PX) * rng.uniform(1.0, 1.5):
-        return [(land, _choice(rng, VILLAGE_SHARES if village else FIELD_SHARES))]
+        return [(land, _choose(rng, VILLAGE_SHARES if village else FIELD_SHARES))]
     cut, gap = rng.uniform(0.38, 0.62), 0.0
     if village and length_px > 340:
         t = np.linspace(0, 1, 30)
@@ -242,12 +242,12 @@ def _divide(land: _Land, rng: np.random.Generator, roads: list[Road], *, village
     return [leaf for half in halves for leaf in _divide(half, rng, roads, village=village)]
 
 
-def _homestead(land: _Land, rng: np.random.Generator, roads: list[Road]) -> list[Box]:
+def _build_homestead(land: _Land, rng: np.random.Generator, roads: list[Road]) -> list[Box]:
     """A house, perhaps with a wing and a shed, and cars on the drive; the drive joins ``roads``."""
     angle = land.angle_rad + rng.choice([0, np.pi / 2]) + rng.normal(0, 0.03)
     u, v = rng.uniform(0.4, 0.6, 2)
     house, gate = land.at([u, u + rng.uniform(-0.2, 0.2)], [v, rng.choice([0.0, 1.0])])
-    length, width, eaves, look = rng.uniform(62, 96), rng.uniform(46, 64), rng.uniform(18, 28), _variety(rng)
+    length, width, eaves, look = rng.uniform(62, 96), rng.uniform(46, 64), rng.uniform(18, 28), _draw_number(rng)
     boxes = [Box.at(house, (length, width), angle, eaves, "house", variety=look)]
     if rng.random() < 0.5:
         along, aside = length * rng.uniform(-0.3, 0.3), width * rng.choice([-0.5, 0.5])
@@ -256,32 +256,34 @@ def _homestead(land: _Land, rng: np.random.Generator, roads: list[Road]) -> list
         boxes.append(Box.at(wing, (width * 0.9, length * 0.42), angle + np.pi / 2, eaves - 2, "house", variety=look))
     if rng.random() < 0.6:
         shed = land.at(rng.choice([0.14, 0.86]), rng.uniform(0.15, 0.85))[0]
-        boxes.append(Box.at(shed, (rng.uniform(20, 34), rng.uniform(16, 24)), angle, 13, "shed", variety=_variety(rng)))
-    roads.append(Road(_join(np.array([house, gate]), roads), _choice(rng, DRIVE_SHARES)))
+        boxes.append(
+            Box.at(shed, (rng.uniform(20, 34), rng.uniform(16, 24)), angle, 13, "shed", variety=_draw_number(rng))
+        )
+    roads.append(Road(_join(np.array([house, gate]), roads), _choose(rng, DRIVE_SHARES)))
     drive_angle = np.arctan2(*(gate - house)[::-1])
     cars = rng.permutation([0.62, 0.95])[: rng.integers(0, 3)]
-    return boxes + [_car(house + share * (gate - house), drive_angle, rng) for share in cars]
+    return boxes + [_park_car(house + share * (gate - house), drive_angle, rng) for share in cars]
 
 
-def _farmyard(land: _Land, rng: np.random.Generator) -> list[Box]:
+def _build_farmyard(land: _Land, rng: np.random.Generator) -> list[Box]:
     """Two barns and a line of parked cars between them."""
     _, width_px = land.size_px
     boxes = []
     for v in (0.22, 0.78):
         barn, size = land.at(rng.uniform(0.42, 0.58), v)[0], (rng.uniform(90, 150), min(70, width_px * 0.36))
-        boxes.append(Box.at(barn, size, land.angle_rad, rng.uniform(24, 32), "barn", variety=_variety(rng)))
+        boxes.append(Box.at(barn, size, land.angle_rad, rng.uniform(24, 32), "barn", variety=_draw_number(rng)))
     parked = np.flatnonzero(rng.random(7) < 0.6) * 0.13 + 0.1
     places = land.at(parked, np.full_like(parked, 0.5))
-    return boxes + [_car(place, land.angle_rad + np.pi / 2, rng) for place in places]
+    return boxes + [_park_car(place, land.angle_rad + np.pi / 2, rng) for place in places]
 
 
-def _car(place: Points, angle: float, rng: np.random.Generator) -> Box:
+def _park_car(place: Points, angle: float, rng: np.random.Generator) -> Box:
     x, y = place + rng.normal(0, 1.5, 2)
     angle += rng.choice([0, np.pi]) + rng.normal(0, 0.05)
-    return Box(x, y, rng.uniform(27, 32), 13, angle, 9, "car", _variety(rng))
+    return Box(x, y, rng.uniform(27, 32), 13, angle, 9, "car", _draw_number(rng))
 
 
-def _scattered(land: _Land, use: str, rng: np.random.Generator) -> NDArray[np.float64]:
+def _scatter_plants(land: _Land, use: str, rng: np.random.Generator) -> NDArray[np.float64]:
     """Trees and bushes on a parcel; its use sets their mean spacing and radii. Orchards are planted in rows."""
     spacing, smallest, largest = {
         "wood": (27.0, 15, 36), "scrub": (38.0, 4, 16), "orchard": (34.0, 10, 14), "pasture": (150.0, 8, 30),
@@ -297,10 +299,10 @@ def _scattered(land: _Land, use: str, rng: np.random.Generator) -> NDArray[np.fl
     if use in ("lot", "garden"):
         # Gardens are planted along their borders, away from the house.
         v = 0.5 + 0.5 * np.sign(v - 0.5) * np.abs(2 * v - 1) ** 0.25
-    return _plants(land.at(u, v), smallest, largest, rng)
+    return _grow_plants(land.at(u, v), smallest, largest, rng)
 
 
-def _hedges(land: _Land, rng: np.random.Generator, *, often: bool) -> list[NDArray[np.float64]]:
+def _plant_hedges(land: _Land, rng: np.random.Generator, *, often: bool) -> list[NDArray[np.float64]]:
     """Rows of bushes, with gaps and sometimes trees, along some edges."""
     hedges = []
     for side, length_px in enumerate(land.size_px):
@@ -309,11 +311,11 @@ def _hedges(land: _Land, rng: np.random.Generator, *, often: bool) -> list[NDArr
             t = t[np.sin(t * length_px / rng.uniform(15, 90) + rng.uniform(0, 6)) > rng.uniform(-1.2, 0.2)]
             inset = np.full_like(t, 0.015)
             line = land.at(t, inset) if side == 0 else land.at(inset, t)
-            hedges.append(_plants(line, 5, float(rng.choice([9, 12, 22])), rng))
+            hedges.append(_grow_plants(line, 5, float(rng.choice([9, 12, 22])), rng))
     return hedges
 
 
-def _plants(where: Points, smallest: float, largest: float, rng: np.random.Generator) -> NDArray[np.float64]:
+def _grow_plants(where: Points, smallest: float, largest: float, rng: np.random.Generator) -> NDArray[np.float64]:
     count = len(where)
     radius = smallest + (largest - smallest) * rng.random(count) ** 1.7
     height = radius * rng.uniform(0.9, 1.7, count) + 2

@@ -29,12 +29,12 @@ class Stream(enum.IntEnum):
     PURSUIT = 10
 
 
-def random_stream(seed: int, purpose: Stream, *indices: int) -> np.random.Generator:
+def make_rng(seed: int, purpose: Stream, *indices: int) -> np.random.Generator:
     """The generator for a purpose and, by its indices (which may be negative), for one section or picture."""
     return np.random.default_rng([seed, purpose, *(index & 0xFFFFFFFF for index in indices)])
 
 
-def noise_bands(seed: int, x_px: int, y_px: int, width_px: int, height_px: int) -> NDArray[np.float32]:
+def make_noise(seed: int, x_px: int, y_px: int, width_px: int, height_px: int) -> NDArray[np.float32]:
     """Band-limited noise of a window, one band per octave.
 
     Parameters

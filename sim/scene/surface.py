@@ -89,17 +89,17 @@ def paint_parcels(canvas: Canvas, parcels: Sequence[Parcel]) -> None:
     rows = np.arange(height, dtype=np.float32)[:, np.newaxis]
     source = columns + 2 * noise[3], rows + 2 * noise[4]
     plan = cv2.remap(plan, *source, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)
-    table = np.array([_parcel_numbers(parcel) for parcel in parcels], np.float32)
+    table = np.array([_tabulate_parcel(parcel) for parcel in parcels], np.float32)
     labels = plan.astype(np.int32)
-    tone, share = _texture(canvas, table[:, 6:], labels, columns, rows)
+    tone, share = _texture_parcels(canvas, table[:, 6:], labels, columns, rows)
     for channel in range(3):
         first, second = (np.take(table[:, column], labels, mode="clip") for column in (channel, 3 + channel))
         canvas.reflectance[channel] = (first + (second - first) * share) * tone
     _grow_over_edges(canvas, labels)
 
 
-def _parcel_numbers(parcel: Parcel) -> tuple[float, ...]:
-    """One row of the table of parcels: two colours, then what `_texture` takes."""
+def _tabulate_parcel(parcel: Parcel) -> tuple[float, ...]:
+    """One row of the table of parcels: two colours, then what `_texture_parcels` takes."""
     rng = np.random.default_rng(parcel.variety)
     look = COVERS[parcel.use]
     light, hue = rng.normal(1, 0.08), 1 + rng.normal(0, 0.02, (3, 1, 1))
@@ -108,7 +108,7 @@ def _parcel_numbers(parcel: Parcel) -> tuple[float, ...]:
     return (*first, *second, *direction, rng.uniform(0, 1000), *astuple(look)[2:])
 
 
-def _texture(
+def _texture_parcels(
     canvas: Canvas, table: Plane, labels: NDArray[np.int32], columns: Plane, rows: Plane
 ) -> tuple[Plane, Plane]:
     """Brightness and share of the second colour at each pixel; paints the micro-relief."""
@@ -171,7 +171,7 @@ def paint_ponds(canvas: Canvas, ponds: NDArray[np.float64]) -> None:
 def paint_roads(canvas: Canvas, roads: Sequence[Road]) -> None:
     """Roads of each surface, with rubble verges, worn wheel tracks, and markings on the streets."""
     for surface, paving in PAVINGS.items():
-        lines = [_fixed_point(canvas, road.points) for road in roads if road.surface == surface]
+        lines = [_to_fixed_point(canvas, road.points) for road in roads if road.surface == surface]
         if not lines:
             continue
         centre = np.ones(canvas.relief.shape, np.uint8)
@@ -203,11 +203,11 @@ def _paint_markings(canvas: Canvas, centre_lines: Sequence[NDArray[np.float64]])
         lengths = np.hypot(*steps.T)
         normals = (steps / lengths[:, np.newaxis])[:, ::-1] * (-1, 1)
         aside = 0.86 * half_width_px * np.vstack([normals, normals[-1:]])
-        lines = [_fixed_point(canvas, points + aside), _fixed_point(canvas, points - aside)]
+        lines = [_to_fixed_point(canvas, points + aside), _to_fixed_point(canvas, points - aside)]
         along = np.concatenate([[0], np.cumsum(lengths)])
         dashes = np.arange(10, along[-1] - 20, 60)[:, np.newaxis] + (0, 20)
         ends = np.stack([np.interp(dashes, along, axis) for axis in points.T], axis=-1)
-        lines += [_fixed_point(canvas, dash) for dash in ends]
+        lines += [_to_fixed_point(canvas, dash) for dash in ends]
         cv2.polylines(paint, lines, False, 255, 1, cv2.LINE_AA, _FIXED_POINT_BITS)
     painted = np.nonzero(paint)
     noise = canvas.noise[:, painted[0], painted[1]]
@@ -215,5 +215,5 @@ def _paint_markings(canvas: Canvas, centre_lines: Sequence[NDArray[np.float64]])
     _lay_over_at(canvas, painted, np.broadcast_to(_MARKING[..., 0], (3, worn.size)), worn)
 
 
-def _fixed_point(canvas: Canvas, points: NDArray[np.float64]) -> NDArray[np.int32]:
+def _to_fixed_point(canvas: Canvas, points: NDArray[np.float64]) -> NDArray[np.int32]:
     return np.rint(canvas.local(points) * (1 << _FIXED_POINT_BITS)).astype(np.int32)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from golden_model.arrays import Array, Pixels
 from sim.scene.camera import Camera, CameraPose, Photometry, project
 from sim.scene.flight import FOCAL_WIDTHS, Flight, RenderedImages
-from sim.scene.noise import Stream, noise_bands, random_stream
+from sim.scene.noise import Stream, make_noise, make_rng
 
 SPEED_PX = 3.0
 """Distance that the car drives from one picture to the next: 40 km/h at 25 pictures per second."""
@@ -66,7 +66,7 @@ class Pursuit:
     @property
     def images(self) -> Sequence[Pixels]:
         """The pictures, (H, W, 3) uint8 BGR; each is rendered when it is read, and not kept."""
-        car, deck = _paint_car(random_stream(self.flight.seed, Stream.PURSUIT, 1)), _paint_deck(self.flight.seed)
+        car, deck = _paint_car(make_rng(self.flight.seed, Stream.PURSUIT, 1)), _paint_deck(self.flight.seed)
         return RenderedImages(len(self.car_to_ground), lambda number: self._render(number, car, deck))
 
     def _render(self, number: int, car: Layer, deck: Layer) -> Pixels:
@@ -74,7 +74,7 @@ class Pursuit:
         _lay_over(image, car, self.car_to_images[number])
         if self.bridge_to_ground is not None:
             _lay_over(image, deck, self.flight.homographies[number] @ self.bridge_to_ground)
-        return _LENS.apply(image, random_stream(self.flight.seed, Stream.SENSOR, number))
+        return _LENS.apply(image, make_rng(self.flight.seed, Stream.SENSOR, number))
 
     @property
     def corners(self) -> Array:
@@ -97,7 +97,7 @@ class Pursuit:
         return np.array([1 - cv2.intersectConvexConvex(car, deck)[0] / np.prod(_CAR_PX) for car in cars])
 
 
-def pursuit(
+def make_pursuit(
     seed: int, images: int, size: tuple[int, int] = (640, 480), *, magnification: float = 2.0, bridge: bool = False
 ) -> Pursuit:
     """A film by a camera that follows a car along a winding path, and climbs, turns and tilts a little.
@@ -115,20 +115,20 @@ def pursuit(
     bridge : bool
         Whether the car drives under a bridge halfway.
     """
-    rng = random_stream(seed, Stream.PURSUIT)
+    rng = make_rng(seed, Stream.PURSUIT)
     time = np.arange(images)
-    heading = rng.uniform(0, 2 * np.pi) + _wave(time, 0.5, 25, rng)
+    heading = rng.uniform(0, 2 * np.pi) + _make_wave(time, 0.5, 25, rng)
     x, y = rng.uniform(-500, 500, (2, 1)) + SPEED_PX * np.cumsum([np.cos(heading), np.sin(heading)], axis=1)
-    car_to_ground = tuple(_pose(*values) for values in zip(x, y, heading, strict=True))
+    car_to_ground = tuple(_place_car(*values) for values in zip(x, y, heading, strict=True))
     camera = Camera(width_px=size[0], height_px=size[1], focal_px=FOCAL_WIDTHS * size[0])
     sway_px = 0.15 * size[1] / magnification
     ways = {
-        "x_px": x + _wave(time, sway_px, 15, rng),
-        "y_px": y + _wave(time, sway_px, 19, rng),
-        "altitude_px": camera.focal_px / magnification * (1 + _wave(time, 0.1, 23, rng)),
-        "heading_deg": rng.uniform(0, 360) + _wave(time, 10, 30, rng),
-        "pitch_deg": _wave(time, 1.5, 11, rng),
-        "roll_deg": _wave(time, 1.5, 13, rng),
+        "x_px": x + _make_wave(time, sway_px, 15, rng),
+        "y_px": y + _make_wave(time, sway_px, 19, rng),
+        "altitude_px": camera.focal_px / magnification * (1 + _make_wave(time, 0.1, 23, rng)),
+        "heading_deg": rng.uniform(0, 360) + _make_wave(time, 10, 30, rng),
+        "pitch_deg": _make_wave(time, 1.5, 11, rng),
+        "roll_deg": _make_wave(time, 1.5, 13, rng),
     }
     rows = np.column_stack([*ways.values()]).tolist()
     poses = [CameraPose(**dict(zip(ways, values, strict=True))) for values in rows]
@@ -136,11 +136,11 @@ def pursuit(
     return Pursuit(flight, car_to_ground, car_to_ground[images // 2] if bridge else None)
 
 
-def _wave(time: NDArray[np.int64], amplitude: float, period: float, rng: np.random.Generator) -> Array:
+def _make_wave(time: NDArray[np.int64], amplitude: float, period: float, rng: np.random.Generator) -> Array:
     return np.asarray(amplitude * np.sin(time / period + rng.uniform(0, 2 * np.pi)))
 
 
-def _pose(x: float, y: float, heading: float) -> Array:
+def _place_car(x: float, y: float, heading: float) -> Array:
     cos, sin = np.cos(heading), np.sin(heading)
     return np.array([[cos, -sin, x], [sin, cos, y], [0, 0, 1]])
 
@@ -183,19 +183,21 @@ def _paint_car(rng: np.random.Generator) -> Layer:
     corner = round(0.08 * width)
     cv2.rectangle(opacity, (corner, corner), (length - 1 - corner, width - 1 - corner), 255, cv2.FILLED)
     cv2.rectangle(opacity, (corner, corner), (length - 1 - corner, width - 1 - corner), 255, 2 * corner, cv2.LINE_AA)
-    return _layer(picture, opacity)
+    return _make_layer(picture, opacity)
 
 
 def _paint_deck(seed: int) -> Layer:
     """A concrete bridge with stains and railings; the car drives to the right."""
     length, width = (round(side * _DETAIL) for side in _DECK_PX)
-    noise = noise_bands(seed, 0, 0, length, width)
+    noise = make_noise(seed, 0, 0, length, width)
     tone = 150 + 6 * noise[1] + 8 * noise[3] + 10 * noise[5] + 8 * noise[7]
     tone[:, [*range(8), *range(length - 8, length)]] -= 70
-    return _layer(np.clip(tone, 0, 255)[..., np.newaxis] * (0.96, 1.0, 1.02), np.full((width, length), 255, np.uint8))
+    return _make_layer(
+        np.clip(tone, 0, 255)[..., np.newaxis] * (0.96, 1.0, 1.02), np.full((width, length), 255, np.uint8)
+    )
 
 
-def _layer(picture: NDArray[np.generic], opacity: Pixels) -> Layer:
+def _make_layer(picture: NDArray[np.generic], opacity: Pixels) -> Layer:
     share = opacity[..., np.newaxis].astype(np.float32) / 255
     layer = np.concatenate([share, share * picture.astype(np.float32)], axis=2)
     return np.pad(layer, ((_RIM, _RIM), (_RIM, _RIM), (0, 0)))

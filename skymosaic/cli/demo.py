@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 from sim.backends.interface import BACKENDS, BackendError
-from sim.scene import pair as rendered_pair
+from sim.scene import make_pair
 from skymosaic.cli.options import OverwriteOption, choice, output_option
 from skymosaic.cli.session import session
 from skymosaic.errors import RegistrationError
@@ -50,7 +50,7 @@ def _make_mosaic(folder: Path, photographs: tuple[Path, Path], seed: int) -> Non
     clock = Stopwatch()
     with session.working("demo") as step:
         step("rendering a synthetic flight")
-        flight = rendered_pair(seed=seed)
+        flight = make_pair(seed=seed)
         for path, image in zip(photographs, flight.images, strict=True):
             save(path, image)
         clock.lap("rendering")

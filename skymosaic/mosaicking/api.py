@@ -50,8 +50,8 @@ def mosaic(
 
     Examples
     --------
-    >>> from sim.scene import pair as rendered_pair
-    >>> result = mosaic(rendered_pair(seed=5, size=(320, 240)).images)
+    >>> from sim.scene import make_pair
+    >>> result = mosaic(make_pair(seed=5, size=(320, 240)).images)
     >>> result.placed, result.left_out
     ((0, 1), {})
     >>> result.transforms[1].shape, result.image.dtype

@@ -92,8 +92,8 @@ def extract(
 
     Examples
     --------
-    >>> from sim.scene import pair as rendered_pair
-    >>> features = extract(rendered_pair(seed=5, size=(320, 240)).images[0])
+    >>> from sim.scene import make_pair
+    >>> features = extract(make_pair(seed=5, size=(320, 240)).images[0])
     >>> features.points.shape == (len(features), 2)
     True
     >>> features.descriptors.shape[1]

@@ -144,9 +144,9 @@ class Pair:
 
         Examples
         --------
-        >>> from sim.scene import pair as rendered_pair
+        >>> from sim.scene import make_pair
         >>> from skymosaic import register
-        >>> pair = register(*rendered_pair(seed=5, size=(320, 240)).images)
+        >>> pair = register(*make_pair(seed=5, size=(320, 240)).images)
         >>> left, right, weights, rules = pair.points()
         >>> left.shape == right.shape == (len(pair.inliers), 2)
         True

@@ -59,8 +59,8 @@ def register(
 
     Examples
     --------
-    >>> from sim.scene import pair as rendered_pair
-    >>> left, right = rendered_pair(seed=5, size=(320, 240)).images
+    >>> from sim.scene import make_pair
+    >>> left, right = make_pair(seed=5, size=(320, 240)).images
     >>> pair = register(left, right, effort="fast")
     >>> pair.accepted, pair.homography.shape
     (True, (3, 3))

@@ -11,7 +11,7 @@ import numpy as np
 
 from golden_model.arrays import Matrix, Pixels
 from golden_model.pixel.gray import to_gray
-from sim.scene import Flight, lawnmower
+from sim.scene import Flight, make_lawnmower
 from skymosaic.errors import InputError
 from skymosaic.evaluation.known_pairs import KnownPair, read_pairs
 from skymosaic.evaluation.metrics import grid_error
@@ -79,7 +79,7 @@ def list_sources(data: Path | None) -> Sequence[Source]:
     """
     if data is not None:
         return [partial(_load_pair, pair) for pair in read_pairs(data)]
-    flight = lawnmower(RENDERED_SEED, RENDERED_IMAGES, RENDERED_SIZE)
+    flight = make_lawnmower(RENDERED_SEED, RENDERED_IMAGES, RENDERED_SIZE)
     return [partial(_render_pair, flight, index) for index in range(RENDERED_IMAGES - 1)]
 
 

@@ -19,7 +19,7 @@ from hdl.pixel.gray import Gray
 from hdl.pixel.threshold import AdaptiveThreshold
 from hdl.selection.cell_ranking import CellRanking
 from hdl.settings import frame_settings
-from sim.scene import pair
+from sim.scene import make_pair
 from sim.simulators import verilator
 from sim.simulators.accelerator_designs import FEATURES, design_front_end
 from sim.simulators.compiled import Bench
@@ -98,7 +98,7 @@ def aerial():
 @pytest.fixture(scope="module")
 def scene():
     """``view(number, size_px)``: one of two rendered views at any size, with its own noise."""
-    views = pair(seed=3).images
+    views = make_pair(seed=3).images
 
     def view(number, size_px):
         resized = cv2.resize(views[number % len(views)], size_px)

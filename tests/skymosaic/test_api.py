@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import skymosaic
-from sim.scene import pair as rendered_pair
+from sim.scene import make_pair
 from skymosaic.errors import InputError
 from skymosaic.geometry.homography import apply
 from skymosaic.registration.pair import KINDS, Pair
@@ -18,7 +18,7 @@ from skymosaic.registration.pair import KINDS, Pair
 @pytest.fixture(scope="module")
 def pair() -> Pair:
     """Photographs three times as wide as what is registered: naive use of the records would be far off."""
-    left, right = rendered_pair(seed=5, size=(400, 300)).images
+    left, right = make_pair(seed=5, size=(400, 300)).images
     large = [cv2.resize(image, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC) for image in (left, right)]
     return skymosaic.register(*large, working_width_px=400)
 

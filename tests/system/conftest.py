@@ -5,14 +5,14 @@ from pathlib import Path
 import cv2
 import pytest
 
-from sim.scene import Flight, lawnmower
+from sim.scene import Flight, make_lawnmower
 
 IMAGES, SIZE = 9, (480, 360)
 
 
 @pytest.fixture(scope="session")
 def flight() -> Flight:
-    return lawnmower(seed=5, images=IMAGES, size=SIZE, forward_overlap=0.6, side_overlap=0.4)
+    return make_lawnmower(seed=5, images=IMAGES, size=SIZE, forward_overlap=0.6, side_overlap=0.4)
 
 
 @pytest.fixture(scope="session")

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from sim.scene import pair as rendered_pair
+from sim.scene import make_pair
 from skymosaic.cli import app
 from skymosaic.imagery import images
 
@@ -17,7 +17,7 @@ WIDTH_PX, HEIGHT_PX = 640, 480
 def photographs(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str]:
     folder = tmp_path_factory.mktemp("pair")
     paths = str(folder / "left.png"), str(folder / "right.png")
-    for path, image in zip(paths, rendered_pair(seed=1).images, strict=True):
+    for path, image in zip(paths, make_pair(seed=1).images, strict=True):
         images.save(Path(path), image)
     return paths
 

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from sim.scene import pair as rendered_pair
+from sim.scene import make_pair
 from skymosaic.cli import COMMANDS, app, main
 from skymosaic.evaluation.metrics import grid_error
 from tests.system.command_line import only_error, skymosaic
@@ -31,7 +31,7 @@ def refusal(run, *words: object) -> str:
 
 @pytest.fixture(scope="module")
 def flight():
-    return rendered_pair(seed=SEED)
+    return make_pair(seed=SEED)
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +90,7 @@ def test_image_too_small(photographs, tmp_path: Path) -> None:
 
 
 def test_unrelated_photographs_say_why_and_write_no_mosaic(photographs, tmp_path: Path) -> None:
-    other = rendered_pair(seed=SEED + 100).images[0]
+    other = make_pair(seed=SEED + 100).images[0]
     cv2.imwrite(str(tmp_path / "other.png"), other)
     result = skymosaic("mosaic", photographs[0], "other.png", "-o", "m.png", "--report", "r", cwd=tmp_path)
     line = one_line_error(result, 3)

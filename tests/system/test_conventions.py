@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 import pytest
 
-from sim.scene import pair as rendered_pair
+from sim.scene import make_pair
 from skymosaic.imagery.video import write_video
 from tests.system.command_line import only_error
 
@@ -33,7 +33,7 @@ def _photographs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The current folder holds an overlapping pair, as pictures and as a film."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    left, right = rendered_pair(seed=5, size=(320, 240)).images
+    left, right = make_pair(seed=5, size=(320, 240)).images
     for name, image in (("left", left), ("right", right)):
         cv2.imwrite(str(tmp_path / f"{name}.png"), image)
     film(tmp_path / "film.mkv", left, right)

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from sim.scene import lawnmower
+from sim.scene import make_lawnmower
 
 KILLS = 30
 LONGEST_SECONDS = 6.0
@@ -26,7 +26,7 @@ def test_thirty_kills_at_random_moments(tmp_path: Path) -> None:
     folders = {name: tmp_path / name for name in ("photographs", "out", "temp")}
     for folder in folders.values():
         folder.mkdir()
-    for number, image in enumerate(lawnmower(3, 9, (400, 300)).images):
+    for number, image in enumerate(make_lawnmower(3, 9, (400, 300)).images):
         cv2.imwrite(str(folders["photographs"] / f"IMG_{number}.png"), image)
     environment = {**os.environ, "TMPDIR": str(folders["temp"]), "PYTHONPATH": str(Path(__file__).parents[2])}
 

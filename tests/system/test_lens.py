@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from golden_model.config import preset_config
-from sim.scene import lawnmower
+from sim.scene import make_lawnmower
 from skymosaic.compositing.warp import Canvas
 from skymosaic.flight.cache import ResultCache
 from skymosaic.flight.linking.view import Settings
@@ -26,7 +26,7 @@ LIGHT = {"vignetting": 0.35, "exposure_step": 0.06, "balance_sigma": 0.03}
 
 @pytest.fixture(scope="module")
 def truth():
-    return lawnmower(**SURVEY, **LIGHT, k1=K1)
+    return make_lawnmower(**SURVEY, **LIGHT, k1=K1)
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +63,7 @@ def test_the_distortion_is_found_and_does_not_cost_accuracy(flight, truth) -> No
     # Both coefficients at the same focal length: what an image shows does not tell it.
     found = flight.calibration.k1 * (truth.camera.focal_px / flight.calibration.focal_px) ** 2
     assert found == pytest.approx(K1, rel=0.05)
-    straight = lawnmower(**SURVEY, **LIGHT)
+    straight = make_lawnmower(**SURVEY, **LIGHT)
     undistorted = mean_position_error_px(surveyed(list(straight.images)), straight)
     assert mean_position_error_px(flight, truth) < 1.2 * undistorted
     assert mean_position_error_px(flight, truth) < 0.25

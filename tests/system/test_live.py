@@ -12,7 +12,7 @@ import pytest
 
 from golden_model.config import preset_config
 from sim.backends.interface import load_backend
-from sim.scene import lawnmower
+from sim.scene import make_lawnmower
 from skymosaic import mosaic
 from skymosaic.cli.live import grow
 from skymosaic.errors import InputError
@@ -29,7 +29,7 @@ CONFIG = preset_config("aerial")
 
 @pytest.fixture(scope="module")
 def flight():
-    return lawnmower(seed=5, images=IMAGES, size=SIZE, forward_overlap=0.6, side_overlap=0.4)
+    return make_lawnmower(seed=5, images=IMAGES, size=SIZE, forward_overlap=0.6, side_overlap=0.4)
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from hdl.settings import REQUESTED, matched_frame_settings
 from sim.backends.golden import add_matches
 from sim.benches.exported import host_programs
 from sim.benches.live import CameraTiming, LiveBench, MemoryRules
-from sim.scene import pair as rendered_pair
+from sim.scene import make_pair
 
 SIZE_PX = (160, 120)
 CONFIG = PRESETS["aerial"]
@@ -41,7 +41,7 @@ def opened(reader: Any, **rules: int) -> tuple[LiveBench, Any]:
 
 def views(count: int) -> list[np.ndarray]:
     """Views of a scene that move."""
-    scene = np.ascontiguousarray(rendered_pair(seed=9, size=(240, 140)).images[0][..., 1])
+    scene = np.ascontiguousarray(make_pair(seed=9, size=(240, 140)).images[0][..., 1])
     return [scene[n % 8 : n % 8 + SIZE_PX[1], 5 * n : 5 * n + SIZE_PX[0]].copy() for n in range(count)]
 
 

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from sim.scene import lawnmower
+from sim.scene import make_lawnmower
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.flight.bands.rig import align_bands
 from skymosaic.flight.workers import Workers
@@ -43,7 +43,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """16 bits; what is dark in green is bright in near infrared, where each capture has an exposure of its own."""
     folder = tmp_path_factory.mktemp("bands")
     rng = np.random.default_rng(0)
-    for number, image in enumerate(lawnmower(5, CAPTURES, WHOLE, forward_overlap=0.7, side_overlap=0.6).images):
+    for number, image in enumerate(make_lawnmower(5, CAPTURES, WHOLE, forward_overlap=0.7, side_overlap=0.6).images):
         green, red = (cv2.GaussianBlur(image[..., k].astype(np.float32), (0, 0), 0.7) for k in (1, 2))
         shown = {"GRE": 4000 + 120 * green, "RED": 3000 + 90 * red, "NIR": (1 + 0.1 * number) * (45_000 - 150 * green)}
         for band, values in shown.items():

@@ -10,7 +10,7 @@ import pytest
 from bench import notebook
 from golden_model.config import PRESETS
 from sim.backends.interface import load_backend
-from sim.scene import pair as rendered_pair
+from sim.scene import make_pair
 
 SIZE_PX = (160, 120)
 PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "notebook.md"
@@ -23,7 +23,7 @@ def test_the_notebook_runs_and_gives_what_the_golden_model_gives() -> None:
     assert [cell.source for cell in made.cells] == SOURCES
     outputs = [output for cell in made.cells for output in cell.get("outputs", [])]
     printed = "".join(output.text for output in outputs if output.output_type == "stream")
-    images = [np.ascontiguousarray(image[..., 1]) for image in rendered_pair(seed=9, size=SIZE_PX).images]
+    images = [np.ascontiguousarray(image[..., 1]) for image in make_pair(seed=9, size=SIZE_PX).images]
     left, right = load_backend("golden").run(images, PRESETS["aerial"])
     assert f"left: {len(left.features)} features, {SIZE_PX[0] * SIZE_PX[1]} clocks" in printed
     assert f"right: {len(right.features)} features" in printed

@@ -6,7 +6,7 @@ import cv2
 import pytest
 from typer.testing import CliRunner
 
-from sim.scene import pair as rendered_pair
+from sim.scene import make_pair
 from skymosaic.cli import app
 from skymosaic.errors import InputError
 
@@ -32,7 +32,7 @@ def full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The current folder, with two photographs and a file under each name of `TAKEN`."""
     (tmp_path / "folder").mkdir()
     (tmp_path / "photographs").mkdir()
-    for name, image in zip(("left.png", "right.png"), rendered_pair(seed=5, size=(320, 240)).images, strict=True):
+    for name, image in zip(("left.png", "right.png"), make_pair(seed=5, size=(320, 240)).images, strict=True):
         cv2.imwrite(str(tmp_path / name), image)
     for name in TAKEN:
         (tmp_path / name).write_text("somebody's work")

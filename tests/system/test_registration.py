@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from golden_model.records import MATCH
-from sim.scene import pair as rendered_pair
+from sim.scene import make_pair
 from skymosaic import mosaic, register
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.evaluation.metrics import grid_error
@@ -23,12 +23,12 @@ def error_px(pair, flight, size=VGA) -> float:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_rendered_pairs_are_registered_within_half_a_pixel(seed: int) -> None:
-    flight = rendered_pair(seed=seed)
+    flight = make_pair(seed=seed)
     assert error_px(register(*flight.images), flight) < 0.5
 
 
 def test_the_refined_pass_is_closer_to_the_truth() -> None:
-    flights = [rendered_pair(seed=seed) for seed in range(4)]
+    flights = [make_pair(seed=seed) for seed in range(4)]
     plain = [error_px(register(*flight.images), flight) for flight in flights]
     refined = [register(*flight.images, refine=True) for flight in flights]
     assert np.mean([error_px(*both) for both in zip(refined, flights, strict=True)]) < np.mean(plain)
@@ -38,14 +38,14 @@ def test_the_refined_pass_is_closer_to_the_truth() -> None:
 
 
 def test_the_result_is_the_same_on_every_run() -> None:
-    flight = rendered_pair(seed=2)
+    flight = make_pair(seed=2)
     first, second = (register(*flight.images, seed=3) for _ in range(2))
     assert np.array_equal(first.homography, second.homography)
     assert np.array_equal(first.inliers, second.inliers)
 
 
 def test_sets_of_matches_are_nested_and_typed() -> None:
-    pair = register(*rendered_pair(seed=1).images)
+    pair = register(*make_pair(seed=1).images)
     assert pair.matches.dtype == MATCH.dtype
     assert np.all(pair.kept["verdict"] == 1)
     assert len(pair.inliers) <= len(pair.kept) <= len(pair.matches)
@@ -53,7 +53,7 @@ def test_sets_of_matches_are_nested_and_typed() -> None:
 
 
 def test_colour_and_gray_of_one_photograph_give_the_same_features() -> None:
-    left, right = rendered_pair(seed=1).images
+    left, right = make_pair(seed=1).images
     grays = [((i.astype(int) @ [29, 150, 77] + 128) >> 8).astype(np.uint8) for i in (left, right)]
     colour, gray = register(left, right), register(*grays)
     assert np.array_equal(colour.matches, gray.matches)
@@ -62,7 +62,7 @@ def test_colour_and_gray_of_one_photograph_give_the_same_features() -> None:
 
 
 def test_photographs_of_different_size() -> None:
-    flight = rendered_pair(seed=1)
+    flight = make_pair(seed=1)
     left, right = flight.images
     cropped = right[:400, :560]
     pair = register(left, cropped)
@@ -71,7 +71,7 @@ def test_photographs_of_different_size() -> None:
 
 def test_twenty_megapixels_are_registered_reduced_and_reported_in_their_own_pixels() -> None:
     times = 6
-    flight = rendered_pair(seed=1, size=(912, 608))
+    flight = make_pair(seed=1, size=(912, 608))
     large = [cv2.resize(image, None, fx=times, fy=times, interpolation=cv2.INTER_CUBIC) for image in flight.images]
     grow = np.array([[times, 0, (times - 1) / 2], [0, times, (times - 1) / 2], [0, 0, 1]])
     truth = grow @ flight.homography_between(0, 1) @ np.linalg.inv(grow)
@@ -85,11 +85,11 @@ def test_twenty_megapixels_are_registered_reduced_and_reported_in_their_own_pixe
 
 def test_a_canvas_beyond_the_limit_is_refused_with_its_size() -> None:
     with pytest.raises(RegistrationError, match="limit"):
-        mosaic(list(rendered_pair(seed=1).images), canvas_limit_px=100_000)
+        mosaic(list(make_pair(seed=1).images), canvas_limit_px=100_000)
 
 
 def test_two_photographs_share_a_lens() -> None:
-    images = list(rendered_pair(seed=1).images)
+    images = list(make_pair(seed=1).images)
     mask = np.full((480, 640), 255, np.uint8)
     mask[:120] = 0
     result = mosaic(images, lens=Lens(mask=mask))
@@ -102,7 +102,7 @@ def test_two_photographs_share_a_lens() -> None:
 
 
 def test_a_pair_is_a_flight_with_one_link() -> None:
-    result = mosaic(list(rendered_pair(seed=1).images))
+    result = mosaic(list(make_pair(seed=1).images))
     assert result.flight.pair is result.pairs[0]
     assert [link.holds for link in result.flight.links] == [True]
     assert result.flight.layouts[0].median_error_px < 1
@@ -112,12 +112,12 @@ def test_a_pair_is_a_flight_with_one_link() -> None:
 
 
 def test_a_registered_pair_is_blended_to_the_same_mosaic() -> None:
-    images = list(rendered_pair(seed=1).images)
+    images = list(make_pair(seed=1).images)
     assert np.array_equal(mosaic_of_pair(register(*images)).image, mosaic(images).image)
 
 
 def test_scale_sets_the_size_of_the_mosaic() -> None:
-    images = list(rendered_pair(seed=1).images)
+    images = list(make_pair(seed=1).images)
     full, half = mosaic(images).image, mosaic(images, scale=0.5).image
     assert abs(full.shape[1] / 2 - half.shape[1]) <= 1
     grown = cv2.resize(half, (full.shape[1], full.shape[0]), interpolation=cv2.INTER_LINEAR)
@@ -126,7 +126,7 @@ def test_scale_sets_the_size_of_the_mosaic() -> None:
 
 
 def test_unknown_presets_and_one_image_are_refused() -> None:
-    images = list(rendered_pair(seed=1).images)
+    images = list(make_pair(seed=1).images)
     with pytest.raises(InputError, match="aerial, thesis"):
         register(*images, preset="martian")
     with pytest.raises(InputError):
@@ -154,7 +154,7 @@ def test_rotated_photographs_are_all_registered_within_a_pixel(public_data: Path
 
 
 def test_warp_bends_the_left_photograph_only_where_asked() -> None:
-    images = list(rendered_pair(seed=1).images)
+    images = list(make_pair(seed=1).images)
     plain, bent, chosen = (mosaic(images, warp=warp).image for warp in ("homography", "mesh", "auto"))
     assert plain.shape == bent.shape
     assert np.abs(plain.astype(int) - bent).max() > 0
@@ -168,7 +168,7 @@ def test_warp_bends_the_left_photograph_only_where_asked() -> None:
 
 
 def test_the_summary_tells_effort_and_confidence() -> None:
-    summary = register(*rendered_pair(seed=1).images).summary()
+    summary = register(*make_pair(seed=1).images).summary()
     assert summary["effort"] == "normal"
     assert summary["passes"] == 1
     assert summary["confidence"]["verdict"] == "good"

@@ -6,7 +6,7 @@ import pytest
 
 from golden_model.config import PRESETS
 from sim.backends.interface import Reference, load_backend
-from sim.scene import lawnmower
+from sim.scene import make_lawnmower
 from sim.simulators import verilator
 from sim.simulators.accelerator_designs import BUILT_SIZES_PX, MATCHES, design_accelerator
 from sim.simulators.hardware import decode_recordings, make_segments
@@ -20,7 +20,7 @@ LEAST_MATCHES = 700
 
 @pytest.fixture(scope="module")
 def flight() -> list[np.ndarray]:
-    images = lawnmower(seed=6, images=FRAMES, size=SIZE_PX, forward_overlap=0.88, side_overlap=0.88).images
+    images = make_lawnmower(seed=6, images=FRAMES, size=SIZE_PX, forward_overlap=0.88, side_overlap=0.88).images
     return [cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in images]
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image as PillowImage
 
-from sim.scene import pair
+from sim.scene import make_pair
 from tests.system.command_line import only_error
 
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
@@ -56,7 +56,7 @@ def test_a_full_standard_output_is_one_line() -> None:
 
 @pytest.mark.parametrize("outputs", ["2>/dev/full", ">&- 2>&-"])
 def test_a_result_does_not_depend_on_standard_error(tmp_path: Path, outputs: str) -> None:
-    for name, image in zip("ab", pair(seed=9, size=(200, 160)).images, strict=True):
+    for name, image in zip("ab", make_pair(seed=9, size=(200, 160)).images, strict=True):
         cv2.imwrite(str(tmp_path / f"{name}.png"), image)
     words = shlex.join(command("mosaic", tmp_path / "a.png", tmp_path / "b.png", "-o", tmp_path / "m.png"))
     done = subprocess.run(f"{words} {outputs}", shell=True, check=False, env=ENVIRONMENT)

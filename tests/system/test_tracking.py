@@ -11,7 +11,7 @@ import pytest
 
 from golden_model.config import preset_config
 from sim.backends.interface import load_backend
-from sim.scene import pursuit
+from sim.scene import make_pursuit
 from sim.simulators.scoreboard import find_mismatch
 from skymosaic.cli.track import track as track_command
 from skymosaic.errors import InputError, RegistrationError
@@ -29,7 +29,7 @@ HIDDEN = 0.05
 
 @pytest.fixture(scope="module")
 def film():
-    return pursuit(seed=1, images=IMAGES, size=(480, 360), bridge=True)
+    return make_pursuit(seed=1, images=IMAGES, size=(480, 360), bridge=True)
 
 
 @pytest.fixture(scope="module")

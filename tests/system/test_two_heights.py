@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.scene import Flight, lawnmower
+from sim.scene import Flight, make_lawnmower
 from skymosaic import mosaic
 from skymosaic.flight import survey
 from skymosaic.geometry.homography import apply
@@ -14,7 +14,7 @@ SIZE, RATIO = (800, 600), 3
 @pytest.fixture(scope="module")
 def flight() -> Flight:
     """Every second photograph is taken from three times the height."""
-    level = lawnmower(3, 4, SIZE, forward_overlap=0.6)
+    level = make_lawnmower(3, 4, SIZE, forward_overlap=0.6)
     poses = (
         replace(pose, altitude_px=pose.altitude_px * (RATIO if n % 2 else 1)) for n, pose in enumerate(level.poses)
     )

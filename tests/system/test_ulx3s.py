@@ -18,7 +18,7 @@ from hdl.settings import REQUESTED, matched_frame_settings
 from sim.backends.interface import load_backend
 from sim.benches.exported import host_programs
 from sim.benches.serial import SerialPort
-from sim.scene import pair as rendered_pair
+from sim.scene import make_pair
 from tests.system.command_line import only_error, skymosaic
 
 THESIS = PRESETS["thesis"]
@@ -103,7 +103,7 @@ def test_packets_that_mix_with_answers_are_sorted(programs) -> None:
 def test_bits_in_and_records_out_equal_the_golden_model(config: Config, build: Build, size_px: tuple[int, int]) -> None:
     """At the baud of the bitstream, from the driver down to the pins."""
     port = SerialPort(config, build, progress=print)
-    images = [np.ascontiguousarray(image[..., 1]) for image in rendered_pair(seed=9, size=size_px).images]
+    images = [np.ascontiguousarray(image[..., 1]) for image in make_pair(seed=9, size=size_px).images]
     settings = matched_frame_settings(config, *size_px, gray_input=True)
     with host_programs("serial", config, **build) as load:
         accelerator = load("skymosaic_driver").Accelerator(load("serial_bus").SerialBus(port), 1e6)

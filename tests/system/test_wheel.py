@@ -77,8 +77,8 @@ import sys
 for name in {ABSENT}:
     sys.modules[name] = None  # as if it were not installed; fcntl does not exist on Windows
 import skymosaic
-from sim.scene import lawnmower
-made = skymosaic.mosaic(lawnmower(1, 3, (320, 240)).images)
+from sim.scene import make_lawnmower
+made = skymosaic.mosaic(make_lawnmower(1, 3, (320, 240)).images)
 print(made.placed)
 import skymosaic.cli
 sys.argv = ["skymosaic", "export", "--board", "pynq_z2", "-o", "x"]

@@ -10,8 +10,7 @@ from pathlib import Path
 
 from golden_model.arrays import Pixels
 from sim.backends.interface import Progress
-from sim.scene import lawnmower, pursuit
-from sim.scene import pair as rendered_pair
+from sim.scene import make_lawnmower, make_pair, make_pursuit
 from skymosaic.errors import InputError
 from skymosaic.imagery.decoding import MAX_AREA_PX
 from skymosaic.imagery.images import load, reduce_to_width, save
@@ -58,19 +57,19 @@ def inspect_video(folder: Path, name: str, views: Path, *, progress: Progress) -
 
 def render_pair(folder: Path, names: Sequence[str], views: Path, *, progress: Progress) -> list[Upload]:
     """Render the built-in pair."""
-    return _save_all(folder, names, rendered_pair(seed=BUILT_IN_SEED).images, views, progress)
+    return _save_all(folder, names, make_pair(seed=BUILT_IN_SEED).images, views, progress)
 
 
 def render_flight(folder: Path, names: Sequence[str], views: Path, *, progress: Progress) -> list[Upload]:
     """Render the built-in flight, one photograph for each name."""
-    return _save_all(folder, names, lawnmower(BUILT_IN_SEED, len(names), FLIGHT_SIZE).images, views, progress)
+    return _save_all(folder, names, make_lawnmower(BUILT_IN_SEED, len(names), FLIGHT_SIZE).images, views, progress)
 
 
 def render_pursuit(
     folder: Path, template: str, video: str, views: Path, *, progress: Progress
 ) -> tuple[Upload, Upload]:
     """Render the built-in film of a car, and cut the template out of its first frame."""
-    film = pursuit(BUILT_IN_SEED, PURSUIT_FRAMES, magnification=CAR_MAGNIFICATION)
+    film = make_pursuit(BUILT_IN_SEED, PURSUIT_FRAMES, magnification=CAR_MAGNIFICATION)
     with write_video(folder / video, DEFAULT_RATE) as write:
         for number, frame in enumerate(film.images):
             progress(f"rendering the built-in film: {number + 1} of {PURSUIT_FRAMES} frames")

@@ -17,7 +17,7 @@ from hdl.matching.fuzzy import Sugeno
 from hdl.matching.fuzzy_correlation import FuzzyCorrelation, scale_constants
 from sim.benches.block_bench import BlockBench
 from sim.benches.drivers import run_streams
-from sim.scene import pair
+from sim.scene import make_pair
 from sim.simulators.recording import NO_PAUSES, Pauses
 
 PAUSES = Pauses(gaps=100, stalls=180, seed=4)
@@ -56,7 +56,7 @@ def graded_windows():
 def matched():
     """The left and the right feature of every mutual match between two rendered views."""
     config = dataclasses.replace(PRESETS["thesis"].front_end, threshold=60_000)
-    left, right = (extract(image, config).features for image in pair(seed=3).images)
+    left, right = (extract(image, config).features for image in make_pair(seed=3).images)
     distance = distances(left["descriptor"], right["descriptor"])
     at_left, at_right, _, _ = mutual_matches(distance, config.pattern.bits)
     return left[at_left], right[at_right]

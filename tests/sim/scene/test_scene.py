@@ -15,14 +15,14 @@ from sim.scene import (
     CameraPose,
     Photometry,
     ground,
-    lawnmower,
     layout,
-    pair,
+    make_lawnmower,
+    make_pair,
     project,
     render_ground,
     render_view,
 )
-from sim.scene.noise import noise_bands
+from sim.scene.noise import make_noise
 
 CAMERA = Camera(width_px=321, height_px=240, focal_px=260)
 POSES = {
@@ -39,9 +39,9 @@ def rng():
 
 
 def clear_caches():
-    ground._tile.cache_clear()
+    ground._paint_tile.cache_clear()
     layout._plan_section.cache_clear()
-    layout._waves.cache_clear()
+    layout._make_waves.cache_clear()
 
 
 def gray_view(flight, index):
@@ -49,8 +49,8 @@ def gray_view(flight, index):
 
 
 def test_images_are_reproducible_and_their_noise_is_their_own():
-    flight = pair(9, size=(160, 120))
-    assert np.array_equal(flight.images[1], pair(9, size=(160, 120)).images[-1])
+    flight = make_pair(9, size=(160, 120))
+    assert np.array_equal(flight.images[1], make_pair(9, size=(160, 120)).images[-1])
     flat = np.full((240, 321, 3), 128, np.uint8)
     noisy = [Photometry(noise_sigma=3).apply(flat, np.random.default_rng([3, number])) for number in (0, 1)]
     assert not np.array_equal(*noisy)
@@ -63,8 +63,8 @@ def test_parts_of_the_plane_agree_across_tile_borders():
 
 
 def test_noise_is_a_function_of_position():
-    wide = noise_bands(5, -40, 1000, 500, 400)
-    inner = noise_bands(5, 60, 1057, 111, 77)
+    wide = make_noise(5, -40, 1000, 500, 400)
+    inner = make_noise(5, 60, 1057, 111, 77)
     assert np.array_equal(inner, wide[:, 57 : 57 + 77, 100 : 100 + 111])
     assert np.abs(wide[:4].mean(axis=(1, 2))).max() < 0.05
     assert np.all((wide[:6].std(axis=(1, 2)) > 0.6) & (wide[:6].std(axis=(1, 2)) < 1.1))
@@ -74,7 +74,7 @@ def test_noise_is_a_function_of_position():
 
 @pytest.mark.parametrize("seed", [2, 9])
 def test_landscape_has_the_statistics_of_a_photograph(seed):
-    view = gray_view(pair(seed), 0)
+    view = gray_view(make_pair(seed), 0)
     corners = cv2.FastFeatureDetector_create(20).detect(view)
     assert len(corners) > 2000
     cells = {(int(corner.pt[0]) // 80, int(corner.pt[1]) // 80) for corner in corners}
@@ -189,7 +189,7 @@ def test_reducing_view_averages_instead_of_aliasing(rng):
 
 @pytest.mark.parametrize("seed", [2, 9])
 def test_pair_shows_the_same_ground(seed):
-    flight = pair(seed)
+    flight = make_pair(seed)
     left, right = (gray_view(flight, index).astype(np.float32) for index in (0, 1))
     homography = flight.homography_between(0, 1)
     warped = cv2.warpPerspective(left, homography, (640, 480))
@@ -201,7 +201,7 @@ def test_pair_shows_the_same_ground(seed):
 
 
 def test_homographies_compose():
-    flight = lawnmower(2, 5, size=(200, 150))
+    flight = make_lawnmower(2, 5, size=(200, 150))
     direct = flight.homography_between(0, 4)
     chained = flight.homography_between(1, 4) @ flight.homography_between(0, 1)
     assert chained / chained[2, 2] == pytest.approx(direct, abs=1e-9)
@@ -214,19 +214,19 @@ def test_homographies_compose():
 @pytest.mark.parametrize("overlap", [0.2, 0.6, 0.8])
 def test_pair_overlaps_as_asked(size, overlap):
     for seed in range(10):
-        assert pair(seed, size, overlap).overlap_between(0, 1) == pytest.approx(overlap, abs=0.07)
+        assert make_pair(seed, size, overlap).overlap_between(0, 1) == pytest.approx(overlap, abs=0.07)
 
 
 @pytest.mark.parametrize("size", [(65, 97), (64, 64), (333, 127)])
 def test_odd_and_small_sizes(size):
-    flight = pair(2, size)
+    flight = make_pair(2, size)
     assert [image.shape for image in flight.images] == [(size[1], size[0], 3)] * 2
     assert flight.images[0].dtype == np.uint8
     assert flight.images[0].std() > 5
 
 
 def test_lawnmower_overlaps_along_and_across_its_legs():
-    flight = lawnmower(7, 60, size=(400, 300), forward_overlap=0.7, side_overlap=0.5)
+    flight = make_lawnmower(7, 60, size=(400, 300), forward_overlap=0.7, side_overlap=0.5)
     backwards = [abs(pose.heading_deg) > 90 for pose in flight.poses]
     leg = backwards.index(True)
     along = [flight.overlap_between(index, index + 1) for index in range(leg - 1)]
@@ -240,11 +240,11 @@ def test_lawnmower_overlaps_along_and_across_its_legs():
 
 def test_lawnmower_renders_only_what_is_asked_for():
     clear_caches()
-    flight = lawnmower(6, 500, size=(641, 479))
+    flight = make_lawnmower(6, 500, size=(641, 479))
     assert len(flight.images) == 500
-    assert ground._tile.cache_info().misses == 0
+    assert ground._paint_tile.cache_info().misses == 0
     assert flight.images[499].shape == (479, 641, 3)
-    info = ground._tile.cache_info()
+    info = ground._paint_tile.cache_info()
     assert 0 < info.misses <= 4
     assert info.maxsize * ground.TILE_PX**2 * 3 <= 160e6
     with pytest.raises(IndexError):
@@ -279,11 +279,11 @@ def test_photometry(rng):
 def test_bad_input_is_named(rng):
     picture = np.zeros((50, 50, 3), np.uint8)
     with pytest.raises(ValueError, match="overlap is 1; it must be"):
-        pair(0, overlap=1)
+        make_pair(0, overlap=1)
     with pytest.raises(ValueError, match="side_overlap is -1"):
-        lawnmower(0, 5, side_overlap=-1)
+        make_lawnmower(0, 5, side_overlap=-1)
     with pytest.raises(ValueError, match="images is 0"):
-        lawnmower(0, 0)
+        make_lawnmower(0, 0)
     with pytest.raises(ValueError, match="focal_px is 0"):
         Camera(width_px=10, height_px=10, focal_px=0)
     with pytest.raises(ValueError, match="altitude_px is -3"):

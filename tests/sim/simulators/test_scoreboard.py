@@ -9,7 +9,7 @@ from golden_model.config import PRESETS
 from golden_model.front_end import trace
 from golden_model.pixel.harris import TENSOR_SHIFT
 from sim.backends.interface import FrameClocks, load_backend
-from sim.scene import pair as rendered_pair
+from sim.scene import make_pair
 from sim.simulators import pysim
 from sim.simulators.scoreboard import (
     Coverage,
@@ -25,7 +25,7 @@ AERIAL = PRESETS["aerial"]
 
 @pytest.fixture(scope="module")
 def frames():
-    return rendered_pair(seed=1).images
+    return make_pair(seed=1).images
 
 
 @pytest.fixture(scope="module")

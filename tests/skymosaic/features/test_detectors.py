@@ -10,7 +10,7 @@ from golden_model.feature import ilbp
 from golden_model.front_end import extract
 from golden_model.pixel.smooth import binomial5
 from golden_model.records import MATCH, feature_record
-from sim.scene import pair as rendered_pair
+from sim.scene import make_pair
 from skymosaic.errors import InputError
 from skymosaic.evaluation.metrics import correct_matches
 from skymosaic.features.descriptors import DESCRIPTORS, WINDOWS_PX, describe
@@ -27,7 +27,7 @@ from skymosaic.features.positions import match_points
 from skymosaic.geometry.homography import apply
 from skymosaic.registration.register import register
 
-FLIGHT = rendered_pair(seed=1)
+FLIGHT = make_pair(seed=1)
 SOME_DESCRIPTORS = ("ilbp-128", "thesis-ilbp-4", "window-10", "sift", "orb", "brisk", "freak", "klt")
 
 

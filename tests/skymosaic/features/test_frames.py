@@ -4,7 +4,7 @@ import pytest
 from golden_model.config import preset_config
 from golden_model.front_end import extract
 from sim.backends.golden import GoldenBackend
-from sim.scene import pair as rendered_pair
+from sim.scene import make_pair
 from skymosaic.features.frames import Change, make_frame, map_matches_to_images, map_to_image, swap_sides
 from skymosaic.features.guided_matching import match_guided
 from skymosaic.features.positions import feature_points, match_points
@@ -16,7 +16,7 @@ SIZE = (320, 240)
 
 @pytest.fixture(scope="module")
 def image():
-    return rendered_pair(seed=1, size=SIZE).images[0][..., 1].copy()
+    return make_pair(seed=1, size=SIZE).images[0][..., 1].copy()
 
 
 @pytest.mark.parametrize("change", [Change(2.0), Change(0.5), Change(1.0, 2**0.5, 60.0)])

@@ -11,7 +11,7 @@ from PIL import Image, TiffImagePlugin
 from PIL.ExifTags import IFD
 
 from golden_model.config import preset_config
-from sim.scene import pair as rendered_pair
+from sim.scene import make_pair
 from skymosaic import temporary
 from skymosaic.errors import InputError
 from skymosaic.flight.cache import ResultCache, key_of
@@ -148,7 +148,7 @@ def test_masked_places_have_no_features(tmp_path):
     mask[300:] = 0
     cv2.imwrite(str(tmp_path / "mask.png"), mask)
     lens = load_lens(None, tmp_path / "mask.png")
-    image = rendered_pair(seed=1).images[0]
+    image = make_pair(seed=1).images[0]
     source = Source(0, "image", image)
     free = describe(source, Settings(preset_config("aerial")))
     masked = describe(source, Settings(preset_config("aerial"), lens=lens))
@@ -160,7 +160,7 @@ def test_masked_places_have_no_features(tmp_path):
 
 def test_a_view_survives_the_cache(tmp_path):
     cache = ResultCache(tmp_path / "cache")
-    source = Source(0, "image", rendered_pair(seed=1).images[0])
+    source = Source(0, "image", make_pair(seed=1).images[0])
     view = describe(source, Settings(preset_config("aerial")))
     assert cache.load(view.key) is None
     cache.save(view.key, view.pack())
@@ -266,7 +266,7 @@ def test_a_tall_photograph_can_be_described():
 
 
 def test_a_flight_leaves_a_damaged_photograph_out_unless_it_is_kept(tmp_path):
-    data = bytearray(cv2.imencode(".jpg", rendered_pair(seed=1).images[0])[1].tobytes())
+    data = bytearray(cv2.imencode(".jpg", make_pair(seed=1).images[0])[1].tobytes())
     data[len(data) // 2 : len(data) // 2 + 400] = bytes(400)
     (tmp_path / "damaged.jpg").write_bytes(data)
     (source,) = list_sources([tmp_path])

@@ -8,7 +8,7 @@ import numpy as np
 
 from golden_model.geometry.scoring import LEVELS, MAX_MATCHES
 from sim.benches.scoring import simulate_scoring
-from sim.scene import pair as rendered_pair
+from sim.scene import make_pair
 from skymosaic import register
 from skymosaic.geometry import estimators, prosac
 from skymosaic.geometry.homography import apply
@@ -70,7 +70,7 @@ def same_with_the_hardware(left, right, monkeypatch, **options):
 
 
 def test_a_rendered_pair_gives_the_same_homography_with_the_hardware(monkeypatch):
-    same_with_the_hardware(*rendered_pair(seed=2, size=(160, 120)).images, monkeypatch)
+    same_with_the_hardware(*make_pair(seed=2, size=(160, 120)).images, monkeypatch)
 
 
 def test_a_real_pair_gives_the_same_homography_with_the_hardware(public_data: Path, monkeypatch):

@@ -7,7 +7,7 @@ import cv2
 import pytest
 from playwright.sync_api import Browser, ConsoleMessage, Page
 
-from sim.scene import pair as rendered_pair
+from sim.scene import make_pair
 from skymosaic.panel.tasks.jobs import prepare_workers
 from tools.panel.visit import CHROMIUM, chromium, open_page, running_panel
 
@@ -57,6 +57,6 @@ def photographs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """Two overlapping photographs."""
     folder = tmp_path_factory.mktemp("photographs")
     paths = [folder / "left.png", folder / "right.png"]
-    for path, image in zip(paths, rendered_pair(seed=5).images, strict=True):
+    for path, image in zip(paths, make_pair(seed=5).images, strict=True):
         cv2.imwrite(str(path), image)
     return paths

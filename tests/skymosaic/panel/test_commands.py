@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from sim.backends.interface import silent
-from sim.scene import pair as rendered_pair
+from sim.scene import make_pair
 from skymosaic.cli import app
 from skymosaic.panel.options import Options
 from skymosaic.panel.tasks.mosaic_tasks import compare_hardware, make_mosaic
@@ -29,7 +29,7 @@ OPTIONS = {
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """The folder of a run for each of `OPTIONS`."""
-    images = rendered_pair(seed=9, size=(400, 300)).images
+    images = make_pair(seed=9, size=(400, 300)).images
     folders = {name: tmp_path_factory.mktemp("run") for name in OPTIONS}
     for name, folder in folders.items():
         options = Options.of_preset("aerial")
@@ -70,7 +70,7 @@ def test_the_files_of_a_run_do_not_name_its_folder(runs: dict[str, Path]) -> Non
 
 
 def test_a_damaged_photograph_that_is_kept_is_compared_too(tmp_path: Path) -> None:
-    images = rendered_pair(seed=9, size=(400, 300)).images
+    images = make_pair(seed=9, size=(400, 300)).images
     for number, image in enumerate(images):
         cv2.imwrite(str(tmp_path / f"{number}.jpg"), image)
     data = bytearray((tmp_path / "0.jpg").read_bytes())

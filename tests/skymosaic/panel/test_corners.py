@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sim.backends.interface import load_backend
-from sim.scene import pair as rendered_pair
+from sim.scene import make_pair
 from skymosaic.panel.options import Options
 from skymosaic.panel.pages.corners_tab import detect
 
@@ -15,7 +15,7 @@ from skymosaic.panel.pages.corners_tab import detect
 @pytest.fixture(scope="module")
 def picture(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("pictures") / "field.png"
-    cv2.imwrite(str(path), rendered_pair(seed=9, size=(400, 300)).images[0])
+    cv2.imwrite(str(path), make_pair(seed=9, size=(400, 300)).images[0])
     return path
 
 

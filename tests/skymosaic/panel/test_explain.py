@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from golden_model.config import preset_config
-from sim.scene import pair as rendered_pair
+from sim.scene import make_pair
 from skymosaic import register
 from skymosaic.panel.explain import HIGHEST_WEIGHT, explain, verdicts
 from skymosaic.panel.pages import drawings
@@ -22,7 +22,7 @@ METHODS = {
 
 @pytest.fixture(scope="module")
 def images() -> list[np.ndarray]:
-    return list(rendered_pair(seed=9, size=(320, 240)).images)
+    return list(make_pair(seed=9, size=(320, 240)).images)
 
 
 @pytest.fixture(scope="module", params=METHODS.values(), ids=METHODS)

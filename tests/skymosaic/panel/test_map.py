@@ -11,7 +11,7 @@ from PIL.ExifTags import IFD
 from playwright.sync_api import Page, expect
 
 from sim.backends.interface import silent
-from sim.scene import lawnmower
+from sim.scene import make_lawnmower
 from skymosaic.panel.options import Options
 from skymosaic.panel.tasks.mosaic_tasks import make_mosaic
 from tests.skymosaic.panel.test_accessibility import barriers
@@ -31,7 +31,7 @@ pytest.importorskip("rasterio")
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory: pytest.TempPathFactory) -> Flight:
     folder = tmp_path_factory.mktemp("flight")
-    rendered = lawnmower(seed=9, images=PHOTOGRAPHS, size=(400, 300))
+    rendered = make_lawnmower(seed=9, images=PHOTOGRAPHS, size=(400, 300))
     taken = {}
     for number, (image, pose) in enumerate(zip(rendered.images, rendered.poses, strict=True)):
         north = NORTH_DEG - METRES_A_PIXEL * pose.y_px / METRES_A_DEGREE

@@ -8,7 +8,7 @@ import pytest
 
 from golden_model.arrays import Pixels
 from sim.scene import Camera, CameraPose, Photometry, render_ground, render_view
-from sim.scene.camera import visible_box
+from sim.scene.camera import find_visible_box
 from skymosaic import register
 from skymosaic.registration.confidence import Confidence
 
@@ -18,7 +18,7 @@ CAMERA = Camera(width_px=480, height_px=360, focal_px=384)
 def view(x_px: int, seed: int) -> Pixels:
     """What the camera sees from 384 px above the ground, so that ``x_px`` moves the picture by as many pixels."""
     pose = CameraPose(x_px=x_px, y_px=40, altitude_px=384)
-    left, top, width, height = visible_box(pose, CAMERA)
+    left, top, width, height = find_visible_box(pose, CAMERA)
     ground = render_ground(1, width, height, (left, top))
     photometry = Photometry(blur_sigma_px=0.4, noise_sigma=1.5)
     image = render_view(ground, pose, CAMERA, photometry, np.random.default_rng(seed), origin=(left, top))

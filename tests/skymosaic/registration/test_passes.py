@@ -3,7 +3,7 @@ import pytest
 
 from sim.backends.golden import GoldenBackend
 from sim.scene import Camera, CameraPose, Photometry, render_ground, render_view
-from sim.scene.camera import visible_box
+from sim.scene.camera import find_visible_box
 from skymosaic import register
 from skymosaic.errors import InputError
 from skymosaic.evaluation.metrics import grid_error
@@ -13,7 +13,7 @@ CAMERA = Camera(width_px=SIZE[0], height_px=SIZE[1], focal_px=384)
 
 
 def view(pose, seed):
-    left, top, width, height = visible_box(pose, CAMERA)
+    left, top, width, height = find_visible_box(pose, CAMERA)
     ground = render_ground(1, width, height, (left, top))
     photometry = Photometry(blur_sigma_px=0.4, noise_sigma=1.5)
     image = render_view(ground, pose, CAMERA, photometry, np.random.default_rng(seed), origin=(left, top))

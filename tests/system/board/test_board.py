@@ -23,7 +23,7 @@ from hdl.settings import REQUESTED, matched_frame_settings
 from sim.backends import board
 from sim.backends.interface import BUILT_LANES, BackendError, load_backend
 from sim.benches.exported import host_programs
-from sim.scene import pair as rendered_pair
+from sim.scene import make_pair
 from sim.simulators import verilator
 from sim.simulators.accelerator_designs import BUILT_SIZES_PX, FEATURES, MATCHES, design_accelerator
 from sim.simulators.compiled import Bench
@@ -129,7 +129,7 @@ def address(driver, bench: Bench) -> Iterator[str]:
 
 
 def frames(*, gray: bool) -> list[np.ndarray]:
-    images = list(rendered_pair(seed=9, size=SIZE_PX).images)
+    images = list(make_pair(seed=9, size=SIZE_PX).images)
     return [image[..., 1].copy() if gray else image for image in images]
 
 

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from sim.scene import lawnmower
+from sim.scene import make_lawnmower
 from skymosaic.errors import InputError
 from skymosaic.flight.picture.mapping import camera_positions, place_on_map, scale_for
 from skymosaic.flight.picture.output import OutputForm
@@ -21,7 +21,7 @@ METRES, CORNER = 0.15, np.array([430_000.0, 5_190_000.0])
 
 @pytest.fixture(scope="module")
 def flight():
-    return lawnmower(seed=5, images=4, size=SIZE, forward_overlap=0.6, side_overlap=0.4)
+    return make_lawnmower(seed=5, images=4, size=SIZE, forward_overlap=0.6, side_overlap=0.4)
 
 
 def test_cameras_that_lean_are_found_above_where_they_were(flight):
