@@ -30,7 +30,7 @@ from relief_pairs import HEIGHTS_PX, OVERLAPS, relief_pairs
 from skymosaic import register
 from skymosaic.evaluation.metrics import grid_error
 from skymosaic.geometry.homography import apply
-from skymosaic.registration.confidence import COEFFICIENTS, INTERCEPT, measures
+from skymosaic.registration.confidence import COEFFICIENTS, INTERCEPT, measure_inputs
 from skymosaic.registration.pair import Pair
 
 Array = NDArray[np.float64]
@@ -58,7 +58,7 @@ def judged(name: str, pair: Pair, error_px: float) -> Judged:
     """What the confidence says of an accepted pair."""
     confidence = pair.confidence
     assert confidence is not None
-    values = measures(confidence.quality, confidence.correlation)
+    values = measure_inputs(confidence.quality, confidence.correlation)
     return Judged(name, error_px, values, confidence.predicted_px, confidence.verdict)
 
 

@@ -24,7 +24,7 @@ from known_sets import read_set
 from skymosaic import register
 from skymosaic.compositing.mesh import fit_mesh, fit_useful_mesh, held_out_shares
 from skymosaic.features.positions import match_points
-from skymosaic.registration.confidence import overlap_correlation
+from skymosaic.registration.confidence import correlate_overlap
 
 RELIEF_SHARE = 0.85
 """Pairs with fewer held-out matches within 2 px of the homography are counted as ones with relief."""
@@ -58,7 +58,7 @@ def main(
         shares = held_out_shares(*given)
         if mesh is None or shares == (0.0, 0.0):
             continue
-        correlations = tuple(overlap_correlation((image, right), given[0]) for image in (left, mesh.bend(left)))
+        correlations = tuple(correlate_overlap((image, right), given[0]) for image in (left, mesh.bend(left)))
         outcomes.append(Outcome(known.name, shares, correlations, fit_useful_mesh(*given) is not None))
     console = Console(width=110)
     sheet = Table("pairs", "count", "held-out share", "with grid", "correlation", "with grid", "auto takes it")

@@ -6,7 +6,6 @@ import dataclasses
 import re
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -36,28 +35,6 @@ from skymosaic.registration.register import register_photographs
 from skymosaic.stopwatch import Stopwatch
 
 
-@dataclass(frozen=True)
-class Style:
-    """How photographs become one picture; see `skymosaic.flight.picture.composition.compose` for the last three.
-
-    Attributes
-    ----------
-    blending : str
-        Default method.
-    equalise, seams, own_frame : bool
-    """
-
-    blending: str
-    equalise: bool
-    seams: bool
-    own_frame: bool
-
-
-PAIR = Style("distance", equalise=False, seams=False, own_frame=False)
-FLIGHT = Style("multiband", equalise=True, seams=True, own_frame=True)
-"""Averaging would blur many photographs, of which ten may show the same ground: flights are cut along seams."""
-
-
 class MosaicPlan:
     """The stages from photographs to mosaics: features, links, layout; exposure, seams, blend; output.
 
@@ -66,23 +43,19 @@ class MosaicPlan:
     sources : sequence of Source
         The photographs.
     options : MosaicOptions
-        Checked for so many.
+        Checked for this number of photographs.
     workers : Workers
     tell : callable
         Receives a line if the cache cannot be written.
     """
 
     def __init__(
-        self,
-        sources: Sequence[Source],
-        options: MosaicOptions,
-        workers: Workers,
-        tell: Callable[[str], None] = lambda _line: None,
+        self, sources: Sequence[Source], options: MosaicOptions, workers: Workers, tell: Callable[[str], None]
     ) -> None:
-        self._tell = tell
         self.sources = sources
         self.options = options
         self._workers = workers
+        self._tell = tell
 
     @cached_property
     def flight(self) -> Flight:
@@ -142,22 +115,10 @@ class MosaicPlan:
     def mosaic(self, layout: Layout) -> Mosaic:
         """The mosaic of one group in memory."""
         composition = self.composition(layout)
-        image = composition.joined(self.bands(composition))
-        indices = [placement.source.index for placement in composition.placements]
-        transforms = dict(zip(indices, composition.transforms, strict=True))
-        return Mosaic(
-            image=image,
-            transforms=transforms,
-            placed=tuple(sorted(transforms)),
-            left_out=self.flight.absent_from(layout),
-            pairs=() if self.flight.pair is None else (self.flight.pair,),
-            flight=self.flight,
-            layout=layout,
-            composition=composition,
-        )
+        return Mosaic(composition.joined(self.bands(composition)), self.flight, layout, composition)
 
     def check_outputs(self, output: Path, form: OutputForm = PLAIN, *, overwrite: bool = False) -> None:
-        """Check that `write` could write there, before anything is computed.
+        """Check that `write` can write there, before anything is computed.
 
         Raises
         ------
@@ -168,9 +129,10 @@ class MosaicPlan:
         form.check(output, len(self.sources[0].bands))
         if form.tiles is not None:
             pictures.check_unused(form.tiles, overwrite=overwrite)
-        given = tuple(name for source in self.sources for name in source.files)
-        pictures.check_output(output, given, overwrite=overwrite)
+        inputs = tuple(name for source in self.sources for name in source.files)
+        pictures.check_output(output, inputs, overwrite=overwrite)
         if self.options.all_groups:
+            # How many groups there are is not known yet.
             numbered = re.compile(re.escape(output.stem) + r"_\d+" + re.escape(output.suffix))
             for path in sorted(output.parent.iterdir()):
                 if numbered.fullmatch(path.name):
@@ -195,25 +157,18 @@ class MosaicPlan:
         """
         self.check_outputs(output, form, overwrite=overwrite)
         layouts = self.layouts if self.options.all_groups else self.layouts[:1]
+        # All of them before the first is written: a canvas that is too large leaves no half of the mosaics behind.
         compositions = [self.composition(layout) for layout in layouts]
-        paths = [output, *(output.with_stem(f"{output.stem}_{number}") for number in range(2, len(layouts) + 1))]
-        deliveries = [
-            deliver(
-                path,
-                self.flight,
-                layout,
-                composition,
-                self.bands(composition),
-                form=form.numbered(number),
-                preview_width_px=preview_width_px,
-            )
-            for number, (path, layout, composition) in enumerate(
-                zip(paths, layouts, compositions, strict=True), start=1
-            )
-        ]
         photographs = [source.content for source in self.sources if isinstance(source.content, Path)]
-        for path in paths:
-            record_output(path, photographs)
+        deliveries = []
+        for number, (layout, composition) in enumerate(zip(layouts, compositions, strict=True), start=1):
+            path = output if number == 1 else output.with_stem(f"{output.stem}_{number}")
+            bands, numbered = self.bands(composition), form.numbered(number)
+            deliveries.append(
+                deliver(path, self.flight, layout, composition, bands, form=numbered, preview_width_px=preview_width_px)
+            )
+        for delivery in deliveries:
+            record_output(delivery.path, photographs)
         return deliveries
 
     def _register(self) -> Flight:
@@ -232,6 +187,7 @@ class MosaicPlan:
         )
         bend = fit_bend(pair, options.warp)
         if bend is not None:
+            # Blending decodes the left photograph again where memory is short, and bends it again.
             self.sources = [dataclasses.replace(self.sources[0], bend=bend), self.sources[1]]
             left = dataclasses.replace(left, pixels=np.asarray(bend(left.pixels), dtype=np.uint8))
         for source, photograph in zip(self.sources, (left, right), strict=True):
@@ -260,6 +216,6 @@ def fit_bend(pair: Pair, warp: str) -> Callable[[Intensities], Intensities] | No
         return None
     left, right = match_points(pair.kept)
     size = pair.working[0].shape[1], pair.working[0].shape[0]
-    given = pair.working_homography, left, right, size
-    mesh = fit_useful_mesh(*given) if warp == "auto" else fit_mesh(*given)
+    fit = fit_useful_mesh if warp == "auto" else fit_mesh
+    mesh = fit(pair.working_homography, left, right, size)
     return None if mesh is None else mesh.bend

@@ -1,8 +1,9 @@
-"""A mosaic in memory, with what tells how it was made and where it lies on the map."""
+"""A mosaic in memory, with its provenance and its place on the map."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from golden_model.arrays import Intensities, Matrix
@@ -25,16 +26,7 @@ class Mosaic:
     Attributes
     ----------
     image : ndarray of uint8, shape (H, W, 3), or (H, W) where every photograph is gray
-        Of uint16 where every photograph has 16 bits. Of multi-band sets (H, W, bands).
-    transforms : dict of int to ndarray, shape (3, 3)
-        For each photograph in the mosaic, its original pixels to canvas pixels. Of a photograph taken with a known
-        camera, its pixels once the distortion is taken out.
-    placed : tuple of int
-        Indices of the photographs in the mosaic.
-    left_out : dict of int to str
-        Indices of the others, with the reason.
-    pairs : tuple of Pair
-        The registration of two photographs; empty for more.
+        uint16 where every photograph has 16 bits; (H, W, bands) of multi-band sets.
     flight : Flight
         Features, links and layouts.
     layout : Layout
@@ -44,13 +36,33 @@ class Mosaic:
     """
 
     image: Intensities
-    transforms: dict[int, Matrix]
-    placed: tuple[int, ...]
-    left_out: dict[int, str]
-    pairs: tuple[Pair, ...]
     flight: Flight
     layout: Layout
     composition: Composition
+
+    @cached_property
+    def transforms(self) -> dict[int, Matrix]:
+        """For each photograph in the mosaic, (3, 3), its original pixels to canvas pixels.
+
+        For a photograph taken with a known camera, its pixels without the lens's distortion.
+        """
+        indices = [placement.source.index for placement in self.composition.placements]
+        return dict(zip(indices, self.composition.transforms, strict=True))
+
+    @property
+    def placed(self) -> tuple[int, ...]:
+        """Indices of the photographs in the mosaic."""
+        return tuple(sorted(self.transforms))
+
+    @property
+    def left_out(self) -> dict[int, str]:
+        """Indices of the other photographs, with the reason."""
+        return self.flight.absent_from(self.layout)
+
+    @property
+    def pairs(self) -> tuple[Pair, ...]:
+        """The registration of two photographs; empty for more."""
+        return () if self.flight.pair is None else (self.flight.pair,)
 
     def to_geotiff(self, path: str | Path, *, overwrite: bool = False, scheduler: str | None = None) -> Georeference:
         """Render the mosaic again, and write it as a GeoTIFF; needs the extra ``geo``.
@@ -74,24 +86,17 @@ class Mosaic:
         Raises
         ------
         InputError
-            If nothing tells where the mosaic lies (the message says why), or the file cannot be written.
+            If the place on the map is not known (the message says why), or the file cannot be written.
         """
         path = Path(path)
-        check_output(
-            path,
-            tuple(name for each in self.flight.sources for name in each.files),
-            GEOTIFF_SUFFIXES,
-            overwrite=overwrite,
-        )
+        inputs = tuple(name for each in self.flight.sources for name in each.files)
+        check_output(path, inputs, GEOTIFF_SUFFIXES, overwrite=overwrite)
         place = self.composition.place
         if place.georeference is None:
-            raise InputError(
-                f"{path}: the mosaic's place on the map is not known ({place.note}); save its image instead"
-            )
+            raise InputError(f"{path}: the mosaic's place on the map is unknown ({place.note}); save its image instead")
         try:
             with Workers(scheduler) as workers:
-                bands = self.composition.bands(workers)
-                deliver(path, self.flight, self.layout, self.composition, bands)
+                deliver(path, self.flight, self.layout, self.composition, self.composition.bands(workers))
         finally:
             forget_decoded()
         return place.georeference

@@ -1,8 +1,7 @@
 """How far to trust a registered pair: a predicted error over the overlap, and one verdict with its reason.
 
-`skymosaic.geometry.uncertainty` judges the matches; here the images themselves have a say: they are warped onto each
-other and correlated. The formula of the predicted error was fitted by ``python bench/confidence.py``, see
-docs/registration.md.
+`skymosaic.geometry.uncertainty` measures how well the matches fit; here the images are warped onto each other and
+correlated as well.
 """
 
 from __future__ import annotations
@@ -17,16 +16,17 @@ from golden_model.arrays import Float32, Mask, Matrix, Pixels, Points
 from golden_model.pixel.gray import to_gray
 from skymosaic.geometry.uncertainty import FitQuality, assess_fit
 
+# A pair is good below the first predicted error, and poor from the second on.
 GOOD_PX = 2.0
 POOR_PX = 5.0
-"""Predicted errors below which a pair is good, and from which on it is poor."""
 FEW_INLIERS = 20
-SMALL_SHARE = 0.25
-RELIEF_SHARE = 0.75
-"""Fewer held-out matches within 2 px mean that the ground is not flat."""
+SMALL_SHARE_OF_OVERLAP = 0.25
+# With fewer held-out matches within 2 px the ground is not flat.
+FLAT_SHARE = 0.75
 HIGH_PASS_SIGMA_PX = 3.0
-SMALLEST_OVERLAP_PX = 400
-"""Pixels of a correlation that means something."""
+# Fewer pixels correlate by chance.
+MIN_OVERLAP_PX = 400
+# Fitted by `python bench/confidence.py` to pairs with known errors, see docs/registration.md.
 INTERCEPT = 2.749
 COEFFICIENTS = {
     "log_instability": 0.367,
@@ -34,7 +34,7 @@ COEFFICIENTS = {
     "log_uncovered": 0.485,
     "correlation": -0.647,
 }
-"""Logarithm of the predicted error (px): intercept plus coefficients times `measures`."""
+"""Logarithm of the predicted error (px): intercept plus coefficients times `measure_inputs`."""
 
 
 @dataclass(frozen=True)
@@ -45,15 +45,15 @@ class Confidence:
     ----------
     verdict : {"good", "check", "poor"}
     reason : str
-        Why it is not good; what was found where it is.
+        Why it is not good; the evidence where it is.
     predicted_px : float
         Predicted mean error over the overlap, px of the working images.
     held_out_share : float
-        Share of held-out matches within 2 px, 0..1.
+        Share of held-out matches within 2 px, 0 to 1.
     correlation : float
-        NCC of the overlap after warping, high-pass, -1..1.
+        NCC of the overlap after warping, high-pass, -1 to 1.
     quality : FitQuality
-        The rest of what the matches say.
+        How well the matches fit the homography.
     """
 
     verdict: str
@@ -70,7 +70,7 @@ class Confidence:
 
 
 def assess(images: tuple[Pixels, Pixels], homography: Matrix, left: Points, right: Points) -> Confidence:
-    """Judge a homography of two working images.
+    """Predict the error of a homography between two working images.
 
     Parameters
     ----------
@@ -79,21 +79,21 @@ def assess(images: tuple[Pixels, Pixels], homography: Matrix, left: Points, righ
     homography : (3, 3) ndarray
         Left to right, working px.
     left, right : (N, 2) ndarray
-        The kept matches of unguided passes, wrong ones included, working px.
+        The kept matches of unguided passes, including wrong ones, working px.
     """
     sizes = [(image.shape[1], image.shape[0]) for image in images]
     quality = assess_fit(homography, left, right, sizes[0], sizes[1])
-    correlation = overlap_correlation(images, homography)
-    inputs = measures(quality, correlation)
+    correlation = correlate_overlap(images, homography)
+    inputs = measure_inputs(quality, correlation)
     exponent = INTERCEPT + sum(COEFFICIENTS[name] * value for name, value in inputs.items())
     predicted_px = float(np.exp(np.clip(exponent, -5, 5)))
     verdict = "good" if predicted_px < GOOD_PX else "check" if predicted_px < POOR_PX else "poor"
-    reason = _reason(quality, correlation, predicted_px, verdict)
+    reason = _explain(quality, correlation, predicted_px, verdict)
     return Confidence(verdict, reason, predicted_px, quality.held_out_share, correlation, quality)
 
 
-def measures(quality: FitQuality, correlation: float) -> dict[str, float]:
-    """What the predicted error is a function of, by the names of `COEFFICIENTS`."""
+def measure_inputs(quality: FitQuality, correlation: float) -> dict[str, float]:
+    """The quantities that predict the error, by the names of `COEFFICIENTS`."""
     return {
         "log_instability": float(np.log(max(quality.instability_px, 0.01))),
         "log_missed": float(np.log(1.02 - quality.held_out_share)),
@@ -102,44 +102,45 @@ def measures(quality: FitQuality, correlation: float) -> dict[str, float]:
     }
 
 
-def overlap_correlation(images: tuple[Pixels, Pixels], homography: Matrix) -> float:
+def correlate_overlap(images: tuple[Pixels, Pixels], homography: Matrix) -> float:
     """Normalised cross-correlation of left and warped right image over their overlap, without low frequencies.
 
-    High-pass: brightness that differs or falls off towards the corners does not matter. 0 without an overlap.
+    Without these, brightness that differs or falls off towards the corners does not matter. 0 without an overlap.
     """
     left, right = (to_gray(image) for image in images)
     size = (left.shape[1], left.shape[0])
     to_left_grid = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     warped = cv2.warpPerspective(right, homography, size, flags=to_left_grid)
     covered = cv2.warpPerspective(np.full(right.shape, 255, np.uint8), homography, size, flags=to_left_grid)
-    # What the high-pass mixes with the outside of the overlap does not count.
+    # At the edge of the overlap the high-pass mixes in what lies outside it.
     radius = round(3 * HIGH_PASS_SIGMA_PX)
     kernel = np.ones((2 * radius + 1, 2 * radius + 1), np.uint8)
     inside: Mask = cv2.erode(covered, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0) == 255
-    if np.count_nonzero(inside) < SMALLEST_OVERLAP_PX:
+    if np.count_nonzero(inside) < MIN_OVERLAP_PX:
         return 0.0
-    one, other = (_high_pass(image)[inside] for image in (left, np.asarray(warped, dtype=np.uint8)))
-    energy = float(np.sqrt((one**2).sum(dtype=np.float64) * (other**2).sum(dtype=np.float64)))
-    return float((one * other).sum(dtype=np.float64)) / energy if energy > 0 else 0.0
+    left_high, right_high = (_filter_high_pass(image)[inside] for image in (left, np.asarray(warped, dtype=np.uint8)))
+    energy = float(np.sqrt((left_high**2).sum(dtype=np.float64) * (right_high**2).sum(dtype=np.float64)))
+    return float((left_high * right_high).sum(dtype=np.float64)) / energy if energy > 0 else 0.0
 
 
-def _high_pass(image: Pixels) -> Float32:
+def _filter_high_pass(image: Pixels) -> Float32:
+    # The first blur takes away noise, which does not correlate.
     values = image.astype(np.float32)
     smooth = cv2.GaussianBlur(values, (0, 0), 1.0)
     return np.asarray(smooth - cv2.GaussianBlur(values, (0, 0), HIGH_PASS_SIGMA_PX), dtype=np.float32)
 
 
-def _reason(quality: FitQuality, correlation: float, predicted_px: float, verdict: str) -> str:
-    """The strongest cause in words."""
+def _explain(quality: FitQuality, correlation: float, predicted_px: float, verdict: str) -> str:
+    """The strongest cause of the verdict, in words."""
     held_out = f"{100 * quality.held_out_share:.0f} % of held-out matches within 2 px"
     if verdict == "good":
         return f"{held_out}, expected error {predicted_px:.1f} px"
-    if quality.hull_share < SMALL_SHARE:
+    if quality.hull_share < SMALL_SHARE_OF_OVERLAP:
         cause = f"inliers cover {100 * quality.hull_share:.0f} % of the overlap"
     elif quality.inliers < FEW_INLIERS:
         cause = f"only {quality.inliers} inliers"
-    elif quality.held_out_share < RELIEF_SHARE:
+    elif quality.held_out_share < FLAT_SHARE:
         cause = f"relief: {held_out}; expect ghosting up to {quality.held_out_px:.0f} px"
     else:
-        cause = f"the overlap correlates by {correlation:.2f} only"
+        cause = f"the overlap correlates by only {correlation:.2f}"
     return f"{cause}; expected error {predicted_px:.1f} px"

@@ -34,13 +34,13 @@ class Features:
     points : ndarray of float64, shape (N, 2)
         Positions (x, y) in original pixels, pixel centres at integers.
     levels : ndarray of uint8, shape (N,)
-        Level of the pyramid: 0, or 1 at half the size.
+        Pyramid level: 0 at full size, 1 at half size.
     angles : ndarray of float64, shape (N,)
-        Orientation in radians, in steps of a sixteenth of a circle; 0 of a descriptor without orientation.
+        Orientation in radians, in steps of a sixteenth of a circle; 0 without orientation.
     descriptors : ndarray of uint8, shape (N, B)
-        B bytes each; of a binary descriptor 8 bits a byte.
+        B bytes each; 8 bits per byte of a binary descriptor.
     records : structured array, shape (N,)
-        As the front end made them (`golden_model.records.feature_record`), positions in 1/16 working px.
+        From the front end (`golden_model.records.feature_record`), positions in 1/16 working px.
     to_original : ndarray of float64, shape (3, 3)
         Working pixels to original pixels.
     method : Method
@@ -63,8 +63,8 @@ class Features:
 
     def __repr__(self) -> str:
         """One line with the name, the count and the method."""
-        found = f"{len(self)} {self.method.detector} with {self.method.descriptor}"
-        return one_line(f"Features({self.photograph.name}: {found})")
+        method = f"{self.method.detector} with {self.method.descriptor}"
+        return one_line(f"Features({self.photograph.name}: {len(self)} {method})")
 
 
 def extract(

@@ -1,4 +1,4 @@
-"""Draws the matches of two photographs. Needs matplotlib, which the extra ``plots`` installs."""
+"""Draws the matches of two photographs; needs matplotlib, which the extra ``plots`` installs."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from matplotlib.figure import Figure
 
 from golden_model.arrays import Array, Pixels, Points
 
+# Between the photographs, as a share of the left one's width.
 GAP = 0.02
-"""Between the photographs, as share of the left one's width."""
 HEIGHT_IN = 5.0
-WIDEST_IN = 16.0
+MAX_WIDTH_IN = 16.0
 
 
-def matches(images: tuple[Pixels, Pixels], left: Points, right: Points, weights: Array, *, title: str) -> Figure:
-    """Two photographs beside each other, and a line for each match.
+def draw_matches(images: tuple[Pixels, Pixels], left: Points, right: Points, weights: Array, *, title: str) -> Figure:
+    """Draw two photographs beside each other, and a line for each match.
 
     Parameters
     ----------
@@ -25,13 +25,13 @@ def matches(images: tuple[Pixels, Pixels], left: Points, right: Points, weights:
     left, right : ndarray, shape (N, 2)
         Matched points, px of the photographs.
     weights : ndarray, shape (N,)
-        0..1, shown as colours.
+        0 to 1, shown as colours.
     title : str
     """
     (left_height, left_width), (right_height, right_width) = (image.shape[:2] for image in images)
     offset = np.array([left_width * (1 + GAP), 0.0])
     aspect = (offset[0] + right_width) / max(left_height, right_height)
-    figure = Figure(figsize=(min(HEIGHT_IN * aspect, WIDEST_IN), HEIGHT_IN + 1), layout="constrained")
+    figure = Figure(figsize=(min(HEIGHT_IN * aspect, MAX_WIDTH_IN), HEIGHT_IN + 1), layout="constrained")
     plot = figure.subplots()
     for image, x_px in zip(images, (0.0, offset[0]), strict=True):
         height, width = image.shape[:2]

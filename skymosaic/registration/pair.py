@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 KINDS = ("inliers", "kept", "matches")
-"""Matches that `Pair.points` gives, the strictest first."""
+"""Kinds of matches that `Pair.points` returns, the strictest first."""
 
 
 class MatchedPoints(NamedTuple):
@@ -36,9 +36,9 @@ class MatchedPoints(NamedTuple):
     left, right : ndarray of float64, shape (N, 2)
         Positions (x, y) in original pixels, pixel centres at integers.
     weights : ndarray of float64, shape (N,)
-        Of the fuzzy rules, 0..1.
+        Weights that the fuzzy rules give, 0 to 1.
     rules : ndarray of str, shape (N,)
-        The dominant rule of each match in words.
+        The dominant rule of each match, in words.
     """
 
     left: Points
@@ -51,7 +51,7 @@ class MatchedPoints(NamedTuple):
 class Pair:
     """Two photographs, their features and matches, and their homography.
 
-    `points` gives the matches in pixels of the photographs. The records below are as the front end made them, with
+    `points` returns the matches in pixels of the photographs. The records below are those of the front end:
     positions in 1/16 px of the working images (UQ12.4), distances in bits of the descriptor (UQ16.0), weights in
     1/256 (UQ0.8) and orientations in sixteenths of a circle.
 
@@ -60,29 +60,29 @@ class Pair:
     left, right : Photograph
         The originals.
     to_original : tuple of ndarray, shape (3, 3)
-        Working pixels to original pixels, of left and right.
+        Working pixels to original pixels, left and right.
     working : tuple of ndarray
-        The images as the front end saw them.
+        The images that the front end processed.
     features : tuple of structured arrays
-        Feature records of left and right (`golden_model.records.feature_record`), in 1/16 working px.
+        Feature records, left and right (`golden_model.records.feature_record`), in 1/16 working px.
     matches, kept, inliers : structured arrays
-        Match records (`golden_model.records.MATCH`) as proposed (after the mutual check; of a ratio test, before
-        it), after the fuzzy stage or the ratio test's mutual check, and within 2 working px of the homography (of
-        fuzzy RANSAC: accepted by its rules).
+        Match records (`golden_model.records.MATCH`). ``matches`` are proposed by the mutual check, or by a ratio
+        test before it. ``kept`` pass the fuzzy stage, or the mutual check after the ratio test. ``inliers`` lie within
+        2 working px of the homography, or are accepted by the rules of fuzzy RANSAC.
     refined_inliers : int
-        Matches of the second pass within 2 working px; 0 where there was none, or it found less than the first.
+        Matches of the guided pass within 2 working px; 0 without such a pass, or where it does not fit better.
     homography : ndarray of float64, shape (3, 3), or None
         Left original pixels to right original pixels, pixel centres at integers; None where not accepted.
     reason : str
         Why the pair was not accepted, with the counts; empty where it was.
     config : Config
-        Of the front end and matcher.
+        What the front end and the matcher computed.
     method : Method
         Detector and descriptor.
     estimator : str
         Robust estimator.
     effort : str
-        One of `skymosaic.registration.passes.EFFORTS`.
+        One of `skymosaic.registration.options.EFFORTS`.
     passes : int
         Pairs of frames that were matched; 1 where the first pass was enough.
     backend : str
@@ -124,7 +124,7 @@ class Pair:
 
     @cached_property
     def confidence(self) -> Confidence | None:
-        """How far to trust the homography; computed when first asked for. None where not accepted."""
+        """How far to trust the homography; computed on first use. None where not accepted."""
         if self.working_homography is None:
             return None
         return assess(self.working, self.working_homography, *match_points(self.kept))
@@ -171,7 +171,7 @@ class Pair:
         Parameters
         ----------
         kind : str
-            As of `points`.
+            As in `points`.
 
         Raises
         ------
@@ -180,19 +180,19 @@ class Pair:
         """
         points = self.points(kind)
         try:
-            # Takes a second to import, and is an extra.
-            plots = importlib.import_module("skymosaic.registration.match_plot")
+            # Matplotlib takes a second to import, and is an extra.
+            match_plot = importlib.import_module("skymosaic.registration.match_plot")
         except ModuleNotFoundError:
             raise InputError(f"a plot needs matplotlib; {how_to_install('plots')}") from None
         images = self.left.pixels, self.right.pixels
-        figure: Figure = plots.matches(images, points.left, points.right, points.weights, title=repr(self))
+        figure: Figure = match_plot.draw_matches(images, points.left, points.right, points.weights, title=repr(self))
         return figure
 
     def __repr__(self) -> str:
         """One line with the names, the verdict and the counts."""
-        found = "accepted" if self.accepted else f"not accepted ({self.reason})"
+        verdict = "accepted" if self.accepted else f"not accepted ({self.reason})"
         counts = f"{len(self.matches)} matches, {len(self.kept)} kept, {len(self.inliers)} inliers"
-        return one_line(f"Pair({self.left.name} -> {self.right.name}: {found}, {counts})")
+        return one_line(f"Pair({self.left.name} -> {self.right.name}: {verdict}, {counts})")
 
     def summary(self) -> dict[str, Any]:
         """The pair in plain numbers, as ``register --json`` prints it."""
