@@ -1,27 +1,25 @@
-"""Ground control points: places whose coordinates were surveyed and that photographs show."""
+"""Ground control points: surveyed places that photographs show."""
 
 from __future__ import annotations
 
-import importlib
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from golden_model.arrays import Points
 from skymosaic.errors import InputError
 from skymosaic.imagery.exif import Position
-from skymosaic.maps.georeference import NO_MAPS, has_maps, project_to_utm
+from skymosaic.maps.georeference import NO_MAPS, has_maps, import_rasterio, project_to_utm
 
 _UTM = re.compile(r"(?:WGS ?84 )?UTM (?:zone )?(\d{1,2})([NS])", re.IGNORECASE)
-"""The name of a coordinate system as OpenDroneMap's users write it; everything else is for rasterio."""
+"""A coordinate system as OpenDroneMap's users write it; rasterio reads all other forms."""
 
 
 @dataclass(frozen=True)
 class Sighting:
-    """A control point in a photograph.
+    """A control point as a photograph shows it.
 
     Attributes
     ----------
@@ -30,7 +28,7 @@ class Sighting:
     photograph : str
         Name of the file, without its folder.
     x_px, y_px : float
-        Where the file shows it; pixel centres at integers.
+        Its place in the file's pixels, centres at integers.
     """
 
     point: int
@@ -46,7 +44,7 @@ class ControlPoints:
     Attributes
     ----------
     name : str
-        Of the file, for messages.
+        Name of the file, for messages.
     crs : str
         The map's coordinate system, in metres.
     metres : (N, 2) float64 ndarray
@@ -88,16 +86,17 @@ def load_control_points(path: Path) -> ControlPoints:
     names: list[str] = []
     sightings = []
     for number, line in lines[1:]:
-        place, pixel, photograph, name = _line(path, number, line)
+        place, pixel, photograph, name = _parse_line(path, number, line)
         if place not in index:
             index[place] = len(index)
             names.append(name or f"point {len(index)}")
         sightings.append(Sighting(index[place], photograph, *pixel))
-    crs, metres = _in_metres(path, lines[0][1], np.array(list(index))[:, :2])
+    crs, metres = _convert_to_metres(path, lines[0][1], np.array(list(index))[:, :2])
     return ControlPoints(str(path), crs, metres, tuple(names), tuple(sightings))
 
 
-def _line(path: Path, number: int, line: str) -> tuple[tuple[float, float, float], tuple[float, float], str, str]:
+def _parse_line(path: Path, number: int, line: str) -> tuple[tuple[float, float, float], tuple[float, float], str, str]:
+    """The coordinates of a point, its pixel, the photograph and the point's name, which may be empty."""
     parts = line.split()
     try:
         x, y, z, column, row = map(float, parts[:5])
@@ -112,16 +111,15 @@ def _line(path: Path, number: int, line: str) -> tuple[tuple[float, float, float
     return (x, y, z), (column, row), photograph, " ".join(parts[6:7])
 
 
-def _in_metres(path: Path, name: str, points: Points) -> tuple[str, Points]:
-    """The coordinate system as rasterio knows it, and the points in it; degrees become UTM."""
-    crs_module: Any = importlib.import_module("rasterio.crs")
-    errors: Any = importlib.import_module("rasterio.errors")
+def _convert_to_metres(path: Path, name: str, points: Points) -> tuple[str, Points]:
+    """Convert points to a coordinate system in metres, which is UTM for degrees; returns its name and the points."""
+    rasterio = import_rasterio()
     zone = _UTM.fullmatch(name)
     if zone is not None:
         name = f"EPSG:{326 if zone[2].upper() == 'N' else 327}{int(zone[1]):02}"
     try:
-        crs = crs_module.CRS.from_user_input(name)
-    except (errors.RasterioError, errors.CRSError):
+        crs = rasterio.crs.CRS.from_user_input(name)
+    except (rasterio.errors.RasterioError, rasterio.errors.CRSError):
         raise InputError(f"{path}: {name!r} is no coordinate system; begin with a line such as EPSG:32615") from None
     if crs.is_geographic:
         return project_to_utm([Position(latitude, longitude) for longitude, latitude in points.tolist()])

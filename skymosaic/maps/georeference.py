@@ -1,11 +1,13 @@
-"""Georeferencing: positions on the map in metres, and the similarity that puts a mosaic there."""
+"""Positions on the map in metres, and the similarity that places a mosaic there."""
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import importlib.util
 import math
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,24 +17,24 @@ from numpy.typing import NDArray
 from golden_model.arrays import Array, Matrix, Points
 from golden_model.text import how_to_install
 from skymosaic.errors import InputError
-from skymosaic.geometry.homography import DegenerateError, apply, estimate
+from skymosaic.geometry.homography import DegenerateError, estimate, transfer_error
 from skymosaic.imagery.exif import Position
 
 NO_MAPS = f"maps need rasterio; {how_to_install('geo')}"
 MIN_POSITIONS = 3
-"""Two positions always fit a similarity exactly, so that a wrong one would not be noticed."""
+"""Two positions fit a similarity exactly, so a wrong one would go unnoticed."""
 MAX_RESIDUAL = 0.25
 """A fit is refused if its residual is larger than this share of the spread of the positions."""
 MAX_DISAGREEING = 1 / 3
 """A fit is refused if a larger share of the positions disagrees with it."""
 FAR_OFF = 3.0
-"""A position disagrees if it is off by more than so many times the median, for noise once in 500 positions ..."""
+"""A position disagrees if its offset is more than this many times the median, which noise does once in 500, ..."""
 NEGLIGIBLE = 1e-3
-"""... and by more than this share of the spread of the positions."""
-TRIALS = 500
+"""... and more than this share of the spread of the positions."""
+MAX_TRIALS = 500
 REFITS = 5
 ROUNDING = 1e-9
-FEW = 5
+WORST_NAMED = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,11 +48,11 @@ class Georeference:
     to_map : ndarray of float64, shape (3, 3)
         Pixels, centres at integers, to metres east and north: a similarity.
     residual_m : float
-        Root mean square distance of the positions that agree with the fit from their places on the map.
+        Root mean square distance of the agreeing positions from their places on the map.
     offsets_m : tuple of float
-        Distance of each position, NaN where there was none.
+        Distance of each position from its place on the map, NaN without a position.
     disagreeing : tuple of int
-        Indices of positions that were left out of the fit because they are too far off.
+        Indices of positions too far off, which the fit leaves out.
     """
 
     crs: str
@@ -61,27 +63,38 @@ class Georeference:
 
     @property
     def metres_per_pixel(self) -> float:
-        """Ground resolution."""
+        """Ground resolution, the length of a pixel's side."""
         return math.hypot(*self.to_map[:2, 0])
 
     def for_pixels(self, to_pixels: Matrix) -> Georeference:
-        """The georeference of other pixels, which ``to_pixels`` maps to the present ones."""
+        """The georeference of other pixels, given their map ``to_pixels`` to these pixels."""
         to_map = np.asarray(self.to_map @ to_pixels, dtype=np.float64)
         step_m = math.hypot(*to_map[:2, 0])
         if abs(to_map[0, 0] - step_m) + abs(to_map[1, 0]) < ROUNDING * step_m:
-            # North is up: programs take a raster for a turned one even if rounding errors alone turn it.
+            # North is up. Programs treat a raster as turned even if rounding errors alone turn it.
             to_map[:2, :2] = np.diag([step_m, -step_m])
         return replace(self, to_map=to_map)
 
 
 def has_maps() -> bool:
-    """Whether the package for maps and their files is installed."""
+    """Whether rasterio, the package for maps and their files, is installed."""
     return importlib.util.find_spec("rasterio") is not None
 
 
-def globe_to_map(longitudes: Sequence[float], latitudes: Sequence[float], crs: str) -> Points:
-    """Positions on WGS 84 in a coordinate system of the map, (N, 2); needs the extra ``geo``."""
-    return reproject(np.column_stack((longitudes, latitudes)), "EPSG:4326", crs)
+def import_rasterio() -> Any:
+    """Import rasterio with the submodules in use; at its first use only, because it comes with the extra ``geo``."""
+    for name in ("crs", "enums", "errors", "shutil", "vrt", "warp", "windows"):
+        importlib.import_module(f"rasterio.{name}")
+    return importlib.import_module("rasterio")
+
+
+@contextlib.contextmanager
+def quiet_rasterio() -> Iterator[Any]:
+    """Context of rasterio without its warnings about files without a georeference."""
+    rasterio = import_rasterio()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
+        yield rasterio
 
 
 def map_to_globe(points: Points, crs: str) -> Points:
@@ -90,27 +103,26 @@ def map_to_globe(points: Points, crs: str) -> Points:
 
 
 def reproject(points: Points, source: str, target: str) -> Points:
-    """Positions (N, 2), x first, of one coordinate system in another; needs the extra ``geo``.
+    """Convert positions (N, 2), x first, from one coordinate system to another; needs the extra ``geo``.
 
     Raises
     ------
     InputError
-        For a system that does not exist, or positions that it cannot express.
+        For an unknown system, or positions that it cannot express.
     """
-    warp: Any = importlib.import_module("rasterio.warp")
-    errors: Any = importlib.import_module("rasterio.errors")
+    rasterio = import_rasterio()
     try:
         x, y = np.asarray(points).reshape(-1, 2).T.tolist()
-        return np.column_stack(warp.transform(source, target, x, y))
-    except (errors.RasterioError, errors.CRSError) as error:
+        return np.column_stack(rasterio.warp.transform(source, target, x, y))
+    except (rasterio.errors.RasterioError, rasterio.errors.CRSError) as error:
         raise InputError(f"{source} to {target}: {error}; check the coordinate system") from None
 
 
 def project_to_utm(positions: Sequence[Position]) -> tuple[str, Points]:
-    """The UTM zone of the first position, and all positions in it, (N, 2) metres east and north."""
+    """Project positions to the UTM zone of the first; returns its name and (N, 2) metres east and north."""
     zone = int((positions[0].longitude_deg + 180) // 6) % 60 + 1
     crs = f"EPSG:{(32700 if positions[0].latitude_deg < 0 else 32600) + zone}"
-    return crs, globe_to_map([p.longitude_deg for p in positions], [p.latitude_deg for p in positions], crs)
+    return crs, reproject(np.array([(p.longitude_deg, p.latitude_deg) for p in positions]), "EPSG:4326", crs)
 
 
 def fit_to_map(
@@ -123,11 +135,11 @@ def fit_to_map(
     points : (N, 2) float64 ndarray
         Places on the mosaic, px.
     metres : (N, 2) float64 ndarray
-        The same places on the map, metres east and north; NaN where the map does not know them.
+        The same places on the map, metres east and north; NaN where that is unknown.
     crs : str
-        Of the map.
+        The map's coordinate system.
     names : sequence of str or None
-        Of the places, for the reason.
+        Names of the places, for the reason.
 
     Returns
     -------
@@ -136,21 +148,21 @@ def fit_to_map(
         Why there is none; empty if there is one.
     """
     known = np.flatnonzero(np.isfinite(metres).all(axis=1))
-    # Two positions have no third to check the fit with; the caller has to say so.
+    # With two photographs there is no third position to check the fit; the caller has to say so.
     fewest = min(MIN_POSITIONS, max(len(points), 2))
     if len(known) < fewest:
         return None, f"{len(known)} of {len(points)} photographs have GPS; {fewest} are needed"
     # Rows count downwards and north points up. A similarity cannot mirror, so y is negated before the fit.
     upright, targets = points[known] * [1.0, -1.0], metres[known]
     try:
-        agreeing, similarity = _agreeing(upright, targets)
+        agreeing, similarity = _fit_agreeing(upright, targets)
     except DegenerateError:
         return None, "the positions coincide or do not fit the layout at all"
-    offsets = np.linalg.norm(apply(similarity, upright) - targets, axis=1)
+    offsets = transfer_error(similarity, upright, targets)
     residual = float(np.sqrt(np.mean(offsets[agreeing] ** 2)))
     spread = _spread(targets[agreeing])
     if residual > MAX_RESIDUAL * spread or agreeing.mean() < 1 - MAX_DISAGREEING:
-        farthest = known[np.argsort(-offsets)][:FEW].tolist()
+        farthest = known[np.argsort(-offsets)][:WORST_NAMED].tolist()
         worst = ", ".join(str(index) if names is None else names[index] for index in farthest)
         median = float(np.median(offsets))
         return None, (
@@ -176,10 +188,10 @@ def _spread(points: Points) -> float:
     return float(np.sqrt(np.mean(np.sum((points - points.mean(axis=0)) ** 2, axis=1))))
 
 
-def _agreeing(points: Points, targets: Points) -> tuple[NDArray[np.bool_], Array]:
-    """Which positions agree, and their similarity.
+def _fit_agreeing(points: Points, targets: Points) -> tuple[NDArray[np.bool_], Array]:
+    """Fit the similarity of the positions that agree; returns which do, and the similarity.
 
-    All, if none of them stands out; otherwise the two that most others agree with, then all that do.
+    All agree if none stands out. Otherwise the fit starts from the two positions with the smallest median offset.
 
     Raises
     ------
@@ -188,23 +200,23 @@ def _agreeing(points: Points, targets: Points) -> tuple[NDArray[np.bool_], Array
     """
     count = len(points)
     pairs = np.stack(np.triu_indices(count, 1), axis=1)
-    if len(pairs) > TRIALS:
-        pairs = pairs[np.random.default_rng(0).choice(len(pairs), TRIALS, replace=False)]
-    found, least = estimate(points, targets, model="similarity"), np.inf
-    offsets = np.linalg.norm(apply(found, points) - targets, axis=1)
+    if len(pairs) > MAX_TRIALS:
+        pairs = pairs[np.random.default_rng(0).choice(len(pairs), MAX_TRIALS, replace=False)]
+    best, least = estimate(points, targets, model="similarity"), np.inf
+    agreeing = np.ones(count, dtype=np.bool_)
+    offsets = transfer_error(best, points, targets)
     if offsets.max() <= FAR_OFF * np.median(offsets):
-        return np.ones(count, dtype=np.bool_), found
+        return agreeing, best
     for pair in pairs:
         try:
             similarity = estimate(points[pair], targets[pair], model="similarity")
         except DegenerateError:
             continue
-        median = float(np.median(np.linalg.norm(apply(similarity, points) - targets, axis=1)))
+        median = float(np.median(transfer_error(similarity, points, targets)))
         if median < least:
-            found, least = similarity, median
-    agreeing = np.ones(count, dtype=np.bool_)
+            best, least = similarity, median
     for _ in range(REFITS):
-        offsets = np.linalg.norm(apply(found, points) - targets, axis=1)
+        offsets = transfer_error(best, points, targets)
         agreeing = offsets <= max(FAR_OFF * float(np.median(offsets)), NEGLIGIBLE * _spread(targets))
-        found = estimate(points[agreeing], targets[agreeing], model="similarity")
-    return agreeing, found
+        best = estimate(points[agreeing], targets[agreeing], model="similarity")
+    return agreeing, best

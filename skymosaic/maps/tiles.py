@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 import json
 import math
-import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,17 +17,18 @@ from golden_model.arrays import Pixels
 from skymosaic.errors import InputError
 from skymosaic.imagery.depth import ValueRange, show_in_8_bit
 from skymosaic.imagery.images import save_bytes
+from skymosaic.maps.georeference import import_rasterio, quiet_rasterio
 
 TILE_PX = 256
 WEBP_QUALITY = 85
 MAX_ZOOM = 24
 """Zoom at which a pixel of Web Mercator is 9 mm; tiles are not finer."""
 _HALF_WORLD_M = math.pi * 6_378_137.0
-"""Half the side of the square that Web Mercator maps the globe to."""
+"""Half the side of Web Mercator's square world."""
 _MERCATOR = "EPSG:3857"
 
 Read = Callable[[int, int], Pixels | None]
-"""The tile (256, 256, 4), BGRA, of a column and a row at the deepest zoom; None where nothing shows."""
+"""Reads the tile (256, 256, 4), BGRA, at a column and a row of the deepest zoom; None where it is empty."""
 
 
 @dataclass(frozen=True)
@@ -39,11 +38,11 @@ class Pyramid:
     Attributes
     ----------
     georeferenced : bool
-        Whether columns and rows count from Web Mercator's north-west corner; otherwise from the mosaic's own.
+        Whether columns and rows count from Web Mercator's north-west corner, or from the mosaic's.
     zoom : int
-        The deepest.
+        The deepest zoom.
     first, last : (int, int)
-        Column and row of the first and of the last tile there.
+        Column and row of the first and of the last tile at the deepest zoom.
     """
 
     georeferenced: bool
@@ -64,27 +63,25 @@ def write_tiles(folder: Path, raster: Path, title: str, values: ValueRange | Non
     Parameters
     ----------
     folder : Path
-        Made where it is missing.
+        Created if it is missing.
     raster : Path
         From `skymosaic.maps.geotiff.tee_to_raster`.
     title : str
     values : ValueRange or None
-        How 16 bits are shown.
+        How 8 bits show 16.
 
     Raises
     ------
     InputError
         If a file cannot be written or the raster cannot be read.
     """
-    rasterio: Any = importlib.import_module("rasterio")
+    rasterio = import_rasterio()
     try:
-        with _quiet(rasterio), rasterio.open(raster) as file:
-            georeferenced = file.crs is not None
-            with _warped(file) if georeferenced else contextlib.nullcontext(file) as source:
-                pyramid = _pyramid(source, georeferenced=georeferenced)
-                read = _reader(source, pyramid, values)
+        with quiet_rasterio(), rasterio.open(raster) as file:
+            pyramid = _plan_pyramid(file)
+            with _warp(file, pyramid) if pyramid.georeferenced else contextlib.nullcontext(file) as source:
                 column, row = (index >> (pyramid.zoom - pyramid.top) for index in pyramid.first)
-                _Writer(folder, read, pyramid).write(pyramid.top, column, row)
+                _Writer(folder, _reader(source, pyramid, values), pyramid).write(pyramid.top, column, row)
     except (rasterio.errors.RasterioError, OSError) as error:
         raise InputError(f"{folder}: tiles cannot be made ({error}); choose another folder") from None
     page = (Path(__file__).parent / "viewer.html").read_text(encoding="utf-8")
@@ -92,60 +89,49 @@ def write_tiles(folder: Path, raster: Path, title: str, values: ValueRange | Non
         "title": title, "georeferenced": pyramid.georeferenced, "tile": TILE_PX, "top": pyramid.top,
         "zoom": pyramid.zoom, "first": pyramid.first, "last": pyramid.last,
     }  # fmt: skip
-    # "</" would end the script of the page.
+    # Unescaped, "</" would end the page's script.
     save_bytes(folder / "index.html", page.replace("{facts}", json.dumps(facts).replace("</", "<\\/")).encode())
     return pyramid
 
 
-@contextlib.contextmanager
-def _quiet(rasterio: Any) -> Iterator[None]:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
-        yield
-
-
 def _resolution_m(zoom: int) -> float:
-    """Metres of Web Mercator a pixel."""
+    """Metres per pixel in Web Mercator."""
     return 2 * _HALF_WORLD_M / TILE_PX / (1 << zoom)
 
 
-def _warped(file: Any) -> Any:
-    """The mosaic in Web Mercator, on the pixels of the deepest zoom that is not coarser than the mosaic."""
-    rasterio: Any = importlib.import_module("rasterio")
-    bounds = importlib.import_module("rasterio.warp").transform_bounds(file.crs, _MERCATOR, *file.bounds)
-    finest_m = math.sqrt((bounds[2] - bounds[0]) * (bounds[3] - bounds[1]) / (file.width * file.height))
+def _plan_pyramid(file: Any) -> Pyramid:
+    """The tiles of a raster, at the zoom nearest to its resolution."""
+    if file.crs is None:
+        columns, rows = (-(-side // TILE_PX) for side in (file.width, file.height))
+        return Pyramid(False, (max(columns, rows) - 1).bit_length(), (0, 0), (columns - 1, rows - 1))
+    left, bottom, right, top = import_rasterio().warp.transform_bounds(file.crs, _MERCATOR, *file.bounds)
+    finest_m = math.sqrt((right - left) * (top - bottom) / (file.width * file.height))
     zoom = min(max(math.ceil(math.log2(_resolution_m(0) / finest_m) - 0.5), 0), MAX_ZOOM)
     side_m = TILE_PX * _resolution_m(zoom)
-    west, east = math.floor((bounds[0] + _HALF_WORLD_M) / side_m), math.ceil((bounds[2] + _HALF_WORLD_M) / side_m)
-    north, south = math.floor((_HALF_WORLD_M - bounds[3]) / side_m), math.ceil((_HALF_WORLD_M - bounds[1]) / side_m)
-    resolution_m = _resolution_m(zoom)
-    corner = rasterio.Affine(
-        resolution_m, 0, west * side_m - _HALF_WORLD_M, 0, -resolution_m, _HALF_WORLD_M - north * side_m
-    )
-    return importlib.import_module("rasterio.vrt").WarpedVRT(
+    west, east = math.floor((left + _HALF_WORLD_M) / side_m), math.ceil((right + _HALF_WORLD_M) / side_m)
+    north, south = math.floor((_HALF_WORLD_M - top) / side_m), math.ceil((_HALF_WORLD_M - bottom) / side_m)
+    return Pyramid(True, zoom, (west, north), (east - 1, south - 1))
+
+
+def _warp(file: Any, pyramid: Pyramid) -> Any:
+    """Open a raster in Web Mercator, on the pixels of the deepest tiles."""
+    rasterio = import_rasterio()
+    (west, north), (east, south) = pyramid.first, pyramid.last
+    scale_m = _resolution_m(pyramid.zoom)
+    left_m, top_m = west * TILE_PX * scale_m - _HALF_WORLD_M, _HALF_WORLD_M - north * TILE_PX * scale_m
+    return rasterio.vrt.WarpedVRT(
         file,
         crs=_MERCATOR,
-        transform=corner,
-        width=(east - west) * TILE_PX,
-        height=(south - north) * TILE_PX,
+        transform=rasterio.Affine(scale_m, 0, left_m, 0, -scale_m, top_m),
+        width=(east - west + 1) * TILE_PX,
+        height=(south - north + 1) * TILE_PX,
         resampling=rasterio.enums.Resampling.cubic,
     )
 
 
-def _pyramid(source: Any, *, georeferenced: bool) -> Pyramid:
-    columns, rows = (-(-side // TILE_PX) for side in (source.width, source.height))
-    if not georeferenced:
-        return Pyramid(georeferenced, (max(columns, rows) - 1).bit_length(), (0, 0), (columns - 1, rows - 1))
-    zoom = round(math.log2(_resolution_m(0) / source.transform.a))
-    side_m = TILE_PX * source.transform.a
-    column = round((source.transform.c + _HALF_WORLD_M) / side_m)
-    row = round((_HALF_WORLD_M - source.transform.f) / side_m)
-    return Pyramid(georeferenced, zoom, (column, row), (column + columns - 1, row + rows - 1))
-
-
 def _reader(source: Any, pyramid: Pyramid, values: ValueRange | None) -> Read:
-    """Reads tiles of the deepest zoom."""
-    window: Any = importlib.import_module("rasterio.windows").Window
+    """A function that reads tiles of the deepest zoom."""
+    window = import_rasterio().windows.Window
     alpha = source.count
     shown = [3, 2, 1, alpha] if alpha >= 4 else [1, 1, 1, alpha]
 
@@ -172,20 +158,20 @@ class _Writer:
     pyramid: Pyramid
 
     def write(self, zoom: int, column: int, row: int) -> Pixels | None:
-        """Write a tile and all below it; returns it."""
+        """Write a tile and all tiles below it; returns the tile."""
         shift = self.pyramid.zoom - zoom
         ranges = zip((column, row), self.pyramid.first, self.pyramid.last, strict=True)
         if any(not first >> shift <= at <= last >> shift for at, first, last in ranges):
             return None
-        tile = self.read(column, row) if shift == 0 else self._of_four(zoom + 1, 2 * column, 2 * row)
+        tile = self.read(column, row) if shift == 0 else self._join_four(zoom + 1, 2 * column, 2 * row)
         if tile is not None:
             path = self.folder / str(zoom) / str(column) / f"{row}.webp"
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(cv2.imencode(".webp", tile, [cv2.IMWRITE_WEBP_QUALITY, WEBP_QUALITY])[1].tobytes())
         return tile
 
-    def _of_four(self, zoom: int, column: int, row: int) -> Pixels | None:
-        """A tile from the four below it, averaged over what they show."""
+    def _join_four(self, zoom: int, column: int, row: int) -> Pixels | None:
+        """Make a tile from the four below it, averaged over their visible pixels."""
         sheet = np.zeros((2 * TILE_PX, 2 * TILE_PX, 4), np.uint8)
         for down in (0, 1):
             for across in (0, 1):
