@@ -1,10 +1,10 @@
-"""The errors that a request can end with; each has a one-line message for the user."""
+"""Errors that end a request; each has a one-line message for the user."""
 
 from golden_model.text import one_line
 
 
 class _OneLineError(Exception):
-    """An error whose message is one printable line, whatever the names of files in it contain."""
+    """An error with a message of one printable line, even for file names that contain line breaks."""
 
     def __init__(self, message: str) -> None:
         super().__init__(one_line(message))
@@ -15,7 +15,7 @@ class InputError(_OneLineError):
 
 
 class DamagedError(InputError):
-    """A photograph whose file is damaged in a part of its picture; it can be decoded all the same."""
+    """A photograph's file is damaged in a part of its picture, but can be decoded."""
 
 
 class RegistrationError(_OneLineError):

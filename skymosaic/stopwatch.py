@@ -1,4 +1,4 @@
-"""Wall time of the stages of a computation."""
+"""Wall time per stage of a computation."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class Stopwatch:
     Parameters
     ----------
     seconds : mapping of str to float, optional
-        Stages measured earlier, to which this stopwatch adds its own.
+        Earlier stages, which this stopwatch extends.
 
     Attributes
     ----------
@@ -25,7 +25,7 @@ class Stopwatch:
         self._last = time.perf_counter()
 
     def lap(self, stage: str) -> None:
-        """Record the time since the last call (or since construction) as that of ``stage``."""
+        """Record the time since the last call, or since construction, as that of ``stage``."""
         now = time.perf_counter()
         self.seconds[stage] = now - self._last
         self._last = now

@@ -1,4 +1,4 @@
-"""Temporary files whose names say which process made them, so that a later run can remove those of a killed one."""
+"""Temporary files named after their process, so that a later run can remove those of a killed process."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def temporary_file(folder: Path) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def temporary_folder(beside: Path | None = None) -> Iterator[Path]:
-    """Context of a new folder, removed at the end: hidden in the folder ``beside``, or in the system's for them."""
+    """Context of a new folder, removed at the end: hidden inside ``beside``, or in the system's temporary folder."""
     hidden = beside is not None
     parent = beside or Path(tempfile.gettempdir())
     remove_left_overs(parent, hidden=hidden)
@@ -37,12 +37,12 @@ def temporary_folder(beside: Path | None = None) -> Iterator[Path]:
 
 @functools.cache
 def remove_left_overs(folder: Path, *, hidden: bool) -> None:
-    """Remove temporary files and folders of processes of this machine that have ended; once for each folder."""
+    """Remove temporary files and folders of this machine's ended processes; once per folder."""
     pattern = re.compile(re.escape(_prefix(hidden=hidden).rpartition("-")[0].rpartition("-")[0]) + r"-(\d+)-")
     with contextlib.suppress(OSError):
         for path in folder.iterdir():
-            found = pattern.match(path.name)
-            if found is None or _is_running(int(found[1])):
+            match = pattern.match(path.name)
+            if match is None or _is_running(int(match[1])):
                 continue
             if path.is_dir() and not path.is_symlink():
                 shutil.rmtree(path, ignore_errors=True)
@@ -52,7 +52,7 @@ def remove_left_overs(folder: Path, *, hidden: bool) -> None:
 
 
 def _prefix(*, hidden: bool) -> str:
-    # The machine's name too: other machines may write into the same folder, and their processes cannot be asked.
+    # With the machine's name, because other machines may share the folder, and their processes cannot be asked.
     machine = re.sub(r"[^A-Za-z0-9]", "", socket.gethostname())[:32]
     return f"{'.' if hidden else ''}skymosaic-{machine}-{os.getpid()}-"
 

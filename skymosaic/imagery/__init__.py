@@ -1,1 +1,1 @@
-"""Photographs, videos and maps: reading, lens correction, metadata, writing."""
+"""Reads photographs, videos and their metadata, corrects lenses, and writes pictures."""

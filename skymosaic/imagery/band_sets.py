@@ -1,4 +1,4 @@
-"""Multi-band sets: files of one capture, one for each band, told apart by the ends of their names."""
+"""Multi-band sets: the files of a capture, one per band, which the ends of their names distinguish."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ BANDS = {
 }
 """Bands by rising wavelength, and how the names of their files end."""
 USUAL = ("green", "2")
-"""The band that registers a flight unless another one is named: sharp over plants and over soil. Cameras that number
-their bands count from blue."""
+"""The band that registers a flight unless another one is named: green is sharp over plants and over soil. Cameras that
+number their bands count from blue."""
 MIN_CAPTURES = 3
-"""Of a flight of sets. Two files whose names end in numbers are more likely two photographs."""
+"""A flight of sets has at least this many; two files with numbers at their ends are more likely two photographs."""
 _NAMES = {ending: band for band, endings in BANDS.items() for ending in endings}
 _NAMED = re.compile(rf"(.+?)_({'|'.join(_NAMES)})", re.IGNORECASE)
 _NUMBERED = re.compile(r"(.*\d)_(\d{1,2})")
 _COLOUR = re.compile(r"(.+)_(RGB|D)", re.IGNORECASE)
-"""Pictures that such cameras take beside the bands, by another sensor."""
+"""Pictures that such cameras take with another sensor, beside the bands."""
 
 _Capture = tuple[Path, str]
 """The folder and the common part of the names."""
@@ -37,62 +37,63 @@ _Capture = tuple[Path, str]
 def group_band_sets(
     sources: Sequence[Source], band: str | None = None, tell: Callable[[str], None] = lambda _line: None
 ) -> list[Source]:
-    """The captures of a flight: each has the file of one band as its content, and those of all bands beside it.
+    """Group a flight's files by capture: each gets the file of one band as its content, and has those of all bands.
 
     Parameters
     ----------
     sources : sequence of Source
     band : str or None
-        The one that registers the flight; None: green, or the second one of numbered bands, or the first.
+        The band that registers the flight; None: green, else the second of numbered bands, else the first.
     tell : callable
-        Receives a line about pictures that are no bands.
+        Receives a line about pictures without a band.
 
     Returns
     -------
     list of Source
-        The given ones if they are photographs and no sets.
+        The given sources if they are photographs, not sets.
 
     Raises
     ------
     InputError
-        For a capture without one of the bands, bands of different sizes, photographs among sets, and a band that
-        does not exist.
+        For a missing band, bands of different sizes, photographs among sets, and an unknown band.
     """
-    captures, others = _grouped(sources)
+    captures, others = _group_by_capture(sources)
     if not _are_sets(captures):
         if band is not None:
             raise InputError(f"band {band}: the photographs are not multi-band sets; leave out --band")
         return list(sources)
-    bands = _in_order({name for files in captures.values() for name in files})
+    bands = _list_bands(captures)
     colour = [source for source in others if _is_colour(source, captures)]
     if len(colour) < len(others):
         stray = next(source for source in others if source not in colour)
         raise InputError(f"{stray.name}: belongs to no multi-band set, as the others do; put it into another folder")
     if colour:
         tell(f"note {colour[0].name}: {len(colour)} colour pictures belong to no band and are not used")
-    first = _registering(band, bands)
-    return [
-        dataclasses.replace(_checked(capture, files, bands)[first], index=index, bands={b: files[b] for b in bands})
-        for index, (capture, files) in enumerate(captures.items())
-    ]
+    registering = _choose_band(band, bands)
+    grouped = []
+    for index, (capture, files) in enumerate(captures.items()):
+        _check_capture(capture, files, bands)
+        by_band = {name: files[name] for name in bands}
+        grouped.append(dataclasses.replace(files[registering], index=index, bands=by_band))
+    return grouped
 
 
 def select_band(sources: Sequence[Source], band: str | None) -> list[Source]:
-    """The files of one band, for what shows one band only.
+    """Select the files of one band, for a mosaic that shows a single band.
 
     Parameters
     ----------
     sources : sequence of Source
-        Of one folder.
+        The files of one folder.
     band : str or None
         None: all files, which must not be multi-band sets.
 
     Raises
     ------
     InputError
-        For a name that no band has, and for sets without one.
+        For an unknown band, and for sets if no band is named.
     """
-    captures, _ = _grouped(sources)
+    captures, _ = _group_by_capture(sources)
     if band is not None:
         name = _NAMES.get(band.upper(), band.lower())
         if name not in BANDS and not name.isdecimal():
@@ -100,10 +101,10 @@ def select_band(sources: Sequence[Source], band: str | None) -> list[Source]:
         wanted = name if name in BANDS else str(int(name))
         return [files[wanted] for files in captures.values() if wanted in files]
     if _are_sets(captures):
-        bands = _in_order({name for files in captures.values() for name in files})
+        bands = _list_bands(captures)
         raise InputError(
-            f"{Path(sources[0].name).parent}: multi-band sets ({', '.join(bands)}), of which one band can be shown; "
-            f"name it: --band {_registering(None, bands)}"
+            f"{Path(sources[0].name).parent}: multi-band sets ({', '.join(bands)}); name the band to show: "
+            f"--band {_choose_band(None, bands)}"
         )
     return list(sources)
 
@@ -112,20 +113,21 @@ def _are_sets(captures: Mapping[_Capture, Mapping[str, Source]]) -> bool:
     return len(captures) >= MIN_CAPTURES and max(map(len, captures.values())) > 1
 
 
-def _grouped(sources: Sequence[Source]) -> tuple[dict[_Capture, dict[str, Source]], list[Source]]:
-    """The files of each capture by band, and what has no band in its name."""
+def _group_by_capture(sources: Sequence[Source]) -> tuple[dict[_Capture, dict[str, Source]], list[Source]]:
+    """The files of each capture by band, and the files without a band in their names."""
     captures: dict[_Capture, dict[str, Source]] = {}
     others = []
     for source in sources:
-        found = _capture_and_band(source)
-        if found is None:
+        match = _parse_name(source)
+        if match is None:
             others.append(source)
         else:
-            captures.setdefault(found[0], {})[found[1]] = source
+            capture, band = match
+            captures.setdefault(capture, {})[band] = source
     return captures, others
 
 
-def _capture_and_band(source: Source) -> tuple[_Capture, str] | None:
+def _parse_name(source: Source) -> tuple[_Capture, str] | None:
     path = source.content
     if not isinstance(path, Path):
         return None
@@ -136,18 +138,20 @@ def _capture_and_band(source: Source) -> tuple[_Capture, str] | None:
 
 
 def _is_colour(source: Source, captures: dict[_Capture, dict[str, Source]]) -> bool:
-    path = source.content
-    found = _COLOUR.fullmatch(path.stem) if isinstance(path, Path) else None
-    return found is not None and isinstance(path, Path) and (path.parent, found[1]) in captures
+    if not isinstance(source.content, Path):
+        return False
+    match = _COLOUR.fullmatch(source.content.stem)
+    return match is not None and (source.content.parent, match[1]) in captures
 
 
-def _in_order(names: set[str]) -> list[str]:
-    """By wavelength, then by number."""
+def _list_bands(captures: Mapping[_Capture, Mapping[str, Source]]) -> list[str]:
+    """All bands of the captures, by wavelength, then by number."""
+    names = {name for files in captures.values() for name in files}
     known = list(BANDS)
     return sorted(names, key=lambda name: (known.index(name), 0) if name in known else (len(known), int(name)))
 
 
-def _registering(band: str | None, bands: Sequence[str]) -> str:
+def _choose_band(band: str | None, bands: Sequence[str]) -> str:
     if band is None:
         return next((name for name in USUAL if name in bands), bands[0])
     wanted = _NAMES.get(band.upper(), band.lower())
@@ -156,8 +160,8 @@ def _registering(band: str | None, bands: Sequence[str]) -> str:
     return wanted
 
 
-def _checked(capture: _Capture, files: dict[str, Source], bands: Sequence[str]) -> dict[str, Source]:
-    """The files of a capture, of which none is missing and all have one size."""
+def _check_capture(capture: _Capture, files: Mapping[str, Source], bands: Sequence[str]) -> None:
+    """Check that a capture has all bands, and that they have one size."""
     missing = [band for band in bands if band not in files]
     if missing:
         raise InputError(
@@ -171,7 +175,6 @@ def _checked(capture: _Capture, files: dict[str, Source], bands: Sequence[str]) 
             f"{files[other].name}: {sizes[other][0]}x{sizes[other][1]} pixels, but band {bands[0]} has "
             f"{sizes[bands[0]][0]}x{sizes[bands[0]][1]}; all bands need one size: remove the files of this one"
         )
-    return files
 
 
 def _size_px(source: Source) -> tuple[int, int]:

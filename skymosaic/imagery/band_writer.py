@@ -1,10 +1,10 @@
-"""Writes pictures of any size band by band, so that the whole picture is never in memory."""
+"""Writes pictures of any size band by band, so the whole picture is never in memory."""
 
 from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 from typing import BinaryIO
 
@@ -15,7 +15,7 @@ from golden_model.arrays import Intensities
 from skymosaic.imagery.images import save, write_atomically
 
 COMPRESSION_LEVEL = 3
-"""zlib's level for PNG; higher levels take several times as long and save a few percent."""
+"""zlib's level for PNG. Higher levels take several times as long and save a few percent."""
 _PNG_UP_FILTER = 2
 _PNG_COLOUR_TYPE = {1: 0, 3: 2}
 
@@ -32,7 +32,7 @@ def write_bands(path: Path, size: tuple[int, int], channels: int, bands: Iterabl
     channels : {1, 3}
         Gray, or BGR.
     bands : iterable of ndarray of uint8, shape (rows, width) or (rows, width, 3)
-        Of uint16 for other formats that have 16 bits.
+        Or of uint16, for formats other than PNG that have 16 bits.
 
     Raises
     ------
@@ -43,12 +43,7 @@ def write_bands(path: Path, size: tuple[int, int], channels: int, bands: Iterabl
         save(path, np.concatenate(list(bands)))
         return
     with write_atomically(path) as temporary, temporary.open("wb") as file:
-        _write_png(file, size, channels, _in_rgb(bands))
-
-
-def _in_rgb(bands: Iterable[Intensities]) -> Iterator[Intensities]:
-    for band in bands:
-        yield band if band.ndim == 2 else np.asarray(cv2.cvtColor(band, cv2.COLOR_BGR2RGB), dtype=np.uint8)
+        _write_png(file, size, channels, bands)
 
 
 def _write_png(file: BinaryIO, size: tuple[int, int], channels: int, bands: Iterable[Intensities]) -> None:
@@ -58,7 +53,7 @@ def _write_png(file: BinaryIO, size: tuple[int, int], channels: int, bands: Iter
     compressor = zlib.compressobj(COMPRESSION_LEVEL)
     above = np.zeros(size[0] * channels, dtype=np.uint8)
     for band in bands:
-        rows = band.reshape(len(band), -1)
+        rows = (band if band.ndim == 2 else cv2.cvtColor(band, cv2.COLOR_BGR2RGB)).reshape(len(band), -1)
         filtered = np.empty((len(rows), rows.shape[1] + 1), dtype=np.uint8)
         filtered[:, 0] = _PNG_UP_FILTER
         filtered[0, 1:] = rows[0] - above

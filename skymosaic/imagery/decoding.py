@@ -1,4 +1,4 @@
-"""Decodes image files of unknown origin: checks what a file declares before it decodes, and JPEG files strictly."""
+"""Decodes image files of unknown origin; checks their headers first, and decodes JPEG strictly."""
 
 from __future__ import annotations
 
@@ -16,45 +16,45 @@ from numpy.typing import NDArray
 from PIL import Image as PillowImage
 from PIL import UnidentifiedImageError
 
+from golden_model.config import MIN_FRAME_PX
 from skymosaic.errors import DamagedError, InputError
 from skymosaic.imagery.jpeg import END, decode_strictly
 
-MIN_SIDE_PX = 64
 MAX_AREA_PX = 89_000_000
 """Just below the limit of Pillow, which reads the header first."""
 MAX_DECODED_BYTES = 600_000_000
-"""The largest area in colour at 16 bits fits. With the copies that decoding and mapping to 8 bits make, a photograph
+"""Room for the maximum area in colour at 16 bits. With the copies made by decoding and mapping to 8 bits, a photograph
 stays below 2 GB."""
 FORMATS = ("JPEG", "PNG", "TIFF", "WEBP", "BMP", "PPM")
-"""Pillow's names of the formats that are read; every further decoder would be one more that meets hostile files."""
+"""Pillow's names of the accepted formats. Every other decoder would be one more that meets hostile files."""
 MAX_READS = 500_000
 """Limit of read operations on a header: a second of processor time. Pillow reads segments, chunks, directory entries
 and comments one by one, in Python, and a file may declare hundreds of millions of them."""
 SPARE_BYTES = 64_000_000
-"""Limit of what a header may be read, beyond the size of the file: TIFF tags can all name the same bytes."""
+"""Limit of bytes read from a header, beyond the size of the file, because TIFF tags can all name the same bytes."""
 _ORIENTATION_TAG = 0x0112
 _TIFF_BITS, _TIFF_SAMPLES = 258, 277
 UPRIGHT = 1
 
-# libtiff warns about every tag it does not know, also where standard error is not ours to redirect.
+# libtiff would warn about every unknown tag, even where standard error is not ours to redirect.
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)
 
-# Pillow only warns about images beyond its limit; as an error, `read_header` can turn it into our own message.
+# Pillow only warns about images beyond its limit. `read_header` turns the error into a message of our own.
 warnings.filterwarnings("error", category=PillowImage.DecompressionBombWarning)
 
 
 @dataclass(frozen=True)
 class Header:
-    """What a file declares about its picture.
+    """A picture as its file declares it.
 
     Attributes
     ----------
     kind : str
-        One of `FORMATS`, or MPO: a JPEG with further pictures behind it, which Pillow opens as JPEG.
+        One of `FORMATS`, or MPO: a JPEG followed by further pictures, which Pillow opens as JPEG.
     size : (int, int)
         Width and height as stored, px.
     orientation : int
-        EXIF's, 1 to 8; 1 where it is missing or invalid.
+        EXIF orientation, 1 to 8; 1 if it is missing or invalid.
     decoded_bytes : int
         Size of the decoded pixels.
     """
@@ -66,7 +66,7 @@ class Header:
 
 
 class _MeasuredFile(io.FileIO):
-    """A file that refuses more read operations, or more bytes, than the header of a photograph needs."""
+    """A file that refuses more read operations or bytes than the header of a photograph needs."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
@@ -74,7 +74,7 @@ class _MeasuredFile(io.FileIO):
         self._reads_left = MAX_READS
 
     def read(self, size: int | None = -1, /) -> bytes:
-        """As any file, or ValueError."""
+        """Read like any file; ValueError beyond the limits."""
         data = super().read(-1 if size is None else size) or b""
         self._bytes_left -= len(data)
         self._reads_left -= 1
@@ -85,7 +85,7 @@ class _MeasuredFile(io.FileIO):
 
 @contextlib.contextmanager
 def open_header(path: Path) -> Iterator[PillowImage.Image]:
-    """Context of a file as Pillow opens it, to read its header: `FORMATS` only, and no longer than a second."""
+    """Context of a file opened by Pillow to read its header, for a second at most; `FORMATS` only."""
     with _MeasuredFile(path) as file, PillowImage.open(file, formats=FORMATS) as header:
         yield header
 
@@ -96,13 +96,14 @@ def check_file(path: Path, what: str) -> None:
     Raises
     ------
     InputError
-        With the reason; ``what`` says what should have been named.
+        With the reason; ``what`` is what the path should name.
     """
     try:
         status = path.stat()
     except (FileNotFoundError, NotADirectoryError):
         raise InputError(f"{path}: no such file; check the path") from None
-    except (OSError, ValueError) as error:  # a name that is too long, or contains a NUL
+    # A name that is too long, or contains a NUL.
+    except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be read ({_reason(error)}); check the path") from None
     if not stat.S_ISREG(status.st_mode):
         raise InputError(f"{path}: not a file; name {what}")
@@ -113,18 +114,18 @@ def check_file(path: Path, what: str) -> None:
 
 
 def read_header(path: Path) -> Header:
-    """Check a file's kind and the size it declares, before anything is decoded.
+    """Read a header, and check the file's kind and declared size before anything is decoded.
 
     Raises
     ------
     InputError
-        For a file that cannot be read, is of another kind, or declares too small or too large a picture.
+        For a file that cannot be read, an unsupported kind, or too small or too large a picture.
     """
     check_file(path, "an image")
     try:
         with open_header(path) as header:
-            # Pillow parses some chunks of PNG and WebP while it opens the file, EXIF only on request.
-            found = Header(str(header.format), header.size, _orientation(header), _decoded_bytes(header, path))
+            # Pillow parses some chunks of PNG and WebP while it opens the file, but EXIF only on request.
+            declared = Header(str(header.format), header.size, _orientation(header), _decoded_bytes(header, path))
     except UnidentifiedImageError:
         raise InputError(f"{path}: not an image that can be read; give PNG, JPEG or TIFF") from None
     except (PillowImage.DecompressionBombError, PillowImage.DecompressionBombWarning):
@@ -134,20 +135,20 @@ def read_header(path: Path) -> Header:
     # Pillow's plugins raise ValueError, SyntaxError, struct.error, KeyError and others for invalid headers.
     except Exception as error:
         raise InputError(f"{path}: its header is damaged ({error}); copy it again from the camera") from None
-    check_size(str(path), *found.size)
-    if found.decoded_bytes > MAX_DECODED_BYTES:
+    check_size(str(path), *declared.size)
+    if declared.decoded_bytes > MAX_DECODED_BYTES:
         raise InputError(
-            f"{path}: {found.decoded_bytes // 1_000_000} MB when decoded, more than the "
+            f"{path}: {declared.decoded_bytes // 1_000_000} MB when decoded, more than the "
             f"{MAX_DECODED_BYTES // 1_000_000} MB allowed; reduce it or convert it to 8 bits"
         )
-    return found
+    return declared
 
 
 def check_size(name: str, width_px: int, height_px: int) -> None:
     """Raise InputError for a picture of an unsupported size."""
-    if min(width_px, height_px) < MIN_SIDE_PX:
+    if min(width_px, height_px) < MIN_FRAME_PX:
         raise InputError(
-            f"{name}: {width_px}x{height_px} pixels is too small; at least {MIN_SIDE_PX}x{MIN_SIDE_PX} needed"
+            f"{name}: {width_px}x{height_px} pixels is too small; at least {MIN_FRAME_PX}x{MIN_FRAME_PX} needed"
         )
     if width_px * height_px > MAX_AREA_PX:
         raise InputError(
@@ -156,10 +157,10 @@ def check_size(name: str, width_px: int, height_px: int) -> None:
 
 
 def _orientation(header: PillowImage.Image) -> int:
-    """EXIF's orientation; invalid EXIF data does not make a photograph unusable."""
+    """The EXIF orientation; `UPRIGHT` where EXIF data is invalid, which makes no photograph unusable."""
     try:
         exif = PillowImage.Exif()
-        # Not header.getexif(), which also reads XMP data; OpenCV does not, and a turn must not depend on the decoder.
+        # Not header.getexif(), which also reads XMP data. OpenCV does not, and a turn must not depend on the decoder.
         exif.load(header.info.get("exif", b""))
         (tiff,) = _tiff_tag(header, _ORIENTATION_TAG)
         orientation = tiff if header.format == "TIFF" else exif.get(_ORIENTATION_TAG, UPRIGHT)
@@ -176,7 +177,7 @@ def _decoded_bytes(header: PillowImage.Image, path: Path) -> int:
         channels = max(channels, *_tiff_tag(header, _TIFF_SAMPLES))
         depth_bytes = -(-max(_tiff_tag(header, _TIFF_BITS)) // 8)
     elif header.format == "PNG":
-        # Pillow reduces 16-bit colour to 8 bits and does not say so; the depth is the 25th byte of the file.
+        # Pillow silently reduces 16-bit colour to 8 bits. The depth is the 25th byte of the file.
         with path.open("rb") as file:
             depth_bytes = -(-file.read(25)[24] // 8)
     elif header.mode.startswith(("I", "F")):
@@ -185,13 +186,13 @@ def _decoded_bytes(header: PillowImage.Image, path: Path) -> int:
 
 
 def _tiff_tag(header: PillowImage.Image, tag: int) -> tuple[int, ...]:
-    """The numbers of a TIFF tag; 1, the default of the tags that are read here, where it is missing."""
-    found = getattr(header, "tag_v2", {}).get(tag, 1)
-    return found if isinstance(found, tuple) else (found,)
+    """The numbers of a TIFF tag; if it is missing, 1, the default of the tags that are read here."""
+    value = getattr(header, "tag_v2", {}).get(tag, 1)
+    return value if isinstance(value, tuple) else (value,)
 
 
 def decode(path: Path, header: Header, *, keep_damaged: bool) -> tuple[NDArray[np.generic], str]:
-    """Decode a file, turned upright.
+    """Decode a file and turn it upright.
 
     Parameters
     ----------
@@ -199,19 +200,19 @@ def decode(path: Path, header: Header, *, keep_damaged: bool) -> tuple[NDArray[n
     header : Header
         From `read_header`.
     keep_damaged : bool
-        Decode what can be decoded of a damaged JPEG.
+        Decode as much as possible of a damaged JPEG.
 
     Returns
     -------
     pixels : ndarray, shape (H, W) or (H, W, 3) BGR
-        Of the type that the file has.
+        Of the file's own type.
     damage : str
-        What libjpeg reports about a damaged JPEG that is kept; empty if it reports nothing.
+        libjpeg's report about a damaged JPEG that is kept; else empty.
 
     Raises
     ------
     InputError
-        For a truncated, damaged or unsupported file; `DamagedError` where ``keep_damaged`` would help.
+        For a truncated, damaged or unsupported file; `DamagedError` if ``keep_damaged`` would help.
     """
     try:
         data = path.read_bytes()
@@ -225,7 +226,7 @@ def decode(path: Path, header: Header, *, keep_damaged: bool) -> tuple[NDArray[n
         except DamagedError as error:
             if not keep_damaged:
                 raise
-            # Without an end marker OpenCV decodes nothing of a truncated file.
+            # OpenCV decodes nothing of a file without an end marker.
             damage, data = str(error), data + END
     if header.kind == "PNG" and b"IEND" not in data:
         raise InputError(f"{path}: the file is truncated; copy it again from the camera")

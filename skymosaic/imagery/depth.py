@@ -1,4 +1,4 @@
-"""Pixels of more than 8 bits: how the numbers in a file are shown in 8 bits, one range for a whole flight."""
+"""Maps pixels of more than 8 bits to 8 bits, with one range for a whole flight."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from golden_model.arrays import Intensities, Pixels
+from golden_model.arrays import Array, Intensities, Pixels
 from skymosaic.errors import InputError
 
 TAIL_PERCENT = 0.1
-"""Share of values at each end of the range that is saturated when pixels are mapped to 8 bits."""
+"""Share of values that saturate at each end when pixels are mapped to 8 bits."""
 SAMPLES_PER_SIDE = 128
-"""The range of a flight is found from so many rows and columns of each photograph: enough for tails of 0.1 %."""
+"""The range of a flight is measured on this many rows and columns per photograph, enough for tails of 0.1 %."""
 _BAND_VALUES = 1 << 22
 """Values that are mapped to 8 bits at a time."""
 
@@ -37,15 +37,15 @@ class ValueRange:
 
     @property
     def description(self) -> str:
-        """For the report."""
+        """One phrase for the report."""
         kept = "; .tif keeps 16 bits" if self.deep else ""
         return f"{self.low:.6g}..{self.high:.6g} of all photographs shown as 0..255{kept}"
 
     def to_8_bit(self, values: NDArray[np.generic]) -> Pixels:
-        """Map uint16 or float32 linearly to uint8; what is not a number becomes 0."""
+        """Map uint16 or float32 linearly to uint8; NaN becomes 0."""
         scale = 255.0 / max(self.high - self.low, 1e-12)
         pixels = np.empty(values.shape, np.uint8)
-        # A few rows at a time: each step makes a copy of four bytes a value; whole photographs would need gigabytes.
+        # A few rows at a time, because each step makes a copy of four bytes per value: gigabytes for a photograph.
         for rows in _bands(values):
             levels = (values[rows].astype(np.float32) - np.float32(self.low)) * np.float32(scale)
             np.nan_to_num(levels, copy=False, posinf=255, neginf=0)
@@ -53,24 +53,27 @@ class ValueRange:
         return pixels
 
     def to_16_bit(self, pixels: Pixels) -> NDArray[np.uint16]:
-        """The numbers of 16 bits that 8-bit pixels of this range show."""
-        values = self.low + np.arange(256) * (self.high - self.low) / 255
-        return np.asarray(np.clip(np.rint(values), 0, np.iinfo(np.uint16).max), dtype=np.uint16)[pixels]
+        """Convert 8-bit pixels of this range back to numbers of 16 bits."""
+        return np.asarray(np.clip(np.rint(self._levels), 0, np.iinfo(np.uint16).max), dtype=np.uint16)[pixels]
 
     def show_as(self, pixels: Pixels, other: ValueRange) -> Pixels:
-        """8-bit pixels of this range as another range would show them."""
-        values = self.low + np.arange(256) * (self.high - self.low) / 255
-        return other.to_8_bit(values.astype(np.float32)[:, None])[:, 0][pixels]
+        """Convert 8-bit pixels of this range to those of another range."""
+        return other.to_8_bit(self._levels.astype(np.float32)[:, None])[:, 0][pixels]
+
+    @property
+    def _levels(self) -> Array:
+        """The values that 0 to 255 show, (256,)."""
+        return np.asarray(self.low + np.arange(256) * (self.high - self.low) / 255)
 
 
 def measure_range(decoded: NDArray[np.generic], name: str) -> ValueRange:
-    """The range of one photograph: all its values but the tails, as ``np.percentile`` finds them.
+    """Measure the range of one photograph: all its values but the tails, as ``np.percentile`` does.
 
     Parameters
     ----------
     decoded : ndarray of uint16 or float32
     name : str
-        For messages.
+        Name of the photograph, for messages.
 
     Raises
     ------
@@ -81,7 +84,7 @@ def measure_range(decoded: NDArray[np.generic], name: str) -> ValueRange:
         raise InputError(f"{name}: pixels of {decoded.dtype} are not supported; convert to 8 or 16 bit")
     tails = np.array((TAIL_PERCENT, 100 - TAIL_PERCENT))
     if decoded.dtype == np.uint16:
-        # From a histogram: sorting would need further copies of the photograph.
+        # By a histogram, because sorting would need further copies of the photograph.
         counts = np.zeros(1 << 16, np.int64)
         for rows in _bands(decoded):
             counts += np.bincount(decoded[rows].ravel(), minlength=1 << 16)
@@ -100,14 +103,14 @@ def measure_range(decoded: NDArray[np.generic], name: str) -> ValueRange:
 
 
 def sample_values(decoded: NDArray[np.generic]) -> NDArray[np.generic]:
-    """Values of a photograph, spread evenly over it."""
+    """Sample the finite values of a photograph, evenly spread over it."""
     down, across = (max(side // SAMPLES_PER_SIDE, 1) for side in decoded.shape[:2])
     sample = decoded[down // 2 :: down, across // 2 :: across].ravel()
     return np.asarray(sample[np.isfinite(sample)])
 
 
 def measure_common_range(samples: Sequence[NDArray[np.generic]]) -> ValueRange | None:
-    """The range of photographs that are shown together.
+    """Measure the common range of photographs that are shown together.
 
     Parameters
     ----------
@@ -127,7 +130,7 @@ def measure_common_range(samples: Sequence[NDArray[np.generic]]) -> ValueRange |
 
 
 def show_in_8_bit(pixels: Intensities, values: ValueRange | None) -> Pixels:
-    """The pixels of a mosaic, as ``values`` shows them where they have 16 bits."""
+    """Convert the pixels of a mosaic to 8 bits, by the range ``values`` where they have 16."""
     if values is None or pixels.dtype == np.uint8:
         return np.asarray(pixels, dtype=np.uint8)
     return values.to_8_bit(pixels)

@@ -1,4 +1,4 @@
-"""What a camera wrote about a photograph into its EXIF and XMP data: position, focal length, yaw, height, black."""
+"""Reads EXIF and XMP data of a photograph: position, focal length, yaw, height, black level."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ import numpy as np
 from skymosaic.imagery.decoding import open_header
 
 _GPS_DIRECTORY = 0x8825
-_LATITUDE_SIGN, _LATITUDE, _LONGITUDE_SIGN, _LONGITUDE, _ALTITUDE_SIGN, _ALTITUDE = 1, 2, 3, 4, 5, 6
+_LATITUDE_SIGN, _LATITUDE, _LONGITUDE_SIGN, _LONGITUDE = 1, 2, 3, 4
 _EXIF_DIRECTORY = 0x8769
 _BLACK_LEVEL = 0xC61A
 _FOCAL_MM, _FOCAL_35_MM = 0x920A, 0xA405
 _WIDTH, _HEIGHT_PX, _PLANE_X, _PLANE_UNIT = 0xA002, 0xA003, 0xA20E, 0xA210
-_MM_A_UNIT = {2: 25.4, 3: 10.0, 4: 1.0}
+_MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0}
 _HALF_DIAGONAL_35_MM = math.hypot(36, 24) / 2
-LEAST_FOCAL, LARGEST_FOCAL = 0.3, 20.0
-"""Focal lengths outside these are mistakes: 10 and 430 mm on 35 mm film."""
-MOST_ROUNDED = 0.1
+MIN_FOCAL, MAX_FOCAL = 0.3, 20.0
+"""Focal lengths outside these limits are mistakes. They are 6.5 and 430 mm on 35 mm film."""
+MAX_ROUNDING = 0.1
 _YAW = ("drone-dji:GimbalYawDegree", "Camera:Yaw", "drone-dji:FlightYawDegree")
 _HEIGHT = ("drone-dji:RelativeAltitude", "Camera:AboveGroundAltitude")
 _EARTH_RADIUS_M = 6_371_000
@@ -37,16 +37,13 @@ class Position:
     ----------
     latitude_deg, longitude_deg : float
         Positive to the north and to the east.
-    altitude_m : float
-        Above sea level; 0 if the camera wrote none.
     """
 
     latitude_deg: float
     longitude_deg: float
-    altitude_m: float = 0.0
 
     def metres_from(self, origin: Position) -> tuple[float, float]:
-        """Metres to the east and to the north of ``origin``, on a sphere: accurate to 0.5 % over a few kilometres."""
+        """Metres to the east and to the north of ``origin``, on a sphere; within 0.5 % over a few kilometres."""
         per_degree = _EARTH_RADIUS_M * math.pi / 180
         east_deg = (self.longitude_deg - origin.longitude_deg + 180) % 360 - 180
         east = east_deg * per_degree * math.cos(math.radians(origin.latitude_deg))
@@ -55,7 +52,7 @@ class Position:
 
 @dataclass(frozen=True)
 class Metadata:
-    """What a file says about how its photograph was taken; each None where it says nothing valid.
+    """What a camera wrote about a photograph; None where it wrote nothing valid.
 
     Attributes
     ----------
@@ -64,11 +61,11 @@ class Metadata:
     focal_half_diagonals : float or None
         Focal length as a multiple of half the image's diagonal.
     yaw_deg : float or None
-        Where the top of the photograph points, clockwise from north.
+        Direction of the photograph's top, clockwise from north.
     height_m : float or None
-        Above the place where the aircraft started.
+        Height above the place of take-off.
     black_level : float or None
-        What the sensor counts without light, in the file's own numbers.
+        The sensor's count without light, in the file's own numbers.
     """
 
     position: Position | None = None
@@ -79,13 +76,13 @@ class Metadata:
 
 
 def read_metadata(path: Path) -> Metadata:
-    """Read a file's EXIF and XMP data; of these, what is missing or not valid is None."""
+    """Read a file's EXIF and XMP data; missing or invalid values are None."""
     try:
         with open_header(path) as header:
             exif = header.getexif()
             gps, details = exif.get_ifd(_GPS_DIRECTORY), exif.get_ifd(_EXIF_DIRECTORY)
             xmp = header.info.get("xmp", b"")
-    # EXIF data of unknown origin: Pillow raises SyntaxError, struct.error and others beside the expected ones.
+    # For EXIF data of unknown origin, Pillow raises SyntaxError, struct.error and others beside the expected errors.
     except Exception:
         return Metadata()
     text = xmp.decode("utf-8", "replace") if isinstance(xmp, bytes) else str(xmp)
@@ -95,7 +92,7 @@ def read_metadata(path: Path) -> Metadata:
 
 
 def _black(levels: Any) -> float | None:
-    """The mean of the levels, of which a sensor with a colour pattern has several."""
+    """The mean of the levels; a sensor with a colour pattern has several."""
     each = [_number(level) for level in (levels if isinstance(levels, tuple) else (levels,))]
     return float(np.mean(each)) if min(each) > 0 else None
 
@@ -104,15 +101,12 @@ def _position(gps: Mapping[int, Any]) -> Position | None:
     try:
         latitude = _degrees(gps[_LATITUDE], gps.get(_LATITUDE_SIGN), negative="S")
         longitude = _degrees(gps[_LONGITUDE], gps.get(_LONGITUDE_SIGN), negative="W")
-        altitude = float(gps.get(_ALTITUDE, 0.0)) * (-1 if gps.get(_ALTITUDE_SIGN) in (1, b"\x01") else 1)
-    # Missing, text, 0/0: whatever is there, it is no position.
+    # Missing, text, 0/0: none of it is a position.
     except Exception:
         return None
-    # Cameras without GPS reception write zeros or values out of range.
-    known = math.isfinite(latitude + longitude + altitude) and (latitude, longitude) != (0, 0)
-    if not (known and abs(latitude) <= 90 and abs(longitude) <= 180):
-        return None
-    return Position(latitude, longitude, altitude)
+    # Cameras without GPS reception write zeros, NaN or values out of range.
+    known = (latitude, longitude) != (0, 0) and abs(latitude) <= 90 and abs(longitude) <= 180
+    return Position(latitude, longitude) if known else None
 
 
 def _degrees(parts: tuple[Any, Any, Any], sign: object, *, negative: str) -> float:
@@ -122,25 +116,25 @@ def _degrees(parts: tuple[Any, Any, Any], sign: object, *, negative: str) -> flo
 
 
 def _focal(details: Mapping[int, Any]) -> float | None:
-    """From the length and the density of the sensor's pixels, or from the length on 35 mm film, which is rounded.
+    """Focal length in half diagonals, from millimetres and pixel density, or from the rounded length on 35 mm film.
 
-    Programs that reduce a photograph may change its size and leave the density; then the two contradict each other.
+    Programs that reduce a photograph may leave the density unchanged. The two lengths then contradict each other, and
+    the one on film is right.
     """
     equivalent = _number(details.get(_FOCAL_35_MM)) / _HALF_DIAGONAL_35_MM
     size_px = math.hypot(_number(details.get(_WIDTH)), _number(details.get(_HEIGHT_PX)))
-    mm_a_unit = _MM_A_UNIT.get(details.get(_PLANE_UNIT, 2), math.nan)
-    focal_px = _number(details.get(_FOCAL_MM)) * _number(details.get(_PLANE_X)) / mm_a_unit
+    mm_per_unit = _MM_PER_UNIT.get(details.get(_PLANE_UNIT, 2), math.nan)
+    focal_px = _number(details.get(_FOCAL_MM)) * _number(details.get(_PLANE_X)) / mm_per_unit
     by_pixels = focal_px / (size_px / 2) if size_px else math.nan
-    agree = abs(by_pixels - equivalent) < MOST_ROUNDED * equivalent
+    agree = abs(by_pixels - equivalent) < MAX_ROUNDING * equivalent
     focal = by_pixels if agree or not equivalent else equivalent
-    return focal if LEAST_FOCAL < focal < LARGEST_FOCAL else None
+    return focal if MIN_FOCAL < focal < MAX_FOCAL else None
 
 
 def _number(value: Any) -> float:
-    """A number of EXIF data; 0 for what is none."""
+    """Convert EXIF data to a number; 0 for None, text, 0/0 and the like."""
     try:
         return float(value)
-    # None, text, 0/0 ...
     except Exception:
         return 0.0
 
@@ -148,7 +142,7 @@ def _number(value: Any) -> float:
 def _from_xmp(text: str, names: tuple[str, ...]) -> float | None:
     """The first of the properties that is a finite number, as an attribute or as an element."""
     for name in names:
-        found = re.search(rf"\b{name}(?:=[\"']|>)\s*([-+]?\d+(?:\.\d*)?)\s*[\"'<]", text)
-        if found is not None:
-            return float(found[1])
+        match = re.search(rf"\b{name}(?:=[\"']|>)\s*([-+]?\d+(?:\.\d*)?)\s*[\"'<]", text)
+        if match is not None:
+            return float(match[1])
     return None

@@ -1,4 +1,4 @@
-"""Reads photographs and writes pictures; checks files here, so that every fault gets one clear message."""
+"""Reads photographs and writes pictures, and gives every faulty file one clear message."""
 
 from __future__ import annotations
 
@@ -13,16 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.arrays import Array, Intensities, Pixels
-from golden_model.config import MAX_FRAME_PX
+from golden_model.config import MAX_FRAME_PX, MIN_FRAME_PX
 from skymosaic.errors import InputError
 from skymosaic.geometry.homography import resize_matrix
-from skymosaic.imagery.decoding import MIN_SIDE_PX, UPRIGHT, check_size, decode, read_header
+from skymosaic.imagery.decoding import UPRIGHT, check_size, decode, read_header
 from skymosaic.imagery.depth import ValueRange, measure_range, sample_values
 from skymosaic.temporary import temporary_file
 
-OUTPUT_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
-DAMAGED = ("refuse", "keep")
-"""What may be done with a damaged photograph. A flight leaves out what is refused."""
+PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
 
 
 @dataclass(frozen=True)
@@ -36,9 +34,9 @@ class Photograph:
     pixels : ndarray of uint8, shape (H, W) or (H, W, 3)
         Gray or BGR, turned upright by the EXIF orientation.
     notes : tuple of str
-        Changes made to the file's pixels: rotation applied, range mapped to 8 bits.
+        Changes made to the file's pixels, for instance a rotation.
     value_range : ValueRange or None
-        The range that 8 bits show, if the file has more; None for 8 bits.
+        The range that 8 bits show, for a file of more than 8 bits.
     sample : ndarray
         Values of a file of more than 8 bits, from `skymosaic.imagery.depth.sample_values`; else empty.
     """
@@ -51,7 +49,7 @@ class Photograph:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Width and height in pixels."""
+        """Width and height, px."""
         return self.pixels.shape[1], self.pixels.shape[0]
 
 
@@ -62,7 +60,7 @@ def load(source: str | Path | Pixels, name: str = "image", *, keep_damaged: bool
     ----------
     source : str, Path or ndarray
     name : str
-        Of an array, for messages.
+        Name of an array, for messages.
     keep_damaged : bool
         Accept a damaged JPEG with a note, as far as it can be decoded.
 
@@ -101,7 +99,7 @@ def _read(path: Path, *, keep_damaged: bool) -> Photograph:
 def load_intensities(
     source: str | Path | Pixels, name: str, values: ValueRange | None, *, keep_damaged: bool = False
 ) -> Intensities:
-    """As `load`, but more than 8 bits are shown by the range of a whole flight, or kept where that is deep."""
+    """As `load`, but more than 8 bits are mapped by the range of a whole flight, or kept where that is deep."""
     if values is None or not isinstance(source, str | Path):
         return load(source, name, keep_damaged=keep_damaged).pixels
     path = Path(source)
@@ -114,14 +112,13 @@ def load_intensities(
 def reduce_to_width(pixels: Pixels, width_px: int) -> tuple[Pixels, Array]:
     """Reduce an image by area averaging to at most ``width_px``; a narrower one stays as it is.
 
-    An image more than twice as high as ``width_px`` is reduced to that height instead, and always to the height that
-    the front end takes.
+    The height is limited too: to twice ``width_px``, and to the front end's maximum.
 
     Returns
     -------
     pixels : ndarray of uint8
     to_original : ndarray of float64, shape (3, 3)
-        Maps reduced pixels to original ones, with pixel centres at integers.
+        Reduced pixels to original pixels, centres at integers.
     """
     height, width = pixels.shape[:2]
     height_px = min(2 * width_px, MAX_FRAME_PX)
@@ -135,19 +132,19 @@ def reduce_to_width(pixels: Pixels, width_px: int) -> tuple[Pixels, Array]:
 
 
 def reduce_for_front_end(original: Pixels, width_px: int, name: str) -> tuple[Pixels, Array]:
-    """`reduce_to_width`, but checks that the front end takes the result; ``name`` is for the message.
+    """As `reduce_to_width`, and check that the front end takes the result; ``name`` is for the message.
 
     Raises
     ------
     InputError
-        If a side becomes shorter than the front end takes.
+        If a side becomes too short for the front end.
     """
     pixels, to_original = reduce_to_width(original, width_px)
     height, width = pixels.shape[:2]
-    if min(width, height) < MIN_SIDE_PX:
+    if min(width, height) < MIN_FRAME_PX:
         raise InputError(
             f"{name}: {original.shape[1]}x{original.shape[0]} is reduced to {width}x{height}; both sides need "
-            f"{MIN_SIDE_PX} pixels: raise the working width, or crop the picture"
+            f"{MIN_FRAME_PX} pixels: raise the working width, or crop the picture"
         )
     return pixels, to_original
 
@@ -155,11 +152,11 @@ def reduce_for_front_end(original: Pixels, width_px: int, name: str) -> tuple[Pi
 def check_output(
     path: Path,
     inputs: tuple[str, ...] = (),
-    suffixes: tuple[str, ...] = OUTPUT_SUFFIXES,
+    suffixes: tuple[str, ...] = PICTURE_SUFFIXES,
     *,
     overwrite: bool = False,
 ) -> None:
-    """Check that an output file can be written, before the computation starts.
+    """Check that an output file can be written, before the work starts.
 
     Raises
     ------
@@ -184,34 +181,31 @@ def check_unused(path: Path, *, overwrite: bool) -> None:
     Raises
     ------
     InputError
-        If it would be, or if the folder cannot be read.
+        If something would be overwritten, or the folder cannot be read.
     """
     try:
-        taken = any(path.iterdir()) if path.is_dir() else os.path.lexists(path)
+        exists = any(path.iterdir()) if path.is_dir() else os.path.lexists(path)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); choose another folder") from None
-    if taken and not overwrite:
+    if exists and not overwrite:
         kind = "is a folder with files in it" if path.is_dir() else "exists"
         raise InputError(f"{path}: {kind}; choose another name, or add --overwrite to replace what is there")
 
 
 def save(path: Path, pixels: Intensities) -> None:
-    """Write a picture under a temporary name, then rename it, so that no half-written file can remain.
+    """Write a picture under a temporary name, then rename it, so no half-written file can remain.
 
     Raises
     ------
     InputError
         If it cannot be encoded (for instance a JPEG beyond 65535 pixels) or written.
     """
-    encoded = None
     with contextlib.suppress(cv2.error):
         done, encoded = cv2.imencode(path.suffix, pixels)
-        encoded = encoded if done else None
-    if encoded is None:
-        raise InputError(
-            f"{path}: {pixels.shape[1]}x{pixels.shape[0]} cannot be stored as {path.suffix}; use .png or .tif"
-        )
-    save_bytes(path, encoded.tobytes())
+        if done:
+            save_bytes(path, encoded.tobytes())
+            return
+    raise InputError(f"{path}: {pixels.shape[1]}x{pixels.shape[0]} cannot be stored as {path.suffix}; use .png or .tif")
 
 
 def save_bytes(path: Path, data: bytes) -> None:
@@ -222,7 +216,7 @@ def save_bytes(path: Path, data: bytes) -> None:
 
 @contextlib.contextmanager
 def write_atomically(path: Path) -> Iterator[Path]:
-    """Context of a temporary file beside ``path``: renamed to ``path`` at the end, deleted on any failure.
+    """Context of a temporary file beside ``path``, renamed to ``path`` at the end and deleted on any failure.
 
     Raises
     ------
@@ -232,15 +226,11 @@ def write_atomically(path: Path) -> Iterator[Path]:
     try:
         with temporary_file(path.parent) as temporary:
             yield temporary
-            # Temporary files are created for their owner only; give the result the usual permissions.
-            temporary.chmod(0o666 & ~_umask())
+            # Temporary files are created for their owner only; the result gets the usual permissions. The mask can only
+            # be read by setting it.
+            mask = os.umask(0)
+            os.umask(mask)
+            temporary.chmod(0o666 & ~mask)
             temporary.replace(path)
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror or error}); choose another folder") from None
-
-
-def _umask() -> int:
-    # The mask can only be read by setting it.
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

@@ -1,4 +1,4 @@
-"""Decodes JPEG files strictly: finds what libjpeg reports as damage, and refuses what takes too long to decode."""
+"""Decodes JPEG files strictly: reports libjpeg's warnings as damage, and refuses files that take too long."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from skymosaic.errors import DamagedError, InputError
 MAX_SCANS = 100
 """Progressive JPEG files have about ten. Every scan costs a pass over the whole picture, however short it is."""
 MAX_SCANNED_AREA_PX = 1_200_000_000
-"""Limit of scans times area: at most 15 s of processor time, measured by bench/large_photographs.py. The largest
-photograph may have 13 scans."""
+"""Limit of scans times area: 15 s of processor time, measured by bench/large_photographs.py. The largest photograph may
+have 13 scans."""
 MAX_SEGMENTS = 100_000
 END = b"\xff\xd9"
 _KINDS = (0xC0, 0xC1, 0xC2)
-"""Baseline, extended and progressive, with Huffman coding."""
+"""Markers of baseline, extended and progressive JPEG with Huffman coding."""
 _STARTS_OF_FRAME = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 _START_OF_SCAN, _END_OF_IMAGE = 0xDA, 0xD9
 _WITHOUT_LENGTH = (0x01, 0xD8)
 _MARKER = re.compile(rb"\xff([^\x00\xff\xd0-\xd7])")
-"""In entropy-coded data, FF is followed by 00 or a restart marker; before a marker there may be further FF."""
+"""In entropy-coded data, FF is followed by 00 or a restart marker. Further FF may precede a marker."""
 _TURNS: dict[int, Callable[[NDArray[np.uint8]], NDArray[np.uint8]]] = {
     2: np.fliplr,
     3: lambda pixels: np.rot90(pixels, 2),
@@ -37,18 +37,18 @@ _TURNS: dict[int, Callable[[NDArray[np.uint8]], NDArray[np.uint8]]] = {
     7: lambda pixels: np.rot90(pixels, 2).swapaxes(0, 1),
     8: np.rot90,
 }
-"""How the stored pixels become upright, by the values of EXIF's orientation."""
+"""Turns stored pixels upright, by the values of EXIF's orientation."""
 _REVISION = re.compile(rb"\xff\xd8\xff\xe0..JFIF\x00", re.DOTALL)
-"""What is before the number of the JFIF revision."""
+"""The bytes before the JFIF revision."""
 _HARMLESS = "unknown Adobe color transform"
-"""A warning of libjpeg that says nothing about the picture."""
+"""A warning of libjpeg that does not concern the picture."""
 
 
 @dataclass(frozen=True)
 class _Structure:
-    """What the segments of a file's first picture say: kinds of frames, number of scans, and where it ends.
+    """Structure of a file's first picture: kinds of frames, number of scans, and offset of its end.
 
-    Cameras write previews and films behind the first picture; they are not looked at.
+    Cameras append previews and films to the first picture, which are ignored.
     """
 
     kinds: frozenset[int]
@@ -59,18 +59,18 @@ class _Structure:
 def decode_strictly(data: bytes, path: Path, *, area_px: int, orientation: int) -> NDArray[np.uint8]:
     """Decode a JPEG in which libjpeg finds no fault, and turn it upright.
 
-    OpenCV ignores libjpeg's warnings: a file with 400 zeroed bytes becomes a photograph with a wrong block and wrong
-    colours after it. What the warnings do not cover, mostly single flipped bits, is not found here either.
+    OpenCV ignores libjpeg's warnings, and makes a photograph with a wrong block and wrong colours after it of a file
+    with 400 zeroed bytes. Damage without a warning, mostly single flipped bits, goes unnoticed here too.
 
     Parameters
     ----------
     data : bytes
     path : Path
-        For messages.
+        Name of the file, for messages.
     area_px : int
-        As the header declares it.
+        Area that the header declares.
     orientation : int
-        EXIF's, 1 to 8.
+        EXIF orientation, 1 to 8.
 
     Returns
     -------
@@ -81,10 +81,10 @@ def decode_strictly(data: bytes, path: Path, *, area_px: int, orientation: int) 
     DamagedError
         With libjpeg's warning.
     InputError
-        For more scans than a photograph has, and for arithmetic coding, which no camera writes: both take long, and a
+        For more scans than a photograph has, and for arithmetic coding, which no camera writes. Both take long, and a
         decoder cannot be interrupted.
     """
-    structure = _structure(data, path)
+    structure = _parse(data, path)
     if not structure.kinds.issubset(_KINDS):
         raise InputError(
             f"{path}: a JPEG with arithmetic coding, lossless or hierarchical; store it again as baseline JPEG"
@@ -96,9 +96,9 @@ def decode_strictly(data: bytes, path: Path, *, area_px: int, orientation: int) 
             f"{path}: a JPEG of {structure.scans} scans takes too long to decode; store it again as baseline JPEG"
         )
     fault = ""
-    for candidate in _variants(_of_known_revision(data), structure.end):
+    for candidate in _variants(_with_known_revision(data), structure.end):
         try:
-            pixels = _decoded(candidate)
+            pixels = _decode(candidate)
         except ValueError as error:
             fault = fault or str(error)
             continue
@@ -106,7 +106,7 @@ def decode_strictly(data: bytes, path: Path, *, area_px: int, orientation: int) 
     raise DamagedError(f"{path}: the JPEG is damaged ({fault}); copy it again from the camera")
 
 
-def _structure(data: bytes, path: Path) -> _Structure:
+def _parse(data: bytes, path: Path) -> _Structure:
     kinds: set[int] = set()
     scans = 0
     for number, (marker, offset) in enumerate(_segments(data)):
@@ -120,49 +120,49 @@ def _structure(data: bytes, path: Path) -> _Structure:
 
 
 def _segments(data: bytes) -> Iterator[tuple[int, int]]:
-    """Markers and offsets of the segments, from the first one behind the start of the image."""
+    """Markers and offsets of the segments, from the first one after the start of the image."""
     offset = 2
-    while found := _MARKER.search(data, offset):
-        marker = found[1][0]
-        yield marker, found.start()
-        offset = found.end()
+    while match := _MARKER.search(data, offset):
+        marker = match[1][0]
+        yield marker, match.start()
+        offset = match.end()
         if marker not in _WITHOUT_LENGTH:
             offset += int.from_bytes(data[offset : offset + 2], "big")
 
 
-def _of_known_revision(data: bytes) -> bytes:
-    """The file with JFIF revision 1 instead of an unknown one, of which libjpeg warns as it warns of damage."""
-    found = _REVISION.match(data)
-    if found is None or data[found.end()] in (1, 2):
+def _with_known_revision(data: bytes) -> bytes:
+    """Replace an unknown JFIF revision by 1, because libjpeg warns about it as it does about damage."""
+    match = _REVISION.match(data)
+    if match is None or data[match.end()] in (1, 2):
         return data
-    return data[: found.end()] + b"\x01" + data[found.end() + 1 :]
+    return data[: match.end()] + b"\x01" + data[match.end() + 1 :]
 
 
-def _decoded(data: bytes) -> NDArray[np.uint8]:
-    """The stored pixels; ValueError for anything that libjpeg warns of, apart from what is harmless."""
+def _decode(data: bytes) -> NDArray[np.uint8]:
+    """Decode the stored pixels; ValueError for every warning of libjpeg that is not harmless."""
     try:
-        return _decoded_by_libjpeg(data, strict=True)
+        return _decode_by_libjpeg(data, strict=True)
     except ValueError as error:
         if _HARMLESS not in str(error):
             raise
-        return _decoded_by_libjpeg(data, strict=False)
+        return _decode_by_libjpeg(data, strict=False)
 
 
-def _decoded_by_libjpeg(data: bytes, *, strict: bool) -> NDArray[np.uint8]:
+def _decode_by_libjpeg(data: bytes, *, strict: bool) -> NDArray[np.uint8]:
     _, _, colours, _ = simplejpeg.decode_jpeg_header(data, strict=strict)
     pixels = simplejpeg.decode_jpeg(data, "GRAY" if colours == "Gray" else "BGR", strict=strict)
     if colours in ("CMYK", "YCCK"):
-        # Converting CMYK to BGR has no standard; OpenCV's result is the one that mosaics have always had.
-        decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION)
-        pixels = np.asarray(decoded, dtype=np.uint8)
+        # There is no standard for CMYK in BGR; mosaics have always had OpenCV's conversion.
+        flags = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
+        pixels = np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), flags), dtype=np.uint8)
     return np.asarray(pixels[..., 0] if pixels.shape[2:] == (1,) else pixels, dtype=np.uint8)
 
 
 def _variants(data: bytes, end: int) -> Iterator[bytes]:
-    """The file, and the file without zeros before its end marker, with which some cameras pad their files.
+    """The file, then the file without the zeros before its end marker, with which some cameras pad their files.
 
-    libjpeg reports such padding as it reports damage. Data that has been overwritten with zeros is still found in the
-    second variant, because it then ends too early.
+    libjpeg reports such padding like damage. Data overwritten with zeros is still detected in the second variant,
+    because that ends too early.
     """
     yield data
     unpadded = data[:end].rstrip(b"\0")

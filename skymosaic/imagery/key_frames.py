@@ -1,25 +1,33 @@
-"""Videos among the photographs of a flight: replaces each by its key frames, stored in a temporary folder."""
+"""Selects the key frames of a video that a mosaic needs, and puts them in the video's place among photographs."""
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+import itertools
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import NamedTuple
+
+import cv2
+import numpy as np
 
 from golden_model.arrays import Pixels
-from skymosaic.imagery.images import save
+from skymosaic.imagery.images import reduce_to_width, save
 from skymosaic.imagery.photographs import Source, list_sources
-from skymosaic.imagery.video import VIDEO_SUFFIXES, VideoReader, select_key_frames
+from skymosaic.imagery.video import VIDEO_SUFFIXES, VideoReader
 from skymosaic.temporary import temporary_folder
 
+KEY_OVERLAP = 0.65
+"""Share of its area that a key frame has in common with the next, or slightly more: enough for reliable registration,
+with as few frames as possible."""
+FLOW_WIDTH_PX = 320
+"""Frames are reduced to this width to compute their optical flow."""
+FLOW_CORNERS = 200
+MIN_CORNERS = 12
 
-def is_video(image: str | Path | Pixels) -> bool:
-    """Whether a file's suffix is that of a video."""
-    return isinstance(image, str | Path) and Path(image).suffix.lower() in VIDEO_SUFFIXES
 
-
-@contextmanager
+@contextlib.contextmanager
 def flight_sources(
     images: Sequence[str | Path | Pixels], tell: Callable[[str], None] = lambda _line: None
 ) -> Iterator[list[Source]]:
@@ -32,26 +40,26 @@ def flight_sources(
     images : sequence of str, Path or ndarray
         Files, folders, videos and arrays.
     tell : callable
-        Receives one line per note about a video, for instance that it was cut off.
+        Receives a line per note about a video, for instance that it was cut off.
 
     Raises
     ------
     InputError
-        As in `list_sources`; also for a video that cannot be read, or a full disk.
+        As for `list_sources`; also for a video that cannot be read, or a full disk.
     """
     with temporary_folder() as folder:
-        found: list[Source] = []
+        sources: list[Source] = []
         for image in images:
-            if is_video(image):
-                frames = folder / str(len(found))
+            if isinstance(image, str | Path) and Path(image).suffix.lower() in VIDEO_SUFFIXES:
+                frames = folder / str(len(sources))
                 frames.mkdir()
-                found += _key_frames(Path(str(image)), frames, tell)
+                sources += _store_key_frames(Path(image), frames, tell)
             else:
-                found += list_sources([image])
-        yield [dataclasses.replace(source, index=index) for index, source in enumerate(found)]
+                sources += list_sources([image])
+        yield [dataclasses.replace(source, index=index) for index, source in enumerate(sources)]
 
 
-def _key_frames(video: Path, folder: Path, tell: Callable[[str], None]) -> Iterator[Source]:
+def _store_key_frames(video: Path, folder: Path, tell: Callable[[str], None]) -> Iterator[Source]:
     reader = VideoReader(video)
     for frame in select_key_frames(reader):
         path = folder / f"{frame.number}.jpg"
@@ -59,3 +67,72 @@ def _key_frames(video: Path, folder: Path, tell: Callable[[str], None]) -> Itera
         yield Source(0, str(video / f"frame {frame.number}"), path)
     for note in reader.notes:
         tell(f"note {video}: {note}")
+
+
+class KeyFrame(NamedTuple):
+    """A frame for registration, and its number in the video, from 0."""
+
+    number: int
+    pixels: Pixels
+
+
+def select_key_frames(frames: Iterable[Pixels], *, overlap: float = KEY_OVERLAP) -> Iterator[KeyFrame]:
+    """Select the first frame, then repeatedly the last one that still shows ``overlap`` of the previous key frame.
+
+    The video's last frame is a key frame too. A hovering camera gives two key frames; a steady flight gives frames that
+    overlap by slightly more than ``overlap``. Where the view moves farther between two frames, both are key frames.
+
+    Parameters
+    ----------
+    frames : iterable of (H, W, 3) uint8 ndarray
+        All of one size. A key frame is yielded only once a later frame is known.
+    overlap : float
+        Share of the area, 0..1.
+    """
+    flow, candidate = None, None
+    for current in map(KeyFrame, itertools.count(), frames):
+        gray = _small_gray(current.pixels)
+        if flow is not None and flow.common_share(gray) >= overlap:
+            candidate = current
+        elif candidate is None:
+            yield current
+            flow = _Flow(gray)
+        else:
+            yield candidate
+            flow, candidate = _Flow(_small_gray(candidate.pixels)), current
+            flow.common_share(gray)
+    if candidate is not None:
+        yield candidate
+
+
+class _Flow:
+    """Tracks a key frame's corners by pyramidal Lucas-Kanade (thesis, equations II-8 to II-11)."""
+
+    def __init__(self, key: Pixels) -> None:
+        self._last = key
+        corners = cv2.goodFeaturesToTrack(key, FLOW_CORNERS, qualityLevel=0.01, minDistance=7)
+        self._key_points = np.zeros((0, 1, 2), np.float32) if corners is None else corners
+        self._points = self._key_points
+
+    def common_share(self, gray: Pixels) -> float:
+        """Share of the key frame's area that the next frame shows; 0 if tracking fails."""
+        if len(self._points) < MIN_CORNERS:
+            return 0.0
+        points, status, _ = cv2.calcOpticalFlowPyrLK(self._last, gray, self._points, None)
+        tracked = status[:, 0] == 1
+        self._last, self._points, self._key_points = gray, points[tracked], self._key_points[tracked]
+        if len(self._points) < MIN_CORNERS:
+            return 0.0
+        motion, inliers = cv2.estimateAffinePartial2D(self._key_points, self._points, ransacReprojThreshold=2.0)
+        if motion is None or inliers.sum() < MIN_CORNERS:
+            return 0.0
+        # The area of the key frame's outline, clipped to the new frame. The determinant undoes the change of scale.
+        height, width = gray.shape
+        frame = np.array([[0, 0], [width, 0], [width, height], [0, height]], np.float32)
+        common, _ = cv2.intersectConvexConvex(frame, cv2.transform(frame[None], motion)[0])
+        return float(common / (np.linalg.det(motion[:, :2]) * width * height))
+
+
+def _small_gray(pixels: Pixels) -> Pixels:
+    small, _ = reduce_to_width(pixels, FLOW_WIDTH_PX)
+    return np.asarray(cv2.cvtColor(small, cv2.COLOR_BGR2GRAY), dtype=np.uint8)

@@ -1,4 +1,4 @@
-"""Lens correction for all photographs of a flight: removes distortion and masks parts that show the drone itself."""
+"""Corrects lens distortion, and masks the parts of photographs that show the drone itself."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from golden_model.arrays import Array, Intensities, Pixels, Points
 from skymosaic.errors import InputError
@@ -19,6 +18,8 @@ from skymosaic.imagery.images import load
 
 _REQUIRED = ("width_px", "height_px", "focal_x_px", "focal_y_px", "centre_x_px", "centre_y_px")
 _DISTORTION = ("k1", "k2", "p1", "p2", "k3")
+MAX_NUMBER = 1e9
+"""Limit of the numbers in a camera file; it excludes infinities, and integers too large for a float."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,13 +29,13 @@ class Lens:
     Attributes
     ----------
     size : (int, int) or None
-        Width and height of the calibration images; photographs of another size are assumed to be resized.
+        Width and height of the calibration images; photographs of another size are taken as resized.
     matrix : ndarray of float64, shape (3, 3), or None
-        Calibration matrix K at that size, pixel centres at integers; None: the photographs have no distortion.
+        Calibration matrix K at that size, pixel centres at integers; None: no distortion.
     distortion : ndarray of float64, shape (5,), or None
         k1, k2, p1, p2, k3 of OpenCV's model.
     mask : ndarray of uint8, shape (H, W), or None
-        0 where photographs do not show the ground; it is resized to each photograph.
+        0 where photographs do not show the ground; resized to each photograph.
     """
 
     size: tuple[int, int] | None = None
@@ -44,51 +45,52 @@ class Lens:
 
     @cached_property
     def key(self) -> str:
-        """Hash of everything that `straighten` and `visible` depend on."""
+        """Hash of everything on which `straighten` and `visible` depend."""
         state = hashlib.sha256(repr(self.size).encode())
         for part in (self.matrix, self.distortion, self.mask):
             state.update(b"none" if part is None else repr(part.shape).encode() + part.tobytes())
         return state.hexdigest()
 
     def straighten(self, pixels: Intensities, interpolation: int = cv2.INTER_CUBIC) -> Intensities:
-        """The photograph without distortion, as a pinhole camera with the same matrix would have taken it."""
+        """Remove distortion, as if a pinhole camera with the same matrix had taken the photograph."""
         if self.matrix is None:
             return pixels
-        maps = self._maps((pixels.shape[1], pixels.shape[0]))
+        size = (pixels.shape[1], pixels.shape[0])
+        matrix = self._matrix_at(size)
+        maps = cv2.initUndistortRectifyMap(matrix, self.distortion, None, matrix, size, cv2.CV_16SC2)
         return np.asarray(cv2.remap(pixels, *maps, interpolation), dtype=pixels.dtype)
 
     def straighten_points(self, points: Points, size: tuple[int, int]) -> Points:
-        """Where points (N, 2) of a photograph of ``size`` (width, height) are once it is straightened, px."""
-        if self.matrix is None or self.size is None:
+        """Move points (N, 2), px, to where the straightened photograph of ``size`` (width, height) shows them."""
+        if self.matrix is None:
             return points
-        scaled = resize_matrix(size[0] / self.size[0], size[1] / self.size[1]) @ self.matrix
-        straight = cv2.undistortPoints(points.reshape(-1, 1, 2), scaled, self.distortion, P=scaled)
+        matrix = self._matrix_at(size)
+        straight = cv2.undistortPoints(points.reshape(-1, 1, 2), matrix, self.distortion, P=matrix)
         return np.asarray(straight, dtype=np.float64).reshape(-1, 2)
 
     def visible(self, size: tuple[int, int]) -> Pixels | None:
-        """255 where a straightened photograph of ``size`` (width, height) shows ground, else 0; None if everywhere."""
+        """255 where a straightened photograph of ``size`` (width, height) shows ground, else 0; None: everywhere."""
         return None if self.mask is None and self.matrix is None else _visible(self, size)
 
     def __eq__(self, other: object) -> bool:
-        """Whether the other one corrects alike."""
+        """Whether the other lens makes the same corrections."""
         return isinstance(other, Lens) and self.key == other.key
 
     def __hash__(self) -> int:
-        """Of the key."""
+        """Hash of the key."""
         return hash(self.key)
 
-    def _maps(self, size: tuple[int, int]) -> tuple[NDArray[np.generic], NDArray[np.generic]]:
+    def _matrix_at(self, size: tuple[int, int]) -> Array:
+        """The calibration matrix, resized with a photograph of ``size``, which may be reduced."""
         assert self.size is not None
         assert self.matrix is not None
-        # The photograph may be smaller than the calibration images: its camera matrix is resized with it.
-        scaled = resize_matrix(size[0] / self.size[0], size[1] / self.size[1]) @ self.matrix
-        first, second = cv2.initUndistortRectifyMap(scaled, self.distortion, None, scaled, size, cv2.CV_16SC2)
-        return first, second
+        return np.asarray(resize_matrix(size[0] / self.size[0], size[1] / self.size[1]) @ self.matrix)
 
 
+# Kept, because each tile asks for it once per photograph.
 @lru_cache(maxsize=4)
 def _visible(lens: Lens, size: tuple[int, int]) -> Pixels:
-    """As `Lens.visible`, of a lens that hides something; kept, because each tile asks for it once a photograph."""
+    """As `Lens.visible`, for a lens with a mask or a distortion."""
     mask = np.full(size[::-1], 255, np.uint8)
     if lens.mask is not None:
         mask = np.asarray(cv2.resize(lens.mask, size, interpolation=cv2.INTER_NEAREST), dtype=np.uint8)
@@ -100,8 +102,8 @@ def load_lens(camera: Path | None, mask: Path | None) -> Lens:
     """Read a camera file and a mask picture; either may be None.
 
     The camera file is TOML with ``width_px``, ``height_px``, ``focal_x_px``, ``focal_y_px``, ``centre_x_px``,
-    ``centre_y_px`` and, of OpenCV's distortion, any of ``k1``, ``k2``, ``p1``, ``p2``, ``k3``. The mask is black
-    where photographs show no ground.
+    ``centre_y_px`` and any of ``k1``, ``k2``, ``p1``, ``p2``, ``k3`` of OpenCV's distortion. The mask is black where
+    photographs show no ground.
 
     Raises
     ------
@@ -116,7 +118,7 @@ def load_lens(camera: Path | None, mask: Path | None) -> Lens:
             raise InputError(f"{mask}: the mask is black everywhere; paint white what shows the ground")
     if camera is None:
         return Lens(mask=ground)
-    values = _numbers(camera)
+    values = _read_numbers(camera)
     fx, fy, cx, cy = (values[key] for key in _REQUIRED[2:])
     if min(values[key] for key in _REQUIRED) <= 0:
         raise InputError(f"{camera}: sizes, focal lengths and the centre must be positive")
@@ -128,16 +130,12 @@ def load_lens(camera: Path | None, mask: Path | None) -> Lens:
     )
 
 
-MAX_NUMBER = 1e9
-"""Of a camera file; excludes what is not finite, and integers that no float can hold."""
-
-
-def _numbers(path: Path) -> dict[str, float]:
+def _read_numbers(path: Path) -> dict[str, float]:
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); give a TOML file") from None
-    # RecursionError: arrays that are nested hundreds of times.
+    # RecursionError: arrays nested hundreds of times.
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(f"{path}: not valid TOML: {error}") from None
     for key, value in table.items():

@@ -1,4 +1,4 @@
-"""Frame sources of a live mosaic: a folder to which pictures are added, a video, a stream, or a camera."""
+"""Frame sources of a live mosaic: a folder that receives pictures, a video, a stream, or a camera."""
 
 from __future__ import annotations
 
@@ -14,12 +14,13 @@ from golden_model.arrays import Pixels
 from skymosaic.errors import InputError
 from skymosaic.imagery.band_sets import select_band
 from skymosaic.imagery.images import Photograph, load
+from skymosaic.imagery.key_frames import select_key_frames
 from skymosaic.imagery.photographs import is_folder, list_folder, list_sources
-from skymosaic.imagery.video import VideoReader, select_key_frames
+from skymosaic.imagery.video import VideoReader
 
 POLL_SECONDS = 0.2
 SETTLED_SECONDS = 0.5
-"""A file that has not changed for this time is considered complete."""
+"""A file that has not changed for this time is complete."""
 
 
 def read_live_frames(
@@ -36,15 +37,15 @@ def read_live_frames(
     ----------
     source : str
         A folder, whose pictures are read as they appear; a camera's number; a video file, or a stream's address
-        (``rtsp://...``). Of videos, streams and cameras, only key frames are yielded.
+        (``rtsp://...``). Videos, streams and cameras give their key frames only.
     idle_seconds : float or None
         A folder ends when no new picture has appeared for this time; None: never.
     tell : callable
-        Receives a line for each file that cannot be used, and for each note about a video.
+        Receives a line per file that cannot be used, and per note about a video.
     made : collection of Path
-        Pictures that the caller writes meanwhile; in the folder, they are not frames.
+        Pictures that the caller writes meanwhile, which are no frames even in the folder.
     band : str or None
-        Of a folder with multi-band sets, the band whose files are the frames.
+        The band whose files are the frames, for a folder of multi-band sets.
 
     Raises
     ------
@@ -57,9 +58,9 @@ def read_live_frames(
         for frame in select_key_frames(_camera(int(source))):
             yield Photograph(f"camera {source}, frame {frame.number}", frame.pixels)
     elif is_folder(Path(source)):
-        # A folder may be empty, or away for a while once it has been read; one that cannot be read now never will be.
+        # Only a folder that has been read once may later be away for a while.
         list_folder(Path(source))
-        yield from _appearing(Path(source), idle_seconds, tell, {path.resolve() for path in made}, band)
+        yield from _watch_folder(Path(source), idle_seconds, tell, {path.resolve() for path in made}, band)
     else:
         reader = VideoReader(source)
         for frame in select_key_frames(reader):
@@ -68,25 +69,25 @@ def read_live_frames(
             tell(f"{source}: {note}")
 
 
-def _appearing(
+def _watch_folder(
     folder: Path,
     idle_seconds: float | None,
     tell: Callable[[str], None],
     made: Collection[Path],
     band: str | None,
 ) -> Iterator[Photograph]:
-    """The pictures of a folder once they are complete, sorted by name; a picture that changes is yielded again."""
-    taken: set[tuple[Path, int]] = set()
+    """Yield the pictures of a folder once they are complete, sorted by name; a picture that changes comes again."""
+    done: set[tuple[Path, int]] = set()
     last = time.monotonic()
     while idle_seconds is None or time.monotonic() - last < idle_seconds:
         complete = _complete_pictures(folder, band)
-        new = [version for version in complete if version not in taken and version[0].resolve() not in made]
+        new = [version for version in complete if version not in done and version[0].resolve() not in made]
         for path, changed in new:
-            taken.add((path, changed))
+            done.add((path, changed))
             try:
                 yield load(path)
             except InputError as error:
-                # This may be a slow copy that paused; if the file changes again, it is read again.
+                # A slow copy may have paused. If the file changes again, it is read again.
                 tell(f"left out: {error}")
         if new:
             last = time.monotonic()
@@ -98,21 +99,23 @@ def _complete_pictures(folder: Path, band: str | None) -> list[tuple[Path, int]]
     """The folder's complete pictures, or those of one band, each with the time of its last change in ns."""
     try:
         pictures = list_sources([folder])
-    except InputError:  # There are no pictures yet.
+    # There are no pictures yet.
+    except InputError:
         return []
-    paths = [Path(found.name) for found in select_band(pictures, band)]
     complete = []
-    for path in paths:
-        with contextlib.suppress(OSError):  # The file may have been renamed or removed meanwhile.
+    for source in select_band(pictures, band):
+        path = Path(source.name)
+        # The file may have been renamed or removed meanwhile.
+        with contextlib.suppress(OSError):
             changed = path.stat().st_mtime_ns
-            # The file server's clock may be ahead of ours, which makes the difference negative.
+            # If the file server's clock is ahead of ours, the difference is negative.
             if abs(time.time_ns() - changed) >= SETTLED_SECONDS * 1e9:
                 complete.append((path, changed))
     return complete
 
 
 def _camera(number: int) -> Iterator[Pixels]:
-    # Otherwise OpenCV prints its own messages about a missing camera before ours.
+    # OpenCV would print messages of its own about a missing camera.
     level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     capture = cv2.VideoCapture(number)
     cv2.utils.logging.setLogLevel(level)

@@ -1,4 +1,4 @@
-"""Remembers which pictures in a folder of photographs are mosaics, so that a later run does not use them as input."""
+"""Records which pictures in a folder of photographs are mosaics, so that later runs do not use them as input."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from pathlib import Path
 from skymosaic.imagery.images import save_bytes
 
 RECORD_NAME = ".skymosaic-outputs"
-"""File in the folder of photographs: a line for each mosaic, with its SHA-256 and its name."""
+"""File in the folder of photographs, with a line per mosaic: its SHA-256 and its name."""
 
 
 def record_output(output: Path, inputs: Iterable[Path]) -> None:
-    """Record a mosaic that was written into a folder with photographs; other folders need no record.
+    """Record a mosaic that was written into a folder of photographs; other folders need no record.
 
     Parameters
     ----------
@@ -26,19 +26,19 @@ def record_output(output: Path, inputs: Iterable[Path]) -> None:
     folder = output.resolve().parent
     if not any(path.resolve().parent == folder for path in inputs):
         return
-    record = {name: digest for name, digest in _recorded(folder).items() if (folder / name).exists()}
+    record = {name: digest for name, digest in _read_record(folder).items() if (folder / name).exists()}
     record[output.name] = _digest(output)
     text = "".join(f"{digest} {name}\n" for name, digest in sorted(record.items()))
     save_bytes(folder / RECORD_NAME, text.encode("utf-8", "surrogateescape"))
 
 
 def exclude_recorded(folder: Path, pictures: Collection[Path]) -> list[Path]:
-    """The pictures of ``folder`` without recorded mosaics; a file that has changed since is no mosaic any more."""
-    record = _recorded(folder)
+    """Leave out the recorded mosaics of a folder; a file that has changed since is no mosaic any more."""
+    record = _read_record(folder)
     return [path for path in pictures if path.name not in record or _digest(path) != record[path.name]]
 
 
-def _recorded(folder: Path) -> dict[str, str]:
+def _read_record(folder: Path) -> dict[str, str]:
     with contextlib.suppress(OSError):
         text = (folder / RECORD_NAME).read_bytes().decode("utf-8", "surrogateescape")
         fields = (line.partition(" ") for line in text.split("\n") if line)

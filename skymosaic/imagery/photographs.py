@@ -1,4 +1,4 @@
-"""The photographs of a flight: lists the files, and decodes their pixels when they are needed."""
+"""Lists the photographs of a flight, and decodes their pixels when they are needed."""
 
 from __future__ import annotations
 
@@ -17,30 +17,28 @@ import numpy as np
 from golden_model.arrays import Intensities, Pixels
 from skymosaic.errors import InputError
 from skymosaic.imagery.depth import ValueRange
-from skymosaic.imagery.images import Photograph, load, load_intensities
+from skymosaic.imagery.images import PICTURE_SUFFIXES, Photograph, load, load_intensities
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.own_outputs import exclude_recorded
-
-PHOTOGRAPH_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp")
 
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """One photograph of a flight: a file, or an array of pixels.
+    """A photograph of a flight: a file, or an array of pixels.
 
     Attributes
     ----------
     index : int
-        Its index among the given photographs.
+        Index among the given photographs.
     name : str
         The file as given, or ``"image N"``.
     content : Path or ndarray of uint8, shape (H, W) or (H, W, 3) BGR
     keep_damaged : bool
-        Use what can be decoded of a damaged file.
+        Use a damaged file as far as it can be decoded.
     bend : callable or None
         Applied to the straightened pixels, for instance `skymosaic.compositing.mesh.Mesh.bend`; keeps their shape.
     bands : mapping of str to Source
-        Of a multi-band set, all bands in the order in which they are written; empty for a photograph.
+        All bands of a multi-band set, in the order of the output; empty for a photograph.
     """
 
     index: int
@@ -52,17 +50,17 @@ class Source:
 
     @property
     def files(self) -> tuple[str, ...]:
-        """Names of everything that belongs to it."""
+        """Names of all its files."""
         return tuple(source.name for source in self.bands.values()) or (self.name,)
 
     def with_damaged(self, *, keep: bool) -> Source:
-        """The same source, whose damaged files are used as far as they can be decoded, or refused."""
+        """The same source, which uses damaged files as far as they can be decoded, or refuses them."""
         bands = {band: source.with_damaged(keep=keep) for band, source in self.bands.items()}
         return dataclasses.replace(self, keep_damaged=keep, bands=bands)
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of the file or array; it depends on the content alone, not on the file's name.
+        """SHA-256 of the file or array, whatever the file's name.
 
         Raises
         ------
@@ -86,16 +84,17 @@ class Source:
             As in `skymosaic.imagery.images.load`.
         """
         decoded = load(self.content, self.name, keep_damaged=self.keep_damaged)
-        pixels = np.asarray(self._bent(lens.straighten(decoded.pixels)), dtype=np.uint8)
+        pixels = np.asarray(self._straighten(decoded.pixels, lens), dtype=np.uint8)
         return dataclasses.replace(decoded, name=self.name, pixels=pixels)
 
     def read_intensities(self, lens: Lens, values: ValueRange | None) -> Intensities:
-        """The straightened pixels as a mosaic shows them, see `skymosaic.imagery.images.load_intensities`."""
+        """Read the straightened pixels as a mosaic shows them, see `skymosaic.imagery.images.load_intensities`."""
         decoded = load_intensities(self.content, self.name, values, keep_damaged=self.keep_damaged)
-        return self._bent(lens.straighten(decoded))
+        return self._straighten(decoded, lens)
 
-    def _bent(self, pixels: Intensities) -> Intensities:
-        return pixels if self.bend is None else self.bend(pixels)
+    def _straighten(self, pixels: Intensities, lens: Lens) -> Intensities:
+        straight = lens.straighten(pixels)
+        return straight if self.bend is None else self.bend(straight)
 
 
 def list_sources(images: Sequence[str | Path | Pixels]) -> list[Source]:
@@ -106,15 +105,15 @@ def list_sources(images: Sequence[str | Path | Pixels]) -> list[Source]:
     InputError
         For a folder without pictures. Files are checked later, so that one bad file does not stop a flight.
     """
-    found: list[Path | Pixels] = []
+    contents: list[Path | Pixels] = []
     for image in images:
         if not isinstance(image, str | Path):
-            found.append(image)
+            contents.append(image)
         else:
-            found += _pictures(Path(image)) if is_folder(Path(image)) else [Path(image)]
+            contents += _list_pictures(Path(image)) if is_folder(Path(image)) else [Path(image)]
     return [
         Source(index, str(content) if isinstance(content, Path) else f"image {index}", content)
-        for index, content in enumerate(found)
+        for index, content in enumerate(contents)
     ]
 
 
@@ -127,7 +126,7 @@ def is_folder(path: Path) -> bool:
 
 
 def list_folder(folder: Path) -> list[Path]:
-    """What a folder contains.
+    """List what a folder contains.
 
     Raises
     ------
@@ -140,16 +139,16 @@ def list_folder(folder: Path) -> list[Path]:
         raise InputError(f"{folder}: cannot be read ({error.strerror}); check its permissions") from None
 
 
-def _pictures(folder: Path) -> list[Path]:
-    pictures = [path for path in list_folder(folder) if path.suffix.lower() in PHOTOGRAPH_SUFFIXES and path.is_file()]
+def _list_pictures(folder: Path) -> list[Path]:
+    pictures = [path for path in list_folder(folder) if path.suffix.lower() in PICTURE_SUFFIXES and path.is_file()]
     # File systems and unfinished copies leave files whose names start with a dot.
     pictures = exclude_recorded(folder, [path for path in pictures if not path.name.startswith(".")])
     if not pictures:
-        raise InputError(f"{folder}: contains no pictures ({', '.join(PHOTOGRAPH_SUFFIXES)}); choose another folder")
-    return sorted(pictures, key=lambda path: _natural(path.name))
+        raise InputError(f"{folder}: contains no pictures ({', '.join(PICTURE_SUFFIXES)}); choose another folder")
+    return sorted(pictures, key=lambda path: _natural_order(path.name))
 
 
-def _natural(name: str) -> list[tuple[int, str]]:
+def _natural_order(name: str) -> list[tuple[int, str]]:
     """Sorting key that compares numbers in names by value."""
     return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", name)]
 
@@ -162,42 +161,42 @@ def _key(source: Source, lens: Lens, values: ValueRange | None) -> _Key:
 
 
 class DecodedPhotographs:
-    """Cache of the most recently used decoded photographs, up to a number of bytes; thread-safe.
+    """Cache of the most recently used decoded photographs, of limited size; thread-safe.
 
     Parameters
     ----------
     limit_bytes : int
-        Size of the cache; a photograph larger than this is decoded each time.
+        Size of the cache; a larger photograph is decoded each time.
     """
 
     def __init__(self, limit_bytes: int) -> None:
         self._limit_bytes = limit_bytes
-        self._held: OrderedDict[_Key, Intensities] = OrderedDict()
+        self._pixels: OrderedDict[_Key, Intensities] = OrderedDict()
         self._lock = Lock()
 
     @property
-    def held_bytes(self) -> int:
+    def size_bytes(self) -> int:
         """Bytes in the cache now."""
-        return sum(pixels.nbytes for pixels in self._held.values())
+        return sum(pixels.nbytes for pixels in self._pixels.values())
 
     def pixels(self, source: Source, lens: Lens, values: ValueRange | None = None) -> Intensities:
         """The straightened pixels of ``source``; ``values`` as in `Source.read_intensities`."""
         key = _key(source, lens, values)
         with self._lock:
-            if key in self._held:
-                self._held.move_to_end(key)
-                return self._held[key]
-        # Decoded outside the lock, so that threads decode different photographs at the same time.
+            if key in self._pixels:
+                self._pixels.move_to_end(key)
+                return self._pixels[key]
+        # Outside the lock, so that threads decode different photographs at the same time.
         pixels = source.read_intensities(lens, values)
         self.keep(source, lens, pixels, values)
         return pixels
 
     def keep(self, source: Source, lens: Lens, pixels: Intensities, values: ValueRange | None = None) -> None:
-        """Keep straightened pixels of ``source`` that are decoded already, and drop others beyond the limit."""
+        """Keep straightened pixels of ``source`` that are decoded already, and drop the oldest beyond the limit."""
         with self._lock:
-            self._held[_key(source, lens, values)] = pixels
-            while self.held_bytes > self._limit_bytes:
-                self._held.popitem(last=False)
+            self._pixels[_key(source, lens, values)] = pixels
+            while self.size_bytes > self._limit_bytes:
+                self._pixels.popitem(last=False)
 
 
 @lru_cache(maxsize=1)
@@ -206,11 +205,6 @@ def decoded_photographs(limit_bytes: int) -> DecodedPhotographs:
     return DecodedPhotographs(limit_bytes)
 
 
-def keep_decoded(source: Source, lens: Lens, pixels: Pixels, limit_bytes: int) -> None:
-    """Keep the straightened pixels of a photograph that is decoded already."""
-    decoded_photographs(limit_bytes).keep(source, lens, pixels)
-
-
 def forget_decoded() -> None:
-    """Give back the memory of all decoded photographs of this process."""
+    """Release the memory of all decoded photographs of this process."""
     decoded_photographs.cache_clear()

@@ -27,7 +27,7 @@ from skymosaic.flight.workers import Workers
 from skymosaic.imagery import images as pictures
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.own_outputs import record_output
-from skymosaic.imagery.photographs import Source, keep_decoded
+from skymosaic.imagery.photographs import Source, decoded_photographs
 from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.mosaicking.result import Mosaic
 from skymosaic.registration.pair import Pair
@@ -191,7 +191,7 @@ class MosaicPlan:
             self.sources = [dataclasses.replace(self.sources[0], bend=bend), self.sources[1]]
             left = dataclasses.replace(left, pixels=np.asarray(bend(left.pixels), dtype=np.uint8))
         for source, photograph in zip(self.sources, (left, right), strict=True):
-            keep_decoded(source, lens, photograph.pixels, options.memory_bytes)
+            decoded_photographs(options.memory_bytes).keep(source, lens, photograph.pixels)
         return flight_of_pair(pair, self.sources, lens)
 
 

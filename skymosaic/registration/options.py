@@ -10,7 +10,7 @@ import dataclasses
 from dataclasses import dataclass
 from typing import TypedDict
 
-from golden_model.config import MAX_FRAME_PX, PRESETS, Config, preset_config
+from golden_model.config import MAX_FRAME_PX, MIN_FRAME_PX, PRESETS, Config, preset_config
 from golden_model.feature.ilbp import PATTERNS
 from sim.backends.interface import BACKENDS, Backend, Progress, silent
 from skymosaic.errors import InputError
@@ -18,8 +18,6 @@ from skymosaic.features.descriptors import DESCRIPTORS
 from skymosaic.features.detectors import DETECTORS
 from skymosaic.features.methods import Method, check_backend, choose_method, load_backend_for
 from skymosaic.geometry.estimators import ESTIMATORS, FUZZY_RANSAC, SCORINGS
-from skymosaic.imagery.decoding import MIN_SIDE_PX
-from skymosaic.imagery.images import DAMAGED
 from skymosaic.options import INPUT, MACHINE, option, options_of
 
 WORKING_WIDTH_PX = 1280
@@ -55,14 +53,14 @@ class FeatureOptions:
     working_width_px: int = option(
         WORKING_WIDTH_PX,
         "Wider photographs are reduced to this width for registration.",
-        minimum=MIN_SIDE_PX,
+        minimum=MIN_FRAME_PX,
         maximum=MAX_FRAME_PX,
     )
     damaged: str = option(
         "refuse",
         "A damaged JPEG: refuse it (a flight leaves it out), or keep what can be decoded.",
         INPUT,
-        choices=DAMAGED,
+        choices=("refuse", "keep"),
     )
 
     def check(self) -> None:

@@ -17,12 +17,11 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Array, Pixels
-from golden_model.config import Config, preset_config
+from golden_model.config import MIN_FRAME_PX, Config, preset_config
 from sim.backends.interface import load_backend
 from skymosaic.compositing.warp import Canvas
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.geometry.homography import DegenerateError, apply, dlt
-from skymosaic.imagery.decoding import MIN_SIDE_PX
 from skymosaic.imagery.images import load
 from skymosaic.registration.register import extract_within_capacity
 from skymosaic.tracking.template import Roi, Template, TemplatePose
@@ -229,7 +228,7 @@ class _Tracker:
             middle = self.corners.mean(axis=0)
             scales = (math.sqrt(_area(self.corners) / _area(self.template.corners)),)
         # The front end takes no smaller picture.
-        min_zoom = MIN_SIDE_PX / min(size)
+        min_zoom = MIN_FRAME_PX / min(size)
         zooms = [max(self.template.zoom / scale, min_zoom) for scale in scales]
         return [(zoom, part) for zoom in zooms for part in _parts(size, zoom, middle)]
 

@@ -11,7 +11,8 @@ import pytest
 
 from sim.scene import Camera, CameraPose, Flight, Photometry
 from skymosaic.errors import InputError
-from skymosaic.imagery.video import VideoReader, select_key_frames, write_video
+from skymosaic.imagery.key_frames import select_key_frames
+from skymosaic.imagery.video import VideoReader, write_video
 
 RATE = Fraction(30000, 1001)
 
