@@ -11,7 +11,7 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.config import Config
 from golden_model.records import MATCH, WORD_BYTES
-from hdl.axi.axi_lite import AxiLiteSignature
+from hdl.axi.axi_lite import AXI_LITE
 from hdl.axi.packet_gate import PacketGate
 from hdl.axi.video_input import video_payload
 from hdl.front_end import FrontEnd
@@ -19,7 +19,7 @@ from hdl.lib.skid_buffer import SkidBuffer
 from hdl.lib.views import view_signal
 from hdl.matching.matcher import Matcher
 from hdl.registers.register_file import RegisterFile
-from hdl.registers.register_map import ADDRESS_BITS, REGISTERS, Register, built_constants
+from hdl.registers.register_map import REGISTERS, Register, built_constants
 from hdl.settings import FRONT_END, KEEP_ABOVE
 from hdl.streams import WordPayload, fork
 
@@ -61,7 +61,7 @@ class Accelerator(wiring.Component):
     i_video : In(stream of video_payload)
     o_features, o_matches : Out(stream of WordPayload)
         A packet for each frame: its records, then its FrameStatus.
-    control : In(AxiLiteSignature)
+    control : In(AXI_LITE)
         `hdl.registers.register_map`.
     o_interrupt : Out(1)
         Active high, level; software clears an event by writing 1.
@@ -116,7 +116,7 @@ class Accelerator(wiring.Component):
                 "i_video": In(stream.Signature(video_payload(video_bits))),
                 "o_features": Out(stream.Signature(WordPayload)),
                 "o_matches": Out(stream.Signature(WordPayload)),
-                "control": In(AxiLiteSignature(address_bits=ADDRESS_BITS)),
+                "control": In(AXI_LITE),
                 "o_interrupt": Out(1),
             }
         )

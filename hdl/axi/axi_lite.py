@@ -1,15 +1,15 @@
 """AXI4-Lite subordinate: one word at a time, no combinational path from input to output."""
 
-from __future__ import annotations
-
 import enum
-from typing import Any
 
 from amaranth import Module, Signal
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
 from hdl.lib.delay import port_register
+
+ADDRESS_BITS = 12
+"""A block of 4 KB, the smallest that AXI interconnects decode."""
 
 
 class Response(enum.IntEnum):
@@ -19,34 +19,25 @@ class Response(enum.IntEnum):
     SLVERR = 2
 
 
-class AxiLiteSignature(wiring.Signature):
-    """The five channels with 32-bit data; directions are the manager's.
-
-    Parameters
-    ----------
-    address_bits : int
-    """
-
-    def __init__(self, *, address_bits: int) -> None:
-        self.address_bits = address_bits
-        address = {"addr": Out(address_bits), "prot": Out(3), "valid": Out(1), "ready": In(1)}
-        super().__init__(
-            {
-                **{f"aw{name}": flow for name, flow in address.items()},
-                "wdata": Out(32),
-                "wstrb": Out(4),
-                "wvalid": Out(1),
-                "wready": In(1),
-                "bresp": In(2),
-                "bvalid": In(1),
-                "bready": Out(1),
-                **{f"ar{name}": flow for name, flow in address.items()},
-                "rdata": In(32),
-                "rresp": In(2),
-                "rvalid": In(1),
-                "rready": Out(1),
-            }
-        )
+_ADDRESS = {"addr": Out(ADDRESS_BITS), "prot": Out(3), "valid": Out(1), "ready": In(1)}
+AXI_LITE = wiring.Signature(
+    {
+        **{f"aw{name}": member for name, member in _ADDRESS.items()},
+        "wdata": Out(32),
+        "wstrb": Out(4),
+        "wvalid": Out(1),
+        "wready": In(1),
+        "bresp": In(2),
+        "bvalid": In(1),
+        "bready": Out(1),
+        **{f"ar{name}": member for name, member in _ADDRESS.items()},
+        "rdata": In(32),
+        "rresp": In(2),
+        "rvalid": In(1),
+        "rready": Out(1),
+    }
+)
+"""The five channels with 32-bit data; directions are the manager's."""
 
 
 class AxiLiteSubordinate(wiring.Component):
@@ -54,16 +45,12 @@ class AxiLiteSubordinate(wiring.Component):
 
     Writes and reads are independent. Each accepts its next access when the previous response has been taken.
 
-    Parameters
-    ----------
-    address_bits : int
-
     Members
     -------
-    bus : In(AxiLiteSignature)
+    bus : In(AXI_LITE)
     o_write, o_read : Out(1)
         High for one clock per access.
-    o_write_word, o_read_word : Out(address_bits - 2)
+    o_write_word, o_read_word : Out(ADDRESS_BITS - 2)
         Word address.
     o_data : Out(32), o_strobe : Out(4)
         Write data and byte strobes.
@@ -73,33 +60,16 @@ class AxiLiteSubordinate(wiring.Component):
         Read data, in the clock of the pulse.
     """
 
-    bus: Any
-    o_write: Signal
-    o_read: Signal
-    o_write_word: Signal
-    o_read_word: Signal
-    o_data: Signal
-    o_strobe: Signal
-    i_write_known: Signal
-    i_read_known: Signal
-    i_data: Signal
-
-    def __init__(self, *, address_bits: int) -> None:
-        self.address_bits = address_bits
-        super().__init__(
-            {
-                "bus": In(AxiLiteSignature(address_bits=address_bits)),
-                "o_write": Out(1),
-                "o_read": Out(1),
-                "o_write_word": Out(address_bits - 2),
-                "o_read_word": Out(address_bits - 2),
-                "o_data": Out(32),
-                "o_strobe": Out(4),
-                "i_write_known": In(1),
-                "i_read_known": In(1),
-                "i_data": In(32),
-            }
-        )
+    bus: In(AXI_LITE)
+    o_write: Out(1)
+    o_read: Out(1)
+    o_write_word: Out(ADDRESS_BITS - 2)
+    o_read_word: Out(ADDRESS_BITS - 2)
+    o_data: Out(32)
+    o_strobe: Out(4)
+    i_write_known: In(1)
+    i_read_known: In(1)
+    i_data: In(32)
 
     def elaborate(self, platform: object) -> Module:
         """One state machine for writes, one for reads."""

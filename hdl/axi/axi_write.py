@@ -21,33 +21,30 @@ BURST_WORD = data.StructLayout({"data": 8 * WORD_BYTES, "kept": 1})
 """A word of a burst; it is written only where ``kept``."""
 
 
-class AxiWriteSignature(wiring.Signature):
-    """Write address, write data and write response; directions are the manager's.
+AXI_WRITE = wiring.Signature(
+    {
+        "awaddr": Out(64),
+        "awlen": Out(8),
+        "awsize": Out(3),
+        "awburst": Out(2),
+        "awcache": Out(4),
+        "awprot": Out(3),
+        "awvalid": Out(1),
+        "awready": In(1),
+        "wdata": Out(8 * WORD_BYTES),
+        "wstrb": Out(WORD_BYTES),
+        "wlast": Out(1),
+        "wvalid": Out(1),
+        "wready": In(1),
+        "bresp": In(2),
+        "bvalid": In(1),
+        "bready": Out(1),
+    }
+)
+"""Write address, write data and write response; directions are the manager's.
 
-    There are no IDs: responses come in the order of the bursts.
-    """
-
-    def __init__(self) -> None:
-        super().__init__(
-            {
-                "awaddr": Out(64),
-                "awlen": Out(8),
-                "awsize": Out(3),
-                "awburst": Out(2),
-                "awcache": Out(4),
-                "awprot": Out(3),
-                "awvalid": Out(1),
-                "awready": In(1),
-                "wdata": Out(8 * WORD_BYTES),
-                "wstrb": Out(WORD_BYTES),
-                "wlast": Out(1),
-                "wvalid": Out(1),
-                "wready": In(1),
-                "bresp": In(2),
-                "bvalid": In(1),
-                "bready": Out(1),
-            }
-        )
+There are no IDs: responses come in the order of the bursts.
+"""
 
 
 class BurstWriter(wiring.Component):
@@ -65,7 +62,7 @@ class BurstWriter(wiring.Component):
         Its address in bursts, with ``i_start``.
     i : In(stream of BURST_WORD)
         Its words, taken from the clock after ``i_start`` on.
-    bus : Out(AxiWriteSignature)
+    bus : Out(AXI_WRITE)
     o_ready : Out(1)
         A burst may start.
     o_sent : Out(1)
@@ -79,7 +76,7 @@ class BurstWriter(wiring.Component):
     i_start: In(1)
     i_burst: In(64 - BURST_LOG2)
     i: In(stream.Signature(BURST_WORD))
-    bus: Out(AxiWriteSignature())
+    bus: Out(AXI_WRITE)
     o_ready: Out(1)
     o_sent: Out(1)
     o_all_answered: Out(1)

@@ -6,11 +6,12 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 
 from golden_model.version import VERSION
+from hdl.axi.axi_lite import ADDRESS_BITS
 from hdl.blocks.export import CORE_LIBRARY, CORE_VENDOR
 from hdl.blocks.testbench import Port
 from hdl.export.bus_interfaces import BUS_VENDOR, BUS_VERSION, BusInterface, bus_interfaces
 from hdl.export.register_docs import XML_ACCESS
-from hdl.registers.register_map import ADDRESS_BITS, REGISTER_BITS, REGISTERS, Access, Register
+from hdl.registers.register_map import REGISTER_BITS, REGISTERS, Access, Register
 
 NAMESPACE = "http://www.accellera.org/XMLSchema/IPXACT/1685-2014"
 MEMORY_MAP = "registers"

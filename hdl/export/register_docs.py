@@ -6,8 +6,9 @@ import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 
 from golden_model.version import VERSION
+from hdl.axi.axi_lite import ADDRESS_BITS
 from hdl.registers.live_register_map import LIVE_REGISTERS, SHELL_OFFSET
-from hdl.registers.register_map import ADDRESS_BITS, REGISTER_BITS, REGISTERS, Access, Field, Register
+from hdl.registers.register_map import REGISTER_BITS, REGISTERS, Access, Field, Register
 
 NAME = "skymosaic"
 XML_ACCESS = {

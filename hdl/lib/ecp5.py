@@ -10,6 +10,8 @@ from pathlib import Path
 
 from amaranth import Cat, ClockSignal, Const, Instance, Module, Shape, Signal, Value
 
+from hdl.lib.line_memory import LineMemory
+
 MODELS = Path(__file__).with_name("ecp5_models.v")
 """Models of the primitives, for simulation."""
 
@@ -20,6 +22,14 @@ ADDRESS_BITS = 14
 PORT_BITS = 18
 BYTE_ENABLES = 0b11
 """In 18-bit words the lowest address bits are byte enables instead: write both bytes."""
+_BLOCK_MODES = {
+    "p_REGMODE_A": "NOREG",
+    "p_REGMODE_B": "OUTREG",
+    "p_WRITEMODE_A": "NORMAL",
+    "p_WRITEMODE_B": "NORMAL",
+    "p_RESETMODE": "SYNC",
+    "p_GSR": "DISABLED",
+}
 
 
 class Ecp5:
@@ -58,18 +68,7 @@ class Ecp5:
         m.submodules.multiplier = Instance("MULT18X18D", **ports)
         m.d.comb += product.eq(product_bits[: len(product)])
 
-    def memory(
-        self,
-        m: Module,
-        *,
-        depth: int,
-        read_address: Value,
-        registers: Value,
-        read_data: Value,
-        write: Value,
-        write_address: Value,
-        write_data: Value,
-    ) -> None:
+    def memory(self, m: Module, memory: LineMemory, *, registers: Value) -> None:
         """Add DP16KDs side by side for the width of a word, with output registers; port A writes and port B reads.
 
         Raises
@@ -77,71 +76,45 @@ class Ecp5:
         ValueError
             For more words than a DP16KD has.
         """
-        if depth > 1 << ADDRESS_BITS:
-            raise ValueError(f"the memory has {depth} words; a DP16KD has {1 << ADDRESS_BITS} at most")
+        if memory.depth > 1 << ADDRESS_BITS:
+            raise ValueError(f"the memory has {memory.depth} words; a DP16KD has {1 << ADDRESS_BITS} at most")
         # Addresses of a DP16KD count bits: wider words leave the lowest address bits unused.
-        unused = min(ADDRESS_BITS - (depth - 1).bit_length(), len(WIDTHS) - 1)
+        unused = min(ADDRESS_BITS - (memory.depth - 1).bit_length(), len(WIDTHS) - 1)
         width = WIDTHS[-1 - unused]
         low = Const(BYTE_ENABLES if width == PORT_BITS else 0, unused)
         write_address, read_address = (
-            Cat(low, address, Const(0, ADDRESS_BITS))[:ADDRESS_BITS] for address in (write_address, read_address)
+            Cat(low, address, Const(0, ADDRESS_BITS))[:ADDRESS_BITS]
+            for address in (memory.i_write_address, memory.i_read_address)
         )
-        for n, first in enumerate(range(0, len(write_data), width)):
-            m.submodules[f"block{n}"] = _block(
-                m,
-                width,
-                read_address=read_address,
-                registers=registers,
-                read_data=read_data[first : first + width],
-                write=write,
-                write_address=write_address,
-                write_data=write_data[first : first + width],
+        written, word = Value.cast(memory.i_word), Value.cast(memory.o_word)
+        for n, first in enumerate(range(0, len(word), width)):
+            data, read = written[first : first + width], Signal(PORT_BITS)
+            m.d.comb += word[first : first + width].eq(read)
+            m.submodules[f"block{n}"] = Instance(
+                "DP16KD",
+                p_DATA_WIDTH_A=width,
+                p_DATA_WIDTH_B=width,
+                **_BLOCK_MODES,
+                i_CLKA=ClockSignal(),
+                i_CLKB=ClockSignal(),
+                i_WEA=memory.i_write,
+                i_WEB=Const(0, 1),
+                # Always enabled: only what the output register takes counts, and an enable would be one more long wire.
+                # Whether that register needs the port's enable besides its own then makes no difference either.
+                i_CEA=Const(1, 1),
+                i_CEB=Const(1, 1),
+                i_OCEA=Const(1, 1),
+                i_OCEB=registers,
+                i_RSTA=Const(0, 1),
+                i_RSTB=Const(0, 1),
+                **_bits("i_CSA", Const(0, 3)),
+                **_bits("i_CSB", Const(0, 3)),
+                **_bits("i_ADA", write_address),
+                **_bits("i_ADB", read_address),
+                **_bits("i_DIA", Cat(data, Const(0, PORT_BITS - len(data)))),
+                **_bits("i_DIB", Const(0, PORT_BITS)),
+                **_bits("o_DOB", read),
             )
-
-
-def _block(
-    m: Module,
-    width: int,
-    *,
-    read_address: Value,
-    registers: Value,
-    read_data: Value,
-    write: Value,
-    write_address: Value,
-    write_data: Value,
-) -> Instance:
-    read = Signal(PORT_BITS)
-    m.d.comb += read_data.eq(read)
-    return Instance(
-        "DP16KD",
-        p_DATA_WIDTH_A=width,
-        p_DATA_WIDTH_B=width,
-        p_REGMODE_A="NOREG",
-        p_REGMODE_B="OUTREG",
-        p_WRITEMODE_A="NORMAL",
-        p_WRITEMODE_B="NORMAL",
-        p_RESETMODE="SYNC",
-        p_GSR="DISABLED",
-        i_CLKA=ClockSignal(),
-        i_CLKB=ClockSignal(),
-        i_WEA=write,
-        i_WEB=Const(0, 1),
-        # Always enabled: only what the output register takes counts, and an enable would be one more long wire. Whether
-        # that register needs the port's enable besides its own then makes no difference either.
-        i_CEA=Const(1, 1),
-        i_CEB=Const(1, 1),
-        i_OCEA=Const(1, 1),
-        i_OCEB=registers,
-        i_RSTA=Const(0, 1),
-        i_RSTB=Const(0, 1),
-        **_bits("i_CSA", Const(0, 3)),
-        **_bits("i_CSB", Const(0, 3)),
-        **_bits("i_ADA", write_address),
-        **_bits("i_ADB", read_address),
-        **_bits("i_DIA", Cat(write_data, Const(0, PORT_BITS - len(write_data)))),
-        **_bits("i_DIB", Const(0, PORT_BITS)),
-        **_bits("o_DOB", read),
-    )
 
 
 def _bits(port: str, value: Value, *, first: int = 0) -> dict[str, object]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from amaranth import Module, ShapeLike, Signal, Value
+from amaranth import Module, ShapeLike, Signal
 from amaranth.lib import memory, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -67,16 +67,7 @@ class LineMemory(wiring.Component):
         m = Module()
         is_read = delayed(m, self.i_read, 1, reset_less=False)
         if isinstance(platform, Technology):
-            platform.memory(
-                m,
-                depth=self.depth,
-                read_address=self.i_read_address,
-                registers=is_read,
-                read_data=Value.cast(self.o_word),
-                write=self.i_write,
-                write_address=self.i_write_address,
-                write_data=Value.cast(self.i_word),
-            )
+            platform.memory(m, self, registers=is_read)
             return m
         words: memory.Memory
         m.submodules.memory = words = memory.Memory(shape=self.shape, depth=self.depth, init=[])

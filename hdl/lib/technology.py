@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from amaranth import Module, Signal, Value
+
+if TYPE_CHECKING:
+    from hdl.lib.line_memory import LineMemory
 
 
 @runtime_checkable
@@ -17,19 +20,9 @@ class Technology(Protocol):
     def multiplier(self, m: Module, *, a: Value, b: Value, loads: tuple[Value, Value, Value], product: Signal) -> None:
         """Add ``product`` = ``a`` × ``b``; ``loads`` enable the operand, multiplier and product registers."""
 
-    def memory(
-        self,
-        m: Module,
-        *,
-        depth: int,
-        read_address: Value,
-        registers: Value,
-        read_data: Value,
-        write: Value,
-        write_address: Value,
-        write_data: Value,
-    ) -> None:
-        """Add a memory that is read in every clock; in the next, ``registers`` passes the word on to ``read_data``.
+    def memory(self, m: Module, memory: LineMemory, *, registers: Value) -> None:
+        """Add a memory between the ports of ``memory``, read in every clock.
 
-        A read of the address being written may return anything.
+        In the next clock ``registers`` passes the word on to ``memory.o_word``. A read of the address being written may
+        return anything.
         """

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import enum
-from collections.abc import Iterator
 
 from hdl.registers.register_map import REGISTERS, Access, Field, Register, list_values, setting_field, status_word
-from hdl.settings import RINGS, SHELL
 
 SHELL_OFFSET = 0x100
-_RING_OFFSETS = dict(zip(RINGS, (0x140, 0x160), strict=True))
 _STATUS = Access.STATUS
 
 
@@ -35,28 +32,40 @@ class Refusal(enum.IntFlag):
     MEMORY_MODE = 64
 
 
-def _setting(name: str, low: int) -> Field:
-    return setting_field(SHELL[name], low)
-
-
-def _ring_registers(ring: str) -> Iterator[Register]:
-    offset, upper = _RING_OFFSETS[ring], ring.upper()
-    words = (
-        ("BASE_LOW", f"Position of the ring of {ring}; change it only while {ring}_enable is 0.", "base_low"),
-        ("BASE_HIGH", f"Position of the ring of {ring}.", "base_high"),
+def _ring_registers(ring: str, offset: int) -> tuple[Register, ...]:
+    upper = ring.upper()
+    return (
+        Register(
+            f"{upper}_BASE_LOW",
+            offset,
+            f"Position of the ring of {ring}; change it only while {ring}_enable is 0.",
+            setting_field(f"{ring}_base_low", 0),
+        ),
+        Register(
+            f"{upper}_BASE_HIGH", offset + 4, f"Position of the ring of {ring}.", setting_field(f"{ring}_base_high", 0)
+        ),
+        Register(
+            f"{upper}_SHAPE",
+            offset + 8,
+            f"Shape of the ring of {ring}; change it only while it is off.",
+            setting_field(f"{ring}_slots", 0),
+            setting_field(f"{ring}_slot_pages", 16),
+        ),
+        Register(f"{upper}_READ", offset + 12, f"Progress of the reader of {ring}.", setting_field(f"{ring}_read", 0)),
+        status_word(
+            f"{upper}_WRITTEN",
+            offset + 16,
+            f"Progress of the writer of {ring}.",
+            f"Packets in memory; 0 while {ring}_enable is 0.",
+        ),
+        Register(
+            f"{upper}_ERRORS",
+            offset + 20,
+            f"Failures of the ring of {ring}.",
+            Field(f"{ring}_errors", 0, 16, _STATUS, "Write responses other than OKAY; stays at the largest value."),
+            Field(f"{ring}_lost", 16, 16, _STATUS, "Packets that found no free slot; stays at the largest value."),
+        ),
     )
-    for number, (name, description, field) in enumerate(words):
-        yield Register(f"{upper}_{name}", offset + 4 * number, description, (_setting(f"{ring}_{field}", 0),))
-    shape = _setting(f"{ring}_slots", 0), _setting(f"{ring}_slot_pages", 16)
-    yield Register(f"{upper}_SHAPE", offset + 8, f"Shape of the ring of {ring}; change it only while it is off.", shape)
-    yield Register(f"{upper}_READ", offset + 12, f"Progress of the reader of {ring}.", (_setting(f"{ring}_read", 0),))
-    written = f"Packets in memory; 0 while {ring}_enable is 0."
-    yield status_word(f"{upper}_WRITTEN", offset + 16, f"Progress of the writer of {ring}.", written)
-    errors = (
-        Field(f"{ring}_errors", 0, 16, _STATUS, "Write responses other than OKAY; stays at the largest value."),
-        Field(f"{ring}_lost", 16, 16, _STATUS, "Packets that found no free slot; stays at the largest value."),
-    )
-    yield Register(f"{upper}_ERRORS", offset + 20, f"Failures of the ring of {ring}.", errors)
 
 
 SHELL_REGISTERS = (
@@ -64,15 +73,11 @@ SHELL_REGISTERS = (
         "LIVE_STATUS",
         SHELL_OFFSET,
         "Whether frames can be taken.",
-        (
-            Field("refused", 0, 8, _STATUS, f"Every frame is dropped because of: {list_values(Refusal)}."),
-            Field("camera_stopped", 8, 1, _STATUS, "No pixel came for longer than camera_timeout."),
-            *(
-                Field(f"{ring}_active", bit, 1, _STATUS, f"The ring of {ring} is on, or still writes a packet.")
-                for bit, ring in enumerate(RINGS, start=9)
-            ),
-            Field("dropped_reason", 16, 8, _STATUS, f"For the frame dropped last: {list_values(Reason)}."),
-        ),
+        Field("refused", 0, 8, _STATUS, f"Every frame is dropped because of: {list_values(Refusal)}."),
+        Field("camera_stopped", 8, 1, _STATUS, "No pixel came for longer than camera_timeout."),
+        Field("features_active", 9, 1, _STATUS, "The ring of features is on, or still writes a packet."),
+        Field("matches_active", 10, 1, _STATUS, "The ring of matches is on, or still writes a packet."),
+        Field("dropped_reason", 16, 8, _STATUS, f"For the frame dropped last: {list_values(Reason)}."),
     ),
     status_word(
         "CAMERA_FRAMES",
@@ -95,36 +100,36 @@ SHELL_REGISTERS = (
     ),
     status_word("DROPPED_TIME_LOW", 0x114, "Time of the last drop.", "Clocks, low word."),
     status_word("DROPPED_TIME_HIGH", 0x118, "Time of the last drop.", "Clocks, high word."),
-    Register("CAMERA", 0x11C, "The camera's watchdog.", (_setting("camera_timeout", 0),)),
+    Register("CAMERA", 0x11C, "The camera's watchdog.", setting_field("camera_timeout", 0)),
     Register(
         "COALESCE",
         0x120,
         "How many frames share an interrupt.",
-        (_setting("coalesce_count", 0), _setting("coalesce_timeout", 16)),
+        setting_field("coalesce_count", 0),
+        setting_field("coalesce_timeout", 16),
     ),
     Register(
         "LIVE_IRQ_STATUS",
         0x124,
         "Events of the shell; they share the interrupt with IRQ_STATUS.",
-        (
-            Field("frames_ready", 0, 1, Access.EVENT, "Features and matches of frames are in memory."),
-            Field("frame_dropped", 1, 1, Access.EVENT, "A frame was dropped or cut, other than by `enable`."),
-            Field("camera_stops", 2, 1, Access.EVENT, "The camera has stopped."),
-            Field("memory_error", 3, 1, Access.EVENT, "The response to a write was an error."),
-        ),
+        Field("frames_ready", 0, 1, Access.EVENT, "Features and matches of frames are in memory."),
+        Field("frame_dropped", 1, 1, Access.EVENT, "A frame was dropped or cut, other than by `enable`."),
+        Field("camera_stops", 2, 1, Access.EVENT, "The camera has stopped."),
+        Field("memory_error", 3, 1, Access.EVENT, "The response to a write was an error."),
     ),
     Register(
         "LIVE_IRQ_MASK",
         0x128,
         "Which events of the shell interrupt.",
-        tuple(
-            _setting(f"{event}_mask", bit)
-            for bit, event in enumerate(("frames_ready", "frame_dropped", "camera_stops", "memory_error"))
-        ),
+        setting_field("frames_ready_mask", 0),
+        setting_field("frame_dropped_mask", 1),
+        setting_field("camera_stops_mask", 2),
+        setting_field("memory_error_mask", 3),
     ),
     status_word("SCORED", 0x12C, "Scored hypotheses.", "Since reset."),
     status_word("UNSCORED", 0x130, "Hypotheses without a score.", "Since reset; the answer to each has the causes."),
-    *(register for ring in RINGS for register in _ring_registers(ring)),
+    *_ring_registers("features", 0x140),
+    *_ring_registers("matches", 0x160),
 )
 """The shell's registers, by offset."""
 

@@ -9,8 +9,8 @@ from amaranth import Cat, Const, Module, Mux, Value
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
-from hdl.axi.axi_lite import AxiLiteSignature, AxiLiteSubordinate
-from hdl.registers.register_map import ADDRESS_BITS, REGISTERS, Access, Field, Register, fields
+from hdl.axi.axi_lite import AXI_LITE, AxiLiteSubordinate
+from hdl.registers.register_map import REGISTERS, Access, Field, Register, fields
 
 _FROM_HARDWARE = (Access.STATUS, Access.EVENT, Access.REQUEST)
 _TO_HARDWARE = (Access.SETTING, Access.EVENT, Access.REQUEST, Access.COMMAND)
@@ -31,7 +31,7 @@ class RegisterFile(wiring.Component):
 
     Members
     -------
-    bus : In(AxiLiteSignature)
+    bus : In(AXI_LITE)
     i_<field> : In
         The value of a STATUS field; a pulse that sets an EVENT; a pulse that acknowledges a REQUEST.
     o_<field> : Out
@@ -50,7 +50,7 @@ class RegisterFile(wiring.Component):
         out: Any = Out  # amaranth-stubs still call init by its old name, reset.
         super().__init__(
             {
-                "bus": In(AxiLiteSignature(address_bits=ADDRESS_BITS)),
+                "bus": In(AXI_LITE),
                 **{f"i_{field.name}": In(field.bits) for field in self._fields(*_FROM_HARDWARE)},
                 **{f"o_{field.name}": out(field.bits, init=field.init) for field in self._fields(*_TO_HARDWARE)},
                 "o_interrupt": Out(1),
@@ -60,7 +60,7 @@ class RegisterFile(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Build the fields, the answers to writes and reads, and the interrupt."""
         m = Module()
-        m.submodules.bus = bus = AxiLiteSubordinate(address_bits=ADDRESS_BITS)
+        m.submodules.bus = bus = AxiLiteSubordinate()
         wiring.connect(m, wiring.flipped(self.bus), bus.bus)
         strobes = Cat(*(strobe.replicate(8) for strobe in bus.o_strobe))
         for register in self.registers:

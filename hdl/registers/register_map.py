@@ -14,10 +14,9 @@ from dataclasses import dataclass
 from golden_model.config import DETECTORS, RULE_BASES, FrontEndConfig, MatcherConfig
 from golden_model.records import MATCH, Cause, feature_record
 from golden_model.version import VERSION
-from hdl.settings import SETTINGS, Setting
+from hdl.settings import SETTINGS, SHELL
 
 REGISTER_BITS = 32
-ADDRESS_BITS = 12
 IDENTITY = int.from_bytes(b"SKYM", "big")
 
 
@@ -61,27 +60,25 @@ class Field:
         return ((1 << self.bits) - 1) << self.low
 
 
-@dataclass(frozen=True)
 class Register:
-    """A 32-bit register at a byte ``offset``."""
+    """A 32-bit register at a byte ``offset``, with its fields."""
 
-    name: str
-    offset: int
-    description: str
-    fields: tuple[Field, ...]
+    def __init__(self, name: str, offset: int, description: str, *fields: Field) -> None:
+        self.name, self.offset, self.description, self.fields = name, offset, description, fields
 
 
 _CONSTANT, _STATUS = Access.CONSTANT, Access.STATUS
 
 
-def setting_field(setting: Setting, low: int) -> Field:
-    """The field of a setting, from bit ``low`` on."""
+def setting_field(name: str, low: int) -> Field:
+    """The field of a setting in `hdl.settings`, from bit ``low`` on."""
+    setting = (SETTINGS | SHELL)[name]
     return Field(setting.name, low, setting.bits, Access.SETTING, setting.description, init=setting.reset)
 
 
 def status_word(name: str, offset: int, description: str, meaning: str) -> Register:
     """A register with one field, of the register's name and whole width, that the hardware writes."""
-    return Register(name, offset, description, (Field(name.lower(), 0, REGISTER_BITS, _STATUS, meaning),))
+    return Register(name, offset, description, Field(name.lower(), 0, REGISTER_BITS, _STATUS, meaning))
 
 
 def list_values(members: Iterable[enum.IntEnum]) -> str:
@@ -89,64 +86,50 @@ def list_values(members: Iterable[enum.IntEnum]) -> str:
     return ", ".join(f"{int(member)} {member.name.lower().replace('_', ' ')}" for member in members)
 
 
-def _setting(name: str, low: int) -> Field:
-    return setting_field(SETTINGS[name], low)
-
-
 REGISTERS = (
-    Register("ID", 0x00, "Identifies the accelerator.", (Field("identity", 0, 32, _CONSTANT, '"SKYM" in ASCII.'),)),
+    Register("ID", 0x00, "Identifies the accelerator.", Field("identity", 0, 32, _CONSTANT, '"SKYM" in ASCII.')),
     Register(
         "VERSION",
         0x04,
         "Version of skymosaic that wrote the hardware. Software for one version works with every patch version, and, "
         "from 1.0.0 on, with every later minor version.",
-        (
-            Field("version_patch", 0, 8, _CONSTANT, "Registers and records have not changed."),
-            Field("version_minor", 8, 8, _CONSTANT, "Registers or fields may have been added; before 1.0.0, changed."),
-            Field("version_major", 16, 8, _CONSTANT, "Registers, fields or records may have changed."),
-        ),
+        Field("version_patch", 0, 8, _CONSTANT, "Registers and records have not changed."),
+        Field("version_minor", 8, 8, _CONSTANT, "Registers or fields may have been added; before 1.0.0, changed."),
+        Field("version_major", 16, 8, _CONSTANT, "Registers, fields or records may have changed."),
     ),
     Register(
         "BUILD",
         0x08,
         "What was built.",
-        (
-            Field("built_levels", 0, 2, _CONSTANT, "Pyramid levels."),
-            Field("built_detectors", 2, 2, _CONSTANT, f"Available detectors, a bit each: {', '.join(DETECTORS)}."),
-            Field("built_rule_base", 4, 2, _CONSTANT, "Index into " + ", ".join(RULE_BASES) + "."),
-            Field("built_selection", 6, 1, _CONSTANT, "Whether corners are selected by cells."),
-            Field("built_live", 7, 1, _CONSTANT, "Whether a streaming shell and the registers from 0x100 on exist."),
-            Field("built_descriptor_bytes", 8, 8, _CONSTANT, "Length of a descriptor."),
-            Field("built_lanes", 16, 8, _CONSTANT, "Left descriptors compared at a time."),
-            Field(
-                "built_video_bits",
-                24,
-                8,
-                _CONSTANT,
-                "Width of the video input's data: 32, 24 or 8; 48 or 16 with two pixels per clock.",
-            ),
+        Field("built_levels", 0, 2, _CONSTANT, "Pyramid levels."),
+        Field("built_detectors", 2, 2, _CONSTANT, f"Available detectors, a bit each: {', '.join(DETECTORS)}."),
+        Field("built_rule_base", 4, 2, _CONSTANT, "Index into " + ", ".join(RULE_BASES) + "."),
+        Field("built_selection", 6, 1, _CONSTANT, "Whether corners are selected by cells."),
+        Field("built_live", 7, 1, _CONSTANT, "Whether a streaming shell and the registers from 0x100 on exist."),
+        Field("built_descriptor_bytes", 8, 8, _CONSTANT, "Length of a descriptor."),
+        Field("built_lanes", 16, 8, _CONSTANT, "Left descriptors compared at a time."),
+        Field(
+            "built_video_bits",
+            24,
+            8,
+            _CONSTANT,
+            "Width of the video input's data: 32, 24 or 8; 48 or 16 with two pixels per clock.",
         ),
     ),
     Register(
         "BUILD_SIZE",
         0x0C,
         "Largest frame.",
-        (
-            Field("built_width_px", 0, 16, _CONSTANT, "Width."),
-            Field("built_height_px", 16, 16, _CONSTANT, "Height."),
-        ),
+        Field("built_width_px", 0, 16, _CONSTANT, "Width."),
+        Field("built_height_px", 16, 16, _CONSTANT, "Height."),
     ),
     Register(
         "BUILD_RECORDS",
         0x10,
         "Capacity and lengths of records.",
-        (
-            Field("built_max_features", 0, 16, _CONSTANT, "Maximum number of features per frame."),
-            Field(
-                "built_feature_bytes", 16, 8, _CONSTANT, "Bytes of a Feature record and of its packet's FrameStatus."
-            ),
-            Field("built_match_bytes", 24, 8, _CONSTANT, "Bytes of a Match record and of its packet's FrameStatus."),
-        ),
+        Field("built_max_features", 0, 16, _CONSTANT, "Maximum number of features per frame."),
+        Field("built_feature_bytes", 16, 8, _CONSTANT, "Bytes of a Feature record and of its packet's FrameStatus."),
+        Field("built_match_bytes", 24, 8, _CONSTANT, "Bytes of a Match record and of its packet's FrameStatus."),
     ),
     Register(
         "CONTROL",
@@ -155,53 +138,45 @@ REGISTERS = (
         "been matched; `enable` takes effect at once, `features_enable` and `matches_enable` with the next "
         "packet. A frame whose settings are out of range, or larger than what was built, is refused: its pixels are "
         "dropped, and its status is bad.",
-        (
-            _setting("enable", 0),
-            _setting("memory_mode", 1),
-            _setting("gray_input", 2),
-            _setting("features_enable", 3),
-            _setting("matches_enable", 4),
-            _setting("hold_reference", 5),
-            _setting("adaptive", 6),
-            Field(
-                "clear",
-                8,
-                1,
-                Access.COMMAND,
-                "Drop frames and reference; settings stay. A packet in progress ends with a bad FrameStatus.",
-            ),
+        setting_field("enable", 0),
+        setting_field("memory_mode", 1),
+        setting_field("gray_input", 2),
+        setting_field("features_enable", 3),
+        setting_field("matches_enable", 4),
+        setting_field("hold_reference", 5),
+        setting_field("adaptive", 6),
+        Field(
+            "clear",
+            8,
+            1,
+            Access.COMMAND,
+            "Drop frames and reference; settings stay. A packet in progress ends with a bad FrameStatus.",
         ),
     ),
     Register(
         "REFERENCE",
         0x24,
         "The reference frame.",
-        (
-            Field(
-                "take_reference",
-                0,
-                1,
-                Access.REQUEST,
-                "The next good frame to start becomes the reference, unmatched.",
-            ),
-        ),
+        Field("take_reference", 0, 1, Access.REQUEST, "The next good frame to start becomes the reference, unmatched."),
     ),
-    Register("SIZE", 0x28, "Size of the frames.", (_setting("width_px", 0), _setting("height_px", 16))),
-    Register("SELECTION", 0x2C, "Selection by cells.", (_setting("cell_log2", 0), _setting("per_cell", 8))),
+    Register("SIZE", 0x28, "Size of the frames.", setting_field("width_px", 0), setting_field("height_px", 16)),
+    Register("SELECTION", 0x2C, "Selection by cells.", setting_field("cell_log2", 0), setting_field("per_cell", 8)),
     Register(
-        "THRESHOLD", 0x30, "Detector and its threshold.", (_setting("threshold_code", 0), _setting("detector", 16))
+        "THRESHOLD",
+        0x30,
+        "Detector and its threshold.",
+        setting_field("threshold_code", 0),
+        setting_field("detector", 16),
     ),
-    Register("TARGET", 0x34, "Target of the adaptive threshold.", (_setting("target_features", 0),)),
-    Register("KEEP", 0x38, "Limit of the fuzzy weight.", (_setting("keep_above", 0),)),
+    Register("TARGET", 0x34, "Target of the adaptive threshold.", setting_field("target_features", 0)),
+    Register("KEEP", 0x38, "Limit of the fuzzy weight.", setting_field("keep_above", 0)),
     Register(
         "STATUS",
         0x40,
         "What waits at the moment.",
-        (
-            Field("video_waiting", 0, 1, _STATUS, "A pixel waits at the input."),
-            Field("features_waiting", 1, 1, _STATUS, "A word waits for its DMA on the features' stream."),
-            Field("matches_waiting", 2, 1, _STATUS, "A word waits for its DMA on the matches' stream."),
-        ),
+        Field("video_waiting", 0, 1, _STATUS, "A pixel waits at the input."),
+        Field("features_waiting", 1, 1, _STATUS, "A word waits for its DMA on the features' stream."),
+        Field("matches_waiting", 2, 1, _STATUS, "A word waits for its DMA on the matches' stream."),
     ),
     status_word("FRAMES", 0x44, "Frames since clear.", "Good and bad ones."),
     status_word("BAD_FRAMES", 0x48, "Bad frames since clear.", "Their features and matches are not valid."),
@@ -209,25 +184,21 @@ REGISTERS = (
         "CAUSES",
         0x4C,
         "Why the last bad frame was bad.",
-        (Field("causes", 0, 16, _STATUS, f"Sum of: {list_values(Cause)}."),),
+        Field("causes", 0, 16, _STATUS, f"Sum of: {list_values(Cause)}."),
     ),
     Register(
         "LAST_FEATURES",
         0x50,
         "Features and threshold of the last frame.",
-        (
-            Field("last_features", 0, 16, _STATUS, "Number of features."),
-            Field("last_threshold", 16, 15, _STATUS, "Threshold code with which they were detected."),
-        ),
+        Field("last_features", 0, 16, _STATUS, "Number of features."),
+        Field("last_threshold", 16, 15, _STATUS, "Threshold code with which they were detected."),
     ),
     Register(
         "LAST_MATCHES",
         0x54,
         "Matches of the frame matched last.",
-        (
-            Field("last_matches", 0, 16, _STATUS, "Number of mutual matches."),
-            Field("last_kept", 16, 16, _STATUS, "Number of matches that the fuzzy weight kept."),
-        ),
+        Field("last_matches", 0, 16, _STATUS, "Number of mutual matches."),
+        Field("last_kept", 16, 16, _STATUS, "Number of matches that the fuzzy weight kept."),
     ),
     status_word(
         "LAST_CYCLES", 0x58, "Duration of the last frame.", "Clock cycles from the first pixel to the last word."
@@ -236,17 +207,17 @@ REGISTERS = (
         "IRQ_STATUS",
         0x60,
         "Events; the interrupt is high while any event is set that IRQ_MASK enables.",
-        (
-            Field("frame_done", 0, 1, Access.EVENT, "A frame's features have left."),
-            Field("matches_done", 1, 1, Access.EVENT, "A frame's matches have left."),
-            Field("frame_bad", 2, 1, Access.EVENT, "A frame was bad."),
-        ),
+        Field("frame_done", 0, 1, Access.EVENT, "A frame's features have left."),
+        Field("matches_done", 1, 1, Access.EVENT, "A frame's matches have left."),
+        Field("frame_bad", 2, 1, Access.EVENT, "A frame was bad."),
     ),
     Register(
         "IRQ_MASK",
         0x64,
         "Which events interrupt.",
-        (_setting("frame_done_mask", 0), _setting("matches_done_mask", 1), _setting("frame_bad_mask", 2)),
+        setting_field("frame_done_mask", 0),
+        setting_field("matches_done_mask", 1),
+        setting_field("frame_bad_mask", 2),
     ),
 )
 """Every register that all builds have, in rising offset."""

@@ -7,9 +7,8 @@ from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.records import WORD_BYTES
-from hdl.axi.axi_lite import AxiLiteSignature
+from hdl.axi.axi_lite import AXI_LITE
 from hdl.axi.video_input import VideoPayload
-from hdl.registers.register_map import ADDRESS_BITS
 from hdl.streams import WordPayload
 
 FORGET_CLOCKS = 1 << 20
@@ -76,7 +75,7 @@ class SerialLink(wiring.Component):
     o_video : Out(stream of VideoPayload)
         Gray pixels, for an 8-bit input in memory mode.
     i_features, i_matches : In(stream of WordPayload)
-    control : Out(AxiLiteSignature)
+    control : Out(AXI_LITE)
     o_has_lost : Out(1)
         Bytes were lost since the last answer.
     """
@@ -87,7 +86,7 @@ class SerialLink(wiring.Component):
     o_video: Out(stream.Signature(VideoPayload))
     i_features: In(stream.Signature(WordPayload))
     i_matches: In(stream.Signature(WordPayload))
-    control: Out(AxiLiteSignature(address_bits=ADDRESS_BITS))
+    control: Out(AXI_LITE)
     o_has_lost: Out(1)
 
     def elaborate(self, platform: object) -> Module:

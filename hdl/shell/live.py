@@ -10,13 +10,12 @@ from amaranth.lib.wiring import In, Out
 from golden_model.geometry.scoring import MAX_MATCHES
 from golden_model.records import MATCH, WORD_BYTES
 from hdl.accelerator import Accelerator
-from hdl.axi.axi_lite import AxiLiteSignature
-from hdl.axi.axi_write import AxiWriteSignature
+from hdl.axi.axi_lite import AXI_LITE
+from hdl.axi.axi_write import AXI_WRITE
 from hdl.axi.packet_gate import CLOSING_RECORDS
 from hdl.axi.video_input import VideoPayload
 from hdl.geometry.records import RecordScoring
 from hdl.registers.live_register_map import SHELL_REGISTERS
-from hdl.registers.register_map import ADDRESS_BITS
 from hdl.settings import RINGS
 from hdl.shell.shell import Shell
 from hdl.streams import WordPayload
@@ -44,11 +43,11 @@ class LiveAccelerator(wiring.Component):
         Synchronous reset of everything in ``sync``.
     i_camera_valid : In(1), i_camera : In(VideoPayload)
         In ``camera``: AXI4-Stream video (UG934) without ready.
-    features, matches : Out(AxiWriteSignature)
+    features, matches : Out(AXI_WRITE)
         To memory.
     i_hypotheses, o_scores : In and Out(stream of WordPayload)
         See `hdl.geometry.records.RecordScoring`.
-    control : In(AxiLiteSignature)
+    control : In(AXI_LITE)
         `hdl.registers.live_register_map.LIVE_REGISTERS`.
     o_interrupt : Out(1)
     """
@@ -56,11 +55,11 @@ class LiveAccelerator(wiring.Component):
     i_reset: In(1)
     i_camera_valid: In(1)
     i_camera: In(VideoPayload)
-    features: Out(AxiWriteSignature())
-    matches: Out(AxiWriteSignature())
+    features: Out(AXI_WRITE)
+    matches: Out(AXI_WRITE)
     i_hypotheses: In(stream.Signature(WordPayload))
     o_scores: Out(stream.Signature(WordPayload))
-    control: In(AxiLiteSignature(address_bits=ADDRESS_BITS))
+    control: In(AXI_LITE)
     o_interrupt: Out(1)
 
     def __init__(self, **build: Any) -> None:

@@ -5,7 +5,7 @@ from amaranth.lib import data, fifo, stream, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.records import WORD_BYTES
-from hdl.axi.axi_write import BURST_BYTES, BURST_WORDS, AxiWriteSignature, BurstWriter
+from hdl.axi.axi_write import AXI_WRITE, BURST_BYTES, BURST_WORDS, BurstWriter
 from hdl.lib.views import view_signal
 from hdl.settings import PAGE_BYTES
 from hdl.shell.slot import HEADER, HEADER_BYTES, slot_pages
@@ -71,7 +71,7 @@ class RingWriter(wiring.Component):
         Every slot holds a packet that software has not read.
     i_time : In(64)
         Clocks since reset.
-    bus : Out(AxiWriteSignature)
+    bus : Out(AXI_WRITE)
     o_written : Out(32)
         Packets in memory since the ring was switched on.
     o_errors, o_lost : Out(16)
@@ -94,7 +94,7 @@ class RingWriter(wiring.Component):
     i_slot_pages: In(13)
     i_full: In(1)
     i_time: In(64)
-    bus: Out(AxiWriteSignature())
+    bus: Out(AXI_WRITE)
     o_written: Out(32)
     o_errors: Out(16)
     o_lost: Out(16)

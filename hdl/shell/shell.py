@@ -4,7 +4,7 @@ from amaranth import Cat, Module, Mux, ResetInserter, Signal, Value
 from amaranth.lib import fifo, stream, wiring
 from amaranth.lib.wiring import In, Out
 
-from hdl.axi.axi_write import AxiWriteSignature
+from hdl.axi.axi_write import AXI_WRITE
 from hdl.axi.video_input import VideoPayload
 from hdl.registers.register_file import RegisterFile
 from hdl.settings import MIN_SLOTS, PAGE_BYTES, RINGS, TICK_CLOCKS
@@ -44,7 +44,7 @@ class Shell(wiring.Component):
         From the accelerator: a packet for every frame of ``o_video``.
     o_matches : Out(stream of WordPayload)
         Every word of ``i_matches``, when the ring takes it, too; its ready must not depend on its valid.
-    features, matches : Out(AxiWriteSignature)
+    features, matches : Out(AXI_WRITE)
         To memory.
     """
 
@@ -54,8 +54,8 @@ class Shell(wiring.Component):
     i_features: In(stream.Signature(WordPayload))
     i_matches: In(stream.Signature(WordPayload))
     o_matches: Out(stream.Signature(WordPayload))
-    features: Out(AxiWriteSignature())
-    matches: Out(AxiWriteSignature())
+    features: Out(AXI_WRITE)
+    matches: Out(AXI_WRITE)
 
     def __init__(
         self,

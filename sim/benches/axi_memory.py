@@ -61,7 +61,7 @@ class AxiMemory:
         self._random = random.Random(seed)
 
     def port(self, bus: Any) -> Any:
-        """A background testbench that serves ``bus``, an interface of `hdl.axi.axi_write.AxiWriteSignature`.
+        """A background testbench that serves ``bus``, an interface of `hdl.axi.axi_write.AXI_WRITE`.
 
         Raises
         ------

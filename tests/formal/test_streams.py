@@ -42,7 +42,7 @@ class _AxiLiteContract(Elaboratable):
     """Responses are held, one an access, none without one; reads and writes do not block each other."""
 
     def __init__(self) -> None:
-        self.block = AxiLiteSubordinate(address_bits=4)
+        self.block = AxiLiteSubordinate()
         bus = self.block.bus
         self.ports = [
             bus.awaddr, bus.awvalid, bus.wdata, bus.wstrb, bus.wvalid, bus.bready, bus.araddr, bus.arvalid, bus.rready,

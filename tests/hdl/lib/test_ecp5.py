@@ -17,6 +17,7 @@ from hdl.blocks.export import export_block
 from hdl.blocks.flat import FlatBlock
 from hdl.blocks.vectors import Block, answer_rows, pixel_rows
 from hdl.lib.ecp5 import MODELS, Ecp5
+from hdl.lib.line_memory import LineMemory
 from hdl.netlist import to_verilog
 from hdl.pixel.harris import RawResponse
 
@@ -70,15 +71,5 @@ def test_what_does_not_fit_is_refused() -> None:
     wide, narrow, bit, m = Signal(19), Signal(4), Signal(), Module()
     with pytest.raises(ValueError, match="a factor has 19 bits"):
         Ecp5().multiplier(m, a=wide, b=narrow, loads=(bit, bit, bit), product=Signal(23))
-    address, word = Signal(15), Signal(8)
     with pytest.raises(ValueError, match="the memory has 16385 words"):
-        Ecp5().memory(
-            m,
-            depth=16385,
-            read_address=address,
-            registers=bit,
-            read_data=word,
-            write=bit,
-            write_address=address,
-            write_data=word,
-        )
+        Ecp5().memory(m, LineMemory(shape=8, depth=16385), registers=bit)

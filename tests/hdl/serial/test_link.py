@@ -11,7 +11,6 @@ from amaranth.sim import Simulator
 
 from golden_model.records import WORD_BYTES
 from hdl.axi.axi_lite import AxiLiteSubordinate
-from hdl.registers.register_map import ADDRESS_BITS
 from hdl.serial.link import Command, Message, SerialLink
 from hdl.serial.uart import UartReceiver, UartTransmitter
 
@@ -31,7 +30,7 @@ class Board(wiring.Component):
         m.submodules.link = link = self.link
         m.submodules.receiver = receiver = UartReceiver(clocks_per_bit=CLOCKS_PER_BIT)
         m.submodules.transmitter = transmitter = UartTransmitter(clocks_per_bit=CLOCKS_PER_BIT)
-        m.submodules.registers = registers = AxiLiteSubordinate(address_bits=ADDRESS_BITS)
+        m.submodules.registers = registers = AxiLiteSubordinate()
         m.submodules.waiting = waiting = fifo.SyncFIFOBuffered(width=8, depth=64)
         wiring.connect(m, link.control, registers.bus)
         wiring.connect(m, link.o, transmitter.i)
