@@ -17,9 +17,9 @@ from rich.console import Console
 from rich.table import Table
 
 from golden_model.geometry.scoring import finish_cycles, quantise, score
-from hdl.geometry.scoring import HomographyScoring, set_of_matches
+from hdl.geometry.scoring import HomographyScoring
 from sim.benches.block_bench import BlockBench
-from sim.benches.scoring import time_scores
+from sim.benches.scoring import set_of_matches, time_scores
 
 MATCHES = (10, 100, 500, 1000, 1850, 2048)
 """The last but one is the most that a 640x480 frame can have, the last what the memory holds."""

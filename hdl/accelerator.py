@@ -33,9 +33,9 @@ status without features in the buffers between them."""
 class Accelerator(wiring.Component):
     """Front end and matcher behind registers, in the domain ``sync``.
 
-    Resets take effect a clock later, by one register for the data path and one for registers and outputs. A write to
-    ``clear`` resets the data path only; the outputs then end the packets under way (`PacketGate`). The domain's own
-    reset is not needed: where it has none, no register of the data path sees two resets.
+    Resets take effect one clock later, through one register for the data path and one for registers and outputs. A
+    write to ``clear`` resets the data path only; the outputs then end the packets under way (`PacketGate`). The domain
+    needs no reset of its own: without one, no register of the data path sees two resets.
 
     Features go to their output and to the matcher at the same time; the slower of the two sets the pace. An output
     that is disabled discards its packets, so that no DMA has to read it.
@@ -49,22 +49,10 @@ class Accelerator(wiring.Component):
     max_width_px, max_height_px : int
         Largest frame.
     video_bits : {32, 24, 8, 48, 16}
-        Width of the video input's data (`hdl.axi.video_input.VideoInput`); 48 and 16 bring two pixels a clock.
+        Width of the video input's data (`hdl.axi.video_input.VideoInput`); 48 and 16 bring two pixels per clock.
     shell_registers : sequence of Register
         Registers of a streaming shell (`hdl.shell.live`). With any, the outputs pass every packet: the shell discards
-        those of a ring that is off, so that it sees one packet for each frame.
-
-    Members
-    -------
-    i_reset : In(1)
-        Synchronous reset of everything.
-    i_video : In(stream of video_payload)
-    o_features, o_matches : Out(stream of WordPayload)
-        A packet for each frame: its records, then its FrameStatus.
-    control : In(AXI_LITE)
-        `hdl.registers.register_map`.
-    o_interrupt : Out(1)
-        Active high, level; software clears an event by writing 1.
+        those of a ring that is off, so that it sees one packet per frame.
 
     Attributes
     ----------
@@ -72,11 +60,17 @@ class Accelerator(wiring.Component):
     """
 
     i_reset: Signal
+    """Synchronous reset of everything."""
     i_video: stream.Interface
+    """Stream of `hdl.axi.video_input.video_payload`."""
     o_features: stream.Interface
+    """Stream of `hdl.streams.WordPayload`, one packet per frame: its Feature records, then its FrameStatus."""
     o_matches: stream.Interface
+    """Stream of `hdl.streams.WordPayload`, one packet per frame: its Match records, then its FrameStatus."""
     control: Any
+    """`hdl.registers.register_map`."""
     o_interrupt: Signal
+    """Active high, level; software clears an event by writing 1."""
 
     def __init__(
         self,
@@ -169,7 +163,7 @@ class Accelerator(wiring.Component):
             ended.r_en.eq(matcher.o_frame_taken),
             matcher.i_keep_above.eq(sampled.keep_above),
             matcher.i_hold_reference.eq(sampled.hold_reference),
-            # A frame that started before an earlier one obeyed the request does not obey it again.
+            # A frame that started before the request was obeyed must not obey it again.
             matcher.i_take_reference.eq(sampled.take_reference & registers.o_take_reference),
             registers.i_take_reference.eq(matcher.o_reference_taken),
         ]
@@ -185,7 +179,7 @@ class Accelerator(wiring.Component):
         return m
 
     def _settings(self, m: Module) -> None:
-        """From the registers to the blocks."""
+        """Connect the registers to the blocks."""
         registers = self.registers
         m.d.comb += [
             *(self._front_end.settings[each.name].eq(getattr(registers, f"o_{each.name}")) for each in FRONT_END),
@@ -194,7 +188,7 @@ class Accelerator(wiring.Component):
         ]
 
     def _status(self) -> Module:
-        """From the blocks to the registers; events and counters change when a packet has left."""
+        """Connect the blocks to the registers; events and counters change when a packet has left."""
         m = Module()
         registers, features, matches = self.registers, self._feature_gate, self._match_gate
         frame_bad = features.o_done & ~features.o_status.good

@@ -22,15 +22,15 @@ class FrameAdmission(wiring.Component):
 
     Every frame that starts also ends. A bad frame continues with whatever pixels come. If it ends early (at the next
     ``first``, or at the end of a transfer), zeros complete its line, and then only the ends of its last lines, which
-    close the levels: the next frame waits for a line and ``closing_lines`` times ``closing_px`` clocks at most.
+    close the levels: the next frame waits for one line and ``closing_lines`` times ``closing_px`` clocks at most.
 
     Pixels outside of any frame are dropped. They are reported as a bad frame without beats (`Cause.MISSING_START`):
-    at once after a good frame; after a bad frame, whose own pixels may be left over, once they make up a frame's lines.
-    A frame whose settings are not acceptable has no beats either (`Cause.INVALID_SETTINGS`): its first pixel reports
-    it, and pixels are dropped up to the next start or, in memory mode, the end of the transfer.
+    after a good frame at once; after a bad frame, which may leave pixels over, once they make up a frame's lines. A
+    frame whose settings are not acceptable has no beats either (`Cause.INVALID_SETTINGS`): its first pixel reports it,
+    and pixels are dropped up to the next start or, in memory mode, the end of the transfer.
 
-    Throughput is a beat a clock, unless an input below forbids it. A frame starts with the left pixel of a beat, and so
-    does each line.
+    Throughput is one beat per clock, unless an input below forbids it. Frames and lines start with the left pixel of a
+    beat.
 
     Parameters
     ----------
@@ -40,47 +40,36 @@ class FrameAdmission(wiring.Component):
         How much of each of these lines they need.
     pixels_per_clock : {1, 2}
         Pixels of a beat.
-
-    Members
-    -------
-    i : In(stream(pixel_payload))
-    i_memory_mode : In(1)
-    i_width_px, i_height_px : In
-        At least 4 beats.
-    i_acceptable : In(1)
-        The settings are within what was built. Like size and mode, stable 2 clocks before ``i_may_start``.
-    i_may_start : In(1)
-        A frame may start; pixels outside of a frame may be dropped.
-    i_may_end : In(1)
-        A frame may end from the next clock on. Ignored in the clock of ``o_end`` and the one before.
-    i_hold : In(1)
-        Admit nothing.
-    o : Out(beat(data))
-        One clock after the pixel.
-    o_running : Out(1)
-        A frame has started and has not ended.
-    o_frame_ends : Out(1)
-        The next beat will be the last of its frame.
-    o_start, o_end : Out(1)
-        With the first beat of a frame, and with its last.
-    o_causes : Out(16)
-        With ``o_end``: the first fault of the frame (`Cause`), or 0.
     """
 
     i: stream.Interface
+    """Stream of `hdl.streams.pixel_payload`."""
     i_memory_mode: Signal
+    """Memory mode; 0: video mode."""
     i_width_px: Signal
+    """Width of the frame, at least 4 beats."""
     i_height_px: Signal
+    """Height of the frame."""
     i_acceptable: Signal
+    """The settings are within what was built. Like size and mode, stable 2 clocks before ``i_may_start``."""
     i_may_start: Signal
+    """A frame may start; pixels outside of a frame may be dropped."""
     i_may_end: Signal
+    """A frame may end from the next clock on. Ignored in the clock of ``o_end`` and the one before."""
     i_hold: Signal
+    """Admit nothing."""
     o: data.View
+    """Beats of ``data``, one clock after the pixel."""
     o_running: Signal
+    """A frame has started and has not ended."""
     o_frame_ends: Signal
+    """The next beat will be the last of its frame."""
     o_start: Signal
+    """With the first beat of a frame."""
     o_end: Signal
+    """With the last beat of a frame, or where one without beats is reported."""
     o_causes: Signal
+    """With ``o_end``: the first fault of the frame (`Cause`), or 0."""
 
     def __init__(self, *, closing_lines: int, closing_px: int = MIN_FRAME_PX, pixels_per_clock: int = 1) -> None:
         self.closing_lines = closing_lines
@@ -174,7 +163,7 @@ class FrameAdmission(wiring.Component):
         return m
 
     def _fault(self, m: Module, padding: Value, line_ends: Value) -> Value:
-        """What is wrong with the beat that is admitted in this clock, or 0."""
+        """Return the fault of the beat that is admitted in this clock, or 0."""
         cause = Signal(CAUSES)
         last = self.i.payload.last
         with m.If(padding):
@@ -226,6 +215,6 @@ class FrameAdmission(wiring.Component):
 
 
 def _even(size_px: Value, distance_px: int) -> Value:
-    """The coordinate ``distance_px`` before the end of a side, or just before it: even, since level 1 halves it."""
+    """Coordinate ``distance_px`` before the end of a side, or just before it: even, since level 1 halves it."""
     coordinate = Mux(size_px > distance_px, size_px - distance_px, 0)
     return Cat(0, coordinate[1:])

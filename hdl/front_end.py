@@ -23,7 +23,7 @@ from hdl.streams import FRONT_END_SETTINGS, WordPayload
 
 
 class FrontEnd(wiring.Component):
-    """Features of one or two levels, at one or two pixels a clock.
+    """Features of one or two levels, at one or two pixels per clock.
 
     Nothing stalls inside: pixels wait only at frame admission. They wait in three cases: a cell row would end before
     the previous one has left, a frame would end before the last frame's status has left, or the settings change. No
@@ -36,18 +36,7 @@ class FrontEnd(wiring.Component):
     max_width_px, max_height_px : int
         Largest frame, 64 to 4096.
     video_bits : {32, 24, 8, 48, 16}
-        See `hdl.axi.video_input.VideoInput`: 48 and 16 bits bring two pixels a clock.
-
-    Members
-    -------
-    i_video : In(stream(video_payload))
-    settings : In(FRONT_END_SETTINGS)
-        Sampled where a frame may start. A change takes effect after the frame before it has left completely. A frame
-        whose settings are out of their range, or beyond what was built, is refused (`Cause.INVALID_SETTINGS`).
-    o_frame_starts, o_frame_ends : Out(1)
-        A frame has been admitted; it has ended. A frame without pixels only ends.
-    o_features : Out(stream(WordPayload))
-        Feature records in the golden order of emission, then the frame's FrameStatus.
+        See `hdl.axi.video_input.VideoInput`: 48 and 16 bits bring two pixels per clock.
 
     Attributes
     ----------
@@ -60,10 +49,18 @@ class FrontEnd(wiring.Component):
     """
 
     i_video: stream.Interface
+    """Stream of `hdl.axi.video_input.video_payload`."""
     settings: data.View
+    """`hdl.streams.FRONT_END_SETTINGS`, sampled where a frame may start. A change takes effect once the previous frame
+    has left completely. A frame whose settings are out of range, or beyond what was built, is refused
+    (`Cause.INVALID_SETTINGS`)."""
     o_frame_starts: Signal
+    """A frame has been admitted."""
     o_frame_ends: Signal
+    """A frame has ended. A frame without pixels ends without a start."""
     o_features: stream.Interface
+    """Stream of `hdl.streams.WordPayload`: Feature records in the golden order of emission, then the frame's
+    FrameStatus."""
 
     def __init__(
         self, *, config: FrontEndConfig, max_width_px: int, max_height_px: int, video_bits: int = VIDEO_BITS[0]
@@ -145,7 +142,7 @@ class FrontEnd(wiring.Component):
         return LevelMerge(record=record, levels=self.config.levels, max_features=self.config.max_features)
 
     def _pyramid(self, m: Module, gray: data.View, active: data.View) -> list[data.View]:
-        """The pixels of each level."""
+        """Return the pixels of each level."""
         if self.config.levels == 1:
             return [gray]
         m.submodules.half = half = Half(width_px=self.max_width_px, pixels_per_clock=self.pixels_per_clock)
@@ -175,15 +172,15 @@ class FrontEnd(wiring.Component):
         return active, load, settled & ~changing
 
     def _acceptable(self, m: Module, active: data.View) -> Value:
-        """Whether every setting in use is in its range and was built."""
+        """Tell whether every setting in use is in its range and was built."""
         built_px = {"width_px": self.max_width_px, "height_px": self.max_height_px}
         checks = []
         for setting in FRONT_END:
-            value, most = active[setting.name], built_px.get(setting.name, setting.values[-1])
+            value, maximum = active[setting.name], built_px.get(setting.name, setting.values[-1])
             if setting.values[0]:
                 checks.append(value >= setting.values[0])
-            if most < (1 << setting.bits) - 1:
-                checks.append(value <= most)
+            if maximum < (1 << setting.bits) - 1:
+                checks.append(value <= maximum)
         return delayed(m, Cat(checks).all(), 1)
 
     def _threshold(self, m: Module, admission: FrameAdmission, active: data.View, load: Value) -> Value:
@@ -198,4 +195,5 @@ class FrontEnd(wiring.Component):
             threshold.i_adapt.eq(active.adaptive & ~admission.o_causes.any()),
             threshold.i_target.eq(active.target_features),
         ]
-        return threshold.o_code
+        code: Value = threshold.o_code
+        return code

@@ -1,4 +1,4 @@
-"""The extractor of one level: gray pixels in, feature records out."""
+"""Extracts the features of one level: gray pixels in, feature records out."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from hdl.streams import (
     RowPayload,
     beat,
     carry_scan,
-    each_pixel,
     pixel_beats,
+    pixelwise,
 )
 
 INGRESS_CYCLES = 16
@@ -38,8 +38,8 @@ class Level(wiring.Component):
     """Corners, descriptors and selection of one level.
 
     One memory of gray lines serves corners and descriptors. The path with the smaller lag takes its gray from further
-    up and left, so that a corner arrives together with the descriptor's window around it. The gray is delayed
-    and not the results, because its lines are in memory anyway.
+    up and left, so that a corner arrives together with the descriptor's window around it. Delaying the gray instead of
+    the results costs nothing: its lines are in memory anyway.
 
     Parameters
     ----------
@@ -48,22 +48,7 @@ class Level(wiring.Component):
     width_px : int
         Largest width of this level's lines.
     pixels_per_clock : {1, 2}
-        Pixels of the full frame in a clock. A half-size level has one pixel a beat in any case.
-
-    Members
-    -------
-    i : In(beat(pixel))
-        Gray pixels of this level, at most one beat a clock.
-    i_settings : In(FRONT_END_SETTINGS)
-        Stable from 2 clocks before a frame's first beat. Width and height are those of the full size.
-    i_threshold_code : In(15)
-        Smallest response code that survives. Stable during a frame.
-    o_hold : Out(1)
-        Admit no more pixels: a cell row would end before the previous one has left. It rises `WARNING_BEATS` beats
-        early, to leave room for the pixels that are already in the pipeline.
-    o_added : Out(1)
-        The frame has one more feature.
-    o : Out(stream(RowPayload))
+        Pixels of the full frame per clock. A half-size level always has one pixel per beat.
 
     Attributes
     ----------
@@ -76,11 +61,19 @@ class Level(wiring.Component):
     """
 
     i: data.View
+    """Beats of gray ``pixel``, at most one per clock."""
     i_settings: data.View
+    """`hdl.streams.FRONT_END_SETTINGS`, stable from 2 clocks before a frame's first beat. Width and height are those of
+    the full size."""
     i_threshold_code: Signal
+    """Smallest response code that survives. Stable during a frame."""
     o_hold: Signal
+    """Admit no more pixels: a cell row would end before the previous one has left. It rises `WARNING_BEATS` beats
+    early, to leave room for the pixels that are already in the pipeline."""
     o_added: Signal
+    """The frame has one more feature."""
     o: stream.Interface
+    """Stream of `hdl.streams.RowPayload`."""
 
     def __init__(self, *, config: FrontEndConfig, level: int, width_px: int, pixels_per_clock: int = 1) -> None:
         self.level = level
@@ -132,7 +125,7 @@ class Level(wiring.Component):
 
     @property
     def stages(self) -> dict[str, Stage]:
-        """The intermediate planes, under the names of `golden_model.front_end.trace`."""
+        """Intermediate planes, by their names in `golden_model.front_end.trace`."""
         smoothed = pixel_beats(self._smooth.o, self.pixels_per_clock)
         return {
             "gray": Stage(pixel_beats(self.i, self.pixels_per_clock), "pixel", 0),
@@ -165,8 +158,7 @@ class Level(wiring.Component):
     def _offset_columns(self, m: Module, name: str, offset: OffsetColumns) -> data.View:
         m.submodules[name] = offset
         carry_scan(m, self._lines.o, offset.i, 0)
-        columns = (each_pixel(each.column, self.pixels_per_clock) for each in (self._lines.o, offset.i))
-        for column, i_column in zip(*columns, strict=True):
+        for column, i_column in pixelwise(self.pixels_per_clock, self._lines.o.column, offset.i.column):
             m.d.comb += [pixel.eq(column[n]) for n, pixel in enumerate(i_column)]
         return offset.o
 
@@ -198,7 +190,7 @@ class Level(wiring.Component):
             m.d.comb += self._candidate[name].eq(delayed(m, corner[name], 1))
 
     def _corner_of_two(self, m: Module, inside: Value) -> tuple[data.View, Value]:
-        """The pixel of the beat that is a corner, and whether it is inside the border.
+        """Choose the pixel of the beat that is a corner; return it, and whether it is inside the border.
 
         Two neighbours are never both corners (`hdl.pixel.nms`), but each may be inside or outside.
         """

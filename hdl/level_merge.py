@@ -31,24 +31,9 @@ class LevelMerge(wiring.Component):
     Parameters
     ----------
     record : Record
-        Of the features (`golden_model.records.feature_record`).
+        Record of the features (`golden_model.records.feature_record`).
     levels : {1, 2}
     max_features : int
-
-    Members
-    -------
-    i_levels : In(stream(RowPayload)).array(levels)
-    i_settings : In(FRONT_END_SETTINGS)
-        Settings of the frame whose features arrive.
-    i_starts : In(1)
-        The first pixel of a frame has been admitted.
-    i_ends : In(1)
-        The last pixel of a frame has been admitted, or a frame without pixels (`WITHOUT_PIXELS`) must be reported.
-    i_causes, i_threshold_code : In
-        Valid with ``i_ends``: the causes that make the frame bad, and its threshold.
-    o_pending : Out(1)
-        A frame has ended and its status has not been sent yet: no other frame may end.
-    o : Out(stream(WordPayload))
 
     Raises
     ------
@@ -57,13 +42,21 @@ class LevelMerge(wiring.Component):
     """
 
     i_levels: Sequence[stream.Interface]
+    """Per level, a stream of `hdl.streams.RowPayload`."""
     i_settings: data.View
+    """`hdl.streams.FRONT_END_SETTINGS` of the frame whose features arrive."""
     i_starts: Signal
+    """The first pixel of a frame has been admitted."""
     i_ends: Signal
+    """The last pixel of a frame has been admitted, or a frame without pixels (`WITHOUT_PIXELS`) must be reported."""
     i_causes: Signal
+    """Valid with ``i_ends``: the causes that make the frame bad."""
     i_threshold_code: Signal
+    """Valid with ``i_ends``: the frame's threshold."""
     o_pending: Signal
+    """A frame has ended and its status has not been sent yet: no other frame may end."""
     o: stream.Interface
+    """Stream of `hdl.streams.WordPayload`."""
 
     def __init__(self, *, record: Record, levels: int, max_features: int) -> None:
         if levels not in (1, 2):
@@ -128,7 +121,7 @@ class LevelMerge(wiring.Component):
         return m
 
     def _count(self, m: Module, record: Value, *, restart: Value) -> tuple[Signal, Signal, Signal]:
-        """Count records up to the capacity: the count, whether all places are taken, and whether a record had none."""
+        """Count records up to the capacity: return the count, whether it is reached, and whether it is exceeded."""
         index = Signal(range(self.max_features + 1))
         full = Signal()
         overflow = Signal()
@@ -141,7 +134,7 @@ class LevelMerge(wiring.Component):
         return index, full, overflow
 
     def _words(self, m: Module, word: Value, index: Value, status: data.View) -> tuple[Value, Signal]:
-        """A word of a record with nothing but index and frame number; the word of the status, a clock later."""
+        """Return a word of a record with nothing but index and frame number, and one of the status, a clock later."""
         numbers = view_signal(record_layout(self.record))
         status_word = Signal(WORD, reset_less=True)
         m.d.sync += status_word.eq(Array(words(status))[word])
@@ -181,7 +174,7 @@ class LevelMerge(wiring.Component):
         end = view_signal(layout, reset_less=True)
         without_pixels = (end.causes & WITHOUT_PIXELS).any()
         m.d.sync += clock.eq(clock + 1)
-        # Stops with the last feature, so that the time in which the status waits is not counted.
+        # Stops with the last feature: the wait of the status does not count.
         with m.If(passing):
             m.d.sync += cycles.eq(Mux(without_pixels, 0, clock - end.start))
         with m.If(self.i_starts):

@@ -20,7 +20,7 @@ a beat whose right pixel is outside the frame, where every value is unspecified.
 """
 
 # No postponed annotations here: data.Struct reads its fields from them.
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from amaranth import Cat, Elaboratable, Module, Shape, ShapeLike, Value, ValueLike, unsigned
@@ -54,6 +54,11 @@ def pixels(shape: ShapeLike, pixels_per_clock: int) -> ShapeLike:
 def each_pixel(field: Any, pixels_per_clock: int) -> list[Any]:
     """List the values of a field, one for each pixel of the beat."""
     return [field] if pixels_per_clock == 1 else list(field)
+
+
+def pixelwise(pixels_per_clock: int, *fields: Any) -> Iterator[tuple[Any, ...]]:
+    """The values of several fields, for one pixel of the beat after the other."""
+    return zip(*(each_pixel(field, pixels_per_clock) for field in fields), strict=True)
 
 
 def pixel_beats(source: data.View, pixels_per_clock: int) -> list[data.View]:

@@ -15,26 +15,25 @@ from hdl.feature.subpixel import SubPixel
 from hdl.lib.delay import delayed
 from hdl.streams import CANDIDATE, COORDINATE
 
-_SAME_FOR_THE_LEVEL = ("level", "reserved", "index", "frame")
+_LEVEL_CONSTANTS = ("level", "reserved", "index", "frame")
+"""Fields that are the same for all features of a level, or filled in behind it."""
 
 
 def feature_layout(pattern: DescriptorPattern) -> data.StructLayout:
-    """A feature inside its level: the fields of `feature_record` except level, index and frame."""
+    """Layout of a feature inside its level: the fields of `feature_record` except level, index and frame."""
     record = feature_record(pattern.descriptor_bytes, pattern.window_bytes)
-    return data.StructLayout(
-        {field.name: field.bits for field in record.fields if field.name not in _SAME_FOR_THE_LEVEL}
-    )
+    return data.StructLayout({field.name: field.bits for field in record.fields if field.name not in _LEVEL_CONSTANTS})
 
 
 def feature_beat(pattern: DescriptorPattern) -> data.StructLayout:
-    """A feature (where ``present``) in the level's pixel column ``x``; a cell row may end directly after it."""
+    """Layout of a feature (where ``present``) in the level's pixel column ``x``; a cell row may end right after it."""
     return data.StructLayout(
         {"present": 1, "ends_row": 1, "ends_level": 1, "x": COORDINATE, "feature": feature_layout(pattern)}
     )
 
 
 def feature_or_end(pattern: DescriptorPattern) -> data.StructLayout:
-    """Payload after the selection: a feature, or, where ``ends_row``, no feature but the end of a cell row."""
+    """Layout after the selection: a feature, or, where ``ends_row``, no feature but the end of a cell row."""
     return data.StructLayout({"feature": feature_layout(pattern), "ends_row": 1, "ends_level": 1})
 
 
@@ -50,14 +49,6 @@ class CandidateFeatures(wiring.Component):
     lag_px : int
         How far the candidate's pixel is left of and above the scan position.
 
-    Members
-    -------
-    i : In(CANDIDATE)
-    i_pixels : In(8).array(rings, angles)
-        `RingWindow.o_pixels` of the same scan position, one clock after ``i``.
-    o : Out(feature_beat)
-        ``latency_cycles`` after the candidate.
-
     Attributes
     ----------
     latency_cycles : int
@@ -69,8 +60,12 @@ class CandidateFeatures(wiring.Component):
     """
 
     i: data.View
+    """`hdl.streams.CANDIDATE`."""
     i_pixels: Sequence[Sequence[Signal]]
+    """`hdl.feature.ring_window.RingWindow.o_pixels` of the same scan position, by ring and angle, one clock after
+    ``i``."""
     o: data.View
+    """`feature_beat`, ``latency_cycles`` after the candidate."""
 
     def __init__(self, *, pattern: DescriptorPattern, spacing_cycles: int, level: int, lag_px: int) -> None:
         if pattern.carries_window and pattern.smoothed:
@@ -89,7 +84,7 @@ class CandidateFeatures(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Descriptor and position side by side, the faster one delayed to the latency of the other."""
+        """Descriptor and position side by side, the faster one delayed to the other's latency."""
         m = Module()
         m.submodules.descriptor = descriptor = self._descriptor
         m.submodules.position = position = self._position
@@ -116,7 +111,7 @@ class CandidateFeatures(wiring.Component):
         return m
 
     def _window(self) -> Value:
-        """The 3x3 gray window: the pixels of the innermost square rings."""
+        """Return the 3x3 gray window: the pixels of the innermost square rings."""
         offsets = [offset for ring in self.pattern.offsets for offset in ring]
         pixels = [pixel for ring in self.i_pixels for pixel in ring]
         at = dict(zip(offsets, pixels, strict=True))

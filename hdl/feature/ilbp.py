@@ -15,7 +15,7 @@ from hdl.lib.delay import delayed
 from hdl.lib.views import view_signal
 
 Ring = Sequence[Value]
-"""The pixels of a ring by angle."""
+"""Pixels of a ring by angle."""
 SPACING_CYCLES = (1, 2, 4)
 """Smallest distance of two candidates in clocks: the time that one candidate may take."""
 
@@ -23,9 +23,9 @@ SPACING_CYCLES = (1, 2, 4)
 class RingDescriptor(wiring.Component):
     """Orientation sector and descriptor of each candidate.
 
-    The rings of a candidate are copied and then rotated by a group of ``angles // spacing_cycles`` angles in every
-    clock. ``spacing_cycles`` groups thus pass the same comparators and the same adders of the orientation, the last
-    group first. The comparison bits are delayed until the sector is known; it selects the position of each bit.
+    The rings of a candidate are copied and then rotated by a group of ``angles // spacing_cycles`` angles per clock.
+    The ``spacing_cycles`` groups thus share the comparators and the adders of the orientation, the last group first.
+    The comparison bits are delayed until the sector is known; it selects the position of each bit.
 
     Parameters
     ----------
@@ -33,19 +33,6 @@ class RingDescriptor(wiring.Component):
         What is compared.
     spacing_cycles : {1, 2, 4}
         Smallest distance of two candidates in clocks.
-
-    Members
-    -------
-    i_candidate : In(1)
-        The pixels of the next clock belong to a candidate. One clock early, because this signal drives the enables of
-        all ring registers.
-    i_pixels : In(8).array(rings, angles)
-        Ring pixels, `DescriptorPattern.offsets`.
-    o_valid : Out(1)
-        ``latency_cycles`` after ``i_candidate``, for one clock.
-    o_sector : Out(4)
-    o_descriptor : Out(8 * bytes)
-        Bit 8 j + i is bit i of byte j.
 
     Attributes
     ----------
@@ -58,10 +45,16 @@ class RingDescriptor(wiring.Component):
     """
 
     i_candidate: Signal
+    """The pixels of the next clock belong to a candidate. One clock early, because this signal enables all ring
+    registers."""
     i_pixels: Sequence[Sequence[Signal]]
+    """Ring pixels by ring and angle, in the order of `DescriptorPattern.offsets`."""
     o_valid: Signal
+    """``latency_cycles`` after ``i_candidate``, for one clock."""
     o_sector: Signal
+    """0..15 sixteenths of a full circle."""
     o_descriptor: Signal
+    """Bit 8 j + i is bit i of byte j."""
 
     def __init__(self, *, pattern: DescriptorPattern, spacing_cycles: int) -> None:
         if spacing_cycles not in SPACING_CYCLES:
@@ -110,11 +103,11 @@ class RingDescriptor(wiring.Component):
         return m
 
     def _rotating_rings(self, m: Module, load: Value, rotate: Value) -> list[Ring]:
-        """Copies of the candidate's rings, rotated by one group a clock: the previous group comes to the front."""
+        """Copy the candidate's rings and rotate them by one group per clock: the previous group comes to the front."""
         rings: list[Ring] = []
         for pixels, radius_px in zip(self.i_pixels, self.pattern.radii_px, strict=True):
             if radius_px == 0:
-                # Radius 0 is one pixel for all angles: one register, no rotation.
+                # One pixel for all angles: one register, no rotation.
                 centre = Signal(8, name="centre", reset_less=True)
                 with m.If(load):
                     m.d.sync += centre.eq(pixels[0])
@@ -134,7 +127,7 @@ class RingDescriptor(wiring.Component):
         return rings
 
     def _comparisons(self, m: Module, rings: list[Ring], arrived: Value) -> View:
-        """For each angle of the group, one bit for every descriptor byte."""
+        """Compare the group's pixels: one bit per descriptor byte and angle."""
         angles = self.pattern.angles
         columns = view_signal(ArrayLayout(len(self.pattern.comparisons), self.group_angles), reset_less=True)
         with m.If(arrived):

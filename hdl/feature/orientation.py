@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import cos, pi, sin
 
 from amaranth import Cat, Module, Mux, Shape, Signal, Value, signed, unsigned
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
-from golden_model.feature.orientation import COSINE_ONE, HALF_SECTOR_TANGENTS, SECTORS, TANGENT_ONE
+from golden_model.feature.orientation import COSINES, HALF_SECTOR_TANGENTS, SECTORS, SINES, TANGENT_ONE
 from hdl.lib.delay import delayed, port_register
 from hdl.lib.weighted_sum import WeightedSum
 
@@ -17,7 +16,7 @@ from hdl.lib.weighted_sum import WeightedSum
 class RingMoments(wiring.Component):
     """Moments Mx, My of rings whose 16 angles arrive in groups, the last group first.
 
-    Relative to its first angle every group has the same weights, so that one set of adders serves all groups:
+    Relative to its first angle, every group has the same weights, so that one set of adders serves all groups:
     M = P(0) + T (P(1) + T (P(2) + ...)), where P(g) are the moments of group g computed as if it were group 0, and T
     is the rotation by one group. A rotation by a quarter or a half circle only swaps and negates x and y.
 
@@ -28,43 +27,34 @@ class RingMoments(wiring.Component):
     groups : {1, 2, 4}
         Groups of a candidate; each takes one clock.
 
-    Members
-    -------
-    i_valid : In(1)
-        A group is at ``i_pixels``.
-    i_first : In(1)
-        The group is the first of its candidate.
-    i_pixels : In(8).array(rings, 16 // groups)
-    o_mx, o_my : Out(signed)
-        Complete ``latency_cycles`` after a candidate's last group; valid until the next candidate's first group is
-        added.
-
     Attributes
     ----------
     latency_cycles : int
     """
 
     i_valid: Signal
+    """A group is at ``i_pixels``."""
     i_first: Signal
+    """The group is the first of its candidate."""
     i_pixels: Sequence[Sequence[Signal]]
+    """Pixels of the group by ring and angle."""
     o_mx: Signal
     o_my: Signal
+    """Mx and My, complete ``latency_cycles`` after a candidate's last group; valid until the next
+    candidate's first group is added."""
 
     def __init__(self, *, radii_px: tuple[int, ...], groups: int) -> None:
         if groups not in (1, 2, 4):
             raise ValueError(f"groups is {groups}; valid: 1, 2, 4")
         self.groups = groups
         group_angles = SECTORS // groups
-        angles_rad = [2 * pi * sector / SECTORS for sector in range(SECTORS)]
-        cosines = [round(COSINE_ONE * cos(angle_rad)) for angle_rad in angles_rad]
-        sines = [round(COSINE_ONE * sin(angle_rad)) for angle_rad in angles_rad]
         self._radial = [WeightedSum(weights=radii_px, shape=unsigned(8)) for _ in range(group_angles)]
         radial_shape = self._radial[0].o_sum.shape()
-        self._along_x = WeightedSum(weights=cosines[:group_angles], shape=radial_shape)
-        self._along_y = WeightedSum(weights=sines[:group_angles], shape=radial_shape)
+        self._along_x = WeightedSum(weights=COSINES[:group_angles], shape=radial_shape)
+        self._along_y = WeightedSum(weights=SINES[:group_angles], shape=radial_shape)
         self.latency_cycles = self._radial[0].latency_cycles + self._along_x.latency_cycles + 1
         # The largest moment has all pixels at 255 where the cosine is positive, and 0 elsewhere.
-        bound = self._radial[0].high * sum(cosine for cosine in cosines if cosine > 0)
+        bound = self._radial[0].high * sum(cosine for cosine in COSINES if cosine > 0)
         moment = signed(bound.bit_length() + 1)
         super().__init__(
             {
@@ -77,7 +67,7 @@ class RingMoments(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Radial sum of each angle, projections of the sums on x and y, and the accumulator that rotates."""
+        """Radial sum per angle, projections of the sums on x and y, and the accumulator that rotates."""
         m = Module()
         m.submodules.along_x = along_x = self._along_x
         m.submodules.along_y = along_y = self._along_y
@@ -114,12 +104,6 @@ class Sector(wiring.Component):
     spacing_cycles : int
         Smallest distance of two moments in clocks.
 
-    Members
-    -------
-    i_valid, i_mx, i_my : In
-    o_sector : Out(4)
-        Valid ``latency_cycles`` after ``i_valid``, until the next result.
-
     Attributes
     ----------
     latency_cycles : int
@@ -128,7 +112,9 @@ class Sector(wiring.Component):
     i_valid: Signal
     i_mx: Signal
     i_my: Signal
+    """Mx and My, where ``i_valid``."""
     o_sector: Signal
+    """Valid ``latency_cycles`` after ``i_valid``, until the next result."""
 
     def __init__(self, *, moment: Shape, spacing_cycles: int = 2) -> None:
         self.spacing_cycles = spacing_cycles

@@ -32,15 +32,6 @@ class RingWindow(wiring.Component):
     pixels_per_clock : {1, 2}
         Pixels of a beat.
 
-    Members
-    -------
-    i : In(beat(pixel))
-    i_second : In(1)
-        Only with two pixels a beat: give the ring pixels of the right one. With ``o_pixels``.
-    o_pixels : Out(8).array(rings, angles)
-        In the order of `DescriptorPattern.offsets`, valid ``latency_cycles`` after the beat, until those of the next
-        beat. There is one signal per pixel: a single wide signal made compiled simulations a third slower (measured).
-
     Attributes
     ----------
     latency_cycles : int
@@ -49,8 +40,13 @@ class RingWindow(wiring.Component):
     """
 
     i: data.View
+    """Beats of ``pixel``."""
     i_second: Signal
+    """With two pixels per beat only: give the ring pixels of the right one. With ``o_pixels``."""
     o_pixels: Sequence[Sequence[Signal]]
+    """Pixels by ring and angle, in the order of `DescriptorPattern.offsets`, valid ``latency_cycles``
+    after the beat, until those of the next beat. There is one signal per pixel: a single wide signal made compiled
+    simulations a third slower (measured)."""
 
     def __init__(self, *, pattern: DescriptorPattern, width_px: int, pixels_per_clock: int = 1) -> None:
         self.pattern = pattern
@@ -67,7 +63,7 @@ class RingWindow(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """The column at the scan position, and a chain of places for each line that has ring pixels."""
+        """The column at the scan position, and a chain of places per line that has ring pixels."""
         m = Module()
         m.submodules.lines = lines = self._lines
         m.d.comb += lines.i.eq(self.i)
@@ -82,7 +78,7 @@ class RingWindow(wiring.Component):
         return m
 
     def _chains(self, m: Module) -> dict[tuple[int, int], Value]:
-        """Pixels by line and place: y as in the pattern's offsets, and the distance from the newest pixel.
+        """Store the pixels by line and place: y as in the pattern's offsets, and the distance from the newest pixel.
 
         A register holds one place of several lines and copies the place before it, so that compiled simulations copy
         machine words. A register per line would read itself, and Verilator keeps a second copy of those.
@@ -94,23 +90,23 @@ class RingWindow(wiring.Component):
         for first in range(0, len(by_length), LINES_PER_REGISTER):
             together = by_length[first : first + LINES_PER_REGISTER]
             for place in range(lengths[together[0]]):
-                held = [y for y in together if place < lengths[y]]
+                present = [y for y in together if place < lengths[y]]
                 name = f"lines{first}_{place}"
-                register = view_signal(data.ArrayLayout(8, len(held)), name=name, reset_less=True)
+                register = view_signal(data.ArrayLayout(8, len(present)), name=name, reset_less=True)
                 # y points down: the line that is `lag_px - y` above the scan position.
                 following = [
                     newest[place][self.lag_px - y]
                     if place < self.pixels_per_clock
                     else pixels[y, place - self.pixels_per_clock]
-                    for y in held
+                    for y in present
                 ]
                 with m.If(self._lines.o.valid):
                     m.d.sync += register.eq(Cat(following))
-                pixels.update({(y, place): register[n] for n, y in enumerate(held)})
+                pixels.update({(y, place): register[n] for n, y in enumerate(present)})
         return pixels
 
     def _lengths(self) -> dict[int, int]:
-        """Places of each line that has ring pixels."""
+        """Number of places of each line that has ring pixels."""
         lengths: dict[int, int] = {}
         for x, y in (offset for ring in self.pattern.offsets for offset in ring):
             lengths[y] = max(lengths.get(y, 0), self.lag_px - x + self.pixels_per_clock)

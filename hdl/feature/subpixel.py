@@ -1,9 +1,8 @@
 """Sub-pixel positions of candidates: a parabola through three responses, separately in x and y."""
 
-from __future__ import annotations
-
+# Annotations are evaluated here: a component takes its ports from them.
 from amaranth import Cat, Const, Module, Mux, Signal, Value, signed
-from amaranth.lib import data, wiring
+from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.formats import POSITION, RAW_RESPONSE, RESPONSE_CODE, RESPONSE_FRACTION_BITS
@@ -15,7 +14,7 @@ OFFSET = signed(5)
 _VALUE_BITS = RAW_RESPONSE.bits - 2
 """Responses are positive and below 2**30."""
 _MANTISSA_BITS = RESPONSE_FRACTION_BITS + 1
-_LARGEST_EXPONENT = _VALUE_BITS - _MANTISSA_BITS
+_MAX_EXPONENT = _VALUE_BITS - _MANTISSA_BITS
 _QUOTIENT_BITS = 4
 
 
@@ -25,30 +24,24 @@ class Vertex(wiring.Component):
     With u = centre - after and v = centre - before, ``o_offset`` is
     sign(v - u) * floor((16 |v - u| + u + v) / (2 (u + v))), and 0 where u + v = 0.
 
-    Members
-    -------
-    i_before, i_centre, i_after : In(15)
-        Response codes; the centre must be at least as large as both others.
-    o_offset : Out(signed(5))
-        In 1/16 px, -8 to 8, ``latency_cycles`` later.
-
     Attributes
     ----------
     latency_cycles : int
     """
 
-    i_before: Signal
-    i_centre: Signal
-    i_after: Signal
-    o_offset: Signal
+    i_before: In(RESPONSE_CODE.bits)
+    """Response code of the pixel before."""
+    i_centre: In(RESPONSE_CODE.bits)
+    """Response code of the candidate, at least as large as both others."""
+    i_after: In(RESPONSE_CODE.bits)
+    """Response code of the pixel after."""
+    o_offset: Out(OFFSET)
+    """In 1/16 px, -8 to 8, ``latency_cycles`` later."""
 
-    def __init__(self) -> None:
-        self.latency_cycles = 5 + _QUOTIENT_BITS
-        code = In(RESPONSE_CODE.bits)
-        super().__init__({"i_before": code, "i_centre": code, "i_after": code, "o_offset": Out(OFFSET)})
+    latency_cycles = 5 + _QUOTIENT_BITS
 
     def elaborate(self, platform: object) -> Module:
-        """Decode, subtract, then divide with one quotient bit per clock."""
+        """Decode, subtract, then divide, one quotient bit per clock."""
         m = Module()
         before, centre, after = self._decoded(m)
         fall_after = Signal(_VALUE_BITS, reset_less=True)
@@ -82,12 +75,12 @@ class Vertex(wiring.Component):
         for code, field, exponent in zip(codes, fields, exponents, strict=True):
             mantissa = delayed(m, Cat(code[:RESPONSE_FRACTION_BITS], field.any()), 1)
             below_centre = delayed(m, (exponents[1] - exponent)[:5], 1)
-            values.append(delayed(m, ((mantissa << _LARGEST_EXPONENT) >> below_centre)[:_VALUE_BITS], 1))
+            values.append(delayed(m, ((mantissa << _MAX_EXPONENT) >> below_centre)[:_VALUE_BITS], 1))
         return values
 
     @staticmethod
     def _quotient(m: Module, remainder: Value, total: Value) -> Value:
-        """``remainder // (2 * total)``, below 16, by one trial subtraction a clock."""
+        """Divide ``remainder`` by ``2 * total``, rounded down, below 16: one trial subtraction per clock."""
         quotient: Value = Cat()
         for bit in reversed(range(_QUOTIENT_BITS)):
             trial = remainder - (total << bit + 1)
@@ -110,12 +103,6 @@ class SubPixel(wiring.Component):
     spacing_cycles : int
         Smallest distance of two candidates in clocks.
 
-    Members
-    -------
-    i : In(CANDIDATE)
-    o_x, o_y : Out(16)
-        UQ(12, 4), 1/16 px; valid ``latency_cycles`` after the candidate, for at least one clock.
-
     Attributes
     ----------
     latency_cycles : int
@@ -126,9 +113,12 @@ class SubPixel(wiring.Component):
         For another level.
     """
 
-    i: data.View
-    o_x: Signal
-    o_y: Signal
+    i: In(CANDIDATE)
+    """`hdl.streams.CANDIDATE`."""
+    o_x: Out(POSITION.bits)
+    """UQ(12, 4), 1/16 px; valid ``latency_cycles`` after the candidate, for at least one clock."""
+    o_y: Out(POSITION.bits)
+    """As ``o_x``."""
 
     def __init__(self, *, level: int, lag_px: int, spacing_cycles: int = 2) -> None:
         if level not in (0, 1):
@@ -139,10 +129,10 @@ class SubPixel(wiring.Component):
         self.turns = min(spacing_cycles, 2)
         self._vertex = Vertex()
         self.latency_cycles = 1 + self._vertex.latency_cycles + self.turns
-        super().__init__({"i": In(CANDIDATE), "o_x": Out(POSITION.bits), "o_y": Out(POSITION.bits)})
+        super().__init__()
 
     def elaborate(self, platform: object) -> Module:
-        """One `Vertex` serves both directions, x in the first clock and y in the second; or there is one for each."""
+        """One `Vertex` serves x in the first clock and y in the second; or there is one for each."""
         m = Module()
         m.submodules.vertex = vertex = self._vertex
         up = Signal(RESPONSE_CODE.bits, reset_less=True)

@@ -1,1 +1,1 @@
-"""Scores of proposed homographies: one match a clock, without a division."""
+"""Scores of proposed homographies: one match per clock, without a division."""

@@ -1,7 +1,6 @@
 """How well a homography fits a match: the truncated quadratic of the error, by comparisons instead of a division."""
 
-from __future__ import annotations
-
+# Annotations are evaluated here: a component takes its ports from them.
 from amaranth import Cat, Const, Module, Mux, Shape, Signal, Value, signed
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
@@ -37,34 +36,26 @@ ERROR_CYCLES = PRODUCT_CYCLES + 2
 
 
 class MatchGain(wiring.Component):
-    """Gain of a match under a hypothesis, one pair of them a clock; equal to `golden_model.geometry.scoring`.
+    """Gain of a match under a hypothesis, one pair of them per clock; equal to `golden_model.geometry.scoring`.
 
     The three terms are linear in the left position. Two products of the third term, the depth, with the right position
-    give the errors in x and y, and three squares follow; then one comparison for each bit of the gain. This takes 11
+    give the errors in x and y, and three squares follow; then one comparison per bit of the gain. This takes 11
     multipliers of at most 25 x 18 bits.
-
-    Members
-    -------
-    i_hypothesis : In(HYPOTHESIS)
-    i_match : In(PAIR)
-        Both from registers; both may change in every clock.
-    o_gain : Out(range(33))
-        0 where the match does not support the hypothesis.
 
     Attributes
     ----------
     latency_cycles : int
     """
 
-    i_hypothesis: data.View
-    i_match: data.View
-    o_gain: Signal
+    i_hypothesis: In(HYPOTHESIS)
+    """From a register; may change in every clock."""
+    i_match: In(PAIR)
+    """From a register; may change in every clock."""
+    o_gain: Out(range(LEVELS + 1))
+    """0 where the match does not support the hypothesis."""
 
-    # Terms; errors; squares and their sums; the first comparison, one for each bit; the gain.
+    # Terms; errors; squares and their sums; the first comparison, one per bit; the gain.
     latency_cycles = TERM_CYCLES + ERROR_CYCLES + (PRODUCT_CYCLES + 1) + (1 + LEVEL_BITS) + 1
-
-    def __init__(self) -> None:
-        super().__init__({"i_hypothesis": In(HYPOTHESIS), "i_match": In(PAIR), "o_gain": Out(range(LEVELS + 1))})
 
     def elaborate(self, platform: object) -> Module:
         """Terms, errors, squares, comparisons. No register has a reset or waits."""
@@ -88,7 +79,7 @@ class MatchGain(wiring.Component):
         return m
 
     def _term(self, m: Module, row: int) -> Signal:
-        """``h0 x + h1 y + h2 2^16`` for a row of the hypothesis, rounded."""
+        """Compute ``h0 x + h1 y + h2 2^16`` for a row of the hypothesis, rounded."""
         h0, h1, h2 = (self.i_hypothesis[3 * row + column] for column in range(3))
         product_x = delayed(m, h0 * self.i_match.left_x, PRODUCT_CYCLES)
         product_y = delayed(m, h1 * self.i_match.left_y, PRODUCT_CYCLES)
@@ -103,7 +94,7 @@ class MatchGain(wiring.Component):
 
     @staticmethod
     def _error(m: Module, term: Value, right: Value, depth: Value) -> Signal:
-        """Of one coordinate times the depth, limited."""
+        """Compute the error of one coordinate times the depth, limited."""
         product = delayed(m, right * depth, PRODUCT_CYCLES)
         waiting = delayed(m, term, PRODUCT_CYCLES)
         miss = Signal(_shape(MAX_MISS), reset_less=True)
@@ -117,10 +108,10 @@ class MatchGain(wiring.Component):
         return error
 
     def _compare(self, m: Module, squared_error: Value, squared_depth: Value) -> None:
-        """The level is 32 squared_error / squared_depth, rounded down: each step decides one of its bits."""
+        """Compute the level, 32 squared_error / squared_depth rounded down: each step decides one of its bits."""
         near = delayed(m, squared_error < squared_depth, 1)
         divisor = delayed(m, squared_depth, 1)
-        # Where the error is not smaller, bits are cut, but the level does not matter either.
+        # Where the error is not smaller, bits are cut, but then the level does not matter.
         remainder = delayed(m, squared_error[: len(squared_depth)], 1)
         level: Value = Const(0, 0)
         for _ in range(LEVEL_BITS):
@@ -136,5 +127,5 @@ class MatchGain(wiring.Component):
 
 
 def _shape(largest: int) -> Shape:
-    """Of signed numbers up to this magnitude."""
+    """Shape of signed numbers up to this magnitude."""
     return Shape.cast(range(-largest, largest + 1))

@@ -1,7 +1,6 @@
-"""Homography scoring behind streams of 64-bit words: match packets as the matcher sends them, hypotheses, scores."""
+"""Homography scoring behind streams of 64-bit words: the matcher's packets and hypotheses in, scores out."""
 
-from __future__ import annotations
-
+# Annotations are evaluated here: a component takes its ports from them.
 from amaranth import Cat, Module, Mux, Signal
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
@@ -32,37 +31,22 @@ class RecordScoring(wiring.Component):
     ----------
     max_matches : int
         See `HomographyScoring`.
-
-    Members
-    -------
-    i_matches : In(stream of WordPayload)
-        Match records and a FrameStatus, the matcher's output.
-    i_hypotheses : In(stream of WordPayload)
-        `golden_model.records.HYPOTHESIS`, any number in a packet.
-    o : Out(stream of WordPayload)
-        `golden_model.records.SCORE`.
-    o_scored, o_refused : Out(1)
-        In the clock in which the last word of an answer leaves: whether it has a score, or causes instead.
     """
 
-    i_matches: stream.Interface
-    i_hypotheses: stream.Interface
-    o: stream.Interface
-    o_scored: Signal
-    o_refused: Signal
+    i_matches: In(stream.Signature(WordPayload))
+    """Match records and a FrameStatus: the matcher's output."""
+    i_hypotheses: In(stream.Signature(WordPayload))
+    """`golden_model.records.HYPOTHESIS`, any number in a packet."""
+    o: Out(stream.Signature(WordPayload))
+    """`golden_model.records.SCORE`."""
+    o_scored: Out(1)
+    """The last word of an answer with a score leaves in this clock."""
+    o_refused: Out(1)
+    """The last word of an answer with causes instead leaves in this clock."""
 
     def __init__(self, *, max_matches: int = MAX_MATCHES) -> None:
         self._scoring = HomographyScoring(max_matches=max_matches)
-        word_stream = stream.Signature(WordPayload)
-        super().__init__(
-            {
-                "i_matches": In(word_stream),
-                "i_hypotheses": In(word_stream),
-                "o": Out(word_stream),
-                "o_scored": Out(1),
-                "o_refused": Out(1),
-            }
-        )
+        super().__init__()
 
     def elaborate(self, platform: object) -> Module:
         """Words to records, the scoring, records to words."""
@@ -84,7 +68,7 @@ class RecordScoring(wiring.Component):
         # Whether anything but matches came before the end.
         spoilt = Signal()
         is_good = ~taken.cut & (status.tag == Tag.FRAME_STATUS) & status.good & ~spoilt
-        # A bad packet ends twice: the second end is that of an empty set.
+        # A bad packet ends twice; the second end is that of an empty set.
         ends_again = Signal()
         m.d.comb += [
             stored.valid.eq(record.o.valid & (is_kept | taken.last)),
@@ -122,25 +106,25 @@ class RecordScoring(wiring.Component):
 
     def _send_scores(self, m: Module) -> None:
         score = view_signal(record_layout(SCORE))
-        found = self._scoring.o
+        scored = self._scoring.o
         low, high = words(score)
         is_high = Signal()
         m.d.comb += [
             score.tag.eq(Tag.SCORE),
-            *(score[name].eq(found.payload[name]) for name in ("causes", "number", "support", "score", "frame")),
-            self.o.valid.eq(found.valid),
+            *(score[name].eq(scored.payload[name]) for name in ("causes", "number", "support", "score", "frame")),
+            self.o.valid.eq(scored.valid),
             self.o.payload.data.eq(Mux(is_high, high, low)),
-            self.o.payload.last.eq(is_high & found.payload.last),
-            found.ready.eq(self.o.ready & is_high),
-            self.o_scored.eq(found.valid & found.ready & ~found.payload.causes.any()),
-            self.o_refused.eq(found.valid & found.ready & found.payload.causes.any()),
+            self.o.payload.last.eq(is_high & scored.payload.last),
+            scored.ready.eq(self.o.ready & is_high),
+            self.o_scored.eq(scored.valid & scored.ready & ~scored.payload.causes.any()),
+            self.o_refused.eq(scored.valid & scored.ready & scored.payload.causes.any()),
         ]
         with m.If(self.o.valid & self.o.ready):
             m.d.sync += is_high.eq(~is_high)
 
 
 class RecordCollector(wiring.Component):
-    """Puts records of one length together from their words.
+    """Assembles records of one length from their words.
 
     A record takes one clock more than it has words. After ``last`` the next word begins a record, whatever came before.
 
@@ -148,16 +132,13 @@ class RecordCollector(wiring.Component):
     ----------
     record : Record
         Gives the length.
-
-    Members
-    -------
-    i : In(stream of WordPayload)
-    o : Out(stream of {record, last: 1, cut: 1})
-        ``last``: the record's last word had it. ``cut``: ``last`` came too early, and the record means nothing.
     """
 
     i: stream.Interface
+    """Stream of `hdl.streams.WordPayload`."""
     o: stream.Interface
+    """Stream of ``record``, ``last`` (the record's last word had it) and ``cut`` (``last`` came too early, and the
+    record means nothing)."""
 
     def __init__(self, *, record: Record) -> None:
         self._words = record.record_bytes // WORD_BYTES

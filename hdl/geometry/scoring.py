@@ -1,15 +1,13 @@
-"""Scores homographies that a host proposes by the weighted matches of a frame, one match a clock."""
+"""Scores homographies that a host proposes by the weighted matches of a frame, one match per clock."""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import numpy as np
 from amaranth import Cat, Module, Mux, Signal, Value, signed
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
-from numpy.typing import NDArray
 
 from golden_model.formats import WEIGHT
 from golden_model.geometry.scoring import ENTRY, IN_FLIGHT, LEVELS, MAX_MATCHES, Cause
@@ -26,9 +24,9 @@ elements mean nothing, and it is answered with `Cause.INVALID_RECORD`."""
 WEIGHED_PAIR = data.StructLayout({"pair": PAIR, "weight": WEIGHT.bits})
 FRAME_BITS = 32
 SENT_MATCH = data.StructLayout({"match": WEIGHED_PAIR, "ends": 1, "frame": FRAME_BITS})
-"""A match; or with ``ends`` no match but the end of the set, and the frame that the set is of."""
+"""A match; or, with ``ends``, no match but the end of the set and the set's frame."""
 _NOTE = data.StructLayout({"causes": len(Cause), "number": 16, "last": 1, "frame": FRAME_BITS})
-"""What waits for a hypothesis's score, beside its sums."""
+"""What waits for a hypothesis's score, apart from its sums."""
 READ_CYCLES = 2
 """Clocks from an address to its match: the memory, and a register after it."""
 
@@ -56,18 +54,6 @@ class HomographyScoring(wiring.Component):
     max_matches : int
         Matches that the memory holds, 1 to 2048. A larger set is not scored, see `Cause.TOO_MANY_MATCHES`.
 
-    Members
-    -------
-    i_matches : In(stream of {match: {pair: PAIR, weight: 8}, ends: 1, frame: 32})
-        A set ends with a payload with ``ends``, which holds no match but the number of the frame.
-    i_hypotheses : In(stream of {elements: ArrayLayout(signed(32), 9), number: 16, last: 1, invalid: 1})
-        `golden_model.geometry.scoring.quantise`; what does not fit 25 bits, or is too small, is refused with a cause.
-    i_hold : In(1)
-        No hypothesis is started.
-    o : Out(stream of {score, support, causes, number: 16, last: 1, frame: 32})
-        One for each hypothesis, in their order; see `golden_model.geometry.scoring.Scores`. ``frame`` is that of the
-        set by which it was scored.
-
     Attributes
     ----------
     latency_cycles : int
@@ -80,9 +66,15 @@ class HomographyScoring(wiring.Component):
     """
 
     i_matches: stream.Interface
+    """Stream of `SENT_MATCH`. A set ends with a payload with ``ends``, which holds no match but the frame's number."""
     i_hypotheses: stream.Interface
+    """Stream of `SENT_HYPOTHESIS`, with elements as from `golden_model.geometry.scoring.quantise`; what does not fit 25
+    bits, or is too small, is refused with a cause."""
     i_hold: Signal
+    """No hypothesis is started."""
     o: stream.Interface
+    """Stream of ``score``, ``support``, ``causes``, ``number``, ``last`` and ``frame``: one per hypothesis, in their
+    order; see `golden_model.geometry.scoring.Scores`. ``frame`` is that of the set by which it was scored."""
 
     # Address; memory; gain; its product with the weight; sum; skid buffer.
     latency_cycles = 1 + READ_CYCLES + MatchGain.latency_cycles + PRODUCT_CYCLES + 1 + SkidBuffer.latency_cycles
@@ -152,13 +144,13 @@ class HomographyScoring(wiring.Component):
                 loading.eq(~sent.payload.ends),
                 stored.eq(position + write.en),
                 too_many.eq((too_many & loading) | (~sent.payload.ends & ~has_room)),
-                # It counts at the end of the set; until then nothing is scored.
+                # It matters at the end of the set; until then nothing is scored.
                 frame.eq(sent.payload.frame),
             ]
         return stored, too_many, loading, frame
 
     def _read(self, m: Module, address: Signal, reading: Signal, stored: Value, loading: Value) -> _Beat:
-        """Count through the matches once for each hypothesis."""
+        """Count through the matches once per hypothesis."""
         first = Signal()
         last = Signal()
         start = Signal()
@@ -182,7 +174,7 @@ class HomographyScoring(wiring.Component):
         return _Beat(first, last)
 
     def _refused(self) -> tuple[Value, Value]:
-        """Whether an element does not fit the format, and whether all elements are too small, as `Cause` has them."""
+        """Tell whether an element does not fit the format, and whether all are too small: the first bits of `Cause`."""
         beyond = [_exceeds(sent, ENTRY.bits) for sent in self.i_hypotheses.payload.elements]
         large = [_exceeds(sent, ENTRY.bits - 1) for sent in self.i_hypotheses.payload.elements]
         return Cat(*beyond).any(), ~Cat(*large).any()
@@ -195,7 +187,7 @@ class HomographyScoring(wiring.Component):
         share = delayed(m, Mux(gain.any(), waiting_weight, 0), PRODUCT_CYCLES)
         begins = delayed(m, beat.first, READ_CYCLES + cycles + PRODUCT_CYCLES)
         ends = delayed(m, beat.last, READ_CYCLES + cycles + PRODUCT_CYCLES + 1, reset_less=False)
-        told = delayed(m, note, cycles + PRODUCT_CYCLES + 1)
+        summed_note = delayed(m, note, cycles + PRODUCT_CYCLES + 1)
         m.submodules.output = output = SkidBuffer(shape=self._result)
         result = output.i.payload
         score = Signal.like(result.score, reset_less=True)
@@ -203,36 +195,14 @@ class HomographyScoring(wiring.Component):
         m.d.sync += [score.eq(Mux(begins, 0, score) + term), support.eq(Mux(begins, 0, support) + share)]
         m.d.comb += [
             output.i.valid.eq(ends),
-            *(result[name].eq(told[name]) for name in _NOTE.members),
-            result.score.eq(Mux(told.causes.any(), 0, score)),
-            result.support.eq(Mux(told.causes.any(), 0, support)),
+            *(result[name].eq(summed_note[name]) for name in _NOTE.members),
+            result.score.eq(Mux(summed_note.causes.any(), 0, score)),
+            result.support.eq(Mux(summed_note.causes.any(), 0, support)),
         ]
         wiring.connect(m, output.o, wiring.flipped(self.o))
 
 
-def set_of_matches(
-    left: NDArray[np.integer], right: NDArray[np.integer], weight: NDArray[np.integer], frame: int = 0
-) -> list[dict[str, Any]]:
-    """Payloads of ``i_matches`` for the set of a frame: positions (N, 2) in 1/16 px, and weights (N,)."""
-    names = tuple(PAIR.members)
-    rows = np.hstack((left, right, weight[:, np.newaxis])).tolist()
-    sent = [
-        {"match": {"pair": dict(zip(names, row, strict=False)), "weight": row[-1]}, "ends": 0, "frame": 0}
-        for row in rows
-    ]
-    # What comes with the end is no match and does not count.
-    return [*sent, {"match": {"pair": dict.fromkeys(names, 0), "weight": 0}, "ends": 1, "frame": frame}]
-
-
-def hypothesis_payloads(hypotheses: NDArray[np.integer]) -> list[dict[str, Any]]:
-    """Payloads of ``i_hypotheses`` for hypotheses (M, 3, 3), numbered from 0; the last one is marked."""
-    return [
-        {"elements": elements, "number": number, "last": number == len(hypotheses) - 1, "invalid": 0}
-        for number, elements in enumerate(hypotheses.reshape(-1, 9).tolist())
-    ]
-
-
 def _exceeds(value: Value, bits: int) -> Value:
-    """Whether a signed value needs more than so many bits: those above are not all copies of its sign."""
+    """Tell whether a signed value needs more than ``bits`` bits: those above are not all copies of its sign."""
     upper = value[bits - 1 :]
     return upper.any() & ~upper.all()

@@ -1,7 +1,6 @@
 """Window correlation in hardware (thesis, equations III-1 to III-3): SAD alone, and a core for SAD, ZSSD and NCC."""
 
-from __future__ import annotations
-
+# Annotations are evaluated here: a component takes its ports from them.
 from collections.abc import Sequence
 from functools import reduce
 from operator import add
@@ -21,15 +20,17 @@ PIXELS = 9
 """Pixels of a window of `WindowCorrelation`, 3x3."""
 WINDOW = data.ArrayLayout(PIXEL.bits, PIXELS)
 WINDOWS = data.StructLayout({"left": WINDOW, "right": WINDOW})
-_LARGEST_ENERGY = PIXELS * PIXEL.max_raw**2
-_ENERGY, _SQUARE = Shape.cast(range(_LARGEST_ENERGY + 1)), Shape.cast(range(_LARGEST_ENERGY**2 + 1))
+_MAX_ENERGY = PIXELS * PIXEL.max_raw**2
+_ENERGY, _SQUARE = Shape.cast(range(_MAX_ENERGY + 1)), Shape.cast(range(_MAX_ENERGY**2 + 1))
 _PIXEL_CYCLES = 3
 """Clocks from a pixel's selection to its addition to the sums."""
+_PHASES = {"Add-Pixels": PIXELS + _PIXEL_CYCLES, "Multiply": _ENERGY.width + 1, "Take-Root": NCC.bits}
+"""Clocks of each phase of `WindowCorrelation`."""
 SCORES = data.StructLayout(
     {
         "sad": range(PIXELS * PIXEL.max_raw + 1),
         # Largest with four differences of 255, four of -255, and the ninth of either.
-        "zssd": range(PIXELS * _LARGEST_ENERGY - PIXEL.max_raw**2 + 1),
+        "zssd": range(PIXELS * _MAX_ENERGY - PIXEL.max_raw**2 + 1),
         "ncc": range(NCC.one + 1),
     }
 )
@@ -37,17 +38,12 @@ SCORES = data.StructLayout(
 
 
 class SumOfAbsoluteDifferences(wiring.Component):
-    """``o_sum`` = sum of ``|i_left[n] - i_right[n]|``; a pair of windows every clock.
+    """``o_sum`` = sum of ``|i_left[n] - i_right[n]|``; one pair of windows per clock.
 
     Parameters
     ----------
     pixels : int
         Pixels of a window.
-
-    Members
-    -------
-    i_left, i_right : In(8).array(pixels)
-    o_sum : Out(range(255 * pixels + 1))
 
     Attributes
     ----------
@@ -91,17 +87,11 @@ class _Sums(NamedTuple):
 
 
 class WindowCorrelation(wiring.Component):
-    """SAD, ZSSD and NCC of two 3x3 windows, a pixel a clock.
+    """SAD, ZSSD and NCC of two 3x3 windows, one pixel per clock.
 
     NCC is the largest q with q**2 / 256**2 <= (sum I1 I2)**2 / (sum I1**2 sum I2**2): the exact value rounded down,
-    error below 1/256. Both sides are multiplied out, one bit a clock; then q is found one bit a clock as in a
+    error below 1/256. Both sides are multiplied out, one bit per clock. The bits of q follow, one per clock, as in a
     digit-by-digit square root, where each trial subtracts a multiple of the right side's denominator.
-
-    Members
-    -------
-    i : In(stream of WINDOWS)
-        Accepted together with the scores.
-    o : Out(stream of SCORES)
 
     Attributes
     ----------
@@ -109,32 +99,27 @@ class WindowCorrelation(wiring.Component):
         From ``i.valid`` to ``o.valid``.
     """
 
-    i: stream.Interface
-    o: stream.Interface
+    i: In(stream.Signature(WINDOWS))
+    """Accepted together with the scores."""
+    o: Out(stream.Signature(SCORES))
+    """The scores of the windows at the input."""
 
-    def __init__(self) -> None:
-        self._phases = {
-            "Add-Pixels": PIXELS + _PIXEL_CYCLES,
-            "Multiply": _ENERGY.width + 1,
-            "Take-Root": NCC.bits,
-        }
-        self.latency_cycles = 1 + sum(self._phases.values())
-        super().__init__({"i": In(stream.Signature(WINDOWS)), "o": Out(stream.Signature(SCORES))})
+    latency_cycles = 1 + sum(_PHASES.values())
 
     def elaborate(self, platform: object) -> Module:
         """A state machine, and the arithmetic of its three phases: sums, products, root."""
         m = Module()
         start = Signal()
-        step = Signal(range(max(self._phases.values())))
+        step = Signal(range(max(_PHASES.values())))
         adding, multiplying, rooting = (Signal(name=name) for name in ("adding", "multiplying", "rooting"))
-        following = (*list(self._phases)[1:], "Offer")
+        following = (*list(_PHASES)[1:], "Offer")
         with m.FSM():
             with m.State("Wait"):
                 m.d.comb += start.eq(self.i.valid)
                 with m.If(start):
                     m.next = "Add-Pixels"
             for (phase, steps), active, after in zip(
-                self._phases.items(), (adding, multiplying, rooting), following, strict=True
+                _PHASES.items(), (adding, multiplying, rooting), following, strict=True
             ):
                 with m.State(phase):
                     m.d.comb += active.eq(1)
@@ -176,7 +161,7 @@ class WindowCorrelation(wiring.Component):
         return _Sums(total, product, left_energy, right_energy)
 
     def _zssd(self, m: Module, sums: _Sums) -> None:
-        """9 times the sum of squared differences, minus the square of their sum; ready long before the root."""
+        """Compute 9 times the sum of squared differences minus the square of their sum; ready long before the root."""
         squares = delayed(m, delayed(m, sums.left_energy + sums.right_energy, 1) - (sums.product << 1), 1)
         # A sum of squares is not negative: drop the sign bit.
         times_nine = delayed(m, (squares << 3) + squares, 1)[: len(self.o.payload.zssd)]
@@ -184,7 +169,7 @@ class WindowCorrelation(wiring.Component):
 
     @staticmethod
     def _products(m: Module, start: Value, multiplying: Value, step: Value, sums: _Sums) -> tuple[Signal, Signal]:
-        """The square of the product and the product of the energies, by shift and add, highest bit first."""
+        """Multiply the product by itself, and the energies, by shift and add, highest bit first."""
         results = []
         for multiplicand, multiplier in ((sums.product, sums.product), (sums.left_energy, sums.right_energy)):
             result = Signal(_SQUARE, reset_less=True)
@@ -198,9 +183,9 @@ class WindowCorrelation(wiring.Component):
         return square, energy
 
     def _root(self, m: Module, multiplying: Value, rooting: Value, square: Value, energy: Value) -> None:
-        """The bits of the root, highest first.
+        """Compute the bits of the root, highest first.
 
-        With Q the bits so far, a further 1 leaves the remainder ``remainder - (4 Q + 1) energy``; ``trial`` is the
+        With Q the bits so far, another 1 leaves the remainder ``remainder - (4 Q + 1) energy``; ``trial`` is the
         subtracted multiple.
         """
         remainder = Signal(_SQUARE.width + NCC.bits + 3, reset_less=True)
@@ -208,7 +193,7 @@ class WindowCorrelation(wiring.Component):
         quotient = self.o.payload.ncc
         left_over = remainder - trial
         fits = left_over >= 0
-        # A black window has energy 0 and product 0; an energy of 1 makes the root 0 then.
+        # A black window has energy 0 and product 0; with an energy of 1 the root becomes 0.
         divisor = Mux(energy.any(), energy, 1)
         thrice = delayed(m, (divisor << 1) + divisor, 1)
         with m.If(multiplying):

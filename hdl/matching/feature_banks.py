@@ -38,7 +38,7 @@ class FeatureBanks(wiring.Component):
     """Stores frames of Feature records, and provides the features of the two frames to match.
 
     Features are written to the filling bank. When the FrameStatus of a good frame is accepted from ``o_status``, the
-    banks exchange roles in that clock; after a bad frame the filling bank is overwritten. The filling bank is never
+    banks swap roles in that clock; after a bad frame the filling bank is overwritten. The filling bank is never
     read, and the other two are never written.
 
     The first good frame becomes the reference. A later one becomes the current frame; the reference is then the
@@ -50,32 +50,26 @@ class FeatureBanks(wiring.Component):
         Pattern of the features' descriptors.
     max_features : int
         Features that a bank holds; a frame with more must be marked bad, or it would overwrite itself.
-
-    Members
-    -------
-    i : In(stream of WordPayload)
-        Records of one length; each frame ends with its FrameStatus.
-    o_status : Out(stream of FrameStatus)
-        Accepting it changes the roles; ``i`` stalls until then.
-    i_hold_reference, i_take_reference : In(1)
-        Sampled when the roles change. With ``i_take_reference`` the frame becomes the reference, and there is no
-        current frame to match.
-    i_left_address, i_right_address : In, o_left, o_right : Out(BankedFeature)
-        Features of the reference (left) and the current frame (right), ``READ_CYCLES`` after their address.
-    o_left_count, o_right_count : Out(range(max_features + 1))
-        Number of features of the two frames; right is 0 if there is nothing to match.
     """
 
     i: stream.Interface
+    """Stream of `hdl.streams.WordPayload`: records of one length; each frame ends with its FrameStatus."""
     o_status: stream.Interface
+    """Stream of FrameStatus records. Accepting one changes the roles; ``i`` stalls until then."""
     i_hold_reference: Signal
+    """The reference stays the same. Sampled when the roles change."""
     i_take_reference: Signal
+    """The frame becomes the reference, and there is no current frame to match. Sampled when the roles change."""
     i_left_address: Signal
     i_right_address: Signal
     o_left: data.View
+    """The reference's `BankedFeature` at ``i_left_address``, ``READ_CYCLES`` later."""
     o_right: data.View
+    """The current frame's `BankedFeature` at ``i_right_address``, ``READ_CYCLES`` later."""
     o_left_count: Signal
+    """Number of features of the reference."""
     o_right_count: Signal
+    """Number of features of the current frame; 0 if there is nothing to match."""
 
     def __init__(self, *, pattern: DescriptorPattern, max_features: int) -> None:
         self.max_features = max_features
@@ -103,7 +97,7 @@ class FeatureBanks(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Collect records, store features, exchange roles at a good status, read."""
+        """Collect records, store features, swap roles at a good status, read."""
         m = Module()
         complete, ends_frame, record = self._collect(m)
         feature = data.View(self._record, record)
@@ -132,7 +126,7 @@ class FeatureBanks(wiring.Component):
         return m
 
     def _collect(self, m: Module) -> tuple[Signal, Signal, Signal]:
-        """Assemble a record from words. ``complete`` is high for one clock, for a status until it was accepted."""
+        """Assemble a record from words. ``complete`` is high for one clock; for a status, until it is accepted."""
         complete = Signal()
         ends_frame = Signal(reset_less=True)
         record = Signal(self._record.size, reset_less=True)
@@ -151,7 +145,7 @@ class FeatureBanks(wiring.Component):
         return complete, ends_frame, record
 
     def _roles(self, m: Module) -> tuple[Signal, Signal, Signal]:
-        """Numbers of the reference, the current and the filling bank."""
+        """Swap the roles; return the numbers of the reference, the current and the filling bank."""
         reference, current, filling = (Signal(range(len(ROLES)), init=n, name=name) for n, name in enumerate(ROLES))
         has_reference = Signal()
         has_current = Signal()

@@ -21,14 +21,16 @@ PRODUCT_CYCLES = 2
 """A product passes the multiplier's own M and P registers."""
 QUOTIENT_BITS = WEIGHT.bits + 1
 """The weighted mean of singletons is at most 1, which is 256."""
+RESULT = data.StructLayout({"weight": WEIGHT.bits, "rule": range(MAX_RULES)})
+"""Weight in UQ0.8, and the strongest rule, ties to the lowest."""
 
 
 class Sugeno(wiring.Component):
-    """Weight and dominant_strength rule of a set of inputs, one rule a clock; equal to `SugenoSystem.evaluate`.
+    """Weight and dominant rule of a set of inputs, one rule per clock; equal to `SugenoSystem.evaluate`.
 
     Membership tables are ROMs. A product system multiplies all degrees but the last and folds the last one into the
     rules' singletons, a second ROM, so that no product is wider than 17 x 17 bits: three multipliers for three
-    inputs. A minimum system ends with a division, a quotient bit a clock.
+    inputs. A minimum system ends with a division, one quotient bit per clock.
 
     Parameters
     ----------
@@ -36,13 +38,6 @@ class Sugeno(wiring.Component):
         A product system has at most 3 inputs.
     value_bits : int
         Width of each input value.
-
-    Members
-    -------
-    i : In(stream of ArrayLayout(value_bits, inputs))
-        Accepted one clock after the result was.
-    o : Out(stream of {weight: 8, rule: 5})
-        UQ0.8, and the strongest rule, ties to the lowest.
 
     Attributes
     ----------
@@ -56,7 +51,9 @@ class Sugeno(wiring.Component):
     """
 
     i: stream.Interface
+    """Stream of the values, ``ArrayLayout(value_bits, inputs)``. Accepted one clock after the result."""
     o: stream.Interface
+    """Stream of `RESULT`."""
 
     def __init__(self, *, system: SugenoSystem, value_bits: int) -> None:
         self.system = system
@@ -70,11 +67,10 @@ class Sugeno(wiring.Component):
         rounding = 2 if self._is_product else 2 + QUOTIENT_BITS
         self.latency_cycles = 2 + len(system.rules) + self._term_cycles + rounding
         values = data.ArrayLayout(value_bits, inputs)
-        result = data.StructLayout({"weight": WEIGHT.bits, "rule": range(MAX_RULES)})
-        super().__init__({"i": In(stream.Signature(values)), "o": Out(stream.Signature(result))})
+        super().__init__({"i": In(stream.Signature(values)), "o": Out(stream.Signature(RESULT))})
 
     def elaborate(self, platform: object) -> Module:
-        """Look up the degrees, evaluate a rule a clock, sum, and round; a minimum system divides before rounding."""
+        """Look up the degrees, evaluate one rule per clock, sum, round; a minimum system divides before rounding."""
         m = Module()
         issuing, rule, last = self._rules(m)
         indices = [
@@ -119,7 +115,7 @@ class Sugeno(wiring.Component):
         return issuing, rule, last
 
     def _degree(self, m: Module, n: int, index: Value, rule: Value) -> Value:
-        """Membership degree of input n in the set that the rule names; 1 where the rule does not use the input."""
+        """Look up the degree of input n in the set that the rule names; 1 where the rule ignores the input."""
         sets = self.system.inputs[n].sets
         shape = data.ArrayLayout(MEMBERSHIP.bits, len(sets))
         table = [list(map(int, degrees)) for degrees in zip(*sets.values(), strict=True)]
@@ -128,7 +124,7 @@ class Sugeno(wiring.Component):
         return delayed(m, Array(chosen)[rule], 1)
 
     def _folded(self, m: Module, index: Value, rule: Value) -> Value:
-        """Degree of the last input times the rule's singleton, in the same clock as `_degree`."""
+        """Look up the last input's degree times the rule's singleton, in the same clock as `_degree`."""
         *_, variable = self.system.inputs
         rule_bits = ceil_log2(len(self.system.rules))
         table = [0] * (variable.entries << rule_bits)
@@ -159,7 +155,7 @@ class Sugeno(wiring.Component):
         return delayed(m, strength, PRODUCT_CYCLES), delayed(m, strength * singleton, PRODUCT_CYCLES)
 
     def _add_up(self, m: Module, valid: Value, rule: Value, strength: Value, term: Value) -> tuple[Signal, Signal]:
-        """Sums of terms and strengths, and the dominant rule (ties to the lowest); cleared after each result."""
+        """Sum terms and strengths, and keep the dominant rule (ties to the lowest); cleared after each result."""
         largest = self.system.strength_one * (1 if self._is_product else len(self.system.rules))
         total = Signal(range(largest * MEMBERSHIP.one + 1))
         fired = Signal(range(largest + 1))
@@ -174,7 +170,7 @@ class Sugeno(wiring.Component):
 
     @staticmethod
     def _quotient(m: Module, start: Value, total: Value, fired: Value) -> tuple[Value, Value]:
-        """``total / fired`` rounded half up, 0 for 0 / 0, by one trial subtraction a clock."""
+        """Divide ``total`` by ``fired``, rounded half up, 0 for 0 / 0: one trial subtraction per clock."""
         divisor = Signal(len(fired) + QUOTIENT_BITS, reset_less=True)
         remainder = Signal.like(divisor, reset_less=True)
         quotient = Signal(QUOTIENT_BITS, reset_less=True)
@@ -198,7 +194,7 @@ class Sugeno(wiring.Component):
 
 
 def _rom(m: Module, name: str, shape: ShapeLike, table: Sequence[Any], index: Value) -> Any:
-    """``table[index]`` one clock later, with the type that ``shape`` gives it."""
+    """Read ``table[index]`` within one clock, with the type that ``shape`` gives it."""
     memory: Memory = Memory(shape=shape, depth=len(table), init=table)
     m.submodules[name] = memory
     port = memory.read_port()

@@ -26,13 +26,6 @@ class FuzzyCorrelation(wiring.Component):
 
     SAD and ZSSD are taken per pixel, as `golden_model.matching.correlation.fuzzy_inputs` does.
 
-    Members
-    -------
-    i : In(stream of WINDOWS)
-        Accepted one clock after the result was.
-    o : Out(stream of {weight: 8, rule: 5})
-        As of `hdl.matching.fuzzy.Sugeno`.
-
     Attributes
     ----------
     latency_cycles : int
@@ -40,7 +33,9 @@ class FuzzyCorrelation(wiring.Component):
     """
 
     i: stream.Interface
+    """Stream of `hdl.matching.correlation.WINDOWS`. Accepted one clock after the result."""
     o: stream.Interface
+    """Stream of `hdl.matching.fuzzy.RESULT`."""
 
     def __init__(self) -> None:
         self._correlation = WindowCorrelation()

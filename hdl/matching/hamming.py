@@ -13,7 +13,7 @@ from hdl.lib.popcount import Popcount
 
 
 class Distances(wiring.Component):
-    """Hamming distances in a chain of lanes: each lane holds a left descriptor, right ones advance one lane a clock.
+    """Hamming distances in a chain of lanes: each lane holds a left descriptor, right ones advance one lane per clock.
 
     Lane k sees a right descriptor k clocks after lane 0. Descriptors are stored as bit planes: one signal for bit n of
     all lanes (`Popcount`).
@@ -24,19 +24,6 @@ class Distances(wiring.Component):
         Length of a descriptor.
     lanes : int
 
-    Members
-    -------
-    i_run : In(1)
-        High from the first right descriptor until the last one has left the lanes; the lanes hold otherwise.
-    i_valid, i_right : In
-        A right descriptor for lane 0. Without one, ``i_right`` should not change.
-    i_load, i_lane, i_left, i_left_valid : In
-        Lane ``i_lane`` takes ``i_left`` for the right descriptor that reaches it in this clock, and later ones; without
-        ``i_left_valid`` the lane gives no distances until its next load.
-    o_valid : Out(lanes)
-        Which lanes have a distance in this clock.
-    o_distances : Out(range(bits + 1)).array(lanes)
-
     Attributes
     ----------
     latency_cycles : int
@@ -44,14 +31,21 @@ class Distances(wiring.Component):
     """
 
     i_run: Signal
+    """High from the first right descriptor until the last one has left the lanes; the lanes hold otherwise."""
     i_valid: Signal
     i_right: Signal
+    """A right descriptor for lane 0, where ``i_valid``; it should not change otherwise."""
     i_load: Signal
     i_lane: Signal
     i_left: Signal
     i_left_valid: Signal
+    """With ``i_load``, lane ``i_lane`` takes ``i_left`` for the right descriptor that
+    reaches it in this clock, and later ones; without ``i_left_valid`` the lane gives no distances until its next
+    load."""
     o_valid: Signal
+    """Which lanes have a distance in this clock."""
     o_distances: Sequence[Signal]
+    """Distance of each lane, 0 to ``bits``."""
 
     def __init__(self, *, bits: int, lanes: int) -> None:
         self.bits = bits
@@ -136,30 +130,25 @@ class LaneBus(data.StructLayout):
 
 
 class Lane(wiring.Component):
-    """Nearest right descriptor of one left descriptor; also updates the column of each right descriptor that passes.
+    """Nearest right descriptor of one left descriptor; also updates the column of each passing right descriptor.
 
     Parameters
     ----------
     lane, lanes : int
-        Number of this lane, and of lanes, a power of two: the left index is ``lanes * group + lane``.
+        Number of this lane, and how many there are, a power of two: the left index is ``lanes * group + lane``.
     bits, max_features : int
-
-    Members
-    -------
-    i_valid, i_distance : In
-        Distance to the right descriptor of ``i_bus``.
-    i_bus : In(LaneBus), o_bus : Out(LaneBus)
-        From the previous lane, and one clock later to the next.
-    o_row_valid, o_row : Out
-        The finished row, one clock after its last right descriptor.
     """
 
     i_valid: Signal
     i_distance: Signal
+    """Distance to the right descriptor of ``i_bus``, where ``i_valid``."""
     i_bus: data.View
+    """`LaneBus` from the previous lane."""
     o_bus: data.View
+    """`LaneBus` to the next lane, one clock later."""
     o_row_valid: Signal
     o_row: data.View
+    """The finished row, one clock after its last right descriptor."""
 
     def __init__(self, *, lane: int, lanes: int, bits: int, max_features: int) -> None:
         self.lane = Const(lane, range(lanes))

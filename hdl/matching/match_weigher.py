@@ -1,4 +1,4 @@
-"""Weighs matches by a fuzzy rule base, given the relative orientation that most of them share."""
+"""Weighs matches by a fuzzy rule base and the relative orientation that most of them share."""
 
 from __future__ import annotations
 
@@ -11,23 +11,22 @@ from golden_model.feature.ilbp import DescriptorPattern
 from golden_model.feature.orientation import SECTORS
 from golden_model.formats import WEIGHT
 from golden_model.matching import rule_bases
-from golden_model.matching.fuzzy import MAX_RULES
+from golden_model.matching.matcher import check_rule_base
 from hdl.matching.correlation import SumOfAbsoluteDifferences
 from hdl.matching.feature_banks import READ_CYCLES, BankedFeature
-from hdl.matching.fuzzy import Sugeno
+from hdl.matching.fuzzy import RESULT, Sugeno
 from hdl.matching.mutual_neighbours import Pair
 from hdl.matching.orientation_histogram import OrientationHistogram
 
-WEIGHED = data.StructLayout(
-    {"weight": WEIGHT.bits, "rule": range(MAX_RULES), "turn": range(SECTORS), "peak_turn": range(SECTORS)}
-)
+WEIGHED = data.StructLayout({**RESULT.members, "turn": range(SECTORS), "peak_turn": range(SECTORS)})
+"""Weight and rule of a match, its relative orientation, and the most common one."""
 
 
 class MatchWeigher(wiring.Component):
     """Weight of each match; the rule base compares its relative orientation with the most common one.
 
-    All pairs pass twice: first they are counted in the histogram of relative orientations, then they are weighed.
-    Patterns without orientation skip the first pass.
+    All pairs pass twice: first for the histogram of relative orientations, then to be weighed. Patterns without
+    orientation skip the first pass.
 
     Parameters
     ----------
@@ -36,18 +35,6 @@ class MatchWeigher(wiring.Component):
     pattern : DescriptorPattern
     max_features : int
 
-    Members
-    -------
-    i : In(stream of Pair)
-        Accepted when it was counted, or when its weight is accepted.
-    i_left, i_right : In(BankedFeature)
-        Features of the pair, ``READ_CYCLES`` after it is valid.
-    i_count : In(1)
-        Count the pairs instead of weighing them.
-    i_find : In(1), o_busy : Out(1)
-        Find the most common relative orientation; see `OrientationHistogram`.
-    o : Out(stream of {weight: 8, rule: 5, turn: 4, peak_turn: 4})
-
     Raises
     ------
     ValueError
@@ -55,19 +42,21 @@ class MatchWeigher(wiring.Component):
     """
 
     i: stream.Interface
+    """Stream of `hdl.matching.mutual_neighbours.Pair`. Accepted once it is counted, or with its weight."""
     i_left: data.View
     i_right: data.View
+    """The pair's `BankedFeature` on each side, ``READ_CYCLES`` after it is valid."""
     i_count: Signal
+    """Count the pairs instead of weighing them."""
     i_find: Signal
+    """Find the most common relative orientation, see `OrientationHistogram`."""
     o_busy: Signal
+    """It is being searched for."""
     o: stream.Interface
+    """Stream of `WEIGHED`."""
 
     def __init__(self, *, config: MatcherConfig, pattern: DescriptorPattern, max_features: int) -> None:
-        if config.rule_base == "ilbp" and not pattern.carries_window:
-            raise ValueError(
-                f"rule base 'ilbp' needs the gray window around each feature, which {pattern.name} does not carry; "
-                "use a thesis-ilbp descriptor or the rule base 'aerial'"
-            )
+        check_rule_base(pattern, config)
         self.rule_base = config.rule_base
         self.pattern = pattern
         self.max_features = max_features
@@ -93,7 +82,7 @@ class MatchWeigher(wiring.Component):
         weigh = Signal()
         counted = Signal()
         weighed = Signal()
-        # Modulo SECTORS, as angles wrap around: the signal's width cuts the difference.
+        # Angles wrap around: the signal's width takes the difference modulo SECTORS.
         m.d.sync += orientation.eq(self.i_right.sector - self.i_left.sector)
         if self.pattern.oriented:
             self._count(m, count, orientation, counted, peak)
@@ -115,7 +104,7 @@ class MatchWeigher(wiring.Component):
         return m
 
     def _count(self, m: Module, count: Value, orientation: Value, counted: Signal, peak: Signal) -> None:
-        """Add the pair to the histogram, weighted by the fuzzy system that serves only this histogram."""
+        """Add the pair to the histogram, weighted by the fuzzy system for relative orientations."""
         pair = self.i.payload
         m.submodules.count_weight = weight = Sugeno(
             system=rule_bases.aerial_orientation(self.pattern.bits), value_bits=len(pair.distance)

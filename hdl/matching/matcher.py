@@ -1,7 +1,6 @@
-"""Matching of two feature sets: mutual nearest neighbours, their relative orientations, and fuzzy weights."""
+"""Matches two feature sets: mutual nearest neighbours, their relative orientations, and fuzzy weights."""
 
-from __future__ import annotations
-
+# Annotations are evaluated here: a component takes its ports from them.
 from functools import reduce
 from operator import or_
 
@@ -29,9 +28,9 @@ class Matcher(wiring.Component):
     """Matches each good frame with its reference; equal to `golden_model.matching.matcher.match`.
 
     A frame is stored while the previous one is matched (`FeatureBanks`). When its FrameStatus has arrived and the
-    matcher is idle, it becomes the current frame: the search compares all descriptors, which takes left * right /
-    lanes clocks; then the mutual matches are read once for the histogram of relative orientations (oriented patterns
-    only), and once more to weigh and send them. Every frame, good or bad, matched or not, ends with its FrameStatus.
+    matcher is idle, it becomes the current frame. The search compares all descriptors, which takes left * right / lanes
+    clocks; then the mutual matches are read once for the histogram of relative orientations (oriented patterns only),
+    and once more to weigh and send them. Every frame, good or bad, matched or not, ends with its FrameStatus.
 
     Parameters
     ----------
@@ -44,23 +43,6 @@ class Matcher(wiring.Component):
     max_features : int
         Features that a bank holds.
 
-    Members
-    -------
-    i_features : In(stream of WordPayload)
-        Feature and FrameStatus records of the front end. Stalls while a complete frame waits for the matching of the
-        previous one.
-    o_matches : Out(stream of WordPayload)
-        Match records in rising left index, then the FrameStatus with the numbers of matches and of kept matches;
-        ``last`` marks its last word.
-    o_frame_taken : Out(1)
-        High for the clock in which the next frame, good or bad, is accepted and its settings are sampled.
-    i_hold_reference, i_take_reference : In(1)
-        See `FeatureBanks`.
-    o_reference_taken : Out(1)
-        High for the clock in which ``i_take_reference`` took effect.
-    i_keep_above : In(8)
-        A match of the frame is kept if its weight is larger.
-
     Raises
     ------
     ValueError
@@ -68,13 +50,22 @@ class Matcher(wiring.Component):
         not carry.
     """
 
-    i_features: stream.Interface
-    o_matches: stream.Interface
-    o_frame_taken: Signal
-    i_hold_reference: Signal
-    i_take_reference: Signal
-    o_reference_taken: Signal
-    i_keep_above: Signal
+    i_features: In(stream.Signature(WordPayload))
+    """Feature and FrameStatus records of the front end. Stalls while a complete frame waits for the matching of the
+    previous one."""
+    o_matches: Out(stream.Signature(WordPayload))
+    """Match records in rising left index, then the FrameStatus with the numbers of matches and of kept matches;
+    ``last`` marks its last word."""
+    o_frame_taken: Out(1)
+    """High for the clock in which the next frame, good or bad, is accepted and its settings are sampled."""
+    i_hold_reference: In(1)
+    """See `FeatureBanks`."""
+    i_take_reference: In(1)
+    """See `FeatureBanks`."""
+    o_reference_taken: Out(1)
+    """High for the clock in which ``i_take_reference`` takes effect."""
+    i_keep_above: In(WEIGHT.bits)
+    """A match of the frame is kept if its weight is larger."""
 
     def __init__(
         self, *, config: MatcherConfig, pattern: DescriptorPattern, lanes: int = 16, max_features: int = 2048
@@ -86,18 +77,7 @@ class Matcher(wiring.Component):
         self._pairs = MutualNearestNeighbours(bits=bits, max_features=max_features)
         self.keeps_all = config.rule_base == "none"
         self.counts_orientations = pattern.oriented
-        word_stream = stream.Signature(WordPayload)
-        super().__init__(
-            {
-                "i_features": In(word_stream),
-                "o_matches": Out(word_stream),
-                "o_frame_taken": Out(1),
-                "i_hold_reference": In(1),
-                "i_take_reference": In(1),
-                "o_reference_taken": Out(1),
-                "i_keep_above": In(WEIGHT.bits),
-            }
-        )
+        super().__init__()
 
     def elaborate(self, platform: object) -> Module:
         """Banks, search, pairs and weigher in a row; a state machine runs them for each frame."""
@@ -125,11 +105,11 @@ class Matcher(wiring.Component):
             m.d.sync += [status.matches.eq(status.matches + 1), status.kept.eq(status.kept + verdict)]
         record = Mux(sending, status.as_value(), self._match(m, verdict).as_value())
         self._send(m, sending | has_match, record, sending, closes)
-        self._lead(m, status, sending, closes)
+        self._control(m, status, sending, closes)
         return m
 
     def _connect_banks(self, m: Module) -> None:
-        """The search and the mutual pairs share the banks' read addresses; they never run at the same time."""
+        """Connect the banks, whose read addresses search and mutual pairs share: they never run at the same time."""
         banks, search, pair = self._banks, self._search, self._pairs.o.payload
         wiring.connect(m, wiring.flipped(self.i_features), banks.i)
         m.d.comb += [
@@ -146,7 +126,7 @@ class Matcher(wiring.Component):
         ]
 
     def _connect_results(self, m: Module) -> None:
-        """Rows and columns of the search to the mutual pairs, and these to the weigher."""
+        """Connect rows and columns of the search to the mutual pairs, and these to the weigher."""
         search, pairs = self._search, self._pairs
         wiring.connect(m, pairs.o, self._weigher.i)
         m.d.comb += [
@@ -160,7 +140,7 @@ class Matcher(wiring.Component):
         ]
 
     def _match(self, m: Module, verdict: Value) -> data.View:
-        """The Match record of the pair that the weigher holds."""
+        """Return the Match record of the pair that the weigher holds."""
         match = view_signal(MATCH_LAYOUT)
         pair, weighed = self._pairs.o.payload, self._weigher.o.payload
         m.d.comb += [
@@ -189,8 +169,8 @@ class Matcher(wiring.Component):
             with m.If(valid):
                 m.d.sync += selected.eq(selected.rotate_left(1))
 
-    def _lead(self, m: Module, status: data.View, sending: Signal, closes: Value) -> None:
-        """The state machine: from one FrameStatus to the next."""
+    def _control(self, m: Module, status: data.View, sending: Signal, closes: Value) -> None:
+        """Run the state machine, from one FrameStatus to the next."""
         arrived = self._banks.o_status
         search, pairs, weigher = self._search, self._pairs, self._weigher
         with m.FSM():
@@ -198,7 +178,7 @@ class Matcher(wiring.Component):
                 m.d.sync += status.eq(arrived.payload)
                 with m.If(arrived.valid):
                     m.next = "Take-Frame"
-            # Accepting the status makes the banks exchange roles, so it must not happen before the matcher is idle.
+            # Accepting the status makes the banks swap roles, so it must not happen before the matcher is idle.
             with m.State("Take-Frame"):
                 m.d.comb += [arrived.ready.eq(1), self.o_frame_taken.eq(1)]
                 m.next = "Send-Status"

@@ -1,4 +1,4 @@
-"""The mutual ones among nearest neighbours."""
+"""Selects the mutual ones among nearest neighbours."""
 
 from __future__ import annotations
 
@@ -22,37 +22,29 @@ class Pair(data.StructLayout):
 
 
 class MutualNearestNeighbours(wiring.Component):
-    """Pairs of features that are each other's nearest, in rising left index; checks a row a clock while ``o`` accepts.
+    """Pairs of features that are each other's nearest, in rising left index; one row per clock while ``o`` accepts.
 
     Parameters
     ----------
     bits, max_features : int
         As in the `NearestNeighbours` whose results it reads.
-
-    Members
-    -------
-    i_start : In(1)
-        Starts a walk over the rows; the previous one must have ended.
-    i_left_count : In(range(max_features + 1))
-        Must not change during the walk and one clock before it.
-    o_busy : Out(1)
-        High from the clock after ``i_start`` until the last pair was accepted.
-    o_row_index, o_column_index, o_read : Out, i_row, i_column : In(Nearest)
-        To `NearestNeighbours`.
-    o : Out(stream of Pair)
-        The second smallest distance of a pair is the smaller of its row's and its column's; a missing one counts as
-        ``bits``.
     """
 
     i_start: Signal
+    """Starts a walk over the rows; the previous one must have ended."""
     i_left_count: Signal
+    """Must not change during the walk and one clock before it."""
     o_busy: Signal
+    """High from the clock after ``i_start`` until the last pair has been accepted."""
     o_row_index: Signal
     o_column_index: Signal
     o_read: Signal
     i_row: data.View
     i_column: data.View
+    """To and from `NearestNeighbours`, which gives the `Nearest` of a row and of a column."""
     o: stream.Interface
+    """Stream of `Pair`. Its second smallest distance is the smaller of its row's and its column's; a missing one counts
+    as ``bits``."""
 
     def __init__(self, *, bits: int, max_features: int) -> None:
         self.bits = bits

@@ -26,7 +26,7 @@ class NearestNeighbours(wiring.Component):
     """Nearest right feature of every left feature, and nearest left feature of every right one.
 
     A group of ``lanes`` left descriptors is loaded, and all right ones pass it; between groups the columns are kept in
-    a memory. Addresses are issued without gaps, so a search takes left * right / lanes clocks plus a constant
+    a memory. Addresses follow each other without gaps, so a search takes left * right / lanes clocks plus a constant
     (`search_cycles`). Ties go to the lowest index.
 
     Parameters
@@ -38,25 +38,10 @@ class NearestNeighbours(wiring.Component):
     max_features : int
         Largest number of features of either frame.
 
-    Members
-    -------
-    i_start : In(1)
-        Starts a search; the previous one must have ended.
-    i_left_count, i_right_count : In(range(max_features + 1))
-        Must not change during the search. If either is 0, the search ends at once and leaves no result.
-    o_busy : Out(1)
-        High from the clock after ``i_start`` until the results are readable.
-    o_left_address, o_right_address : Out, i_left, i_right : In(bits)
-        To the feature banks, which answer ``READ_CYCLES`` later.
-    i_row_index, i_column_index : In(range(max_features)), o_row, o_column : Out(Nearest)
-        Results, readable while not busy, ``RESULT_CYCLES`` after their index; only clocks with ``i_read`` count.
-    i_read : In(1)
-        Advances the reading of results.
-
     Attributes
     ----------
     shortest_pass_cycles : int
-        Least clocks for a group: a column must be back in the memory before the next group reads it.
+        Shortest time for a group: a column must be back in the memory before the next group reads it.
     drain_cycles : int
         Clocks from the last address until the results are readable.
 
@@ -67,18 +52,25 @@ class NearestNeighbours(wiring.Component):
     """
 
     i_start: Signal
+    """Starts a search; the previous one must have ended."""
     i_left_count: Signal
     i_right_count: Signal
+    """Both must not change during the search. If either is 0, the search ends at once and leaves no result."""
     o_busy: Signal
+    """High from the clock after ``i_start`` until the results are readable."""
     o_left_address: Signal
     o_right_address: Signal
     i_left: Signal
     i_right: Signal
+    """Addresses for the feature banks, which answer with the descriptors ``READ_CYCLES`` later."""
     i_row_index: Signal
     i_column_index: Signal
     i_read: Signal
+    """Advances the reading of results."""
     o_row: data.View
+    """The `Nearest` of row ``i_row_index``, readable while not busy, ``RESULT_CYCLES`` clocks with ``i_read`` later."""
     o_column: data.View
+    """The `Nearest` of column ``i_column_index``, likewise."""
 
     def __init__(self, *, bits: int, lanes: int, max_features: int) -> None:
         if lanes < 2 or lanes & (lanes - 1) or lanes > max_features:
@@ -109,14 +101,14 @@ class NearestNeighbours(wiring.Component):
         )
 
     def search_cycles(self, left_count: int, right_count: int) -> int:
-        """Clocks for which ``o_busy`` is high."""
+        """Number of clocks for which ``o_busy`` is high."""
         if not left_count or not right_count:
             return 0
         groups = -(-left_count // self.lanes)
         return groups * max(right_count, self.shortest_pass_cycles) + self.drain_cycles
 
     def elaborate(self, platform: object) -> Module:
-        """Addresses, distances, the chain of lanes between the two ports of the column memory, and the row memory."""
+        """Addresses, distances, the chain of lanes between both ports of the column memory, and the row memory."""
         m = Module()
         m.submodules.distances = distances = self._distances
         lanes = [
@@ -162,7 +154,7 @@ class NearestNeighbours(wiring.Component):
         return issuing, slot, group
 
     def _address(self, m: Module, issuing: Value, slot: Value, group: Value) -> tuple[Value, data.View]:
-        """Read the banks, load the lanes. Returns validity and position of the right descriptor, with its address."""
+        """Read the banks, load the lanes; return validity and position of the right descriptor, with its address."""
         position = view_signal(self._position)
         valid = Signal()
         load = Signal()
@@ -207,9 +199,9 @@ class NearestNeighbours(wiring.Component):
             read.addr.eq(Mux(self.o_busy, position.right, self.i_column_index)),
             read.en.eq(self.o_busy | self.i_read),
         ]
-        found = port_register(m, self.o_column)
+        column = port_register(m, self.o_column)
         with m.If(read.en):
-            m.d.sync += found.eq(read.data)
+            m.d.sync += column.eq(read.data)
         first, last = lanes[0].i_bus, lanes[-1].o_bus
         m.d.comb += [
             first.valid.eq(delayed(m, valid, RESULT_CYCLES, reset_less=False)),
@@ -239,6 +231,6 @@ class NearestNeighbours(wiring.Component):
             m.d.sync += write.addr.eq(0)
         read = rows.read_port()
         m.d.comb += [read.addr.eq(self.i_row_index), read.en.eq(self.i_read)]
-        found = port_register(m, self.o_row)
+        result = port_register(m, self.o_row)
         with m.If(self.i_read):
-            m.d.sync += found.eq(read.data)
+            m.d.sync += result.eq(read.data)

@@ -18,7 +18,7 @@ FIND_CYCLES = 5
 
 
 class OrientationHistogram(wiring.Component):
-    """Adds squared weights up by relative orientation, then finds the most common one.
+    """Adds up squared weights by relative orientation, then finds the most common one.
 
     Equals `golden_model.matching.matcher.common_orientation`.
 
@@ -29,23 +29,17 @@ class OrientationHistogram(wiring.Component):
     ----------
     max_matches : int
         Largest number of matches in one histogram.
-
-    Members
-    -------
-    i : In(stream of {relative_orientation: 4, weight: 8})
-        A match; not accepted while busy. Takes ``SQUARE_CYCLES`` + 1 clocks.
-    i_find : In(1)
-        Starts the search for the peak; no match may be pending.
-    o_busy : Out(1)
-        High from the clock after ``i_find`` until the peak is found and the bins are cleared.
-    o_peak : Out(4)
-        Relative orientation of the last peak found.
     """
 
     i: stream.Interface
+    """Stream of ``relative_orientation`` and ``weight`` of a match. Not accepted while busy; each takes
+    ``SQUARE_CYCLES`` + 1 clocks."""
     i_find: Signal
+    """Starts the search for the peak; no match may be pending."""
     o_busy: Signal
+    """High from the clock after ``i_find`` until the peak is known and the bins are cleared."""
     o_peak: Signal
+    """Relative orientation of the last peak."""
 
     def __init__(self, *, max_matches: int) -> None:
         self._bin = range(max_matches * WEIGHT.max_raw**2 + 1)
@@ -94,7 +88,7 @@ class OrientationHistogram(wiring.Component):
 
     @staticmethod
     def _smoothed(m: Module, height: Value) -> Value:
-        """The smoothed bin, 3 clocks after the bin itself; the bins come in order, one a clock."""
+        """Smooth the bins, which come in order, one per clock; each is ready 3 clocks after the bin itself."""
         middle = delayed(m, height, 1)
         around = delayed(m, delayed(m, middle, 1) + height, 1)
         return delayed(m, (delayed(m, middle, 1) << 2) + (around << 1) + around, 1)

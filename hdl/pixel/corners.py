@@ -19,9 +19,9 @@ from hdl.streams import add_submodules, beat, carry_scan, each_pixel, pixel_beat
 
 
 class Stage(NamedTuple):
-    """The hardware counterpart of a plane of `golden_model.front_end.trace`: a field of beats, and its lag.
+    """The hardware's counterpart of a plane of `golden_model.front_end.trace`: a field of beats, and its lag.
 
-    There is a beat for each pixel that is processed at the same time.
+    There is one beat per pixel of a clock.
     """
 
     beats: list[data.View]
@@ -43,17 +43,6 @@ class Corners(wiring.Component):
     pixels_per_clock : {1, 2}
         Pixels of a beat.
 
-    Members
-    -------
-    i : In(beat(column))
-        3 gray pixels, the newest line first.
-    i_fast : In(1)
-        1: FAST; 0: Harris. Stable during a frame.
-    i_threshold_code : In(15)
-        Smallest response code that survives. Stable during a frame.
-    o : Out(beat(code, left, right, up, down))
-        Corners, including unspecified ones near the border: the level removes those.
-
     Attributes
     ----------
     lag_px : int
@@ -61,9 +50,14 @@ class Corners(wiring.Component):
     """
 
     i: data.View
+    """Beats of ``column``: 3 gray pixels, the newest line first."""
     i_fast: Signal
+    """1: FAST; 0: Harris. Stable during a frame."""
     i_threshold_code: Signal
+    """Smallest response code that survives. Stable during a frame."""
     o: data.View
+    """Beats of `hdl.pixel.nms.NEIGHBOURHOOD`: corners, including unspecified ones near the border, which the level
+    removes."""
 
     def __init__(self, *, config: FrontEndConfig, width_px: int, pixels_per_clock: int = 1) -> None:
         self.pixels_per_clock = pixels_per_clock
@@ -108,7 +102,7 @@ class Corners(wiring.Component):
         }
 
     def elaborate(self, platform: object) -> Module:
-        """Both detectors side by side, the faster one delayed to the latency of the other; then suppression."""
+        """Both detectors side by side, the faster one delayed to the other's latency; then suppression."""
         m = Module()
         m.submodules.columns = columns = self._columns
         m.submodules.tensor = tensor = self._tensor
@@ -127,9 +121,9 @@ class Corners(wiring.Component):
         ]
         tensors = pixel_beats(tensor.o, self.pixels_per_clock)
         harris = zip(tensors, self._raw_responses, self._response_codes, strict=True)
-        for of_pixel, raw_response, response_code in harris:
+        for pixel_tensor, raw_response, response_code in harris:
             m.d.comb += [
-                raw_response.i.eq(of_pixel),
+                raw_response.i.eq(pixel_tensor),
                 response_code.i.eq(raw_response.o),
                 response_code.i_threshold_code.eq(self.i_threshold_code),
             ]
@@ -141,9 +135,9 @@ class Corners(wiring.Component):
         ]
         harris_wait, fast_wait = (self._response_cycles - each for each in (self._harris_cycles, fast.latency_cycles))
         chosen_codes = []
-        for block, of_fast in zip(self._response_codes, each_pixel(fast.o.code, self.pixels_per_clock), strict=True):
+        for block, score in zip(self._response_codes, each_pixel(fast.o.code, self.pixels_per_clock), strict=True):
             harris_code = delayed(m, block.o.code, harris_wait)
-            fast_code = delayed(m, of_fast, fast_wait)
+            fast_code = delayed(m, score, fast_wait)
             chosen_codes.append(Mux(self.i_fast, fast_code, harris_code))
         # Not taken from a detector: the one that rests has no valid beats.
         carry_scan(m, columns.o, suppression.i, self._response_cycles)

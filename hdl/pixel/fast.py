@@ -1,4 +1,4 @@
-"""FAST corners (thesis, equation II-1): the 9-of-16 segment test and its score, found bit by bit."""
+"""FAST corners (thesis, equation II-1): the 9-of-16 segment test, and its score bit by bit."""
 
 from __future__ import annotations
 
@@ -27,23 +27,14 @@ class Fast(wiring.Component):
     complemented first. Both cases cannot occur at the same pixel, because any two arcs of nine overlap; so the first
     test, which pixels are brighter than the centre, decides whether to complement.
 
-    The bits of the decisive pixel are found one after another, the highest first. Each is the answer to the same
-    question: do nine contiguous pixels have a one here? A pixel whose bit differs from the answer is larger or smaller
-    than the decisive one, whatever its lower bits are; from then on it counts as all ones or all zeros.
+    The bits of the decisive pixel follow one after another, the highest first. Each is the answer to the same question:
+    do nine contiguous pixels have a one here? A pixel whose bit differs from the answer is larger or smaller than the
+    decisive one, whatever its lower bits are; from then on it counts as all ones or all zeros.
 
     Parameters
     ----------
     pixels_per_clock : {1, 2}
         Pixels of a beat.
-
-    Members
-    -------
-    i : In(beat(column))
-        7 gray pixels, the newest line first.
-    i_threshold_code : In(15)
-        Smallest score that survives, in gray levels. Stable during a frame.
-    o : Out(beat(code))
-        `golden_model.pixel.fast.response_code`.
 
     Attributes
     ----------
@@ -52,8 +43,11 @@ class Fast(wiring.Component):
     """
 
     i: data.View
+    """Beats of ``column``: 7 gray pixels, the newest line first."""
     i_threshold_code: Signal
+    """Smallest score that survives, in gray levels. Stable during a frame."""
     o: data.View
+    """Beats of ``code``, `golden_model.pixel.fast.response_code`."""
 
     lag_px = MARGIN_PX
     # Clocks: window; brighter pixels; their arcs; complement; two for each bit; difference; threshold.
@@ -83,7 +77,7 @@ class Fast(wiring.Component):
         return m
 
     def _code(self, m: Module, pipe: Pipe, columns: list[Any]) -> Value:
-        """The response code of the pixel in the middle of a window."""
+        """Compute the response code of the pixel in the middle of a window."""
         centre, *circle = (columns[MARGIN_PX - x][MARGIN_PX - y] for x, y in ((0, 0), *_EVENS_THEN_ODDS))
         decisive, darker, cycles = self._decisive(m, pipe, circle, centre)
         reference = delayed(m, pipe.registered(centre, 0), cycles - 1) ^ darker.replicate(PIXEL.bits)
@@ -95,7 +89,7 @@ class Fast(wiring.Component):
 
     @staticmethod
     def _decisive(m: Module, pipe: Pipe, circle: list[Value], centre: Value) -> tuple[Value, Value, int]:
-        """Return the decisive pixel (complemented for a darker arc), whether the arc is darker, and their delay.
+        """Return the decisive pixel (complemented for a darker arc), whether the arc is darker, and their latency.
 
         ``ones`` is the value that each pixel counts as in the current bit; ``settled`` says whether the pixel differed
         from the answer in an earlier bit. Each bit takes two clocks: which arcs are all ones, then whether any is.
@@ -128,7 +122,7 @@ class Fast(wiring.Component):
 
 
 def _arcs(ones: Value) -> Value:
-    """Which arcs of nine are all ones: eight pixels that begin at an odd position, and one more before or after."""
+    """Bits of the arcs of nine that are all ones: eight pixels from an odd position on, and one before or after."""
     evens, odds = ones[: len(CIRCLE) // 2], ones[len(CIRCLE) // 2 :]
     two = odds & evens.rotate_right(1)
     four = two & two.rotate_right(1)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from amaranth import Cat, Module, Mux, Signal, Value
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
@@ -32,16 +34,6 @@ class GradientColumns(wiring.Component):
     pixels_per_clock : {1, 2}
         Pixels of a beat.
 
-    Members
-    -------
-    i : In(beat(column))
-        3 gray pixels, the newest line first.
-    i_fast : In(1)
-        FAST is chosen. Stable during a frame.
-    o : Out(beat(gradients, pixels))
-        `hdl.pixel.harris.GRADIENTS` of 5 lines, or pixels of 7 lines, the newest line first. Only those of the chosen
-        detector are meaningful.
-
     Attributes
     ----------
     smooth : Binomial or None
@@ -52,8 +44,12 @@ class GradientColumns(wiring.Component):
     """
 
     i: data.View
+    """Beats of ``column``: 3 gray pixels, the newest line first."""
     i_fast: Signal
+    """FAST is chosen. Stable during a frame."""
     o: data.View
+    """Beats of ``gradients`` (`hdl.pixel.harris.GRADIENTS` of 5 lines) and ``pixels`` (of 7 lines), the newest line
+    first. Only those of the chosen detector are meaningful."""
 
     def __init__(self, *, smoothed: bool, width_px: int, pixels_per_clock: int = 1) -> None:
         self.pixels_per_clock = pixels_per_clock
@@ -89,15 +85,13 @@ class GradientColumns(wiring.Component):
         m.submodules.lines = lines = self._lines
         m.d.comb += sobel.i.eq(column)
         carry_scan(m, sobel.o, lines.i, 0)
-        of_beats = (pixel_beats(each, self.pixels_per_clock) for each in (column, sobel.o, lines.i))
-        for above, gradient, stored in zip(*of_beats, strict=True):
+        for above, gradient, stored in self._pixelwise(column, sobel.o, lines.i):
             gradients = Cat(gradient.gradient_x, gradient.gradient_y)
             pair = delayed(m, Cat(above.column[0], above.column[2]), sobel.latency_cycles)
             m.d.comb += Value.cast(stored.pixel).eq(Mux(self.i_fast, pair, gradients))
 
         carry_scan(m, lines.o, self.o, 0)
-        of_beats = (pixel_beats(each, self.pixels_per_clock) for each in (lines.o, self.o))
-        for kept, out in zip(*of_beats, strict=True):
+        for kept, out in self._pixelwise(lines.o, self.o):
             pairs = [Value.cast(pixel) for pixel in kept.column]
             # The pair of an entry is two lines apart: the last two entries also hold the two oldest lines.
             oldest = [pair >> PIXEL.bits for pair in pairs[TENSOR_LINES - 2 :]]
@@ -106,7 +100,7 @@ class GradientColumns(wiring.Component):
         return m
 
     def _smoothed(self, m: Module, smooth: Binomial) -> data.View:
-        """The column of smoothed pixels, or, for FAST, of the pixels in the middle of the smoother's window."""
+        """Store the smoothed pixels, or, for FAST, the middle of the smoother's window; return their column."""
         m.submodules.smooth = smooth
         m.submodules.smoothed_lines = lines = self._smoothed_lines
         m.d.comb += smooth.i.eq(self.i)
@@ -114,8 +108,10 @@ class GradientColumns(wiring.Component):
         # The middle of the window is a pixel further left: in this beat, or in the last one, which the pipe has kept.
         middles = [above.column[1] for above in pixel_beats(self.i, self.pixels_per_clock)]
         middle = Pipe(m, self.i.valid).registered(middles[-1], 0)
-        of_beats = (pixel_beats(each, self.pixels_per_clock) for each in (smooth.o, lines.i))
-        for left, smoothed, stored in zip([middle, *middles], *of_beats, strict=False):
+        for left, (smoothed, stored) in zip([middle, *middles], self._pixelwise(smooth.o, lines.i), strict=False):
             passed = delayed(m, left, smooth.latency_cycles)
             m.d.comb += stored.pixel.eq(Mux(self.i_fast, passed, smoothed.pixel))
         return lines.o
+
+    def _pixelwise(self, *beats: data.View) -> Iterator[tuple[data.View, ...]]:
+        return zip(*(pixel_beats(each, self.pixels_per_clock) for each in beats), strict=True)

@@ -9,24 +9,16 @@ from amaranth.lib.wiring import In, Out
 from golden_model.pixel.gray import BLUE, GREEN, RED
 from hdl.lib.delay import delayed
 from hdl.lib.weighted_sum import WeightedSum
-from hdl.streams import add_submodules, beat, carry_scan, each_pixel
+from hdl.streams import add_submodules, beat, carry_scan, pixelwise
 
 
 class Gray(wiring.Component):
-    """``(77 R + 150 G + 29 B + 128) >> 8`` (thesis, equation IV-1), or the input itself where it is gray already.
+    """``(77 R + 150 G + 29 B + 128) >> 8`` (thesis, equation IV-1), or the input unchanged where it is gray already.
 
     Parameters
     ----------
     pixels_per_clock : {1, 2}
         Pixels of a beat.
-
-    Members
-    -------
-    i : In(beat(data))
-        The pixels of a `hdl.streams.pixel_payload`.
-    i_gray_input : In(1)
-        The input is gray. Stable during a frame.
-    o : Out(beat(pixel))
 
     Attributes
     ----------
@@ -34,8 +26,11 @@ class Gray(wiring.Component):
     """
 
     i: data.View
+    """Beats of ``data``, as in `hdl.streams.pixel_payload`."""
     i_gray_input: Signal
+    """The input is gray. Stable during a frame."""
     o: data.View
+    """Beats of ``pixel``, 8 bits."""
 
     def __init__(self, *, pixels_per_clock: int = 1) -> None:
         self.pixels_per_clock = pixels_per_clock
@@ -56,8 +51,8 @@ class Gray(wiring.Component):
         m = Module()
         add_submodules(m, "luma", self._lumas)
         carry_scan(m, self.i, self.o, self.latency_cycles)
-        inputs, outputs = (each_pixel(field, self.pixels_per_clock) for field in (self.i.data, self.o.pixel))
-        for luma, color, o_pixel in zip(self._lumas, inputs, outputs, strict=True):
+        pixels = pixelwise(self.pixels_per_clock, self.i.data, self.o.pixel)
+        for luma, (color, o_pixel) in zip(self._lumas, pixels, strict=True):
             m.d.comb += luma.i_valid.eq(self.i.valid)
             m.d.comb += [channel.eq(color.word_select(n, 8)) for n, channel in enumerate(luma.i_values)]
             gray = delayed(m, color[:8], luma.latency_cycles)

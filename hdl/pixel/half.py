@@ -12,7 +12,7 @@ from hdl.streams import beat
 
 
 class Half(wiring.Component):
-    """Mean of each 2x2 block, ``(a + b + c + d + 2) >> 2``, given when the block's last pixel has arrived.
+    """Mean of each 2x2 block, ``(a + b + c + d + 2) >> 2``, as soon as the block's last pixel has arrived.
 
     An odd last row or column is dropped.
 
@@ -21,14 +21,7 @@ class Half(wiring.Component):
     width_px : int
         Largest width of the full-size line.
     pixels_per_clock : {1, 2}
-        Pixels of a beat at full size. Two pixels of a block that come in one beat must both be pixels of the line.
-
-    Members
-    -------
-    i : In(beat(pixel))
-        Full size.
-    o : Out(beat(pixel))
-        Half size, with the half-size scan position; one pixel a beat.
+        Pixels of a beat at full size. The two pixels of a beat must both be pixels of the line.
 
     Attributes
     ----------
@@ -37,7 +30,9 @@ class Half(wiring.Component):
     """
 
     i: data.View
+    """Beats of ``pixel`` at full size."""
     o: data.View
+    """Beats of one ``pixel`` at half size, with the half-size scan position."""
 
     latency_cycles = 3
 

@@ -1,10 +1,6 @@
 """The Harris corner measure (thesis, equations III-6 and III-7), pipelined for DSP slices."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
-from typing import Any
-
+# Annotations are evaluated here: a component takes its ports from them.
 from amaranth import Cat, Const, Module, Mux, Shape, Signal, Value, signed, unsigned
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
@@ -23,7 +19,7 @@ from hdl.lib.delay import delayed
 from hdl.lib.multiplier import Multiplier
 from hdl.lib.weighted_sum import signed_digits
 from hdl.pixel.window import SeparableSum
-from hdl.streams import beat, carry_scan, each_pixel
+from hdl.streams import beat, carry_scan, pixelwise
 
 GRADIENTS = data.StructLayout({"x": signed(GRADIENT.bits), "y": signed(GRADIENT.bits)})
 TENSOR_LINES = 5
@@ -35,20 +31,14 @@ TENSOR = {"a": TENSOR_DIAGONAL.bits, "b": TENSOR_DIAGONAL.bits, "c": signed(TENS
 class StructureTensor(wiring.Component):
     """Sums of gradient products over a box, ``>> 8`` (floor).
 
-    The line memories in front of this block store gradients (22 bits a pixel), and the products are formed again for
-    the whole column in every clock: storing products would take 61 bits a pixel.
+    The line memories in front of this block store gradients (22 bits per pixel), and the products are formed again
+    for the whole column in every clock: storing products would take 61 bits per pixel.
 
     Parameters
     ----------
     window_px : {3, 5}
     pixels_per_clock : {1, 2}
         Pixels of a beat.
-
-    Members
-    -------
-    i : In(beat(column))
-        5 pixels' `GRADIENTS`, the newest line first.
-    o : Out(beat(a, b, c))
 
     Attributes
     ----------
@@ -62,7 +52,9 @@ class StructureTensor(wiring.Component):
     """
 
     i: data.View
+    """Beats of ``column``: `GRADIENTS` of 5 pixels, the newest line first."""
     o: data.View
+    """Beats of `TENSOR`."""
 
     lag_px = TENSOR_LINES // 2
 
@@ -91,9 +83,9 @@ class StructureTensor(wiring.Component):
         for name, factors, total in zip("abc", ("xx", "yy", "xy"), self._sums, strict=True):
             m.submodules[f"sum_{name}"] = total
             m.d.comb += total.i.valid.eq(product_valid)
-            for target, source in zip(*self._of_pixels(self.o[name], total.o.sum), strict=True):
+            for target, source in pixelwise(self.pixels_per_clock, self.o[name], total.o.sum):
                 m.d.comb += target.eq(source >> TENSOR_SHIFT)
-            columns = zip(*self._of_pixels(self.i.column, total.i.column), strict=True)
+            columns = pixelwise(self.pixels_per_clock, self.i.column, total.i.column)
             pairs = [pair for column, products in columns for pair in zip(column, products, strict=True)]
             for n, (gradients, pixel) in enumerate(pairs):
                 a, b = (gradients[factor] for factor in factors)
@@ -107,9 +99,6 @@ class StructureTensor(wiring.Component):
                 ]
         return m
 
-    def _of_pixels(self, *fields: Any) -> Iterator[list[Any]]:
-        return (each_pixel(field, self.pixels_per_clock) for field in fields)
-
 
 class RawResponse(wiring.Component):
     """``R = A B - C**2 - ((k_numerator (A + B)**2) >> k_shift)`` (floor).
@@ -121,26 +110,22 @@ class RawResponse(wiring.Component):
     k_numerator, k_shift : int
         k = k_numerator / 2**k_shift, below 1/4.
 
-    Members
-    -------
-    i : In(beat(a, b, c))
-    o : Out(beat(raw))
-        `golden_model.formats.RAW_RESPONSE`.
-
     Attributes
     ----------
     latency_cycles : int
     """
 
-    i: data.View
-    o: data.View
+    i: In(beat(**TENSOR))
+    """The structure tensor of one pixel."""
+    o: Out(beat(raw=signed(RAW_RESPONSE.bits)))
+    """`golden_model.formats.RAW_RESPONSE`."""
 
     latency_cycles = 5
 
     def __init__(self, *, k_numerator: int, k_shift: int) -> None:
         self.k_numerator = k_numerator
         self.k_shift = k_shift
-        super().__init__({"i": In(beat(**TENSOR)), "o": Out(beat(raw=signed(RAW_RESPONSE.bits)))})
+        super().__init__()
 
     def elaborate(self, platform: object) -> Module:
         """One clock each: operands, multipliers, products, determinant and penalty, response."""
@@ -172,35 +157,21 @@ class RawResponse(wiring.Component):
 
 
 class ResponseCode(wiring.Component):
-    """Responses in the form in which they are stored: 15-bit codes, 0 below the threshold.
-
-    Members
-    -------
-    i : In(beat(raw))
-    i_threshold_code : In(15)
-        Smallest code that survives. Stable during a frame.
-    o : Out(beat(code))
-        `golden_model.formats.RESPONSE_CODE`.
+    """Compresses responses to the 15-bit codes in which they are stored; 0 below the threshold.
 
     Attributes
     ----------
     latency_cycles : int
     """
 
-    i: data.View
-    i_threshold_code: Signal
-    o: data.View
+    i: In(beat(raw=signed(RAW_RESPONSE.bits)))
+    """The response of one pixel."""
+    i_threshold_code: In(RESPONSE_CODE.bits)
+    """Smallest code that survives. Stable during a frame."""
+    o: Out(beat(code=RESPONSE_CODE.bits))
+    """`golden_model.formats.RESPONSE_CODE`."""
 
     latency_cycles = 6
-
-    def __init__(self) -> None:
-        super().__init__(
-            {
-                "i": In(beat(raw=signed(RAW_RESPONSE.bits))),
-                "i_threshold_code": In(RESPONSE_CODE.bits),
-                "o": Out(beat(code=RESPONSE_CODE.bits)),
-            }
-        )
 
     def elaborate(self, platform: object) -> Module:
         """Shift right until 11 bits are left, put the number of shifts in front, compare with the threshold."""
@@ -219,7 +190,7 @@ class ResponseCode(wiring.Component):
 
     @staticmethod
     def _normalised(m: Module, value: Value, exponent: Value, steps: tuple[int, ...]) -> tuple[Value, Value]:
-        """One clock of conditional shifts, the largest first; ``exponent`` records which of them were made."""
+        """One clock of conditional shifts, the largest first; ``exponent`` records which were made."""
         for step in steps:
             kept_bits = RESPONSE_FRACTION_BITS + step
             too_long = value[kept_bits:].any()

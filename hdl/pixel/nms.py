@@ -16,16 +16,16 @@ from hdl.streams import beat, carry_scan, each_pixel, pixel_beats
 
 CODE = RESPONSE_CODE.bits
 NEIGHBOURHOOD = {"code": CODE, "left": CODE, "right": CODE, "up": CODE, "down": CODE}
-"""The code where it survives, else 0; and the codes of the four neighbours in any case."""
+"""The code where it survives, else 0; and in any case the codes of the four neighbours."""
 
 
 class Suppression(wiring.Component):
-    """Keep a response only where it is the largest of the window around it.
+    """Keeps a response only where it is the largest in the window around it.
 
     Harris: a response survives if it is greater than every response before it in raster order and not smaller than any
     after it, so that the first of equal ones stays. Both maxima are built from maxima of columns and of growing runs
-    of columns. FAST: the window is 3x3, scores have 8 bits, and none of several equal ones stays, so that a comparison
-    with each neighbour suffices. With either rule, two horizontal neighbours never survive both.
+    of columns. FAST: the window is 3x3, scores have 8 bits, and of equal ones none stays, so that a comparison with
+    each neighbour suffices. With either rule, of two horizontal neighbours at most one survives.
 
     Parameters
     ----------
@@ -35,13 +35,6 @@ class Suppression(wiring.Component):
         Largest width of a line.
     pixels_per_clock : {1, 2}
         Pixels of a beat.
-
-    Members
-    -------
-    i : In(beat(code))
-    i_fast : In(1)
-        The responses come from FAST. Stable during a frame.
-    o : Out(beat(code, left, right, up, down))
 
     Attributes
     ----------
@@ -55,8 +48,11 @@ class Suppression(wiring.Component):
     """
 
     i: data.View
+    """Beats of ``code``."""
     i_fast: Signal
+    """The responses come from FAST. Stable during a frame."""
     o: data.View
+    """Beats of `NEIGHBOURHOOD`."""
 
     def __init__(self, *, radius_px: int, width_px: int, pixels_per_clock: int = 1) -> None:
         if radius_px not in (1, 3):
@@ -109,7 +105,7 @@ class Suppression(wiring.Component):
         return m
 
     def _decide(self, m: Module, out: data.View, lines: list[Line], before: Value, after: Value) -> None:
-        """Keep the code of a pixel or not; ``lines`` are those above, at and below it, from the window's right on."""
+        """Keep the code of a pixel or not; ``lines`` are those above, at and below it, each from right to left."""
         up, line, down = lines
         radius = self.radius_px
         centre = line[radius]
@@ -130,11 +126,11 @@ class _Pipe(Pipe):
     """Current and earlier values of each pixel of a beat; ``cycles`` is their delay against the start of the pipe."""
 
     def waiting(self, values: Line, cycles: int) -> Line:
-        """The values a fixed number of clocks later."""
+        """Delay the values by a fixed number of clocks."""
         return [delayed(self._m, value, cycles) for value in values]
 
     def earlier(self, values: Line, cycles: int, distance_px: int) -> list[Line]:
-        """The values 1, 2, ..., ``distance_px`` pixels further left."""
+        """Return the values 1, 2, ..., ``distance_px`` pixels further left."""
         count = len(values)
         line = values[::-1]
         while len(line) < distance_px + count:
@@ -144,7 +140,7 @@ class _Pipe(Pipe):
         return [line[distance : distance + count][::-1] for distance in range(1, distance_px + 1)]
 
     def largest(self, values: Sequence[Line], cycles: int = 0) -> tuple[Line, int]:
-        """The largest of the values, and its ``cycles``."""
+        """Return the largest of the values, and its ``cycles``."""
         while len(values) > 1:
             pairs = [_larger(*pair) for pair in zip(values[0::2], values[1::2], strict=False)]
             values = [
@@ -154,7 +150,7 @@ class _Pipe(Pipe):
         return values[0], cycles
 
     def largest_of_run(self, run_px: int, values: Line, cycles: int) -> tuple[Line, int]:
-        """The largest of the last ``run_px`` values, and its ``cycles``, by maxima of runs of doubling length."""
+        """Return the largest of the last ``run_px`` values and its ``cycles``, by maxima of runs of doubling length."""
         for length, longer in pairwise(_run_lengths(run_px)):
             before = self.earlier(values, cycles, longer - length)[-1]
             larger = _larger(values, before)

@@ -9,7 +9,7 @@ from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
 from hdl.pixel.window import SeparableSum
-from hdl.streams import beat, carry_scan, each_pixel
+from hdl.streams import beat, carry_scan, pixelwise
 
 
 class Binomial(wiring.Component):
@@ -21,12 +21,6 @@ class Binomial(wiring.Component):
         1 passes the pixels unchanged.
     pixels_per_clock : {1, 2}
         Pixels of a beat.
-
-    Members
-    -------
-    i : In(beat(column))
-        ``window_px`` pixels, the newest line first.
-    o : Out(beat(pixel))
 
     Attributes
     ----------
@@ -40,7 +34,9 @@ class Binomial(wiring.Component):
     """
 
     i: data.View
+    """Beats of ``column``: ``window_px`` pixels, the newest line first."""
     o: data.View
+    """Beats of ``pixel``."""
 
     def __init__(self, *, window_px: int, pixels_per_clock: int = 1) -> None:
         if window_px not in (1, 3, 5):
@@ -67,8 +63,7 @@ class Binomial(wiring.Component):
         m.d.comb += weighted.i.eq(self.i)
         carry_scan(m, weighted.o, self.o, 1)
         shift = 2 * (self.window_px - 1)
-        sums, o_pixels = (each_pixel(field, self.pixels_per_clock) for field in (weighted.o.sum, self.o.pixel))
-        for total, o_pixel in zip(sums, o_pixels, strict=True):
+        for total, o_pixel in pixelwise(self.pixels_per_clock, weighted.o.sum, self.o.pixel):
             pixel = Signal(8, reset_less=True)
             with m.If(weighted.o.valid):
                 m.d.sync += pixel.eq((total + (1 << shift >> 1)) >> shift)

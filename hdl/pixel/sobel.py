@@ -23,13 +23,6 @@ class Sobel(wiring.Component):
     pixels_per_clock : {1, 2}
         Pixels of a beat.
 
-    Members
-    -------
-    i : In(beat(column))
-        3 pixels, the newest line first.
-    o : Out(beat(gradient_x, gradient_y))
-        `golden_model.formats.GRADIENT`.
-
     Attributes
     ----------
     lag_px : int
@@ -37,7 +30,9 @@ class Sobel(wiring.Component):
     """
 
     i: data.View
+    """Beats of ``column``: 3 pixels, the newest line first."""
     o: data.View
+    """Beats of ``gradient_x`` and ``gradient_y``, `golden_model.formats.GRADIENT`."""
 
     lag_px = 1
 
@@ -57,7 +52,7 @@ class Sobel(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """One separable sum for each direction."""
+        """One separable sum per direction."""
         m = Module()
         m.submodules.along_x, m.submodules.along_y = self._along_x, self._along_y
         m.d.comb += [

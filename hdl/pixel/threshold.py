@@ -1,7 +1,6 @@
 """The adaptive threshold: keeps the number of features steady, without a division."""
 
-from __future__ import annotations
-
+# Annotations are evaluated here: a component takes its ports from them.
 from amaranth import Array, Module, Mux, Signal, Value
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
@@ -10,6 +9,7 @@ from golden_model.config import DETECTORS
 from golden_model.formats import RESPONSE_CODE
 from golden_model.pixel.threshold import STEPS
 from hdl.lib.delay import delayed
+from hdl.settings import SETTINGS
 
 
 class AdaptiveThreshold(wiring.Component):
@@ -20,59 +20,37 @@ class AdaptiveThreshold(wiring.Component):
     max_features : int
         Larger counts are limited to this.
 
-    Members
-    -------
-    i_detector : In(1)
-        Index into `golden_model.config.DETECTORS`. Stable during a frame.
-    i_load : In(1)
-        Set the threshold to ``i_code``.
-    i_code : In(15)
-        A response code.
-    i_added : In(2)
-        Features added to the frame's count in this clock.
-    i_frame_ends : In(1)
-        The frame ends: start a new count.
-    i_adapt : In(1)
-        With ``i_frame_ends``: adapt the threshold. The count must be complete ``latency_cycles`` before.
-    i_target : In(13)
-        Features wanted.
-    o_code : Out(15)
-        The threshold as a response code.
-
     Attributes
     ----------
     latency_cycles : int
         Smallest distance from the last feature to the end of its frame.
     """
 
-    i_detector: Signal
-    i_load: Signal
-    i_code: Signal
-    i_added: Signal
-    i_frame_ends: Signal
-    i_adapt: Signal
-    i_target: Signal
-    o_code: Signal
+    i_detector: In(range(len(DETECTORS)))
+    """Index into `golden_model.config.DETECTORS`. Stable during a frame."""
+    i_load: In(1)
+    """Set the threshold to ``i_code``."""
+    i_code: In(RESPONSE_CODE.bits)
+    """A response code."""
+    i_added: In(range(3))
+    """Features added to the frame's count in this clock."""
+    i_frame_ends: In(1)
+    """The frame ends: start a new count."""
+    i_adapt: In(1)
+    """With ``i_frame_ends``: adapt the threshold. The count must be complete ``latency_cycles`` before."""
+    i_target: In(SETTINGS["target_features"].bits)
+    """Target number of features per frame."""
+    o_code: Out(RESPONSE_CODE.bits)
+    """The threshold as a response code."""
 
     latency_cycles = 9
 
     def __init__(self, *, max_features: int) -> None:
         self.max_features = max_features
-        super().__init__(
-            {
-                "i_detector": In(range(len(DETECTORS))),
-                "i_load": In(1),
-                "i_code": In(RESPONSE_CODE.bits),
-                "i_added": In(range(3)),
-                "i_frame_ends": In(1),
-                "i_adapt": In(1),
-                "i_target": In(13),
-                "o_code": Out(RESPONSE_CODE.bits),
-            }
-        )
+        super().__init__()
 
     def elaborate(self, platform: object) -> Module:
-        """Count, excess, step and sum, each clamped in two clocks: one to compare, one to choose."""
+        """Count, excess, step and sum, each clamped within two clocks: one to compare, one to choose."""
         m = Module()
         # Registered, because it is the sum over the levels.
         added = delayed(m, self.i_added, 1, reset_less=False)
@@ -96,7 +74,7 @@ class AdaptiveThreshold(wiring.Component):
 
 
 def _clamped(m: Module, value: Value, low: int, high: int) -> Value:
-    """The value of the clock before, limited to ``low``..``high``."""
+    """``value`` one clock later, limited to ``low``..``high``."""
     below = delayed(m, value < low, 1)
     above = delayed(m, value > high, 1)
     return Mux(below, low, Mux(above, high, delayed(m, value, 1)))

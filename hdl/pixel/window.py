@@ -11,7 +11,7 @@ from amaranth.lib.wiring import In, Out
 from hdl.lib.delay import delayed
 from hdl.lib.line_memory import LineMemory
 from hdl.lib.weighted_sum import WeightedSum
-from hdl.streams import add_submodules, beat, carry_scan, each_pixel, pixels
+from hdl.streams import add_submodules, beat, carry_scan, each_pixel, pixels, pixelwise
 
 
 class LineBuffer(wiring.Component):
@@ -20,19 +20,13 @@ class LineBuffer(wiring.Component):
     Parameters
     ----------
     shape : ShapeLike
-        Of a pixel.
+        Shape of a pixel.
     lines : int
         Number of previous lines.
     width_px : int
         Largest width of a line, at least 5 beats.
     pixels_per_clock : {1, 2}
-        Pixels of a beat. Two share a word of the memory, which has half as many words then.
-
-    Members
-    -------
-    i : In(beat(pixel))
-    o : Out(beat(column))
-        ``column[r]`` is the pixel r lines above the scan position.
+        Pixels of a beat. Two share a word of the memory, which then has half as many words.
 
     Attributes
     ----------
@@ -45,7 +39,9 @@ class LineBuffer(wiring.Component):
     """
 
     i: data.View
+    """Beats of ``pixel``."""
     o: data.View
+    """Beats of ``column``, where ``column[r]`` is the pixel r lines above the scan position."""
 
     latency_cycles = LineMemory.latency_cycles + 1
 
@@ -80,9 +76,8 @@ class LineBuffer(wiring.Component):
         carry_scan(m, self.i, self.o, self.latency_cycles)
         column = Signal.like(self.o.column, reset_less=True)
         pixel = delayed(m, self.i.pixel, lines.latency_cycles)
-        above = zip(each_pixel(pixel, count), each_pixel(lines.o_word, count), strict=True)
         with m.If(delayed(m, self.i.valid, lines.latency_cycles, reset_less=False)):
-            m.d.sync += column.eq(Cat(above))
+            m.d.sync += column.eq(Cat(pixelwise(count, pixel, lines.o_word)))
         # The oldest line drops out.
         kept_bits = len(Value.cast(lines.i_word)) // count
         kept = (Cat(each)[:kept_bits] for each in each_pixel(column, count))
@@ -103,18 +98,11 @@ class Window(wiring.Component):
     Parameters
     ----------
     shape : ShapeLike
-        Of a column.
+        Shape of a column.
     columns : int
-        Of the window around a pixel.
+        Columns of the window around a pixel.
     pixels_per_clock : {1, 2}
         Pixels of a beat.
-
-    Members
-    -------
-    i : In(beat(column))
-    o : Out(beat(columns))
-        ``columns[n]`` is the column n pixels left of the beat's rightmost pixel. The windows of two pixels overlap, so
-        that there is one column more than in one window.
 
     Attributes
     ----------
@@ -122,7 +110,10 @@ class Window(wiring.Component):
     """
 
     i: data.View
+    """Beats of ``column``."""
     o: data.View
+    """Beats of ``columns``, where ``columns[n]`` is the column n pixels left of the beat's rightmost pixel. The windows
+    of two pixels overlap, so that there is one column more than in one window."""
 
     latency_cycles = 1
 
@@ -141,12 +132,12 @@ class Window(wiring.Component):
 
     @property
     def windows(self) -> list[list[Any]]:
-        """For each pixel of the beat its window: the column at its own scan position, and those left of it."""
+        """Windows of the beat's pixels: the column at the pixel's own scan position, and those left of it."""
         starts = reversed(range(self.pixels_per_clock))
         return [[self.o.columns[start + n] for n in range(self.columns)] for start in starts]
 
     def elaborate(self, platform: object) -> Module:
-        """Shift the beat's columns in at every valid beat."""
+        """A shift register, which takes the beat's columns in."""
         m = Module()
         carry_scan(m, self.i, self.o, self.latency_cycles)
         columns = [Signal(self.shape, name=f"column{n}", reset_less=True) for n in range(len(self.o.columns))]
@@ -158,12 +149,12 @@ class Window(wiring.Component):
 
 
 class OffsetColumns(wiring.Component):
-    """Columns from further up and left: adds ``distance_px`` to the lag of the blocks behind it.
+    """Takes columns from further up and left, which adds ``distance_px`` to the lag of the blocks behind it.
 
     Parameters
     ----------
     shape : ShapeLike
-        Of a pixel.
+        Shape of a pixel.
     rows : int
         Pixels of an output column.
     distance_px : int
@@ -171,19 +162,15 @@ class OffsetColumns(wiring.Component):
     pixels_per_clock : {1, 2}
         Pixels of a beat.
 
-    Members
-    -------
-    i : In(beat(column))
-        ``distance_px + rows`` pixels, the newest line first.
-    o : Out(beat(column))
-
     Attributes
     ----------
     latency_cycles : int
     """
 
     i: data.View
+    """Beats of ``column``: ``distance_px + rows`` pixels, the newest line first."""
     o: data.View
+    """Beats of ``column``: ``rows`` pixels, the newest line first."""
 
     latency_cycles = Window.latency_cycles
 
@@ -206,12 +193,9 @@ class OffsetColumns(wiring.Component):
         m.submodules.window = window = self._window
         carry_scan(m, self.i, window.i, 0)
         carry_scan(m, window.o, self.o, 0)
-        i_columns, columns, o_columns = (
-            each_pixel(port.column, self.pixels_per_clock) for port in (self.i, window.i, self.o)
-        )
-        for i_column, column in zip(i_columns, columns, strict=True):
+        for i_column, column in pixelwise(self.pixels_per_clock, self.i.column, window.i.column):
             m.d.comb += [pixel.eq(i_column[self.distance_px + n]) for n, pixel in enumerate(column)]
-        for o_column, left in zip(o_columns, window.windows, strict=True):
+        for o_column, left in zip(each_pixel(self.o.column, self.pixels_per_clock), window.windows, strict=True):
             m.d.comb += o_column.eq(left[self.distance_px])
         return m
 
@@ -224,16 +208,9 @@ class SeparableSum(wiring.Component):
     vertical, horizontal : tuple of int
         Weights, for the newest line and column first.
     shape : Shape
-        Of a pixel.
+        Shape of a pixel.
     pixels_per_clock : {1, 2}
         Pixels of a beat.
-
-    Members
-    -------
-    i : In(beat(column))
-        ``len(vertical)`` pixels, the newest line first.
-    o : Out(beat(sum))
-        As wide as the range of the sum needs and no wider.
 
     Attributes
     ----------
@@ -241,7 +218,9 @@ class SeparableSum(wiring.Component):
     """
 
     i: data.View
+    """Beats of ``column``: ``len(vertical)`` pixels, the newest line first."""
     o: data.View
+    """Beats of ``sum``, as wide as the range of the sum needs and no wider."""
 
     def __init__(
         self, *, vertical: tuple[int, ...], horizontal: tuple[int, ...], shape: Shape, pixels_per_clock: int = 1
@@ -267,18 +246,13 @@ class SeparableSum(wiring.Component):
         m.submodules.window = self._window
         add_submodules(m, "along", self._along)
         carry_scan(m, self.i, self.o, self.latency_cycles)
-        columns, sums, o_sums = (
-            each_pixel(field, self.pixels_per_clock) for field in (self.i.column, self._window.i.column, self.o.sum)
-        )
-        m.d.comb += [
-            *(down.i_valid.eq(self.i.valid) for down in self._down),
-            self._window.i.valid.eq(self._down[0].o_valid),
-            *(column_sum.eq(down.o_sum) for column_sum, down in zip(sums, self._down, strict=True)),
-            *(along.i_valid.eq(self._window.o.valid) for along in self._along),
-            *(o_sum.eq(along.o_sum) for o_sum, along in zip(o_sums, self._along, strict=True)),
-        ]
-        for down, column in zip(self._down, columns, strict=True):
+        m.d.comb += self._window.i.valid.eq(self._down[0].o_valid)
+        columns = pixelwise(self.pixels_per_clock, self.i.column, self._window.i.column)
+        for down, (column, column_sum) in zip(self._down, columns, strict=True):
+            m.d.comb += [down.i_valid.eq(self.i.valid), column_sum.eq(down.o_sum)]
             m.d.comb += [value.eq(pixel) for value, pixel in zip(down.i_values, column, strict=True)]
-        for along, window in zip(self._along, self._window.windows, strict=True):
+        sums = each_pixel(self.o.sum, self.pixels_per_clock)
+        for along, window, o_sum in zip(self._along, self._window.windows, sums, strict=True):
+            m.d.comb += [along.i_valid.eq(self._window.o.valid), o_sum.eq(along.o_sum)]
             m.d.comb += [value.eq(column) for value, column in zip(along.i_values, window, strict=True)]
         return m

@@ -1,7 +1,6 @@
-"""The ranking of the features in every cell of a cell row, updated as features arrive."""
+"""Ranks the features of each cell in a cell row as they arrive."""
 
-from __future__ import annotations
-
+# Annotations are evaluated here: a component takes its ports from them.
 from amaranth import Array, Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib import data, memory, wiring
 from amaranth.lib.wiring import In, Out
@@ -14,7 +13,7 @@ from hdl.lib.views import view_signal
 from hdl.settings import SETTINGS
 
 MAX_PER_CELL = SETTINGS["per_cell"].values[-1]
-SMALLEST_CELL_LOG2, *_, LARGEST_CELL_LOG2 = SETTINGS["cell_log2"].values
+MIN_CELL_LOG2, *_, MAX_CELL_LOG2 = SETTINGS["cell_log2"].values
 
 
 RANK = data.StructLayout({"response": RESPONSE_CODE.bits, "slot": range(MAX_PER_CELL)})
@@ -30,69 +29,44 @@ _EMPTY = RANKING.const([{"response": 0, "slot": slot} for slot in range(MAX_PER_
 class Insertion(wiring.Component):
     """Inserts a feature into a ranking, behind every response that is not smaller.
 
-    Comparisons take one clock. The results appear in the next one.
+    The comparisons take one clock; the results appear in the next.
 
     Parameters
     ----------
     spacing_cycles : int
-        Smallest distance of two features in clocks. The inputs of a feature must stay so long, at most two clocks.
-
-    Members
-    -------
-    i_valid : In(1)
-        The inputs belong to a feature.
-    i_ranking : In(RANKING)
-    i_empty : In(1)
-        Every place is free, regardless of ``i_ranking``.
-    i_response : In(15)
-        Response of the new feature, not 0.
-    i_last_place : In(3)
-        Index of the last place in use: features kept per cell, minus 1.
-    o_kept : Out(1)
-        The new feature has a place.
-    o_slot : Out(3)
-        The slot it takes: that of the last place, which is free or whose feature is dropped.
-    o_added : Out(1)
-        Valid with ``o_kept``: that place was free.
-    o_ranking : Out(RANKING)
-        The ranking with the new feature.
-    o_order : Out(ORDER)
-        The same ranking without responses.
+        Smallest distance of two features in clocks. The inputs of a feature must stay that long, at most two clocks.
 
     Attributes
     ----------
     latency_cycles : int
     """
 
-    i_valid: Signal
-    i_ranking: data.View
-    i_empty: Signal
-    i_response: Signal
-    i_last_place: Signal
-    o_kept: Signal
-    o_slot: Signal
-    o_added: Signal
-    o_ranking: data.View
-    o_order: data.View
+    i_valid: In(1)
+    """The inputs belong to a feature."""
+    i_ranking: In(RANKING)
+    """The ranking of its cell."""
+    i_empty: In(1)
+    """Every place is free, regardless of ``i_ranking``."""
+    i_response: In(RESPONSE_CODE.bits)
+    """Response of the new feature, not 0."""
+    i_last_place: In(range(MAX_PER_CELL))
+    """Index of the last place in use: features kept per cell, minus 1."""
+    o_kept: Out(1)
+    """The new feature has a place."""
+    o_slot: Out(range(MAX_PER_CELL))
+    """The slot it takes: that of the last place, which is free or whose feature is dropped."""
+    o_added: Out(1)
+    """Valid with ``o_kept``: that place was free."""
+    o_ranking: Out(RANKING)
+    """The ranking with the new feature."""
+    o_order: Out(ORDER)
+    """The same ranking without responses."""
 
     latency_cycles = 1
 
     def __init__(self, *, spacing_cycles: int = 2) -> None:
         self.spacing_cycles = spacing_cycles
-        super().__init__(
-            {
-                "i_valid": In(1),
-                "i_ranking": In(RANKING),
-                "i_empty": In(1),
-                "i_response": In(RESPONSE_CODE.bits),
-                "i_last_place": In(range(MAX_PER_CELL)),
-                "o_kept": Out(1),
-                "o_slot": Out(range(MAX_PER_CELL)),
-                "o_added": Out(1),
-                "o_ranking": Out(RANKING),
-                "o_order": Out(ORDER),
-            }
-        )
+        super().__init__()
 
     def elaborate(self, platform: object) -> Module:
         """Move every place with a smaller response down by one: they are the last ones, since responses fall."""
@@ -112,10 +86,11 @@ class Insertion(wiring.Component):
                 taken.eq(Cat(rank.response.any() for rank in ranks) & ~self.i_empty.replicate(MAX_PER_CELL)),
                 beaten.eq(wins & in_use),
             ]
-        held_cycles = int(self.spacing_cycles == 1)
+        # At the shortest spacing the inputs are gone when the comparisons are done.
+        kept_cycles = int(self.spacing_cycles == 1)
         m.d.comb += [
-            ranking.eq(delayed(m, Mux(self.i_empty, _EMPTY, self.i_ranking), held_cycles)),
-            newcomer.response.eq(delayed(m, self.i_response, held_cycles)),
+            ranking.eq(delayed(m, Mux(self.i_empty, _EMPTY, self.i_ranking), kept_cycles)),
+            newcomer.response.eq(delayed(m, self.i_response, kept_cycles)),
             newcomer.slot.eq(self.o_slot),
             self.o_kept.eq(beaten.any()),
             self.o_added.eq(~taken.bit_select(self.i_last_place, 1)),
@@ -148,42 +123,33 @@ class CellRanking(wiring.Component):
     spacing_cycles : int
         Smallest distance of two features in clocks.
 
-    Members
-    -------
-    i : In(feature_beat)
-    i_cell_log2 : In(4)
-        log2 of the cell's side, 5 to 8.
-    i_per_cell : In(4)
-        1 to 8.
-    i_clear : In(1)
-        Empties every ranking.
-    o_kept : Out(1)
-        A feature has been given a place; ``latency_cycles`` after its beat.
-    o_cell, o_slot, o_feature : Out
-        Its cell, its slot in the cell, and the feature.
-    o_order : Out(ORDER)
-        The current places of its cell.
-    o_added : Out(1)
-        Valid with ``o_kept``: no other feature has lost its place.
-    o_touched : Out(cells)
-        The cells that have a feature.
-
     Attributes
     ----------
     latency_cycles : int
     """
 
     i: data.View
+    """`hdl.feature.extractor.feature_beat`."""
     i_cell_log2: Signal
+    """log2 of the cell's side, 5 to 8."""
     i_per_cell: Signal
+    """1 to 8."""
     i_clear: Signal
+    """Empties every ranking."""
     o_kept: Signal
+    """A feature has been given a place; ``latency_cycles`` after its beat."""
     o_cell: Signal
+    """Cell of the feature."""
     o_slot: Signal
+    """Slot of the feature in the cell."""
     o_feature: data.View
+    """The feature."""
     o_order: data.View
+    """The current places of its cell."""
     o_added: Signal
+    """Valid with ``o_kept``: no other feature has lost its place."""
     o_touched: Signal
+    """The cells that have a feature."""
 
     latency_cycles = 3
 
@@ -193,7 +159,7 @@ class CellRanking(wiring.Component):
         super().__init__(
             {
                 "i": In(feature_beat(pattern)),
-                "i_cell_log2": In(range(LARGEST_CELL_LOG2 + 1)),
+                "i_cell_log2": In(range(MAX_CELL_LOG2 + 1)),
                 "i_per_cell": In(range(MAX_PER_CELL + 1)),
                 "i_clear": In(1),
                 "o_kept": Out(1),
@@ -207,10 +173,10 @@ class CellRanking(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Find the cell, read its ranking, compare, insert and write back: one clock each.
+        """Locate the cell, read its ranking, compare, insert and write back: one clock each.
 
         When two features of one cell are only two clocks apart, the second would read the ranking before the first is
-        written. It takes the ranking from the insertion instead; so it does a clock later when they are a clock apart.
+        written. It takes the ranking from the insertion instead, one clock later when they are one clock apart.
         """
         m = Module()
         # Few words of many bits fit LUT memory better than block RAM. Old rankings need not be cleared: `o_touched`
@@ -236,15 +202,15 @@ class CellRanking(wiring.Component):
         located = delayed(m, self.i.present, 1, reset_less=False)
         compared = delayed(m, located, 1, reset_less=False)
         arrived = delayed(m, compared, insertion.latency_cycles, reset_less=False)
-        found = Signal.like(cell)
+        located_cell = Signal.like(cell)
         is_in_last_cell = Signal(reset_less=True)
         # A shift by 0 to 3: cells have 32 to 256 px.
-        m.d.comb += found.eq(self.i.x[SMALLEST_CELL_LOG2:] >> (self.i_cell_log2 - SMALLEST_CELL_LOG2)[:2])
+        m.d.comb += located_cell.eq(self.i.x[MIN_CELL_LOG2:] >> (self.i_cell_log2 - MIN_CELL_LOG2)[:2])
         with m.If(self.i.present):
             m.d.sync += [
-                cell.eq(found),
+                cell.eq(located_cell),
                 feature.eq(self.i.feature),
-                is_in_last_cell.eq(compared & (found == current_cell)),
+                is_in_last_cell.eq(compared & (located_cell == current_cell)),
             ]
         with m.If(located):
             m.d.sync += [
@@ -260,7 +226,7 @@ class CellRanking(wiring.Component):
         newest, is_empty = ranking.as_value(), ~touched
         if self.spacing_cycles == 1:
             # In the same cell as the feature of the clock before, which is being inserted.
-            follows = delayed(m, delayed(m, located & (found == cell), 1), 1)
+            follows = delayed(m, delayed(m, located & (located_cell == cell), 1), 1)
             newest, is_empty = Mux(follows, insertion.o_ranking.as_value(), newest), ~(touched | follows)
         m.d.comb += [
             read.addr.eq(cell),

@@ -1,4 +1,4 @@
-"""Marks of a level's scan position: whether a feature may be there, and whether a cell row ends."""
+"""Marks each scan position of a level: may a feature be there, and does a cell row end?"""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ SPARE_LINES = 2
 """Lines left at the end of a frame, to count the last features before the next frame starts."""
 WARNING_BEATS = 24
 """How early the end of a cell row is announced; must be less than the width of the smallest level."""
-SMALLEST_LEVEL_PX = MIN_FRAME_PX // 2
+MIN_LEVEL_PX = MIN_FRAME_PX // 2
 
 
 class LevelScan(wiring.Component):
-    """Marks of each beat, for the pixel ``lag_px`` left of and above the scan position.
+    """Marks each beat, for the pixel ``lag_px`` left of and above the scan position.
 
     A cell row ends with the scan line that completes its lowest line; the level ends with the scan line of its lowest
-    possible feature. Therefore the last features of a frame need no extra lines to be flushed out.
+    possible feature. The last features of a frame therefore need no extra lines to flush them out.
 
     Parameters
     ----------
@@ -33,20 +33,6 @@ class LevelScan(wiring.Component):
         Whether there are cell rows; without them the level is a single row.
     pixels_per_clock : {1, 2}
         Pixels of a beat.
-
-    Members
-    -------
-    i : In(beat(pixel))
-        Only its scan position matters.
-    i_width_px, i_height_px : In
-        Size of the level, at least 32. Stable from 1 clock before a frame's first beat.
-    i_cell_log2 : In(4)
-        log2 of the cell's side, 5 to 8.
-    o : Out(beat(inside, ends_row, ends_level))
-        A feature may be at the pixel, a bit for each pixel of the beat; the beat is the last of a cell row; it is the
-        last of the level.
-    o_row_closes : Out(1)
-        The latest beat is one of the last ``WARNING_BEATS`` before the end of a cell row.
 
     Attributes
     ----------
@@ -61,16 +47,23 @@ class LevelScan(wiring.Component):
     """
 
     i: data.View
+    """Beats of ``pixel``; only the scan position matters."""
     i_width_px: Signal
+    """Width of the level, at least 32 px. Stable from one clock before a frame's first beat."""
     i_height_px: Signal
+    """Height of the level, likewise."""
     i_cell_log2: Signal
+    """log2 of the cell's side, 5 to 8."""
     o: data.View
+    """Beats of ``inside`` (a feature may be at the pixel; one bit per pixel of the beat), ``ends_row`` (the beat is the
+    last of a cell row) and ``ends_level`` (it is the last of the level)."""
     o_row_closes: Signal
+    """The latest beat is one of the last ``WARNING_BEATS`` before the end of a cell row."""
 
     latency_cycles = 3
 
     def __init__(self, *, lag_px: int, border_px: int, cells: bool, pixels_per_clock: int = 1) -> None:
-        # Two pixels a clock make the lines short, but not by more than a half.
+        # Two pixels per clock make the lines short, but at most by half.
         needed_px = lag_px + SPARE_LINES + pixels_per_clock - 1
         if border_px < needed_px:
             raise ValueError(
@@ -81,7 +74,7 @@ class LevelScan(wiring.Component):
         self.border_px = border_px
         self.cells = cells
         # As far above the last line as possible without losing a feature; the limit keeps it inside the smallest level.
-        self.closing_lines = min(border_px - lag_px, SMALLEST_LEVEL_PX - 1) + 1
+        self.closing_lines = min(border_px - lag_px, MIN_LEVEL_PX - 1) + 1
         super().__init__(
             {
                 "i": In(beat(pixels_per_clock, pixel=8)),

@@ -22,15 +22,12 @@ class FeatureWords(wiring.Component):
     ----------
     pattern : DescriptorPattern
     level : {0, 1}
-
-    Members
-    -------
-    i : In(stream of feature_or_end)
-    o : Out(stream(RowPayload))
     """
 
     i: stream.Interface
+    """Stream of `hdl.feature.extractor.feature_or_end`."""
     o: stream.Interface
+    """Stream of `hdl.streams.RowPayload`."""
 
     def __init__(self, *, pattern: DescriptorPattern, level: int) -> None:
         self.level = level
@@ -38,7 +35,7 @@ class FeatureWords(wiring.Component):
         super().__init__({"i": In(stream.Signature(feature_or_end(pattern))), "o": Out(stream.Signature(RowPayload))})
 
     def elaborate(self, platform: object) -> Module:
-        """Lay out the record and send its words one after the other."""
+        """Lay out the record and send its words one after another."""
         m = Module()
         record = view_signal(self._record)
         feature = self.i.p.feature

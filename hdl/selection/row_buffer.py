@@ -21,36 +21,29 @@ class CellRows(wiring.Component):
     cells : int
         Largest number of cells in a row.
 
-    Members
-    -------
-    i_write : In(1)
-        Writes ``i_feature`` into slot ``i_slot`` of cell ``i_cell``, and ``i_order`` for the cell.
-    i_close : In(1)
-        With or after the row's last write: the banks change roles. Allowed only when the closed row has been read out.
-    i_touched : In(cells)
-        Valid with ``i_close``: the cells of the row that were written.
-    i_ends_level : In(1)
-        Valid with ``i_close``: it is the last row of the level.
-    o_drained : Out(1)
-        The closed row has been read out; high for one clock.
-    o : Out(stream of feature_or_end)
-
     Attributes
     ----------
     latency_cycles : int
-        From ``i_close`` to the first feature of the first cell; each empty cell before it adds one.
+        From ``i_close`` to the first feature of the first cell; each empty cell before it adds one clock.
     """
 
     i_write: Signal
+    """Writes ``i_feature`` into slot ``i_slot`` of cell ``i_cell``, and ``i_order`` for the cell."""
     i_cell: Signal
     i_slot: Signal
     i_feature: data.View
     i_order: data.View
     i_close: Signal
+    """With or after the row's last write: the banks change roles. Allowed only when the closed row has been read
+    out."""
     i_touched: Signal
+    """Valid with ``i_close``: the cells of the row that were written."""
     i_ends_level: Signal
+    """Valid with ``i_close``: it is the last row of the level."""
     o_drained: Signal
+    """The closed row has been read out; high for one clock."""
     o: stream.Interface
+    """Stream of `hdl.feature.extractor.feature_or_end`."""
 
     latency_cycles = 4
 

@@ -1,6 +1,6 @@
 """Selection of a level's features: the best of each cell, or all in raster order.
 
-Both blocks have the same stream members and the method ``connect_hold``, so that a level uses either in the same way.
+Both blocks have the same streams and the method ``connect_hold``, so that a level uses either in the same way.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from amaranth.lib.wiring import In, Out
 from golden_model.feature.ilbp import DescriptorPattern
 from hdl.feature.extractor import feature_beat, feature_or_end
 from hdl.lib.delay import delayed
-from hdl.selection.cell_ranking import LARGEST_CELL_LOG2, MAX_PER_CELL, SMALLEST_CELL_LOG2, CellRanking
+from hdl.selection.cell_ranking import MAX_CELL_LOG2, MAX_PER_CELL, MIN_CELL_LOG2, CellRanking
 from hdl.selection.level_scan import LevelScan
 from hdl.selection.row_buffer import CellRows
 
@@ -30,27 +30,11 @@ class CellSelection(wiring.Component):
     spacing_cycles : int
         Smallest distance of two features in clocks.
 
-    Members
-    -------
-    i : In(feature_beat)
-    i_cell_log2 : In(4)
-        log2 of the cell's side, 5 to 8.
-    i_per_cell : In(4)
-        1 to 8.
-    i_reserve : In(1)
-        The pixel that will end a cell row has been admitted; from here on it cannot be held back.
-    o_busy : Out(1)
-        A cell row is about to end, or has not left yet: another ``i_reserve`` must wait.
-    o_added : Out(1)
-        The frame has one more feature.
-    o : Out(stream of feature_or_end)
-        Cell by cell, in a cell by falling response, equal responses in raster order; then the end of the row.
-
     Attributes
     ----------
     latency_cycles : int
         From the end of a cell row to its first feature at ``o``, if that is in the first cell; each empty cell before
-        it adds one.
+        it adds one clock.
 
     Raises
     ------
@@ -59,12 +43,20 @@ class CellSelection(wiring.Component):
     """
 
     i: data.View
+    """`hdl.feature.extractor.feature_beat`."""
     i_cell_log2: Signal
+    """log2 of the cell's side, 5 to 8."""
     i_per_cell: Signal
+    """1 to 8."""
     i_reserve: Signal
+    """The pixel that will end a cell row has been admitted and can no longer be stopped."""
     o_busy: Signal
+    """A cell row is about to end, or has not left yet: another ``i_reserve`` must wait."""
     o_added: Signal
+    """The frame has one more feature."""
     o: stream.Interface
+    """Stream of `hdl.feature.extractor.feature_or_end`: cell by cell, within a cell by falling response, equal
+    responses in raster order; then the end of the row."""
 
     latency_cycles = CellRanking.latency_cycles + CellRows.latency_cycles
 
@@ -73,11 +65,11 @@ class CellSelection(wiring.Component):
             raise ValueError(f"width_px is {width_px}; it must be at least 1")
         self.pattern = pattern
         self.spacing_cycles = spacing_cycles
-        self.cells = -(-width_px >> SMALLEST_CELL_LOG2)
+        self.cells = -(-width_px >> MIN_CELL_LOG2)
         super().__init__(
             {
                 "i": In(feature_beat(pattern)),
-                "i_cell_log2": In(range(LARGEST_CELL_LOG2 + 1)),
+                "i_cell_log2": In(range(MAX_CELL_LOG2 + 1)),
                 "i_per_cell": In(range(MAX_PER_CELL + 1)),
                 "i_reserve": In(1),
                 "o_busy": Out(1),
@@ -87,7 +79,7 @@ class CellSelection(wiring.Component):
         )
 
     def connect_hold(self, m: Module, settings: data.View, scan: LevelScan) -> Value:
-        """Connect the settings and the scan, in the level's module; return whether pixels must wait.
+        """Connect the settings and the scan in the level's module; return whether pixels must wait.
 
         They wait near the end of a cell row while the row before it has not left: the warning of the scan comes early
         enough for the pixels that have been admitted already.
@@ -102,7 +94,7 @@ class CellSelection(wiring.Component):
         return hold
 
     def elaborate(self, platform: object) -> Module:
-        """Ranking, then storage; the end of a row is delayed until its last feature has been ranked."""
+        """Ranking, then storage; the end of a row waits until its last feature has been ranked."""
         m = Module()
         m.submodules.ranking = ranking = CellRanking(
             pattern=self.pattern, cells=self.cells, spacing_cycles=self.spacing_cycles
@@ -127,7 +119,7 @@ class CellSelection(wiring.Component):
             self.o_added.eq(ranking.o_kept & ranking.o_added),
         ]
         wiring.connect(m, wiring.flipped(self.o), rows.o)
-        # Reserved at admission, not at the end of the row: the pixels in the pipeline can no longer be held back.
+        # Reserved at admission, not at the end of the row: pixels in the pipeline can no longer be stopped.
         with m.If(self.i_reserve):
             m.d.sync += self.o_busy.eq(1)
         with m.Elif(rows.o_drained):
@@ -146,16 +138,6 @@ class RasterSelection(wiring.Component):
     in_flight : int
         Features that may still arrive after admission has stopped.
 
-    Members
-    -------
-    i : In(feature_beat)
-    o_busy : Out(1)
-        No pixel may be admitted.
-    o_added : Out(1)
-        The frame has one more feature.
-    o : Out(stream of feature_or_end)
-        The end of the level is the end of its only row.
-
     Attributes
     ----------
     latency_cycles : int
@@ -163,9 +145,13 @@ class RasterSelection(wiring.Component):
     """
 
     i: data.View
+    """`hdl.feature.extractor.feature_beat`."""
     o_busy: Signal
+    """No pixel may be admitted."""
     o_added: Signal
+    """The frame has one more feature."""
     o: stream.Interface
+    """Stream of `hdl.feature.extractor.feature_or_end`. The end of the level is the end of its only row."""
 
     latency_cycles = 2
 

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.geometry.scoring import MAX_MATCHES, Scores
-from hdl.geometry.scoring import HomographyScoring, hypothesis_payloads, set_of_matches
+from hdl.geometry.match_gain import PAIR
+from hdl.geometry.scoring import HomographyScoring
 from sim.benches.block_bench import BlockBench
 from sim.simulators.recording import NO_PAUSES, Pauses
 
@@ -74,3 +75,25 @@ async def time_scores(ctx: Any, dut: HomographyScoring, hypotheses: NDArray[np.i
         clock += 1
     await ctx.tick()
     return scores
+
+
+def set_of_matches(
+    left: NDArray[np.integer], right: NDArray[np.integer], weight: NDArray[np.integer], frame: int = 0
+) -> list[dict[str, Any]]:
+    """Make the payloads of ``i_matches`` for the set of a frame: positions (N, 2) in 1/16 px, and weights (N,)."""
+    names = tuple(PAIR.members)
+    rows = np.hstack((left, right, weight[:, np.newaxis])).tolist()
+    sent = [
+        {"match": {"pair": dict(zip(names, row, strict=False)), "weight": row[-1]}, "ends": 0, "frame": 0}
+        for row in rows
+    ]
+    # What comes with the end is no match and does not count.
+    return [*sent, {"match": {"pair": dict.fromkeys(names, 0), "weight": 0}, "ends": 1, "frame": frame}]
+
+
+def hypothesis_payloads(hypotheses: NDArray[np.integer]) -> list[dict[str, Any]]:
+    """Make the payloads of ``i_hypotheses`` for hypotheses (M, 3, 3), numbered from 0; the last one is marked."""
+    return [
+        {"elements": elements, "number": number, "last": number == len(hypotheses) - 1, "invalid": 0}
+        for number, elements in enumerate(hypotheses.reshape(-1, 9).tolist())
+    ]

@@ -7,10 +7,10 @@ import pytest
 from golden_model.formats import POSITION
 from golden_model.geometry import scoring as golden
 from golden_model.geometry.scoring import Cause, finish_cycles, quantise, score
-from hdl.geometry.scoring import IN_FLIGHT, HomographyScoring, hypothesis_payloads, set_of_matches
+from hdl.geometry.scoring import IN_FLIGHT, HomographyScoring
 from sim.benches.block_bench import BlockBench
 from sim.benches.drivers import run_streams
-from sim.benches.scoring import simulate_scoring, time_scores
+from sim.benches.scoring import hypothesis_payloads, set_of_matches, simulate_scoring, time_scores
 from sim.simulators.recording import NO_PAUSES, Pauses
 
 PAUSES = Pauses(gaps=120, stalls=150, seed=7)
