@@ -25,18 +25,12 @@ from golden_model.selection import selection
 
 @dataclass(frozen=True, eq=False)
 class FrameFeatures:
-    """The output of the front end for one frame.
-
-    Parameters
-    ----------
-    features : structured ndarray, shape (N,)
-        `golden_model.records.feature_record` in the order of emission; empty if the frame is bad.
-    status : structured scalar
-        `golden_model.records.FRAME_STATUS`; ``threshold`` is the response code that was used, ``features`` is N.
-    """
+    """Output of the front end for one frame."""
 
     features: Records
+    """Records (N,) of `golden_model.records.feature_record` in the order of emission; none if the frame is bad."""
     status: np.void
+    """`golden_model.records.FRAME_STATUS`; ``threshold`` is the response code that was used, ``features`` is N."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,14 +99,14 @@ def extract(image: Pixels, config: FrontEndConfig, *, frame: int = 0) -> FrameFe
     return _extract(image, config, frame, lambda _level, _name, _values, _margin_px: None)
 
 
-def trace(image: Pixels, config: FrontEndConfig, *, frame: int = 0) -> FrontEndTrace:
+def trace(image: Pixels, config: FrontEndConfig) -> FrontEndTrace:
     """Like `extract`, but also return the plane of every stage."""
     levels: tuple[dict[str, Plane], ...] = tuple({} for _ in range(config.levels))
 
     def keep(level: int, name: str, values: NDArray[Any], margin_px: int) -> None:
         levels[level][name] = Plane(values, margin_px)
 
-    return FrontEndTrace(_extract(image, config, frame, keep), levels)
+    return FrontEndTrace(_extract(image, config, 0, keep), levels)
 
 
 def _extract(

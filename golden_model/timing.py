@@ -27,53 +27,38 @@ from golden_model.records import MATCH, WORD_BYTES, feature_record
 
 @dataclass(frozen=True, kw_only=True)
 class Latencies:
-    """Latencies of the blocks in clocks; a test compares them with the hardware's own.
-
-    Parameters
-    ----------
-    record_words, match_words : int
-        Length of a Feature and of a Match record in words.
-    admission : int
-        From a beat at the input to the same beat inside: a skid buffer, and the register of frame admission.
-    status : int
-        From a frame's last beat to the first word of its status in the merge.
-    status_word : int
-        Per further word of a status: it is selected in one clock and sent in the next.
-    skid_buffer : int
-        Per stage between the merge and an output, or the matcher.
-    acceptance : int
-        From the last word of a status at the matcher to the clock in which the frame is accepted.
-    search_start : int
-        From acceptance to the first clock of the search.
-    drain : int
-        From the last address of a search to readable results.
-    shortest_pass : int
-        Shortest pass of the right features over the lanes.
-    walk : int
-        From a row's address to its mutual match in the queue.
-    count, weigh : int
-        How long a match occupies the histogram of orientations, and the weigher.
-    result : int
-        From the end of a match's record to the clock in which the next match may follow.
-    peak : int
-        Search for the peak of the histogram, and clearing it; 0 without orientations.
-    """
+    """Latencies of the blocks in clocks; a test compares them with the hardware's own."""
 
     record_words: int
+    """Length of a Feature record."""
     match_words: int
+    """Length of a Match record."""
     admission: int = 2
+    """From a beat at the input to the same beat inside: a skid buffer, and the register of frame admission."""
     status: int = 3
+    """From a frame's last beat to the first word of its status in the merge."""
     status_word: int = 2
+    """Per further word of a status: it is selected in one clock and sent in the next."""
     skid_buffer: int = 1
+    """Per stage between the merge and an output, or the matcher."""
     acceptance: int = 2
+    """From the last word of a status at the matcher to the clock in which the frame is accepted."""
     search_start: int = 2
+    """From acceptance to the first clock of the search."""
     drain: int
+    """From the last address of a search to readable results."""
     shortest_pass: int
+    """Shortest pass of the right features over the lanes."""
     walk: int = 5
+    """From a row's address to its mutual match in the queue."""
     count: int
+    """How long a match occupies the histogram of orientations."""
     weigh: int
+    """How long a match occupies the weigher."""
     result: int
+    """From the end of a match's record to the clock in which the next match may follow."""
     peak: int
+    """Search for the peak of the histogram, and clearing it; 0 without orientations."""
 
     @classmethod
     def of(cls, config: Config, *, lanes: int) -> Latencies:
@@ -123,59 +108,41 @@ def sugeno_cycles(system: SugenoSystem) -> int:
 
 @dataclass(frozen=True, eq=False)
 class FrameWork:
-    """Size, counts and matches of a frame, on which its clocks depend.
-
-    Parameters
-    ----------
-    width_px, height_px : int
-    good : bool
-    left, right : int
-        Number of features of the reference and of this frame; right is 0 where there is nothing to match.
-    rows : int ndarray, shape (N,)
-        Left indices of the mutual matches, rising.
-    """
+    """Size, counts and matches of a frame, on which its clocks depend."""
 
     width_px: int
     height_px: int
     good: bool
     left: int
+    """Number of features of the reference."""
     right: int
+    """Number of features of this frame; 0 where there is nothing to match."""
     rows: NDArray[np.integer]
+    """Left indices (N,) of the mutual matches, rising."""
 
 
 @dataclass(frozen=True)
 class Timeline:
-    """Clocks of a frame, counted from the first pixel of the first frame.
-
-    Parameters
-    ----------
-    first_pixel, last_pixel : int
-        Taken at the input.
-    features_end : int
-        Last word of the features' packet, which is that of the status.
-    accepted : int
-        The matcher takes the frame, and the banks change roles.
-    searched : int
-        All distances have been compared; equal to ``accepted`` for a bad frame, as are the following ones.
-    counted : int
-        The common orientation is known.
-    weighed : int
-        The last match has its weight.
-    matches : tuple of int
-        First word of each Match record at the output.
-    matches_end : int
-        Last word of the matches' packet.
-    """
+    """Clocks of a frame, counted from the first pixel of the first frame."""
 
     first_pixel: int
+    """It is taken at the input."""
     last_pixel: int
+    """It is taken at the input."""
     features_end: int
+    """Last word of the features' packet, which is that of the status."""
     accepted: int
+    """The matcher takes the frame, and the banks change roles."""
     searched: int
+    """All distances have been compared; equal to ``accepted`` for a bad frame, as are the following ones."""
     counted: int
+    """The common orientation is known."""
     weighed: int
+    """The last match has its weight."""
     matches: tuple[int, ...]
+    """First word of each Match record at the output."""
     matches_end: int
+    """Last word of the matches' packet."""
 
     def steps(self) -> Iterator[tuple[str, int]]:
         """Return name and clock of each step of the frame, in their order."""
@@ -208,12 +175,12 @@ def timelines(works: Sequence[FrameWork], config: Config, *, lanes: int, pixels_
     return list(_timelines(works, line_cycles, Latencies.of(config, lanes=lanes), config.front_end.border_px))
 
 
-def steady_pace(work: FrameWork, config: Config, *, lanes: int, pixels_per_clock: int = 1) -> tuple[int, int] | None:
+def steady_pace(work: FrameWork, config: Config, *, lanes: int) -> tuple[int, int] | None:
     """Clocks from one such frame to the next, and from last pixel to last match; None where they cannot be predicted.
 
     The slower of pixels and matching sets the pace.
     """
-    for line in timelines([work], config, lanes=lanes, pixels_per_clock=pixels_per_clock):
+    for line in timelines([work], config, lanes=lanes):
         return max(line.status_cycles, line.matches_end - line.accepted), line.matches_end - line.last_pixel
     return None
 

@@ -53,10 +53,6 @@ class Accelerator(wiring.Component):
     shell_registers : sequence of Register
         Registers of a streaming shell (`hdl.shell.live`). With any, the outputs pass every packet: the shell discards
         those of a ring that is off, so that it sees one packet per frame.
-
-    Attributes
-    ----------
-    registers : RegisterFile
     """
 
     i_reset: Signal
@@ -71,6 +67,8 @@ class Accelerator(wiring.Component):
     """`hdl.registers.register_map`."""
     o_interrupt: Signal
     """Active high, level; software clears an event by writing 1."""
+
+    registers: RegisterFile
 
     def __init__(
         self,

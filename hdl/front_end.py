@@ -38,10 +38,6 @@ class FrontEnd(wiring.Component):
     video_bits : {32, 24, 8, 48, 16}
         See `hdl.axi.video_input.VideoInput`: 48 and 16 bits bring two pixels per clock.
 
-    Attributes
-    ----------
-    levels : tuple of Level
-
     Raises
     ------
     ValueError
@@ -61,6 +57,8 @@ class FrontEnd(wiring.Component):
     o_features: stream.Interface
     """Stream of `hdl.streams.WordPayload`: Feature records in the golden order of emission, then the frame's
     FrameStatus."""
+
+    levels: tuple[Level, ...]
 
     def __init__(
         self, *, config: FrontEndConfig, max_width_px: int, max_height_px: int, video_bits: int = VIDEO_BITS[0]

@@ -49,15 +49,6 @@ class Level(wiring.Component):
         Largest width of this level's lines.
     pixels_per_clock : {1, 2}
         Pixels of the full frame per clock. A half-size level always has one pixel per beat.
-
-    Attributes
-    ----------
-    lag_px : int
-        From the scan position to the candidate's pixel.
-    latency_cycles : int
-        From a beat to the arrival of its feature at the selection.
-    closing_lines : int
-        Lines at the bottom of the full frame that this level needs in order to close.
     """
 
     i: data.View
@@ -74,6 +65,13 @@ class Level(wiring.Component):
     """The frame has one more feature."""
     o: stream.Interface
     """Stream of `hdl.streams.RowPayload`."""
+
+    lag_px: int
+    """From the scan position to the candidate's pixel."""
+    latency_cycles: int
+    """From a beat to the arrival of its feature at the selection."""
+    closing_lines: int
+    """Lines at the bottom of the full frame that this level needs in order to close."""
 
     def __init__(self, *, config: FrontEndConfig, level: int, width_px: int, pixels_per_clock: int = 1) -> None:
         self.level = level

@@ -21,37 +21,27 @@ SQUARE_RING = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, 
 
 @dataclass(frozen=True)
 class DescriptorPattern:
-    """The pixels that a ring descriptor compares.
+    """Pixels that a ring descriptor compares.
 
     Bit i of byte ``(a, b, k)``, i = 0..7, says whether ring ``a`` at angle ``step * i + s`` is at least as bright as
     ring ``b`` at angle ``step * i + s + k`` (angles modulo ``angles``; ``step = angles // 8``; s is the orientation
     sector, 0 where the pattern is not oriented). Rings are indices into ``radii_px``.
-
-    Parameters
-    ----------
-    name : str
-        As used in configurations.
-    radii_px : tuple of int
-        Radii of the rings; radius 0 is the centre pixel.
-    angles : int
-        Pixels per ring: 16 (circle) or 8 (the square of equation III-4).
-    comparisons : tuple of (int, int, int)
-        ``(a, b, k)`` of each descriptor byte.
-    smoothed : bool
-        Whether the pixels come from the 5x5 binomial of the gray image or from the gray image itself.
-    oriented : bool
-        Whether the compared angles rotate with the orientation sector.
-    carries_window : bool
-        Whether the feature record also holds the 3x3 gray window around the feature (the fuzzy ILBP needs its SAD).
     """
 
     name: str
+    """As used in configurations."""
     radii_px: tuple[int, ...]
+    """Radii of the rings; radius 0 is the centre pixel."""
     angles: int
+    """Pixels per ring: 16 (circle) or 8 (the square of equation III-4)."""
     comparisons: tuple[tuple[int, int, int], ...]
+    """``(a, b, k)`` of each descriptor byte."""
     smoothed: bool
+    """The pixels come from the 5x5 binomial of the gray image, otherwise from the gray image itself."""
     oriented: bool
+    """The compared angles rotate with the orientation sector."""
     carries_window: bool = False
+    """The feature record also holds the 3x3 gray window around the feature, whose SAD the fuzzy ILBP needs."""
 
     def __post_init__(self) -> None:
         if self.angles not in (8, 16):

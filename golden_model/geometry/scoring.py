@@ -73,21 +73,14 @@ class Cause(enum.IntFlag):
 
 @dataclass(frozen=True, eq=False)
 class Scores:
-    """Result of `score` for M hypotheses.
-
-    Attributes
-    ----------
-    score : (M,) int64 ndarray
-        Sum of weight times gain (0 to 32), 24 bits.
-    support : (M,) int64 ndarray
-        Sum of the weights of the matches with an error below sqrt(2) * 3 px, 19 bits.
-    causes : (M,) int64 ndarray
-        Bits of `Cause`; where it is not 0, score and support are 0.
-    """
+    """Result of `score` for M hypotheses."""
 
     score: NDArray[np.int64]
+    """Sum (M,) of weight times gain (0 to 32), 24 bits."""
     support: NDArray[np.int64]
+    """Sum (M,) of the weights of the matches with an error below sqrt(2) * 3 px, 19 bits."""
     causes: NDArray[np.int64]
+    """Bits (M,) of `Cause`; where it is not 0, score and support are 0."""
 
 
 def quantise(homographies: Array) -> NDArray[np.int64]:

@@ -104,17 +104,16 @@ def best_matches(left: Windows, right: Windows, measure: str) -> tuple[NDArray[n
     return np.arange(len(left), dtype=np.intp), right_index
 
 
-def fuzzy_inputs(left: Windows, right: Windows, *, per_pixel: bool = True) -> tuple[Scores, Scores, Scores]:
-    """The inputs of `golden_model.matching.rule_bases.correlation`: SAD in 1/16, ZSSD in 1/4, NCC in 1/256.
+def fuzzy_inputs(left: Windows, right: Windows) -> tuple[Scores, Scores, Scores]:
+    """Inputs of `golden_model.matching.rule_bases.correlation`: SAD in 1/16, ZSSD in 1/4, NCC in 1/256.
 
-    Table III-1 does not say whether SAD and ZSSD are per pixel or sums over the window. The default is per pixel: with
-    sums, almost no window would belong to the set of good matches. Each score is rounded down.
+    Table III-1 does not say whether SAD and ZSSD are per pixel or sums over the window. They are per pixel: with sums,
+    almost no window would belong to the set of good matches. Each score is rounded down.
     """
     pixels = left.shape[-1]
-    divisor = pixels if per_pixel else 1
     return (
-        SAD_PER_PIXEL.one * sad(left, right) // divisor,
-        ZSSD_PER_PIXEL.one * zssd(left, right) // (pixels * divisor),
+        SAD_PER_PIXEL.one * sad(left, right) // pixels,
+        ZSSD_PER_PIXEL.one * zssd(left, right) // pixels**2,
         ncc(left, right),
     )
 

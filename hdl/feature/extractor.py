@@ -49,10 +49,6 @@ class CandidateFeatures(wiring.Component):
     lag_px : int
         How far the candidate's pixel is left of and above the scan position.
 
-    Attributes
-    ----------
-    latency_cycles : int
-
     Raises
     ------
     ValueError
@@ -66,6 +62,8 @@ class CandidateFeatures(wiring.Component):
     ``i``."""
     o: data.View
     """`feature_beat`, ``latency_cycles`` after the candidate."""
+
+    latency_cycles: int
 
     def __init__(self, *, pattern: DescriptorPattern, spacing_cycles: int, level: int, lag_px: int) -> None:
         if pattern.carries_window and pattern.smoothed:

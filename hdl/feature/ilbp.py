@@ -34,10 +34,6 @@ class RingDescriptor(wiring.Component):
     spacing_cycles : {1, 2, 4}
         Smallest distance of two candidates in clocks.
 
-    Attributes
-    ----------
-    latency_cycles : int
-
     Raises
     ------
     ValueError
@@ -55,6 +51,8 @@ class RingDescriptor(wiring.Component):
     """0..15 sixteenths of a full circle."""
     o_descriptor: Signal
     """Bit 8 j + i is bit i of byte j."""
+
+    latency_cycles: int
 
     def __init__(self, *, pattern: DescriptorPattern, spacing_cycles: int) -> None:
         if spacing_cycles not in SPACING_CYCLES:

@@ -26,10 +26,6 @@ class RingMoments(wiring.Component):
         Weight of each ring.
     groups : {1, 2, 4}
         Groups of a candidate; each takes one clock.
-
-    Attributes
-    ----------
-    latency_cycles : int
     """
 
     i_valid: Signal
@@ -42,6 +38,8 @@ class RingMoments(wiring.Component):
     o_my: Signal
     """Mx and My, complete ``latency_cycles`` after a candidate's last group; valid until the next
     candidate's first group is added."""
+
+    latency_cycles: int
 
     def __init__(self, *, radii_px: tuple[int, ...], groups: int) -> None:
         if groups not in (1, 2, 4):
@@ -103,10 +101,6 @@ class Sector(wiring.Component):
         Signed shape of the moments. Its most negative number must not occur: its magnitude would not fit.
     spacing_cycles : int
         Smallest distance of two moments in clocks.
-
-    Attributes
-    ----------
-    latency_cycles : int
     """
 
     i_valid: Signal
@@ -115,6 +109,8 @@ class Sector(wiring.Component):
     """Mx and My, where ``i_valid``."""
     o_sector: Signal
     """Valid ``latency_cycles`` after ``i_valid``, until the next result."""
+
+    latency_cycles: int
 
     def __init__(self, *, moment: Shape, spacing_cycles: int = 2) -> None:
         self.spacing_cycles = spacing_cycles

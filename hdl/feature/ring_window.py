@@ -31,12 +31,6 @@ class RingWindow(wiring.Component):
         Largest width of a line.
     pixels_per_clock : {1, 2}
         Pixels of a beat.
-
-    Attributes
-    ----------
-    latency_cycles : int
-    lag_px : int
-        The largest radius.
     """
 
     i: data.View
@@ -47,6 +41,10 @@ class RingWindow(wiring.Component):
     """Pixels by ring and angle, in the order of `DescriptorPattern.offsets`, valid ``latency_cycles``
     after the beat, until those of the next beat. There is one signal per pixel: a single wide signal made compiled
     simulations a third slower (measured)."""
+
+    latency_cycles: int
+    lag_px: int
+    """The largest radius."""
 
     def __init__(self, *, pattern: DescriptorPattern, width_px: int, pixels_per_clock: int = 1) -> None:
         self.pattern = pattern

@@ -23,10 +23,6 @@ class Vertex(wiring.Component):
 
     With u = centre - after and v = centre - before, ``o_offset`` is
     sign(v - u) * floor((16 |v - u| + u + v) / (2 (u + v))), and 0 where u + v = 0.
-
-    Attributes
-    ----------
-    latency_cycles : int
     """
 
     i_before: In(RESPONSE_CODE.bits)
@@ -103,10 +99,6 @@ class SubPixel(wiring.Component):
     spacing_cycles : int
         Smallest distance of two candidates in clocks.
 
-    Attributes
-    ----------
-    latency_cycles : int
-
     Raises
     ------
     ValueError
@@ -119,6 +111,8 @@ class SubPixel(wiring.Component):
     """UQ(12, 4), 1/16 px; valid ``latency_cycles`` after the candidate, for at least one clock."""
     o_y: Out(POSITION.bits)
     """As ``o_x``."""
+
+    latency_cycles: int
 
     def __init__(self, *, level: int, lag_px: int, spacing_cycles: int = 2) -> None:
         if level not in (0, 1):

@@ -41,10 +41,6 @@ class MatchGain(wiring.Component):
     The three terms are linear in the left position. Two products of the third term, the depth, with the right position
     give the errors in x and y, and three squares follow; then one comparison per bit of the gain. This takes 11
     multipliers of at most 25 x 18 bits.
-
-    Attributes
-    ----------
-    latency_cycles : int
     """
 
     i_hypothesis: In(HYPOTHESIS)

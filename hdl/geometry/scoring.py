@@ -54,11 +54,6 @@ class HomographyScoring(wiring.Component):
     max_matches : int
         Matches that the memory holds, 1 to 2048. A larger set is not scored, see `Cause.TOO_MANY_MATCHES`.
 
-    Attributes
-    ----------
-    latency_cycles : int
-        From a hypothesis at the input of an idle block to its score, with one match; each further match adds a clock.
-
     Raises
     ------
     ValueError
@@ -78,6 +73,7 @@ class HomographyScoring(wiring.Component):
 
     # Address; memory; gain; its product with the weight; sum; skid buffer.
     latency_cycles = 1 + READ_CYCLES + MatchGain.latency_cycles + PRODUCT_CYCLES + 1 + SkidBuffer.latency_cycles
+    """From a hypothesis at the input of an idle block to its score, with one match; each further match adds a clock."""
 
     def __init__(self, *, max_matches: int = MAX_MATCHES) -> None:
         if not 1 <= max_matches <= MAX_MATCHES:

@@ -44,15 +44,13 @@ class SumOfAbsoluteDifferences(wiring.Component):
     ----------
     pixels : int
         Pixels of a window.
-
-    Attributes
-    ----------
-    latency_cycles : int
     """
 
     i_left: Sequence[Signal]
     i_right: Sequence[Signal]
     o_sum: Signal
+
+    latency_cycles: int
 
     def __init__(self, *, pixels: int) -> None:
         self.pixels = pixels
@@ -92,11 +90,6 @@ class WindowCorrelation(wiring.Component):
     NCC is the largest q with q**2 / 256**2 <= (sum I1 I2)**2 / (sum I1**2 sum I2**2): the exact value rounded down,
     error below 1/256. Both sides are multiplied out, one bit per clock. The bits of q follow, one per clock, as in a
     digit-by-digit square root, where each trial subtracts a multiple of the right side's denominator.
-
-    Attributes
-    ----------
-    latency_cycles : int
-        From ``i.valid`` to ``o.valid``.
     """
 
     i: In(stream.Signature(WINDOWS))
@@ -105,6 +98,7 @@ class WindowCorrelation(wiring.Component):
     """The scores of the windows at the input."""
 
     latency_cycles = 1 + sum(_PHASES.values())
+    """From ``i.valid`` to ``o.valid``."""
 
     def elaborate(self, platform: object) -> Module:
         """A state machine, and the arithmetic of its three phases: sums, products, root."""

@@ -39,11 +39,6 @@ class Sugeno(wiring.Component):
     value_bits : int
         Width of each input value.
 
-    Attributes
-    ----------
-    latency_cycles : int
-        From ``i.valid`` to ``o.valid``.
-
     Raises
     ------
     ValueError
@@ -54,6 +49,9 @@ class Sugeno(wiring.Component):
     """Stream of the values, ``ArrayLayout(value_bits, inputs)``. Accepted one clock after the result."""
     o: stream.Interface
     """Stream of `RESULT`."""
+
+    latency_cycles: int
+    """From ``i.valid`` to ``o.valid``."""
 
     def __init__(self, *, system: SugenoSystem, value_bits: int) -> None:
         self.system = system

@@ -25,17 +25,15 @@ class FuzzyCorrelation(wiring.Component):
     """The 27 rules over SAD, ZSSD and NCC of two windows, equal to `golden_model.matching.rule_bases.correlation`.
 
     SAD and ZSSD are taken per pixel, as `golden_model.matching.correlation.fuzzy_inputs` does.
-
-    Attributes
-    ----------
-    latency_cycles : int
-        From ``i.valid`` to ``o.valid``.
     """
 
     i: stream.Interface
     """Stream of `hdl.matching.correlation.WINDOWS`. Accepted one clock after the result."""
     o: stream.Interface
     """Stream of `hdl.matching.fuzzy.RESULT`."""
+
+    latency_cycles: int
+    """From ``i.valid`` to ``o.valid``."""
 
     def __init__(self) -> None:
         self._correlation = WindowCorrelation()

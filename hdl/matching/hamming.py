@@ -23,11 +23,6 @@ class Distances(wiring.Component):
     bits : int
         Length of a descriptor.
     lanes : int
-
-    Attributes
-    ----------
-    latency_cycles : int
-        Clocks from the inputs to lane 0's distance.
     """
 
     i_run: Signal
@@ -46,6 +41,9 @@ class Distances(wiring.Component):
     """Which lanes have a distance in this clock."""
     o_distances: Sequence[Signal]
     """Distance of each lane, 0 to ``bits``."""
+
+    latency_cycles: int
+    """Clocks from the inputs to lane 0's distance."""
 
     def __init__(self, *, bits: int, lanes: int) -> None:
         self.bits = bits

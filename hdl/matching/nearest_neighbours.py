@@ -38,13 +38,6 @@ class NearestNeighbours(wiring.Component):
     max_features : int
         Largest number of features of either frame.
 
-    Attributes
-    ----------
-    shortest_pass_cycles : int
-        Shortest time for a group: a column must be back in the memory before the next group reads it.
-    drain_cycles : int
-        Clocks from the last address until the results are readable.
-
     Raises
     ------
     ValueError
@@ -71,6 +64,11 @@ class NearestNeighbours(wiring.Component):
     """The `Nearest` of row ``i_row_index``, readable while not busy, ``RESULT_CYCLES`` clocks with ``i_read`` later."""
     o_column: data.View
     """The `Nearest` of column ``i_column_index``, likewise."""
+
+    shortest_pass_cycles: int
+    """Shortest time for a group: a column must be back in the memory before the next group reads it."""
+    drain_cycles: int
+    """Clocks from the last address until the results are readable."""
 
     def __init__(self, *, bits: int, lanes: int, max_features: int) -> None:
         if lanes < 2 or lanes & (lanes - 1) or lanes > max_features:

@@ -42,11 +42,6 @@ class Corners(wiring.Component):
         Largest width of a line.
     pixels_per_clock : {1, 2}
         Pixels of a beat.
-
-    Attributes
-    ----------
-    lag_px : int
-    latency_cycles : int
     """
 
     i: data.View
@@ -58,6 +53,9 @@ class Corners(wiring.Component):
     o: data.View
     """Beats of `hdl.pixel.nms.NEIGHBOURHOOD`: corners, including unspecified ones near the border, which the level
     removes."""
+
+    lag_px: int
+    latency_cycles: int
 
     def __init__(self, *, config: FrontEndConfig, width_px: int, pixels_per_clock: int = 1) -> None:
         self.pixels_per_clock = pixels_per_clock

@@ -35,11 +35,6 @@ class Fast(wiring.Component):
     ----------
     pixels_per_clock : {1, 2}
         Pixels of a beat.
-
-    Attributes
-    ----------
-    lag_px : int
-    latency_cycles : int
     """
 
     i: data.View

@@ -33,14 +33,6 @@ class GradientColumns(wiring.Component):
         Largest width of a line.
     pixels_per_clock : {1, 2}
         Pixels of a beat.
-
-    Attributes
-    ----------
-    smooth : Binomial or None
-    sobel : Sobel
-    gradient_lag_px, pixel_lag_px : int
-        Lag of the newest line.
-    latency_cycles : int
     """
 
     i: data.View
@@ -50,6 +42,14 @@ class GradientColumns(wiring.Component):
     o: data.View
     """Beats of ``gradients`` (`hdl.pixel.harris.GRADIENTS` of 5 lines) and ``pixels`` (of 7 lines), the newest line
     first. Only those of the chosen detector are meaningful."""
+
+    smooth: Binomial | None
+    sobel: Sobel
+    gradient_lag_px: int
+    """Lag of the newest line."""
+    pixel_lag_px: int
+    """Lag of the newest line."""
+    latency_cycles: int
 
     def __init__(self, *, smoothed: bool, width_px: int, pixels_per_clock: int = 1) -> None:
         self.pixels_per_clock = pixels_per_clock

@@ -19,10 +19,6 @@ class Gray(wiring.Component):
     ----------
     pixels_per_clock : {1, 2}
         Pixels of a beat.
-
-    Attributes
-    ----------
-    latency_cycles : int
     """
 
     i: data.View
@@ -31,6 +27,8 @@ class Gray(wiring.Component):
     """The input is gray. Stable during a frame."""
     o: data.View
     """Beats of ``pixel``, 8 bits."""
+
+    latency_cycles: int
 
     def __init__(self, *, pixels_per_clock: int = 1) -> None:
         self.pixels_per_clock = pixels_per_clock

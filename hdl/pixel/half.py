@@ -22,11 +22,6 @@ class Half(wiring.Component):
         Largest width of the full-size line.
     pixels_per_clock : {1, 2}
         Pixels of a beat at full size. The two pixels of a beat must both be pixels of the line.
-
-    Attributes
-    ----------
-    latency_cycles : int
-        From the block's last pixel to its mean.
     """
 
     i: data.View
@@ -35,6 +30,7 @@ class Half(wiring.Component):
     """Beats of one ``pixel`` at half size, with the half-size scan position."""
 
     latency_cycles = 3
+    """From the block's last pixel to its mean."""
 
     def __init__(self, *, width_px: int, pixels_per_clock: int = 1) -> None:
         self.width_px = width_px

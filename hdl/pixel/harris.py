@@ -40,11 +40,6 @@ class StructureTensor(wiring.Component):
     pixels_per_clock : {1, 2}
         Pixels of a beat.
 
-    Attributes
-    ----------
-    lag_px : int
-    latency_cycles : int
-
     Raises
     ------
     ValueError
@@ -57,6 +52,7 @@ class StructureTensor(wiring.Component):
     """Beats of `TENSOR`."""
 
     lag_px = TENSOR_LINES // 2
+    latency_cycles: int
 
     def __init__(self, *, window_px: int, pixels_per_clock: int = 1) -> None:
         if window_px not in (3, 5):
@@ -109,10 +105,6 @@ class RawResponse(wiring.Component):
     ----------
     k_numerator, k_shift : int
         k = k_numerator / 2**k_shift, below 1/4.
-
-    Attributes
-    ----------
-    latency_cycles : int
     """
 
     i: In(beat(**TENSOR))
@@ -157,12 +149,7 @@ class RawResponse(wiring.Component):
 
 
 class ResponseCode(wiring.Component):
-    """Compresses responses to the 15-bit codes in which they are stored; 0 below the threshold.
-
-    Attributes
-    ----------
-    latency_cycles : int
-    """
+    """Compresses responses to the 15-bit codes in which they are stored; 0 below the threshold."""
 
     i: In(beat(raw=signed(RAW_RESPONSE.bits)))
     """The response of one pixel."""

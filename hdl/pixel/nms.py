@@ -36,11 +36,6 @@ class Suppression(wiring.Component):
     pixels_per_clock : {1, 2}
         Pixels of a beat.
 
-    Attributes
-    ----------
-    lag_px : int
-    latency_cycles : int
-
     Raises
     ------
     ValueError
@@ -53,6 +48,9 @@ class Suppression(wiring.Component):
     """The responses come from FAST. Stable during a frame."""
     o: data.View
     """Beats of `NEIGHBOURHOOD`."""
+
+    lag_px: int
+    latency_cycles: int
 
     def __init__(self, *, radius_px: int, width_px: int, pixels_per_clock: int = 1) -> None:
         if radius_px not in (1, 3):

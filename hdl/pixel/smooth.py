@@ -22,11 +22,6 @@ class Binomial(wiring.Component):
     pixels_per_clock : {1, 2}
         Pixels of a beat.
 
-    Attributes
-    ----------
-    lag_px : int
-    latency_cycles : int
-
     Raises
     ------
     ValueError
@@ -37,6 +32,9 @@ class Binomial(wiring.Component):
     """Beats of ``column``: ``window_px`` pixels, the newest line first."""
     o: data.View
     """Beats of ``pixel``."""
+
+    lag_px: int
+    latency_cycles: int
 
     def __init__(self, *, window_px: int, pixels_per_clock: int = 1) -> None:
         if window_px not in (1, 3, 5):

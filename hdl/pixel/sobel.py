@@ -22,11 +22,6 @@ class Sobel(wiring.Component):
     ----------
     pixels_per_clock : {1, 2}
         Pixels of a beat.
-
-    Attributes
-    ----------
-    lag_px : int
-    latency_cycles : int
     """
 
     i: data.View
@@ -35,6 +30,7 @@ class Sobel(wiring.Component):
     """Beats of ``gradient_x`` and ``gradient_y``, `golden_model.formats.GRADIENT`."""
 
     lag_px = 1
+    latency_cycles: int
 
     def __init__(self, *, pixels_per_clock: int = 1) -> None:
         self.pixels_per_clock = pixels_per_clock

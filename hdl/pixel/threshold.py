@@ -19,11 +19,6 @@ class AdaptiveThreshold(wiring.Component):
     ----------
     max_features : int
         Larger counts are limited to this.
-
-    Attributes
-    ----------
-    latency_cycles : int
-        Smallest distance from the last feature to the end of its frame.
     """
 
     i_detector: In(range(len(DETECTORS)))
@@ -44,6 +39,7 @@ class AdaptiveThreshold(wiring.Component):
     """The threshold as a response code."""
 
     latency_cycles = 9
+    """Smallest distance from the last feature to the end of its frame."""
 
     def __init__(self, *, max_features: int) -> None:
         self.max_features = max_features

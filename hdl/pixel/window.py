@@ -28,10 +28,6 @@ class LineBuffer(wiring.Component):
     pixels_per_clock : {1, 2}
         Pixels of a beat. Two share a word of the memory, which then has half as many words.
 
-    Attributes
-    ----------
-    latency_cycles : int
-
     Raises
     ------
     ValueError
@@ -103,10 +99,6 @@ class Window(wiring.Component):
         Columns of the window around a pixel.
     pixels_per_clock : {1, 2}
         Pixels of a beat.
-
-    Attributes
-    ----------
-    latency_cycles : int
     """
 
     i: data.View
@@ -161,10 +153,6 @@ class OffsetColumns(wiring.Component):
         Offset of the output columns, up and left.
     pixels_per_clock : {1, 2}
         Pixels of a beat.
-
-    Attributes
-    ----------
-    latency_cycles : int
     """
 
     i: data.View
@@ -211,16 +199,14 @@ class SeparableSum(wiring.Component):
         Shape of a pixel.
     pixels_per_clock : {1, 2}
         Pixels of a beat.
-
-    Attributes
-    ----------
-    latency_cycles : int
     """
 
     i: data.View
     """Beats of ``column``: ``len(vertical)`` pixels, the newest line first."""
     o: data.View
     """Beats of ``sum``, as wide as the range of the sum needs and no wider."""
+
+    latency_cycles: int
 
     def __init__(
         self, *, vertical: tuple[int, ...], horizontal: tuple[int, ...], shape: Shape, pixels_per_clock: int = 1

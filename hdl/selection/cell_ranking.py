@@ -35,10 +35,6 @@ class Insertion(wiring.Component):
     ----------
     spacing_cycles : int
         Smallest distance of two features in clocks. The inputs of a feature must stay that long, at most two clocks.
-
-    Attributes
-    ----------
-    latency_cycles : int
     """
 
     i_valid: In(1)
@@ -122,10 +118,6 @@ class CellRanking(wiring.Component):
         Largest number of cells in a row.
     spacing_cycles : int
         Smallest distance of two features in clocks.
-
-    Attributes
-    ----------
-    latency_cycles : int
     """
 
     i: data.View

@@ -34,12 +34,6 @@ class LevelScan(wiring.Component):
     pixels_per_clock : {1, 2}
         Pixels of a beat.
 
-    Attributes
-    ----------
-    latency_cycles : int
-    closing_lines : int
-        Lines from the one that ends the level to the last.
-
     Raises
     ------
     ValueError
@@ -61,6 +55,8 @@ class LevelScan(wiring.Component):
     """The latest beat is one of the last ``WARNING_BEATS`` before the end of a cell row."""
 
     latency_cycles = 3
+    closing_lines: int
+    """Lines from the one that ends the level to the last."""
 
     def __init__(self, *, lag_px: int, border_px: int, cells: bool, pixels_per_clock: int = 1) -> None:
         # Two pixels per clock make the lines short, but at most by half.

@@ -20,11 +20,6 @@ class CellRows(wiring.Component):
     pattern : DescriptorPattern
     cells : int
         Largest number of cells in a row.
-
-    Attributes
-    ----------
-    latency_cycles : int
-        From ``i_close`` to the first feature of the first cell; each empty cell before it adds one clock.
     """
 
     i_write: Signal
@@ -46,6 +41,7 @@ class CellRows(wiring.Component):
     """Stream of `hdl.feature.extractor.feature_or_end`."""
 
     latency_cycles = 4
+    """From ``i_close`` to the first feature of the first cell; each empty cell before it adds one clock."""
 
     def __init__(self, *, pattern: DescriptorPattern, cells: int) -> None:
         self.cells = cells

@@ -30,12 +30,6 @@ class CellSelection(wiring.Component):
     spacing_cycles : int
         Smallest distance of two features in clocks.
 
-    Attributes
-    ----------
-    latency_cycles : int
-        From the end of a cell row to its first feature at ``o``, if that is in the first cell; each empty cell before
-        it adds one clock.
-
     Raises
     ------
     ValueError
@@ -59,6 +53,8 @@ class CellSelection(wiring.Component):
     responses in raster order; then the end of the row."""
 
     latency_cycles = CellRanking.latency_cycles + CellRows.latency_cycles
+    """From the end of a cell row to its first feature at ``o``, if that is in the first cell; each empty cell before it
+    adds one clock."""
 
     def __init__(self, *, pattern: DescriptorPattern, width_px: int, spacing_cycles: int = 2) -> None:
         if width_px < 1:
@@ -137,11 +133,6 @@ class RasterSelection(wiring.Component):
         Length of the queue in features.
     in_flight : int
         Features that may still arrive after admission has stopped.
-
-    Attributes
-    ----------
-    latency_cycles : int
-        From a feature at ``i`` to the same feature at ``o``.
     """
 
     i: data.View
@@ -154,6 +145,7 @@ class RasterSelection(wiring.Component):
     """Stream of `hdl.feature.extractor.feature_or_end`. The end of the level is the end of its only row."""
 
     latency_cycles = 2
+    """From a feature at ``i`` to the same feature at ``o``."""
 
     def __init__(self, *, pattern: DescriptorPattern, depth: int, in_flight: int) -> None:
         if in_flight >= depth:
