@@ -172,8 +172,10 @@ class FrontEndConfig:
         for level in range(self.levels):
             last_x = (width_px >> level) - 1 - self.border_px
             last_y = (height_px >> level) - 1 - self.border_px
+            # The grid starts at pixel 0, so cells that lie in the border alone are included.
             if last_x >= self.border_px and last_y >= self.border_px:
                 total += (last_x // cell_px + 1) * (last_y // cell_px + 1)
+        # A frame that is too small for its border has none, but `for_size` divides by the number.
         return max(total, 1)
 
 
@@ -262,6 +264,7 @@ def load_config(path: str | Path, preset: str = "aerial") -> Config:
     # RecursionError: arrays that are nested hundreds of times.
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise ValueError(f"{path}: not valid TOML: {error}") from error
+    # Last, because TOMLDecodeError is a ValueError, too.
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
 

@@ -141,6 +141,7 @@ def _choose_corners(gray: Pixels, level: int, config: FrontEndConfig, keep: Keep
     code = _compute_response(gray, config, keep)
     keep("response_code", code, config.response_support_px)
     survivors = nms.suppress(code, *config.suppression)
+    # After the suppression: a response in the border may still suppress one inside.
     candidates = np.zeros_like(survivors)
     rows, columns = (slice(config.border_px, max(side_px - config.border_px, 0)) for side_px in gray.shape)
     candidates[rows, columns] = survivors[rows, columns]

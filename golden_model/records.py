@@ -78,6 +78,7 @@ class Record:
 
     def offsets(self) -> Iterator[tuple[Field, int]]:
         """Yield each field with its byte offset in the record."""
+        # The tag is byte 0.
         offset = 1
         for field in self.fields:
             yield field, offset
@@ -107,6 +108,7 @@ def feature_record(descriptor_bytes: int, window_bytes: int = 0) -> Record:
         (
             Field("level", 1),
             Field("sector", 4),
+            # Puts fields of 16 and 32 bits at multiples of their size, and the descriptor at the start of a word.
             Field("reserved", 8),
             Field("index", 16),
             Field("response", 15),
@@ -135,6 +137,7 @@ MATCH = Record(
         Field("margin", 16),
         Field("turn", 4),
         Field("peak_turn", 4),
+        # Fills the last word: nothing undefined is sent.
         Field("reserved", 16),
     ),
 )

@@ -17,6 +17,7 @@ def one_line(text: str) -> str:
 
     Names of files may contain newlines and terminal sequences, which would forge or hide parts of a message.
     """
+    # The middle goes: the beginning says what is wrong, and the names of two files differ at the end.
     shown = text if len(text) <= MAX_LENGTH else f"{text[: MAX_LENGTH // 2]} ... {text[-MAX_LENGTH // 2 :]}"
     return "".join(
         char.encode("unicode_escape").decode() if unicodedata.category(char) in _UNSAFE else char for char in shown

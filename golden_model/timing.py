@@ -233,6 +233,7 @@ def _match_clocks(work: FrameWork, latencies: Latencies, accepted: int) -> tuple
 def _search_cycles(work: FrameWork, latencies: Latencies) -> int:
     if not work.left or not work.right:
         return 0
+    # See `Latencies.of`.
     lanes = latencies.shortest_pass - 3
     return -(-work.left // lanes) * max(work.right, latencies.shortest_pass) + latencies.drain
 

@@ -117,6 +117,7 @@ class Accelerator(wiring.Component):
         """The data path and the status, which ``clear`` resets; registers and outputs, which it does not."""
         m = Module()
         registers = self.registers
+        # 1 at first, so that the design starts in reset even where nobody asserts it.
         reset = Signal(init=1)
         clear = Signal(init=1)
         m.d.sync += [reset.eq(self.i_reset), clear.eq(self.i_reset | registers.o_clear)]
@@ -134,6 +135,7 @@ class Accelerator(wiring.Component):
         m = Module()
         m.submodules.front_end = self._front_end
         m.submodules.matcher = self._matcher
+        # Gated on both sides: a pixel that waits for `enable` must not be taken.
         video, enable = self._front_end.i_video, self.registers.o_enable
         m.d.comb += [
             video.valid.eq(self.i_video.valid & enable),
@@ -181,6 +183,7 @@ class Accelerator(wiring.Component):
         registers = self.registers
         m.d.comb += [
             *(self._front_end.settings[each.name].eq(getattr(registers, f"o_{each.name}")) for each in FRONT_END),
+            # The shell of a live build discards packets itself and needs to see them.
             self._feature_gate.i_enable.eq(registers.o_features_enable | self.live),
             self._match_gate.i_enable.eq(registers.o_matches_enable | self.live),
         ]
@@ -255,6 +258,7 @@ class AcceleratorTop(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Connect ports by name."""
         m = Module()
+        # `Accelerator` has its reset as a port.
         m.domains.sync = ClockDomain(reset_less=True)
         m.submodules.accelerator = inner = self.accelerator
         m.d.comb += [
@@ -272,6 +276,7 @@ class AcceleratorTop(wiring.Component):
             ports = {port: getattr(self, f"m_axis_{name}_{port}") for port in ("tdata", "tkeep", "tlast", "tvalid")}
             m.d.comb += [
                 ports["tdata"].eq(packets.payload.data),
+                # Records are whole words.
                 ports["tkeep"].eq(~0),
                 ports["tlast"].eq(packets.payload.last),
                 ports["tvalid"].eq(packets.valid),

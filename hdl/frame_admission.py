@@ -109,6 +109,7 @@ class FrameAdmission(wiring.Component):
         dropped_line = Signal()
         line_ends, is_last_line = self._count(m, starts, emits, padding, dropped_line)
         frame_ends = line_ends & is_last_line
+        # In memory mode any pixel starts a frame, unless the rest of a refused transfer is being dropped.
         first = Mux(memory, ~refusing, pixel.first)
         waits = self.i.valid & ~self.o_running & self.i_may_start
         refused, stray = waits & first & ~self.i_acceptable, waits & ~first
@@ -118,6 +119,7 @@ class FrameAdmission(wiring.Component):
         reported, dropped = (refused | missed) & may_end, stray & ~missed
         allowed = ~self.i_hold & (may_end | ~frame_ends)
         proceeds = self.i.valid & (memory | ~pixel.first) & self.o_running & ~padding & allowed
+        # Registered, because it decides about admission; hence the two clocks in which the input is too old.
         m.d.sync += may_end.eq(self.i_may_end & ~self.o_end & ~ends)
         m.d.comb += [
             starts.eq(waits & first & self.i_acceptable & allowed),
@@ -143,6 +145,7 @@ class FrameAdmission(wiring.Component):
             m.d.sync += refusing.eq(0)
         with m.Elif(self.i.ready & (refused | dropped)):
             m.d.sync += refusing.eq(~pixel.last)
+        # The stray frame that was reported at once has passed: more of its kind is another one.
         with m.If(dropped_line & is_last_line):
             m.d.sync += owes_status.eq(1)
         with m.If(reported):

@@ -187,6 +187,7 @@ class FrontEnd(wiring.Component):
             threshold.i_detector.eq(active.detector),
             threshold.i_load.eq(load),
             threshold.i_code.eq(self.settings.threshold_code),
+            # Both levels may add a feature in one clock.
             threshold.i_added.eq(sum(level.o_added for level in self.levels)),
             threshold.i_frame_ends.eq(admission.o_end),
             # A bad frame says nothing about the number of features that the scene has.

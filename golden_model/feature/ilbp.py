@@ -81,6 +81,7 @@ class DescriptorPattern:
         if self.angles == 8:
             x, y = SQUARE_RING[angle]
             return radius * x, radius * y
+        # No product lies halfway between two integers, so the way of rounding does not matter.
         angle_rad = 2 * math.pi * angle / self.angles
         return round(radius * math.cos(angle_rad)), round(radius * math.sin(angle_rad))
 
@@ -178,6 +179,7 @@ def gather(
     columns = np.asarray(x, dtype=np.intp)
     rows = np.asarray(y, dtype=np.intp)
     dx, dy = np.array(offsets, dtype=np.intp).T
+    # Checked once for the bounding box of the offsets: `take` would read a pixel of another line instead.
     inside = (
         (columns + dx.min() >= 0) & (columns + dx.max() < width) & (rows + dy.min() >= 0) & (rows + dy.max() < height)
     )

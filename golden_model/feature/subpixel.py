@@ -59,6 +59,7 @@ def refine(
 
 
 def _full_resolution(position: NDArray[np.intp], offset: NDArray[np.int64], level: int) -> NDArray[np.uint16]:
+    # A half-size offset counts twice, so level 1 has positions in steps of 1/8 px.
     fine = POSITION.one * position + offset
     half_px = POSITION.one // 2
     return (fine if level == 0 else 2 * fine + half_px).astype(np.uint16)

@@ -152,6 +152,7 @@ def score(
         raise ValueError(f"positions must be {POSITION} and weights {WEIGHT}, as match records hold them")
     causes = _causes(h, len(x), max_matches)
     gain = np.zeros((len(h), len(x)), dtype=np.int64)
+    # Only for these are the widths bounded.
     scored = causes == 0
     gain[scored] = _gain(h[scored], x, y)
     return Scores(gain @ w, (gain > 0) @ w, causes)
@@ -208,6 +209,7 @@ def _gain(h: NDArray[np.int64], left: NDArray[np.int64], right: NDArray[np.int64
     squared_depth = DEPTH_FACTOR * depth**2
     gain = np.zeros(depth.shape, dtype=np.int64)
     near = squared_error < squared_depth
+    # Rounded up to a whole step, so that a match at the edge of the tolerance still counts.
     gain[near] = LEVELS - (LEVELS * squared_error[near]) // squared_depth[near]
     return gain
 
@@ -223,6 +225,7 @@ def finish_cycles(matches: int, hypotheses: int) -> NDArray[np.int64]:
     for k in range(hypotheses):
         if k:
             start += max(read, MIN_CYCLES)
+        # The pipeline never stalls: the next may start only when a score has left.
         if k >= IN_FLIGHT:
             start = max(start, finished[k - IN_FLIGHT] + 1)
         finished.append(start + read - 1 + LATENCY_CYCLES)

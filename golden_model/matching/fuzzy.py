@@ -198,11 +198,14 @@ class SugenoSystem:
         """
         strengths = self.strengths(*values)
         total = strengths @ self._singletons
+        # The strengths of a product system sum to one: a shift replaces the division.
         if self.conjunction == "product":
             weight = round_shift(total, self.strength_one.bit_length() - 1)
         else:
             fired = np.maximum(strengths.sum(axis=1), 1)
+            # total / fired, with half added to round it.
             weight = (2 * total + fired) // (2 * fired)
+        # `argmax` takes the first of equal ones, so ties go to the lowest rule.
         dominant = strengths.argmax(axis=1)
         return np.minimum(weight, WEIGHT.max_raw).astype(np.uint8), dominant.astype(np.uint8)
 

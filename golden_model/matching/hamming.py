@@ -70,6 +70,7 @@ def mutual_matches(
         return nothing, nothing, zero, zero
     nearest_right = distance.argmin(axis=1)
     nearest_left = distance.argmin(axis=0)
+    # Mutual: the nearest of a left feature's nearest is that feature itself.
     left = np.flatnonzero(nearest_left[nearest_right] == np.arange(len(distance)))
     right = nearest_right[left]
     # Every row and column holds at most one pair, so one copy without the pairs gives the second best of both.

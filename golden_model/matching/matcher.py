@@ -78,6 +78,7 @@ def match(
     matches = pair_features(left_features, right_features, left_index, right_index)
     matches["distance"], matches["margin"] = best, margin
     if pattern.oriented:
+        # 8-bit differences wrap around, which is harmless: 256 is a multiple of the sectors.
         matches["turn"] = (right["sector"] - left["sector"]) % SECTORS
         matches["peak_turn"] = common_orientation(matches["turn"], best, margin, pattern.bits)
 
@@ -88,6 +89,7 @@ def match(
         inputs = (best, margin, circular_distance(matches["turn"], matches["peak_turn"]))
         weight, rule = rule_bases.aerial(pattern.bits).evaluate(*inputs)
     else:
+        # The SAD is symmetric, so both belongings of the rules follow from it.
         sad = correlation.sad(left["window"], right["window"])
         weight, rule = rule_bases.ilbp(pattern.bits).evaluate(best, sad, sad)
     matches["weight"], matches["rule"] = weight, rule
@@ -146,6 +148,7 @@ def common_orientation(
     """
     weight, _ = rule_bases.aerial_orientation(bits).evaluate(distance, margin)
     histogram = np.zeros(SECTORS, dtype=np.int64)
+    # Not `histogram[orientation] +=`, which would count a repeated index once.
     np.add.at(histogram, orientation, weight.astype(np.int64) ** 2)
     return int(np.argmax(4 * histogram + 3 * np.roll(histogram, 1) + 3 * np.roll(histogram, -1)))
 

@@ -76,6 +76,7 @@ def ilbp(bits: int) -> SugenoSystem:
     independent bits; the mean itself (1/2) is entirely high. Match is 1, no match 0, also where no rule fires.
     """
     window_px, good, bad = 9, 6.0, 13.0
+    # The logistic function is .95 at ln(.95 / .05) and .05 at minus that: one slope meets both bounds.
     slope = 2 * math.log(0.95 / 0.05) / ((bad - good) * window_px)
     # From 153 on, 17 gray levels per pixel, the belonging rounds to 0.
     belongs = sigmoid(154, (good + bad) / 2 * window_px, -slope)
@@ -127,6 +128,7 @@ def _complementary(name: str, table: Table, names: tuple[str, str]) -> Variable:
 
 
 def _falling_distance(bits: int, one_until: float, zero_from: float) -> Variable:
+    # The last entry is the first that is entirely high; larger distances read it, too.
     table = ramp(math.ceil(zero_from * bits) + 1, zero_from * bits, one_until * bits)
     return _complementary("distance", table, ("low", "high"))
 

@@ -20,5 +20,6 @@ def halve(gray: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """
     height, width = gray.shape
     even = gray[: height // 2 * 2, : width // 2 * 2]
+    # 16 bits: the sum of four pixels needs ten.
     rows = even[0::2].astype(np.uint16) + even[1::2]
     return ((rows[:, 0::2] + rows[:, 1::2] + 2) >> 2).astype(np.uint8)

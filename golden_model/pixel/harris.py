@@ -83,6 +83,7 @@ def response_code(raw: Plane, threshold: int) -> NDArray[np.uint16]:
     ndarray of uint16, shape (H, W)
         `golden_model.formats.RESPONSE_CODE`.
     """
+    # Compared as codes, like everything that follows, and as the hardware does.
     code = encode_response(np.maximum(raw, 0))
     code[code < encode_response(np.array(threshold))] = 0
     return code

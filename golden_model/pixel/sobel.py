@@ -20,5 +20,6 @@ def gradients(pixels: NDArray[np.uint8]) -> tuple[NDArray[np.int16], NDArray[np.
         Unscaled, `golden_model.formats.GRADIENT`: at most 4 * 255 in magnitude. Unspecified within 1 px of the border
         of the region where ``pixels`` is specified.
     """
+    # Both in one pass over the image, in integers; `cv2.Sobel` would take two.
     gradient_x, gradient_y = cv2.spatialGradient(pixels)
     return np.asarray(gradient_x, dtype=np.int16), np.asarray(gradient_y, dtype=np.int16)

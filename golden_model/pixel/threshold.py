@@ -52,5 +52,6 @@ def next_code(code: int, count: int, target: int, detector: str = "harris") -> i
         A response code, 1 to ``STEPS[detector].max_code``.
     """
     steps = STEPS[detector]
+    # The shift rounds down: one feature too few lowers the threshold, one too many does not raise it yet.
     step = min(max((count - target) >> steps.shift, -steps.max_step), steps.max_step)
     return min(max(code + step, 1), steps.max_code)

@@ -25,6 +25,7 @@ def box_sum(plane: NDArray[np.int32], window_px: int) -> NDArray[np.int32]:
     ndarray of int32, shape (H, W)
         Unspecified within ``window_px // 2`` px of the border of the region where ``plane`` is specified.
     """
+    # Not normalised: a mean would be rounded.
     sums = cv2.boxFilter(plane, cv2.CV_32S, (window_px, window_px), normalize=False)
     return np.asarray(sums, dtype=np.int32)
 

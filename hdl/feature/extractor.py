@@ -101,6 +101,7 @@ class CandidateFeatures(wiring.Component):
         ):
             m.d.comb += target.eq(delayed(m, source, wait_cycles))
         if self.pattern.carries_window:
+            # Ring pixels come one clock after the candidate.
             m.d.comb += feature.window.eq(delayed(m, self._window(), self.latency_cycles - 1))
         # Only the marks are reset: the rest has no effect without them.
         marks = Cat(self.i.present, self.i.valid & self.i.ends_row, self.i.valid & self.i.ends_level)

@@ -71,6 +71,7 @@ class RingWindow(wiring.Component):
                 place = self.lag_px - x
                 pixel = pixels[y, place]
                 if self.pixels_per_clock == 2:
+                    # The left pixel of the beat is one place older.
                     pixel = Mux(self.i_second, pixel, pixels[y, place + 1])
                 m.d.comb += o_pixel.eq(pixel)
         return m

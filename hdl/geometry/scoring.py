@@ -153,6 +153,7 @@ class HomographyScoring(wiring.Component):
         waiting = Signal()
         in_flight = Signal(range(IN_FLIGHT + 1))
         following = Signal.like(address, reset_less=True)
+        # Matches go first: a set that has begun must be complete before a hypothesis reads it.
         may_start = ~waiting & (in_flight != IN_FLIGHT) & ~loading & ~self.i_matches.valid & ~self.i_hold
         m.d.comb += [
             address.eq(following),

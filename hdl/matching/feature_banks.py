@@ -135,8 +135,10 @@ class FeatureBanks(wiring.Component):
         with m.If(self.i.ready):
             m.d.sync += complete.eq(0)
             with m.If(self.i.valid):
+                # From the top: records are little-endian, so the first word ends up lowest.
                 m.d.sync += [record.eq(Cat(record, incoming)[len(incoming) :]), word.eq(word + 1)]
                 with m.If(word == 0):
+                    # The tag is in the first word, and is needed as soon as the last has come.
                     m.d.sync += ends_frame.eq(incoming[self._tag] == Tag.FRAME_STATUS)
                 with m.If(word == self._record_words - 1):
                     m.d.sync += [word.eq(0), complete.eq(1)]
@@ -158,6 +160,7 @@ class FeatureBanks(wiring.Component):
                 m.d.sync += [current.eq(filling), self.o_right_count.eq(status.features), has_current.eq(1)]
                 with m.If(has_current & ~self.i_hold_reference):
                     m.d.sync += [reference.eq(current), filling.eq(reference), self.o_left_count.eq(self.o_right_count)]
+                # The held reference keeps its bank; the frame before is not needed any more.
                 with m.Else():
                     m.d.sync += filling.eq(current)
         return reference, current, filling

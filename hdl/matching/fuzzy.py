@@ -71,6 +71,7 @@ class Sugeno(wiring.Component):
         """Look up the degrees, evaluate one rule per clock, sum, round; a minimum system divides before rounding."""
         m = Module()
         issuing, rule, last = self._rules(m)
+        # Beyond its last entry, a table keeps its last degree.
         indices = [
             delayed(m, Mux(value < variable.entries, value, variable.entries - 1), 1)
             for value, variable in zip(self.i.payload, self.system.inputs, strict=True)
@@ -154,6 +155,7 @@ class Sugeno(wiring.Component):
 
     def _add_up(self, m: Module, valid: Value, rule: Value, strength: Value, term: Value) -> tuple[Signal, Signal]:
         """Sum terms and strengths, and keep the dominant rule (ties to the lowest); cleared after each result."""
+        # The strengths of a product system sum to one; those of a minimum system may all be 1.
         largest = self.system.strength_one * (1 if self._is_product else len(self.system.rules))
         total = Signal(range(largest * MEMBERSHIP.one + 1))
         fired = Signal(range(largest + 1))

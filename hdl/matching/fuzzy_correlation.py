@@ -78,5 +78,6 @@ def scale_constants(factor: Fraction) -> tuple[int, int, int]:
 def _scaled(m: Module, score: Value, factor: Fraction) -> Value:
     """``score * factor`` rounded down; larger scores saturate below `_ENTRIES`, still beyond the tables."""
     limit, multiplier, shift = scale_constants(factor)
+    # Clipped first, which keeps the multiplier narrow.
     clipped = delayed(m, Mux(score < limit, score, limit - 1), 1)
     return delayed(m, clipped * multiplier, 2)[shift:]

@@ -68,6 +68,7 @@ class Distances(wiring.Component):
         """Operand registers, exclusive or, count."""
         m = Module()
         m.submodules.popcount = popcount = self._popcount
+        # One bit per lane; a lane without a left descriptor takes no part.
         left_valid = Signal(self.lanes)
         right_valid = Signal(self.lanes)
         entered = Signal(self.lanes)

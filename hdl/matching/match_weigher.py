@@ -134,6 +134,7 @@ class MatchWeigher(wiring.Component):
             ]
             return 1
         if self.rule_base == "aerial":
+            # The shorter way around the circle.
             ahead, behind = (orientation - peak)[: len(orientation)], (peak - orientation)[: len(orientation)]
             system, cycles = rule_bases.aerial(self.pattern.bits), 1
             values = [distance, margin, Mux(ahead < behind, ahead, behind)]

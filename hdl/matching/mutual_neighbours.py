@@ -87,6 +87,7 @@ class MutualNearestNeighbours(wiring.Component):
             self.o_busy.eq(walking | valid.any() | is_mutual | self.o.valid),
             buffer.i.valid.eq(is_mutual),
             buffer.i.payload.eq(pair),
+            # All ones: there is no second neighbour.
             buffer.i.payload.margin.eq(Mux(second.all(), self.bits, second) - pair.distance),
         ]
         with m.If(self.o_read):

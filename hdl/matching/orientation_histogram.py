@@ -55,6 +55,7 @@ class OrientationHistogram(wiring.Component):
         m.submodules.bins = bins
         read, write = bins.read_port(), bins.write_port()
         step = Signal(range(SECTORS + FIND_CYCLES))
+        # A smoothed bin weighs 4 + 3 + 3 bins.
         height = Signal(range(10 * self._bin[-1] + 1), reset_less=True)
         orientation, weight = self.i.payload.relative_orientation, self.i.payload.weight
         square = delayed(m, weight * weight, SQUARE_CYCLES)

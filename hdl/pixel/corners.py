@@ -60,6 +60,7 @@ class Corners(wiring.Component):
     def __init__(self, *, config: FrontEndConfig, width_px: int, pixels_per_clock: int = 1) -> None:
         self.pixels_per_clock = pixels_per_clock
         rate, k = {"pixels_per_clock": pixels_per_clock}, (config.harris_k_numerator, config.harris_k_shift)
+        # One line memory serves both detectors.
         self._columns = GradientColumns(smoothed=config.smoothed_gradients, width_px=width_px, **rate)
         self._tensor = StructureTensor(window_px=config.tensor_window_px, **rate)
         self._raw_responses = [RawResponse(k_numerator=k[0], k_shift=k[1]) for _ in range(pixels_per_clock)]

@@ -98,6 +98,7 @@ class Fast(wiring.Component):
         )
         darker = pipe.registered(darker, 2)
         settled: Value = Const(0, len(circle))
+        # Nothing yet: the bits are shifted in, the highest first.
         decisive: Value = Cat()
         cycles = 3
         for plane in (*planes, Const(0, len(circle))):

@@ -87,6 +87,7 @@ class GradientColumns(wiring.Component):
         carry_scan(m, sobel.o, lines.i, 0)
         for above, gradient, stored in self._pixelwise(column, sobel.o, lines.i):
             gradients = Cat(gradient.gradient_x, gradient.gradient_y)
+            # Two pixels of 8 bits fit the 22 bits of a gradient.
             pair = delayed(m, Cat(above.column[0], above.column[2]), sobel.latency_cycles)
             m.d.comb += Value.cast(stored.pixel).eq(Mux(self.i_fast, pair, gradients))
 

@@ -45,6 +45,7 @@ class Half(wiring.Component):
         ends_pair: Value = self.i.x[0]
         with m.If(self.i.valid):
             if self.pixels_per_clock == 2:
+                # A beat starts at an even x: it is a pair.
                 m.d.sync += pair.eq(self.i.pixel[0] + self.i.pixel[1])
                 ends_pair = Const(1)
             else:

@@ -61,6 +61,7 @@ class Suppression(wiring.Component):
         self._lines = LineBuffer(shape=CODE, lines=2 * radius_px, width_px=width_px, pixels_per_clock=pixels_per_clock)
         self._column_cycles = (radius_px - 1).bit_length()
         self._run_cycles = len(_run_lengths(2 * radius_px + 1)) - 1
+        # Maxima of columns and of runs; then of both sides, the comparison, the choice.
         self.latency_cycles = self._lines.latency_cycles + self._column_cycles + self._run_cycles + 3
         super().__init__(
             {
@@ -108,6 +109,7 @@ class Suppression(wiring.Component):
         radius = self.radius_px
         centre = line[radius]
         around = [line[radius - 1], line[radius + 1], *up[radius - 1 : radius + 2], *down[radius - 1 : radius + 2]]
+        # Scores of FAST have 8 bits: comparators of the full width are needed for Harris's maxima alone.
         larger = delayed(m, Cat(centre[: PIXEL.bits] > neighbour[: PIXEL.bits] for neighbour in around), 1)
         largest = delayed(m, (centre > before) & (centre >= after), 1)
         survives = Mux(self.i_fast, larger.all(), largest)

@@ -63,6 +63,7 @@ class Binomial(wiring.Component):
         shift = 2 * (self.window_px - 1)
         for total, o_pixel in pixelwise(self.pixels_per_clock, weighted.o.sum, self.o.pixel):
             pixel = Signal(8, reset_less=True)
+            # Keeps its value between beats, which saves power and simulation time.
             with m.If(weighted.o.valid):
                 m.d.sync += pixel.eq((total + (1 << shift >> 1)) >> shift)
             m.d.comb += o_pixel.eq(pixel)

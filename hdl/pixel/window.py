@@ -77,6 +77,7 @@ class LineBuffer(wiring.Component):
         # The oldest line drops out.
         kept_bits = len(Value.cast(lines.i_word)) // count
         kept = (Cat(each)[:kept_bits] for each in each_pixel(column, count))
+        # Addressed by x and not by a counter: a frame that breaks off leaves nothing out of step.
         m.d.comb += [
             lines.i_read_address.eq(self.i.x[count - 1 :]),
             lines.i_read.eq(self.i.valid),
@@ -133,6 +134,7 @@ class Window(wiring.Component):
         m = Module()
         carry_scan(m, self.i, self.o, self.latency_cycles)
         columns = [Signal(self.shape, name=f"column{n}", reset_less=True) for n in range(len(self.o.columns))]
+        # The rightmost pixel of a beat is the newest.
         newest = reversed(each_pixel(self.i.column, self.pixels_per_clock))
         with m.If(self.i.valid):
             m.d.sync += [new.eq(old) for new, old in zip(columns, [*newest, *columns], strict=False)]
@@ -212,6 +214,7 @@ class SeparableSum(wiring.Component):
         self, *, vertical: tuple[int, ...], horizontal: tuple[int, ...], shape: Shape, pixels_per_clock: int = 1
     ) -> None:
         self.pixels_per_clock = pixels_per_clock
+        # Down first: the window then holds one sum per column instead of a column of pixels.
         self._down = [WeightedSum(weights=vertical, shape=shape) for _ in range(pixels_per_clock)]
         column_sum = self._down[0].o_sum.shape()
         self._window = Window(shape=column_sum, columns=len(horizontal), pixels_per_clock=pixels_per_clock)

@@ -42,6 +42,7 @@ class FeatureWords(wiring.Component):
         m.d.comb += [record.tag.eq(Tag.FEATURE), record.level.eq(self.level)]
         m.d.comb += [record[name].eq(feature[name]) for name, _ in feature.shape()]
         word = Signal(range(len(words(record))))
+        # The end of a row takes a single word, whose data means nothing.
         last = self.i.p.ends_row | (word == len(words(record)) - 1)
         m.d.comb += [
             self.o.valid.eq(self.i.valid),

@@ -92,6 +92,7 @@ class CellRows(wiring.Component):
 
     def _walk(self, m: Module, order: memory.ReadPort, bank: Value, requests: stream.Interface) -> None:
         """Request the feature of every taken place of every cell, then the end of the row."""
+        # Set when a row closes, before it is used.
         cell = Signal.like(self.i_cell, reset_less=True)
         place = Signal(range(MAX_PER_CELL))
         next_cell = Signal()

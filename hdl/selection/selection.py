@@ -86,6 +86,7 @@ class CellSelection(wiring.Component):
             self.i_per_cell.eq(settings.per_cell),
             self.i_reserve.eq(scan.o.valid & scan.o.ends_row),
         ]
+        # Registered, to keep the path to admission short; the warning allows for it.
         m.d.sync += hold.eq(self.o_busy & scan.o_row_closes)
         return hold
 
