@@ -216,14 +216,17 @@ PRESETS = {
             levels=1,
             smoothed_gradients=False,
             tensor_window_px=3,
+            # 5/128 is the thesis's 0.04.
             harris_k_numerator=5,
             harris_k_shift=7,
+            # Not the published value, which belongs to another scale of responses.
             threshold=1000,
             suppression_radius_px=1,
             border_px=7,
             selection=False,
             descriptor="thesis-ilbp-4",
         ),
+        # Weights from 1/2 on.
         matcher=MatcherConfig(rule_base="ilbp", keep_above=127),
     ),
 }

@@ -209,6 +209,7 @@ def _timelines(
             counted=counted,
             weighed=weighed,
             matches=tuple(clock + (n == 0) for n, clock in enumerate(firsts)),
+            # Without matches, the gate opens for the status instead.
             matches_end=weighed + 1 + latencies.match_words + latencies.skid_buffer + (not taken),
         )
         idle = weighed + 1 + latencies.match_words

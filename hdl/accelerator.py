@@ -24,7 +24,7 @@ from hdl.settings import FRONT_END, KEEP_ABOVE
 from hdl.streams import WordPayload, fork
 
 MATCHING_SETTINGS = data.StructLayout({KEEP_ABOVE.name: KEEP_ABOVE.bits, "hold_reference": 1, "take_reference": 1})
-"""Settings and request that the matcher obeys; each frame has its own."""
+"""Settings and request of the matcher, which each frame has of its own."""
 ENDED_FRAMES = 4
 """At least as many as can have ended before the matcher takes the first: one in a bank, one in the front end, and a
 status without features in the buffers between them."""
@@ -163,7 +163,7 @@ class Accelerator(wiring.Component):
             ended.r_en.eq(matcher.o_frame_taken),
             matcher.i_keep_above.eq(sampled.keep_above),
             matcher.i_hold_reference.eq(sampled.hold_reference),
-            # A frame that started before the request was obeyed must not obey it again.
+            # A frame that started before the request was granted must not repeat it.
             matcher.i_take_reference.eq(sampled.take_reference & registers.o_take_reference),
             registers.i_take_reference.eq(matcher.o_reference_taken),
         ]

@@ -79,6 +79,7 @@ class Level(wiring.Component):
         self.pixels_per_clock = max(pixels_per_clock >> level, 1)
         rate = {"pixels_per_clock": self.pixels_per_clock}
         self._corners = Corners(config=config, width_px=width_px, **rate)
+        # A window of one pixel passes the gray unchanged: one structure serves all patterns.
         self._smooth = Binomial(window_px=5 if pattern.smoothed else 1, **rate)
         self._rings = RingWindow(pattern=pattern, width_px=width_px, **rate)
         # Corners need lines below the pixel as well as above it, and so does the descriptor: the larger lag decides.

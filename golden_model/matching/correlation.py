@@ -68,6 +68,7 @@ def ncc(left: Windows, right: Windows) -> Scores:
 
     The value is 0 where a window is entirely black. It is never negative, because pixels are not.
     """
+    # Python's integers: the squared product of 38 x 38 px, scaled, exceeds 64 bits.
     product, left_energy, right_energy = (np.asarray(s, dtype=object) for s in _ncc_sums(left, right))
     energy = np.maximum(left_energy * right_energy, 1)
     root = np.frompyfunc(math.isqrt, 1, 1)

@@ -83,5 +83,6 @@ def mutual_matches(
 
 def _words(descriptors: NDArray[np.uint8]) -> NDArray[np.uint64]:
     """(F, B) bytes, padded with zeros, as (ceil(B / 8), F) words."""
+    # Words of 64 bits take an eighth of the operations; padding is equal on both sides and counts nothing.
     padding = -descriptors.shape[1] % _WORD_BYTES
     return np.ascontiguousarray(np.pad(descriptors, ((0, 0), (0, padding))).view(np.uint64).T)

@@ -75,9 +75,9 @@ def test_cells_keep_their_best_in_the_order_of_emission(texture, config):
         cells = {}
         for u, v in zip(x, y, strict=True):
             cells.setdefault((v // settled.cell_px, u // settled.cell_px), []).append((-int(candidates[v, u]), v, u))
-        for (row, column), found in cells.items():
+        for (row, column), ranks in cells.items():
             turn = 3 * (row // 2) + row % 2 if level == 0 else 3 * row + 2
-            keys += [(turn, column, *key, level) for key in sorted(found)[: settled.per_cell]]
+            keys += [(turn, column, *key, level) for key in sorted(ranks)[: settled.per_cell]]
     features = result.result.features
     assert [(-key[2], key[5]) for key in sorted(keys)] == list(
         zip(features["response"].tolist(), features["level"].tolist(), strict=True)
@@ -115,8 +115,8 @@ def test_planes_are_specified_up_to_their_margin(texture, config):
             # Candidates are specified everywhere, but to be 0 within the border.
             margin_px = config.border_px if name == "candidates" else plane.margin_px
             expected = Plane(around[name].values[top : top + height, left : left + width], margin_px).specified
-            found = Plane(plane.values, margin_px).specified
-            np.testing.assert_array_equal(found, expected, err_msg=f"{name}, level {level}")
+            specified = Plane(plane.values, margin_px).specified
+            np.testing.assert_array_equal(specified, expected, err_msg=f"{name}, level {level}")
 
 
 @given(data=st.data())

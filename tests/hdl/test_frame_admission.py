@@ -47,9 +47,9 @@ def admit(pixels, pauses=NO_PAUSES, *, width_px=WIDTH_PX, pixels_per_clock=1, **
         await ctx.tick().repeat(2)
         while waiting or cycle < last_taken + 2 * WIDTH_PX * HEIGHT_PX:
             offered = bool(waiting) and not pauses.gap(cycle)
-            held = pauses.stall(cycle, 1)
+            is_held = pauses.stall(cycle, 1)
             ctx.set(dut.i.valid, offered)
-            ctx.set(dut.i_hold, held)
+            ctx.set(dut.i_hold, is_held)
             ctx.set(dut.i_may_end, not pauses.stall(cycle, 2))
             if offered:
                 data, first, last = waiting[0]
@@ -107,8 +107,8 @@ MISSED = (Cause.MISSING_START, [])
 )
 def test_a_bad_frame_is_reported_once_and_the_next_one_is_clean(bad, cause, pauses):
     before, after = frame(1), frame(2)
-    first, (found, beats), last = admit(before + bad + after, pauses)
-    assert (first, found, last) == (good(before), cause, good(after))
+    first, (reported, beats), last = admit(before + bad + after, pauses)
+    assert (first, reported, last) == (good(before), cause, good(after))
     if cause == Cause.EARLY_END:
         assert beats == early_end(bad)[1]
     else:
@@ -163,7 +163,7 @@ def paired(beats):
 
 
 def two_a_clock(frames):
-    """What comes of the same frames with two pixels a beat."""
+    """Result of the same frames with two pixels per beat."""
     return [
         (cause, [(2 * x, y, (data, data ^ 0xFFFFFF) if data else (0, 0)) for x, y, data in beats])
         for cause, beats in frames
@@ -178,8 +178,8 @@ def test_two_pixels_a_clock_make_half_as_many_beats(width_px, pauses):
     beats = [pixel for one in frames for pixel in one]
     expected = two_a_clock(admit(beats, pauses))
     assert [cause for cause, _ in expected] == [0, Cause.SHORT_LINE, 0, Cause.LONG_LINE, 0]
-    found = admit(paired(beats), pauses, width_px=width_px, pixels_per_clock=2)
-    assert found == expected
+    frames = admit(paired(beats), pauses, width_px=width_px, pixels_per_clock=2)
+    assert frames == expected
 
 
 @pytest.mark.parametrize(("width_px", "closing_x"), [(PAIRED_PX, 6), (PAIRED_PX - 1, 4)])

@@ -38,7 +38,7 @@ class FrontEndBench:
     """A compiled front end after its reset, compared with the golden model on the same frames.
 
     ``config`` of a call replaces the configuration by another one of the same build. ``pair_bits`` is the width of an
-    input that takes two pixels a clock.
+    input that takes two pixels per clock.
     """
 
     def __init__(self, bench, config, pair_bits=0):
@@ -193,7 +193,7 @@ def test_the_last_features_of_the_smallest_frame_are_counted_before_it_ends(conf
 
 @pytest.fixture(scope="module")
 def two_pixels():
-    """Two pixels a clock, up to 4K."""
+    """Two pixels per clock, up to 4K."""
     with compiled(AERIAL, (3840, 2160), video_bits=48) as bench:
         yield FrontEndBench(bench, AERIAL, pair_bits=48)
 

@@ -43,10 +43,10 @@ def test_the_gain_is_the_truncated_quadratic_rounded_up(H):
     assert ((gain - exact)[near] > -0.02).all()
     assert ((gain - exact)[near] < 1.02).all()
     assert (gain[exact == 0] <= 1).all()
-    found = score(quantise(H[np.newaxis]), left, right, weight)
-    assert found.score == gain @ weight
-    assert found.support == weight[gain > 0].sum()
-    assert found.causes == 0
+    result = score(quantise(H[np.newaxis]), left, right, weight)
+    assert result.score == gain @ weight
+    assert result.support == weight[gain > 0].sum()
+    assert result.causes == 0
 
 
 def single(left, right):
@@ -66,9 +66,9 @@ def test_degenerate_hypotheses_have_a_score_like_any_other():
     point = np.array([[0.0, 0, 100], [0, 0, 50], [0, 0, 1]])
     horizon = np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 0]])
     left, right = np.array([[16, 16], [800, 640]]), np.array([[1600, 800], [16, 16]])
-    found = score(quantise(np.stack((point, horizon))), left, right, np.array([7, 9]))
-    assert found.score.tolist() == [7 * LEVELS, 0]
-    assert found.causes.tolist() == [0, 0]
+    result = score(quantise(np.stack((point, horizon))), left, right, np.array([7, 9]))
+    assert result.score.tolist() == [7 * LEVELS, 0]
+    assert result.causes.tolist() == [0, 0]
 
 
 def test_every_width_holds_the_extremes():
@@ -93,12 +93,12 @@ def test_every_width_holds_the_extremes():
 
 
 def test_a_homography_is_scaled_to_its_largest_element():
-    found = quantise(np.stack((SHIFTED, 1e-300 * SHIFTED, -SHIFTED)))
-    np.testing.assert_array_equal(found[0], found[1])
-    assert np.abs(found).max(axis=(1, 2)).tolist() == [2**24 - 1] * 3
+    result = quantise(np.stack((SHIFTED, 1e-300 * SHIFTED, -SHIFTED)))
+    np.testing.assert_array_equal(result[0], result[1])
+    assert np.abs(result).max(axis=(1, 2)).tolist() == [2**24 - 1] * 3
     # Half of an element rounds up, also where it is negative.
-    assert found[0, 0, 2] == np.floor(40 / 4096 * (2**24 - 1) + 0.5)
-    assert found[2, 0, 2] == np.floor(-40 / 4096 * (2**24 - 1) + 0.5)
+    assert result[0, 0, 2] == np.floor(40 / 4096 * (2**24 - 1) + 0.5)
+    assert result[2, 0, 2] == np.floor(-40 / 4096 * (2**24 - 1) + 0.5)
 
 
 @pytest.mark.parametrize(
@@ -120,19 +120,19 @@ def test_hypotheses_out_of_range_have_a_cause_and_no_score():
     good = quantise(SHIFTED[np.newaxis])[0]
     low, high = good.copy(), good.copy()
     low[2, 0], high[0, 0] = scoring.ENTRY.min_raw - 1, scoring.ENTRY.max_raw + 1
-    found = score(np.stack((good, low, high, good >> 2, 0 * good)), left, right, weight)
-    assert found.causes.tolist() == [0, *[Cause.OUT_OF_RANGE] * 2, *[Cause.NOT_NORMALISED] * 2]
-    assert found.score[0] > 0
-    assert not found.score[1:].any()
-    assert not found.support[1:].any()
+    result = score(np.stack((good, low, high, good >> 2, 0 * good)), left, right, weight)
+    assert result.causes.tolist() == [0, *[Cause.OUT_OF_RANGE] * 2, *[Cause.NOT_NORMALISED] * 2]
+    assert result.score[0] > 0
+    assert not result.score[1:].any()
+    assert not result.support[1:].any()
 
 
 def test_sets_of_no_and_of_too_many_matches_have_a_cause():
     left, right, weight = matches(SHIFTED, count=30)
     hypothesis = quantise(SHIFTED[np.newaxis])
     assert score(hypothesis, left[:0], right[:0], weight[:0]).causes == Cause.NO_MATCHES
-    found = score(hypothesis, left, right, weight, max_matches=len(left) - 1)
-    assert (found.causes, found.score) == (Cause.TOO_MANY_MATCHES, 0)
+    result = score(hypothesis, left, right, weight, max_matches=len(left) - 1)
+    assert (result.causes, result.score) == (Cause.TOO_MANY_MATCHES, 0)
 
 
 @pytest.mark.parametrize(

@@ -106,12 +106,12 @@ def test_ncc_decides_between_values_that_a_float_cannot_tell_apart():
 def test_windows_are_the_neighbourhood(size_px):
     image = np.random.default_rng(9).integers(0, 256, (90, 100), dtype=np.uint8)
     x, y = np.array([19, 50, 81]), np.array([19, 40, 71])
-    found = correlation.windows(image, x, y, size_px)
-    assert found.shape == (3, size_px**2)
+    windows = correlation.windows(image, x, y, size_px)
+    assert windows.shape == (3, size_px**2)
     before = size_px // 2
     for n in range(3):
         top, left = y[n] - before, x[n] - before
-        assert (found[n].reshape(size_px, size_px) == image[top : top + size_px, left : left + size_px]).all()
+        assert (windows[n].reshape(size_px, size_px) == image[top : top + size_px, left : left + size_px]).all()
 
 
 def test_fuzzy_inputs_are_scaled_scores_rounded_down():

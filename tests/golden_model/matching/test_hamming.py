@@ -48,8 +48,8 @@ def test_distance_of_complements_is_all_bits():
 @given(hnp.arrays(np.uint8, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.integers(0, 4)))
 def test_matches_ties_and_margins_equal_naive_loops(distance):
     left, right, best, margin = hamming.mutual_matches(distance, bits=8)
-    found = list(zip(left.tolist(), right.tolist(), best.tolist(), margin.tolist(), strict=True))
-    assert found == naive_mutual(distance.tolist(), 8)
+    pairs = list(zip(left.tolist(), right.tolist(), best.tolist(), margin.tolist(), strict=True))
+    assert pairs == naive_mutual(distance.tolist(), 8)
     assert best.dtype == margin.dtype == np.uint16
 
 

@@ -124,11 +124,11 @@ def test_ilbp_rule_base_uses_the_sad_of_the_windows(rings):
     rng = np.random.default_rng(rings)
     left = random_features(rng, 200, pattern)
     matches = matcher.match(
-        left, seen := seen_again(rng, left, pattern, 0), pattern, MatcherConfig(rule_base="ilbp", keep_above=127)
+        left, right := seen_again(rng, left, pattern, 0), pattern, MatcherConfig(rule_base="ilbp", keep_above=127)
     )
     system = rule_bases.ilbp(pattern.bits)
     for match in matches:
-        a, b = left[match["left_index"]], seen[match["right_index"]]
+        a, b = left[match["left_index"]], right[match["right_index"]]
         sad = np.abs(a["window"].astype(int) - b["window"]).sum(keepdims=True)
         weight, rule = system.evaluate(match["distance"][np.newaxis], sad, sad)
         assert (match["weight"], match["rule"]) == (weight.item(), rule.item())

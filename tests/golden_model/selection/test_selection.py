@@ -45,5 +45,5 @@ def test_two_level_0_rows_leave_before_the_level_1_row_that_covers_them(rows):
     level = np.repeat([0, 1], [len(rows[0]), len(rows[1])])
     features = list(zip(level, rows[0] + rows[1], range(level.size), strict=True))
     turns = [turn for j in range(10) for turn in ((0, 2 * j), (0, 2 * j + 1), (1, j))]
-    expected = [index for turn in turns for of_level, row, index in features if (of_level, row) == turn]
+    expected = [index for turn in turns for its_level, row, index in features if (its_level, row) == turn]
     assert emission_order(level, np.array(rows[0] + rows[1], np.intp)).tolist() == expected

@@ -104,10 +104,10 @@ def test_features_equal_the_golden_model(name, spacing_cycles, level, gaps, fram
     sent, received = run_beats(dut, frames, pauses=Pauses(gaps=gaps, seed=1))
     np.testing.assert_array_equal(received.cycles - sent.cycles, dut.latency_cycles)
     for part, frame, (x, y, features) in zip(received.split(), frames, expected, strict=True):
-        found = part.fields["present"] == 1
-        np.testing.assert_array_equal(part.fields["x"][found] - lag_px, x)
-        np.testing.assert_array_equal(part.fields["y"][found] - lag_px, y)
-        np.testing.assert_array_equal(part.fields["column"][found], x)
-        assert part.fields["feature"][found].tolist() == features
+        is_feature = part.fields["present"] == 1
+        np.testing.assert_array_equal(part.fields["x"][is_feature] - lag_px, x)
+        np.testing.assert_array_equal(part.fields["y"][is_feature] - lag_px, y)
+        np.testing.assert_array_equal(part.fields["column"][is_feature], x)
+        assert part.fields["feature"][is_feature].tolist() == features
         for mark in ("ends_row", "ends_level"):
             np.testing.assert_array_equal(part.fields[mark], frame[mark].ravel())

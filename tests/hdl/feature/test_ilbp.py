@@ -92,7 +92,7 @@ def run_descriptor(dut, rings, *, pause_cycles):
         for cycle, values in enumerate(shown.tolist())
     ]
     outputs = run_clocks(dut, inputs, [dut.o_valid, dut.o_sector, dut.o_descriptor])
-    return offered, [(cycle, *found) for cycle, (valid, *found) in enumerate(outputs) if valid]
+    return offered, [(cycle, *outcomes) for cycle, (valid, *outcomes) in enumerate(outputs) if valid]
 
 
 @pytest.mark.parametrize("name", PATTERNS)
@@ -107,10 +107,10 @@ def test_sector_and_descriptor_equal_the_golden_model(name, spacing_cycles, paus
 
     rings = gather(scene, x, y, [offset for ring in pattern.offsets for offset in ring]).T
     dut = RingDescriptor(pattern=pattern, spacing_cycles=spacing_cycles)
-    offered, found = run_descriptor(dut, rings, pause_cycles=pause_cycles)
-    assert [cycle - dut.latency_cycles for cycle, _, _ in found] == offered
-    assert [sector for _, sector, _ in found] == sectors.tolist()
-    assert [value for *_, value in found] == [int.from_bytes(row.tobytes(), "little") for row in descriptors]
+    offered, outcomes = run_descriptor(dut, rings, pause_cycles=pause_cycles)
+    assert [cycle - dut.latency_cycles for cycle, _, _ in outcomes] == offered
+    assert [sector for _, sector, _ in outcomes] == sectors.tolist()
+    assert [value for *_, value in outcomes] == [int.from_bytes(row.tobytes(), "little") for row in descriptors]
 
 
 def test_reset_drops_the_candidates_in_the_pipeline():

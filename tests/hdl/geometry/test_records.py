@@ -77,8 +77,8 @@ def test_kept_matches_score_every_hypothesis(pauses):
     asked = ("i_hypotheses", packet(hypothesis_records(HYPOTHESES)))
     first, second = match_records(), match_records(7, seed=9)
     sets = [("i_matches", packet(records, status(frame=n))) for records, n in ((first, 5), (second, 1 << 31))]
-    found = answers([asked, sets[0], asked, sets[1], asked], pauses=pauses)
-    assert found == refused(Cause.NO_MATCHES) + expected(first, 5) + expected(second, 1 << 31)
+    received = answers([asked, sets[0], asked, sets[1], asked], pauses=pauses)
+    assert received == refused(Cause.NO_MATCHES) + expected(first, 5) + expected(second, 1 << 31)
 
 
 def test_hypotheses_wait_for_a_packet_of_matches_that_is_under_way():
@@ -87,8 +87,8 @@ def test_hypotheses_wait_for_a_packet_of_matches_that_is_under_way():
     records["verdict"][:8] = 0
     dut = RecordScoring(max_matches=32)
     inputs = {"i_matches": packet(records, status(frame=3)), "i_hypotheses": words}
-    found = run_streams(dut, inputs, {"o": 2 * len(HYPOTHESES)})["o"]
-    assert [{"data": word.data, "last": word.last} for word in found] == expected(records, 3)
+    received = run_streams(dut, inputs, {"o": 2 * len(HYPOTHESES)})["o"]
+    assert [{"data": word.data, "last": word.last} for word in received] == expected(records, 3)
 
 
 def test_a_bad_packet_of_matches_leaves_an_empty_set():
@@ -114,16 +114,16 @@ def test_a_broken_hypothesis_is_answered_and_the_next_packet_is_whole():
     wrong = hypothesis_records(HYPOTHESES)
     wrong["tag"][1] = Tag.MATCH
     cut = [*words[:7], {**words[7], "last": 1}]
-    found = answers(
+    received = answers(
         [("i_matches", packet(match_records(), status())), ("i_hypotheses", cut), ("i_hypotheses", packet(wrong)),
          ("i_hypotheses", words)]
     )  # fmt: skip
     scores = expected(match_records())
-    records = np.array([word["data"] for word in found], dtype=np.uint64).view(SCORE.dtype)
+    records = np.array([word["data"] for word in received], dtype=np.uint64).view(SCORE.dtype)
     assert records["causes"].tolist() == [0, Cause.INVALID_RECORD, 0, Cause.INVALID_RECORD, 0, 0, 0, 0]
     assert records["score"][[1, 3]].tolist() == [0, 0]
-    assert found[3]["last"] == 1
-    assert found[-len(scores) :] == scores
+    assert received[3]["last"] == 1
+    assert received[-len(scores) :] == scores
 
 
 def test_a_memory_that_is_too_small_is_a_cause():

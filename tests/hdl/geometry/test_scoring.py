@@ -76,9 +76,9 @@ async def answer(ctx, bench, hypothesis):
     return payload.score, payload.support, payload.causes
 
 
-def assert_equal(found, expected):
+def assert_equal(results, expected):
     for name in ("score", "support", "causes"):
-        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name), err_msg=name)
+        np.testing.assert_array_equal(getattr(results, name), getattr(expected, name), err_msg=name)
 
 
 @pytest.mark.parametrize("pauses", [NO_PAUSES, PAUSES], ids=["free", "pauses"])
@@ -101,9 +101,9 @@ def test_extremes_equal_the_golden_model():
 def test_hypotheses_wait_for_a_set_that_begins_with_them():
     given, hypotheses = matches(5), near_truth(2)
     inputs = {"i_matches": set_of_matches(*given), "i_hypotheses": hypothesis_payloads(hypotheses)}
-    found = run_streams(HomographyScoring(max_matches=8), inputs, {"o": 2})["o"]
-    assert [each.score for each in found] == score(hypotheses, *given).score.tolist()
-    assert [(each.number, each.last) for each in found] == [(0, 0), (1, 1)]
+    results = run_streams(HomographyScoring(max_matches=8), inputs, {"o": 2})["o"]
+    assert [each.score for each in results] == score(hypotheses, *given).score.tolist()
+    assert [(each.number, each.last) for each in results] == [(0, 0), (1, 1)]
 
 
 def test_sets_follow_each_other_without_a_trace():
@@ -112,19 +112,19 @@ def test_sets_follow_each_other_without_a_trace():
     hypotheses = near_truth(3)
     counts = (5, 13, 0, 12, 1, 2)
     sets = [matches(count, seed) for seed, count in enumerate(counts)]
-    found = []
+    results = []
 
     async def run(ctx):
-        found.append([await answer(ctx, bench, h) for h in hypotheses])
+        results.append([await answer(ctx, bench, h) for h in hypotheses])
         for given in sets:
             for payload in set_of_matches(*given):
                 await bench.stream_put(ctx, dut.i_matches, payload)
-            found.append([await answer(ctx, bench, h) for h in hypotheses])
+            results.append([await answer(ctx, bench, h) for h in hypotheses])
 
     bench = BlockBench(dut, cycle_limit=2000, pauses=Pauses(gaps=60, stalls=60, seed=2))
     bench.run(run)
     empty = [array[:0] for array in sets[0]]
-    for given, answers in zip([empty, *sets], found, strict=True):
+    for given, answers in zip([empty, *sets], results, strict=True):
         expected = score(hypotheses, *given, max_matches=12)
         assert_equal(golden.Scores(*np.array(answers).T), expected)
 
@@ -133,18 +133,18 @@ def test_every_score_comes_in_the_predicted_clock():
     """With so many matches that hypotheses overlap, just so many, and with few, one and none."""
     dut = HomographyScoring(max_matches=64)
     counts, hypotheses = (40, 25, 24, 7, 1, 0), 6
-    found = []
+    results = []
 
     async def run(ctx):
         for count in counts:
             for payload in set_of_matches(*matches(count)):
                 await bench.stream_put(ctx, dut.i_matches, payload)
             scores = await time_scores(ctx, dut, near_truth(hypotheses))
-            found.append([clock for clock, _ in scores])
+            results.append([clock for clock, _ in scores])
 
     bench = BlockBench(dut, cycle_limit=2000)
     bench.run(run)
-    assert found == [finish_cycles(count, hypotheses).tolist() for count in counts]
+    assert results == [finish_cycles(count, hypotheses).tolist() for count in counts]
 
 
 def test_the_model_of_time_knows_the_block():
@@ -156,16 +156,16 @@ def test_reset_in_any_phase_leaves_nothing_behind():
     """While a set is loaded or read, or scores are on their way or wait; afterwards there is no set."""
     dut = HomographyScoring(max_matches=16)
     given, hypotheses = matches(9), near_truth(3)
-    phases, found = (1, 5, 9, 11, 13, 20, 33, 40, 46), []
+    phases, results = (1, 5, 9, 11, 13, 20, 33, 40, 46), []
 
     async def run(ctx):
         for phase in phases:
             await disturb(ctx, phase)
             await bench.pulse(ctx, bench.reset)
-            found.append(await answers(ctx))
+            results.append(await answers(ctx))
             for payload in set_of_matches(*given):
                 await bench.stream_put(ctx, dut.i_matches, payload)
-            found.append(await answers(ctx))
+            results.append(await answers(ctx))
 
     async def disturb(ctx, phase):
         await bench.pulse(ctx, bench.reset)
@@ -185,7 +185,7 @@ def test_reset_in_any_phase_leaves_nothing_behind():
     bench = BlockBench(dut, cycle_limit=5000)
     bench.run(run)
     empty = [array[:0] for array in given]
-    for matches_of, answered in zip((empty, given) * len(phases), found, strict=True):
+    for matches_of, answered in zip((empty, given) * len(phases), results, strict=True):
         assert_equal(golden.Scores(*np.array(answered).T), score(hypotheses, *matches_of))
 
 

@@ -120,9 +120,9 @@ def test_gradient_columns_equal_the_golden_model(gray_frames, run_block, smoothe
             field, lag_px = "gradients", dut.gradient_lag_px
             x, y = (plane.astype(int) & (1 << GRADIENT.bits) - 1 for plane in gradients(frame, smoothed))
             expected = columns(x | y << GRADIENT.bits, TENSOR_LINES)
-        found = part.plane(field, frame.shape, lag_px=lag_px)
+        plane_values = part.plane(field, frame.shape, lag_px=lag_px)
         inside = (slice(7, len(frame) - lag_px - 1), slice(2, frame.shape[1] - lag_px - 1))
-        np.testing.assert_array_equal(found[inside], expected[inside])
+        np.testing.assert_array_equal(plane_values[inside], expected[inside])
 
 
 @pytest.mark.parametrize(("k_numerator", "k_shift"), [(1, 4), (5, 7), (11, 6), (0, 0)])

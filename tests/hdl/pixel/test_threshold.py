@@ -21,7 +21,7 @@ def test_threshold_follows_the_golden_model(detector, start_code):
     rng = random.Random(start_code)
     frames = [(rng.choice([0, 5, 150, 299, 310]), rng.random() < 0.8) for _ in range(12)]
     bench = BlockBench(dut)
-    seen = []
+    codes = []
 
     async def testbench(ctx):
         ctx.set(dut.i_detector, DETECTORS.index(detector))
@@ -39,7 +39,7 @@ def test_threshold_follows_the_golden_model(detector, start_code):
             ctx.set(dut.i_added, 0)
             await ctx.tick().repeat(dut.latency_cycles - 1)
             await bench.pulse(ctx, dut.i_frame_ends)
-            seen.append(ctx.get(dut.o_code))
+            codes.append(ctx.get(dut.o_code))
 
     bench.run(testbench)
     expected, code = [], start_code
@@ -47,5 +47,5 @@ def test_threshold_follows_the_golden_model(detector, start_code):
         if adapt:
             code = next_code(code, min(features, MAX_FEATURES), 150, detector)
         expected.append(code)
-    assert seen == expected
-    assert len(set(seen)) > 2
+    assert codes == expected
+    assert len(set(codes)) > 2

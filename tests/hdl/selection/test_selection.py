@@ -13,7 +13,7 @@ from sim.simulators.recording import Pauses
 PATTERN = PATTERNS["thesis-ilbp-1"]
 WIDTH_PX, HEIGHT_PX = 200, 150
 SPACING_PX = 2
-"""Of candidates in a line; with two pixels a clock they follow each other in every clock."""
+"""Distance of candidates in a line; with two pixels per clock they may come in every clock."""
 FLIGHT_CYCLES = 5
 """Clocks from frame admission to the selection."""
 CYCLE_LIMIT = 60_000
