@@ -65,3 +65,9 @@ def check_block(run_block: Callable[..., list[Beats]]) -> Callable[..., None]:
                 np.testing.assert_array_equal(actual[inside], plane[inside], f"{field} of frame {number}")
 
     return check
+
+
+@pytest.fixture(params=[1, 2], ids=["one_pixel", "two_pixels"])
+def rate(request: pytest.FixtureRequest) -> dict[str, int]:
+    """Parameters of a block: pixels of a beat."""
+    return {"pixels_per_clock": request.param}

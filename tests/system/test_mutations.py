@@ -35,11 +35,11 @@ MUTATIONS = {
     ),
     "rounding of the smoothing": (
         "hdl/pixel/smooth.py", "(1 << shift >> 1)", "(1 << shift >> 2)",
-        "tests/hdl/pixel/test_pixel_blocks.py::test_binomial_equals_the_golden_model",
+        "tests/hdl/pixel/test_smooth.py::test_binomial_equals_the_golden_model",
     ),
     "shift of Harris": (
         "hdl/pixel/harris.py", "scaled >> self.k_shift)", "scaled >> self.k_shift + 1)",
-        "tests/hdl/pixel/test_pixel_blocks.py::test_raw_response_equals_the_golden_model",
+        "tests/hdl/pixel/test_harris.py::test_raw_response_equals_the_golden_model",
     ),
     "equal pixels in a descriptor": (
         "hdl/feature/ilbp.py", "rings[a][n] >= rings[b]", "rings[a][n] > rings[b]",

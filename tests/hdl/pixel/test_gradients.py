@@ -1,0 +1,32 @@
+"""Columns of gradients, or of pixels for FAST, equal the golden model."""
+
+import numpy as np
+import pytest
+
+from golden_model.config import DETECTORS
+from golden_model.formats import GRADIENT
+from hdl.pixel.fast import WINDOW_PX
+from hdl.pixel.gradients import GradientColumns
+from hdl.pixel.harris import TENSOR_LINES
+from tests.hdl.pixel.columns import columns, gradients
+
+WIDTH_PX = 24
+
+
+@pytest.mark.parametrize("smoothed", [False, True])
+@pytest.mark.parametrize("detector", DETECTORS)
+def test_gradient_columns_equal_the_golden_model(gray_frames, run_block, smoothed, detector, rate):
+    dut = GradientColumns(smoothed=smoothed, width_px=WIDTH_PX, **rate)
+    frames = [gray_frames[0], gray_frames[-1]]
+    sent = [{"column": columns(frame, 3)} for frame in frames]
+    parts = run_block(dut, sent, {"i_fast": DETECTORS.index(detector)})
+    for part, frame in zip(parts, frames, strict=True):
+        if detector == "fast":
+            field, lag_px, expected = "pixels", dut.pixel_lag_px, columns(frame, WINDOW_PX)
+        else:
+            field, lag_px = "gradients", dut.gradient_lag_px
+            x, y = (plane.astype(int) & (1 << GRADIENT.bits) - 1 for plane in gradients(frame, smoothed))
+            expected = columns(x | y << GRADIENT.bits, TENSOR_LINES)
+        plane_values = part.plane(field, frame.shape, lag_px=lag_px)
+        inside = (slice(7, len(frame) - lag_px - 1), slice(2, frame.shape[1] - lag_px - 1))
+        np.testing.assert_array_equal(plane_values[inside], expected[inside])

@@ -1,0 +1,43 @@
+# amaranth: UnusedElaboratable=no
+"""Non-maximum suppression equals the golden model."""
+
+import numpy as np
+import pytest
+
+from golden_model.config import DETECTORS
+from golden_model.pixel import nms
+from hdl.pixel.nms import Suppression
+
+WIDTH_PX = 24
+
+
+@pytest.mark.parametrize("radius_px", [1, 3])
+@pytest.mark.parametrize("detector", DETECTORS)
+def test_suppression_equals_the_golden_model(check_block, radius_px, detector, rate):
+    rng = np.random.default_rng(6)
+    shape = (19, 23)
+    twins = np.zeros(shape, int)
+    twins[9, [11, 12]] = twins[10, 10] = 9
+    is_fast = detector == "fast"
+    largest = 255 if is_fast else 1 << 15
+    codes = [*(rng.integers(0, high, shape) for high in (2, 6, largest)), np.full(shape, 7), twins]
+    rule = (1, "lose") if is_fast else (radius_px, "first")
+    survivors = [nms.suppress(frame.astype(np.uint16), *rule) for frame in codes]
+    assert sum(map(np.count_nonzero, survivors)) >= 20
+    expected = {
+        "code": survivors,
+        "left": [np.roll(frame, 1, axis=1) for frame in codes],
+        "right": [np.roll(frame, -1, axis=1) for frame in codes],
+        "up": [np.roll(frame, 1, axis=0) for frame in codes],
+        "down": [np.roll(frame, -1, axis=0) for frame in codes],
+    }
+    # At most one of two neighbours survives, whatever their ties: a beat of two pixels holds one corner.
+    assert not any((plane[:, 1:] & plane[:, :-1]).any() for plane in (frame > 0 for frame in survivors))
+    dut = Suppression(radius_px=radius_px, width_px=WIDTH_PX, **rate)
+    settings = {"i_fast": int(is_fast)}
+    check_block(dut, [{"code": frame} for frame in codes], expected, margin_px=radius_px, settings=settings)
+
+
+def test_impossible_parameters_are_named():
+    with pytest.raises(ValueError, match="radius_px is 2"):
+        Suppression(radius_px=2, width_px=64)
