@@ -59,29 +59,13 @@ class Parcel:
 class Box:
     """A building or car: centre, size along and across its axis, direction, eaves height, kind, random number."""
 
-    x: float
-    y: float
+    centre: Points
     length_px: float
     width_px: float
     angle_rad: float
     height_px: float
     kind: str
     variety: int
-
-    @classmethod
-    def at(
-        cls,
-        centre: Points,
-        size_px: tuple[float, float],
-        angle_rad: float,
-        height_px: float,
-        kind: str,
-        *,
-        variety: int,
-    ) -> Box:
-        """A box around ``centre``, shape (2,); ``size_px`` is along and across its axis."""
-        x, y = centre.tolist()
-        return cls(x, y, *size_px, angle_rad, height_px, kind, variety)
 
 
 @dataclass(frozen=True)
@@ -248,17 +232,15 @@ def _build_homestead(land: _Land, rng: np.random.Generator, roads: list[Road]) -
     u, v = rng.uniform(0.4, 0.6, 2)
     house, gate = land.at([u, u + rng.uniform(-0.2, 0.2)], [v, rng.choice([0.0, 1.0])])
     length, width, eaves, look = rng.uniform(62, 96), rng.uniform(46, 64), rng.uniform(18, 28), _draw_number(rng)
-    boxes = [Box.at(house, (length, width), angle, eaves, "house", variety=look)]
+    boxes = [Box(house, length, width, angle, eaves, "house", look)]
     if rng.random() < 0.5:
         along, aside = length * rng.uniform(-0.3, 0.3), width * rng.choice([-0.5, 0.5])
         axis, normal = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
         wing = house + along * axis + aside * normal
-        boxes.append(Box.at(wing, (width * 0.9, length * 0.42), angle + np.pi / 2, eaves - 2, "house", variety=look))
+        boxes.append(Box(wing, width * 0.9, length * 0.42, angle + np.pi / 2, eaves - 2, "house", look))
     if rng.random() < 0.6:
         shed = land.at(rng.choice([0.14, 0.86]), rng.uniform(0.15, 0.85))[0]
-        boxes.append(
-            Box.at(shed, (rng.uniform(20, 34), rng.uniform(16, 24)), angle, 13, "shed", variety=_draw_number(rng))
-        )
+        boxes.append(Box(shed, rng.uniform(20, 34), rng.uniform(16, 24), angle, 13, "shed", _draw_number(rng)))
     roads.append(Road(_join(np.array([house, gate]), roads), _choose(rng, DRIVE_SHARES)))
     drive_angle = np.arctan2(*(gate - house)[::-1])
     cars = rng.permutation([0.62, 0.95])[: rng.integers(0, 3)]
@@ -271,16 +253,16 @@ def _build_farmyard(land: _Land, rng: np.random.Generator) -> list[Box]:
     boxes = []
     for v in (0.22, 0.78):
         barn, size = land.at(rng.uniform(0.42, 0.58), v)[0], (rng.uniform(90, 150), min(70, width_px * 0.36))
-        boxes.append(Box.at(barn, size, land.angle_rad, rng.uniform(24, 32), "barn", variety=_draw_number(rng)))
+        boxes.append(Box(barn, *size, land.angle_rad, rng.uniform(24, 32), "barn", _draw_number(rng)))
     parked = np.flatnonzero(rng.random(7) < 0.6) * 0.13 + 0.1
     places = land.at(parked, np.full_like(parked, 0.5))
     return boxes + [_park_car(place, land.angle_rad + np.pi / 2, rng) for place in places]
 
 
 def _park_car(place: Points, angle: float, rng: np.random.Generator) -> Box:
-    x, y = place + rng.normal(0, 1.5, 2)
+    centre = place + rng.normal(0, 1.5, 2)
     angle += rng.choice([0, np.pi]) + rng.normal(0, 0.05)
-    return Box(x, y, rng.uniform(27, 32), 13, angle, 9, "car", _draw_number(rng))
+    return Box(centre, rng.uniform(27, 32), 13, angle, 9, "car", _draw_number(rng))
 
 
 def _scatter_plants(land: _Land, use: str, rng: np.random.Generator) -> NDArray[np.float64]:

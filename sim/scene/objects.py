@@ -32,10 +32,11 @@ _DARK_LEAVES, _BRIGHT_LEAVES = bgr(60, 76, 44), bgr(116, 124, 68)
 def paint_boxes(canvas: Canvas, boxes: Sequence[Box]) -> None:
     """Buildings and cars: a rotated rectangle each, with its roof in the relief."""
     for box in boxes:
-        window = canvas.window(box.x, box.y, 0.5 * np.hypot(box.length_px, box.width_px) + 2)
+        x, y = box.centre.tolist()
+        window = canvas.window(x, y, 0.5 * np.hypot(box.length_px, box.width_px) + 2)
         if window is None:
             continue
-        across, down = canvas.offsets(window, box.x, box.y)
+        across, down = canvas.offsets(window, x, y)
         cos, sin = np.float32(np.cos(box.angle_rad)), np.float32(np.sin(box.angle_rad))
         u, v = across * cos + down * sin, down * cos - across * sin
         inside = np.minimum(box.length_px / 2 - np.abs(u), box.width_px / 2 - np.abs(v))
