@@ -98,16 +98,12 @@ def estimate_tones(thumbnails: Sequence[Layer], levels: Levels = Levels()) -> li
     explained = design @ logs + (overlaps.falloff @ falloff)[:, None]
     light = estimate_light(overlaps, overlaps.difference - explained, number)
     joined = np.unique(np.concatenate((overlaps.i, overlaps.j))).tolist()
-    tones = [NEUTRAL] * number
-    for index in joined:
-        own = None if light is None else light[index]
-        gain = tuple(np.exp(logs[index]).tolist())
-        tones[index] = Tone(gain, (float(falloff[0]), float(falloff[1])), levels.black, own)
-    if joined:
-        together = _anchor([thumbnails[index] for index in joined], [tones[index] for index in joined])
-        for index, tone in zip(joined, together, strict=True):
-            tones[index] = tone
-    return tones
+    if not joined:
+        return [NEUTRAL] * number
+    gains, common = np.exp(logs).tolist(), (float(falloff[0]), float(falloff[1]))
+    tones = [Tone(tuple(gains[k]), common, levels.black, None if light is None else light[k]) for k in joined]
+    anchored = dict(zip(joined, _anchor([thumbnails[k] for k in joined], tones), strict=True))
+    return [anchored.get(k, NEUTRAL) for k in range(number)]
 
 
 def measure_toned_range(
