@@ -163,6 +163,7 @@ def _fit_exposure(overlaps: Overlaps, design: sparse.csr_array) -> tuple[Array, 
     """Logarithmic exposure of each photograph, and the lens falloff where it explains held-out overlaps."""
     difference, number = overlaps.difference.mean(axis=1), design.shape[1]
     with_falloff = sparse.hstack((design, sparse.csr_array(overlaps.falloff)), format="csr")
+    # Every second pair is held out, so that both halves cover the whole flight.
     odd = overlaps.pair % 2 == 1
     if odd.any() and not odd.all():
         plain, reduced = (

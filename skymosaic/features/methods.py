@@ -102,6 +102,7 @@ def choose_method(config: Config, detector: str | None = None, descriptor: str |
         except ValueError as error:
             raise InputError(str(error)) from None
     else:
+        # Rule bases are made for the bits and regions of ILBP.
         config = dataclasses.replace(config, matcher=dataclasses.replace(config.matcher, rule_base="none"))
     method = Method(detector, descriptor)
     return method, dataclasses.replace(config, front_end=_front_end(config, method))

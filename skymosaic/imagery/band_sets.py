@@ -131,6 +131,7 @@ def _parse_name(path: Path) -> tuple[_Capture, str] | None:
     """The capture and the band of a file; None without a band in its name."""
     if named := _NAMED.fullmatch(path.stem):
         return (path.parent, named[1]), _NAMES[named[2].upper()]
+    # Cameras write bands as TIFF; other numbered files are photographs.
     numbered = _NUMBERED.fullmatch(path.stem) if path.suffix.lower() in (".tif", ".tiff") else None
     return ((path.parent, numbered[1]), str(int(numbered[2]))) if numbered else None
 

@@ -49,6 +49,7 @@ class Pyramid:
     @property
     def top(self) -> int:
         """The deepest zoom at which one tile shows everything."""
+        # Each zoom halves the indices; once their differing bits are gone, first and last tile are one.
         apart = max(a ^ b for a, b in zip(self.first, self.last, strict=True))
         return self.zoom - apart.bit_length()
 
@@ -102,6 +103,7 @@ def _plan_pyramid(file: Any) -> Pyramid:
         return Pyramid(False, (max(columns, rows) - 1).bit_length(), (0, 0), (columns - 1, rows - 1))
     left, bottom, right, top = import_rasterio().warp.transform_bounds(file.crs, _MERCATOR, *file.bounds)
     finest_m = math.sqrt((right - left) * (top - bottom) / (file.width * file.height))
+    # The nearest zoom on a logarithmic scale.
     zoom = min(max(math.ceil(math.log2(_resolution_m(0) / finest_m) - 0.5), 0), MAX_ZOOM)
     side_m = TILE_PX * _resolution_m(zoom)
     west, east = math.floor((left + _HALF_WORLD_M) / side_m), math.ceil((right + _HALF_WORLD_M) / side_m)
