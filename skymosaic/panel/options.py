@@ -61,7 +61,7 @@ class Options(MosaicOptions):
 
     @classmethod
     def of_preset(cls, preset: str) -> Options:
-        """The options of a preset."""
+        """Options with the values of a preset."""
         config = preset_config(preset)
         detector = config.front_end.detector
         return cls(
@@ -73,7 +73,7 @@ class Options(MosaicOptions):
         )
 
     def changed(self, name: str, value: Any) -> Options:
-        """These options with one of them changed; a new preset resets all others, a new detector the slider."""
+        """A copy with one option changed; a new preset resets all others, a new detector the slider."""
         if name == "preset":
             return Options.of_preset(value)
         change: dict[str, Any] = {name: None if value == AUTOMATIC else value}
@@ -83,7 +83,7 @@ class Options(MosaicOptions):
         return changed
 
     def shown(self, name: str) -> Any:
-        """The value of an option as the page offers it."""
+        """The value of an option as the page shows it."""
         value = getattr(self, name)
         return AUTOMATIC if name == "blending" and value is None else value
 
