@@ -1,10 +1,8 @@
 """What flights survive: rendered flights with one nuisance each, in three strengths, against their true homographies.
 
-    python bench/nuisances.py [NAME ...] [--pictures DIR]
-
 Each flight has ten photographs of 800×600 px (75 % forward, 60 % side overlap where nothing else is said). The error is
-the median distance, over the overlap of each two neighbouring photographs that were placed, between where the mosaic
-and where the truth puts a point of the first in the second; the largest of these medians is told, too.
+the median distance, over the overlap of two neighbouring photographs that were placed, between where the mosaic and
+where the truth puts a point of the first in the second: the median of all neighbours, and in brackets the largest.
 """
 
 from __future__ import annotations
@@ -20,8 +18,9 @@ import numpy as np
 import typer
 from rich.console import Console
 from rich.progress import track
-from rich.table import Table
 
+from bench.rendered_flights import grid_over
+from bench.report import JsonFile, Row, report
 from golden_model.arrays import Array
 from sim.scene import Flight, make_lawnmower
 from skymosaic.errors import RegistrationError
@@ -31,7 +30,7 @@ from skymosaic.mosaicking.api import mosaic
 SIZE_PX = (800, 600)
 SEED = 11
 IMAGES = 10
-LEAST_OVERLAP = 0.1
+MIN_OVERLAP = 0.1
 THERMAL_BASE, THERMAL_NOISE = 7400, 3
 """Raw numbers of an uncooled thermal camera at ground temperature."""
 
@@ -70,7 +69,9 @@ def _light(**changes: Callable[[int, float], float]) -> Render:
 
     def render(strength: float) -> Flight:
         flight = make_lawnmower(SEED, IMAGES, SIZE_PX)
-        settings = [{name: of(number, strength) for name, of in changes.items()} for number in range(IMAGES)]
+        settings: list[dict[str, Any]] = [
+            {name: of(number, strength) for name, of in changes.items()} for number in range(IMAGES)
+        ]
         changed = (replace(light, **one) for light, one in zip(flight.photometries, settings, strict=True))
         return replace(flight, photometries=tuple(changed))
 
@@ -113,16 +114,6 @@ def overlay(picture: Picture, number: int, lines: float) -> Picture:
     return shown
 
 
-def vehicles(picture: Picture, number: int, count: float) -> Picture:
-    """Rectangles that move between the pictures."""
-    shown, rng = picture.copy(), np.random.default_rng(5)
-    for _ in range(int(count)):
-        (x, y), velocity = rng.uniform(0, 1, 2) * SIZE_PX, rng.uniform(-60, 60)
-        x, y = round((x + velocity * number) % SIZE_PX[0]), round(y)
-        cv2.rectangle(shown, (x, y), (x + 26, y + 12), rng.integers(0, 256, 3).tolist(), -1)
-    return shown
-
-
 def rolling_shutter(picture: Picture, number: int, shear_px: float) -> Picture:
     """Lines shifted sideways while they are read: a shear that differs between pictures."""
     y, x = np.indices(picture.shape[:2], dtype=np.float32)
@@ -139,16 +130,10 @@ def water(picture: Picture, number: int, share: float) -> Picture:
     return shown
 
 
-def _stops(number: int, stops: float) -> float:
-    """A gain that alternates between 1 and some stops less."""
-    return 2.0 ** (-stops * (number % 2))
-
-
 NUISANCES = {
     "dark, with noise": Nuisance(
         (0.3, 0.15, 0.07), "gain", _light(gain=lambda _, gain: gain, noise_sigma=lambda _n, _g: 4.0)
     ),
-    "exposure jumps": Nuisance((1, 2, 3), "stops", _light(gain=_stops)),
     "haze": Nuisance((0.5, 0.25, 0.1), "contrast left", change=haze),
     "every third blurred": Nuisance(
         (1.5, 3, 5), "sigma, px", _light(blur_sigma_px=lambda number, sigma: sigma if number % 3 == 1 else 0.5)
@@ -160,9 +145,6 @@ NUISANCES = {
         "forward and side",
         lambda overlap: make_lawnmower(SEED, IMAGES, SIZE_PX, forward_overlap=overlap, side_overlap=overlap),
     ),
-    "any heading": Nuisance(
-        (30, 77, 180), "degrees between photographs", _poses(heading_deg=lambda old, number, turn: old + number * turn)
-    ),
     "two heights": Nuisance(
         (1.5, 3, 5), "ratio", _poses(altitude_px=lambda old, number, ratio: old * (ratio if number % 2 else 1))
     ),
@@ -170,29 +152,26 @@ NUISANCES = {
     "lens": Nuisance((-0.1, -0.25, -0.35), "k1", lambda k1: make_lawnmower(SEED, IMAGES + 4, SIZE_PX, k1=k1)),
     "rolling shutter": Nuisance((2, 6, 12), "shear, px", change=rolling_shutter),
     "text burned in": Nuisance((2, 6, 12), "lines", change=overlay),
-    "vehicles": Nuisance((25, 100, 300), "count", change=vehicles),
     "water": Nuisance((0.3, 0.5, 0.7), "share of the picture", change=water),
 }
 
 
-def errors_px(flight: Flight, transforms: dict[int, Array]) -> list[float]:
-    """The median error of each two neighbours that were placed and overlap."""
-    x, y = (np.linspace(0, side - 1, 9) for side in SIZE_PX)
-    grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    found = []
-    for left in range(len(flight.poses) - 1):
-        right = left + 1
-        if not {left, right} <= transforms.keys() or flight.overlap_between(left, right) < LEAST_OVERLAP:
-            continue
-        true = apply(flight.homography_between(left, right), grid)
-        seen = ((true >= 0) & (true < SIZE_PX)).all(axis=1)
-        between = np.linalg.inv(transforms[right]) @ transforms[left]
-        found.append(float(np.median(np.linalg.norm(apply(between, grid[seen]) - true[seen], axis=1))))
-    return found
+def nuisances(
+    names: Annotated[list[str] | None, typer.Argument(help=f"Of: {', '.join(NUISANCES)}.")] = None,
+    json_file: JsonFile = None,
+) -> None:
+    """What flights survive, from darkness to water; those measured replace their rows in the file."""
+    rows: list[Row] = []
+    for name in track(names or list(NUISANCES), console=Console(stderr=True)):
+        nuisance = NUISANCES[name]
+        outcomes = [measure(nuisance, strength) for strength in nuisance.strengths]
+        strengths = f"{', '.join(map(str, nuisance.strengths))} ({nuisance.meaning})"
+        rows.append({"nuisance": name, "strengths": strengths, "error, px": " · ".join(outcomes)})
+    report("rendered flights of ten photographs", rows, json_file, keep_others=bool(names))
 
 
-def measured(nuisance: Nuisance, strength: float, picture: Path | None) -> tuple[str, str]:
-    """How many photographs are placed, and the errors, as the table shows them."""
+def measure(nuisance: Nuisance, strength: float) -> str:
+    """The error of a flight, and how many photographs were placed where some were not."""
     flight = nuisance.flight(strength)
     with tempfile.TemporaryDirectory() as folder:
         suffix, quality = (".jpg", [cv2.IMWRITE_JPEG_QUALITY, int(strength)]) if nuisance.jpeg else (".tif", [])
@@ -202,29 +181,22 @@ def measured(nuisance: Nuisance, strength: float, picture: Path | None) -> tuple
         try:
             result = mosaic([folder])
         except RegistrationError:
-            return f"0 of {len(flight.poses)}", ""
-    if picture:
-        cv2.imwrite(str(picture), cv2.convertScaleAbs(result.image, alpha=255 / result.image.max()))
-    errors = errors_px(flight, result.transforms)
-    placed = f"{len(result.placed)} of {len(flight.poses)}"
-    return placed, f"{np.median(errors):.2f} ({max(errors):.2f})" if errors else ""
+            return f"0 of {IMAGES}"
+    errors = neighbour_errors_px(flight, result.transforms)
+    missing = f", {len(result.placed)} of {len(flight.poses)}" if len(result.placed) < len(flight.poses) else ""
+    return f"{np.median(errors):.2f} ({max(errors):.2f}){missing}"
 
 
-def main(
-    names: Annotated[list[str] | None, typer.Argument(help=f"Of: {', '.join(NUISANCES)}.")] = None,
-    pictures: Annotated[Path | None, typer.Option(help="Folder for the mosaics.")] = None,
-) -> None:
-    """Print a row for each nuisance."""
-    if pictures:
-        pictures.mkdir(parents=True, exist_ok=True)
-    table = Table("nuisance", "strength", "placed", "error, px (worst)")
-    for name in track(names or list(NUISANCES), console=Console(stderr=True)):
-        nuisance = NUISANCES[name]
-        for strength in nuisance.strengths:
-            picture = pictures / f"{name.replace(' ', '_')}_{strength}.png" if pictures else None
-            table.add_row(name, f"{strength} {nuisance.meaning}", *measured(nuisance, strength, picture))
-    Console().print(table)
-
-
-if __name__ == "__main__":
-    typer.run(main)
+def neighbour_errors_px(flight: Flight, transforms: dict[int, Array]) -> list[float]:
+    """The median error of each two neighbours that were placed and overlap."""
+    grid = grid_over(SIZE_PX, 9)
+    errors = []
+    for left in range(len(flight.poses) - 1):
+        right = left + 1
+        if not {left, right} <= transforms.keys() or flight.overlap_between(left, right) < MIN_OVERLAP:
+            continue
+        true = apply(flight.homography_between(left, right), grid)
+        visible = ((true >= 0) & (true < SIZE_PX)).all(axis=1)
+        between = np.linalg.inv(transforms[right]) @ transforms[left]
+        errors.append(float(np.median(np.linalg.norm(apply(between, grid[visible]) - true[visible], axis=1))))
+    return errors

@@ -1,58 +1,70 @@
 """How often, and how closely, pairs with a known homography are registered, beside OpenCV's methods in one run.
 
-    python bench/registration.py --data DIR [--data DIR ...] [--seeds 5] [--method NAME ...] [--json FILE]
+    python -m bench.registration methods SET ...
+    python -m bench.registration unrelated FLIGHT FLIGHT ...
+    python -m bench.registration render DIR
+    python -m bench.registration cut DIR FLIGHT=COUNT ...
 
-DIR holds pairs.csv (name, group, left, right, h00 ... h22; the homography maps left to right pixels), or folders with
-img1 ... img6 and H1to2p ... H1to6p as the Oxford and HPatches sets have them. The error of a pair is the mean distance
-over a 20x20 grid of left points that fall inside the right image; 1000 where nothing was estimated or accepted.
-
-A share is the mean over the seeds; where it differs between seeds, lowest and highest follow. mAA is the mean of the
-shares under 1, 2, ... 10 px. Wrong: accepted and more than 20 px off, at any seed. Times are of processor time.
+A SET is a folder that `bench.pair_sets` reads, or ``registration``, the public pairs below SKYMOSAIC_DATA; ``render``
+and ``cut`` write such folders. The error of a pair is the mean distance over a 20x20 grid of left points that fall
+inside the right image.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import json
+import random
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from itertools import chain, combinations
 from pathlib import Path
 from typing import Annotated, Any
 
 import cv2
 import numpy as np
 import typer
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
-from rich.table import Table
 
-from baselines import BASELINES, ESTIMATORS, Baseline
-from known_sets import read_set
-from remembering import RememberingBackend
+from bench import flight_pairs
+from bench.pair_sets import public_folder, read_set, write_set
+from bench.peers import METHODS, Peer
+from bench.remembering import RememberingBackend
+from bench.rendered_pairs import STEPS, flat_pairs
+from bench.report import JsonFile, Row, program, report
+from golden_model.arrays import Matrix, Pixels
 from skymosaic import register
 from skymosaic.evaluation.known_pairs import KnownPair
 from skymosaic.evaluation.metrics import MISSING_ERROR_PX, grid_error
+from skymosaic.imagery.images import load, reduce_to_width
+from skymosaic.imagery.photographs import list_sources
+from skymosaic.registration.options import EFFORTS
+
+app = program(__doc__)
+progress = Console(stderr=True)
 
 LIMITS_PX = (1, 3, 5)
 WRONG_PX = 20.0
 FEW_FEATURES, MANY_FEATURES = 1000, 8000
-OURS: dict[str, dict[str, Any]] = {
-    "normal": {},
-    "fast": {"effort": "fast"},
-    "thorough": {"effort": "thorough"},
-    "refine": {"refine": True},
-    "scored": {"estimator": "scored"},
-    "scored-fast": {"estimator": "scored", "effort": "fast"},
-    "fast-corners": {"detector": "fast"},
-    "thesis": {"preset": "thesis"},
+WIDTH_PX = 640
+OURS: dict[str, tuple[str, dict[str, Any]]] = {
+    "normal": ("skymosaic", {}),
+    "fast": ("skymosaic, `--effort fast`", {"effort": "fast"}),
+    "thorough": ("skymosaic, `--effort thorough`", {"effort": "thorough"}),
+    "refine": ("skymosaic, `--refine`", {"refine": True}),
+    "scored": ("skymosaic, `--estimator scored`", {"estimator": "scored"}),
+    "scored-fast": ("skymosaic, `--estimator scored --effort fast`", {"estimator": "scored", "effort": "fast"}),
+    "fast-corners": ("skymosaic, FAST corners", {"detector": "fast"}),
+    "thesis": ("skymosaic, preset `thesis`", {"preset": "thesis"}),
 }
-"""Rows of this project, with the options of `skymosaic.register` behind them."""
+"""What ``--method`` names: the row's heading, and the options of `skymosaic.register` behind it."""
+REFERENCE = f"SIFT, {FEW_FEATURES} features"
+"""The row whose processor time is 1."""
 
-Matrix = NDArray[np.float64]
 Method = Callable[[KnownPair, int], Iterator[tuple[Matrix | None, int]]]
 """Homography and inliers of a pair, once for each of so many seeds."""
+Sets = Annotated[list[str], typer.Argument(help="Folders of pairs; several are joined.", metavar="SET...")]
 
 
 @dataclass(frozen=True)
@@ -61,27 +73,65 @@ class Outcome:
 
     pair: str
     group: str
-    flight: str
     error_px: tuple[float, ...]
     inliers: int
     seconds: float
 
 
+@app.command()
+def methods(
+    *,
+    sets: Sets,
+    seeds: Annotated[int, typer.Option(min=1, help="Seeds of our estimator; OpenCV's are fixed.")] = 5,
+    method: Annotated[list[str] | None, typer.Option(help="Only these: normal, thorough, refine, sift, ...")] = None,
+    by_group: Annotated[bool, typer.Option("--by-group", help="A row for each group of pairs.")] = False,
+    outcomes_file: Annotated[Path | None, typer.Option("--outcomes", help="Write every pair's outcome here.")] = None,
+    json_file: JsonFile = None,
+) -> None:
+    """Accuracy and processor time of each method.
+
+    A share is the mean over the seeds; where it differs between seeds, lowest and highest follow. mAA is the mean of
+    the shares under 1, 2, ... 10 px. Wrong: accepted and more than 20 px off, at any seed. The time is a ratio to
+    SIFT's, pair by pair, in the median.
+    """
+    cv2.setNumThreads(1)
+    pairs = [pair for name in sets for pair in read_set(public_folder(name))]
+    results: dict[str, list[Outcome]] = {}
+    for heading, run in chosen_methods(method).items():
+        results[heading] = list(measure(run, pairs, seeds, heading))
+        if outcomes_file:
+            written = {heading: [asdict(outcome) for outcome in given] for heading, given in results.items()}
+            outcomes_file.write_text(json.dumps(written, indent=1) + "\n")
+    rows = group_rows(results) if by_group else [method_row(results, heading) for heading in results]
+    report(f"{len(pairs)} pairs, {seeds} seeds; under {'/'.join(map(str, LIMITS_PX))} px in %", rows, json_file)
+
+
+def chosen_methods(wanted: list[str] | None) -> dict[str, Method]:
+    """The methods to run, by the heading of their row; ``wanted`` are names of methods (None: all)."""
+    named = {name: {heading: ours(**options)} for name, (heading, options) in OURS.items()}
+    named |= {name: {f"{title}, {FEW_FEATURES} features": peer(name, FEW_FEATURES)} for name, title in METHODS.items()}
+    named["sift"] |= {f"SIFT, {MANY_FEATURES}": peer("sift", MANY_FEATURES)}
+    named["rootsift"] = {f"RootSIFT, {MANY_FEATURES}": peer("rootsift", MANY_FEATURES)}
+    if unknown := [name for name in wanted or () if name not in named]:
+        raise typer.BadParameter(f"no method {', '.join(unknown)}; valid: {', '.join(named)}")
+    return {heading: run for name in wanted or named for heading, run in named[name].items()}
+
+
 def ours(**options: Any) -> Method:
-    """The project's own registration; what front end and matcher found is kept for the other seeds."""
+    """The project's own registration; features and matches are kept for the other seeds."""
 
     def run(pair: KnownPair, seeds: int) -> Iterator[tuple[Matrix | None, int]]:
         backend = RememberingBackend() if "detector" not in options and "preset" not in options else "golden"
         for seed in range(seeds):
-            found = register(pair.left, pair.right, seed=seed, backend=backend, **options)
-            yield found.homography, len(found.inliers)
+            registered = register(pair.left, pair.right, seed=seed, backend=backend, **options)
+            yield registered.homography, len(registered.inliers)
 
     return run
 
 
-def baseline(name: str, count: int, estimator: str = "magsac") -> Method:
+def peer(name: str, count: int) -> Method:
     """An OpenCV method on the same files; its seed is fixed."""
-    method = Baseline(name, count, estimator)
+    method = Peer(name, count)
 
     def run(pair: KnownPair, _seeds: int) -> Iterator[tuple[Matrix | None, int]]:
         yield method.homography(*map(_gray, (pair.left, pair.right)))
@@ -89,22 +139,56 @@ def baseline(name: str, count: int, estimator: str = "magsac") -> Method:
     return run
 
 
-def measure(method: Method, pairs: list[KnownPair], seeds: int, label: str) -> Iterator[Outcome]:
-    """Run ``method`` on every pair."""
-    for pair in track(pairs, description=f"{label:>22}", console=Console(stderr=True), transient=True):
-        left_size, right_size = (_gray(path).shape[::-1] for path in (pair.left, pair.right))
-        errors, inliers, seconds = [], 0, 0.0
+def measure(method: Method, pairs: list[KnownPair], seeds: int, heading: str) -> Iterator[Outcome]:
+    """Run a method on every pair."""
+    for pair in track(pairs, description=heading, console=progress, transient=True):
+        sizes = [_gray(path).shape[::-1] for path in (pair.left, pair.right)]
+        errors: list[float] = []
+        inliers, seconds = 0, 0.0
         start = time.process_time()
-        for found, support in method(pair, seeds):
+        for homography, support in method(pair, seeds):
             if not errors:
                 inliers, seconds = support, time.process_time() - start
-            error = grid_error(found, pair.truth, left_size, right_size)
-            errors.append(min(error, MISSING_ERROR_PX - 1) if found is not None else MISSING_ERROR_PX)
-        yield Outcome(pair.name, pair.group, pair.flight, tuple(errors), inliers, seconds)
+            error = min(grid_error(homography, pair.truth, *sizes), MISSING_ERROR_PX - 1)
+            errors.append(error if homography is not None else MISSING_ERROR_PX)
+        yield Outcome(pair.name, pair.group, tuple(errors), inliers, seconds)
 
 
-def _gray(path: Path) -> NDArray[np.uint8]:
-    return cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+def _gray(path: Path) -> Pixels:
+    return np.asarray(cv2.imread(str(path), cv2.IMREAD_GRAYSCALE), dtype=np.uint8)
+
+
+def method_row(results: dict[str, list[Outcome]], heading: str) -> Row:
+    """A method's shares by group and over all pairs, what it refused or had wrong, and its time."""
+    outcomes = results[heading]
+    errors = np.array([outcome.error_px for outcome in outcomes])
+    seconds = np.array([outcome.seconds for outcome in outcomes])
+    refused = float((errors == MISSING_ERROR_PX).sum(axis=0).mean())
+    sift = [outcome.seconds for outcome in results.get(REFERENCE, [])]
+    return {
+        "method": heading,
+        **{group: shares([o for o in outcomes if o.group == group]) for group in sorted({o.group for o in outcomes})},
+        "all pairs": shares(outcomes),
+        "mAA": round(100 * float(np.mean([np.mean(errors < limit) for limit in range(1, 11)])), 1),
+        "median": f"{np.median(errors):.2f} px" if refused < len(outcomes) / 2 else "most refused",
+        "refused": round(refused, 1),
+        "wrong": int(((errors > WRONG_PX) & (errors < MISSING_ERROR_PX)).any(axis=1).sum()),
+        "time": f"{np.median(seconds / sift):.2f}" if sift else f"{1000 * np.median(seconds):.0f} ms",
+    }
+
+
+def group_rows(results: dict[str, list[Outcome]]) -> list[Row]:
+    """A row for each group of pairs: shares and median error of each method."""
+    rows: list[Row] = []
+    for group in sorted({outcome.group for outcomes in results.values() for outcome in outcomes}):
+        chosen = {heading: [o for o in outcomes if o.group == group] for heading, outcomes in results.items()}
+        medians = {heading: np.median([o.error_px for o in outcomes]) for heading, outcomes in chosen.items()}
+        cells = {
+            heading: f"{shares(chosen[heading])}, {median:.2f} px" if median < MISSING_ERROR_PX else "refused"
+            for heading, median in medians.items()
+        }
+        rows.append({"pairs": group.replace("_", " "), **cells})
+    return rows
 
 
 def shares(outcomes: list[Outcome]) -> str:
@@ -117,102 +201,60 @@ def shares(outcomes: list[Outcome]) -> str:
     )
 
 
-def mean_average_accuracy(outcomes: list[Outcome]) -> float:
-    """Mean of the shares under 1, 2, ... 10 px, percent."""
-    errors = np.array([outcome.error_px for outcome in outcomes])
-    return 100 * float(np.mean([np.mean(errors < limit) for limit in range(1, 11)]))
-
-
-def by_column(title: str, results: dict[str, list[Outcome]], column: str) -> Table:
-    """Shares of pairs under each limit, by the values of one column (group or flight)."""
-    sheet = Table(title=title)
-    values = sorted({getattr(outcome, column) for outcomes in results.values() for outcome in outcomes})
-    for heading in ("method", *values):
-        sheet.add_column(heading, justify="left" if heading == "method" else "right")
-    for method, outcomes in results.items():
-        sheet.add_row(method, *(shares([o for o in outcomes if getattr(o, column) == value]) for value in values))
-    return sheet
-
-
-def overall(title: str, results: dict[str, list[Outcome]]) -> Table:
-    """One row a method: accuracy over all pairs, refused and wrong ones, inliers and time."""
-    sheet = Table(title=title)
-    measured = ("mAA 10", "median px", "refused", "wrong", "inliers", "ms, median", "ms, mean", "/ SIFT")
-    for heading in ("method", "all", *measured):
-        sheet.add_column(heading, justify="left" if heading == "method" else "right")
-    sift = results.get(f"sift {FEW_FEATURES}")
-    for method, outcomes in results.items():
-        errors = np.array([outcome.error_px for outcome in outcomes])
-        seconds = np.array([outcome.seconds for outcome in outcomes])
-        refused = (errors == MISSING_ERROR_PX).sum(axis=0).mean()
-        wrong = ((errors > WRONG_PX) & (errors < MISSING_ERROR_PX)).any(axis=1).sum()
-        ratio = f"{np.median(seconds / [outcome.seconds for outcome in sift]):.2f}" if sift else ""
-        sheet.add_row(
-            method,
-            shares(outcomes),
-            f"{mean_average_accuracy(outcomes):.1f}",
-            f"{np.median(errors):.3f}",
-            f"{refused:.1f}",
-            str(wrong),
-            f"{np.median([outcome.inliers for outcome in outcomes]):.0f}",
-            f"{1000 * np.median(seconds):.0f}",
-            f"{1000 * np.mean(seconds):.0f}",
-            ratio,
-        )
-    return sheet
-
-
-def unstable(outcomes: list[Outcome], limit_px: float = 5.0) -> list[str]:
-    """Pairs that are right at one seed, and accepted but more than 20 px off at another."""
-    found = []
-    for outcome in outcomes:
-        given = [error for error in outcome.error_px if error < MISSING_ERROR_PX]
-        if given and min(given) < limit_px and max(given) > WRONG_PX:
-            found.append(outcome.pair)
-    return found
-
-
-def rows(wanted: list[str] | None) -> dict[str, Method]:
-    """The methods to run, by the name of their row; ``wanted`` are first words of it (None: all)."""
-    every = {name: ours(**options) for name, options in OURS.items()}
-    every |= {f"{name} {FEW_FEATURES}": baseline(name, FEW_FEATURES) for name in BASELINES}
-    every |= {f"{name} {MANY_FEATURES}": baseline(name, MANY_FEATURES) for name in ("sift", "rootsift")}
-    every |= {
-        f"sift-{estimator} {MANY_FEATURES}": baseline("sift", MANY_FEATURES, estimator)
-        for estimator in ESTIMATORS
-        if estimator != "magsac"
-    }
-    names = dict.fromkeys(name.split()[0] for name in every)
-    unknown = [name for name in wanted or () if name not in names]
-    if unknown:
-        raise typer.BadParameter(f"no method {', '.join(unknown)}; valid: {', '.join(names)}")
-    return {name: run for name, run in every.items() if not wanted or name.split()[0] in wanted}
-
-
-def main(
-    data: Annotated[list[Path], typer.Option(help="Folder with pairs.csv, or of sequences; several are joined.")],
-    seeds: Annotated[int, typer.Option(min=1, help="Seeds of our estimator; OpenCV's are fixed.")] = 5,
-    method: Annotated[list[str] | None, typer.Option(help="Only these: normal, thorough, refine, sift, ...")] = None,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write every outcome here.")] = None,
+@app.command()
+def unrelated(
+    flights: Annotated[list[str], typer.Argument(help="Folders of photographs, one for each flight.")],
+    pairs: Annotated[int, typer.Option(min=1, help="Pairs to try.")] = 1000,
+    effort: Annotated[list[str] | None, typer.Option(help="Only these; by default all.")] = None,
 ) -> None:
-    """Print the table of results."""
+    """Try to register photographs of different flights, the same pairs on every run: none may be accepted."""
     cv2.setNumThreads(1)
-    console = Console(width=200)
-    pairs = [pair for folder in data for pair in read_set(folder)]
-    results: dict[str, list[Outcome]] = {}
-    for name, run in rows(method).items():
-        results[name] = list(measure(run, pairs, seeds, name))
-        if json_file:
-            written = {name: [dataclasses.asdict(outcome) for outcome in given] for name, given in results.items()}
-            json_file.write_text(json.dumps(written, indent=1) + "\n")
-    note = f"{len(pairs)} pairs, {seeds} seeds; shares under {'/'.join(map(str, LIMITS_PX))} px in %"
-    console.print(by_column(f"by group: {note}", results, "group"))
-    console.print(by_column(f"by flight: {note}", results, "flight"))
-    console.print(overall(note, results))
-    for name, outcomes in results.items():
-        if pairs_off := unstable(outcomes):
-            console.print(f"{name}: right at one seed and more than {WRONG_PX:g} px off at another: {pairs_off}")
+    photographs = [[source.content for source in list_sources([public_folder(flight)])] for flight in flights]
+    every = [(one, other) for a, b in combinations(photographs, 2) for one in a for other in b]
+    tried = random.Random(0).sample(every, min(pairs, len(every)))
+    images = {
+        path: reduce_to_width(load(path).pixels, WIDTH_PX)[0] for path in {path for pair in tried for path in pair}
+    }
+    backend = RememberingBackend(size=12 * len(images))
+    inliers: dict[str, list[int]] = {level: [] for level in effort or EFFORTS}
+    accepted = dict.fromkeys(inliers, 0)
+    for left, right in track(tried, description="unrelated pairs", console=progress):
+        for level, counts in inliers.items():
+            pair = register(images[left], images[right], effort=level, backend=backend)
+            counts.append(len(pair.inliers))
+            accepted[level] += pair.accepted
+            if pair.accepted:
+                progress.print(f"accepted, {level}: {left}, {right}, {len(pair.inliers)} inliers")
+    rows: list[Row] = [
+        {"effort": level, "pairs": len(counts), "accepted": accepted[level], "most inliers": max(counts)}
+        for level, counts in inliers.items()
+    ]
+    report("photographs of different flights", rows)
+
+
+@app.command()
+def render(
+    folder: Annotated[Path, typer.Argument(help="Where images and pairs.csv are written.")],
+    each: Annotated[int, typer.Option(min=1, help="Pairs for every zoom and every tilt.")] = 8,
+    kind: Annotated[list[str] | None, typer.Option(help="zoom, tilt; by default both.")] = None,
+) -> None:
+    """Render pairs with zoom and tilt, whose homographies are exact."""
+    write_set(folder, chain.from_iterable(flat_pairs(one, each) for one in kind or STEPS))
+
+
+@app.command()
+def cut(
+    folder: Annotated[Path, typer.Argument(help="Where images and pairs.csv are written.")],
+    flights: Annotated[list[str], typer.Argument(help="FLIGHT=COUNT: how many pairs of which flight.")],
+    known: Annotated[str | None, typer.Option(help="Set whose pairs are left out, by name.")] = None,
+) -> None:
+    """Cut pairs with a pseudo truth by SIFT out of flights, to judge what was not tuned on them."""
+    names = {pair.name for pair in read_set(public_folder(known))} if known else set()
+    counts = (flight.rsplit("=", 1) for flight in flights)
+    write_set(
+        folder, (pair for name, count in counts for pair in flight_pairs.cut(public_folder(name), int(count), names))
+    )
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    app()

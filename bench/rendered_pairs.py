@@ -1,74 +1,62 @@
-"""Renders pairs of views with zoom, tilt or relief and writes them as a folder that `bench/registration.py` reads.
+"""Renders pairs of views whose true geometry is known: zooms and tilts over flat ground, and ground with relief.
 
-    python bench/rendered_pairs.py DIR [--each N] [--kind zoom --kind tilt]
-
-The truth is known exactly. ``zoom_3`` shows the same place from three times the height, at any heading; ``tilt_60``
-looks at it from 60 degrees off the vertical, at any heading and from any side. The nearer view has one pixel for each
-ground pixel, so no view shows less detail than a camera would.
+``zoom_3`` shows the same place from three times the height, at any heading; ``tilt_60`` looks at it from 60 degrees off
+the vertical, at any heading and from any side. The nearer view has one pixel for each ground pixel, so no view shows
+less detail than a camera would. For pairs with relief no homography is right everywhere: the landscape lies over hills
+and raised blocks, and each pixel's ray is followed to the surface, so that its true place in the other view is known.
 """
 
 from __future__ import annotations
 
-import csv
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Annotated
 
 import cv2
 import numpy as np
-import typer
 from numpy.typing import NDArray
-from rich.progress import track
 
+from golden_model.arrays import Matrix, Pixels, Points
 from sim.scene import Camera, CameraPose, Photometry, render_ground, render_view
 from sim.scene.camera import find_visible_box
-from skymosaic.evaluation.known_pairs import COLUMNS, LIST_NAME
-from skymosaic.imagery.images import save
 
-ZOOMS = (1.5, 2.0, 2.5, 3.0, 3.5, 4.0)
-TILTS_DEG = (20, 30, 40, 50, 60)
-KINDS = ("zoom", "tilt")
+STEPS = {"zoom": (1.5, 2.0, 2.5, 3.0, 3.5, 4.0), "tilt": (20, 30, 40, 50, 60)}
+"""Factors of height, and degrees."""
+FOCAL_WIDTHS = {"zoom": 0.8, "tilt": 1.6, "relief": 0.8}
+"""Focal length in image widths. 0.8 is a common drone's; a tilt of 60 degrees needs a narrower view, or it would show
+the horizon."""
+HEIGHTS_PX = (4.0, 12.0, 25.0, 45.0)
+"""Standard deviation of the relief, ground px; the camera flies at 512."""
+OVERLAPS = (0.75, 0.55, 0.35, 0.2)
 SIZE_PX = (640, 480)
 OVERSAMPLING = 2
 """Views are rendered larger and reduced by area: a tilted view averages more ground in one direction than another."""
-FOCAL_WIDTHS = {"zoom": 0.8, "tilt": 1.6}
-"""Focal length in image widths. 0.8 is a common drone's; a tilt of 60 degrees needs a narrower view, or it would show
-the horizon."""
 LANDSCAPES = 3
 """Seeds of the landscapes that all pairs come from; their tiles are cached."""
+MARGIN_PX = 400
+"""Ground around both footprints, as far as tilts and relief may look."""
+RAY_STEPS = 25
+GRID_POINTS = 20
 
-Matrix = NDArray[np.float64]
-Pixels = NDArray[np.uint8]
-
-
-@dataclass(frozen=True)
-class RenderedPair:
-    """Two gray views and the homography from left to right pixels."""
-
-    name: str
-    group: str
-    left: Pixels
-    right: Pixels
-    truth: Matrix
+Ground = NDArray[np.float64]
+"""Ground positions of each pixel, (H, W, 2)."""
 
 
-def rendered_pairs(kind: str, each: int) -> Iterator[RenderedPair]:
-    """``each`` pairs for every zoom, or every tilt."""
-    for step in ZOOMS if kind == "zoom" else TILTS_DEG:
-        for number in range(each):
-            yield make_pair(kind, step, number)
+def flat_pairs(kind: str, each: int) -> Iterator[tuple[str, str, Pixels, Pixels, Matrix]]:
+    """``each`` pairs for every zoom, or every tilt: name, group, left and right view, true homography."""
+    for step, number in itertools.product(STEPS[kind], range(each)):
+        group = f"{kind}_{step:g}"
+        yield f"{group}_{number:02d}", group, *flat_pair(kind, step, number)
 
 
-def make_pair(kind: str, step: float, number: int) -> RenderedPair:
+def flat_pair(kind: str, step: float, number: int) -> tuple[Pixels, Pixels, Matrix]:
     """Pair ``number`` of a zoom (a factor) or a tilt (degrees); the same on every run."""
-    rng = np.random.default_rng([KINDS.index(kind), round(10 * step), number])
-    width_px, height_px = SIZE_PX
-    camera = Camera(width_px=width_px, height_px=height_px, focal_px=FOCAL_WIDTHS[kind] * width_px)
+    rng = np.random.default_rng([list(STEPS).index(kind), round(10 * step), number])
+    camera = _camera(kind)
     centre = rng.uniform(-300, 300, 2)
     heading_deg, turn_deg = rng.uniform(0, 360), rng.uniform(-180, 180)
     # The middle of the other view, up to a tenth of its width away.
-    other = centre + rng.uniform(-0.1, 0.1, 2) * width_px
+    other = centre + rng.uniform(-0.1, 0.1, 2) * camera.width_px
     near = CameraPose(x_px=centre[0], y_px=centre[1], altitude_px=camera.focal_px, heading_deg=heading_deg)
     if kind == "zoom":
         far = replace(near, x_px=other[0], y_px=other[1], altitude_px=camera.focal_px * step)
@@ -85,16 +73,16 @@ def make_pair(kind: str, step: float, number: int) -> RenderedPair:
         Photometry(gain=rng.uniform(0.8, 0.95), gamma=rng.uniform(1, 1.15), noise_sigma=2.0, vignetting=0.1),
     )
     left, right = (
-        _view(number % LANDSCAPES, pose, camera, photometry, rng)
+        _flat_view(number % LANDSCAPES, pose, camera, photometry, rng)
         for pose, photometry in zip(poses, photometries, strict=True)
     )
     to_left, to_right = (pose.homography(camera) for pose in poses)
-    truth = to_right @ np.linalg.inv(to_left)
-    group = f"{kind}_{step:g}"
-    return RenderedPair(f"{group}_{number:02d}", group, left, right, truth / truth[2, 2])
+    return left, right, to_right @ np.linalg.inv(to_left)
 
 
-def _view(landscape: int, pose: CameraPose, camera: Camera, photometry: Photometry, rng: np.random.Generator) -> Pixels:
+def _flat_view(
+    landscape: int, pose: CameraPose, camera: Camera, photometry: Photometry, rng: np.random.Generator
+) -> Pixels:
     large = Camera(**{name: value * OVERSAMPLING for name, value in vars(camera).items()})
     left, top, width_px, height_px = find_visible_box(pose, large)
     ground = render_ground(landscape, width_px, height_px, (left, top))
@@ -103,24 +91,118 @@ def _view(landscape: int, pose: CameraPose, camera: Camera, photometry: Photomet
     return cv2.cvtColor(photometry.apply(np.asarray(reduced, np.uint8), rng), cv2.COLOR_BGR2GRAY)
 
 
-def main(
-    folder: Annotated[Path, typer.Argument(help="Where images and pairs.csv are written.")],
-    each: Annotated[int, typer.Option(min=1, help="Pairs for every zoom and every tilt.")] = 10,
-    kind: Annotated[list[str] | None, typer.Option(help="zoom, tilt; by default both.")] = None,
-) -> None:
-    """Render the pairs and list them."""
-    (folder / "images").mkdir(parents=True, exist_ok=True)
-    with (folder / LIST_NAME).open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(COLUMNS)
-        steps = len(ZOOMS) * ("zoom" in (kind or KINDS)) + len(TILTS_DEG) * ("tilt" in (kind or KINDS))
-        pairs = (pair for chosen in kind or KINDS for pair in rendered_pairs(chosen, each))
-        for pair in track(pairs, total=steps * each, description="rendering"):
-            names = [f"images/{pair.name}_{side}.png" for side in ("left", "right")]
-            for name, image in zip(names, (pair.left, pair.right), strict=True):
-                save(folder / name, image)
-            writer.writerow([pair.name, pair.group, *names, *pair.truth.ravel().tolist()])
+def _camera(kind: str) -> Camera:
+    width_px, height_px = SIZE_PX
+    return Camera(width_px=width_px, height_px=height_px, focal_px=FOCAL_WIDTHS[kind] * width_px)
 
 
-if __name__ == "__main__":
-    typer.run(main)
+@dataclass(frozen=True)
+class ReliefPair:
+    """Two gray views, and true correspondences: left points (N, 2), each with its right point."""
+
+    name: str
+    left: Pixels
+    right: Pixels
+    left_points: Points
+    right_points: Points
+
+
+@dataclass(frozen=True)
+class _Surface:
+    """Ground texture and height over the ground plane, with the ground position of their first pixel."""
+
+    texture: Pixels
+    height_px: NDArray[np.float32]
+    origin: NDArray[np.float64]
+
+    def height_at(self, ground: Ground) -> NDArray[np.float64]:
+        """Height at ground positions (H, W, 2)."""
+        x, y = np.moveaxis((ground - self.origin).astype(np.float32), -1, 0)
+        return cv2.remap(self.height_px, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT).astype(np.float64)
+
+
+def relief_pairs(each: int) -> Iterator[ReliefPair]:
+    """``each`` pairs for every height of the relief and every overlap."""
+    for height_px, overlap, number in itertools.product(HEIGHTS_PX, OVERLAPS, range(each)):
+        yield relief_pair(height_px, overlap, number)
+
+
+def relief_pair(height_px: float, overlap: float, number: int) -> ReliefPair:
+    """Pair ``number`` of a relief (standard deviation, ground px) and an overlap; the same on every run."""
+    rng = np.random.default_rng([round(height_px), round(100 * overlap), number])
+    camera = _camera("relief")
+    heading_deg = rng.uniform(0, 360)
+    heading = np.radians(heading_deg)
+    shift = (1 - overlap) * camera.width_px * np.array([np.cos(heading), np.sin(heading)])
+    centre = rng.uniform(-300, 300, 2)
+    poses = [
+        CameraPose(
+            x_px=position[0],
+            y_px=position[1],
+            altitude_px=camera.focal_px * rng.uniform(0.95, 1.1),
+            heading_deg=heading_deg + turn_deg,
+            pitch_deg=rng.uniform(-3, 3),
+            roll_deg=rng.uniform(-3, 3),
+        )
+        for position, turn_deg in ((centre, 0.0), (centre + shift, rng.uniform(-15, 15)))
+    ]
+    surface = _surface(number % LANDSCAPES, centre, centre + shift, height_px, rng)
+    photometry = Photometry(gain=rng.uniform(0.85, 1), blur_sigma_px=0.4, noise_sigma=2.0, vignetting=0.1)
+    grounds = [_ground_positions(pose, camera, surface) for pose in poses]
+    left, right = (_relief_view(ground, surface, photometry, rng) for ground in grounds)
+    rows, columns = (np.linspace(0, side - 1, GRID_POINTS).astype(int) for side in left.shape)
+    visible = grounds[0][np.ix_(rows, columns)].reshape(-1, 2)
+    left_points = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2).astype(np.float64)
+    right_points = _project(poses[1], camera, visible, surface.height_at(visible[None])[0])
+    inside = ((right_points >= 0) & (right_points <= np.array(SIZE_PX) - 1)).all(axis=1)
+    name = f"relief_{height_px:g}_{round(100 * overlap)}_{number}"
+    return ReliefPair(name, left, right, left_points[inside], right_points[inside])
+
+
+def _surface(
+    landscape: int,
+    one: NDArray[np.float64],
+    other: NDArray[np.float64],
+    height_px: float,
+    rng: np.random.Generator,
+) -> _Surface:
+    low = np.floor(np.minimum(one, other)).astype(int) - MARGIN_PX
+    width, height = (np.ceil(np.maximum(one, other)).astype(int) + MARGIN_PX - low).tolist()
+    texture = cv2.cvtColor(render_ground(landscape, width, height, (int(low[0]), int(low[1]))), cv2.COLOR_BGR2GRAY)
+    hills = cv2.GaussianBlur(rng.standard_normal((height, width)).astype(np.float32), (0, 0), rng.uniform(50, 140))
+    hills /= hills.std()
+    blocks = np.zeros_like(hills)
+    for _ in range(int(rng.integers(4, 14))):
+        x, y = rng.integers(0, width), rng.integers(0, height)
+        side = rng.integers(30, 110, 2)
+        blocks[y : y + side[1], x : x + side[0]] = rng.uniform(1, 2.5)
+    # Slopes steeper than the rays would hide ground; soft walls keep the map between the views one to one.
+    relief = hills + rng.uniform(0, 0.8) * cv2.GaussianBlur(blocks, (0, 0), 12)
+    return _Surface(texture, (height_px * relief).astype(np.float32), low.astype(np.float64))
+
+
+def _ground_positions(pose: CameraPose, camera: Camera, surface: _Surface) -> Ground:
+    """Where on the ground each pixel's ray meets the surface, by fixed-point steps."""
+    y, x = np.mgrid[: camera.height_px, : camera.width_px]
+    pixels = np.stack([x, y, np.ones_like(x)], axis=-1).astype(np.float64)
+    rays = pixels @ np.linalg.inv(camera.matrix).T @ pose.rotation.T
+    slope = rays[..., :2] / rays[..., 2:]
+    position = np.array([pose.x_px, pose.y_px])
+    ground = position + slope * pose.altitude_px
+    for _ in range(RAY_STEPS):
+        height = surface.height_at(ground)
+        ground = ground + 0.7 * (position + slope * (pose.altitude_px - height)[..., None] - ground)
+    return ground
+
+
+def _project(pose: CameraPose, camera: Camera, ground: Points, height_px: NDArray[np.float64]) -> Points:
+    """Image positions (N, 2) of surface points: ground positions (N, 2) and heights (N,)."""
+    offset = np.column_stack([ground - [pose.x_px, pose.y_px], pose.altitude_px - height_px])
+    mapped = offset @ pose.rotation @ camera.matrix.T
+    return np.asarray(mapped[:, :2] / mapped[:, 2:])
+
+
+def _relief_view(ground: Ground, surface: _Surface, photometry: Photometry, rng: np.random.Generator) -> Pixels:
+    x, y = np.moveaxis((ground - surface.origin).astype(np.float32), -1, 0)
+    gray = cv2.remap(surface.texture, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)
+    return np.ascontiguousarray(photometry.apply(np.repeat(gray[..., None], 3, axis=2), rng)[..., 0])

@@ -29,11 +29,11 @@ Result = dict[str, Any]
 
 def skymosaic(package: ModuleType, paths: Sequence[str], width_px: int, result: Result) -> None:
     """This project."""
-    made = package.mosaic(paths, working_width_px=width_px, canvas_limit_px=10**9)
-    result["transforms"] = {Path(paths[index]).name: made.transforms[index].tolist() for index in made.placed}
-    # As k1 over the square of the focal length, because the ties do not tell the focal length.
-    found = made.flight.calibration
-    result["distortion"] = 0.0 if found is None else found.k1 / found.focal_px**2
+    mosaic = package.mosaic(paths, working_width_px=width_px, canvas_limit_px=10**9)
+    result["transforms"] = {Path(paths[index]).name: mosaic.transforms[index].tolist() for index in mosaic.placed}
+    # As k1 over the square of the focal length, because tie points do not determine the focal length.
+    calibration = mosaic.flight.calibration
+    result["distortion"] = 0.0 if calibration is None else calibration.k1 / calibration.focal_px**2
 
 
 def opencv(package: ModuleType, paths: Sequence[str], width_px: int, result: Result) -> None:

@@ -1,13 +1,9 @@
 """Area on xc7 by the open Yosys, and the clock that the open nextpnr reaches on an ECP5-85, speed grade 8.
 
-    python bench/synthesis.py [NAME...] [--pnr] [--json FILE]
-    python bench/synthesis.py [NAME...] --check | --update
+    python -m bench.synthesis area [NAME ...]
+    python -m bench.synthesis clock NAME ...
 
-NAMEs choose among the designs; a part of the name is enough. LUTs hold memory and shift registers too; the columns
-SRL and LUTRAM say how many. "levels" is the longest path between registers in cells (`logic_levels`).
---check compares with ``bench/synthesis.json`` and fails where a figure differs; --update records the figures there, for
-the commit that changes them. --pnr needs the extra ``bench``. The clock is the median of three placements; it stands in
-for a Zynq's, of which only Vivado knows.
+NAMEs choose among the designs; a part of the name is enough.
 """
 
 from __future__ import annotations
@@ -28,8 +24,8 @@ from typing import Annotated, Any, NamedTuple
 import typer
 from amaranth.lib import wiring
 from rich.console import Console
-from rich.table import Table
 
+from bench.report import MEASURED, JsonFile, Row, program, report, write
 from golden_model.config import PRESETS, FrontEndConfig
 from hdl.accelerator import Accelerator, AcceleratorTop
 from hdl.feature.extractor import CandidateFeatures
@@ -55,6 +51,8 @@ from hdl.selection.selection import CellSelection
 from hdl.shell.camera import CameraCrossing, CameraGate
 from hdl.shell.ring_writer import RingWriter
 
+app = program(__doc__)
+
 AERIAL, THESIS = PRESETS["aerial"], PRESETS["thesis"]
 WIDTH_PX, HEIGHT_PX = 1920, 1080
 LUTRAM_LUTS = {"RAM32M": 4, "RAM64M": 4, "RAM32X1D": 2, "RAM64X1D": 2, "RAM128X1D": 4, "RAM256X1S": 4}
@@ -65,7 +63,8 @@ LUTRAM_ADDRESSES = ("A", "DPRA")
 SEEDS = (1, 2, 3)
 ECP5 = ("--85k", "--speed", "8", "--package", "CABGA756", "--lpf-allow-unconstrained", "--timing-allow-fail")
 TARGET_MHZ = 150
-RECORDED = Path(__file__).with_suffix(".json")
+RECORDED = MEASURED / "synthesis.json"
+COMMAND = "python -m bench.synthesis area"
 
 
 class Design(NamedTuple):
@@ -153,7 +152,7 @@ def run_tool(name: str, folder: Path, *arguments: str) -> None:
         raise SystemExit(f"{name} failed:\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
 
 
-def area(design: Design, folder: Path) -> dict[str, float]:
+def synthesise(design: Design, folder: Path) -> dict[str, float]:
     """Cells and logic levels on xc7.
 
     The run ends where less memory is left than the design needs, since something was then pruned.
@@ -226,8 +225,8 @@ def _nets(cell: dict[str, Any], pin: str) -> Iterator[int]:
     return (net for net in cell["connections"][pin] if isinstance(net, int))
 
 
-def clock_mhz(design: Design, folder: Path) -> list[float]:
-    """Clock of each placement on the ECP5, with its own multipliers and block RAMs."""
+def place(design: Design, folder: Path) -> list[float]:
+    """Clock in MHz of each placement on the ECP5, with its own multipliers and block RAMs."""
     (folder / "ecp5.v").write_text(to_verilog(design.build(), platform=Ecp5()), encoding="utf-8")
     # Yosys 0.70's ABC9 ends without a word on the ring window; the older ABC takes its place.
     steps = ("-run begin:map_luts", "-run map_cells: -json ecp5.json")
@@ -245,60 +244,83 @@ def clock_mhz(design: Design, folder: Path) -> list[float]:
         return list(pool.map(placed, SEEDS))
 
 
-def differences(figures: dict[str, dict[str, Any]]) -> list[str]:
+def differences(rows: list[Row]) -> list[str]:
     """What differs from the recorded figures, a line for each design."""
-    recorded = json.loads(RECORDED.read_text())
+    recorded = recorded_rows()
     lines = []
-    for name, row in figures.items():
+    for row in rows:
+        name = str(row["design"])
         known = recorded.get(name, {})
         changed = [
             f"{key} {known.get(key, 'not recorded')} -> {value}"
             for key, value in row.items()
-            if known.get(key) != value
+            if key != "design" and known.get(key) != value
         ]
         if changed:
             lines.append(f"{name}: {', '.join(changed)}")
     return lines
 
 
-def record(figures: dict[str, dict[str, Any]]) -> None:
+def recorded_rows() -> dict[str, Row]:
+    """The recorded figures, by the name of the design."""
+    rows = json.loads(RECORDED.read_text(encoding="utf-8"))["rows"] if RECORDED.exists() else []
+    return {row["design"]: row for row in rows}
+
+
+def record(rows: list[Row]) -> None:
     """Replace the figures of these designs, and forget designs that no longer exist."""
-    recorded = json.loads(RECORDED.read_text()) if RECORDED.exists() else {}
-    rows = {name: figures.get(name, recorded.get(name)) for name in designs()}
-    lines = [f"  {json.dumps(name)}: {json.dumps(row)}" for name, row in rows.items() if row]
-    RECORDED.write_text("{\n" + ",\n".join(lines) + "\n}\n")
+    recorded = recorded_rows() | {str(row["design"]): row for row in rows}
+    write(RECORDED, COMMAND, [recorded[name] for name in designs() if name in recorded])
 
 
-def main(
-    names: Annotated[list[str] | None, typer.Argument(help="Designs; all where none is given.", metavar="NAME")] = None,
-    pnr: Annotated[bool, typer.Option("--pnr", help="Place and route front end and matcher, too.")] = False,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures here.")] = None,
-    check: Annotated[bool, typer.Option("--check", help="Fail where a figure differs from the recorded one.")] = False,
-    update: Annotated[bool, typer.Option("--update", help="Record the figures.")] = False,
-) -> None:
-    """Print the table, a row as it is ready."""
-    chosen = {name: d for name, d in designs().items() if not names or any(part in name for part in names)}
-    figures: dict[str, dict[str, Any]] = {}
+def run_designs(names: list[str] | None, figures: Callable[[Design, Path], dict[str, Any]]) -> list[Row]:
+    """A row for each design whose name contains one of ``names`` (None: all), printed as it is ready."""
     console = Console()
-    for name, design in chosen.items():
-        with tempfile.TemporaryDirectory() as temporary, console.status(name):
-            folder = Path(temporary)
-            figures[name] = dict(area(design, folder))
-            if pnr:
-                clocks = clock_mhz(design, folder)
-                figures[name] |= {"MHz": statistics.median(clocks), "MHz of each seed": clocks}
-        console.print(name, figures[name])
-    if json_file:
-        json_file.write_text(json.dumps(figures, indent=1) + "\n")
-    table = Table("design", *next(iter(figures.values()), {}), title="xc7")
-    for name, row in figures.items():
-        table.add_row(name, *map(str, row.values()))
-    console.print(table)
+    rows: list[Row] = []
+    for name, design in designs().items():
+        if not names or any(part in name for part in names):
+            with tempfile.TemporaryDirectory() as folder, console.status(name):
+                rows.append({"design": name, **figures(design, Path(folder))})
+            console.print(rows[-1])
+    return rows
+
+
+Names = Annotated[list[str] | None, typer.Argument(help="Parts of names of designs; all by default.", metavar="NAME")]
+
+
+@app.command()
+def area(
+    names: Names = None,
+    check: Annotated[bool, typer.Option("--check", help="Fail where a figure differs from the recorded one.")] = False,
+    update: Annotated[
+        bool, typer.Option("--update", help="Record the figures, for the commit that changes them.")
+    ] = False,
+) -> None:
+    """Cells on xc7, and the longest path between registers in cells.
+
+    LUTs hold memory and shift registers too; the columns SRL and LUTRAM say how many.
+    """
+    rows = run_designs(names, synthesise)
+    report("xc7", rows)
     if update:
-        record(figures)
-    if check and (changed := differences(figures)):
-        raise SystemExit("\n".join([*changed, "if this is meant, record it: python bench/synthesis.py --update"]))
+        record(rows)
+    if check and (changed := differences(rows)):
+        raise SystemExit("\n".join([*changed, f"if this is meant, record it: {COMMAND} --update"]))
+
+
+@app.command()
+def clock(names: Names = None, json_file: JsonFile = None) -> None:
+    """Clock on the ECP5, the median of three placements; takes the extra ``bench``."""
+
+    def figures(design: Design, folder: Path) -> dict[str, str]:
+        clocks = place(design, folder)
+        return {
+            "MHz by seed": ", ".join(f"{clock:.1f}" for clock in clocks),
+            "median": f"{statistics.median(clocks):.1f}",
+        }
+
+    report("ECP5-85, speed grade 8", run_designs(names, figures), json_file, keep_others=bool(names))
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    app()

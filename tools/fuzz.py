@@ -3,7 +3,6 @@
 Every input must end in a result or in the one-line error of its reader. What a cache returns must be what was saved.
 """
 
-import argparse
 import contextlib
 import functools
 import io
@@ -22,6 +21,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import typer
 from PIL import Image as PillowImage
 from PIL.ExifTags import IFD
 
@@ -37,8 +37,10 @@ from skymosaic.imagery.exif import read_metadata
 from skymosaic.imagery.lens import load_lens
 from tools.mutators import mutated, mutated_text
 
-MOST_PROCESSOR_SECONDS = 20
-MOST_MEMORY_MB = 2048
+app = typer.Typer(help=__doc__, add_completion=False)
+
+MAX_PROCESSOR_SECONDS = 20
+MAX_MEMORY_MB = 2048
 EXPECTED = (InputError, BackendError)
 CAMERA = """width_px = 640
 height_px = 480
@@ -219,7 +221,7 @@ def fuzz(count: int, seed: int = 0) -> Report:
                 outcome = "traceback"
                 report.failures.append(f"{name}, input {number}: {traceback.format_exc()}")
             seconds = time.process_time() - started
-            if seconds > MOST_PROCESSOR_SECONDS or outcome not in ("read", "refused", "traceback"):
+            if seconds > MAX_PROCESSOR_SECONDS or outcome not in ("read", "refused", "traceback"):
                 report.failures.append(f"{name}, input {number}: {outcome} after {seconds:.1f} s")
             report.slowest_seconds = max(report.slowest_seconds, seconds)
             report.classes[f"{name}, {outcome}"] += 1
@@ -240,17 +242,15 @@ def _cache_in(folder: Path) -> Iterator[None]:
             os.environ["XDG_CACHE_HOME"] = before
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("count", type=int)
-    parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args()
-    report = fuzz(options.count, options.seed)
+@app.command()
+def main(count: int, seed: int = 0) -> None:
+    """Feed so many inputs, and print a report; exit status 1 after a failure."""
+    report = fuzz(count, seed)
     print(report.text())
     for failure in report.failures:
         print(failure)
-    sys.exit(bool(report.failures) or report.peak_memory_mb > MOST_MEMORY_MB)
+    sys.exit(bool(report.failures) or report.peak_memory_mb > MAX_MEMORY_MB)
 
 
 if __name__ == "__main__":
-    main()
+    app()

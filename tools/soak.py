@@ -7,7 +7,6 @@ reported with its cause; none may be lost and none doubled. Prints a line of cou
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import dataclasses
 import functools
@@ -16,6 +15,7 @@ from collections import Counter, deque
 from dataclasses import dataclass, field
 
 import numpy as np
+import typer
 from numpy.typing import NDArray
 
 from golden_model.records import MATCH, Cause, feature_record
@@ -28,6 +28,8 @@ from sim.simulators.hardware import decode_frame, decode_status
 from sim.simulators.recording import Output, Pauses, Segment
 from sim.simulators.scoreboard import find_mismatch
 from tools.soak_frames import BUILT_PX, CONFIG, SentFrame, Source
+
+app = typer.Typer(help=__doc__, add_completion=False)
 
 LANES = 4
 HANG_CYCLES = 2_000_000
@@ -215,11 +217,13 @@ def soak(clocks: int, seed: int, *, report: Progress = silent) -> str:
         return run.run(clocks)
 
 
-if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("clocks", type=int)
-    parser.add_argument("--seed", type=int, default=1)
-    arguments = parser.parse_args()
+@app.command()
+def main(clocks: int, seed: int = 1) -> None:
+    """Run so many clocks, and print a line of counts."""
     start = time.process_time()
-    line = soak(arguments.clocks, arguments.seed, report=functools.partial(print, flush=True))
-    print(f"{line}; seed {arguments.seed}, {time.process_time() - start:.0f} s of processor time")
+    line = soak(clocks, seed, report=functools.partial(print, flush=True))
+    print(f"{line}; seed {seed}, {time.process_time() - start:.0f} s of processor time")
+
+
+if __name__ == "__main__":
+    app()

@@ -18,7 +18,7 @@ PAGES = {
 }
 """Each file at the top, and its page."""
 _FROM_TOP = re.compile(r"\]\((?:docs/)?(?P<path>[^):#]+\.\w+)(?P<anchor>#[^)]*)?\)")
-_TO_TOP = re.compile(r"\]\(\.\./(?P<name>[A-Z_]+\.md)(?P<anchor>#[^)]*)?\)")
+_TO_TOP = re.compile(r"\]\((?:\.\./)+(?P<name>[A-Z_]+\.md)(?P<anchor>#[^)]*)?\)")
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:

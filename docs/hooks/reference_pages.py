@@ -41,7 +41,9 @@ def commands() -> str:
     group = get_command(app)
     context = click.Context(group, info_name="skymosaic")
     parts = ["# Command line\n", f"{group.help}\n"]
-    parts += ["What all commands have in common, and their exit statuses: [The command line](../command_line.md).\n"]
+    parts += [
+        "What all commands have in common, and their exit statuses: [The command line](../how-to/command_line.md).\n"
+    ]
     for name in group.list_commands(context):
         _, command, _ = group.resolve_command(context, [name])
         assert command is not None

@@ -86,7 +86,7 @@ class DescriptorPattern:
         return round(radius * math.cos(angle_rad)), round(radius * math.sin(angle_rad))
 
 
-# Chosen by ablation on real flights; docs/descriptor.md explains the notation.
+# Chosen by ablation on real flights; docs/explanation/descriptor.md explains the notation.
 _ILBP_128 = (
     (5, 2, 4), (6, 4, 13), (4, 2, 15), (6, 4, 1), (2, 1, 2), (6, 6, 3), (4, 4, 2), (5, 3, 0),
     (3, 2, 2), (6, 4, 15), (5, 5, 1), (2, 1, 13), (6, 6, 5), (3, 2, 0), (6, 5, 0), (5, 2, 1),

@@ -23,7 +23,7 @@ XML_ACCESS = {
 
 
 def markdown(registers: Sequence[Register] = LIVE_REGISTERS) -> str:
-    """The register map as a Markdown page; `docs/register_map.md` is that of a live build."""
+    """The register map as a Markdown page; `docs/reference/register_map.md` is that of a live build."""
     lines = [
         "# Register map",
         "",

@@ -19,6 +19,10 @@ class SkidBuffer(wiring.Component):
     shape : ShapeLike
         Shape of the payload.
 
+    Members
+    -------
+    i, o : stream
+
     Attributes
     ----------
     latency_cycles : int

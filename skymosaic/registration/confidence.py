@@ -26,7 +26,7 @@ FLAT_SHARE = 0.75
 HIGH_PASS_SIGMA_PX = 3.0
 # Fewer pixels correlate by chance.
 MIN_OVERLAP_PX = 400
-# Fitted by `python bench/confidence.py` to pairs with known errors, see docs/registration.md.
+# Fitted by `python -m bench.confidence` to pairs with known errors, see docs/explanation/registration.md.
 INTERCEPT = 2.749
 COEFFICIENTS = {
     "log_instability": 0.367,

@@ -1,4 +1,4 @@
-"""What users of other command lines expect of this one: docs/command_line.md promises it."""
+"""What users of other command lines expect of this one: docs/how-to/command_line.md promises it."""
 
 import json
 import os
@@ -16,7 +16,7 @@ from sim.scene import make_pair
 from skymosaic.imagery.video import write_video
 from tests.system.command_line import only_error
 
-DOCUMENT = Path(__file__).parents[2] / "docs" / "command_line.md"
+DOCUMENT = Path(__file__).parents[2] / "docs" / "how-to" / "command_line.md"
 COMMON = {"command", "version", "status", "error", "warnings", "outputs", "seconds"}
 WRITES_JSON = {
     "register": ("left.png", "right.png"),

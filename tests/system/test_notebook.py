@@ -1,25 +1,23 @@
 """The notebook of the export, executed as it is by a Jupyter kernel on the simulated accelerator, and its page."""
 
 import re
-from pathlib import Path
 
 import nbformat
 import numpy as np
 import pytest
 
-from bench import notebook
+from bench import pictures
 from golden_model.config import PRESETS
 from sim.backends.interface import load_backend
 from sim.scene import make_pair
 
 SIZE_PX = (160, 120)
-PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "notebook.md"
-SOURCES = [cell.source for cell in nbformat.read(notebook.NOTEBOOK, as_version=4).cells]
+SOURCES = [cell.source for cell in nbformat.read(pictures.NOTEBOOK, as_version=4).cells]
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of Jupyter's own packages
 def test_the_notebook_runs_and_gives_what_the_golden_model_gives() -> None:
-    made = notebook.executed(SIZE_PX)
+    made = pictures.run_notebook(SIZE_PX)
     assert [cell.source for cell in made.cells] == SOURCES
     outputs = [output for cell in made.cells for output in cell.get("outputs", [])]
     printed = "".join(output.text for output in outputs if output.output_type == "stream")
@@ -33,11 +31,13 @@ def test_the_notebook_runs_and_gives_what_the_golden_model_gives() -> None:
 
 
 def test_the_page_in_docs_has_every_cell_and_its_pictures() -> None:
-    text = PAGE.read_text()
+    text = pictures.PAGE.read_text()
     for source in SOURCES:
         # The title stands above the note on the page.
-        assert source.removeprefix("# skymosaic on the board\n").strip() in text, "run: python bench/notebook.py"
-    pictures = re.findall(r"\]\((\S+\.webp)\)", text)
-    assert len(pictures) == 3
-    assert all((PAGE.parent / picture).is_file() for picture in pictures)
+        assert source.removeprefix("# skymosaic on the board\n").strip() in text, (
+            "run: python -m bench.pictures notebook"
+        )
+    drawn = re.findall(r"\]\((\S+\.webp)\)", text)
+    assert len(drawn) == 3
+    assert all((pictures.PAGE.parent / picture).is_file() for picture in drawn)
     assert "not yet run on a board" in text

@@ -1,22 +1,21 @@
-"""Makes the pictures for docs/panel.md, or pictures of every state of the pages.
+"""Makes the pictures for docs/how-to/panel.md, or pictures of every state of the pages.
 
     python -m tools.panel.screenshots [FOLDER]
     python -m tools.panel.screenshots --states FOLDER
 
-The first prints the seconds from the command to its address and from the open page to the first mosaic. The second
-shows every state in a small window, in a large one and on a phone, in light and dark: to be looked at after a change of
-the style.
+The second shows every state in a small window, in a large one and on a phone, in light and dark: to be looked at after
+a change of the style.
 """
 
 from __future__ import annotations
 
-import sys
 import tempfile
-import time
 from pathlib import Path
+from typing import Annotated
 
 import cv2
 import numpy as np
+import typer
 from playwright.sync_api import Page, expect
 
 from tools.panel.states import LONG_STATES, STATES
@@ -49,10 +48,8 @@ def shoot(page: Page, folder: Path, name: str, *, whole_page: bool = False) -> N
 
 def visit_pair(page: Page, folder: Path) -> None:
     """Make the built-in pair's mosaic, show its matches and compare with the hardware."""
-    started = time.perf_counter()
     load_built_in_pair(page)
     make_mosaic(page)
-    print(f"open page to first mosaic: {time.perf_counter() - started:.1f} s")
     shoot(page, folder, "panel-mosaic")
     open_tab(page, "Matches")
     page.get_by_role("checkbox", name="kept, on the homography").click()
@@ -87,11 +84,9 @@ def visit_tracking(page: Page, folder: Path) -> None:
     shoot(page, folder, "panel-tracking")
 
 
-def main(folder: Path) -> None:
+def show_pages(folder: Path) -> None:
     """Make every picture with one browser."""
-    started = time.perf_counter()
     with tempfile.TemporaryDirectory() as log_folder, running_panel(Path(log_folder)) as address, chromium() as browser:
-        print(f"command to address, browser started: {time.perf_counter() - started:.1f} s")
         for visit in (visit_pair, visit_flight, visit_tracking):
             page = open_page(browser, address, color_scheme="light")
             visit(page, folder)
@@ -115,13 +110,17 @@ def show_states(folder: Path) -> None:
             page.context.close()
 
 
+def main(
+    folder: Annotated[Path, typer.Argument(help="Where the pictures are written.")] = Path("docs/images"),
+    states: Annotated[bool, typer.Option("--states", help="Every state in every window, light and dark.")] = False,
+) -> None:
+    """Make the pictures of the documentation, or of every state."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (show_states if states else show_pages)(folder)
+
+
+app = typer.Typer(add_completion=False)
+app.command()(main)
+
 if __name__ == "__main__":
-    match sys.argv[1:]:
-        case ["--states", target]:
-            chosen, work = Path(target), show_states
-        case [target]:
-            chosen, work = Path(target), main
-        case _:
-            chosen, work = Path("docs/images"), main
-    chosen.mkdir(parents=True, exist_ok=True)
-    work(chosen)
+    app()

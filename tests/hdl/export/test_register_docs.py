@@ -9,12 +9,12 @@ import pytest
 from hdl.export import register_docs
 from hdl.registers.register_map import REGISTERS
 
-PAGE = Path(__file__).parents[3] / "docs" / "register_map.md"
+PAGE = Path(__file__).parents[3] / "docs" / "reference" / "register_map.md"
 
 
 def test_the_page_in_docs_is_current() -> None:
     assert PAGE.read_text() == register_docs.markdown(), (
-        "run: python -m hdl.export.register_docs > docs/register_map.md"
+        "run: python -m hdl.export.register_docs > docs/reference/register_map.md"
     )
 
 

@@ -1,4 +1,4 @@
-"""docs/thesis_coverage.md names every row of the thesis, and only code and tests that exist."""
+"""docs/explanation/thesis_coverage.md names every row of the thesis, and only code and tests that exist."""
 
 import ast
 import importlib
@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[3]
-TABLE = ROOT / "docs" / "thesis_coverage.md"
+TABLE = ROOT / "docs" / "explanation" / "thesis_coverage.md"
 REFERENCES = {
     "IV.6.2.1", "IV-1", "II-1", "III-6", "III-7", "III.6.1.1", "II.2.1.2, III.6.1.1", "II-2, II-3", "II-4 to II-6",
     "II-7", "II-8 to II-11", "III-1", "III-2", "III-3", "III-4", "III-5", "III.5.1", "III.5.2", "III-8, III-9, IV.2.4",

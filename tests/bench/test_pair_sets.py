@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from bench.known_sets import read_set
+from bench.pair_sets import read_set
 from skymosaic.errors import InputError
 
 SHIFT = np.array([[1.0, 0, 5], [0, 1, -3], [0, 0, 1]])

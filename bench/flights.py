@@ -1,0 +1,85 @@
+"""Whole flights: what is placed, how exactly, how the mosaics look, and what it costs.
+
+    python -m bench.flights peers FLIGHT ...
+    python -m bench.flights rendered [NAME ...]
+    python -m bench.flights quality FLIGHT ...
+    python -m bench.flights maps FLIGHT ...
+    python -m bench.flights nuisances [NAME ...]
+
+A FLIGHT is a folder of photographs, or the name of a public flight below SKYMOSAIC_DATA, such as ``brighton_beach``.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from bench.mosaic_quality import quality
+from bench.nuisances import nuisances
+from bench.pair_sets import public_folder
+from bench.rendered_flights import rendered
+from bench.report import JsonFile, Row, program, report
+from bench.stitcher_runs import peers
+from golden_model.arrays import Points
+from skymosaic.flight.picture.mapping import camera_positions
+from skymosaic.geometry.homography import DegenerateError, apply, estimate
+from skymosaic.maps.georeference import fit_to_map, project_to_utm
+from skymosaic.mosaicking.api import open_plan
+from skymosaic.mosaicking.options import MosaicOptions
+from skymosaic.registration.options import WORKING_WIDTH_PX
+
+app = program(__doc__)
+for command in (peers, rendered, quality, nuisances):
+    app.command()(command)
+
+
+@app.command()
+def maps(
+    flights: Annotated[list[str], typer.Argument(help="Folders of photographs with GPS.")],
+    working_width_px: Annotated[int, typer.Option("--working-width")] = WORKING_WIDTH_PX,
+    cache: Annotated[Path | None, typer.Option(help="Folder of an earlier run's cache.")] = None,
+    json_file: JsonFile = None,
+) -> None:
+    """How well flights fit their GPS: at the middle of the photographs, and at the positions of the cameras.
+
+    Median and root mean square distance of all positions, so that both fits are judged alike.
+    """
+    options = MosaicOptions(working_width_px=working_width_px, cache=cache)
+    report("distance from GPS", [gps_row(public_folder(flight), options) for flight in flights], json_file)
+
+
+def gps_row(folder: Path, options: MosaicOptions) -> Row:
+    """A flight's spread of GPS positions, and the residuals of both fits."""
+    with open_plan([folder], options) as plan:
+        flight, layout = plan.flight, plan.layouts[0]
+    members = [member for member in layout.members if flight.views[member].gps is not None]
+    transforms = layout.to_reference(flight.views)
+    centres = np.array([apply(transforms[m], (np.array(flight.views[m].size) - 1) / 2) for m in members])
+    cameras = camera_positions(flight, layout)[[layout.members.index(m) for m in members], :2]
+    crs, metres = project_to_utm([gps for m in members if (gps := flight.views[m].gps) is not None])
+    spread = np.sqrt(np.mean(np.sum((metres - metres.mean(axis=0)) ** 2, axis=1)))
+    fit, _ = fit_to_map(cameras, metres, crs)
+    return {
+        "flight": f"{folder.name}, {len(layout.members)} photographs",
+        "GPS spread": f"{spread:.0f} m",
+        "at image centres, median / RMS": residuals(centres, metres),
+        "at cameras, median / RMS": residuals(cameras, metres),
+        "positions left out": "all: refused" if fit is None else f"{len(fit.disagreeing)} of {len(members)}",
+    }
+
+
+def residuals(places: Points, metres: Points) -> str:
+    """Median and root mean square distance after the best similarity, in words."""
+    upright = places * [1.0, -1.0]
+    try:
+        offsets = np.linalg.norm(apply(estimate(upright, metres, model="similarity"), upright) - metres, axis=1)
+    except DegenerateError:
+        return "none"
+    return f"{np.median(offsets):.2f} / {np.sqrt(np.mean(offsets**2)):.2f} m"
+
+
+if __name__ == "__main__":
+    app()

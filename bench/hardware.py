@@ -1,0 +1,128 @@
+"""Clocks of the hardware, by the golden model of time: those of the matcher, of homography scoring, and of live builds.
+
+    python -m bench.hardware matcher
+    python -m bench.hardware scoring
+    python -m bench.hardware rates
+
+The model is exact for streams without pauses; tests hold it against the simulated hardware, clock by clock
+(`tests/system/test_timing.py`, `tests/hdl/geometry/test_scoring.py`), so nothing is simulated here.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from bench.report import JsonFile, Row, program, report
+from golden_model.arrays import Records
+from golden_model.config import PRESETS, Config
+from golden_model.feature.ilbp import PATTERNS, DescriptorPattern
+from golden_model.feature.orientation import SECTORS
+from golden_model.geometry.scoring import finish_cycles
+from golden_model.matching.matcher import match
+from golden_model.records import feature_record
+from golden_model.timing import FrameWork, steady_pace, timelines
+
+app = program(__doc__)
+
+AERIAL = PRESETS["aerial"]
+CLOCK_MHZ = 150
+SIZE_PX = (640, 480)
+FEATURES = (256, 512, 1024, 1850, 2048)
+"""The last but one is the most that a 640x480 frame can have, the last what the memory holds."""
+MATCHES = (10, 100, 500, 1000, 1850, 2048)
+HYPOTHESES = 500
+LANES = (8, 16)
+MAX_NOISE = 0.3
+"""Share of a descriptor's bits that differ between partners."""
+SIZES_PX = ((640, 480), (1280, 720), (1920, 1080), (3840, 2160))
+LIVE_FEATURES, LIVE_MATCHES = 2000, 1400
+
+
+def partners(count: int, pattern: DescriptorPattern) -> tuple[Records, Records]:
+    """Features of two frames, the right ones in another order and with some of their bits turned round."""
+    rng = np.random.default_rng(count)
+    left = np.zeros(count, feature_record(pattern.descriptor_bytes, pattern.window_bytes).dtype)
+    left["x"], left["y"] = rng.integers(0, 1 << 16, (2, count))
+    left["sector"] = rng.integers(0, SECTORS, count) if pattern.oriented else 0
+    left["descriptor"] = rng.integers(0, 256, (count, pattern.descriptor_bytes))
+    right = left[rng.permutation(count)]
+    noise = rng.uniform(0, MAX_NOISE, (count, 1))
+    right["descriptor"] ^= np.packbits(rng.random((count, pattern.bits)) < noise, axis=1)
+    for features in (left, right):
+        features["index"] = np.arange(count)
+    return left, right
+
+
+def matching_cycles(count: int, config: Config, lanes: int) -> int:
+    """Clocks from a frame's last word of features to its last match, both at the accelerator's outputs."""
+    pattern = config.front_end.pattern
+    rows = np.sort(match(*partners(count, pattern), pattern, config.matcher)["left_index"])
+    work = FrameWork(*SIZE_PX, good=True, left=count, right=count, rows=rows)
+    (line,) = timelines([work], config, lanes=lanes)
+    return line.matches_end - line.features_end
+
+
+@app.command()
+def matcher(json_file: JsonFile = None) -> None:
+    """Clocks of the matcher for frames whose features nearly all match, beside F * F / lanes."""
+    builds = {
+        f"{lanes} lanes, {PATTERNS[name].bits} bits": (
+            dataclasses.replace(AERIAL, front_end=dataclasses.replace(AERIAL.front_end, descriptor=name)),
+            lanes,
+        )
+        for lanes in LANES
+        for name in ("ilbp-128", "ilbp-256")
+    }
+    rows: list[Row] = [
+        {
+            "F": count,
+            **{name: matching_cycles(count, *build) for name, build in builds.items()},
+            "F² / 16": count**2 // 16,
+        }
+        for count in FEATURES
+    ]
+    report("clocks from a frame's last word of features to its last match", rows, json_file)
+
+
+@app.command()
+def scoring(json_file: JsonFile = None) -> None:
+    """Clocks in which the scoring block answers, by the number of matches."""
+    rows: list[Row] = []
+    for count in MATCHES:
+        cycles = finish_cycles(count, HYPOTHESES)
+        rows.append(
+            {
+                "matches": count,
+                "clocks of the first score": int(cycles[0]),
+                f"of {HYPOTHESES}": int(cycles[-1]),
+                f"{HYPOTHESES} at {CLOCK_MHZ} MHz, ms": round(int(cycles[-1]) / CLOCK_MHZ / 1000, 2),
+                "hypotheses per second": int(HYPOTHESES * CLOCK_MHZ * 1e6 / cycles[-1]),
+            }
+        )
+    report("homography scoring", rows, json_file)
+
+
+@app.command()
+def rates(json_file: JsonFile = None) -> None:
+    """What a live build reaches at its clock, with many features in every frame."""
+    rows: list[Row] = []
+    for width_px, height_px in SIZES_PX:
+        indices = np.linspace(0, LIVE_FEATURES - 1, LIVE_MATCHES).astype(int)
+        work = FrameWork(width_px, height_px, good=True, left=LIVE_FEATURES, right=LIVE_FEATURES, rows=indices)
+        pace = steady_pace(work, AERIAL, lanes=max(LANES))
+        assert pace is not None
+        rows.append(
+            {
+                "frames": f"{width_px}×{height_px}",
+                "clocks per frame": pace[0],
+                f"frames per second at {CLOCK_MHZ} MHz": round(1e6 * CLOCK_MHZ / pace[0], 1),
+                "last pixel to last match, ms": round(pace[1] / CLOCK_MHZ / 1000, 2),
+            }
+        )
+    report(f"live builds, {LIVE_FEATURES} features of which {LIVE_MATCHES} match", rows, json_file)
+
+
+if __name__ == "__main__":
+    app()

@@ -1,0 +1,95 @@
+"""OpenCV's detectors and descriptors, with mutual check, ratio test and MAGSAC: what we compare with."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import cv2
+import numpy as np
+
+from golden_model.arrays import Matrix, Pixels, Points
+from golden_model.config import preset_config
+from skymosaic.features.detectors import DETECTORS
+from skymosaic.features.matchers import RATIO
+from skymosaic.features.methods import choose_method, load_backend_for
+from skymosaic.features.positions import match_points
+from skymosaic.geometry.homography import apply
+
+METHODS = {
+    "sift": "SIFT",
+    "orb": "ORB",
+    "akaze": "AKAZE",
+    "brisk": "BRISK",
+    "freak": "FREAK",
+    "surf": "SURF",
+    "klt": "KLT",
+}
+"""Detectors, with the descriptor that goes with each; FREAK's detector is BRISK's, SURF's descriptor ours."""
+TOLERANCE_PX = 3.0
+ROUNDS = 10_000
+CONFIDENCE = 0.9999
+MAX_PROJECT_FEATURES = 4096
+"""More are matched by `sift_matches`."""
+
+
+class Peer:
+    """Matches of an OpenCV method, and a homography by MAGSAC.
+
+    Parameters
+    ----------
+    name : str
+        One of `METHODS`, or ``rootsift``.
+    count : int
+        Of the strongest key points.
+    """
+
+    def __init__(self, name: str, count: int) -> None:
+        self._name, self._count = name, count
+
+    def homography(self, left: Pixels, right: Pixels) -> tuple[Matrix | None, int]:
+        """Homography from left to right of two gray images (None where none was estimated); inliers within 3 px."""
+        if self._name == "rootsift" or self._count > MAX_PROJECT_FEATURES:
+            points = sift_matches(left, right, self._count, root=self._name == "rootsift")
+        else:
+            points = project_matches(left, right, self._name, self._count)
+        if len(points[0]) < 4:
+            return None, 0
+        H, _ = cv2.findHomography(*points, cv2.USAC_MAGSAC, TOLERANCE_PX, maxIters=ROUNDS, confidence=CONFIDENCE)
+        if H is None:
+            return None, 0
+        return H, int((np.linalg.norm(apply(H, points[0]) - points[1], axis=1) <= TOLERANCE_PX).sum())
+
+
+def project_matches(left: Pixels, right: Pixels, name: str, count: int) -> tuple[Points, Points]:
+    """Left and right points (N, 2) of a detector and descriptor as the project offers them."""
+    config = preset_config("aerial")
+    config = dataclasses.replace(config, front_end=dataclasses.replace(config.front_end, max_features=count))
+    method, config = choose_method(config, **{"detector" if name in DETECTORS else "descriptor": name})
+    matches = load_backend_for(method, "golden").run([left, right], config)[1].matches
+    return match_points(matches[matches["verdict"] == 1])
+
+
+def sift_matches(left: Pixels, right: Pixels, count: int, *, root: bool) -> tuple[Points, Points]:
+    """Points (N, 2) of SIFT with any number of features; ``root``: by the Hellinger distance (Arandjelovic 2012)."""
+    sift = cv2.SIFT.create(count)
+    (left_points, left_words), (right_points, right_words) = (_described(sift, image, root) for image in (left, right))
+    if min(len(left_points), len(right_points)) < 2:
+        return np.zeros((0, 2)), np.zeros((0, 2))
+    matcher = cv2.BFMatcher(cv2.NORM_L2)
+    back = {match.queryIdx: match.trainIdx for match in matcher.match(right_words, left_words)}
+    pairs = [
+        (best.queryIdx, best.trainIdx)
+        for best, second in matcher.knnMatch(left_words, right_words, k=2)
+        if best.distance < RATIO * second.distance and back[best.trainIdx] == best.queryIdx
+    ]
+    rows, columns = np.array(pairs, dtype=np.intp).reshape(-1, 2).T
+    return left_points[rows], right_points[columns]
+
+
+def _described(sift: cv2.SIFT, image: Pixels, root: bool) -> tuple[Points, np.ndarray]:
+    key_points, words = sift.detectAndCompute(image, None)
+    if words is None:
+        return np.zeros((0, 2)), np.zeros((0, 128), np.float32)
+    if root:
+        words = np.sqrt(words / np.maximum(words.sum(axis=1, keepdims=True), 1e-9))
+    return np.array([point.pt for point in key_points]), words

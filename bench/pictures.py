@@ -1,0 +1,162 @@
+"""The documentation's pictures of the algorithm, and its page of the board's notebook.
+
+    python -m bench.pictures algorithm
+    python -m bench.pictures notebook
+
+The notebook is executed as it is exported, on the simulated accelerator, by a Jupyter kernel of its own in a folder
+with the exported programs; a module ``pynq`` stands for the board's.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+import os
+import tempfile
+from pathlib import Path
+from typing import Annotated, Any
+
+import cv2
+import nbformat
+import numpy as np
+import typer
+from matplotlib.figure import Figure
+from nbclient import NotebookClient
+
+from bench.report import program
+from golden_model.arrays import Pixels
+from golden_model.config import PRESETS
+from golden_model.feature.ilbp import ILBP_128
+from hdl.export.accelerator import write_host
+from hdl.export.boards import SOURCES
+from sim.scene import make_pair
+from skymosaic import Pair, mosaic
+from skymosaic.reports import figures
+from skymosaic.reports.fuzzy_plots import draw_system
+from skymosaic.reports.fuzzy_systems import PLOTTED_SYSTEMS
+
+app = program(__doc__)
+
+ROOT = Path(__file__).parents[1]
+PICTURES = ROOT / "docs" / "images"
+PAGE = ROOT / "docs" / "how-to" / "notebook.md"
+SEED = 9
+QUALITY = 70
+DRAWN_BYTE = 0
+"""The byte of the descriptor whose eight comparisons are drawn."""
+NOTEBOOK = SOURCES / "pynq" / "skymosaic.ipynb"
+NOTEBOOK_SIZE_PX = (320, 240)
+STAND_IN = "from sim.benches.pynq_stand_in import DefaultIP, Overlay, allocate\n"
+NOTE = """<!-- Written by `python -m bench.pictures notebook`. -->
+
+!!! note
+    This is `pynq/skymosaic.ipynb` of `skymosaic export --board pynq_z2`, run on the simulated accelerator by
+    `python -m bench.pictures notebook`. It has not yet run on a board."""
+
+Folder = Annotated[Path, typer.Option(help="Where the pictures are written.")]
+
+
+@app.command()
+def algorithm(folder: Folder = PICTURES) -> None:
+    """Draw the pictures of the page about the algorithm, from the built-in pair."""
+    result = mosaic(list(make_pair(seed=SEED).images))
+    pair = result.pairs[0]
+    pictures = {
+        "corners": figures.draw_corners(pair.working[0], pair.features[0]),
+        "rings": draw_rings(),
+        "matches": figures.draw_matches(pair),
+        "rules": decode(draw_system(PLOTTED_SYSTEMS["aerial"])),
+        "mosaic": draw_outline(pair, result.image.astype(np.uint8)),
+    }
+    for name, pixels in pictures.items():
+        save(folder / f"algorithm-{name}.webp", pixels)
+
+
+def draw_rings() -> Pixels:
+    """The pixels that the descriptor compares, and the eight comparisons of one byte."""
+    figure = Figure(figsize=(5, 5), layout="constrained")
+    plot = figure.subplots()
+    for offsets in ILBP_128.offsets:
+        x, y = zip(*offsets, strict=True)
+        plot.scatter(x, y, s=26, zorder=3)
+    a, b, k = ILBP_128.comparisons[DRAWN_BYTE]
+    for bit in range(8):
+        start = ILBP_128.offsets[a][2 * bit]
+        end = ILBP_128.offsets[b][(2 * bit + k) % ILBP_128.angles]
+        plot.annotate("", end, start, arrowprops={"arrowstyle": "<->", "color": "#0f6e78", "linewidth": 1.4})
+    plot.set(aspect="equal", xlabel="x, px", ylabel="y, px (down)")
+    plot.invert_yaxis()
+    plot.grid(alpha=0.3)
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=110)
+    return decode(buffer.getvalue())
+
+
+def draw_outline(pair: Pair, image: Pixels) -> Pixels:
+    """The mosaic with the outline of the left photograph, whose place the homography gives."""
+    result = image.copy()
+    assert pair.homography is not None
+    width, height = pair.left.size
+    frame = np.array([[(0, 0), (width, 0), (width, height), (0, height)]], dtype=np.float64)
+    placed = cv2.perspectiveTransform(frame, pair.homography)
+    # The canvas starts where the left photograph's corners reach farthest to the left and up.
+    placed -= np.minimum(placed.min(axis=1), 0)
+    cv2.polylines(result, [np.round(placed).astype(np.int32)], True, (255, 255, 255), 2, cv2.LINE_AA)
+    return result
+
+
+def save(path: Path, pixels: Pixels) -> None:
+    """Write a picture as WebP."""
+    cv2.imwrite(str(path), pixels, [cv2.IMWRITE_WEBP_QUALITY, QUALITY])
+
+
+def decode(png: bytes) -> Pixels:
+    """The pixels of a PNG."""
+    return np.asarray(cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR), dtype=np.uint8)
+
+
+@app.command()
+def notebook(
+    page: Annotated[Path, typer.Option(help="The page to write.")] = PAGE,
+    folder: Folder = PICTURES,
+) -> None:
+    """Run the board's notebook on the simulated accelerator, and write its page."""
+    page.write_text(notebook_page(run_notebook(), folder, os.path.relpath(folder, page.parent)), encoding="utf-8")
+
+
+def run_notebook(size_px: tuple[int, int] = NOTEBOOK_SIZE_PX) -> Any:
+    """The notebook with its outputs, for a rendered pair."""
+    executed = nbformat.read(NOTEBOOK, as_version=4)
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        write_host(folder, "pynq", PRESETS["aerial"])
+        (folder / "pynq.py").write_text(STAND_IN)
+        for name, image in zip(("left", "right"), make_pair(seed=SEED, size=size_px).images, strict=True):
+            np.save(folder / f"{name}.npy", np.ascontiguousarray(image[..., 1]))
+        environment = {**os.environ, "PYTHONPATH": str(ROOT), "IPYTHONDIR": str(folder / "ipython")}
+        client = NotebookClient(executed, timeout=None, resources={"metadata": {"path": str(folder)}})
+        client.execute(env=environment)
+    return executed
+
+
+def notebook_page(executed: Any, pictures: Path, relative: str) -> str:
+    """The notebook as Markdown; its pictures are written into a folder, to which ``relative`` leads from the page."""
+    parts: list[str] = []
+    for cell in executed.cells:
+        if cell.cell_type == "markdown":
+            title, line, rest = cell.source.partition("\n")
+            parts += [title, NOTE, rest] if title.startswith("# ") else [title + line + rest]
+            continue
+        parts.append(f"```python\n{cell.source}\n```")
+        for output in cell.outputs:
+            if output.output_type == "stream":
+                parts.append(f"```text\n{output.text.rstrip()}\n```")
+            elif "image/png" in output.get("data", {}):
+                name = f"notebook-{cell.id}.webp"
+                save(pictures / name, decode(base64.b64decode(output.data["image/png"])))
+                parts.append(f"![{cell.id}]({relative}/{name})")
+    return "\n\n".join(part.strip() for part in parts) + "\n"
+
+
+if __name__ == "__main__":
+    app()

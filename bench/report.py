@@ -1,0 +1,61 @@
+"""Rows of figures: a table on the terminal, and the JSON file that the documentation makes the same table from."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+MEASURED = Path(__file__).parents[1] / "docs" / "measured"
+"""Folder of the files that the documentation is made from."""
+Row = dict[str, str | int | float]
+"""Heading and figure, in the order of the columns; the first column names the row."""
+JsonFile = Annotated[Path | None, typer.Option("--json", help="Write command and rows here; docs/measured has them.")]
+
+
+def program(doc: str | None) -> typer.Typer:
+    """A program of sub-commands that says what its module says."""
+    return typer.Typer(help=doc, add_completion=False, no_args_is_help=True)
+
+
+def report(title: str, rows: Sequence[Row], json_file: Path | None = None, *, keep_others: bool = False) -> None:
+    """Print rows as a table, and write them with the command that measured them.
+
+    With ``keep_others`` only some rows were measured: they take the places of those that the file has of the same name.
+    """
+    table = Table(*(rows[0] if rows else ()), title=title)
+    for row in rows:
+        table.add_row(*map(str, row.values()))
+    Console(width=None if sys.stdout.isatty() else 200).print(table)
+    if json_file and keep_others and json_file.exists():
+        before = json.loads(json_file.read_text(encoding="utf-8"))
+        measured = {_name(row): row for row in rows}
+        kept = [measured.pop(_name(row), row) for row in before["rows"]]
+        write(json_file, before["command"], [*kept, *measured.values()])
+    elif json_file:
+        write(json_file, command_line(), rows)
+
+
+def _name(row: Row) -> str:
+    return str(next(iter(row.values())))
+
+
+def write(path: Path, command: str, rows: Sequence[Row]) -> None:
+    """Write a file of ``docs/measured``, a row in each line, so that a changed figure is a changed line."""
+    lines = ",\n".join(f"    {json.dumps(row, ensure_ascii=False)}" for row in rows)
+    path.write_text(f'{{\n  "command": {json.dumps(command)},\n  "rows": [\n{lines}\n  ]\n}}\n', encoding="utf-8")
+
+
+def command_line() -> str:
+    """The command that is running, without the option that names the file."""
+    words = sys.argv[1:]
+    if "--json" in words:
+        place = words.index("--json")
+        del words[place : place + 2]
+    return " ".join([f"python -m bench.{Path(sys.argv[0]).stem}", *(f'"{w}"' if " " in w else w for w in words)])

@@ -1,0 +1,159 @@
+"""Runs of `bench/stitchers.py`, and the comparison of flights with OpenStitching and cv2.Stitcher.
+
+Every run is a process of its own with capped memory; the methods take turns, so that a machine whose speed drifts slows
+all of them alike. Processor time is from the files to the mosaic in memory, imports not counted. The error of a method
+is the median distance, in pixels at 1600 px wide, of our matches (inliers of a pair's homography) under its
+transformations. The package `stitching` pulls in another OpenCV, so it gets an environment of its own in the user's
+cache folder.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import cv2
+import numpy as np
+import typer
+from rich.progress import track
+
+from bench.pair_sets import public_folder
+from bench.report import JsonFile, Row, report
+from golden_model.arrays import Matrix, Points
+from golden_model.config import preset_config
+from sim.simulators.build_cache import cache_folder
+from skymosaic.flight.cache import ResultCache
+from skymosaic.flight.linking.view import Settings
+from skymosaic.flight.survey import Flight, survey
+from skymosaic.flight.workers import Workers
+from skymosaic.geometry.homography import apply
+from skymosaic.imagery.lens import Lens
+from skymosaic.imagery.photographs import list_sources
+
+METHODS = {
+    "skymosaic": "skymosaic",
+    "openstitching": "OpenStitching, affine, its ORB",
+    "openstitching-sift": "OpenStitching, affine, SIFT",
+    "opencv": "`cv2.Stitcher` SCANS",
+}
+STITCHERS = Path(__file__).with_name("stitchers.py")
+REPORTED_WIDTH_PX = 1600
+WORKING_WIDTH_PX = 1280
+MEMORY_GB = 16.0
+
+Result = dict[str, Any]
+Matches = tuple[str, str, Points, Points]
+"""Names of two photographs, and their matches in original pixels."""
+
+
+def peers(
+    *,
+    flights: Annotated[list[str], typer.Argument(help="Folders of photographs, one flight each.")],
+    method: Annotated[list[str] | None, typer.Option(help=f"Only these of {', '.join(METHODS)}.")] = None,
+    rounds: Annotated[int, typer.Option(min=1, help="How often each method runs.")] = 1,
+    working_width_px: Annotated[int, typer.Option("--working-width", help="For all methods.")] = WORKING_WIDTH_PX,
+    memory_gb: Annotated[float, typer.Option("--memory", help="Cap of each process's address space.")] = MEMORY_GB,
+    json_file: JsonFile = None,
+) -> None:
+    """Photographs placed, error, processor time and memory, beside other stitchers."""
+    rows = [
+        row
+        for flight in flights
+        for row in compare(public_folder(flight), method or list(METHODS), rounds, working_width_px, memory_gb)
+    ]
+    report("flights beside other stitchers", rows, json_file)
+
+
+def compare(folder: Path, methods: Sequence[str], rounds: int, width_px: int, memory_gb: float) -> list[Row]:
+    """Every method on a folder; seconds and memory are medians over the rounds."""
+    flight = lay_out(folder, width_px)
+    # Our transformations are those of photographs without the distortion that was estimated.
+    straight, distorted = (flight_matches(flight, lens) for lens in (Lens(), flight.lens))
+    results: dict[str, list[Result]] = {method: [] for method in methods}
+    for _ in track(range(rounds), description=folder.name, transient=True):
+        for method in methods:
+            results[method].append(run_stitcher(method, folder, width_px, memory_gb))
+    rows: list[Row] = []
+    for method, outcomes in results.items():
+        transforms, failure = outcomes[0]["transforms"], outcomes[0]["failure"]
+        placed = max(len(transforms), 1)
+        scale = REPORTED_WIDTH_PX / flight.views[0].size[0]
+        error_px = scale * median_error_px(transforms, straight if method == "skymosaic" else distorted)
+        seconds, peak_mb = (np.median([each[key] for each in outcomes]) for key in ("cpu_seconds", "peak_mb"))
+        rows.append(
+            {
+                "flight": f"{folder.name}, {len(flight.views)} photographs",
+                "method": METHODS[method],
+                "placed": len(transforms),
+                "error, px": f"{error_px:.3g}",
+                "CPU s per placed photograph": f"{seconds / placed:.2f}" + " (no picture)" * bool(failure),
+                "peak, GB": f"{peak_mb / 1000:.2g}",
+            }
+        )
+    return rows
+
+
+def run_stitcher(method: str, folder: Path, width_px: int, memory_gb: float) -> Result:
+    """One method on one folder, in a process of its own."""
+    command = [stitcher_python(method), STITCHERS, method, folder, width_px, memory_gb]
+    finished = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
+    if finished.returncode:
+        return {"transforms": {}, "failure": finished.stderr.strip()[-200:], "cpu_seconds": 0.0, "peak_mb": 0.0}
+    result: Result = json.loads(finished.stdout.splitlines()[-1])
+    return result
+
+
+def stitcher_python(method: str) -> str:
+    """The interpreter a method runs in; the environment of the package `stitching` is made the first time."""
+    if not method.startswith("openstitching"):
+        return sys.executable
+    environment = cache_folder() / "bench-stitching"
+    python = environment / "bin" / "python"
+    if not python.exists():
+        subprocess.run([sys.executable, "-m", "venv", str(environment)], check=True)
+        install = [str(python), "-m", "pip", "install", "--quiet"]
+        # OpenCV first; the package itself would replace it by another build.
+        subprocess.run([*install, "opencv-contrib-python-headless>=5,<6", "numba"], check=True)
+        subprocess.run([*install, "--no-deps", "stitching", "largestinteriorrectangle"], check=True)
+    return str(python)
+
+
+def lay_out(folder: Path, width_px: int) -> Flight:
+    """The folder, laid out by skymosaic."""
+    settings = Settings(preset_config("aerial"), working_width_px=width_px)
+    with Workers() as workers:
+        return survey(list_sources([folder]), settings, 0, workers, ResultCache(None))
+
+
+def flight_matches(flight: Flight, lens: Lens) -> list[Matches]:
+    """Every pair of photographs that a homography joins, with its matches as ``lens`` shows them."""
+    matches = []
+    for link in (link for link in flight.links if link.holds):
+        ends = (flight.views[link.left], link.left_points), (flight.views[link.right], link.right_points)
+        left, right = (distort(apply(view.to_original, points), lens) for view, points in ends)
+        matches.append((Path(ends[0][0].name).name, Path(ends[1][0].name).name, left, right))
+    return matches
+
+
+def distort(points: Points, lens: Lens) -> Points:
+    """Points (N, 2) of a straightened photograph where the camera's picture shows them, px."""
+    if lens.matrix is None:
+        return points
+    to_ray: Matrix = np.linalg.inv(lens.matrix).astype(np.float64)
+    rays = cv2.convertPointsToHomogeneous(apply(to_ray, points))
+    pixels, _ = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), lens.matrix, lens.distortion)
+    return np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
+
+
+def median_error_px(transforms: dict[str, Any], matches: Sequence[Matches]) -> float:
+    """Median distance of matches under transformations to a common frame; NaN where none joins two placed images."""
+    errors = [
+        np.linalg.norm(apply(np.linalg.inv(transforms[right]) @ transforms[left], points) - targets, axis=1)
+        for left, right, points, targets in matches
+        if left in transforms and right in transforms
+    ]
+    return float(np.median(np.concatenate(errors))) if errors else float("nan")

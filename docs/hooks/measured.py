@@ -1,0 +1,56 @@
+"""Tables that a bench has measured: a link to a file of ``docs/measured`` that stands alone becomes its table.
+
+Where pages are read without the site, the link leads to the figures. A link's title chooses rows by their first cell:
+``[Area](../measured/synthesis.json "gray; half")``.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import Files
+from mkdocs.structure.pages import Page
+
+MEASURED = Path(__file__).parents[1] / "measured"
+LINK = re.compile(r'^\[[^\]]+\]\((?:\S+/)?measured/(?P<name>\w+)\.json(?: "(?P<rows>[^"]+)")?\)$', re.MULTILINE)
+SEPARATED_FROM = 10_000
+"""Integers from here on are written with commas."""
+
+
+def on_page_markdown(markdown: str, *, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Put the tables in place."""
+    return LINK.sub(lambda link: table(link["name"], link["rows"]), markdown)
+
+
+def table(name: str, chosen: str | None = None) -> str:
+    """A file as a Markdown table with the command that measured it below.
+
+    Raises
+    ------
+    ValueError
+        If a chosen row is not in the file.
+    """
+    measured = json.loads((MEASURED / f"{name}.json").read_text(encoding="utf-8"))
+    rows = measured["rows"]
+    if chosen:
+        named = {str(next(iter(row.values()))): row for row in rows}
+        wanted = chosen.split("; ")
+        if unknown := [row for row in wanted if row not in named]:
+            raise ValueError(f"{name}.json has no row {', '.join(unknown)}; it has {', '.join(named)}")
+        rows = [named[row] for row in wanted]
+    columns = list(rows[0])
+    is_numeric = [all(isinstance(row[column], int | float) for row in rows) for column in columns]
+    lines = [columns, ["---:" if numeric else "---" for numeric in is_numeric]]
+    lines += [[cell(row[column]) for column in columns] for row in rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines) + f"\n\n*Measured by* `{measured['command']}`."
+
+
+def cell(value: Any) -> str:
+    """A figure as it is written."""
+    if isinstance(value, int) and abs(value) >= SEPARATED_FROM:
+        return f"{value:,}"
+    return f"{value:g}" if isinstance(value, float) else str(value)
