@@ -1,0 +1,152 @@
+"""Every command that the documentation quotes exists, with the options that it is quoted with."""
+
+import importlib
+import importlib.util
+import re
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+from typer.main import get_command
+
+from docs.hooks.measured import table
+from skymosaic.cli import app as skymosaic
+
+ROOT = Path(__file__).parents[3]
+PAGES = [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("constraints/**/*.md")]
+SOURCES = [
+    path
+    for folder in ("bench", "golden_model", "hdl", "sim", "skymosaic", "tools")
+    for path in (ROOT / folder).rglob("*.py")
+]
+SPAN = r"``([^`\n]+)``|`([^`\n]+)`"
+"""Quoted in a sentence."""
+BLOCK_LINE = r"^ *(?:\$ |\.venv/bin/)?((?:skymosaic|python|make|pytest) .*)$"
+"""Quoted in a block of a page."""
+ENDS = {"|", "||", "&&", "&", ">", ">>", ";", "#", "..."}
+"""Words of a shell behind which another command, a file or a comment comes."""
+USAGE_ERROR: Any = typer.BadParameter.__base__
+"""Typer's own; it has no public name."""
+MAKEFILE = (ROOT / "Makefile").read_text()
+
+
+def quoted(text: str, pattern: str = SPAN) -> Iterator[list[str]]:
+    """The words of each command in a text; those of a clone's environment without their folder."""
+    for groups in re.findall(f"(?m:{pattern})", text):
+        line = next(filter(None, groups)).replace("…", "...")
+        try:
+            words = shlex.split(line.replace("\\|", "|"), comments=True)
+        except ValueError:
+            continue
+        while words and re.fullmatch(r"[A-Z_]+=\S*", words[0]):
+            del words[0]
+        end = next((place for place, word in enumerate(words) if word in ENDS), len(words))
+        words = [word.removesuffix(";") for word in words[:end]]
+        if words:
+            yield [words[0].removeprefix(".venv/bin/"), *words[1:]]
+
+
+def why_wrong(words: list[str]) -> str | None:
+    """What is wrong with a command; None for one that exists, and for what is none of the project's commands."""
+    match words:
+        case ["skymosaic", *rest]:
+            return wrong_arguments(get_command(skymosaic), rest)
+        case ["python" | "python3", "-m", module, *rest] if module.split(".")[0] in {"bench", "tools", "hdl", "tests"}:
+            return wrong_module(module, rest)
+        case ["python" | "python3", script, *_] if script.startswith(("bench/", "tools/")):
+            return None if (ROOT / script).is_file() else "no such script"
+        case ["make", *rest]:
+            return next((f"no {word} in the Makefile" for word in rest if not in_makefile(word)), None)
+        case ["pytest", *rest]:
+            paths = [word.split("::")[0] for word in rest if word.startswith("tests/")]
+            return next((f"no {path}" for path in paths if not (ROOT / path).exists()), None)
+    return None
+
+
+def in_makefile(word: str) -> bool:
+    """Whether a word is a target, or an assignment to one of the variables."""
+    name, equals, _ = word.partition("=")
+    pattern = rf"^{re.escape(name)} ?(\?=|:=)" if equals else rf"^{re.escape(name)}:"
+    return re.search(pattern, MAKEFILE, re.MULTILINE) is not None
+
+
+def wrong_module(module: str, rest: list[str]) -> str | None:
+    """What is wrong with ``python -m module rest``."""
+    try:
+        if importlib.util.find_spec(module) is None:
+            return "no such module"
+    except ModuleNotFoundError:
+        return "no such module"
+    options = [word for word in rest if word.startswith("-")]
+    program = getattr(importlib.import_module(module), "app", None)
+    if isinstance(program, typer.Typer):
+        return wrong_arguments(get_command(program), rest)
+    return f"{module} takes no options that can be checked" if options else None
+
+
+def wrong_arguments(command: Any, words: list[str]) -> str | None:
+    """What the parser of a Typer command refuses."""
+    try:
+        while True:
+            context = command.context_class(command)
+            _, words, _ = command.make_parser(context).parse_args(list(words))
+            if not hasattr(command, "resolve_command") or not words or not re.fullmatch("[a-z_-]+", words[0]):
+                return None
+            _, command, words = command.resolve_command(context, words)
+    except USAGE_ERROR as error:
+        message = error.format_message()
+        # "`skymosaic export --block` writes ..." names the option alone.
+        return None if "requires an argument" in message else message
+
+
+def test_every_quoted_command_exists() -> None:
+    commands = {}
+    for path in [*PAGES, *SOURCES]:
+        pattern = f"{SPAN}|{BLOCK_LINE}" if path.suffix == ".md" else SPAN
+        found = quoted(path.read_text(encoding="utf-8"), pattern)
+        commands |= {tuple(words): path.relative_to(ROOT) for words in found}
+    wrong = [f"{path}: {' '.join(words)}: {why}" for words, path in commands.items() if (why := why_wrong(list(words)))]
+    assert not wrong, "\n".join(wrong)
+    ours = [words for words in commands if words[0] in {"skymosaic", "python", "make"}]
+    assert len(ours) > 60
+
+
+@pytest.mark.parametrize(
+    ("command", "why"),
+    [
+        ("skymosaic mosaics FOLDER", "No such command"),
+        ("skymosaic mosaic FOLDER --outptu m.tif", "No such option"),
+        ("python -m bench.registration meshes DIR", "No such command"),
+        ("python -m bench.registration methods DIR --seed 3", "No such option"),
+        ("python -m bench.absent", "no such module"),
+        ("python bench/absent.py", "no such script"),
+        ("make everything", "no everything"),
+        ("make test-soak CLOCKS=5", "no CLOCKS=5"),
+        ("pytest tests/absent.py::test_it -k one", "no tests/absent.py"),
+    ],
+)
+def test_a_wrong_command_is_refused(command: str, why: str) -> None:
+    (words,) = quoted(f"See `{command}`.")
+    assert why in (why_wrong(words) or "")
+
+
+def test_tables_of_the_readme_are_the_measured_ones() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    tables = re.findall(r"<!-- measured: (\w+) -->\n((?:\|.*\n)+)", text)
+    assert tables
+    for name, shown in tables:
+        heading, _, *rows = cells(shown)
+        known_heading, _, *known = cells(table(name))
+        columns = [known_heading.index(column) for column in heading]
+        measured = {row[0]: [row[column] for column in columns] for row in known}
+        for row in rows:
+            assert row == measured[row[0]]
+
+
+def cells(markdown: str) -> list[list[str]]:
+    """Rows of a table, without bold type."""
+    lines = [line for line in markdown.splitlines() if line.startswith("|")]
+    return [[cell.strip(" *") for cell in line.strip("|").split("|")] for line in lines]
