@@ -11,17 +11,31 @@ if TYPE_CHECKING:
     from skymosaic.mosaicking.options import MosaicOptions
     from skymosaic.mosaicking.result import Mosaic
     from skymosaic.registration.extraction import Features, extract
+    from skymosaic.registration.options import FeatureOptions, RegistrationOptions
     from skymosaic.registration.pair import Pair
     from skymosaic.registration.register import register
 
-__all__ = ["Features", "Mosaic", "MosaicOptions", "Pair", "extract", "mosaic", "mosaics", "register"]
+__all__ = [
+    "FeatureOptions",
+    "Features",
+    "Mosaic",
+    "MosaicOptions",
+    "Pair",
+    "RegistrationOptions",
+    "extract",
+    "mosaic",
+    "mosaics",
+    "register",
+]
 IMPORTED_S = time.perf_counter()
 """When the program began, for times that add up to its wall time."""
 _MODULES = {
+    "FeatureOptions": "registration.options",
     "Features": "registration.extraction",
     "Mosaic": "mosaicking.result",
     "MosaicOptions": "mosaicking.options",
     "Pair": "registration.pair",
+    "RegistrationOptions": "registration.options",
     "extract": "registration.extraction",
     "mosaic": "mosaicking.api",
     "mosaics": "mosaicking.api",

@@ -58,8 +58,9 @@ def options() -> str:
     users = {"extract": FeatureOptions, "register": RegistrationOptions}
     parts = [
         "# Options\n",
-        "The fields of `skymosaic.MosaicOptions`, which are also keyword arguments of `mosaic` and `mosaics`. "
-        "`register` and `extract` take those that name them.\n",
+        "The fields of `skymosaic.MosaicOptions`, which are also keyword arguments of `mosaic` and `mosaics`: "
+        "`mosaic(images, scale=0.5)`, or `mosaic(images, MosaicOptions(scale=0.5))`. `register` takes those of "
+        "`RegistrationOptions`, `extract` those of `FeatureOptions`.\n",
     ]
     for group, described in groupby(options_of(MosaicOptions), key=lambda each: each.group):
         parts += [f"## {group}\n", "| option | command line | default | what it does |\n|---|---|---|---|"]
