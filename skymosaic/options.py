@@ -12,7 +12,7 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 from skymosaic.errors import InputError
 
 GROUPS = ("Input", "Registration", "Picture", "Map", "Output", "Machine")
-"""Headings of the help, in its order."""
+"""Headings in the help, in this order."""
 INPUT, REGISTRATION, PICTURE, MAP, OUTPUT, MACHINE = GROUPS
 
 Default = TypeVar("Default")

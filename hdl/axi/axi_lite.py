@@ -1,5 +1,6 @@
 """AXI4-Lite subordinate: one word at a time, no combinational path from input to output."""
 
+# Annotations are evaluated here: a component takes its ports from them.
 import enum
 
 from amaranth import Module, Signal
@@ -44,32 +45,27 @@ class AxiLiteSubordinate(wiring.Component):
     """Turns accesses into pulses: address and data are valid in the clock in which ``o_write`` or ``o_read`` is high.
 
     Writes and reads are independent. Each accepts its next access when the previous response has been taken.
-
-    Members
-    -------
-    bus : In(AXI_LITE)
-    o_write, o_read : Out(1)
-        High for one clock per access.
-    o_write_word, o_read_word : Out(ADDRESS_BITS - 2)
-        Word address.
-    o_data : Out(32), o_strobe : Out(4)
-        Write data and byte strobes.
-    i_write_known, i_read_known : In(1)
-        Whether the access is allowed, in the clock of the pulse; otherwise the response is SLVERR.
-    i_data : In(32)
-        Read data, in the clock of the pulse.
     """
 
     bus: In(AXI_LITE)
     o_write: Out(1)
+    """High for one clock per write."""
     o_read: Out(1)
+    """High for one clock per read."""
     o_write_word: Out(ADDRESS_BITS - 2)
+    """Word address of the write."""
     o_read_word: Out(ADDRESS_BITS - 2)
+    """Word address of the read."""
     o_data: Out(32)
+    """Write data."""
     o_strobe: Out(4)
+    """Byte strobes of the write data."""
     i_write_known: In(1)
+    """Whether the write is allowed, in the clock of ``o_write``; otherwise the response is SLVERR."""
     i_read_known: In(1)
+    """Whether the read is allowed, in the clock of ``o_read``; otherwise the response is SLVERR."""
     i_data: In(32)
+    """Read data, in the clock of ``o_read``."""
 
     def elaborate(self, platform: object) -> Module:
         """One state machine for writes, one for reads."""

@@ -1,5 +1,6 @@
 """AXI4 writes with 64-bit addresses and 64-bit data: the channels, and a manager that writes fixed-length bursts."""
 
+# Annotations are evaluated here: a component takes its ports from them.
 from amaranth import Module, Signal
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
@@ -53,34 +54,23 @@ class BurstWriter(wiring.Component):
     Address and data are offered side by side, since a memory may wait for data before it accepts the address. Up to
     `MAX_OUTSTANDING` bursts may be without a response; ``o_ready`` stays low until one of them has it. A reset drops
     bursts in progress, so it has to reset the interconnect too.
-
-    Members
-    -------
-    i_start : In(1)
-        Start a burst; ignored unless ``o_ready``.
-    i_burst : In(57)
-        Its address in bursts, with ``i_start``.
-    i : In(stream of BURST_WORD)
-        Its words, taken from the clock after ``i_start`` on.
-    bus : Out(AXI_WRITE)
-    o_ready : Out(1)
-        A burst may start.
-    o_sent : Out(1)
-        Address and words of every burst have been taken.
-    o_all_answered : Out(1)
-        Every burst has been sent and answered.
-    o_error : Out(1)
-        A response other than OKAY comes in this clock.
     """
 
     i_start: In(1)
+    """Start a burst; ignored unless ``o_ready``."""
     i_burst: In(64 - BURST_LOG2)
+    """Its address in bursts, with ``i_start``."""
     i: In(stream.Signature(BURST_WORD))
+    """Its words, taken from the clock after ``i_start`` on."""
     bus: Out(AXI_WRITE)
     o_ready: Out(1)
+    """A burst may start."""
     o_sent: Out(1)
+    """Address and words of every burst have been taken."""
     o_all_answered: Out(1)
+    """Every burst has been sent and answered."""
     o_error: Out(1)
+    """A response other than OKAY comes in this clock."""
 
     def elaborate(self, platform: object) -> Module:
         """Send address and data independently, and count the responses."""

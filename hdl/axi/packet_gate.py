@@ -1,5 +1,6 @@
 """A gate that passes or discards whole packets, captures their FrameStatus, and completes those that break off."""
 
+# Annotations are evaluated here: a component takes its ports from them.
 from amaranth import Cat, Module, Mux, ResetInserter, Signal
 from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
@@ -28,20 +29,6 @@ class PacketGate(wiring.Component):
     record_bytes : int
         Length of the stream's records.
 
-    Members
-    -------
-    i : In(stream of WordPayload)
-        Records; a packet ends with its FrameStatus. Its ready does not depend on its valid.
-    i_enable : In(1)
-        Whether the next packet passes; sampled between packets only, so that none is cut.
-    i_clear : In(1)
-        The source breaks off in this clock, and continues with a new packet.
-    o : Out(stream of WordPayload)
-    o_done : Out(1)
-        One clock after the last word of a packet left or was discarded; not after a packet that was broken off.
-    o_status : Out(FrameStatus)
-        The last packet's status; valid from ``o_done`` on.
-
     Attributes
     ----------
     buffer : SkidBuffer
@@ -51,11 +38,16 @@ class PacketGate(wiring.Component):
     """
 
     i: In(stream.Signature(WordPayload))
+    """Records; a packet ends with its FrameStatus. Its ready does not depend on its valid."""
     i_enable: In(1)
+    """Whether the next packet passes; sampled between packets only, so that none is cut."""
     i_clear: In(1)
+    """The source breaks off in this clock, and continues with a new packet."""
     o: Out(stream.Signature(WordPayload))
     o_done: Out(1)
+    """One clock after the last word of a packet left or was discarded; not after a packet that was broken off."""
     o_status: Out(_STATUS)
+    """The last packet's status; valid from ``o_done`` on."""
 
     latency_cycles = SkidBuffer.latency_cycles
 

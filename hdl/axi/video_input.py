@@ -58,15 +58,6 @@ class VideoInput(wiring.Component):
         video mode. An 8 or 16-bit port has no colour. A beat of 48 or 16 bits holds two pixels; every line begins with
         a new beat in both modes, and the upper pixel of an odd line's last beat is ignored.
 
-    Members
-    -------
-    i : In(stream of video_payload)
-    i_memory_mode, i_gray_input : In(1)
-        May change only between frames.
-    i_frame_ends : In(1)
-        The pixel at ``o`` is the last of its frame.
-    o : Out(stream of pixel_payload)
-
     Attributes
     ----------
     latency_cycles : int
@@ -78,10 +69,15 @@ class VideoInput(wiring.Component):
     """
 
     i: stream.Interface
+    """Stream of `video_payload`."""
     i_memory_mode: Signal
+    """1: memory mode, 0: video mode. May change only between frames."""
     i_gray_input: Signal
+    """1: gray, 0: colour. May change only between frames."""
     i_frame_ends: Signal
+    """The pixel at ``o`` is the last of its frame."""
     o: stream.Interface
+    """Stream of `hdl.streams.pixel_payload`."""
 
     latency_cycles = 0
 

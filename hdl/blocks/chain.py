@@ -88,17 +88,12 @@ class Descriptor(wiring.Component):
     Parameters
     ----------
     pattern : DescriptorPattern
-
-    Members
-    -------
-    i : In({valid, rings})
-        The pixels of each ring (`DescriptorPattern.offsets`).
-    o : Out({valid, sector, descriptor})
-        Bit 8 j + i of the descriptor is bit i of byte j.
     """
 
     i: data.View
+    """``valid``, and the pixels of each ring (`DescriptorPattern.offsets`)."""
     o: data.View
+    """``valid``, ``sector`` and ``descriptor``, of which bit 8 j + i is bit i of byte j."""
 
     spacing_cycles = 4
 

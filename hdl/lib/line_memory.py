@@ -23,16 +23,6 @@ class LineMemory(wiring.Component):
     depth : int
         Number of words.
 
-    Members
-    -------
-    i_read : In(1)
-    i_read_address : In(range(depth))
-    o_word : Out(shape)
-        The word read last.
-    i_write : In(1)
-    i_write_address : In(range(depth))
-    i_word : In(shape)
-
     Attributes
     ----------
     latency_cycles : int
@@ -42,6 +32,7 @@ class LineMemory(wiring.Component):
     i_read: Signal
     i_read_address: Signal
     o_word: Signal
+    """The word read last."""
     i_write: Signal
     i_write_address: Signal
     i_word: Signal

@@ -23,19 +23,13 @@ class Multiplier(wiring.Component):
     product : Shape
         Shape of the product; it must hold every product.
 
-    Members
-    -------
-    i_valid : In(1)
-        There are factors. Stages without valid data keep their value.
-    i_a, i_b : In
-    o_product : Out
-
     Attributes
     ----------
     latency_cycles : int
     """
 
     i_valid: Signal
+    """There are factors. Stages without valid data keep their value."""
     i_a: Signal
     i_b: Signal
     o_product: Signal

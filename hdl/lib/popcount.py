@@ -34,13 +34,6 @@ class Popcount(wiring.Component):
     lanes : int
         Width of a plane.
 
-    Members
-    -------
-    i_valid : In(1)
-        The planes are valid. Stages without valid data keep their value, which saves power and simulation time.
-    i_planes : In(lanes).array(bits)
-    o_counts : Out(range(bits + 1)).array(lanes)
-
     Attributes
     ----------
     latency_cycles : int
@@ -52,8 +45,11 @@ class Popcount(wiring.Component):
     """
 
     i_valid: Signal
+    """The planes are valid. Stages without valid data keep their value, which saves power and simulation time."""
     i_planes: Sequence[Signal]
+    """``bits`` planes of ``lanes`` bits."""
     o_counts: Sequence[Signal]
+    """A count for each lane."""
 
     def __init__(self, *, bits: int, lanes: int) -> None:
         if bits < 3:

@@ -19,10 +19,6 @@ class SkidBuffer(wiring.Component):
     shape : ShapeLike
         Shape of the payload.
 
-    Members
-    -------
-    i, o : stream
-
     Attributes
     ----------
     latency_cycles : int

@@ -54,13 +54,6 @@ class WeightedSum(wiring.Component):
     shape : Shape
         Shape of the values.
 
-    Members
-    -------
-    i_valid, i_values : In
-        Values count only with ``i_valid``; otherwise the adders keep their last values.
-    o_valid, o_sum : Out
-        The sum, just wide enough for its range.
-
     Attributes
     ----------
     latency_cycles : int
@@ -75,9 +68,11 @@ class WeightedSum(wiring.Component):
     """
 
     i_valid: Signal
+    """There are values; without, the adders keep theirs."""
     i_values: Sequence[Signal]
     o_valid: Signal
     o_sum: Signal
+    """The sum, just wide enough for its range."""
 
     def __init__(self, *, weights: Sequence[int], shape: Shape) -> None:
         if not any(weights):

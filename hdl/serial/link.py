@@ -1,5 +1,6 @@
 """The protocol on the serial port: register accesses and pixels to the accelerator, answers and packets from it."""
 
+# Annotations are evaluated here: a component takes its ports from them.
 import enum
 
 from amaranth import Cat, Const, Module, Mux, Signal
@@ -65,29 +66,21 @@ class SerialLink(wiring.Component):
 
     A byte that begins no command is ignored; an incomplete command is dropped after `FORGET_CLOCKS`. While the
     accelerator accepts no pixel, no command is read.
-
-    Members
-    -------
-    i : In(stream of 8), o : Out(stream of 8)
-        Bytes from and to the port.
-    i_lost : In(1)
-        High for a clock when a byte is lost; the next answer reports it.
-    o_video : Out(stream of VideoPayload)
-        Gray pixels, for an 8-bit input in memory mode.
-    i_features, i_matches : In(stream of WordPayload)
-    control : Out(AXI_LITE)
-    o_has_lost : Out(1)
-        Bytes were lost since the last answer.
     """
 
     i: In(stream.Signature(8))
+    """Bytes from the port."""
     o: Out(stream.Signature(8))
+    """Bytes to the port."""
     i_lost: In(1)
+    """High for a clock when a byte is lost; the next answer reports it."""
     o_video: Out(stream.Signature(VideoPayload))
+    """Gray pixels, for an 8-bit input in memory mode."""
     i_features: In(stream.Signature(WordPayload))
     i_matches: In(stream.Signature(WordPayload))
     control: Out(AXI_LITE)
     o_has_lost: Out(1)
+    """Bytes were lost since the last answer."""
 
     def elaborate(self, platform: object) -> Module:
         """Connect the receiving and the sending half."""

@@ -1,5 +1,6 @@
 """A serial port: eight data bits, no parity, one stop bit, lowest bit first."""
 
+# Annotations are evaluated here: a component takes its ports from them.
 from amaranth import Cat, Module, Mux, Signal
 from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
@@ -25,15 +26,6 @@ class UartReceiver(wiring.Component):
     clocks_per_bit : int
         At least 4.
 
-    Members
-    -------
-    i_pin : In(1)
-        High when idle; asynchronous.
-    o_valid : Out(1), o_byte : Out(8)
-        High for one clock with each byte.
-    o_broken : Out(1)
-        High for one clock where a byte has no stop bit; it is dropped.
-
     Raises
     ------
     ValueError
@@ -41,9 +33,12 @@ class UartReceiver(wiring.Component):
     """
 
     i_pin: In(1)
+    """High when idle; asynchronous."""
     o_valid: Out(1)
+    """High for one clock with each byte."""
     o_byte: Out(DATA_BITS)
     o_broken: Out(1)
+    """High for one clock where a byte has no stop bit; it is dropped."""
 
     def __init__(self, *, clocks_per_bit: int) -> None:
         _check_rate(clocks_per_bit)
@@ -85,12 +80,6 @@ class UartTransmitter(wiring.Component):
     clocks_per_bit : int
         At least 4.
 
-    Members
-    -------
-    i : In(stream of 8)
-    o_pin : Out(1)
-        High when idle.
-
     Raises
     ------
     ValueError
@@ -99,6 +88,7 @@ class UartTransmitter(wiring.Component):
 
     i: In(stream.Signature(DATA_BITS))
     o_pin: Out(1)
+    """High when idle."""
 
     def __init__(self, *, clocks_per_bit: int) -> None:
         _check_rate(clocks_per_bit)

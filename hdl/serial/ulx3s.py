@@ -1,5 +1,6 @@
 """The top for the ULX3S board (ECP5-85): frames over its USB serial port, records back."""
 
+# Annotations are evaluated here: a component takes its ports from them.
 from amaranth import Cat, ClockDomain, ClockSignal, Module, ResetInserter, Signal
 from amaranth.lib import fifo, wiring
 from amaranth.lib.wiring import In, Out
@@ -30,18 +31,6 @@ class Ulx3s(wiring.Component):
     clocks_per_bit : int
         Bit time of the serial port.
 
-    Members
-    -------
-    clk_25mhz : In(1)
-    btn_fire1 : In(1)
-        Resets everything while pressed (high).
-    ftdi_txd : In(1), ftdi_rxd : Out(1)
-        The port, named from the side of the board's USB chip.
-    led : Out(8)
-        From the lowest: pixels are enabled, bytes were lost, features wait, matches wait.
-    wifi_gpio0 : Out(1)
-        Constantly high.
-
     Raises
     ------
     ValueError
@@ -50,10 +39,15 @@ class Ulx3s(wiring.Component):
 
     clk_25mhz: In(1)
     btn_fire1: In(1)
+    """Resets everything while pressed (high)."""
     ftdi_txd: In(1)
+    """Bytes from the host; named, as its counterpart, from the side of the board's USB chip."""
     ftdi_rxd: Out(1)
+    """Bytes to the host."""
     led: Out(LEDS)
+    """From the lowest: pixels are enabled, bytes were lost, features wait, matches wait."""
     wifi_gpio0: Out(1)
+    """Constantly high."""
 
     def __init__(self, accelerator: Accelerator, *, clocks_per_bit: int = CLOCK_HZ // BAUD) -> None:
         if accelerator.video_bits != 8:

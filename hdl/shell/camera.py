@@ -1,5 +1,6 @@
 """The camera's side: its pixels cross into the accelerator's clock, and whole frames are admitted or dropped."""
 
+# Annotations are evaluated here: a component takes its ports from them.
 from amaranth import Cat, Module, Mux, Signal, Value
 from amaranth.lib import data, fifo, stream, wiring
 from amaranth.lib.wiring import In, Out
@@ -32,20 +33,15 @@ class CameraCrossing(wiring.Component):
         Bits of a pixel.
     depth : int
         Pixels in the queue, a power of two, at least 32.
-
-    Members
-    -------
-    i_valid : In(1), i : In(VideoPayload)
-        In ``camera``: there is no ready, since a camera does not wait.
-    o : Out(stream of CAMERA_BEAT)
-    o_pressed : Out(1)
-        The queue is nearly full.
     """
 
     i_valid: In(1)
+    """In ``camera``, as ``i``."""
     i: In(VideoPayload)
+    """A pixel; there is no ready, since a camera does not wait."""
     o: Out(stream.Signature(CAMERA_BEAT))
     o_pressed: Out(1)
+    """The queue is nearly full."""
 
     def __init__(self, *, video_bits: int, depth: int) -> None:
         self.video_bits = video_bits
@@ -84,28 +80,6 @@ class CameraGate(wiring.Component):
     The frame after one with more pixels than its size is dropped: a camera with more lines than the setting delivers
     one good frame of its upper lines, then none.
 
-    Members
-    -------
-    i : In(stream of CAMERA_BEAT)
-    i_pressed : In(1)
-        The queue is nearly full.
-    i_on, i_refused, i_has_room : In(1)
-        Frames are requested; the settings are invalid; there are buffers for another frame. A frame is admitted
-        only with 1, 0 and 1.
-    i_width_px, i_height_px : In
-        Sampled with each first pixel.
-    i_time : In(64)
-    o : Out(stream of VideoPayload)
-        Its ready must not depend on its valid. What is offered may be withdrawn.
-    o_admits : Out(1), o_info : Out(FRAME_INFO)
-        High in the clock in which an admitted frame's first pixel is taken.
-    o_drops : Out(1)
-        High in the clock in which a frame is dropped or cut, other than for `Reason.OFF`.
-    o_frames, o_dropped, o_cut : Out(32)
-        Since reset: frames that started, those of them that were dropped, and admitted ones that were cut off.
-    o_last_drop : Out(FRAME_INFO), o_reason : Out(8)
-        The frame dropped last, and why.
-
     Attributes
     ----------
     latency_cycles : int
@@ -113,21 +87,36 @@ class CameraGate(wiring.Component):
 
     i: In(stream.Signature(CAMERA_BEAT))
     i_pressed: In(1)
+    """The queue is nearly full."""
     i_on: In(1)
+    """Frames are requested. Without, a frame that starts is dropped, and one in progress is cut off."""
     i_refused: In(1)
+    """The settings are invalid: a frame that starts is dropped."""
     i_has_room: In(1)
+    """There are buffers for another frame. Without, a frame that starts is dropped."""
     i_width_px: In(range(MAX_FRAME_PX + 1))
+    """Sampled with each first pixel."""
     i_height_px: In(range(MAX_FRAME_PX + 1))
+    """Sampled with each first pixel."""
     i_time: In(64)
     o: Out(stream.Signature(VideoPayload))
+    """Its ready must not depend on its valid. What is offered may be withdrawn."""
     o_admits: Out(1)
+    """High in the clock in which an admitted frame's first pixel is taken."""
     o_info: Out(FRAME_INFO)
+    """The frame's number and time, with ``o_admits``."""
     o_drops: Out(1)
+    """High in the clock in which a frame is dropped or cut, other than for `Reason.OFF`."""
     o_frames: Out(32)
+    """Frames that have started since reset."""
     o_dropped: Out(32)
+    """Frames that were dropped since reset."""
     o_cut: Out(32)
+    """Admitted frames that were cut off since reset."""
     o_last_drop: Out(FRAME_INFO)
+    """The frame dropped last."""
     o_reason: Out(8)
+    """Its `Reason`."""
 
     latency_cycles = 0
 

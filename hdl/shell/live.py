@@ -1,5 +1,6 @@
 """The live build: from a camera to packets of features and matches in memory, without software between."""
 
+# Annotations are evaluated here: a component takes its ports from them.
 from typing import TYPE_CHECKING, Any
 
 from amaranth import ClockDomain, ClockSignal, Module, ResetInserter, Signal
@@ -36,30 +37,24 @@ class LiveAccelerator(wiring.Component):
     ----------
     **build
         See `Accelerator`; ``video_bits`` is one of `LIVE_VIDEO_BITS`.
-
-    Members
-    -------
-    i_reset : In(1)
-        Synchronous reset of everything in ``sync``.
-    i_camera_valid : In(1), i_camera : In(VideoPayload)
-        In ``camera``: AXI4-Stream video (UG934) without ready.
-    features, matches : Out(AXI_WRITE)
-        To memory.
-    i_hypotheses, o_scores : In and Out(stream of WordPayload)
-        See `hdl.geometry.records.RecordScoring`.
-    control : In(AXI_LITE)
-        `hdl.registers.live_register_map.LIVE_REGISTERS`.
-    o_interrupt : Out(1)
     """
 
     i_reset: In(1)
+    """Synchronous reset of everything in ``sync``."""
     i_camera_valid: In(1)
+    """In ``camera``, as ``i_camera``."""
     i_camera: In(VideoPayload)
+    """AXI4-Stream video (UG934) without ready."""
     features: Out(AXI_WRITE)
+    """The ring of features in memory."""
     matches: Out(AXI_WRITE)
+    """The ring of matches in memory."""
     i_hypotheses: In(stream.Signature(WordPayload))
+    """Packets of Hypothesis records, see `RecordScoring`."""
     o_scores: Out(stream.Signature(WordPayload))
+    """Packets of Score records."""
     control: In(AXI_LITE)
+    """`hdl.registers.live_register_map.LIVE_REGISTERS`."""
     o_interrupt: Out(1)
 
     def __init__(self, **build: Any) -> None:

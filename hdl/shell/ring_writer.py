@@ -1,5 +1,6 @@
 """Writes packets into a ring of buffers in memory; the header in front of each is written last."""
 
+# Annotations are evaluated here: a component takes its ports from them.
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib import data, fifo, stream, wiring
 from amaranth.lib.wiring import In, Out
@@ -55,53 +56,39 @@ class RingWriter(wiring.Component):
         Length of the longest packet; a longer one is cut off and flagged.
     fifo_words : int
         At least two bursts.
-
-    Members
-    -------
-    i : In(stream of WordPayload)
-        Records; a packet ends with its FrameStatus.
-    i_info : In(stream of FRAME_INFO)
-        One for each packet, at its first word at the latest; a packet without one has number and time 0.
-    i_enable : In(1)
-        The ring is on and can be written; sampled between packets.
-    i_base_page, i_slots, i_slot_pages : In
-        The ring's position, number of slots and their length, in pages of 4 KiB. May change only while ``i_enable``
-        is 0.
-    i_full : In(1)
-        Every slot holds a packet that software has not read.
-    i_time : In(64)
-        Clocks since reset.
-    bus : Out(AXI_WRITE)
-    o_written : Out(32)
-        Packets in memory since the ring was switched on.
-    o_errors, o_lost : Out(16)
-        Error responses and packets without a slot since reset; they do not wrap.
-    o_ended : Out(1)
-        High in the clock before ``o_written`` counts the packet, or in which a packet has been discarded.
-    o_error : Out(1)
-        High in the clock of an error response.
-    o_idle : Out(1)
-        No word is inside.
-    o_active : Out(1)
-        The ring may be written: it is on, or a packet that began before it was switched off is not finished.
     """
 
     i: In(stream.Signature(WordPayload))
+    """Records; a packet ends with its FrameStatus."""
     i_info: In(stream.Signature(FRAME_INFO))
+    """One for each packet, at its first word at the latest; a packet without one has number and time 0."""
     i_enable: In(1)
+    """The ring is on and can be written; sampled between packets."""
     i_base_page: In(52)
+    """The ring's position in pages of 4 KiB. May change only while ``i_enable`` is 0, as the next two."""
     i_slots: In(9)
+    """Number of slots."""
     i_slot_pages: In(13)
+    """Length of a slot in pages."""
     i_full: In(1)
+    """Every slot holds a packet that software has not read."""
     i_time: In(64)
+    """Clocks since reset."""
     bus: Out(AXI_WRITE)
     o_written: Out(32)
+    """Packets in memory since the ring was switched on."""
     o_errors: Out(16)
+    """Error responses since reset; stays at the largest value."""
     o_lost: Out(16)
+    """Packets without a slot since reset; stays at the largest value."""
     o_ended: Out(1)
+    """High in the clock before ``o_written`` counts the packet, or in which a packet has been discarded."""
     o_error: Out(1)
+    """High in the clock of an error response."""
     o_idle: Out(1)
+    """No word is inside."""
     o_active: Out(1)
+    """The ring may be written: it is on, or a packet that began before it was switched off is not finished."""
 
     def __init__(self, *, record_words: int, max_words: int, fifo_words: int = 512) -> None:
         self.record_words = record_words

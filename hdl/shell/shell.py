@@ -1,5 +1,6 @@
 """The streaming shell around the accelerator: the camera before it, rings in memory behind it."""
 
+# Annotations are evaluated here: a component takes its ports from them.
 from amaranth import Cat, Module, Mux, ResetInserter, Signal, Value
 from amaranth.lib import fifo, stream, wiring
 from amaranth.lib.wiring import In, Out
@@ -33,29 +34,24 @@ class Shell(wiring.Component):
     video_bits : {24, 8}
     camera_depth, fifo_words : int
         Lengths of the queues before and behind the accelerator, in pixels and words.
-
-    Members
-    -------
-    i_camera_valid : In(1), i_camera : In(VideoPayload)
-        In the domain ``camera``: a pixel in each clock with valid.
-    o_video : Out(stream of VideoPayload)
-        To the accelerator; its ready must not depend on its valid.
-    i_features, i_matches : In(stream of WordPayload)
-        From the accelerator: a packet for every frame of ``o_video``.
-    o_matches : Out(stream of WordPayload)
-        Every word of ``i_matches``, when the ring takes it, too; its ready must not depend on its valid.
-    features, matches : Out(AXI_WRITE)
-        To memory.
     """
 
     i_camera_valid: In(1)
+    """In the domain ``camera``, as ``i_camera``."""
     i_camera: In(VideoPayload)
+    """A pixel in each clock with valid."""
     o_video: Out(stream.Signature(VideoPayload))
+    """To the accelerator; its ready must not depend on its valid."""
     i_features: In(stream.Signature(WordPayload))
+    """From the accelerator: a packet for every frame of ``o_video``."""
     i_matches: In(stream.Signature(WordPayload))
+    """From the accelerator: a packet for every frame of ``o_video``."""
     o_matches: Out(stream.Signature(WordPayload))
+    """Every word of ``i_matches``, when the ring takes it, too; its ready must not depend on its valid."""
     features: Out(AXI_WRITE)
+    """The ring of features in memory."""
     matches: Out(AXI_WRITE)
+    """The ring of matches in memory."""
 
     def __init__(
         self,

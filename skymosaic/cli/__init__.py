@@ -19,19 +19,19 @@ from skymosaic.cli.terminal import abandon_output, ended_by_signals, open_output
 from skymosaic.errors import InputError, RegistrationError
 
 COMMANDS = {
-    "demo": ("demo", "Render a synthetic pair, make its mosaic, and compare it with the truth."),
-    "mosaic": ("mosaic", "Make one mosaic of overlapping photographs: two, or a whole flight."),
-    "check": ("check", "Check overlap, blur, exposure, GPS and weak links of a flight before you leave the site."),
-    "live": ("live", "Grow a mosaic frame by frame, with a preview beside it."),
-    "track": ("track", "Follow an object through a video."),
-    "register": ("register", "Print the homography of two photographs, and how it was found."),
-    "panel": ("panel", "Serve the front panel, a web page for this machine only."),
-    "fuzzy": ("fuzzy", "Print the rules of the fuzzy systems, and draw them."),
-    "thesis": ("thesis", "Repeat the thesis's experiments."),
-    "export": ("export", "Write Verilog and more: for a Xilinx kit, for a live camera, or of one block."),
-    "compare": ("compare", "Compare the hardware with the golden model on a pair of photographs."),
+    "demo": "Render a synthetic pair, make its mosaic, and compare it with the truth.",
+    "mosaic": "Make one mosaic of overlapping photographs: two, or a whole flight.",
+    "check": "Check overlap, blur, exposure, GPS and weak links of a flight before you leave the site.",
+    "live": "Grow a mosaic frame by frame, with a preview beside it.",
+    "track": "Follow an object through a video.",
+    "register": "Print the homography of two photographs, and how it was found.",
+    "panel": "Serve the front panel, a web page for this machine only.",
+    "fuzzy": "Print the rules of the fuzzy systems, and draw them.",
+    "thesis": "Repeat the thesis's experiments.",
+    "export": "Write Verilog and more: for a Xilinx kit, for a live camera, or of one block.",
+    "compare": "Compare the hardware with the golden model on a pair of photographs.",
 }
-"""For each command its module in this folder and its line in ``skymosaic --help``."""
+"""Each command, which is a function of the same name in the module of that name, and its line in the help."""
 
 
 class _Commands(TyperGroup):
@@ -40,30 +40,30 @@ class _Commands(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
         """The command that the arguments name, and the arguments that are left."""
         name, command, rest = super().resolve_command(ctx, args)
-        return name, _imported(name, ctx.params) if name in COMMANDS else command, rest
+        return name, _import_command(name, ctx.params) if name in COMMANDS else command, rest
 
 
-def _imported(name: str, before: dict[str, bool]) -> Any:
+def _import_command(name: str, before: dict[str, bool]) -> Any:
     _check_opencv()
-    command = getattr(importlib.import_module(f"skymosaic.cli.{COMMANDS[name][0]}"), name)
+    command = getattr(importlib.import_module(f"skymosaic.cli.{name}"), name)
     single = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
     single.command(name)(with_common_options(name, command, before))
     return get_command(single)
 
 
-def _not_imported() -> None:
-    raise AssertionError("replaced by the command itself before it is called")
+def _replaced() -> None:
+    raise AssertionError("a placeholder: the command itself is imported before it is called")
 
 
-def _print_version(wanted: bool) -> None:
-    if wanted:
+def _print_version(asked: bool) -> None:
+    if asked:
         typer.echo(f"skymosaic {VERSION}")
         raise typer.Exit
 
 
 app = typer.Typer(cls=_Commands, help="Overlapping UAV images in, one mosaic out.", pretty_exceptions_enable=False)
-for _name, (_, _summary) in COMMANDS.items():
-    app.command(_name, help=_summary)(_not_imported)
+for _name, _summary in COMMANDS.items():
+    app.command(_name, help=_summary)(_replaced)
 
 
 @app.callback(invoke_without_command=True)
@@ -103,26 +103,26 @@ def _run() -> int | str | None:
     except SystemExit as end:
         return end.code
     except typer.TyperException as error:
-        return _failed(_usage(error), 2)
+        return _fail(_describe_usage(error), 2)
     except (InputError, BackendError, RegistrationError) as error:
-        return _failed(str(error), 3 if isinstance(error, RegistrationError) else 2)
+        return _fail(str(error), 3 if isinstance(error, RegistrationError) else 2)
     except MemoryError:
-        return _failed("not enough memory; reduce the photographs, --memory or --scale", 2)
+        return _fail("not enough memory; reduce the photographs, --memory or --scale", 2)
     except OSError as error:
         abandon_output()
         where = f"{error.filename}: " if error.filename else ""
-        return _failed(f"{where}{error.strerror or error}; check the disk and its permissions", 2)
+        return _fail(f"{where}{error.strerror or error}; check the disk and its permissions", 2)
     return status
 
 
-def _usage(error: typer.TyperException) -> str:
+def _describe_usage(error: typer.TyperException) -> str:
     """What is wrong with the command line, and which help explains it."""
     context = getattr(error, "ctx", None)
     command = context.command_path if context else "skymosaic"
     return f"{' '.join(error.format_message().split()).rstrip('.')}; run {command} --help"
 
 
-def _failed(reason: str, status: int) -> int:
+def _fail(reason: str, status: int) -> int:
     session.error(reason)
     session.end(status, reason)
     return status

@@ -44,22 +44,22 @@ def check(
         captures = group_band_sets(sources, tell=session.tell)
         captures = [source.with_damaged(keep=options.keeps_damaged) for source in captures]
         flight = survey_sources(captures, options, workers, session.tell)
-    found = check_flight(flight)
+    report = check_flight(flight)
     session.seconds = flight.seconds
-    session.numbers = dataclasses.asdict(found) | {"left_out": flight.left_out}
-    _print_check(flight, found)
-    if not found.complete:
+    session.numbers = dataclasses.asdict(report) | {"left_out": flight.left_out}
+    _print_check(flight, report)
+    if not report.complete:
         raise RegistrationError("the photographs do not make one mosaic; fly again where links are missing")
 
 
-def _print_check(flight: Flight, found: FlightCheck) -> None:
+def _print_check(flight: Flight, report: FlightCheck) -> None:
     table = Table("photograph", "links", "overlap", "sharpness", "clipped", "GPS", "problems", box=None)
-    for photo in found.photographs:
+    for photo in report.photographs:
         numbers = str(photo.links), f"{photo.overlap:.0%}", f"{photo.sharpness:.2f}", f"{photo.clipped:.0%}"
         name = Text(one_line(Path(photo.name).name))
         table.add_row(name, *numbers, "yes" if photo.gps else "no", ", ".join(photo.problems))
     session.show(table)
-    for problem in (*flight.left_out.values(), *found.problems):
+    for problem in (*flight.left_out.values(), *report.problems):
         session.warn(problem)
-    if found.complete and not found.problems:
+    if report.complete and not report.problems:
         session.show("complete: the photographs make one mosaic")

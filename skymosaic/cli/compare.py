@@ -40,7 +40,7 @@ def compare(
     session.seconds["simulating"] = result.seconds
     session.show(f"NOT EQUAL: {result.mismatch}" if result.mismatch else "equal")
     session.show(f"compared {result.coverage}")
-    session.show(f"cycles a frame {', '.join(map(str, result.cycles_per_frame))}")
+    session.show(f"cycles per frame {', '.join(map(str, result.cycles_per_frame))}")
     session.show(f"{result.cycles_per_second / 1e6:.2f} M cycles/s simulated")
     if result.timelines:
         session.show("clocks, as predicted")

@@ -1,4 +1,4 @@
-"""The command that writes everything for a kit."""
+"""The command that exports Verilog, register map and drivers."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from skymosaic.registration.options import FeatureOptions
 from skymosaic.temporary import temporary_folder
 
 BUILD = {"lanes": 16, "max_width_px": 1920, "max_height_px": 1080, "video_bits": 32}
-"""The accelerator's build, unless asked for another one."""
+"""The accelerator that is built unless the user asks for another one."""
 LIVE_BUILD = BUILD | {"video_bits": 24}
 
 
@@ -90,7 +90,7 @@ def export(
 
 
 def _check_rules(block: str | None, rules: Path | None, entries: int) -> None:
-    """Refuse options of the block fuzzy without it."""
+    """Refuse options of the block ``fuzzy`` where it is not exported."""
     if rules is not None and block != "fuzzy":
         raise InputError(f"--rules {rules} makes the block fuzzy; add --block fuzzy, or leave it out")
     if rules is None and entries != ENTRIES:
@@ -101,10 +101,10 @@ def _write_completely(output: Path, write: Callable[[Path], None]) -> None:
     """Have a folder written complete or not at all: beside its place, and then moved there."""
     try:
         with temporary_folder(_existing_parent(output.absolute().parent)) as folder:
-            made = folder / "export"
-            write(made)
-            for path in sorted(path for path in made.rglob("*") if path.is_file()):
-                target = output / path.relative_to(made)
+            export_folder = folder / "export"
+            write(export_folder)
+            for path in sorted(path for path in export_folder.rglob("*") if path.is_file()):
+                target = output / path.relative_to(export_folder)
                 target.parent.mkdir(parents=True, exist_ok=True)
                 path.replace(target)
     except ValueError as error:
@@ -122,10 +122,10 @@ def _export_rules(folder: Path, rules: Path, entries: int) -> None:
     """Write the block of a system from a file."""
     system = load_system(rules)
     try:
-        made = importlib.import_module("skymosaic.fuzzy.verilog").make_block(quantise(system, entries))
+        block = importlib.import_module("skymosaic.fuzzy.verilog").make_block(quantise(system, entries))
     except ValueError as error:
         raise InputError(f"{rules}: cannot be made of hardware: {error}") from None
-    _import_hdl("blocks.export").write_block(folder, "fuzzy", made)
+    _import_hdl("blocks.export").write_block(folder, "fuzzy", block)
 
 
 def _export_serial(folder: Path, build: dict[str, Any], *, build_it: bool) -> None:
@@ -136,11 +136,11 @@ def _export_serial(folder: Path, build: dict[str, Any], *, build_it: bool) -> No
         return
     session.tell("building the bitstream, about a quarter of an hour")
     try:
-        made = serial.build_bitstream(folder, tell=lambda tool: session.tell(f"running {tool}"))
+        numbers = serial.build_bitstream(folder, tell=lambda tool: session.tell(f"running {tool}"))
     except serial.BuildError as error:
         raise InputError(str(error)) from None
-    (length, mhz), used = (made.pop("bytes"), made.pop("clock_mhz")), made
-    cells = ", ".join(f"{name} {count} of {available}" for name, (count, available) in used.items())
+    length, mhz = numbers.pop("bytes"), numbers.pop("clock_mhz")
+    cells = ", ".join(f"{name} {count} of {available}" for name, (count, available) in numbers.items())
     session.show(f"bitstream of {length} bytes; {mhz} MHz reached, 25 needed; {cells}")
 
 

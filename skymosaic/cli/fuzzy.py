@@ -28,8 +28,8 @@ from skymosaic.reports.pages import make_folder
 
 
 @dataclass(frozen=True)
-class _Shown:
-    """A system of the project, or of a file."""
+class _Description:
+    """What is shown of a system, the project's own or one from a file."""
 
     name: str
     rules: Table
@@ -59,14 +59,14 @@ def fuzzy(
 ) -> None:
     """Print the rules of the fuzzy systems, or of your own in FLL files, and draw them.
 
-    For a file also the integer model's errors against the real numbers, as shares of the output's range.
+    For a file, print the integer model's errors against real numbers, too, as shares of the output's range.
     """
     names = systems or list(PLOTTED_SYSTEMS)
     if plot:
         check_unused(output, overwrite=overwrite)
     if write:
         _write(names, write, overwrite=overwrite)
-    shown = [_show_file(Path(name), entries) if Path(name).suffix else _show_shipped(name) for name in names]
+    shown = [_describe_file(Path(name), entries) if Path(name).suffix else _describe_shipped(name) for name in names]
     session.numbers["systems"] = [each.numbers for each in shown]
     for each in shown:
         session.show(each.rules)
@@ -76,7 +76,7 @@ def fuzzy(
         _draw(shown, output)
 
 
-def _show_shipped(name: str) -> _Shown:
+def _describe_shipped(name: str) -> _Description:
     if name not in PLOTTED_SYSTEMS:
         raise InputError(f"no fuzzy system {name}; valid: {', '.join(PLOTTED_SYSTEMS)}, or an .fll file")
     plotted = PLOTTED_SYSTEMS[name]
@@ -84,10 +84,10 @@ def _show_shipped(name: str) -> _Shown:
     rules = [[*(chosen or "any" for chosen in rule.sets), rule.output] for rule in system.rules]
     title = f"{name}: {plotted.title}, AND is the {system.conjunction}"
     table = _table(title, [axis.label for axis in plotted.axes], "weight", rules)
-    return _Shown(name, table, lambda: plotted, {"name": name, "conjunction": system.conjunction, "rules": rules})
+    return _Description(name, table, lambda: plotted, {"name": name, "conjunction": system.conjunction, "rules": rules})
 
 
-def _show_file(path: Path, entries: int) -> _Shown:
+def _describe_file(path: Path, entries: int) -> _Description:
     system = load_system(path)
     try:
         golden = quantise(system, entries)
@@ -105,7 +105,7 @@ def _show_file(path: Path, entries: int) -> _Shown:
         variable.name: {name: table.tolist() for name, table in variable.sets.items()}
         for variable in golden.model.inputs
     }
-    return _Shown(path.stem, table, lambda: plan_plot(golden), numbers)
+    return _Description(path.stem, table, lambda: plan_plot(golden), numbers)
 
 
 def _describe_errors(name: str, entries: int, errors: ErrorBounds) -> str:
@@ -147,7 +147,7 @@ def _write(names: list[str], path: Path, *, overwrite: bool) -> None:
     session.show(f"wrote {path}")
 
 
-def _draw(systems: list[_Shown], folder: Path) -> None:
+def _draw(systems: list[_Description], folder: Path) -> None:
     draw_system = import_plots("skymosaic.reports.fuzzy_plots").draw_system
     make_folder(folder)
     for each in systems:

@@ -87,7 +87,7 @@ def mosaic(
         plan.check_outputs(target, form, overwrite=overwrite)
         if save_camera:
             if len(plan.sources) == 2:
-                raise InputError("--save-camera: two photographs do not tell the lens; leave it out")
+                raise InputError("--save-camera: two photographs are too few to estimate the lens; leave it out")
             check_output(save_camera, (str(target), *photographs), (".toml",), overwrite=overwrite)
         if report:
             check_unused(report, overwrite=overwrite)
@@ -120,7 +120,7 @@ def _write_mosaics(
 def _save_camera(path: Path, flight: Flight) -> None:
     """Write the lens estimated from tie points, or say why there is none."""
     if flight.calibration is None:
-        session.warn("no camera file: straightening the lens does not help the ties, or they are too few")
+        session.warn("no camera file: correcting the lens does not improve the tie points, or they are too few")
     else:
         save_bytes(path, flight.calibration.camera_file.encode())
         session.wrote(path)

@@ -12,15 +12,15 @@ from rich.console import Console
 from skymosaic.cli.session import session
 from skymosaic.flight.workers import Progress
 
+# Between two lines of one stage where progress is not drawn in place.
 LINE_EVERY_S = 10.0
-"""Between two lines of one stage where progress is not drawn in place."""
 
 
 @contextmanager
 def progress_bars() -> Iterator[Progress]:
-    """A progress callback: on a terminal a bar for each stage, with the time that is left; else lines."""
+    """A progress callback: on a terminal it draws a bar per stage, with the time that is left; else it prints lines."""
     if not session.animated:
-        yield ProgressLines(session.tell)
+        yield _print_stages(session.tell)
         return
     columns = (
         rich_progress.TextColumn("{task.description}", markup=False),
@@ -39,24 +39,15 @@ def progress_bars() -> Iterator[Progress]:
         yield show
 
 
-class ProgressLines:
-    """Prints a line when a stage begins, one now and then, and one at its end.
+def _print_stages(tell: Callable[[str], None]) -> Progress:
+    """A progress callback that prints a line when a stage begins, one now and then, and one at its end."""
+    last_stage, printed_s = "", 0.0
 
-    Parameters
-    ----------
-    tell : callable
-        Receives the lines.
-    """
-
-    def __init__(self, tell: Callable[[str], None]) -> None:
-        self._tell = tell
-        self._stage = ""
-        self._told_s = 0.0
-
-    def __call__(self, stage: str, done: int, total: int) -> None:
-        """Take a stage, how many of its steps are done, and how many there are (0: unknown)."""
+    def show(stage: str, done: int, total: int) -> None:
+        nonlocal last_stage, printed_s
         now = time.monotonic()
-        if stage == self._stage and done < total and now - self._told_s < LINE_EVERY_S:
-            return
-        self._stage, self._told_s = stage, now
-        self._tell(f"{stage} {done}/{total}" if total else stage)
+        if stage != last_stage or done >= total or now - printed_s >= LINE_EVERY_S:
+            last_stage, printed_s = stage, now
+            tell(f"{stage} {done}/{total}" if total else stage)
+
+    return show

@@ -1,4 +1,4 @@
-"""What a command says: results on standard output; progress, notes, warnings and errors on standard error.
+"""Prints for a command: results on standard output; progress, notes, warnings and errors on standard error.
 
 With ``--json`` the results are one object instead; docs/how-to/command_line.md describes its keys.
 """
@@ -44,18 +44,10 @@ class Session:
 
     def __init__(self) -> None:
         self._errors = Console(stderr=True)
-        self.begin("", started_s=time.perf_counter())
+        self.begin("", started_s=time.perf_counter(), quiet=False, verbose=False, as_json=False)
 
-    def begin(
-        self,
-        command: str,
-        *,
-        started_s: float,
-        quiet: bool = False,
-        verbose: bool = False,
-        as_json: bool = False,
-    ) -> None:
-        """Start anew for one command; ``started_s`` is when the program began, by ``time.perf_counter``."""
+    def begin(self, command: str, *, started_s: float, quiet: bool, verbose: bool, as_json: bool) -> None:
+        """Start anew for one command; ``started_s`` is when the program started, by ``time.perf_counter``."""
         self._command = command
         self._quiet = quiet
         self._verbose = verbose
@@ -69,8 +61,8 @@ class Session:
         self.numbers: dict[str, Any] = {}
         self.seconds: dict[str, float] = {}
         self.status = 0
-        if command:
-            self.detail(f"skymosaic {VERSION}, Python {platform.python_version()}, {platform.platform()}")
+        if verbose:
+            self._print_error(f"skymosaic {VERSION}, Python {platform.python_version()}, {platform.platform()}")
 
     @property
     def animated(self) -> bool:
@@ -80,11 +72,6 @@ class Session:
     def tell(self, line: str) -> None:
         """Print a note or a line of progress, unless the command is to be quiet."""
         if not self._quiet:
-            self._print_error(line)
-
-    def detail(self, line: str) -> None:
-        """Print a line that only ``--verbose`` asks for."""
-        if self._verbose:
             self._print_error(line)
 
     def warn(self, line: str) -> None:
@@ -97,16 +84,16 @@ class Session:
         self._print_error(f"error: {reason}", "red")
 
     def show(self, result: RenderableType) -> None:
-        """Print a line of text or a table of the result; on standard error if standard output holds a file."""
+        """Print a line of text or a table of the result; on standard error if standard output is a file's bytes."""
         if self._as_json:
             return
         console = self._errors if self._stdout_taken else Console()
         if not console.is_terminal:
             console = Console(stderr=console.stderr, width=PIPED_WIDTH)
-        # Names of files are not markup, and are not to be wrapped.
+        # Names of files are not Rich's markup, and stay on one line.
         text = Text(one_line(result)) if isinstance(result, str) else result
         console.print(text, highlight=False, soft_wrap=isinstance(result, str))
-        # In order with what goes to standard error, where both go to one file.
+        # Where both go to one file, results and progress stay in order.
         console.file.flush()
 
     def wrote(self, path: Path) -> None:
@@ -115,7 +102,7 @@ class Session:
 
     @contextlib.contextmanager
     def working(self, stage: str) -> Iterator[Callable[[str], None]]:
-        """Context of a stage whose steps cannot be counted; the callable it gives says what is being done."""
+        """Context of a stage without a number of steps; the callable that it yields prints what is being done."""
         if not self.animated:
             self.tell(stage)
             yield self.tell
@@ -125,7 +112,7 @@ class Session:
 
     @contextlib.contextmanager
     def destination(self, output: Path, name: str) -> Iterator[Path]:
-        """Context of the path to write: ``output``, or for ``-`` a file ``name`` whose bytes then go to stdout.
+        """Context of the path to write: ``output``, or for ``-`` a file ``name`` whose bytes go to stdout afterwards.
 
         Raises
         ------
@@ -171,13 +158,13 @@ class Session:
         return {**stages, "other": total - sum(stages.values()), "total": total}
 
     def _print_error(self, line: str, style: str = "") -> None:
-        # A mosaic does not depend on whether its progress can be shown.
+        # A closed standard error must not cost the user the mosaic.
         with contextlib.suppress(OSError):
             self._errors.print(one_line(line), style=style, markup=False, highlight=False, soft_wrap=True)
 
 
 def _finite(value: Any) -> Any:
-    """``value`` with null for numbers that JSON does not know, and text for paths."""
+    """``value`` with None for infinity and NaN, which JSON does not know, and text for paths."""
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, Mapping):
@@ -187,5 +174,5 @@ def _finite(value: Any) -> Any:
     return str(value) if isinstance(value, Path) else value
 
 
+# A process runs one command.
 session = Session()
-"""Of the command that runs: a process runs one."""

@@ -20,8 +20,8 @@ from skymosaic.tracking.output import TABLE_SUFFIXES, TrackedCorners, draw_outli
 from skymosaic.tracking.template import Roi
 from skymosaic.tracking.tracker import track as track_frames
 
-LINE_EVERY = 100
-"""Frames between two lines of progress where it is not drawn in place."""
+# Frames between two lines of progress where it is not drawn in place.
+LINE_EVERY_FRAMES = 100
 
 
 @with_options
@@ -52,7 +52,7 @@ def track(
         for frame in frames:
             write(draw_outline(frame))
             rows.append(make_row(frame, reader.frame_rate))
-            if session.animated or frame.number % LINE_EVERY == 0:
+            if session.animated or frame.number % LINE_EVERY_FRAMES == 0:
                 step(f"frame {frame.number}")
         if not any(each.corners for each in rows):
             raise RegistrationError(f"{video}: the template was found in none of {len(rows)} frames")
@@ -83,8 +83,8 @@ def _template_and_video(inputs: list[Path], roi: str | None) -> tuple[Path | Roi
 
 
 def _show_summary(rows: list[TrackedCorners], seconds: float) -> None:
-    found = [each for each in rows if each.corners]
-    session.show(f"found in {len(found)} of {len(rows)} frames, {1000 * seconds:.0f} ms a frame")
+    seen = [each for each in rows if each.corners]
+    session.show(f"found in {len(seen)} of {len(rows)} frames, {1000 * seconds:.0f} ms per frame")
     lost = [list(group) for missing, group in groupby(rows, key=lambda each: each.corners is None) if missing]
     for group in lost:
         session.show(f"lost in frames {group[0].frame} to {group[-1].frame}")

@@ -112,6 +112,7 @@ def _blend_average(layers: Sequence[Layer], tile: Canvas, *, by_distance: bool) 
         if part is None:
             continue
         distance = layer.border_distance(part)
+        # Inside the image every distance is positive, so its sign is the weight of a plain average.
         weight = np.float32(layer.favour) * (distance if by_distance else np.sign(distance))
         total[part.within(tile)] += layer.pixels(part) * _per_channel(weight, total)
         total_weight[part.within(tile)] += weight
@@ -135,6 +136,7 @@ def _blend_bands(layers: Sequence[Layer], tile: Canvas) -> tuple[Intensities, Ma
     finest = np.zeros(shape, dtype=np.float32)
     coarser = [np.zeros((shape[0] >> k, shape[1] >> k, *shape[2:]), dtype=np.float32) for k in range(1, BANDS + 1)]
     weights = [np.zeros(band.shape[:2], dtype=np.float32) for band in coarser]
+    # Only layers that own a pixel are warped.
     for index in np.flatnonzero(np.bincount(owner[owner >= 0])).tolist():
         shown = owner == index
         part = _with_margin(around.bounding(shown)).intersection(around) or around

@@ -98,16 +98,12 @@ def estimate_tones(thumbnails: Sequence[Layer], levels: Levels = Levels()) -> li
     explained = design @ logs + (overlaps.falloff @ falloff)[:, None]
     light = estimate_light(overlaps, overlaps.difference - explained, number)
     joined = np.unique(np.concatenate((overlaps.i, overlaps.j))).tolist()
-    tones = [NEUTRAL] * number
-    for index in joined:
-        own = None if light is None else light[index]
-        gain = tuple(np.exp(logs[index]).tolist())
-        tones[index] = Tone(gain, (float(falloff[0]), float(falloff[1])), levels.black, own)
-    if joined:
-        together = _anchor([thumbnails[index] for index in joined], [tones[index] for index in joined])
-        for index, tone in zip(joined, together, strict=True):
-            tones[index] = tone
-    return tones
+    if not joined:
+        return [NEUTRAL] * number
+    gains, common = np.exp(logs).tolist(), (float(falloff[0]), float(falloff[1]))
+    tones = [Tone(tuple(gains[k]), common, levels.black, None if light is None else light[k]) for k in joined]
+    anchored = dict(zip(joined, _anchor([thumbnails[k] for k in joined], tones), strict=True))
+    return [anchored.get(k, NEUTRAL) for k in range(number)]
 
 
 def measure_toned_range(
@@ -167,6 +163,7 @@ def _fit_exposure(overlaps: Overlaps, design: sparse.csr_array) -> tuple[Array, 
     """Logarithmic exposure of each photograph, and the lens falloff where it explains held-out overlaps."""
     difference, number = overlaps.difference.mean(axis=1), design.shape[1]
     with_falloff = sparse.hstack((design, sparse.csr_array(overlaps.falloff)), format="csr")
+    # Every second pair is held out, so that both halves cover the whole flight.
     odd = overlaps.pair % 2 == 1
     if odd.any() and not odd.all():
         plain, reduced = (

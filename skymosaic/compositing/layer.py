@@ -114,6 +114,7 @@ class Layer:
         near = cv2.dilate(shown.astype(np.uint8), np.ones((2 * FINE_REACH_PX + 1,) * 2, np.uint8))
         warped = warp_backward(self.image, self.transform, part, border=BEYOND)
         blocks = (block for block in part.tiles(FINE_BLOCK_PX) if near[block.within(part)].any())
+        # Neighbouring blocks are warped together, because each call has a fixed cost.
         for _, row in groupby(blocks, key=lambda block: block.y_px):
             run = list(row)
             whole = replace(run[0], width_px=run[-1].x_px + run[-1].width_px - run[0].x_px)
@@ -155,6 +156,7 @@ class Layer:
             return self._masked_distance[source.within(Canvas(0, 0, *self.size))]
         x = np.arange(source.x_px, source.x_px + source.width_px, dtype=np.float32)
         y = np.arange(source.y_px, source.y_px + source.height_px, dtype=np.float32)
+        # The chessboard distance, like DIST_C below for images with a mask.
         along_x, along_y = np.minimum(x, self.size[0] - 1 - x), np.minimum(y, self.size[1] - 1 - y)
         return np.asarray(np.minimum(along_y[:, None], along_x) + 1, dtype=np.float32)
 
@@ -162,5 +164,6 @@ class Layer:
     def _masked_distance(self) -> Float32 | None:
         if self.visible is None:
             return None
+        # Without a frame of zeros, the image's own border would not count as one.
         framed = cv2.copyMakeBorder(self.visible, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
         return np.asarray(cv2.distanceTransform(framed, cv2.DIST_C, 3)[1:-1, 1:-1], dtype=np.float32)

@@ -124,6 +124,7 @@ def held_out_shares(homography: Matrix, left: Points, right: Points, size: tuple
     left, right = left[near], right[near]
     if len(left) < 2 * MIN_MATCHES:
         return 0.0, 0.0
+    # Whole fields, because neighbouring matches deviate alike and would confirm each other.
     field = np.floor(left / np.array(size) * CHECK_CELLS).astype(np.int64).sum(axis=1) % 2 == 0
     plain, bent = [], []
     for held_out in (field, ~field):

@@ -105,6 +105,7 @@ def _measure_cells(layer: Layer, black: float, white: float) -> _Cells:
     usable = (layer.border_distance(pixels) > 0) & (cv2.inRange(shown, least, most) > 0)
     size = (window.width_px, window.height_px)
     means = cv2.resize(shown.astype(np.float32), size, interpolation=cv2.INTER_AREA) - np.float32(black)
+    # Every pixel of a cell has to be usable; averaging rounds.
     valid = cv2.resize(usable.astype(np.float32), size, interpolation=cv2.INTER_AREA) > 1 - 1e-3
     columns, rows = (CELL_PX * (first + np.arange(count) + 0.5) - 0.5 for first, count in ((x, size[0]), (y, size[1])))
     centres = np.stack(np.meshgrid(columns, rows), axis=-1)

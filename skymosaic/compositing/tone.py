@@ -74,6 +74,7 @@ class Tone:
         black = np.float32(self.black)
         white = np.float32(np.iinfo(pixels.dtype).max) - black
         toned = planes.astype(np.float32)
+        # Most photographs have no black level, and each step is a pass over all pixels.
         if black:
             toned -= black
         toned *= factor

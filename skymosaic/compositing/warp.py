@@ -159,6 +159,7 @@ def shrink(image: Intensities, transform: Array) -> tuple[Intensities, Array]:
     Bilinear interpolation reads only four pixels, so an image that becomes much smaller has to be averaged first.
     """
     height, width = image.shape[:2]
+    # Just below a whole number, rounding errors must not reduce by less.
     factor = min(int(1 / max(magnification((width, height), transform), 1e-6) + 1e-6), width, height)
     if factor < 2:
         return image, transform

@@ -50,6 +50,7 @@ def detect(gray: Pixels, detector: str, count: int) -> list[cv2.KeyPoint]:
 
 def keep_one_per_position(key_points: KeyPoints) -> list[cv2.KeyPoint]:
     """Keep the first key point at each position; SIFT returns one per strong orientation."""
+    # Later entries replace earlier ones, so the first point at a position has to come last.
     return list({point.pt: point for point in reversed(key_points)}.values())[::-1]
 
 

@@ -48,6 +48,7 @@ def make_frame(image: Pixels, change: Change) -> Frame | None:
         return None
     pixels, to_image = image, np.eye(3)
     if size != (width_px, height_px):
+        # Averaging prevents aliasing; enlarged, it would give blocks.
         filtering = cv2.INTER_AREA if change.scale < 1 else cv2.INTER_CUBIC
         pixels = np.asarray(cv2.resize(image, size, interpolation=filtering), dtype=np.uint8)
         to_image = resize_matrix(width_px / size[0], height_px / size[1])
@@ -81,6 +82,7 @@ def _compress(image: Pixels, tilt: float, direction_rad: float) -> Frame:
 
 def _line_blur(tilt: float, cosine: float, sine: float) -> Matrix:
     """A Gaussian kernel along a direction, one pixel wide across it."""
+    # Across the direction, 0.35 px leaves next to nothing outside one pixel.
     along_px, across_px = TILT_BLUR * math.sqrt(tilt**2 - 1), 0.35
     radius = math.ceil(3 * along_px)
     y, x = np.mgrid[-radius : radius + 1, -radius : radius + 1]

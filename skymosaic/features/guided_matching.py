@@ -81,6 +81,7 @@ def _match_at(
         return np.zeros((0, 2)), np.zeros((0, 2))
     to_image = frames[0].to_image
     in_left, in_warped = (extract(frame.pixels, config).features for frame in frames if frame)
+    # The coarsest level's border, which its descriptors do not exceed, in pixels of the image.
     radius = math.ceil((config.border_px << (config.levels - 1)) * to_image[0, 0])
     in_warped = in_warped[_well_inside(apply(to_image, feature_points(in_warped)), covered, radius)]
     left_index, right_index = match_guided(in_left, in_warped, np.eye(3), SEARCH_PX / to_image[0, 0])

@@ -138,6 +138,7 @@ def _nearest(queries: Records, candidates: Records, norm: int, count: int) -> tu
     if norm == cv2.NORM_L2:
         # OpenCV takes ten times as long for L2 distances of bytes.
         first, second = first.astype(np.float32), second.astype(np.float32)
+    # Distances of bytes in other norms are whole numbers.
     kind = cv2.CV_32F if norm == cv2.NORM_L2 else cv2.CV_32S
     distance, index = cv2.batchDistance(first, second, kind, normType=norm, K=count)
     return distance.astype(np.float64), index

@@ -83,7 +83,7 @@ def choose_method(config: Config, detector: str | None = None, descriptor: str |
     _check_name("descriptor", descriptor, DESCRIPTORS)
     if detector == "freak":
         raise InputError(
-            f"freak is a descriptor, not a detector; add --descriptor freak to a detector: {_list(DETECTORS)}"
+            f"freak is a descriptor, not a detector; add --descriptor freak to a detector: {', '.join(DETECTORS)}"
         )
     _check_name("detector", detector, DETECTORS)
     own = config.front_end
@@ -102,6 +102,7 @@ def choose_method(config: Config, detector: str | None = None, descriptor: str |
         except ValueError as error:
             raise InputError(str(error)) from None
     else:
+        # Rule bases are made for the bits and regions of ILBP.
         config = dataclasses.replace(config, matcher=dataclasses.replace(config.matcher, rule_base="none"))
     method = Method(detector, descriptor)
     return method, dataclasses.replace(config, front_end=_front_end(config, method))
@@ -129,8 +130,8 @@ def check_backend(method: Method, backend: str) -> None:
     """
     if backend != "golden" and not method.on_accelerator:
         raise InputError(
-            f"backend {backend} computes only {_list(FRONT_END_DETECTORS)} with ILBP descriptors; {method.detector} "
-            f"with {method.descriptor} runs on the host; leave out --backend"
+            f"backend {backend} computes only {', '.join(FRONT_END_DETECTORS)} with ILBP descriptors; "
+            f"{method.detector} with {method.descriptor} runs on the host; leave out --backend"
         )
 
 
@@ -224,8 +225,4 @@ def _front_end(config: Config, method: Method) -> FrontEndConfig:
 
 def _check_name(what: str, name: str | None, valid: Sequence[str]) -> None:
     if name is not None and name not in valid:
-        raise InputError(f"{what} is {name!r}; valid: {_list(valid)}")
-
-
-def _list(names: Sequence[str]) -> str:
-    return ", ".join(names)
+        raise InputError(f"{what} is {name!r}; valid: {', '.join(valid)}")

@@ -65,6 +65,7 @@ def determinant(integral: NDArray[np.int32], size_px: int) -> Array:
     dxy = _box(integral, half, (-lobe, -lobe), square) + _box(integral, half, (1, 1), square)
     dxy -= _box(integral, half, (-lobe, 1), square) + _box(integral, half, (1, -lobe), square)
     area = size_px**2
+    # Each derivative is divided by the area before they are multiplied, so that sizes compare.
     inner = (dxx / area) * (dyy / area) - (MIXED_WEIGHT * dxy / area) ** 2
     return np.pad(inner, half)
 

@@ -67,10 +67,12 @@ def spread_enough(homography: Matrix, left: Points, right: Points, left_size: Si
     if hull_share(homography, left, left_size, right_size) >= MIN_SHARE_OF_OVERLAP:
         return True
     areas = [width * height for width, height in (left_size, right_size)]
+    # A small part of a large image may be all that the other one shows.
     smaller = int(np.argmin(areas))
     return hull_area((left, right)[smaller]) >= MIN_SHARE_OF_IMAGE * areas[smaller]
 
 
 def _corners(size: Size) -> Array:
+    # The outer corners of the corner pixels, whose centres are at integers.
     right, bottom = size[0] - 0.5, size[1] - 0.5
     return np.array([[-0.5, -0.5], [right, -0.5], [right, bottom], [-0.5, bottom]])

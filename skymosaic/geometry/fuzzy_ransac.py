@@ -46,6 +46,7 @@ class Decision:
 def rule_base(tolerance_px: float = TOLERANCE_PX) -> SugenoSystem:
     """Build the six rules over two inputs: the bidirectional check (0 or 1) and the error in 1/16 px."""
     tau = round(tolerance_px * POSITION.one)
+    # Tables end one step beyond tau, because larger inputs saturate.
     steps = np.arange(tau + 2)
     check = {"verified": np.array([0, ONE]), "not verified": np.array([ONE, 0])}
     error = {"less": steps < tau, "equal": steps == tau, "more": steps > tau}

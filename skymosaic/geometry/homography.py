@@ -31,6 +31,7 @@ def rescale(H: Array) -> Array:
     DegenerateError
         If H[2, 2] vanishes (the origin maps to infinity) or an element is not finite.
     """
+    # Relative to the largest element, because a homography has no scale of its own.
     if not np.isfinite(H).all() or abs(H[2, 2]) <= 1e-14 * np.abs(H).max():
         raise DegenerateError("the homography maps the origin to infinity")
     return np.asarray(H / H[2, 2])
@@ -170,6 +171,7 @@ def _fit_similarity(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None,
 
 def _fit_affine(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None) -> Array:
     x, y, root = check_pairs(left, right, weight, minimum=3)
+    # Normalising the left points suffices: the right ones are only on the other side of the equations.
     to_x = normalisation(x, root)
     rows = homogeneous(apply(to_x, x)) * root[:, None]
     return np.vstack([solve_least_squares(rows, y * root[:, None]).T, [0.0, 0.0, 1.0]]) @ to_x

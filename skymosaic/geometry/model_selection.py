@@ -87,6 +87,7 @@ def fit_similarity(left: Array, right: Array, weight: Array, *, fewest: int) -> 
 
 def _criterion(candidate: Fit, left: Array, right: Array) -> float:
     """The information criterion: bounded squared errors plus a penalty per parameter; smaller is better."""
+    # A match beyond two standard deviations is an outlier under any model. Each of the N has four coordinates.
     errors = np.minimum(_squared_error(candidate.matrix, left, right) / NOISE_PX**2, 4)
     return float(errors.sum() + PARAMETERS[candidate.model] * np.log(4 * len(left)))
 

@@ -214,6 +214,7 @@ def _search(
         batch = subset_sizes[drawn : drawn + BATCH]
         drawn += len(batch)
         sample, sample_score = _best_of(_minimal_homographies(matches, _draw(batch, rng)), scores)
+        # Compared with the best sample, which local optimisation has not improved: few would beat the best homography.
         if sample is None or sample_score <= best_sample_score:
             continue
         best_sample_score = sample_score
@@ -233,6 +234,7 @@ def _subset_sizes(count: int, max_samples: int) -> NDArray[np.int64]:
     if count < 4:
         return np.zeros(0, dtype=np.int64)
     size = np.arange(4, count + 1)
+    # Of all samples, the share that is drawn from the best n matches alone: C(n, 4) / C(count, 4).
     share = size * (size - 1.0) * (size - 2) * (size - 3) / (count * (count - 1.0) * (count - 2) * (count - 3))
     samples_of_size = np.ceil(np.diff(max_samples * share, prepend=0)).astype(np.int64)
     return np.repeat(size, samples_of_size)[:max_samples]

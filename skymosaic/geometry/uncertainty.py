@@ -102,6 +102,7 @@ def covariance(homography: Matrix, left: Points, right: Points) -> Array:
 
 def _covariance_error(homography: Matrix, left: Points, right: Points, grid: Points) -> float:
     """Mean standard deviation of the mapped grid; 12 px where the inliers determine no homography."""
+    # Four matches fit exactly, whatever their errors.
     if len(left) < 5 or not len(grid):
         return NEAR_PX
     # Without normalised coordinates in the left image, the elements of h would differ by six orders of magnitude.
@@ -149,5 +150,6 @@ def _grid(polygon: Points) -> Points:
     points = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
     sides = np.roll(polygon, -1, axis=0) - polygon
     offsets = points[:, None] - polygon
+    # Inside, all turns have one sign; which one depends on the polygon's direction.
     turns = sides[:, 0] * offsets[..., 1] - sides[:, 1] * offsets[..., 0]
     return np.asarray(points[(turns >= -1e-9).all(axis=1) | (turns <= 1e-9).all(axis=1)])

@@ -118,21 +118,20 @@ def _group_by_capture(sources: Sequence[Source]) -> tuple[dict[_Capture, dict[st
     captures: dict[_Capture, dict[str, Source]] = {}
     others = []
     for source in sources:
-        match = _parse_name(source)
-        if match is None:
+        parsed = _parse_name(source.content) if isinstance(source.content, Path) else None
+        if parsed is None:
             others.append(source)
         else:
-            capture, band = match
+            capture, band = parsed
             captures.setdefault(capture, {})[band] = source
     return captures, others
 
 
-def _parse_name(source: Source) -> tuple[_Capture, str] | None:
-    path = source.content
-    if not isinstance(path, Path):
-        return None
+def _parse_name(path: Path) -> tuple[_Capture, str] | None:
+    """The capture and the band of a file; None without a band in its name."""
     if named := _NAMED.fullmatch(path.stem):
         return (path.parent, named[1]), _NAMES[named[2].upper()]
+    # Cameras write bands as TIFF; other numbered files are photographs.
     numbered = _NUMBERED.fullmatch(path.stem) if path.suffix.lower() in (".tif", ".tiff") else None
     return ((path.parent, numbered[1]), str(int(numbered[2]))) if numbered else None
 

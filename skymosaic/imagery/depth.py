@@ -43,6 +43,7 @@ class ValueRange:
 
     def to_8_bit(self, values: NDArray[np.generic]) -> Pixels:
         """Map uint16 or float32 linearly to uint8; NaN becomes 0."""
+        # A picture of one value has no range.
         scale = 255.0 / max(self.high - self.low, 1e-12)
         pixels = np.empty(values.shape, np.uint8)
         # A few rows at a time, because each step makes a copy of four bytes per value: gigabytes for a photograph.

@@ -99,6 +99,7 @@ def select_key_frames(frames: Iterable[Pixels], *, overlap: float = KEY_OVERLAP)
             flow = _Flow(gray)
         else:
             yield candidate
+            # The current frame follows the new key frame, and is its first candidate.
             flow, candidate = _Flow(_small_gray(candidate.pixels)), current
             flow.common_share(gray)
     if candidate is not None:

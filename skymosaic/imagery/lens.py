@@ -94,6 +94,7 @@ def _visible(lens: Lens, size: tuple[int, int]) -> Pixels:
     mask = np.full(size[::-1], 255, np.uint8)
     if lens.mask is not None:
         mask = np.asarray(cv2.resize(lens.mask, size, interpolation=cv2.INTER_NEAREST), dtype=np.uint8)
+    # Where interpolation mixes the mask's edge or the outside in, a pixel does not count as ground.
     straight = lens.straighten(mask, cv2.INTER_LINEAR)
     return np.where(straight == 255, straight, 0).astype(np.uint8)
 

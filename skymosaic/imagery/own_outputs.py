@@ -28,6 +28,7 @@ def record_output(output: Path, inputs: Iterable[Path]) -> None:
         return
     record = {name: digest for name, digest in _read_record(folder).items() if (folder / name).exists()}
     record[output.name] = _digest(output)
+    # File names may be any bytes.
     text = "".join(f"{digest} {name}\n" for name, digest in sorted(record.items()))
     save_bytes(folder / RECORD_NAME, text.encode("utf-8", "surrogateescape"))
 
@@ -50,5 +51,6 @@ def _digest(path: Path) -> str:
     try:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
+    # No recorded digest is empty, so an unreadable file is not taken for a mosaic.
     except OSError:
         return ""

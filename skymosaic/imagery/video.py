@@ -76,6 +76,7 @@ class VideoReader:
             raise InputError(f"{self.name}: a video without frames; give another file")
         self._stream = streams[0]
         self._stream.thread_type = "AUTO"
+        # A hostile file may declare frames of any size.
         self._stream.codec_context.options = {"max_pixels": str(MAX_AREA_PX)}
         self.frame_rate = self._stream.average_rate or self._stream.guessed_rate or DEFAULT_RATE
 

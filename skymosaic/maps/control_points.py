@@ -87,6 +87,7 @@ def load_control_points(path: Path) -> ControlPoints:
     sightings = []
     for number, line in lines[1:]:
         place, pixel, photograph, name = _parse_line(path, number, line)
+        # A point has a line per photograph. Its name is optional, so its coordinates identify it.
         if place not in index:
             index[place] = len(index)
             names.append(name or f"point {len(index)}")

@@ -120,6 +120,7 @@ def reproject(points: Points, source: str, target: str) -> Points:
 
 def project_to_utm(positions: Sequence[Position]) -> tuple[str, Points]:
     """Project positions to the UTM zone of the first; returns its name and (N, 2) metres east and north."""
+    # A longitude of exactly 180 degrees belongs to zone 1.
     zone = int((positions[0].longitude_deg + 180) // 6) % 60 + 1
     crs = f"EPSG:{(32700 if positions[0].latitude_deg < 0 else 32600) + zone}"
     return crs, reproject(np.array([(p.longitude_deg, p.latitude_deg) for p in positions]), "EPSG:4326", crs)

@@ -57,6 +57,7 @@ def tee_to_raster(
         file, top = None, 0
         for pixels, shown in bands:
             planes = [pixels] if pixels.ndim == 2 else cv2.split(pixels)
+            # OpenCV's order is BGR, a file's RGB; bands are in order already.
             planes = planes[::-1] if len(planes) == 3 and not names else planes
             with _writing(path):
                 if file is None:
@@ -93,6 +94,7 @@ def _create(
         # Rasterio's pixel coordinates start at the outer corner of the first pixel, ours at its centre.
         corner = georeference.to_map @ np.array([[1, 0, -0.5], [0, 1, -0.5], [0, 0, 1]])
         place = {"crs": georeference.crs, "transform": rasterio.Affine(*corner[:2].ravel())}
+    # Classic TIFF ends at 4 GB.
     profile = {
         "driver": "GTiff", "width": width_px, "height": height_px, "count": planes + 1, "dtype": kind, "tiled": True,
         "bigtiff": "if_safer",

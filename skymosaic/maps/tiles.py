@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,9 +25,6 @@ MAX_ZOOM = 24
 _HALF_WORLD_M = math.pi * 6_378_137.0
 """Half the side of Web Mercator's square world."""
 _MERCATOR = "EPSG:3857"
-
-Read = Callable[[int, int], Pixels | None]
-"""Reads the tile (256, 256, 4), BGRA, at a column and a row of the deepest zoom; None where it is empty."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +49,7 @@ class Pyramid:
     @property
     def top(self) -> int:
         """The deepest zoom at which one tile shows everything."""
+        # Each zoom halves the indices; once their differing bits are gone, first and last tile are one.
         apart = max(a ^ b for a, b in zip(self.first, self.last, strict=True))
         return self.zoom - apart.bit_length()
 
@@ -81,7 +78,7 @@ def write_tiles(folder: Path, raster: Path, title: str, values: ValueRange | Non
             pyramid = _plan_pyramid(file)
             with _warp(file, pyramid) if pyramid.georeferenced else contextlib.nullcontext(file) as source:
                 column, row = (index >> (pyramid.zoom - pyramid.top) for index in pyramid.first)
-                _Writer(folder, _reader(source, pyramid, values), pyramid).write(pyramid.top, column, row)
+                _Writer(folder, source, pyramid, values).write(pyramid.top, column, row)
     except (rasterio.errors.RasterioError, OSError) as error:
         raise InputError(f"{folder}: tiles cannot be made ({error}); choose another folder") from None
     page = (Path(__file__).parent / "viewer.html").read_text(encoding="utf-8")
@@ -106,6 +103,7 @@ def _plan_pyramid(file: Any) -> Pyramid:
         return Pyramid(False, (max(columns, rows) - 1).bit_length(), (0, 0), (columns - 1, rows - 1))
     left, bottom, right, top = import_rasterio().warp.transform_bounds(file.crs, _MERCATOR, *file.bounds)
     finest_m = math.sqrt((right - left) * (top - bottom) / (file.width * file.height))
+    # The nearest zoom on a logarithmic scale.
     zoom = min(max(math.ceil(math.log2(_resolution_m(0) / finest_m) - 0.5), 0), MAX_ZOOM)
     side_m = TILE_PX * _resolution_m(zoom)
     west, east = math.floor((left + _HALF_WORLD_M) / side_m), math.ceil((right + _HALF_WORLD_M) / side_m)
@@ -129,33 +127,14 @@ def _warp(file: Any, pyramid: Pyramid) -> Any:
     )
 
 
-def _reader(source: Any, pyramid: Pyramid, values: ValueRange | None) -> Read:
-    """A function that reads tiles of the deepest zoom."""
-    window = import_rasterio().windows.Window
-    alpha = source.count
-    shown = [3, 2, 1, alpha] if alpha >= 4 else [1, 1, 1, alpha]
-
-    def read(column: int, row: int) -> Pixels | None:
-        x, y = (TILE_PX * (at - first) for at, first in zip((column, row), pyramid.first, strict=True))
-        width, height = min(TILE_PX, source.width - x), min(TILE_PX, source.height - y)
-        planes = source.read(shown, window=window(x, y, width, height))
-        if not planes[-1].any():
-            return None
-        tile = np.zeros((TILE_PX, TILE_PX, 4), np.uint8)
-        tile[:height, :width, :3] = show_in_8_bit(np.moveaxis(planes[:3], 0, -1), values)
-        tile[:height, :width, 3] = np.where(planes[-1] > np.iinfo(planes.dtype).max // 2, 255, 0)
-        return tile
-
-    return read
-
-
 @dataclass(frozen=True, eq=False)
 class _Writer:
     """Writes tiles from the deepest zoom upwards, so that each part of the mosaic is read once."""
 
     folder: Path
-    read: Read
+    source: Any
     pyramid: Pyramid
+    values: ValueRange | None
 
     def write(self, zoom: int, column: int, row: int) -> Pixels | None:
         """Write a tile and all tiles below it; returns the tile."""
@@ -163,11 +142,26 @@ class _Writer:
         ranges = zip((column, row), self.pyramid.first, self.pyramid.last, strict=True)
         if any(not first >> shift <= at <= last >> shift for at, first, last in ranges):
             return None
-        tile = self.read(column, row) if shift == 0 else self._join_four(zoom + 1, 2 * column, 2 * row)
+        tile = self._read(column, row) if shift == 0 else self._join_four(zoom + 1, 2 * column, 2 * row)
         if tile is not None:
             path = self.folder / str(zoom) / str(column) / f"{row}.webp"
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(cv2.imencode(".webp", tile, [cv2.IMWRITE_WEBP_QUALITY, WEBP_QUALITY])[1].tobytes())
+        return tile
+
+    def _read(self, column: int, row: int) -> Pixels | None:
+        """Read a tile (256, 256, 4), BGRA, of the deepest zoom; None where it is empty."""
+        alpha = self.source.count
+        channels = [3, 2, 1, alpha] if alpha >= 4 else [1, 1, 1, alpha]
+        x, y = (TILE_PX * (at - first) for at, first in zip((column, row), self.pyramid.first, strict=True))
+        # Without a georeference, the last tiles extend beyond the mosaic.
+        width, height = min(TILE_PX, self.source.width - x), min(TILE_PX, self.source.height - y)
+        planes = self.source.read(channels, window=import_rasterio().windows.Window(x, y, width, height))
+        if not planes[-1].any():
+            return None
+        tile = np.zeros((TILE_PX, TILE_PX, 4), np.uint8)
+        tile[:height, :width, :3] = show_in_8_bit(np.moveaxis(planes[:3], 0, -1), self.values)
+        tile[:height, :width, 3] = np.where(planes[-1] > np.iinfo(planes.dtype).max // 2, 255, 0)
         return tile
 
     def _join_four(self, zoom: int, column: int, row: int) -> Pixels | None:

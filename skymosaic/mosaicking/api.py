@@ -1,4 +1,4 @@
-"""The functions of the Python API that make mosaics, and the plan that the command line and the panel work with."""
+"""Makes mosaics: the functions of the Python API, and the plan that the command line and the panel use."""
 
 from __future__ import annotations
 
@@ -84,12 +84,12 @@ def mosaic_of_pair(pair: Pair, options: MosaicOptions | None = None, **changes: 
     ----------
     pair : Pair
     options, **changes
-        As `mosaic`; those of the registration have no effect any more.
+        As in `mosaic`; options of the registration no longer have an effect.
 
     Raises
     ------
     InputError, RegistrationError
-        As `mosaic`.
+        As in `mosaic`.
     """
     options = dataclasses.replace(options or MosaicOptions(), **changes)
     sources = [Source(side, photo.name, photo.pixels) for side, photo in enumerate((pair.left, pair.right))]
@@ -110,7 +110,7 @@ def open_plan(
     Parameters
     ----------
     images, options, progress
-        As `mosaic`.
+        As in `mosaic`.
     tell : callable
         Receives a line for each video that is cut off, for pictures that are not used, or if the cache cannot be
         written.

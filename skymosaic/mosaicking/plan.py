@@ -36,7 +36,7 @@ from skymosaic.stopwatch import Stopwatch
 
 
 class MosaicPlan:
-    """The stages from photographs to mosaics: features, links, layout; exposure, seams, blend; output.
+    """The stages from photographs to mosaics: features, links, layout, exposure, seams, blending, output.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ class MosaicPlan:
         return in_all_bands(composition, self.flight, layout, self._workers)
 
     def bands(self, composition: Composition) -> Iterator[tuple[Intensities, Mask]]:
-        """The blended picture in bands of whole rows from the top, and where they show a photograph."""
+        """Render the picture in bands of whole rows from the top, each with a mask of what shows a photograph."""
         start = time.perf_counter()
         yield from composition.bands(self._workers, self.options.memory_bytes)
         if self.flight.pair is not None:
@@ -151,9 +151,9 @@ class MosaicPlan:
         Raises
         ------
         InputError
-            As `check_outputs`.
+            As in `check_outputs`.
         RegistrationError
-            As `layouts`.
+            As in `layouts`.
         """
         self.check_outputs(output, form, overwrite=overwrite)
         layouts = self.layouts if self.options.all_groups else self.layouts[:1]

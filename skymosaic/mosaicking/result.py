@@ -21,7 +21,7 @@ from skymosaic.registration.pair import Pair
 
 @dataclass(frozen=True, repr=False)
 class Mosaic:
-    """A mosaic and how it was made.
+    """A mosaic, and the flight, layout and composition that it was made from.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ class Mosaic:
         overwrite : bool
             Whether an existing file may be replaced.
         scheduler : str or None
-            As of `MosaicOptions`.
+            As in `MosaicOptions`.
 
         Returns
         -------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,46 +29,27 @@ OPTION_VALUES |= {
 
 
 @dataclass(frozen=True)
-class Scale:
-    """What the slider sets for a detector, at whole positions from ``lowest`` to ``highest``.
-
-    Harris responses span many decades, so a step is half an octave of the threshold; for FAST it is a gray level. The
-    other detectors have no threshold in common: for them the slider sets how many of the strongest key points to keep.
-    Each cell of an image keeps its best corners, so a Harris threshold below 1024 changes next to nothing on
-    photographs, and hardly any corner is above 2**24: the slider has the range between, and the presets' 2 below it.
-
-    Attributes
-    ----------
-    title : str
-    lowest, highest : int
-    steps_per_octave : int
-        Positions per doubling of the value; 0 if the position is the value.
-    at_lowest : int or None
-        The value at the lowest position, where it is not the usual one.
-    """
+class SliderScale:
+    """What the slider sets for a detector: a title, and the value at each position, rising."""
 
     title: str
-    lowest: int
-    highest: int
-    steps_per_octave: int = 0
-    at_lowest: int | None = None
-
-    def value(self, position: int) -> int:
-        """The threshold or number of key points at a position."""
-        if position == self.lowest and self.at_lowest is not None:
-            return self.at_lowest
-        return round(2 ** (position / self.steps_per_octave)) if self.steps_per_octave else position
+    values: Mapping[int, int]
 
     def position(self, value: int) -> int:
         """The lowest position whose value reaches ``value``."""
-        return next((p for p in range(self.lowest, self.highest) if self.value(p) >= value), self.highest)
+        return next((position for position, reached in self.values.items() if reached >= value), max(self.values))
 
 
+# Harris responses span many decades, so a position is half an octave of the threshold. Each cell of an image keeps its
+# best corners: a threshold below 1024 changes next to nothing on photographs, and hardly any corner is above 2**24. The
+# slider has the range between, and below it the presets' 2.
+HARRIS_THRESHOLDS = {19: 2} | {position: round(2 ** (position / 2)) for position in range(20, 49)}
 SCALES = {
-    "harris": Scale("Harris threshold", 19, 48, steps_per_octave=2, at_lowest=2),
-    "fast": Scale("FAST threshold, gray levels", 1, 120),
+    "harris": SliderScale("Harris threshold", HARRIS_THRESHOLDS),
+    "fast": SliderScale("FAST threshold, gray levels", {level: level for level in range(1, 121)}),
 }
-STRONGEST = Scale("Strongest key points", 14, 22, steps_per_octave=2)
+# The other detectors have no threshold in common.
+STRONGEST = SliderScale("Strongest key points", {position: round(2 ** (position / 2)) for position in range(14, 23)})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,7 +61,7 @@ class Options(MosaicOptions):
 
     @classmethod
     def of_preset(cls, preset: str) -> Options:
-        """The options of a preset."""
+        """Options with the values of a preset."""
         config = preset_config(preset)
         detector = config.front_end.detector
         return cls(
@@ -91,7 +73,7 @@ class Options(MosaicOptions):
         )
 
     def changed(self, name: str, value: Any) -> Options:
-        """These options with one of them changed; a new preset resets all others, a new detector the slider."""
+        """A copy with one option changed; a new preset resets all others, a new detector the slider."""
         if name == "preset":
             return Options.of_preset(value)
         change: dict[str, Any] = {name: None if value == AUTOMATIC else value}
@@ -101,12 +83,12 @@ class Options(MosaicOptions):
         return changed
 
     def shown(self, name: str) -> Any:
-        """The value of an option as the page offers it."""
+        """The value of an option as the page shows it."""
         value = getattr(self, name)
         return AUTOMATIC if name == "blending" and value is None else value
 
     @property
-    def slider_scale(self) -> Scale:
+    def slider_scale(self) -> SliderScale:
         """What the slider sets."""
         return SCALES.get(self.detector or "", STRONGEST)
 
@@ -116,7 +98,7 @@ class Options(MosaicOptions):
         base = preset_config(self.preset)
         base = dataclasses.replace(base, matcher=dataclasses.replace(base.matcher, rule_base=self.rule_base))
         _, config = choose_method(base, self.detector, self.descriptor)
-        value = self.slider_scale.value(self.position)
+        value = self.slider_scale.values[self.position]
         if self.detector in FRONT_END_DETECTORS:
             return dataclasses.replace(config, front_end=dataclasses.replace(config.front_end, threshold=value))
         return dataclasses.replace(config, front_end=dataclasses.replace(config.front_end, max_features=value))

@@ -93,11 +93,11 @@ class FeatureOptions:
         return self.damaged == "keep"
 
     def open_backend(self, method: Method, progress: Progress = silent) -> Backend:
-        """The backend that computes ``method``; ``progress`` receives lines about the first build of a simulation."""
+        """Load the backend that computes ``method``; ``progress`` receives lines about a simulation's first build."""
         return load_backend_for(method, self.backend, progress) if isinstance(self.backend, str) else self.backend
 
     def choose_method(self) -> tuple[Method, Config]:
-        """The detector and descriptor, and the configuration adapted to them.
+        """Choose detector and descriptor, and adapt the configuration to them.
 
         Raises
         ------
@@ -125,13 +125,13 @@ class RegistrationOptions(FeatureOptions):
     )
     refine: bool = option(
         False,
-        "Second, guided pass; its result counts only if it fits unseen matches better.",
+        "Second, guided pass; its result counts only if it fits held-out matches better.",
         not_for_more="the layout of more than two photographs is refined by all links",
     )
     seed: int = option(0, "Seed of the robust estimator.", minimum=0)
 
     def choose_method(self) -> tuple[Method, Config]:
-        """As of `FeatureOptions`, checked against the estimator and the second pass."""
+        """Choose as `FeatureOptions` does, and check the choice against the estimator and the guided pass."""
         config = self.base_config
         if self.estimator == FUZZY_RANSAC:
             # Fuzzy RANSAC has rules of its own, which replace those of the matcher.
@@ -144,19 +144,19 @@ class RegistrationOptions(FeatureOptions):
         return method, config
 
     def choose_effort(self, method: Method) -> str:
-        """The effort that was asked for, or the default of the method.
+        """Choose the effort: the one that is asked for, or the default of the method.
 
         Raises
         ------
         InputError
-            For more than one pass with a method or a backend that is not made for it.
+            For more than one pass with a method or a backend that allows only one.
         """
         if self.backend_name.partition(":")[0] == "board":
             # A run on the board has frames of one size; those of further passes have other sizes.
             if self.effort not in (None, "fast"):
                 raise InputError(f"effort {self.effort} needs frames of several sizes, a board takes one; choose fast")
             return "fast"
-        # Other methods have scale spaces of their own, and the thesis's descriptor is to be seen as it is.
+        # Other methods search scales themselves, and the thesis's descriptor is measured without help.
         oriented = method.descriptor in PATTERNS and PATTERNS[method.descriptor].oriented
         has_passes = oriented and self.estimator in SCORINGS
         if self.effort not in (None, "fast") and not has_passes:

@@ -1,4 +1,4 @@
-"""Registers a pair of overlapping photographs: features, matches, homography, or the reason of a failure."""
+"""Registers a pair of overlapping photographs: features, matches, homography, or why it failed."""
 
 from __future__ import annotations
 

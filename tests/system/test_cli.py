@@ -178,8 +178,8 @@ def test_every_command_exists_and_is_listed_in_the_help(capsys) -> None:
     with pytest.raises(SystemExit):
         app(["--help"])
     shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
-    for name, (module, summary) in COMMANDS.items():
-        assert callable(getattr(importlib.import_module(f"skymosaic.cli.{module}"), name))
+    for name, summary in COMMANDS.items():
+        assert callable(getattr(importlib.import_module(f"skymosaic.cli.{name}"), name))
         assert summary in shown
 
 

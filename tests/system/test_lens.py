@@ -117,7 +117,7 @@ def test_a_camera_file_that_could_not_be_written_is_refused_at_once(folder, tmp_
     pictures = sorted(folder.iterdir())
     for options, says in (
         ([*pictures[:3], "--save-camera", "camera.toml"], "exists"),
-        ([*pictures[:2], "--save-camera", "other.toml"], "two photographs do not tell the lens"),
+        ([*pictures[:2], "--save-camera", "other.toml"], "too few to estimate the lens"),
         ([*pictures[:3], "--save-camera", "other.toml", "--camera", "camera.toml"], "missing"),
     ):
         status, _, error = run("mosaic", *map(str, options), "-o", "m.png")

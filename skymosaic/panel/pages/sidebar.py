@@ -153,10 +153,14 @@ class OptionsCard:
         scale = options.slider_scale
         self._slider_title.set_text(scale.title)
         # A thin space separates thousands.
-        words = f"{scale.value(options.position):,}".replace(",", "\u2009")
+        words = f"{scale.values[options.position]:,}".replace(",", "\u2009")
         self._slider_value.set_text(words)
         self._slider.show(
-            lowest=scale.lowest, highest=scale.highest, position=options.position, label=scale.title, words=words
+            lowest=min(scale.values),
+            highest=max(scale.values),
+            position=options.position,
+            label=scale.title,
+            words=words,
         )
         self._fault.set_text(fault_of(options, len(self._session.photographs)))
 

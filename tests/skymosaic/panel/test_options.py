@@ -13,10 +13,11 @@ from tools.panel.visit import running_panel
 
 @pytest.mark.parametrize("slider", [*SCALES.values(), STRONGEST], ids=lambda slider: slider.title)
 def test_slider_values_rise_and_convert_back_to_positions(slider) -> None:
-    values = [slider.value(position) for position in range(slider.lowest, slider.highest + 1)]
+    values = list(slider.values.values())
+    assert list(slider.values) == list(range(min(slider.values), max(slider.values) + 1))
     assert values == sorted(values)
     assert values[0] >= 1
-    assert all(slider.value(slider.position(value)) == value for value in values)
+    assert all(slider.values[slider.position(value)] == value for value in values)
 
 
 @pytest.mark.parametrize("preset", OPTION_VALUES["preset"])
@@ -24,7 +25,7 @@ def test_a_preset_resolves_to_its_own_configuration(preset: str) -> None:
     options = Options.of_preset(preset)
     _, config = options.choose_method()
     assert config.preset == preset
-    assert options.slider_scale.value(options.position) >= config.front_end.threshold
+    assert options.slider_scale.values[options.position] >= config.front_end.threshold
 
 
 def test_every_combination_of_options_resolves_or_is_refused_with_a_reason() -> None:
