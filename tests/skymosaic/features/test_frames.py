@@ -6,7 +6,6 @@ from golden_model.front_end import extract
 from sim.backends.golden import GoldenBackend
 from sim.scene import make_pair
 from skymosaic.features.frames import Change, make_frame, map_matches_to_images, map_to_image, swap_sides
-from skymosaic.features.guided_matching import match_guided
 from skymosaic.features.positions import feature_points, match_points
 from skymosaic.geometry.homography import apply
 
@@ -56,25 +55,3 @@ def test_swapping_twice_changes_nothing(image):
     other = swap_sides(matches)
     np.testing.assert_array_equal(other["left_x"], matches["right_x"])
     np.testing.assert_array_equal(swap_sides(other), matches)
-
-
-def test_guided_matches_equal_an_exhaustive_search():
-    """The KD-tree must find the same pairs as the table of all distances."""
-    rng = np.random.default_rng(0)
-    left = np.zeros(150, extract(np.zeros((64, 64), np.uint8), CONFIG.front_end).features.dtype)
-    right = left.copy()
-    for side in (left, right):
-        side["x"], side["y"] = rng.integers(0, 60 * 16, (2, 150))
-        side["descriptor"] = rng.integers(0, 4, side["descriptor"].shape)  # many equal distances
-    i, j = match_guided(left, right, np.eye(3), 8.0)
-    distance = np.bitwise_count(left["descriptor"][:, None] ^ right["descriptor"][None]).sum(axis=2).astype(int)
-    far = np.linalg.norm(feature_points(left)[:, None] - feature_points(right)[None], axis=2) > 8.0
-    distance[far] = 128
-    nearest_right, nearest_left = distance.argmin(axis=1), distance.argmin(axis=0)
-    expected = [
-        (row, nearest_right[row])
-        for row in range(150)
-        if nearest_left[nearest_right[row]] == row and distance[row, nearest_right[row]] < 0.34 * 128
-    ]
-    assert len(expected) > 20
-    assert list(zip(i.tolist(), j.tolist(), strict=True)) == expected

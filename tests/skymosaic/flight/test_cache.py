@@ -1,0 +1,46 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from skymosaic.errors import InputError
+from skymosaic.flight.cache import ResultCache, key_of
+
+
+def test_a_damaged_cache_file_counts_as_missing(tmp_path):
+    cache = ResultCache(tmp_path)
+    cache.save("key", {"values": np.arange(1000)})
+    path = tmp_path / "key.entry"
+    whole = path.read_bytes()
+    for damaged in (b"", whole[:200], whole[:2000] + b"\xff" + whole[2001:], whole + b"more"):
+        path.write_bytes(damaged)
+        assert cache.load("key") is None
+    (tmp_path / "other.entry").write_bytes(whole)
+    assert cache.load("other") is None
+    cache.save("key", {"values": np.arange(1000)})
+    np.testing.assert_array_equal(cache.load("key")["values"], np.arange(1000))
+
+
+def test_a_cache_that_cannot_be_written_keeps_nothing(tmp_path, monkeypatch):
+    (tmp_path / "file").touch()
+    lines = []
+    cache = ResultCache(tmp_path / "file" / "cache", tell=lines.append)
+    cache.save("key", {"values": np.arange(3)})
+    assert cache.load("key") is None
+    with pytest.raises(InputError, match="choose another cache"):
+        ResultCache(tmp_path / "file" / "cache", required=True)
+
+    def full(_path, _data):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    cache = ResultCache(tmp_path / "cache", required=True, tell=lines.append)
+    cache.save("key", {"values": np.arange(3)})
+    cache.save("other", {"values": np.arange(3)})
+    assert len(lines) == 2
+    assert "No space left" in lines[1]
+
+
+def test_keys_change_with_every_part():
+    assert key_of("view", 1, "a") == key_of("view", 1, "a")
+    assert len({key_of("view", 1, "a"), key_of("view", 1, "b"), key_of("view", "1", "a")}) == 3

@@ -1,0 +1,51 @@
+import numpy as np
+import pytest
+from PIL import Image, TiffImagePlugin
+from PIL.ExifTags import IFD
+
+from skymosaic.imagery.exif import Metadata, Position, read_metadata
+
+
+def test_gps_and_focal_length_are_read_from_exif(tmp_path):
+    exif = Image.Exif()
+    exif.get_ifd(IFD.Exif)[0xA405] = 24
+    exif.get_ifd(IFD.GPSInfo).update(
+        {1: "S", 2: (33.0, 30.0, 36.0), 3: "W", 4: (70.0, 15.0, 0.0), 5: b"\x00", 6: 520.5}
+    )
+    Image.new("RGB", (64, 64)).save(tmp_path / "gps.jpg", exif=exif)
+    record = read_metadata(tmp_path / "gps.jpg")
+    assert record.focal_half_diagonals == pytest.approx(24 / 21.633, rel=1e-3)
+    found = record.position
+    assert found.latitude_deg == pytest.approx(-33.51)
+    assert found.longitude_deg == pytest.approx(-70.25)
+    Image.new("RGB", (64, 64)).save(tmp_path / "none.jpg")
+    assert read_metadata(tmp_path / "none.jpg") == Metadata()
+
+
+@pytest.mark.parametrize(
+    "properties",
+    [
+        'drone-dji:RelativeAltitude="+50.30" drone-dji:GimbalYawDegree="-12.5" drone-dji:FlightYawDegree="3"',
+        "><drone-dji:RelativeAltitude>+50.30</drone-dji:RelativeAltitude><Camera:Yaw>-12.5</Camera:Yaw",
+    ],
+)
+def test_yaw_and_height_are_read_from_xmp(tmp_path, properties):
+    xmp = f"<x:xmpmeta xmlns:x='adobe:ns:meta/'><rdf:Description {properties}></rdf:Description></x:xmpmeta>"
+    Image.new("RGB", (64, 64)).save(tmp_path / "dji.jpg", xmp=xmp.encode())
+    assert read_metadata(tmp_path / "dji.jpg") == Metadata(yaw_deg=-12.5, height_m=50.3)
+
+
+def test_the_black_level_of_a_sensor_is_read(tmp_path):
+    for name, levels in (("black.tif", (5132, 5132, 5141, 5151)), ("none.tif", (0, 0, 0, 0))):
+        tags = TiffImagePlugin.ImageFileDirectory_v2()
+        tags[0xC61A] = levels
+        tags.tagtype[0xC61A] = 3
+        Image.fromarray(np.zeros((8, 8), np.uint16)).save(tmp_path / name, tiffinfo=tags)
+    assert read_metadata(tmp_path / "black.tif").black_level == 5139
+    assert read_metadata(tmp_path / "none.tif").black_level is None
+
+
+def test_metres_between_positions():
+    east, north = Position(46.0, -91.99).metres_from(Position(45.99, -92.0))
+    assert north == pytest.approx(1112, rel=0.005)
+    assert east == pytest.approx(1112 * np.cos(np.radians(46)), rel=0.005)

@@ -1,0 +1,50 @@
+import cv2
+import numpy as np
+import pytest
+
+from skymosaic.errors import InputError
+from skymosaic.imagery.lens import load_lens
+
+CAMERA = """width_px = 640
+height_px = 480
+focal_x_px = 500
+focal_y_px = 500
+centre_x_px = 319.5
+centre_y_px = 239.5
+k1 = -0.2
+"""
+
+
+def test_a_camera_takes_the_distortion_out(tmp_path):
+    (tmp_path / "camera.toml").write_text(CAMERA)
+    lens = load_lens(tmp_path / "camera.toml", None)
+    # Points of a straight line, distorted as the camera would, end on a line again.
+    line = np.column_stack([np.linspace(60, 580, 14), np.full(14, 90.0)])
+    rays = np.column_stack([(line - [319.5, 239.5]) / 500, np.ones(14)])
+    seen, _ = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), lens.matrix, lens.distortion)
+    picture = np.zeros((480, 640), np.uint8)
+    for x, y in seen[:, 0]:
+        cv2.circle(picture, (round(x * 16), round(y * 16)), 3 << 4, 255, -1, cv2.LINE_AA, 4)
+    straight = lens.straighten(picture)
+    assert np.ptp(seen[:, 0, 1]) > 4
+    for x, y in line:
+        patch = straight[round(y) - 6 : round(y) + 7, round(x) - 6 : round(x) + 7].astype(float)
+        rows, columns = np.mgrid[-6:7, -6:7]
+        centre = np.array([(patch * columns).sum(), (patch * rows).sum()]) / patch.sum() + np.rint([x, y])
+        np.testing.assert_allclose(centre, [x, y], atol=0.3)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (CAMERA.replace("k1", "q1"), "unknown key q1"),
+        (CAMERA.replace("focal_x_px = 500\n", ""), "focal_x_px missing"),
+        (CAMERA.replace("500", "'long'"), "must be a number"),
+        (CAMERA.replace("width_px = 640", "width_px = 0"), "must be positive"),
+        ("width_px =", "not valid TOML"),
+    ],
+)
+def test_bad_camera_files_are_one_line(tmp_path, text, says):
+    (tmp_path / "camera.toml").write_text(text)
+    with pytest.raises(InputError, match=says):
+        load_lens(tmp_path / "camera.toml", None)
