@@ -3,7 +3,6 @@
 import io
 import re
 import struct
-import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,7 +12,7 @@ import pytest
 from PIL import Image as PillowImage
 
 from skymosaic.errors import DamagedError, InputError
-from skymosaic.imagery import decoding, images, jpeg
+from skymosaic.imagery import images, jpeg
 
 END = b"\xff\xd9"
 NOISE = np.random.default_rng(3).integers(0, 256, (120, 160, 3), np.uint8)
@@ -108,15 +107,42 @@ def test_a_truncated_file_is_kept_on_request_as_far_as_it_goes(tmp_path: Path) -
     assert np.array_equal(kept.pixels[:32], whole[:32])
 
 
-@pytest.mark.filterwarnings("ignore:Tag data larger than file")
-def test_tags_that_all_name_the_same_bytes_do_not_fill_the_memory(tmp_path: Path) -> None:
-    size = decoding.SPARE_BYTES // 8
-    entries = b"".join(struct.pack("<HHII", tag, 7, size, 8) for tag in range(1, 100))
-    path = tmp_path / "tags.tif"
-    path.write_bytes(b"II*\0" + struct.pack("<I", 8 + size) + bytes(size) + struct.pack("<H", 99) + entries + bytes(4))
-    tracemalloc.start()
-    with pytest.raises(InputError):
+def test_a_jpeg_damaged_in_its_middle_is_refused_and_kept_on_request(tmp_path: Path) -> None:
+    data = bytearray(cv2.imencode(".jpg", cv2.resize(SCENE, (640, 480)))[1].tobytes())
+    middle = len(data) // 2
+    data[middle : middle + 400] = bytes(400)
+    path = tmp_path / "damaged.jpg"
+    path.write_bytes(data)
+    with pytest.raises(DamagedError, match="JPEG is damaged"):
         images.load(path)
-    _, peak_bytes = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert peak_bytes < 2 * (decoding.SPARE_BYTES + size)
+    kept = images.load(path, keep_damaged=True)
+    assert kept.size == (640, 480)
+    assert "damaged" in kept.notes[-1]
+
+
+def test_padding_before_the_end_marker_is_no_damage(tmp_path: Path) -> None:
+    data = cv2.imencode(".jpg", SCENE)[1].tobytes()
+    (tmp_path / "plain.jpg").write_bytes(data)
+    (tmp_path / "padded.jpg").write_bytes(data[:-2] + bytes(50) + data[-2:] + b"preview of the camera")
+    plain, padded = (images.load(tmp_path / f"{name}.jpg") for name in ("plain", "padded"))
+    assert np.array_equal(plain.pixels, padded.pixels)
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+@pytest.mark.parametrize("mode", ["RGB", "L", "CMYK"])
+def test_jpeg_pixels_are_those_of_opencv(tmp_path: Path, orientation: int, mode: str) -> None:
+    exif = PillowImage.Exif()
+    exif[0x0112] = orientation
+    path = tmp_path / "p.jpg"
+    PillowImage.fromarray(SCENE).convert(mode).save(path, exif=exif, quality=90)
+    assert np.array_equal(images.load(path).pixels, cv2.imread(str(path), cv2.IMREAD_ANYCOLOR))
+
+
+def test_a_jpeg_of_many_scans_is_refused_before_decoding(tmp_path: Path) -> None:
+    PillowImage.fromarray(SCENE).save(tmp_path / "p.jpg", progressive=True)
+    data = (tmp_path / "p.jpg").read_bytes()
+    images.load(tmp_path / "p.jpg")
+    last = data.rindex(b"\xff\xda")
+    (tmp_path / "p.jpg").write_bytes(data[:-2] + data[last:-2] * 200 + data[-2:])
+    with pytest.raises(InputError, match="scans"):
+        images.load(tmp_path / "p.jpg")

@@ -1,0 +1,120 @@
+import struct
+import tracemalloc
+import zlib
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image as PillowImage
+
+from skymosaic.errors import InputError
+from skymosaic.imagery import decoding, images
+
+
+def photograph(height: int = 96, width: int = 128) -> np.ndarray:
+    rng = np.random.default_rng(7)
+    return cv2.GaussianBlur(rng.integers(0, 256, (height, width, 3), dtype=np.uint8), (0, 0), 2)
+
+
+def _text(path: Path) -> None:
+    path.write_text("no picture at all, only words " * 10)
+
+
+def _empty(path: Path) -> None:
+    path.touch()
+
+
+def _small(path: Path) -> None:
+    cv2.imwrite(str(path), photograph(10, 10))
+
+
+def _truncated(path: Path) -> None:
+    path.write_bytes(cv2.imencode(".png", photograph())[1].tobytes()[:-3000])
+
+
+def _truncated_jpeg(path: Path) -> None:
+    path.write_bytes(cv2.imencode(".jpg", photograph())[1].tobytes()[:-600])
+
+
+def _folder(path: Path) -> None:
+    path.mkdir()
+
+
+def _missing(path: Path) -> None:
+    pass
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (_text, "not an image"),
+        (_empty, "empty"),
+        (_small, "too small"),
+        (_truncated, "truncated"),
+        (_truncated_jpeg, "truncated"),
+        (_folder, "not a file"),
+        (_missing, "no such file"),
+    ],
+)
+def test_a_bad_file_gets_one_line_that_names_it(tmp_path: Path, make, says: str) -> None:
+    path = tmp_path / "bad.png"
+    make(path)
+    with pytest.raises(InputError) as caught:
+        images.load(path)
+    assert says in str(caught.value)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_huge_header_is_refused_before_decoding(tmp_path: Path) -> None:
+    header = bytearray(cv2.imencode(".png", photograph())[1].tobytes())
+    header[16:24] = (60_000).to_bytes(4, "big") * 2
+    header[29:33] = zlib.crc32(bytes(header[12:29])).to_bytes(4, "big")
+    (tmp_path / "bomb.png").write_bytes(bytes(header))
+    with pytest.raises(InputError, match="megapixels"):
+        images.load(tmp_path / "bomb.png")
+
+
+def test_the_decoded_size_has_a_limit_in_bytes(tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "t.tif"), np.zeros((64, 64, 4), np.uint16), [cv2.IMWRITE_TIFF_COMPRESSION, 1])
+    data = (tmp_path / "t.tif").read_bytes()
+    assert decoding.read_header(tmp_path / "t.tif").decoded_bytes == 64 * 64 * 8
+    for tag in (256, 257):
+        entry = data.index(tag.to_bytes(2, "little") + b"\x03\0\x01\0\0\0")
+        data = data[: entry + 8] + (9000).to_bytes(2, "little") + data[entry + 10 :]
+    (tmp_path / "t.tif").write_bytes(data)
+    with pytest.raises(InputError, match="MB when decoded"):
+        images.load(tmp_path / "t.tif")
+
+
+@pytest.mark.parametrize("value", ["text", (0, 0), float("nan"), 99])
+def test_an_invalid_orientation_counts_as_upright(tmp_path: Path, value: object, monkeypatch) -> None:
+    PillowImage.fromarray(photograph()).save(tmp_path / "p.jpg")
+    monkeypatch.setattr(PillowImage.Exif, "get", lambda *_: value)
+    assert decoding.read_header(tmp_path / "p.jpg").orientation == 1
+
+
+def test_names_cannot_write_to_the_terminal(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        images.load(tmp_path / "a\n\x1b[31m\u202ename.jpg")
+    assert str(caught.value).endswith("a\\n\\x1b[31m\\u202ename.jpg: no such file; check the path")
+
+
+def test_a_name_that_is_too_long_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="too long"):
+        images.load(tmp_path / ("x" * 300 + ".jpg"))
+
+
+@pytest.mark.filterwarnings("ignore:Tag data larger than file")
+def test_tags_that_all_name_the_same_bytes_do_not_fill_the_memory(tmp_path: Path) -> None:
+    size = decoding.SPARE_BYTES // 8
+    entries = b"".join(struct.pack("<HHII", tag, 7, size, 8) for tag in range(1, 100))
+    path = tmp_path / "tags.tif"
+    path.write_bytes(b"II*\0" + struct.pack("<I", 8 + size) + bytes(size) + struct.pack("<H", 99) + entries + bytes(4))
+    tracemalloc.start()
+    with pytest.raises(InputError):
+        images.load(path)
+    _, peak_bytes = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak_bytes < 2 * (decoding.SPARE_BYTES + size)
