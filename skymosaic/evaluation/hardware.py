@@ -1,4 +1,4 @@
-"""Compares hardware with the golden model on a pair: whether it is equal, on how much, and how fast it ran."""
+"""Compares hardware with the golden model on a pair: whether it is equal, what was compared, and how fast it ran."""
 
 from __future__ import annotations
 

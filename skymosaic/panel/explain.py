@@ -19,14 +19,14 @@ from skymosaic.features.descriptors import WINDOWS_PX
 from skymosaic.geometry.prosac import INLIER_PX
 from skymosaic.panel.pair_view import PairView
 
-HIGHEST_WEIGHT = 256
-"""The scale of a match record's ``weight``, UQ0.8."""
+WEIGHT_SCALE = 256
+"""Scale of a match record's ``weight``, UQ0.8."""
 _DEGREES_PER_SECTOR = 360 / SECTORS
 
 
 @dataclass(frozen=True)
 class Input:
-    """An input of the fuzzy system for one match: its value, and its degree of membership in each set, 0 to 1."""
+    """An input of the fuzzy system for one match: its value and its degree of membership in each set, 0 to 1."""
 
     variable: Variable
     value: int
@@ -54,7 +54,7 @@ class Explanation:
     reason : str
         The verdict and its cause in words.
     facts : tuple of (str, str)
-        Names and values of what was measured.
+        Measured quantities and their values.
     inputs : tuple of Input
     rules : tuple of FiredRule
         Both empty if no fuzzy system weighed the match.
@@ -67,7 +67,7 @@ class Explanation:
     rules: tuple[FiredRule, ...] = ()
 
 
-def verdicts(view: PairView) -> list[str]:
+def classify_matches(view: PairView) -> list[str]:
     """The verdict on each match, as in `Explanation`, in the order of the match records."""
     names = np.where(view.inlier, "inlier", np.where(view.kept, "outlier", "rejected"))
     return [str(name) for name in names]
@@ -75,12 +75,13 @@ def verdicts(view: PairView) -> list[str]:
 
 def explain(view: PairView, index: int) -> Explanation:
     """Explain one match of a pair."""
-    verdict, match = verdicts(view)[index], view.matches[index]
-    facts = _facts(view, index)
-    weighing = _weighing(view, index)
+    verdict, match = classify_matches(view)[index], view.matches[index]
+    beginning = "Rejected." if verdict == "rejected" else "Kept."
+    facts = _list_facts(view, index)
+    weighing = _find_weighing(view, index)
     if weighing is None:
-        reason = f"{_sentence(verdict)} {view.rule_names[match['rule']].capitalize()}."
-        return Explanation(verdict, reason + _geometry(view, index), facts)
+        reason = f"{beginning} {view.rule_names[match['rule']].capitalize()}."
+        return Explanation(verdict, reason + _describe_residual(view, index), facts)
     system, values = weighing
     strengths = system.strengths(*(np.array([value]) for value in values))[0] / system.strength_one
     # Beyond the end of a table its last degree applies, as in the hardware.
@@ -89,12 +90,12 @@ def explain(view: PairView, index: int) -> Explanation:
     weight, limit = int(match["weight"]), view.keep_above
     comparison = "above" if weight > limit else "not above"
     reason = (
-        f"{_sentence(verdict)} The rules give it the weight {weight / HIGHEST_WEIGHT:.2f}, {comparison} the limit of "
-        f"{limit / HIGHEST_WEIGHT:.2f}; the dominant rule: {view.rule_names[match['rule']]}."
+        f"{beginning} The rules give it the weight {weight / WEIGHT_SCALE:.2f}, {comparison} the limit of "
+        f"{limit / WEIGHT_SCALE:.2f}; the dominant rule: {view.rule_names[match['rule']]}."
     )
     return Explanation(
         verdict,
-        reason + _geometry(view, index),
+        reason + _describe_residual(view, index),
         facts,
         tuple(map(Input, system.inputs, values, degrees)),
         tuple(
@@ -104,8 +105,8 @@ def explain(view: PairView, index: int) -> Explanation:
     )
 
 
-def _weighing(view: PairView, index: int) -> tuple[SugenoSystem, tuple[int, ...]] | None:
-    """The fuzzy system that weighed a match and its input values; None if another check decided."""
+def _find_weighing(view: PairView, index: int) -> tuple[SugenoSystem, tuple[int, ...]] | None:
+    """The fuzzy system that weighed a match, and its inputs; None if another check decided."""
     match = view.matches[index]
     left = view.features[0][match["left_index"]]
     right = view.features[1][match["right_index"]]
@@ -123,8 +124,8 @@ def _weighing(view: PairView, index: int) -> tuple[SugenoSystem, tuple[int, ...]
     return rule_bases.ilbp(bits), (int(match["distance"]), sad, sad)
 
 
-def _facts(view: PairView, index: int) -> tuple[tuple[str, str], ...]:
-    """Names and values of what was measured on a match; positions in working pixels."""
+def _list_facts(view: PairView, index: int) -> tuple[tuple[str, str], ...]:
+    """Measured quantities of a match and their values; positions in working pixels."""
     match = view.matches[index]
     positions = [f"{match[f'{side}_x'] / POSITION.one:.2f}, {match[f'{side}_y'] / POSITION.one:.2f}"
               for side in ("left", "right")]  # fmt: skip
@@ -140,17 +141,13 @@ def _facts(view: PairView, index: int) -> tuple[tuple[str, str], ...]:
         if pattern.oriented:
             angles = (match[name] * _DEGREES_PER_SECTOR for name in ("turn", "peak_turn"))
             facts.append(("orientation, most common", ", ".join(f"{angle:.1f}°" for angle in angles)))
-    return (*facts, ("weight", f"{match['weight'] / HIGHEST_WEIGHT:.3f}"))
+    return (*facts, ("weight", f"{match['weight'] / WEIGHT_SCALE:.3f}"))
 
 
-def _sentence(verdict: str) -> str:
-    return {"inlier": "Kept.", "outlier": "Kept.", "rejected": "Rejected."}[verdict]
-
-
-def _geometry(view: PairView, index: int) -> str:
-    """How far the match lies from the homography, in words."""
+def _describe_residual(view: PairView, index: int) -> str:
+    """Say how far the match lies from the homography."""
     if view.residual_px is None:
-        return " No homography was found to compare it with."
+        return " There is no homography to compare it with."
     distance = view.residual_px[index]
     side = "within" if distance <= INLIER_PX else "beyond"
     return f" It lies {distance:.1f} px from the homography, {side} the {INLIER_PX:g} px of an inlier."

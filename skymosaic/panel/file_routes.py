@@ -1,20 +1,18 @@
-"""What the server answers to requests for files: uploads, pictures, files of results and the archive."""
+"""Answers requests for files: uploads, pictures, files of results and the archive."""
 
 from __future__ import annotations
 
+import asyncio
 from typing import Literal
 
 from fastapi import FastAPI, Request
+from starlette.background import BackgroundTask
 from starlette.requests import ClientDisconnect
-from starlette.responses import FileResponse, PlainTextResponse, Response, StreamingResponse
+from starlette.responses import FileResponse, PlainTextResponse, Response
 
-from skymosaic.panel.archive import zipped
 from skymosaic.panel.session import Session
 from skymosaic.panel.sessions import Sessions
-from skymosaic.panel.uploads.received import UploadRefusedError
-from skymosaic.panel.uploads.storage import BUSY
-
-SECONDS_TO_RETRY = 10
+from skymosaic.panel.uploads import UploadRefusedError
 
 
 class FileRoutes:
@@ -26,7 +24,7 @@ class FileRoutes:
     def add_to(self, app: FastAPI) -> None:
         """Add the routes to an application with session cookies."""
         app.post("/upload/{slot}")(self.upload)
-        app.get("/picture/{key}")(self.picture)
+        app.get("/picture/{folder}/{name}")(self.picture)
         app.get("/file/{kind}/{name}")(self.file)
         app.get("/archive")(self.archive)
 
@@ -36,46 +34,41 @@ class FileRoutes:
         if session is None:
             return PlainTextResponse("open the panel's page first", status_code=403)
         try:
-            await session.upload(slot, request.stream(), name, request.is_disconnected)
+            await session.upload(slot, request.stream(), name)
         except ClientDisconnect:
             # The client has left; without an answer, the log would have a traceback.
             return Response(status_code=400)
         except UploadRefusedError as error:
             # Close the connection instead of reading the rest of a body that may be too large.
-            return PlainTextResponse(str(error), status_code=error.status, headers=_refusal_headers(error.status))
+            return PlainTextResponse(str(error), status_code=error.status, headers={"connection": "close"})
         return Response(status_code=204)
 
-    async def picture(self, request: Request, key: str) -> Response:
-        """A picture that the session's page shows."""
+    async def picture(self, request: Request, folder: str, name: str) -> Response:
+        """Send a picture that the session's page shows."""
         session = self._session(request)
-        path = session.picture(key) if session else None
+        path = session.find_picture(folder, name) if session else None
         if path is None:
             return PlainTextResponse("no such picture", status_code=404)
-        # Names are free again when photographs and results are gone: a browser must ask each time.
+        # A name is free again when its photograph is removed, so a browser must ask each time.
         return FileResponse(path, headers={"cache-control": "private, no-cache"})
 
     async def file(self, request: Request, kind: str, name: str) -> Response:
-        """One file of a result."""
+        """Send one file of a result."""
         session = self._session(request)
-        path = session.result_file(kind, name) if session else None
+        result = session.results.get(kind) if session else None
+        path = next((path for path in result.files if path.name == name), None) if result else None
         if path is None:
             return PlainTextResponse("no such file", status_code=404)
         return FileResponse(path, filename=name)
 
     async def archive(self, request: Request) -> Response:
-        """All results in one file."""
+        """Send all results in one file."""
         session = self._session(request)
-        folders = session.result_folders() if session else {}
-        if not folders:
+        if session is None or not session.results:
             return PlainTextResponse("there is no result yet", status_code=404)
-        disposition = {"content-disposition": 'attachment; filename="skymosaic.zip"'}
-        return StreamingResponse(zipped(folders), media_type="application/zip", headers=disposition)
+        path = await asyncio.to_thread(session.write_archive)
+        return FileResponse(path, filename="skymosaic.zip", background=BackgroundTask(path.unlink))
 
     def _session(self, request: Request) -> Session | None:
         identifier = request.session.get("id")
         return self._sessions.get(identifier) if identifier else None
-
-
-def _refusal_headers(status: int) -> dict[str, str]:
-    closing = {"connection": "close"}
-    return closing | {"retry-after": str(SECONDS_TO_RETRY)} if status == BUSY else closing

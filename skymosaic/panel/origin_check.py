@@ -36,7 +36,7 @@ class OriginCheck:
     ----------
     app : ASGI application
     port : int
-        Of the server; the loopback names with this port are the only valid hosts and origins.
+        The server's port; the loopback names with this port are the only valid hosts and origins.
     """
 
     def __init__(self, app: ASGIApp, port: int) -> None:

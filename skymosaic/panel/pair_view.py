@@ -1,4 +1,4 @@
-"""A registered pair as the page shows it, and as workers return it: records and numbers, no pixels."""
+"""A registered pair as workers return it and the page shows it: records and numbers, no pixels."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from golden_model.arrays import Array, Mask, Matrix, Records
+from golden_model.arrays import Array, Mask, Records
 from golden_model.config import Config
 from skymosaic.features.descriptors import WINDOWS_PX
 from skymosaic.features.matchers import GOOD_MATCH_ABOVE
@@ -16,6 +16,7 @@ from skymosaic.features.methods import Method
 from skymosaic.features.positions import match_points
 from skymosaic.geometry.homography import apply
 from skymosaic.registration.pair import Pair
+from skymosaic.reports.pair import pair_numbers
 
 Size = tuple[int, int]
 
@@ -27,7 +28,7 @@ class PairView:
     Attributes
     ----------
     names : (str, str)
-        Left and right.
+        Names of left and right.
     working_sizes : (Size, Size)
     features : tuple of structured arrays
         Feature records of left and right, in 1/16 working px.
@@ -38,7 +39,7 @@ class PairView:
     inlier : (M,) bool
         Kept, and within 2 px of the homography.
     method : Method
-        How features were found, described and matched.
+        Detector, descriptor and matcher.
     config : Config
     numbers : dict
         As `skymosaic.reports.pair.pair_numbers` returns them.
@@ -55,13 +56,13 @@ class PairView:
     numbers: dict[str, Any]
 
     @classmethod
-    def of(cls, pair: Pair, numbers: dict[str, Any]) -> PairView:
-        """The view of a pair."""
+    def from_pair(cls, pair: Pair) -> PairView:
+        """Keep what the page shows of a pair."""
         # Measured on all matches, also on those rejected, to show how far off they are.
         residual = None
-        if pair.homography is not None:
+        if pair.working_homography is not None:
             left, right = match_points(pair.matches)
-            residual = np.linalg.norm(apply(_in_working(pair), left) - right, axis=1)
+            residual = np.linalg.norm(apply(pair.working_homography, left) - right, axis=1)
         sizes = tuple((image.shape[1], image.shape[0]) for image in pair.working)
         return cls(
             names=(pair.left.name, pair.right.name),
@@ -72,7 +73,7 @@ class PairView:
             inlier=np.isin(pair.matches["left_index"], pair.inliers["left_index"]),
             method=pair.method,
             config=pair.config,
-            numbers=numbers,
+            numbers=pair_numbers(pair),
         )
 
     @property
@@ -89,11 +90,3 @@ class PairView:
     def keep_above(self) -> int:
         """The weight, UQ0.8, that a match must exceed to be kept."""
         return GOOD_MATCH_ABOVE if self.method.descriptor in WINDOWS_PX else self.config.matcher.keep_above
-
-
-def _in_working(pair: Pair) -> Matrix:
-    """The homography between the working images."""
-    assert pair.homography is not None
-    to_left, to_right = pair.to_original
-    working: Matrix = np.linalg.inv(to_right) @ pair.homography @ to_left
-    return working

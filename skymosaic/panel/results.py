@@ -1,9 +1,10 @@
-"""What the workers return: numbers, records and paths of pictures, but no pixels, so that little is pickled."""
+"""Results of the workers: numbers, records and addresses of pictures, but no pixels, so that little is pickled."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 from golden_model.arrays import Array
 from skymosaic.evaluation.hardware import Comparison
@@ -17,25 +18,20 @@ SINGLE_FILES = (
 """What a run may write that is of use by itself; the archive has the rest, too."""
 
 
-def picture_name(name: str) -> str:
-    """The name of the picture that the page shows of an uploaded file."""
-    return f"{name}.png"
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Upload:
     """An uploaded file that was accepted.
 
     Attributes
     ----------
     name : str
-        Of the file in the session's folder: its own, as far as it is free and harmless.
+        The sanitised, unique name of the file in the session's folder.
     size : (int, int)
         Width and height of the original, px.
     notes : tuple of str
         What was done to its pixels, or a video's frame rate.
     working : Path
-        The picture as the front end sees it (PNG).
+        The picture as the front end sees it, a PNG whose stem is ``name``.
     working_size : (int, int)
     """
 
@@ -45,31 +41,22 @@ class Upload:
     working: Path
     working_size: Size
 
-    @property
-    def pictures(self) -> list[Path]:
-        """The pictures that the page shows of it."""
-        return [self.working]
+
+def picture_address(path: Path) -> str:
+    """The address at which the session's page finds a picture."""
+    return f"/picture/{path.parent.name}/{path.name}"
 
 
 @dataclass(frozen=True)
-class Tile:
-    """A part of a mosaic in more detail than its picture has.
+class Picture:
+    """A picture in a viewer: its size and top left corner in viewer pixels, and viewer pixels per pixel of it."""
 
-    Attributes
-    ----------
-    picture : Path
-    scale : float
-        Pixels of the mosaic's picture a pixel of the tile, below 1.
-    x, y, width, height : float
-        In pixels of the mosaic's picture.
-    """
-
-    picture: Path
-    scale: float
-    x: float
-    y: float
+    href: str
     width: float
     height: float
+    x: float = 0
+    y: float = 0
+    scale: float = 1
 
 
 @dataclass(frozen=True)
@@ -78,122 +65,95 @@ class ShownMosaic:
 
     Attributes
     ----------
-    picture : Path
+    picture : Picture
         Reduced if the mosaic is large.
     size : (int, int)
-        Of the whole mosaic, px.
-    shown_size : (int, int)
+        Size of the whole mosaic, px.
     outlines : dict of str to (4, 2) ndarray
         Corners of each photograph placed, by its name, in pixels of the picture.
     seams : tuple of (N, 2) ndarray
         Closed lines around what each photograph shows, in pixels of the picture; empty where they are blended.
-    tiles : tuple of Tile
-        Empty where the picture shows everything.
+    tiles : tuple of Picture
+        Parts of the mosaic in more detail; empty where the picture shows everything.
     """
 
-    picture: Path
+    picture: Picture
     size: Size
-    shown_size: Size
     outlines: dict[str, Array]
     seams: tuple[Array, ...] = ()
-    tiles: tuple[Tile, ...] = ()
+    tiles: tuple[Picture, ...] = ()
 
 
-@dataclass(frozen=True)
-class MapView:
-    """A georeferenced mosaic as the page's map shows it.
+class Link(NamedTuple):
+    """The names of two linked photographs of a flight, and the inliers of their registration."""
 
-    Attributes
-    ----------
-    picture : Path
-        PNG in the projection of web maps, transparent where there is no ground.
-    bounds : (float, float, float, float)
-        South, west, north, east, in degrees.
-    outlines : dict of str to list of (float, float)
-        Corners of each photograph as latitude and longitude, by its name.
-    crs : str
-        The coordinate system of the GeoTIFF.
-    grid_m : float
-        Distance of the lines of the grid.
-    """
-
-    picture: Path
-    bounds: tuple[float, float, float, float]
-    outlines: dict[str, list[tuple[float, float]]]
-    crs: str
-    grid_m: float
-
-
-@dataclass(frozen=True)
-class LinkView:
-    """The names of two photographs of a flight that were linked, and the inliers of their registration."""
-
-    names: tuple[str, str]
+    left: str
+    right: str
     inliers: int
 
 
 @dataclass(frozen=True)
-class MosaicResult:
-    """A finished run of the mosaic page.
+class Run:
+    """A finished run.
 
     Attributes
     ----------
     folder : Path
         Everything the run used and wrote; it goes into the archive.
-    options : Options
-        The options of the run.
-    working_pictures : tuple of Path
-        Working pictures of the photographs, in their order.
-    pair : PairView
-        The pair that is shown; of a flight, one of its pairs.
-    mosaic : ShownMosaic or None
-        None if none could be made; ``reason`` says why.
-    left_out : dict of str to str
-        Why photographs were not placed, by their names.
+    pictures : Path
+        Folder with what the page shows of it, the working pictures of its photographs among them.
     command : str
         The command line that repeats it.
-    seconds : dict of str to float
-        Wall time of each stage.
-    links : tuple of LinkView
-        The pairs of a flight that can be shown, the one with the most inliers first.
-    facts : dict of str to str
-        Numbers of a whole flight, by name; empty for a pair.
-    problems : dict of str to tuple of str
-        What `skymosaic check` says about photographs of a flight, by their names.
-    map : MapView or None
-        None if the mosaic has no place on a map.
     """
 
     folder: Path
-    options: Options
-    working_pictures: tuple[Path, ...]
-    pair: PairView
-    mosaic: ShownMosaic | None
-    left_out: dict[str, str]
-    reason: str
+    pictures: Path
     command: str
-    seconds: dict[str, float]
-    links: tuple[LinkView, ...] = ()
-    facts: dict[str, str] = field(default_factory=dict)
-    problems: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    map: MapView | None = None
 
     @property
     def files(self) -> list[Path]:
         """The files that can be downloaded one by one."""
         return [path for name in SINGLE_FILES if (path := self.folder / name).exists()]
 
+
+@dataclass(frozen=True)
+class MosaicResult(Run):
+    """A finished run of the mosaic page.
+
+    Attributes
+    ----------
+    options : Options
+        The options of the run.
+    pair : PairView
+        The pair that is shown; of a flight, one of its pairs.
+    mosaic : ShownMosaic or None
+        None if none could be made; ``reason`` says why.
+    left_out : dict of str to str
+        Why photographs were not placed, by their names.
+    seconds : dict of str to float
+        Wall time of each stage.
+    links : tuple of Link
+        The pairs of a flight that can be shown, the one with the most inliers first.
+    facts : dict of str to str
+        Numbers of the whole mosaic, by name.
+    problems : dict of str to tuple of str
+        What `skymosaic check` says about photographs of a flight, by their names.
+    """
+
+    options: Options
+    pair: PairView
+    mosaic: ShownMosaic | None
+    left_out: dict[str, str]
+    reason: str
+    seconds: dict[str, float]
+    links: tuple[Link, ...] = ()
+    facts: dict[str, str] = field(default_factory=dict)
+    problems: dict[str, tuple[str, ...]] = field(default_factory=dict)
+
     @property
     def on_accelerator(self) -> bool:
         """Whether the accelerator can compute these features."""
         return self.options.choose_method()[0].on_accelerator
-
-    @property
-    def pictures(self) -> list[Path]:
-        """The pictures that the page shows of it."""
-        shown = [view.picture for view in (self.mosaic, self.map) if view]
-        tiles = [tile.picture for tile in self.mosaic.tiles] if self.mosaic else []
-        return [*self.working_pictures, *shown, *tiles]
 
 
 @dataclass(frozen=True)
@@ -202,20 +162,17 @@ class HardwareResult:
 
     Attributes
     ----------
-    names : (str, str)
-        Of the photographs.
     size : (int, int)
-        Of the larger frame, px.
+        Size of the larger frame, px.
     backend : str
         Name of the hardware backend.
     comparison : Comparison
     software_seconds : float
-        Time of the golden model for features and matches of both.
+        Time of the golden model for features and matches, per frame.
     command : str
         The command line that repeats the comparison.
     """
 
-    names: tuple[str, str]
     size: Size
     backend: str
     comparison: Comparison
@@ -224,37 +181,21 @@ class HardwareResult:
 
 
 @dataclass(frozen=True)
-class TrackingResult:
+class TrackingResult(Run):
     """An object followed through a video.
 
     Attributes
     ----------
-    folder : Path
-        Everything the run used and wrote.
     video : Path
         The video with the outline drawn in.
     rows : tuple of TrackedCorners
         Corners and matches of every frame.
     seconds_per_frame : float
     notes : tuple of str
-        Faults found in the video.
-    command : str
-        The command line that repeats it.
+        Faults in the video.
     """
 
-    folder: Path
     video: Path
     rows: tuple[TrackedCorners, ...]
     seconds_per_frame: float
     notes: tuple[str, ...]
-    command: str
-
-    @property
-    def pictures(self) -> list[Path]:
-        """The pictures that the page shows of it."""
-        return [self.video]
-
-    @property
-    def files(self) -> list[Path]:
-        """The files that can be downloaded one by one."""
-        return [path for name in SINGLE_FILES if (path := self.folder / name).exists()]

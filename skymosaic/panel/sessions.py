@@ -1,18 +1,22 @@
-"""The sessions of all browsers, each kept apart from every other one's."""
+"""The sessions of all browsers, each kept apart from every other one."""
 
 from __future__ import annotations
 
+import asyncio
+import tempfile
+from contextlib import ExitStack
+from pathlib import Path
 from weakref import WeakValueDictionary
 
-from skymosaic.panel.session import Session
-from skymosaic.panel.uploads.intake import JobQueues
-from skymosaic.panel.uploads.storage import Storage
+from skymosaic.panel.session import Queues, Session
+from skymosaic.temporary import temporary_folder
+
+MAX_SESSIONS = 64
+"""Sessions with files; beyond this number, the one that has been idle the longest loses its files."""
 
 
 class Sessions:
     """All sessions, by the identifier in their signed cookie.
-
-    A session without files is forgotten when its page is closed; one with files is kept until the room is needed.
 
     Parameters
     ----------
@@ -22,19 +26,32 @@ class Sessions:
 
     def __init__(self, boards: tuple[str, ...] = ()) -> None:
         self._boards = boards
-        self._storage = Storage()
+        self._queues = Queues(jobs=asyncio.Semaphore(2), uploads=asyncio.Semaphore(2))
+        self._stack = ExitStack()
+        self._folder = self._stack.enter_context(temporary_folder())
+        # A session without files is forgotten when its page is closed.
         self._open: WeakValueDictionary[str, Session] = WeakValueDictionary()
-        self._queues = JobQueues()
+        self._with_files: list[Session] = []
 
     def get(self, identifier: str) -> Session:
         """The session with this identifier; a new one if there is none."""
         session = self._open.get(identifier)
         if session is None:
-            session = self._open[identifier] = Session(self._storage, self._queues, self._boards)
+            session = self._open[identifier] = Session(self._boards, self._queues, self._make_folder)
         return session
+
+    def _make_folder(self, session: Session) -> Path:
+        """Make the folder of a session's files; beyond `MAX_SESSIONS`, the longest idle one loses its files."""
+        idle = [each for each in self._with_files if not each.is_busy]
+        if len(self._with_files) >= MAX_SESSIONS and idle:
+            longest_idle = min(idle, key=lambda each: each.last_active)
+            longest_idle.close()
+            self._with_files.remove(longest_idle)
+        self._with_files.append(session)
+        return Path(tempfile.mkdtemp(dir=self._folder))
 
     def close(self) -> None:
         """Cancel every job and remove every file."""
         for session in list(self._open.values()):
             session.close()
-        self._storage.close()
+        self._stack.close()

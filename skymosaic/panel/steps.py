@@ -1,22 +1,23 @@
-"""Progress in steps: what a worker reports as one line, and the time that is left by it."""
+"""Progress in steps, and the time that is left."""
 
 from __future__ import annotations
 
-import re
 import time
+from typing import Protocol
 
-_STEP = re.compile(r"(?P<stage>.*): (?P<done>\d+) of (?P<total>\d+)")
-FEWEST_SECONDS = 1.0
+MIN_SECONDS = 1.0
 """No estimate before a stage has run for this time."""
 
 
-def step_line(stage: str, done: int, total: int) -> str:
-    """A line of progress that `Steps` understands."""
-    return f"{stage}: {done} of {total}"
+class Progress(Protocol):
+    """Takes a line of progress, or a stage with the steps that are done and their number."""
+
+    def __call__(self, line: str, done: int = 0, total: int = 0, /) -> None:
+        """Report progress."""
 
 
 class Steps:
-    """The share of the present stage that is done, and the seconds that are left of it.
+    """The share of the current stage that is done, and the seconds that are left of it.
 
     Attributes
     ----------
@@ -32,20 +33,16 @@ class Steps:
         self._done = 0
         self._total = 0
 
-    def follow(self, line: str) -> None:
-        """Take note of a line of progress."""
-        found = _STEP.fullmatch(line)
-        if found is None:
-            self.share = None
-            return
-        self._done, self._total = int(found["done"]), int(found["total"])
-        self.share = self._done / self._total if self._total else None
-        if found["stage"] != self._stage:
-            self._stage, self._started, self._done_at_start = found["stage"], time.monotonic(), self._done
+    def follow(self, stage: str, done: int, total: int) -> None:
+        """Note the progress of a stage; ``total`` is 0 if it has no steps."""
+        self._done, self._total = done, total
+        self.share = done / total if total else None
+        if stage != self._stage:
+            self._stage, self._started, self._done_at_start = stage, time.monotonic(), done
 
     def seconds_left(self) -> float | None:
-        """Estimated from the steps of this stage so far; None if they tell nothing yet."""
+        """Estimate the time left from the steps of this stage so far; None without enough of them."""
         seconds, steps = time.monotonic() - self._started, self._done - self._done_at_start
-        if self.share is None or steps < 1 or seconds < FEWEST_SECONDS:
+        if self.share is None or steps < 1 or seconds < MIN_SECONDS:
             return None
         return seconds / steps * (self._total - self._done)

@@ -9,17 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from skymosaic.compositing.warp import Canvas, magnification
+from skymosaic.compositing.warp import magnification
 from skymosaic.flight.check import FlightCheck, check_flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.picture.composition import Composition
 from skymosaic.flight.picture.output import PREVIEW_WIDTH_PX, Delivery
 from skymosaic.flight.survey import Flight
-from skymosaic.geometry.homography import apply
 from skymosaic.imagery.depth import ValueRange
 from skymosaic.imagery.images import reduce_to_width, save
 from skymosaic.reports import pages
-from skymosaic.reports.footprints import write_footprints
+from skymosaic.reports.footprints import outline_photographs, write_footprints
 from skymosaic.reports.pair import write_pair_report
 
 MAX_FLAT_RELIEF = 0.05
@@ -259,12 +258,7 @@ def _problems(check: FlightCheck) -> list[str]:
 def _graph_drawing(delivery: Delivery) -> dict[str, Any]:
     """What the template draws: outlines on the canvas, and links between their centres."""
     layout, views, composition = delivery.layout, delivery.flight.views, delivery.composition
-    outlines = {
-        member: apply(transform, Canvas(0, 0, *placement.size).corners)
-        for member, placement, transform in zip(
-            layout.members, composition.placements, composition.transforms, strict=True
-        )
-    }
+    outlines = dict(zip(layout.members, outline_photographs(composition), strict=True))
     centres = {member: corners.mean(axis=0).round().astype(int).tolist() for member, corners in outlines.items()}
     lines = []
     for link in (*layout.links, *layout.contradicting):

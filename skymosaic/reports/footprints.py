@@ -9,6 +9,7 @@ from xml.etree import ElementTree as XmlTree
 import numpy as np
 
 from golden_model.arrays import Points
+from skymosaic.flight.picture.composition import Composition
 from skymosaic.flight.picture.output import Delivery
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.images import save_bytes
@@ -19,7 +20,7 @@ _KML = "http://www.opengis.net/kml/2.2"
 
 def write_footprints(path: Path, delivery: Delivery) -> None:
     """Write the outlines to ``path`` with the suffixes ``.geojson`` and ``.kml``; the mosaic must be georeferenced."""
-    outlines = _outlines(delivery)
+    outlines = _outlines_on_globe(delivery)
     features = [
         {
             "type": "Feature",
@@ -33,18 +34,24 @@ def write_footprints(path: Path, delivery: Delivery) -> None:
     save_bytes(path.with_suffix(".kml"), _kml(delivery.path.name, outlines))
 
 
-def _outlines(delivery: Delivery) -> dict[str, Points]:
-    """Longitudes and latitudes (5, 2) of the corners of each photograph; the last repeats the first."""
-    on_map, composition = delivery.georeference, delivery.composition
-    assert on_map is not None
-    outlines = {}
+def outline_photographs(composition: Composition) -> list[Points]:
+    """Find the corners (4, 2) of each placed photograph on the canvas, clockwise from the top left."""
+    outlines = []
     for placement, transform in zip(composition.placements, composition.transforms, strict=True):
         width, height = placement.size
-        # GeoJSON asks for counter-clockwise rings. Rows count downwards, so this order is counter-clockwise on the map.
-        frame = np.array([(0, 0), (0, height), (width, height), (width, 0), (0, 0)]) - 0.5
-        corners = apply(on_map.to_map @ transform, frame)
-        outlines[Path(placement.source.name).name] = map_to_globe(corners, on_map.crs)
+        frame = np.array([(0, 0), (width, 0), (width, height), (0, height)]) - 0.5
+        outlines.append(apply(transform, frame))
     return outlines
+
+
+def _outlines_on_globe(delivery: Delivery) -> dict[str, Points]:
+    """Longitudes and latitudes (5, 2) of each photograph's corners; the last repeats the first."""
+    on_map, composition = delivery.georeference, delivery.composition
+    assert on_map is not None
+    # GeoJSON asks for counter-clockwise rings.
+    rings = [apply(on_map.to_map, corners[[0, 3, 2, 1, 0]]) for corners in outline_photographs(composition)]
+    names = [Path(placement.source.name).name for placement in composition.placements]
+    return {name: map_to_globe(ring, on_map.crs) for name, ring in zip(names, rings, strict=True)}
 
 
 def _kml(title: str, outlines: dict[str, Points]) -> bytes:

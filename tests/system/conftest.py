@@ -1,4 +1,4 @@
-"""A rendered flight, as pictures in memory and as files in a folder."""
+"""A rendered flight, as pictures in memory and as files in a folder; the panel, and a browser."""
 
 from pathlib import Path
 
@@ -6,6 +6,9 @@ import cv2
 import pytest
 
 from sim.scene import Flight, make_lawnmower
+from tests.skymosaic.panel.conftest import browser, panel
+
+__all__ = ["browser", "panel"]
 
 IMAGES, SIZE = 9, (480, 360)
 

@@ -106,9 +106,9 @@ def test_one_geotiff_shows_the_same_ground_in_all_bands(folder, tmp_path):
 def test_the_panel_writes_all_bands_of_uploaded_sets(folder, tmp_path):
     rasterio = pytest.importorskip("rasterio")
     run = shutil.copytree(folder, tmp_path / "run")
-    (tmp_path / "views").mkdir()
+    (tmp_path / "pictures").mkdir()
     names = sorted(path.name for path in run.iterdir())
-    result = make_mosaic(run, names, Options.of_preset("aerial"), tmp_path / "views", progress=lambda _line: None)
+    result = make_mosaic(run, names, Options.of_preset("aerial"), tmp_path / "pictures", progress=lambda *_: None)
     assert result.facts["photographs placed"] == f"{CAPTURES} of {CAPTURES}"
     assert result.facts["bands"].startswith("green, red, nir; registered by green")
     assert result.command.split()[2 : 2 + len(names)] == names

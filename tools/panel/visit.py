@@ -29,7 +29,7 @@ AT_ONCE = """
 """Makes a page change without moving: whoever looks next sees its final state, and need not wait for it."""
 LONG_MS = 600_000
 """Limit of every wait: only a panel that hangs exceeds it, even on a busy machine."""
-MOST_CONTROLS = 100
+MAX_CONTROLS = 100
 
 
 @contextmanager
@@ -146,7 +146,7 @@ def names_reached_by_tab(page: Page) -> list[str]:
     session = page.context.new_cdp_session(page)
     page.evaluate("document.activeElement.blur()")
     reached: list[tuple[str, str]] = []
-    while len(reached) < MOST_CONTROLS:
+    while len(reached) < MAX_CONTROLS:
         page.keyboard.press("Tab")
         control = _focused_control(session)
         if control in reached[:1]:
@@ -158,7 +158,7 @@ def names_reached_by_tab(page: Page) -> list[str]:
         """() => [...document.querySelectorAll("button, a[href], input, [role=switch], [role=checkbox], svg[tabindex]")]
             .filter(element => element.checkVisibility() && !element.disabled).length"""
     )
-    assert shown <= len(reached) < MOST_CONTROLS
+    assert shown <= len(reached) < MAX_CONTROLS
     return [name for _, name in reached]
 
 

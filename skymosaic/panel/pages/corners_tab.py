@@ -1,4 +1,4 @@
-"""The corners of the first two photographs, detected again whenever an option that affects them changes."""
+"""Shows the corners of the first two photographs, and detects them again when an option changes them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from golden_model.arrays import Pixels, Records
 from skymosaic.features.methods import load_backend_for
 from skymosaic.panel.options import Options, fault_of
 from skymosaic.panel.pages import drawings
-from skymosaic.panel.results import Upload
+from skymosaic.panel.results import Upload, picture_address
 from skymosaic.panel.session import Session
 from skymosaic.panel.widgets.viewer import Viewer, side_by_side
 from skymosaic.registration.register import extract_within_capacity
@@ -42,14 +42,14 @@ class CornersTab:
         self._container = ui.element("div")
 
     def update(self) -> None:
-        """Show the first two photographs as they are now, and their corners for the present options."""
+        """Show the first two photographs as they are now, and their corners for the current options."""
         photographs = tuple(self._session.photographs[:2])
         if photographs != self._photographs:
             self._photographs = photographs
             self._container.clear()
             self._viewer = None
             if photographs:
-                pictures = [(f"/picture/{upload.working.name}", upload.working_size) for upload in photographs]
+                pictures = [(picture_address(upload.working), upload.working_size) for upload in photographs]
                 with self._container:
                     self._viewer = Viewer("Corners of the photographs", side_by_side(pictures, drawings.GAP_PX))
         if self._viewer is not None and not self._detecting:
@@ -62,45 +62,45 @@ class CornersTab:
         """
         self._detecting = True
         try:
-            while (wanted := self._wanted()) != self._drawn and not fault_of(self._session.options):
+            while (inputs := self._inputs()) != self._drawn and not fault_of(self._session.options):
                 started = time.perf_counter()
                 pictures = [upload.working for upload in self._photographs]
-                found = await asyncio.to_thread(detect, pictures, self._session.options)
+                features = await asyncio.to_thread(detect, pictures, self._session.options)
                 # The photographs may have been replaced meanwhile.
-                if wanted[: len(found)] == self._photographs:
-                    self._draw(found, time.perf_counter() - started)
-                    self._drawn = wanted
+                if inputs[: len(features)] == self._photographs:
+                    self._draw(features, time.perf_counter() - started)
+                    self._drawn = inputs
         finally:
             self._detecting = False
 
-    def _wanted(self) -> tuple[object, ...]:
+    def _inputs(self) -> tuple[object, ...]:
         """Everything the drawing depends on."""
         return (*self._photographs, *(getattr(self._session.options, name) for name in _AFFECTED_BY))
 
-    def _draw(self, found: list[Records], seconds: float) -> None:
+    def _draw(self, features: list[Records], seconds: float) -> None:
         offset, drawing = 0, ""
-        for upload, features in zip(self._photographs, found, strict=True):
-            drawing += drawings.corners(features, offset)
+        for upload, corners in zip(self._photographs, features, strict=True):
+            drawing += drawings.draw_corners(corners, offset)
             offset += upload.working_size[0] + drawings.GAP_PX
         if self._viewer is not None:
             self._viewer.draw(drawing)
-        counts = " and ".join(str(len(features)) for features in found)
-        self._counts.set_text(f"{counts} corners, found in {1000 * seconds:.0f} ms")
+        counts = " and ".join(str(len(corners)) for corners in features)
+        self._counts.set_text(f"{counts} corners, detected in {1000 * seconds:.0f} ms")
 
 
 def detect(pictures: Sequence[Path], options: Options) -> list[Records]:
-    """The feature records of working pictures, one array each, equal to those of a run with these options."""
+    """Detect the features of working pictures; one array of records each, equal to that of a run with these options."""
     method, config = options.choose_method()
     front_end = load_backend_for(method, "golden")
     while True:
-        results = [extract_within_capacity(front_end, [_pixels(picture)], config) for picture in pictures]
+        results = [extract_within_capacity(front_end, [_read(picture)], config) for picture in pictures]
         raised = next((used for _, used in results if used != config), None)
         if raised is None:
             return [result.features for (result,), _ in results]
-        # As in a run, a threshold that was raised for one picture applies to all.
+        # A threshold that was raised for one picture applies to all, as in a run.
         config = raised
 
 
 @lru_cache(maxsize=8)
-def _pixels(picture: Path) -> Pixels:
+def _read(picture: Path) -> Pixels:
     return np.asarray(cv2.imread(str(picture), cv2.IMREAD_UNCHANGED), dtype=np.uint8)

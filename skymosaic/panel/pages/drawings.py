@@ -9,7 +9,6 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from golden_model.arrays import Array, Records
 from golden_model.feature.orientation import SECTORS
@@ -21,8 +20,8 @@ from skymosaic.panel.pair_view import PairView
 
 GAP_PX = 12
 """Gap between the left and the right picture."""
-MANY_INLIERS = 200
-"""A link with as many is drawn as strong as any."""
+MAX_LINK_INLIERS = 200
+"""Links with this many inliers or more are drawn as the strongest."""
 _TICK_PX = 7.0
 _PLOT = (210, 54)
 _PLOT_MARGIN = (16, 6, 8, 14)
@@ -30,8 +29,8 @@ _PLOT_MARGIN = (16, 6, 8, 14)
 _SET_CLASSES = ("first", "second", "third")
 
 
-def corners(features: Records, offset_px: int) -> str:
-    """A dot and a tick along the orientation for each feature; one path per level, so that thousands draw quickly."""
+def draw_corners(features: Records, offset_px: int) -> str:
+    """Draw a dot and a tick along the orientation for each feature; one path per level, so that thousands draw fast."""
     x, y = features["x"] / POSITION.one + offset_px, features["y"] / POSITION.one
     angle = features["sector"] * (2 * math.pi / SECTORS)
     parts = []
@@ -40,19 +39,19 @@ def corners(features: Records, offset_px: int) -> str:
         reach = _TICK_PX * (level + 1)
         points = np.stack((x[chosen], y[chosen]), axis=1)
         reaches = reach * np.stack((np.cos(angle[chosen]), np.sin(angle[chosen])), axis=1)
-        ticks = _path("M%.1f %.1fl%.1f %.1f", np.hstack((points, reaches)))
-        dots = _path("M%.1f %.1fh0", points)
+        ticks = _repeat("M%.1f %.1fl%.1f %.1f", np.hstack((points, reaches)))
+        dots = _repeat("M%.1f %.1fh0", points)
         parts.append(f'<path class="tick level-{level}" d="{ticks}"/><path class="dot level-{level}" d="{dots}"/>')
     return "".join(parts)
 
 
-def _path(form: str, numbers: Array) -> str:
-    """``form`` filled with each row of ``numbers``, (N, M); a single formatting takes half the time of N."""
+def _repeat(form: str, numbers: Array) -> str:
+    """Fill ``form`` with each row of ``numbers``, (N, M); a single formatting takes half the time of N."""
     return form * len(numbers) % tuple(numbers.ravel().tolist())
 
 
-def segments(view: PairView) -> Array:
-    """End points (M, 4) of the matches in viewer pixels: left x, y, right x, y."""
+def locate_matches(view: PairView) -> Array:
+    """End points of the matches in viewer pixels, (M, 4): left x, y, right x, y."""
     left, right = match_points(view.matches)
     return np.hstack((left, right + np.array([right_offset(view), 0])))
 
@@ -62,50 +61,20 @@ def right_offset(view: PairView) -> int:
     return view.working_sizes[0][0] + GAP_PX
 
 
-def matches(lines: Array, verdicts: Sequence[str], shown: Sequence[int]) -> str:
-    """The matches with the indices in ``shown``, rejected ones drawn first.
+def draw_matches(lines: Array, verdicts: Sequence[str], shown: Sequence[int]) -> str:
+    """Draw the matches with the indices in ``shown``, rejected ones first.
 
-    A path for each: browsers leave out those that are out of view, and dash a single line many times faster.
+    Each is a path of its own: browsers skip those that are out of view, and dash a single line many times faster.
     """
     parts = []
     for verdict in ("rejected", "outlier", "inlier"):
         drawn = lines[[index for index in shown if verdicts[index] == verdict]]
-        parts.append(_path(f'<path class="match {verdict}" d="M%.1f %.1fL%.1f %.1f"/>', drawn))
+        parts.append(_repeat(f'<path class="match {verdict}" d="M%.1f %.1fL%.1f %.1f"/>', drawn))
     return "".join(parts)
 
 
-def spread(lines: Array, weights: NDArray[np.uint8], columns: int = 8) -> NDArray[np.intp]:
-    """Order of the matches in which the first few cover the whole left picture, the heaviest of each cell first.
-
-    Parameters
-    ----------
-    lines : (M, 4) float64 ndarray
-        As `segments`.
-    weights : (M,) uint8 ndarray
-    columns : int
-        Cells along the width of what the matches cover.
-
-    Returns
-    -------
-    (M,) intp ndarray
-        A permutation.
-    """
-    if len(lines) == 0:
-        return np.zeros(0, dtype=np.intp)
-    left = lines[:, :2] - lines[:, :2].min(axis=0)
-    cell = (left // (left.max() / columns + 1e-9)).astype(np.int64)
-    cell_number = cell[:, 0] + (columns + 1) * cell[:, 1]
-    by_cell = np.lexsort((-weights.astype(np.int64), cell_number))
-    # Rank within the cell: the position among all less the position of the cell's first.
-    firsts = np.searchsorted(cell_number[by_cell], cell_number[by_cell])
-    rank = np.empty(len(lines), dtype=np.int64)
-    rank[by_cell] = np.arange(len(lines)) - firsts
-    order: NDArray[np.intp] = np.lexsort((-weights.astype(np.int64), rank))
-    return order
-
-
-def chosen_match(line: Array, verdict: str) -> str:
-    """One match, highlighted, to be drawn over the others."""
+def draw_chosen_match(line: Array, verdict: str) -> str:
+    """Draw one match highlighted, over the others."""
     x0, y0, x1, y1 = (f"{value:.1f}" for value in line)
     return (
         f'<path class="match chosen-back" d="M{x0} {y0}L{x1} {y1}"/>'
@@ -114,8 +83,8 @@ def chosen_match(line: Array, verdict: str) -> str:
     )
 
 
-def nearest(lines: Array, x: float, y: float, within: float) -> int | None:
-    """Index of the line in (M, 4) that is nearest to a point; None if all are farther than ``within``."""
+def find_nearest(lines: Array, x: float, y: float, within: float) -> int | None:
+    """Find the line of (M, 4) nearest to a point; its index, or None if all are farther than ``within``."""
     if len(lines) == 0:
         return None
     start, along = lines[:, :2], lines[:, 2:] - lines[:, :2]
@@ -127,8 +96,8 @@ def nearest(lines: Array, x: float, y: float, within: float) -> int | None:
     return index if distance[index] <= within else None
 
 
-def outlines(quadrilaterals: Iterable[Array]) -> str:
-    """Closed outlines (4, 2), numbered from 1 at their centres."""
+def draw_outlines(quadrilaterals: Iterable[Array]) -> str:
+    """Draw closed outlines (4, 2), numbered from 1 at their centres."""
     parts = []
     for number, corners_px in enumerate(quadrilaterals, 1):
         points = " ".join(f"{x:.1f},{y:.1f}" for x, y in corners_px)
@@ -138,14 +107,14 @@ def outlines(quadrilaterals: Iterable[Array]) -> str:
     return "".join(parts)
 
 
-def seams(lines: Iterable[Array]) -> str:
-    """Closed lines (N, 2) around what each photograph shows, as one path."""
+def draw_seams(lines: Iterable[Array]) -> str:
+    """Draw closed lines (N, 2) around what each photograph shows, as one path."""
     path = "".join("M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in line) + "Z" for line in lines)
     return f'<path class="seam" d="{path}"/>'
 
 
-def links(quadrilaterals: Mapping[str, Array], linked: Iterable[tuple[str, str, int]]) -> str:
-    """Lines between the centres of linked photographs, wider and greener with more inliers.
+def draw_links(quadrilaterals: Mapping[str, Array], linked: Iterable[tuple[str, str, int]]) -> str:
+    """Draw lines between the centres of linked photographs, wider and greener with more inliers.
 
     Parameters
     ----------
@@ -158,14 +127,14 @@ def links(quadrilaterals: Mapping[str, Array], linked: Iterable[tuple[str, str, 
     for left, right, inliers in linked:
         if left in quadrilaterals and right in quadrilaterals:
             (x0, y0), (x1, y1) = (quadrilaterals[name].mean(axis=0) for name in (left, right))
-            strength = min(inliers / MANY_INLIERS, 1.0)
+            strength = min(inliers / MAX_LINK_INLIERS, 1.0)
             style = f"stroke: hsl({120 * strength:.0f} 75% 55%); stroke-width: {1 + 4 * strength:.1f}px"
             parts.append(f'<path class="link" style="{style}" d="M{x0:.1f} {y0:.1f}L{x1:.1f} {y1:.1f}"/>')
     return "".join(parts)
 
 
-def membership(item: Input) -> str:
-    """The membership functions of an input's sets, with the match's value and its degrees marked."""
+def plot_membership(item: Input) -> str:
+    """Plot the membership functions of an input's sets, with the match's value and its degrees marked."""
     width, height = _PLOT
     left, top, right, bottom = _PLOT_MARGIN
     last = max(item.variable.entries - 1, 1)

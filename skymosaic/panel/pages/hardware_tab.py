@@ -1,4 +1,4 @@
-"""The same pair through the golden model and through hardware, side by side."""
+"""Shows the same pair through the golden model and through hardware, side by side."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from html import escape
 from nicegui import ui
 
 from skymosaic.panel.options import HARDWARE
-from skymosaic.panel.pages.page_layout import command_line
-from skymosaic.panel.pages.sidebar import enabled_while_idle
+from skymosaic.panel.pages.page_layout import show_command
+from skymosaic.panel.pages.sidebar import enable_while_idle
 from skymosaic.panel.results import HardwareResult, MosaicResult
 from skymosaic.panel.session import Session
 
@@ -33,7 +33,7 @@ class HardwareTab:
             self._backend = ui.select(names, label="Hardware", value=names[0])
             self._backend.props("outlined dense options-dense").classes("backend")
             button = ui.button("Compare with the golden model", icon="memory", on_click=self._compare)
-            enabled_while_idle(button.props("outline no-caps"), session)
+            enable_while_idle(button.props("outline no-caps"), session)
             ui.label("The first run builds a simulation, which takes minutes; later ones take seconds.").classes("hint")
         self._container = ui.element("div")
         self.update()
@@ -46,7 +46,7 @@ class HardwareTab:
             self._container.clear()
             with self._container:
                 ui.html(_markup(result), sanitize=False).classes("hardware")
-                command_line(result.command)
+                show_command(result.command)
 
     def _compare(self) -> None:
         self._session.compare_hardware(str(self._backend.value))
@@ -61,10 +61,14 @@ def _markup(result: HardwareResult) -> str:
     notes = "".join(f'<p class="hint">This proves little: {escape(note)}.</p>' for note in comparison.notes)
     width, height = result.size
     pixels, latency = width * height, max(comparison.cycles_per_frame)
-    speed, software_s = comparison.cycles_per_second, result.software_seconds / len(result.names)
+    speed, software_s = comparison.cycles_per_second, result.software_seconds
     rows = (
-        ("a frame", f"{1000 * software_s:.0f} ms", f"{1000 * pixels / CLOCK_HZ:.2f} ms, one pixel a clock"),
-        ("frames a second", f"{1 / software_s:.0f}", f"{CLOCK_HZ / pixels:.0f}, each matched while the next comes in"),
+        ("time per frame", f"{1000 * software_s:.0f} ms", f"{1000 * pixels / CLOCK_HZ:.2f} ms, one pixel per clock"),
+        (
+            "frames per second",
+            f"{1 / software_s:.0f}",
+            f"{CLOCK_HZ / pixels:.0f}, each matched while the next comes in",
+        ),
         ("first pixel to last feature", "", f"{latency:,} clocks, {1000 * latency / CLOCK_HZ:.2f} ms"),
         ("after the last pixel", "", f"{latency - pixels:,} clocks, {1e6 * (latency - pixels) / CLOCK_HZ:.2f} µs"),
         ("simulated", "", f"{speed / 1e6:.2f} M clocks/s, both frames in {comparison.seconds:.2f} s"),

@@ -1,12 +1,12 @@
-"""The matches of a pair as lines, with an explanation of the one under the pointer."""
+"""Shows the matches of a pair as lines, with an explanation of the one under the pointer."""
 
 from __future__ import annotations
 
 from nicegui import ui
 
-from skymosaic.panel.explain import explain, verdicts
+from skymosaic.panel.explain import classify_matches, explain
 from skymosaic.panel.pages import drawings
-from skymosaic.panel.pages.explanation import markup
+from skymosaic.panel.pages.explanation import write_html
 from skymosaic.panel.pair_view import PairView
 from skymosaic.panel.widgets.slider import Slider
 from skymosaic.panel.widgets.viewer import Pointer, Viewer, side_by_side
@@ -14,30 +14,29 @@ from skymosaic.panel.widgets.viewer import Pointer, Viewer, side_by_side
 KINDS = {"inlier": "kept, on the homography", "outlier": "kept, off it", "rejected": "rejected by the rules"}
 REACH_SCREEN_PX = 10
 DENSITIES = (25, 50, 100, 200, 400, 800, 1600)
-"""The most lines that are drawn, by the position of the slider; the last position draws all."""
-USUAL_DENSITY = 2
-"""More lines than these hide the photographs."""
+"""Maximum number of lines, by the position of the slider; the last position draws all."""
+DEFAULT_DENSITY = 2
+"""More than 100 lines hide the photographs."""
 
 
 class MatchesTab:
     """Two pictures, the lines between them, and why the chosen match was kept or rejected.
 
-    Hovering explains the nearest match. A click holds it, so that the pointer can move away. The buttons step through
+    Hovering explains the nearest match. A click pins it, so that the pointer can move away. The buttons step through
     all matches that are shown. At first these are some of the inliers, spread over the picture; the filters and the
     slider show more.
     """
 
     def __init__(self, view: PairView, addresses: tuple[str, str]) -> None:
         self._view = view
-        self._lines = drawings.segments(view)
-        self._verdicts = verdicts(view)
-        self._order = drawings.spread(self._lines, view.matches["weight"])
+        self._lines = drawings.locate_matches(view)
+        self._verdicts = classify_matches(view)
         self._shown = dict.fromkeys(KINDS, False) | {"inlier": True}
         if "inlier" not in self._verdicts:
             self._shown = dict.fromkeys(KINDS, True)
-        self._density = USUAL_DENSITY
+        self._density = DEFAULT_DENSITY
         self._chosen: int | None = None
-        self._held = False
+        self._pinned = False
         with ui.element("div").classes("bar"):
             for kind, words in KINDS.items():
                 self._build_filter(kind, f"{self._verdicts.count(kind)} {words}")
@@ -79,37 +78,38 @@ class MatchesTab:
 
     def _draw(self) -> None:
         candidates = self._candidates()
-        self._viewer.draw(drawings.matches(self._lines, self._verdicts, candidates))
+        self._viewer.draw(drawings.draw_matches(self._lines, self._verdicts, candidates))
         words = f"{len(candidates)} lines"
         self._density_words.set_text(words)
         self._slider.show(
-            lowest=0, highest=len(DENSITIES), position=self._density, label="Most lines drawn", words=words
+            lowest=0, highest=len(DENSITIES), position=self._density, label="Maximum number of lines", words=words
         )
 
-    def _at(self, pointer: Pointer) -> int | None:
+    def _find_match(self, pointer: Pointer) -> int | None:
         candidates = self._candidates()
-        found = drawings.nearest(self._lines[candidates], pointer.x, pointer.y, REACH_SCREEN_PX / pointer.scale)
-        return None if found is None else candidates[found]
+        nearest = drawings.find_nearest(self._lines[candidates], pointer.x, pointer.y, REACH_SCREEN_PX / pointer.scale)
+        return None if nearest is None else candidates[nearest]
 
     def _candidates(self) -> list[int]:
-        """The matches that are drawn, in the order of their records."""
-        shown = [index for index in self._order.tolist() if self._shown[self._verdicts[index]]]
-        return sorted(shown[: DENSITIES[self._density]] if self._density < len(DENSITIES) else shown)
+        """The matches that are drawn; equal steps through the records spread them over the picture."""
+        shown = [index for index, verdict in enumerate(self._verdicts) if self._shown[verdict]]
+        limit = DENSITIES[self._density] if self._density < len(DENSITIES) else len(shown)
+        return shown if len(shown) <= limit else [shown[step * len(shown) // limit] for step in range(limit)]
 
     def _hover(self, pointer: Pointer) -> None:
-        if not self._held and (index := self._at(pointer)) is not None and index != self._chosen:
+        if not self._pinned and (index := self._find_match(pointer)) is not None and index != self._chosen:
             self._choose(index)
 
     def _pick(self, pointer: Pointer) -> None:
-        index = self._at(pointer)
-        self._held = index is not None
+        index = self._find_match(pointer)
+        self._pinned = index is not None
         self._choose(index)
 
     def _step(self, by: int) -> None:
         candidates = self._candidates()
         if candidates:
             before = candidates.index(self._chosen) if self._chosen in candidates else -1 if by > 0 else 0
-            self._held = True
+            self._pinned = True
             self._choose(candidates[(before + by) % len(candidates)])
 
     def _choose(self, index: int | None) -> None:
@@ -118,10 +118,10 @@ class MatchesTab:
             self._viewer.highlight("")
             self._number.set_text(f"{len(self._verdicts)} matches")
             self._explanation.set_content(
-                '<p class="invite">Point at a line to read why that match was kept or rejected; click to hold it.</p>'
+                '<p class="invite">Point at a line to read why that match was kept or rejected; click to pin it.</p>'
             )
             return
-        self._viewer.highlight(drawings.chosen_match(self._lines[index], self._verdicts[index]))
-        held = ", held" if self._held else ""
-        self._number.set_text(f"match {index + 1} of {len(self._verdicts)}{held}")
-        self._explanation.set_content(markup(explain(self._view, index)))
+        self._viewer.highlight(drawings.draw_chosen_match(self._lines[index], self._verdicts[index]))
+        pinned = ", pinned" if self._pinned else ""
+        self._number.set_text(f"match {index + 1} of {len(self._verdicts)}{pinned}")
+        self._explanation.set_content(write_html(explain(self._view, index)))

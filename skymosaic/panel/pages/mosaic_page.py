@@ -7,19 +7,18 @@ from nicegui import ui
 from skymosaic.panel.options import fault_of
 from skymosaic.panel.pages.corners_tab import CornersTab
 from skymosaic.panel.pages.hardware_tab import HardwareTab
-from skymosaic.panel.pages.map_tab import build_map_tab
 from skymosaic.panel.pages.matches_tab import MatchesTab
 from skymosaic.panel.pages.mosaic_tab import build_mosaic_tab
 from skymosaic.panel.pages.numbers_tab import build_numbers_tab
 from skymosaic.panel.pages.page_layout import page_layout
-from skymosaic.panel.pages.sidebar import OptionsCard, PhotographsCard, RunCard, enabled_while_idle
-from skymosaic.panel.results import MosaicResult
+from skymosaic.panel.pages.sidebar import OptionsCard, PhotographsCard, RunCard, enable_while_idle
+from skymosaic.panel.results import MosaicResult, picture_address
 from skymosaic.panel.session import Session
 
 STEPS = (
     ("grain", "Corners", "appear as soon as photographs are loaded, and follow the threshold as you move it."),
-    ("timeline", "Matches", "are weighed by fuzzy rules. Each line tells why it was kept or rejected."),
-    ("panorama", "Mosaic", "to zoom into, with homography, errors and times; all of it in one download."),
+    ("timeline", "Matches", "are weighed by fuzzy rules. Point at a line to see why it was kept or rejected."),
+    ("panorama", "Mosaic", "with zoom, homography, errors and times; everything in one download."),
 )
 
 
@@ -63,9 +62,7 @@ class ResultTabs:
         with self._tabs_card:
             with ui.element("div").classes("bar"):
                 with ui.tabs().props("dense no-caps align=left inline-label") as self._tabs:
-                    tabs = {
-                        name: ui.tab(name) for name in ("Corners", "Matches", "Mosaic", "Map", "Numbers", "Hardware")
-                    }
+                    tabs = {name: ui.tab(name) for name in ("Corners", "Matches", "Mosaic", "Numbers", "Hardware")}
                 self._outdated = ui.label("Options or photographs have changed since this run.").classes("changed")
                 self._outdated.props('role="status"')
             with ui.tab_panels(self._tabs, value="Corners", animated=False, keep_alive=True) as self._panels:
@@ -94,15 +91,7 @@ class ResultTabs:
                 self._panels.set_value("Mosaic")
         if self._hardware is not None:
             self._hardware.update()
-        self._outdated.set_visibility(self._is_outdated())
-
-    def _is_outdated(self) -> bool:
-        """Whether options or photographs have changed since the run that is shown."""
-        session, result = self._session, self._session.mosaic_result
-        if result is None:
-            return False
-        photographs = tuple(upload.working for upload in session.photographs)
-        return (session.options, photographs) != (result.options, result.working_pictures)
+        self._outdated.set_visibility(session.is_outdated)
 
     def _fill(self) -> None:
         result = self._result
@@ -113,28 +102,26 @@ class ResultTabs:
                 with panel:
                     ui.label("Make the mosaic first.").classes("hint empty")
             return
-        left, right = (f"/picture/{name}.png" for name in result.pair.names)
+        left, right = (picture_address(result.pictures / f"{name}.png") for name in result.pair.names)
         with self._result_panels["Matches"]:
             self._build_pair_select(result)
             MatchesTab(result.pair, (left, right))
         with self._result_panels["Mosaic"]:
             build_mosaic_tab(result)
-        with self._result_panels["Map"]:
-            build_map_tab(result.map)
         with self._result_panels["Numbers"]:
-            build_numbers_tab(result, result.pair)
+            build_numbers_tab(result)
         with self._result_panels["Hardware"]:
             self._hardware = HardwareTab(self._session, result)
 
     def _build_pair_select(self, result: MosaicResult) -> None:
         """A choice among the linked pairs of a flight; two photographs have only one pair."""
         if result.links:
-            titles = {link.names: f"{' and '.join(link.names)}, {link.inliers} inliers" for link in result.links}
+            titles = {(left, right): f"{left} and {right}, {inliers} inliers" for left, right, inliers in result.links}
             with ui.element("div").classes("bar"):
                 select = ui.select(titles, label="Pair of the flight", value=result.pair.names)
                 select.props("outlined dense options-dense").classes("pair-select")
                 look = ui.button("Look at it", on_click=lambda: self._session.look_at_pair(select.value))
-                enabled_while_idle(look.props("outline no-caps"), self._session)
+                enable_while_idle(look.props("outline no-caps"), self._session)
 
     def _build_welcome(self) -> None:
         ui.html("Two overlapping photographs in, one mosaic out", tag="h2", sanitize=False)
@@ -142,7 +129,7 @@ class ResultTabs:
             "Load two or more photographs, or begin with a rendered example. Nothing leaves this machine."
         ).classes("lead")
         button = ui.button("Try the built-in pair", icon="flight", on_click=lambda: self._session.load_built_in(2))
-        enabled_while_idle(button.props("unelevated no-caps size=lg"), self._session)
+        enable_while_idle(button.props("unelevated no-caps size=lg"), self._session)
         with ui.element("div").classes("what"):
             for icon, title, words in STEPS:
                 with ui.element("div"):

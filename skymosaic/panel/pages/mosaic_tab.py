@@ -1,13 +1,13 @@
-"""The mosaic with zoom, and layers over it: outlines, seams, links, and the photographs that were left out."""
+"""Shows the mosaic with zoom and layers over it (outlines, seams, links), and the photographs that were left out."""
 
 from __future__ import annotations
 
 from nicegui import ui
 
 from skymosaic.panel.pages import drawings
-from skymosaic.panel.pages.page_layout import file_links
-from skymosaic.panel.results import MosaicResult, ShownMosaic, picture_name
-from skymosaic.panel.widgets.viewer import Picture, Viewer
+from skymosaic.panel.pages.page_layout import show_files
+from skymosaic.panel.results import MosaicResult, ShownMosaic, picture_address
+from skymosaic.panel.widgets.viewer import Viewer
 
 
 def build_mosaic_tab(result: MosaicResult) -> None:
@@ -16,7 +16,7 @@ def build_mosaic_tab(result: MosaicResult) -> None:
         with ui.element("div").classes("empty"):
             ui.html("No mosaic could be made", tag="h2", sanitize=False)
             ui.label(result.reason).classes("fault")
-            ui.label("The Matches tab shows what was found and why matches were rejected.").classes("hint")
+            ui.label("The Matches tab shows the matches and why they were rejected.").classes("hint")
         return
     MosaicTab(result, result.mosaic)
 
@@ -25,12 +25,11 @@ class MosaicTab:
     """The mosaic, switches for its layers, its files, and what is not in it."""
 
     def __init__(self, result: MosaicResult, mosaic: ShownMosaic) -> None:
-        self._layers = {"Outlines": drawings.outlines(mosaic.outlines.values())}
+        self._layers = {"Outlines": drawings.draw_outlines(mosaic.outlines.values())}
         if mosaic.seams:
-            self._layers["Seams"] = drawings.seams(mosaic.seams)
+            self._layers["Seams"] = drawings.draw_seams(mosaic.seams)
         if result.links:
-            links = [(*link.names, link.inliers) for link in result.links]
-            self._layers["Links"] = drawings.links(mosaic.outlines, links)
+            self._layers["Links"] = drawings.draw_links(mosaic.outlines, result.links)
         self._shown = dict.fromkeys(self._layers, False)
         with ui.element("div").classes("bar"):
             ui.label(f"{mosaic.size[0]} x {mosaic.size[1]} px, {len(mosaic.outlines)} photographs").classes("name")
@@ -38,15 +37,10 @@ class MosaicTab:
             ui.element("div").classes("grow")
             for name in self._layers:
                 self._build_switch(name)
-        picture = Picture(f"/picture/{mosaic.picture.name}", *mosaic.shown_size)
-        tiles = [
-            Picture(f"/picture/{tile.picture.name}", tile.width, tile.height, tile.x, tile.y, tile.scale)
-            for tile in mosaic.tiles
-        ]
-        self._viewer = Viewer("Mosaic", [picture], tiles=tiles)
-        file_links("mosaic", result.files)
+        self._viewer = Viewer("Mosaic", [mosaic.picture], tiles=mosaic.tiles)
+        show_files("mosaic", result.files)
         if result.left_out:
-            _left_out(result)
+            _show_left_out(result)
 
     def _build_switch(self, name: str) -> None:
         def show(shown: bool) -> None:
@@ -56,10 +50,10 @@ class MosaicTab:
         ui.switch(name, on_change=lambda event: show(event.value)).props("dense")
 
 
-def _left_out(result: MosaicResult) -> None:
+def _show_left_out(result: MosaicResult) -> None:
     """The photographs that are not in the mosaic, each with the reason."""
     with ui.element("ul").classes("photographs").props('aria-label="Photographs left out"'):
         for name, reason in result.left_out.items():
             with ui.element("li"):
-                ui.element("img").props(f'src="/picture/{picture_name(name)}" alt=""')
+                ui.element("img").props(f'src="{picture_address(result.pictures / f"{name}.png")}" alt=""')
                 ui.label(f"left out: {reason}").classes("fault")

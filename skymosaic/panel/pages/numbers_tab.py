@@ -1,4 +1,4 @@
-"""A run in numbers: counts, homography, errors, time, and the command line that repeats it."""
+"""Shows a run in numbers: counts, homography, errors, time, and the command line that repeats it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from nicegui import ui
 
 from skymosaic.evaluation.metrics import confusion
-from skymosaic.panel.pages.page_layout import command_line
+from skymosaic.panel.pages.page_layout import show_command
 from skymosaic.panel.pair_view import PairView
 from skymosaic.panel.results import MosaicResult
 
@@ -18,19 +18,20 @@ CORRECT_PX = 3.0
 """A match this close to the homography counts as correct in recall and precision."""
 
 
-def build_numbers_tab(result: MosaicResult, view: PairView) -> None:
-    """Show a run and one of its pairs."""
+def build_numbers_tab(result: MosaicResult) -> None:
+    """Show the numbers of a run and of the pair that is shown."""
+    view = result.pair
     with ui.element("div").classes("numbers"):
         for title, body in (
             ("From corners to inliers", _funnel(view)),
             ("Homography, left to right, in pixels of the originals", _homography(view)),
             ("Quality", _quality(view)),
             ("Time", _bars(result.seconds, "{:.3f} s")),
-            *((("The flight", _table(result.facts)),) if result.facts else ()),
+            *((("The mosaic", _table(result.facts)),) if result.facts else ()),
         ):
             ui.html(f"<h3>{title}</h3>{body}", tag="section", sanitize=False).classes("card")
     with ui.element("section").classes("card"):
-        command_line(result.command)
+        show_command(result.command)
 
 
 def _funnel(view: PairView) -> str:
@@ -46,11 +47,11 @@ def _funnel(view: PairView) -> str:
 
 
 def _bars(values: Mapping[str, float], form: str) -> str:
-    # Never zero, so that a run without any corner has bars of no length instead of a division by zero.
-    most = max([*values.values(), 1e-9])
+    # Never zero: a run without any corner has bars without length.
+    largest = max([*values.values(), 1e-9])
     rows = "".join(
         f'<tr><th>{escape(name)}</th><td>{form.format(value)}</td><td class="wide"><span class="bar-of" '
-        f'style="--share:{value / most:.3f}"></span></td></tr>'
+        f'style="--share:{value / largest:.3f}"></span></td></tr>'
         for name, value in values.items()
     )
     return f'<table class="bars">{rows}</table>'
@@ -61,11 +62,11 @@ def _homography(view: PairView) -> str:
     if rows is None:
         return f"<p class='fault'>{escape(view.numbers['reason'])}</p>"
     cells = "".join("<tr>" + "".join(f"<td>{value: .6g}</td>" for value in row) + "</tr>" for row in rows)
-    return f'<table class="matrix">{cells}</table><p class="hint">{_model(np.array(rows))}</p>'
+    return f'<table class="matrix">{cells}</table><p class="hint">{_describe(np.array(rows))}</p>'
 
 
-def _model(homography: np.ndarray) -> str:
-    """The transformation in words: its rotation, scale and shift at the image's first pixel."""
+def _describe(homography: np.ndarray) -> str:
+    """Rotation, scale and shift of the homography at the image's first pixel, in words."""
     (a, b, x), (c, d, y), _ = homography
     scale = math.sqrt(abs(a * d - b * c))
     rotation = math.degrees(math.atan2(c - b, a + d))

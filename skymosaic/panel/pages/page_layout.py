@@ -1,4 +1,4 @@
-"""What all pages share: style, header, two columns, and the display of a command line."""
+"""What all pages share: style, header, columns, and the display of files and command lines."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ def _style() -> str:
     return Path(__file__).with_name("style.css").read_text(encoding="utf-8")
 
 
-def command_line(words: str) -> None:
+def show_command(words: str) -> None:
     """Show a command line to copy; it runs in the archive's folder of the result."""
     ui.label("The same result again, in the unpacked archive's folder:").classes("hint")
     code = ui.code(words, language="bash").classes("command")
     code.copy_button.props('aria-label="Copy the command line"')
 
 
-def file_links(kind: str, files: Sequence[Path]) -> None:
-    """Links that download the files of a result, one by one."""
+def show_files(kind: str, files: Sequence[Path]) -> None:
+    """Show links that download the files of a result, one by one."""
     with ui.element("div").classes("bar"):
         ui.label("Download:").classes("hint")
         for path in files:
@@ -41,7 +41,7 @@ def file_links(kind: str, files: Sequence[Path]) -> None:
 
 @contextmanager
 def page_layout(session: Session, path: str) -> Iterator[None]:
-    """Build style and header of the page at ``path``; what is built inside comes below, in two columns."""
+    """Build style and header of the page at ``path``; the context builds the two columns below."""
     ui.add_css(_style())
     ui.colors(primary="#0f6e78")
     with ui.element("header").classes("top"):
@@ -59,7 +59,7 @@ def page_layout(session: Session, path: str) -> Iterator[None]:
         yield
 
     def update() -> None:
-        download.set_visibility(bool(session.result_folders()))
+        download.set_visibility(bool(session.results))
 
     session.changed.subscribe(update)
     update()

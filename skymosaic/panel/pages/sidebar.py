@@ -9,15 +9,15 @@ from nicegui import ui
 from nicegui.elements.mixins.disableable_element import DisableableElement
 
 from skymosaic.panel.options import OPTION_VALUES, fault_of
-from skymosaic.panel.results import Upload
+from skymosaic.panel.results import Upload, picture_address
 from skymosaic.panel.session import Session
-from skymosaic.panel.uploads.received import MEBIBYTE, PHOTOGRAPH
+from skymosaic.panel.uploads import MEBIBYTE, PHOTOGRAPH
 from skymosaic.panel.widgets.drop_zone import DropZone
 from skymosaic.panel.widgets.slider import Slider
 
 BUILT_IN = {"Pair": 2, "Flight": 9}
 """Number of photographs in each built-in example."""
-MOST_ROWS = 6
+MAX_ROWS = 6
 """More photographs than these are shown as tiles, so that all are visible."""
 LABELS = {
     "preset": "Preset",
@@ -31,12 +31,12 @@ LABELS = {
 }
 
 
-def heading(number: str, text: str) -> None:
-    """A numbered heading of the column."""
+def build_heading(number: str, text: str) -> None:
+    """Build a numbered heading of the column."""
     ui.html(f'<span class="step">{number}</span>{text}', tag="h2", sanitize=False)
 
 
-def enabled_while_idle(control: DisableableElement, session: Session) -> None:
+def enable_while_idle(control: DisableableElement, session: Session) -> None:
     """Disable a control that starts a job while a job runs."""
     control.bind_enabled_from(session, "job", lambda job: job is None)
 
@@ -49,12 +49,12 @@ class PhotographsCard:
         self._shown: tuple[list[Upload], dict[str, tuple[str, ...]]] | None = None
         with ui.element("section").classes("card"):
             with ui.element("div").classes("card-head"):
-                heading("1", "Photographs")
+                build_heading("1", "Photographs")
                 with ui.element("div").classes("built-in"):
                     for title, count in BUILT_IN.items():
                         button = ui.button(title, icon="flight", on_click=partial(session.load_built_in, count))
                         button.props(f'flat dense no-caps size=sm aria-label="Load the built-in {title.lower()}"')
-                        enabled_while_idle(button, session)
+                        enable_while_idle(button, session)
             DropZone(
                 url="/upload/photograph",
                 accept="image/*,.tif,.tiff",
@@ -83,42 +83,42 @@ class PhotographsCard:
         self._all.set_visibility(len(photographs) > 2)
         self._count.set_text(f"{len(photographs)} photographs")
         self._list.clear()
-        as_tiles = len(photographs) > MOST_ROWS
+        as_tiles = len(photographs) > MAX_ROWS
         self._list.classes(add="tiles" if as_tiles else "", remove="" if as_tiles else "tiles")
         with self._list:
             for position, upload in enumerate(photographs):
                 if as_tiles:
-                    self._tile(upload, problems.get(upload.name, ()))
+                    self._build_tile(upload, problems.get(upload.name, ()))
                 else:
-                    self._row(position, upload)
+                    self._build_row(position, upload)
         warnings = [f"{name}: {', '.join(faults)}" for name, faults in problems.items()]
         self._warnings.set_text("\n".join(warnings))
         self._warnings.set_visibility(bool(warnings))
 
-    def _row(self, position: int, upload: Upload) -> None:
+    def _build_row(self, position: int, upload: Upload) -> None:
         session = self._session
         with ui.element("li"):
-            ui.element("img").props(f'src="/picture/{upload.working.name}" alt=""')
+            ui.element("img").props(f'src="{picture_address(upload.working)}" alt=""')
             with ui.element("div").classes("what"):
                 ui.label(upload.name).classes("name")
                 ui.label(" · ".join(("x".join(map(str, upload.size)), *upload.notes))).classes("hint")
             if position == 0 and len(session.photographs) > 1:
                 ui.button(icon="swap_vert", on_click=session.swap_first).props(
-                    'flat round dense size=sm aria-label="Exchange the first two photographs"'
+                    'flat round dense size=sm aria-label="Swap the first two photographs"'
                 )
             ui.button(icon="close", on_click=lambda: self._keep_all_but(upload)).props(
                 f'flat round dense size=sm aria-label="Remove {upload.name}"'
             )
 
-    def _tile(self, upload: Upload, problems: Sequence[str]) -> None:
-        """A thumbnail; a click removes the photograph. A border marks one that has problems."""
+    def _build_tile(self, upload: Upload, problems: Sequence[str]) -> None:
+        """Build a thumbnail; a click removes the photograph. A border marks one that has problems."""
         with ui.element("li"):
             tile = ui.element("button").classes("tile").on("click", lambda: self._keep_all_but(upload))
             words = f"Remove {upload.name}" + (f" ({', '.join(problems)})" if problems else "")
             tile.props["type"], tile.props["aria-label"], tile.props["title"] = "button", words, words
             tile.classes("with-problem" if problems else "")
             with tile:
-                ui.element("img").props(f'src="/picture/{upload.working.name}" alt="" loading="lazy"')
+                ui.element("img").props(f'src="{picture_address(upload.working)}" alt="" loading="lazy"')
 
     def _keep_all_but(self, upload: Upload) -> None:
         self._session.keep_photographs(kept for kept in self._session.photographs if kept is not upload)
@@ -131,12 +131,12 @@ class OptionsCard:
         self._session = session
         self._selects: dict[str, ui.select] = {}
         with ui.element("section").classes("card"):
-            heading("2", "Options")
+            build_heading("2", "Options")
             # Above the options: the lower end of the card may lie behind the button that starts the run.
             self._fault = ui.label().classes("fault").props('role="status"')
             with ui.element("div").classes("options"):
                 for name in LABELS:
-                    self._selects[name] = option_select(session, name)
+                    self._selects[name] = build_option_select(session, name)
                 self._refine = ui.switch(
                     "Second pass", on_change=lambda event: session.set_option("refine", event.value)
                 )
@@ -172,8 +172,8 @@ class OptionsCard:
             self._slider = Slider(lambda position: self._session.set_option("position", position))
 
 
-def option_select(session: Session, name: str) -> ui.select:
-    """A list to choose the value of an option from."""
+def build_option_select(session: Session, name: str) -> ui.select:
+    """Build a list to choose the value of an option from."""
     values = [*OPTION_VALUES[name], *(session.boards if name == "backend" else ())]
     select = ui.select(values, label=LABELS[name], on_change=lambda event: session.set_option(name, event.value))
     return select.props("outlined dense options-dense").classes("option")

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 from nicegui import ui
 
-from skymosaic.panel.pages.page_layout import command_line, file_links, page_layout
-from skymosaic.panel.pages.sidebar import RunCard, enabled_while_idle, heading, option_select
-from skymosaic.panel.results import TrackingResult, Upload
+from skymosaic.panel.pages.page_layout import page_layout, show_command, show_files
+from skymosaic.panel.pages.sidebar import RunCard, build_heading, build_option_select, enable_while_idle
+from skymosaic.panel.results import TrackingResult, Upload, picture_address
 from skymosaic.panel.session import Session
-from skymosaic.panel.uploads.received import MEBIBYTE, PHOTOGRAPH, VIDEO, Kind
+from skymosaic.panel.uploads import KINDS, MEBIBYTE
 from skymosaic.panel.widgets.drop_zone import DropZone
 
 CORNERS = ("top left", "top right", "bottom right", "bottom left")
@@ -18,19 +18,18 @@ CORNERS = ("top left", "top right", "bottom right", "bottom left")
 
 @dataclass(frozen=True)
 class _Slot:
-    """An upload area for one file: its name in `skymosaic.panel.uploads.intake.SLOTS`, and its texts on the page."""
+    """An upload area for one file: its key in `skymosaic.panel.uploads.KINDS`, and its texts on the page."""
 
     name: str
     number: str
     title: str
     hint: str
     accept: str
-    kind: Kind
 
 
 _SLOTS = (
-    _Slot("template", "1", "Object", "a picture of it, cut out", "image/*", PHOTOGRAPH),
-    _Slot("video", "2", "Video", "MP4, MOV, MKV, WebM or AVI", "video/*,.mkv", VIDEO),
+    _Slot("template", "1", "Object", "a picture of it, cut out", "image/*"),
+    _Slot("video", "2", "Video", "MP4, MOV, MKV, WebM or AVI", "video/*,.mkv"),
 )
 
 
@@ -40,9 +39,9 @@ def build_tracking_page(session: Session) -> None:
         with ui.element("section").classes("stack").props('aria-label="Object, video and options"'):
             cards = [_UploadCard(session, slot) for slot in _SLOTS]
             with ui.element("section").classes("card"):
-                heading("3", "Options")
+                build_heading("3", "Options")
                 with ui.element("div").classes("options"):
-                    selects = {name: option_select(session, name) for name in ("preset", "backend")}
+                    selects = {name: build_option_select(session, name) for name in ("preset", "backend")}
             run = RunCard(session, "Follow the object", session.track, lambda: bool(session.template and session.video))
         with ui.element("section").classes("stack").props('aria-label="Results"'):
             result_card = _ResultCard(session)
@@ -67,18 +66,18 @@ class _UploadCard:
         self._shown: Upload | None = None
         with ui.element("section").classes("card"):
             with ui.element("div").classes("card-head"):
-                heading(slot.number, slot.title)
+                build_heading(slot.number, slot.title)
                 if slot.name == "template":
                     button = ui.button("Built-in film", icon="flight", on_click=session.load_built_in_film)
                     button.props('flat dense no-caps size=sm aria-label="Load the built-in film"')
-                    enabled_while_idle(button, session)
+                    enable_while_idle(button, session)
             DropZone(
                 url=f"/upload/{slot.name}",
                 accept=slot.accept,
                 multiple=False,
                 label=f"Choose {slot.title.lower()}",
                 title=f"Drop the {slot.title.lower()} here, or choose",
-                hint=f"{slot.hint} · up to {slot.kind.limit_bytes // MEBIBYTE} MB",
+                hint=f"{slot.hint} · up to {KINDS[slot.name].limit_bytes // MEBIBYTE} MB",
             )
             self._container = ui.element("ul").classes("photographs").props(f'aria-label="{slot.title} loaded"')
 
@@ -88,7 +87,7 @@ class _UploadCard:
             self._shown = upload
             self._container.clear()
             with self._container, ui.element("li"):
-                ui.element("img").props(f'src="/picture/{upload.working.name}" alt=""')
+                ui.element("img").props(f'src="{picture_address(upload.working)}" alt=""')
                 with ui.element("div").classes("what"):
                     ui.label(upload.name).classes("name")
                     ui.label(" · ".join(("x".join(map(str, upload.size)), *upload.notes))).classes("hint")
@@ -108,7 +107,7 @@ class _ResultCard:
                 "The object's four corners are mapped into every frame and drawn as a green quadrilateral."
             ).classes("lead")
             button = ui.button("Try the built-in film", icon="flight", on_click=session.load_built_in_film)
-            enabled_while_idle(button.props("unelevated no-caps size=lg"), session)
+            enable_while_idle(button.props("unelevated no-caps size=lg"), session)
 
     def update(self) -> None:
         result = self._session.tracking_result
@@ -118,20 +117,22 @@ class _ResultCard:
         self._container.clear()
         self._container.classes(remove="welcome")
         with self._container:
-            found = sum(row.corners is not None for row in result.rows)
+            frames = sum(row.corners is not None for row in result.rows)
             ui.label(
-                f"Found in {found} of {len(result.rows)} frames, {1000 * result.seconds_per_frame:.0f} ms per frame"
+                f"Found in {frames} of {len(result.rows)} frames, {1000 * result.seconds_per_frame:.0f} ms per frame"
             ).classes("name").props('role="status"')
             for note in result.notes:
                 ui.label(note).classes("hint")
             video = ui.element("video").classes("tracked")
-            video.props(f'controls loop muted autoplay src="/picture/{result.video.name}" aria-label="Tracked video"')
-            _corner_table(result)
-            file_links("tracking", result.files)
-            command_line(result.command)
+            video.props(
+                f'controls loop muted autoplay src="{picture_address(result.video)}" aria-label="Tracked video"'
+            )
+            _show_corners(result)
+            show_files("tracking", result.files)
+            show_command(result.command)
 
 
-def _corner_table(result: TrackingResult) -> None:
+def _show_corners(result: TrackingResult) -> None:
     columns = [{"name": "frame", "label": "frame", "field": "frame", "align": "right"}]
     columns += [{"name": name, "label": f"{name} x, y", "field": name, "align": "right"} for name in CORNERS]
     columns.append({"name": "matches", "label": "matches", "field": "matches", "align": "right"})

@@ -1,4 +1,4 @@
-"""Long tasks, each in a process of its own: they report progress while they run and can be cancelled at any moment.
+"""Runs long tasks in processes of their own, which report progress and can be cancelled at any moment.
 
 A thread inside OpenCV or a compiled simulator cannot be stopped, but a process can: cancelling a job kills its worker
 and everything the worker started, compilers included.
@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import importlib
-import importlib.util
 import multiprocessing
 import os
+import resource
 import signal
 import time
 import traceback
@@ -33,25 +32,14 @@ _processes = multiprocessing.get_context("forkserver")
 Task = Callable[..., Any]
 """A function of a module, called in the worker as ``task(folder, *arguments, progress=progress)``.
 
-Arguments and result are pickled, so they must be importable and picklable.
+Arguments and result must be picklable. ``progress`` takes a line, and optionally the steps done and their number.
 """
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What a worker may use.
+    """What a worker may use: seconds until its result, and address space beyond what it has at its start."""
 
-    Attributes
-    ----------
-    processor_seconds : int
-        Of all its threads.
-    seconds : float
-        From its start to its result.
-    memory_bytes : int
-        Address space beyond what it has at its start.
-    """
-
-    processor_seconds: int
     seconds: float
     memory_bytes: int
 
@@ -89,14 +77,14 @@ class Job:
     *arguments
         Further arguments of ``task``.
     limits : Limits or None
-        None: until it is cancelled.
+        None: the task may run until it is cancelled.
 
     Attributes
     ----------
     line : str
         The latest line of progress.
     steps : Steps
-        How much of the present stage is done.
+        How much of the current stage is done.
     """
 
     def __init__(self, title: str, task: Task, folder: Path, *arguments: object, limits: Limits | None = None) -> None:
@@ -143,7 +131,7 @@ class Job:
                     async with asyncio.timeout(seconds):
                         return await self._receive_result(receiver)
                 except TimeoutError:
-                    raise JobFailedError(f"it takes more than {seconds:g} s; try a smaller file") from None
+                    raise JobFailedError(f"took more than {seconds:g} s; try a smaller file") from None
                 finally:
                     # Only a worker that has ended by itself outlives this line, for a moment.
                     if process.exitcode is None and not self._has_result:
@@ -174,35 +162,26 @@ class Job:
             except EOFError:
                 if self._cancelled.is_set():
                     raise JobCancelledError from None
-                raise JobFailedError(await self._why_it_died()) from None
+                # Without a message: killed from outside, by the system for its memory, or by a fault in a library.
+                raise JobFailedError("the worker died (out of memory?); try smaller photographs") from None
             self._has_result = kind != "progress"
             if kind == "done":
                 return value
             if kind == "failed":
                 raise JobFailedError(value)
-            self.line = value
-            self.steps.follow(value)
-
-    async def _why_it_died(self) -> str:
-        assert self._process is not None
-        await asyncio.to_thread(self._process.join)
-        if self._limits and self._process.exitcode == -getattr(signal, "SIGXCPU", 0):
-            return f"it takes more than {self._limits.processor_seconds} s of processor time; try a smaller file"
-        return "the worker died (out of memory?); try smaller photographs"
+            self.line, done, total = value
+            self.steps.follow(self.line, done, total)
+            if total:
+                self.line += f": {done} of {total}"
 
 
-def _confine(limits: Limits) -> None:
-    """Set limits that the system enforces, where it knows them."""
-    if importlib.util.find_spec("resource") is None:
-        return
-    resource = importlib.import_module("resource")
-    # One second more for the signal that cannot be ignored.
-    resource.setrlimit(resource.RLIMIT_CPU, (limits.processor_seconds, limits.processor_seconds + 1))
+def _limit_memory(extra_bytes: int) -> None:
+    """Let this process allocate ``extra_bytes`` at most, on Linux."""
     with contextlib.suppress(OSError):
-        # The libraries that are loaded already have reserved far more than they use.
-        pages = int(Path("/proc/self/statm").read_text().split()[0])
-        most = pages * resource.getpagesize() + limits.memory_bytes
-        resource.setrlimit(resource.RLIMIT_AS, (most, most))
+        # The libraries that are already loaded have reserved far more address space than they use.
+        reserved_pages = int(Path("/proc/self/statm").read_text().split()[0])
+        limit = reserved_pages * resource.getpagesize() + extra_bytes
+        resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
 
 
 def _run_in_worker(
@@ -210,10 +189,10 @@ def _run_in_worker(
 ) -> None:
     os.setsid()
     if limits is not None:
-        _confine(limits)
+        _limit_memory(limits.memory_bytes)
 
-    def progress(line: str) -> None:
-        sender.send(("progress", line))
+    def progress(line: str, done: int = 0, total: int = 0) -> None:
+        sender.send(("progress", (line, done, total)))
 
     try:
         message = "done", task(folder, *arguments, progress=progress)
@@ -221,7 +200,7 @@ def _run_in_worker(
         # The page shows the message: it must not reveal where on this machine the file lies.
         message = "failed", str(error).replace(f"{folder}{os.sep}", "")
     except MemoryError:
-        message = "failed", "it needs more memory than one file may take; try a smaller one"
+        message = "failed", "needs more memory than one file may take; try a smaller one"
     except Exception as error:
         traceback.print_exc()
         message = "failed", f"unexpected {type(error).__name__}: {error}; the traceback is in the panel's terminal"

@@ -1,4 +1,4 @@
-"""What the page shows of a mosaic, made in a worker: a picture, tiles for deeper zoom, outlines and seams."""
+"""Draws what the page shows of a mosaic, in a worker: a picture, tiles for deeper zoom, outlines and seams."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from skymosaic.flight.picture.output import Delivery
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.images import save
 from skymosaic.panel.pair_view import Size
-from skymosaic.panel.results import ShownMosaic, Tile
+from skymosaic.panel.results import Picture, ShownMosaic, picture_address
+from skymosaic.reports.footprints import outline_photographs
 
 PREVIEW_WIDTH_PX = 8192
 """Mosaics up to this width are shown in full by tiles; wider ones are reduced to it."""
@@ -24,53 +25,25 @@ TILE_PX = 512
 OVERLAP_PX = 1
 """Tiles overlap, otherwise a browser shows lines between them."""
 SEAM_ERROR_PX = 0.7
-"""Seams are simplified by so much, in pixels of their masks."""
+"""Simplified seams deviate by at most this, in pixels of their masks."""
 
 
-def show_mosaic(delivery: Delivery, views: Path, name: str) -> ShownMosaic:
-    """Save the pictures of a mosaic for the page.
-
-    Parameters
-    ----------
-    delivery : Delivery
-        With a preview of at most `PREVIEW_WIDTH_PX`.
-    views : Path
-        Their folder.
-    name : str
-        Their names begin with it. Browsers cache what they have shown, so each run has its own.
-    """
+def show_mosaic(delivery: Delivery, pictures: Path) -> ShownMosaic:
+    """Save the pictures of a mosaic in the folder ``pictures``; the delivery's preview has `PREVIEW_WIDTH_PX`."""
     composition = delivery.composition
-    picture = page_picture(delivery.preview)
-    path, shown = views / f"{name}.jpg", (picture.shape[1], picture.shape[0])
+    reduction = PICTURE_SIDE_PX / max(delivery.preview.shape[:2])
+    picture = delivery.preview if reduction >= 1 else _resize(delivery.preview, reduction)
+    path, shown = pictures / "mosaic.jpg", (picture.shape[1], picture.shape[0])
     save(path, picture)
     scale = shown[0] / composition.size[0]
+    names = [placement.source.name for placement in composition.placements]
     return ShownMosaic(
-        picture=path,
+        picture=Picture(picture_address(path), *shown),
         size=composition.size,
-        shown_size=shown,
-        outlines={each: corners * scale for each, corners in outlines(composition).items()},
+        outlines={name: corners * scale for name, corners in zip(names, outline_photographs(composition), strict=True)},
         seams=tuple(line * scale for line in _seams(composition)),
-        tiles=tuple(_tiles(delivery.preview, shown, views, name)),
+        tiles=tuple(_save_tiles(delivery.preview, shown, pictures)),
     )
-
-
-def page_picture(preview: Pixels) -> Pixels:
-    """A mosaic, reduced to `PICTURE_SIDE_PX`."""
-    scale = PICTURE_SIDE_PX / max(preview.shape[:2])
-    return preview if scale >= 1 else _reduced(preview, scale)
-
-
-def outlines(composition: Composition) -> dict[str, Array]:
-    """The corners of the photographs on the canvas, (4, 2), by name."""
-    return {
-        placement.source.name: apply(transform, _frame(placement.size))
-        for placement, transform in zip(composition.placements, composition.transforms, strict=True)
-    }
-
-
-def _frame(size: Size) -> Array:
-    width, height = size
-    return np.array([(0, 0), (width, 0), (width, height), (0, height)]) - 0.5
 
 
 def _seams(composition: Composition) -> Iterator[Array]:
@@ -88,20 +61,21 @@ def _seams(composition: Composition) -> Iterator[Array]:
                 yield apply(composition.canvas.translation, (simple + 0.5) / seam.scale - 0.5)
 
 
-def _tiles(preview: Pixels, shown: Size, views: Path, name: str) -> Iterator[Tile]:
-    """Tiles of every size between the preview and the picture, saved."""
+def _save_tiles(preview: Pixels, shown: Size, pictures: Path) -> Iterator[Picture]:
+    """Save tiles of every size between the preview and the picture."""
     level, number = preview, 0
     while level.shape[1] > shown[0]:
         scale = shown[0] / level.shape[1]
         for y in range(0, level.shape[0], TILE_PX):
             for x in range(0, level.shape[1], TILE_PX):
                 pixels = level[y : y + TILE_PX + OVERLAP_PX, x : x + TILE_PX + OVERLAP_PX]
-                path = views / f"{name}-{number}-{x}-{y}.jpg"
+                path = pictures / f"tile-{number}-{x}-{y}.jpg"
                 save(path, pixels)
-                yield Tile(path, scale, x * scale, y * scale, pixels.shape[1] * scale, pixels.shape[0] * scale)
-        level, number = _reduced(level, 0.5), number + 1
+                size = pixels.shape[1] * scale, pixels.shape[0] * scale
+                yield Picture(picture_address(path), *size, x * scale, y * scale, scale)
+        level, number = _resize(level, 0.5), number + 1
 
 
-def _reduced(pixels: Pixels, scale: float) -> Pixels:
+def _resize(pixels: Pixels, scale: float) -> Pixels:
     size = max(round(pixels.shape[1] * scale), 1), max(round(pixels.shape[0] * scale), 1)
     return np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)

@@ -1,6 +1,6 @@
 """The tasks behind the mosaic page, run in a worker.
 
-Every task reads the photographs in ``folder`` by the names it is given and writes its results there; results name files
+Every task reads the photographs in ``folder`` by the names it is given and writes its results there. Results name files
 relative to it, so that the archive works wherever it is unpacked.
 """
 
@@ -11,15 +11,13 @@ import dataclasses
 import io
 import json
 import shlex
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from golden_model.config import to_toml
 from golden_model.formats import POSITION, decode_response
-from sim.backends.interface import Progress
 from skymosaic.errors import RegistrationError
 from skymosaic.evaluation.hardware import compare
 from skymosaic.flight.check import check_flight
@@ -31,34 +29,33 @@ from skymosaic.imagery.photographs import Source
 from skymosaic.maps.georeference import MIN_POSITIONS, has_maps
 from skymosaic.mosaicking.api import open_plan_of_sources
 from skymosaic.mosaicking.plan import MosaicPlan
-from skymosaic.panel.explain import verdicts
+from skymosaic.panel.explain import classify_matches
 from skymosaic.panel.options import Options
 from skymosaic.panel.pair_view import PairView
-from skymosaic.panel.results import HardwareResult, LinkView, MapView, MosaicResult, picture_name
-from skymosaic.panel.steps import step_line
-from skymosaic.panel.tasks.map_picture import map_view
-from skymosaic.panel.tasks.mosaic_picture import PREVIEW_WIDTH_PX, outlines, page_picture, show_mosaic
+from skymosaic.panel.results import HardwareResult, Link, MosaicResult
+from skymosaic.panel.steps import Progress
+from skymosaic.panel.tasks.mosaic_picture import PREVIEW_WIDTH_PX, show_mosaic
 from skymosaic.registration.options import FeatureOptions
-from skymosaic.registration.pair import Pair
 from skymosaic.registration.register import register
-from skymosaic.reports import pair as pair_report
-from skymosaic.reports.flight import describe_bands, write_report
+from skymosaic.reports.flight import describe_bands, describe_map, write_report
 
 MOSAIC, MAP, REPORT, CONFIG = "mosaic.png", "mosaic.tif", "report", "config.toml"
 """Files and folders of a run."""
 
 
-def make_mosaic(folder: Path, names: list[str], options: Options, views: Path, *, progress: Progress) -> MosaicResult:
+def make_mosaic(
+    folder: Path, names: list[str], options: Options, pictures: Path, *, progress: Progress
+) -> MosaicResult:
     """Make a mosaic of two photographs, of a whole flight, or of a flight's multi-band sets.
 
     Parameters
     ----------
     folder : Path
     names : list of str
-        Of the photographs, at least two.
+        Names of the photographs, at least two.
     options : Options
-    views : Path
-        Where the pictures for the page go.
+    pictures : Path
+        Folder for what the page shows.
     progress : callable
 
     Raises
@@ -71,9 +68,9 @@ def make_mosaic(folder: Path, names: list[str], options: Options, views: Path, *
     unused: list[str] = []
     sources = group_band_sets(photographs, tell=unused.append)
     deliveries, reason, output = [], "", MOSAIC
-    with open_plan_of_sources(sources, options, _in_words(progress)) as plan:
+    with open_plan_of_sources(sources, options, progress) as plan:
         try:
-            output = _output_of(plan)
+            output = _choose_output(plan)
             deliveries = plan.write(folder / output, preview_width_px=PREVIEW_WIDTH_PX)
         except RegistrationError as error:
             if plan.flight.pair is None:
@@ -82,35 +79,28 @@ def make_mosaic(folder: Path, names: list[str], options: Options, views: Path, *
     progress("writing")
     # The report is read from the unpacked archive, where the mosaic lies beside it.
     write_report(folder / REPORT, plan.flight, [dataclasses.replace(d, path=Path(output)) for d in deliveries])
-    words = command(names, options, output)
-    _write(folder, {CONFIG: to_toml(plan.flight.settings.config), "command.txt": words + "\n"})
+    command = write_command(names, options, output)
+    _write(folder, {CONFIG: to_toml(plan.flight.settings.config), "command.txt": command + "\n"})
     result = MosaicResult(
         folder=folder,
+        pictures=pictures,
+        command=command,
         options=options,
-        working_pictures=tuple(views / picture_name(name) for name in names),
-        pair=_pair_to_show(plan.flight, folder, options, progress),
-        mosaic=show_mosaic(deliveries[0], views, f"mosaic-{folder.name}") if deliveries else None,
+        pair=_choose_pair(plan.flight, folder, options, progress),
+        mosaic=show_mosaic(deliveries[0], pictures) if deliveries else None,
         left_out=_left_out(plan.flight, deliveries[0]) if deliveries else {},
         reason=reason,
-        command=words,
         seconds=plan.flight.seconds,
-        map=_map(deliveries[0], views) if deliveries else None,
+        facts=_list_facts(deliveries[0]) if deliveries else {},
     )
     if plan.flight.pair is not None:
-        _write(folder, {"corners.csv": _corners_table(result.pair), "matches.csv": _matches_table(result.pair)})
+        _write(folder, {"corners.csv": _list_corners(result.pair), "matches.csv": _list_matches(result.pair)})
         return result
-    return _with_flight(result, plan.flight, deliveries[0], unused)
+    return _add_flight(result, plan.flight, deliveries[0], unused)
 
 
-def _in_words(progress: Progress) -> Callable[[str, int, int], None]:
-    def report_stage(stage: str, done: int, total: int) -> None:
-        progress(step_line(stage, done, total) if total else stage)
-
-    return report_stage
-
-
-def _output_of(plan: MosaicPlan) -> str:
-    """A GeoTIFF of multi-band sets, or where the photographs have GPS and it can be written; otherwise a picture."""
+def _choose_output(plan: MosaicPlan) -> str:
+    """A GeoTIFF for multi-band sets, and for photographs with GPS if it can be written; otherwise a picture."""
     if plan.sources[0].bands:
         return MAP
     views = plan.flight.views
@@ -118,58 +108,50 @@ def _output_of(plan: MosaicPlan) -> str:
     return MAP if on_map >= min(len(views), MIN_POSITIONS) and has_maps() else MOSAIC
 
 
-def _map(delivery: Delivery, views: Path) -> MapView | None:
-    """What the page's map shows of a mosaic that was written as a GeoTIFF."""
-    if delivery.georeference is None or delivery.path.name != MAP:
-        return None
-    picture = views / f"map-{delivery.path.parent.name}.png"
-    composition = delivery.composition
-    return map_view(
-        page_picture(delivery.preview), composition.size, delivery.georeference, outlines(composition), picture
-    )
+def _list_facts(delivery: Delivery) -> dict[str, str]:
+    """Bands and place on the map, where the mosaic has them."""
+    bands = {"bands": describe_bands(delivery.composition)} if delivery.composition.band_names else {}
+    return bands | ({"map": describe_map(delivery)} if delivery.georeference is not None else {})
 
 
 def _left_out(flight: Flight, delivery: Delivery) -> dict[str, str]:
     return {flight.names[index]: reason for index, reason in flight.absent_from(delivery.layout).items()}
 
 
-def _pair_to_show(flight: Flight, folder: Path, options: Options, progress: Progress) -> PairView:
+def _choose_pair(flight: Flight, folder: Path, options: Options, progress: Progress) -> PairView:
     """The pair; of a flight, the pair with the most inliers."""
     if flight.pair is not None:
-        return PairView.of(flight.pair, pair_report.pair_numbers(flight.pair))
+        return PairView.from_pair(flight.pair)
     # A flight keeps no match records, so the pair that is shown is registered again.
-    return PairView.of(*_registered(folder, _links(flight)[0].names, options, progress))
+    left, right, _ = _links(flight)[0]
+    return _register(folder, (left, right), options, progress)
 
 
-def _with_flight(result: MosaicResult, flight: Flight, delivery: Delivery, unused: list[str]) -> MosaicResult:
-    """The result of more than two photographs, with their links and numbers."""
+def _add_flight(result: MosaicResult, flight: Flight, delivery: Delivery, unused: list[str]) -> MosaicResult:
+    """Add what only a flight has: links, problems and numbers."""
     layout, links = delivery.layout, _links(flight)
-    bands = {"bands": describe_bands(delivery.composition)} if delivery.composition.band_names else {}
     return dataclasses.replace(
         result,
         seconds=flight.seconds | {"blending and writing": delivery.seconds},
         links=links,
         problems={photo.name: photo.problems for photo in check_flight(flight).photographs if photo.problems},
-        facts={
+        facts=result.facts
+        | {
             "photographs placed": f"{len(layout.members)} of {len(flight.names)}",
             "pairs linked": f"{len(links)} of {len(flight.links)} tried",
             "median error of the ties": f"{layout.median_error_px:.2f} px",
             "model": f"{layout.model}: {layout.reason}",
-            **bands,
-            **({"not used": "; ".join(unused)} if unused else {}),
-        },
+        }
+        | ({"not used": "; ".join(unused)} if unused else {}),
     )
 
 
 def look_at_pair(folder: Path, result: MosaicResult, names: tuple[str, str], *, progress: Progress) -> MosaicResult:
-    """The result of a flight, with the matches of another of its pairs."""
-    return dataclasses.replace(result, pair=PairView.of(*_registered(folder, names, result.options, progress)))
+    """Show the matches of another pair of a flight."""
+    return dataclasses.replace(result, pair=_register(folder, names, result.options, progress))
 
 
-def _registered(
-    folder: Path, names: tuple[str, str], options: Options, progress: Progress
-) -> tuple[Pair, dict[str, Any]]:
-    """A registered pair of files, and its numbers for the report."""
+def _register(folder: Path, names: tuple[str, str], options: Options, progress: Progress) -> PairView:
     progress("finding and matching features")
     left_file, right_file = (folder / name for name in names)
     pair = register(left_file, right_file, options, progress=progress)
@@ -178,14 +160,14 @@ def _registered(
         dataclasses.replace(photograph, name=name)
         for photograph, name in zip((pair.left, pair.right), names, strict=True)
     )
-    pair = dataclasses.replace(pair, left=left, right=right)
-    return pair, pair_report.pair_numbers(pair)
+    return PairView.from_pair(dataclasses.replace(pair, left=left, right=right))
 
 
-def _links(flight: Flight) -> tuple[LinkView, ...]:
+def _links(flight: Flight) -> tuple[Link, ...]:
     """The linked pairs, the one with the most inliers first."""
-    held = sorted((link for link in flight.links if link.holds), key=lambda link: -link.inliers)
-    return tuple(LinkView((flight.views[link.left].name, flight.views[link.right].name), link.inliers) for link in held)
+    names = [view.name for view in flight.views]
+    links = [Link(names[link.left], names[link.right], link.inliers) for link in flight.links if link.holds]
+    return tuple(sorted(links, key=lambda link: -link.inliers))
 
 
 def compare_hardware(
@@ -204,12 +186,12 @@ def compare_hardware(
     sizes = [(image.shape[1], image.shape[0]) for image in software.working]
     size = max(sizes, key=lambda size: size[0] * size[1])
     words = ["skymosaic", "compare", *names, "--config", CONFIG, "--backend", backend, *_if_damaged(options)]
-    seconds = software.seconds["features and matches"]
-    return HardwareResult(names, size, backend, comparison, seconds, shlex.join(words))
+    seconds = software.seconds["features and matches"] / len(sizes)
+    return HardwareResult(size, backend, comparison, seconds, shlex.join(words))
 
 
-def command(names: list[str], options: Options, output: str = MOSAIC) -> str:
-    """The command line that repeats a run in its folder."""
+def write_command(names: list[str], options: Options, output: str = MOSAIC) -> str:
+    """Write the command line that repeats a run in its folder."""
     words = ["skymosaic", "mosaic", *names, "--config", CONFIG]
     if len(names) == 2:
         words += ["--detector", f"{options.detector}", "--descriptor", f"{options.descriptor}"]
@@ -228,19 +210,19 @@ def _write(folder: Path, texts: dict[str, str]) -> None:
         save_bytes(folder / name, text.encode())
 
 
-def _corners_table(view: PairView) -> str:
-    """The corners of both images as CSV, in working pixels."""
+def _list_corners(view: PairView) -> str:
+    """List the corners of both images as CSV, in working pixels."""
     rows = [
         (name, corner["x"] / POSITION.one, corner["y"] / POSITION.one, corner["level"], corner["sector"],
          decode_response(corner["response"]))
         for name, features in zip(view.names, view.features, strict=True)
         for corner in features
     ]  # fmt: skip
-    return _csv(("image", "x", "y", "level", "sector", "response"), rows)
+    return _to_csv(("image", "x", "y", "level", "sector", "response"), rows)
 
 
-def _matches_table(view: PairView) -> str:
-    """The matches as CSV, in working pixels."""
+def _list_matches(view: PairView) -> str:
+    """List the matches as CSV, in working pixels."""
     residual = np.full(len(view.matches), np.nan) if view.residual_px is None else view.residual_px
     names = ("left_x", "left_y", "right_x", "right_y", "distance", "margin", "weight", "rule")
     rows = [
@@ -250,12 +232,12 @@ def _matches_table(view: PairView) -> str:
             verdict,
             f"{distance:.3f}",
         )
-        for match, verdict, distance in zip(view.matches, verdicts(view), residual, strict=True)
+        for match, verdict, distance in zip(view.matches, classify_matches(view), residual, strict=True)
     ]
-    return _csv((*names, "verdict", "residual_px"), rows)
+    return _to_csv((*names, "verdict", "residual_px"), rows)
 
 
-def _csv(header: tuple[str, ...], rows: Iterable[tuple[object, ...]]) -> str:
+def _to_csv(header: tuple[str, ...], rows: Iterable[tuple[object, ...]]) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(header)

@@ -7,12 +7,12 @@ import time
 from pathlib import Path
 
 from golden_model.config import preset_config
-from sim.backends.interface import Progress
 from skymosaic.errors import RegistrationError
 from skymosaic.imagery.images import save_bytes
 from skymosaic.imagery.video import VideoReader, write_video
 from skymosaic.panel.options import Options
 from skymosaic.panel.results import TrackingResult
+from skymosaic.panel.steps import Progress
 from skymosaic.tracking.output import TrackedCorners, draw_outline, make_row, save_corners
 from skymosaic.tracking.tracker import track
 
@@ -20,11 +20,11 @@ VIDEO, CORNERS = "tracked.mp4", "corners.csv"
 
 
 def follow(
-    folder: Path, template: str, video: str, options: Options, views: Path, *, progress: Progress
+    folder: Path, template: str, video: str, options: Options, pictures: Path, *, progress: Progress
 ) -> TrackingResult:
     """Follow the template through the video; write the outlined video and the corners of every frame to ``folder``.
 
-    Of the options, preset and backend apply.
+    The options ``preset`` and ``backend`` apply.
 
     Raises
     ------
@@ -48,7 +48,7 @@ def follow(
     words = ["skymosaic", "track", template, video, "-o", VIDEO, "--corners", CORNERS, "--overwrite"]
     command = shlex.join([*words, "--preset", options.preset, "--backend", options.backend_name])
     save_bytes(folder / "command.txt", f"{command}\n".encode())
-    # Browsers cache what they have shown, so each run's video needs a name of its own.
-    shown = views / f"tracked-{folder.name}.mp4"
-    shown.hardlink_to(folder / VIDEO)
-    return TrackingResult(folder, shown, tuple(rows), seconds / len(rows), tuple(reader.notes), command)
+    (pictures / VIDEO).hardlink_to(folder / VIDEO)
+    return TrackingResult(
+        folder, pictures, command, pictures / VIDEO, tuple(rows), seconds / len(rows), tuple(reader.notes)
+    )

@@ -1,6 +1,6 @@
 """Tasks for uploads, run in a worker: decode a file with every check, or render the built-in examples.
 
-Every task reads and writes files in ``folder`` by the names it is given, and keeps what the page shows in ``views``.
+Every task reads and writes files in ``folder`` by the names it is given, and saves what the page shows in ``pictures``.
 """
 
 from __future__ import annotations
@@ -9,13 +9,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from golden_model.arrays import Pixels
-from sim.backends.interface import Progress
 from sim.scene import make_lawnmower, make_pair, make_pursuit
 from skymosaic.errors import InputError
 from skymosaic.imagery.decoding import MAX_AREA_PX
 from skymosaic.imagery.images import load, reduce_to_width, save
 from skymosaic.imagery.video import DEFAULT_RATE, VideoReader, write_video
-from skymosaic.panel.results import Upload, picture_name
+from skymosaic.panel.results import Upload
+from skymosaic.panel.steps import Progress
 from skymosaic.registration.options import WORKING_WIDTH_PX
 
 BUILT_IN_SEED = 9
@@ -26,8 +26,10 @@ CAR_MAGNIFICATION = 3.0
 TEMPLATE_MARGIN_PX = 6
 
 
-def inspect(folder: Path, name: str, views: Path, *, progress: Progress, keep_damaged: bool = False) -> Upload:
-    """Decode a photograph, or what can be decoded of it, and save its working picture in ``views``.
+def inspect_photograph(
+    folder: Path, name: str, pictures: Path, *, progress: Progress, keep_damaged: bool = False
+) -> Upload:
+    """Decode a photograph, or what can be decoded of it, and save its working picture.
 
     Raises
     ------
@@ -36,11 +38,11 @@ def inspect(folder: Path, name: str, views: Path, *, progress: Progress, keep_da
     """
     progress(f"reading {name}")
     photograph = load(folder / name, keep_damaged=keep_damaged)
-    return _upload(name, photograph.pixels, photograph.notes, views)
+    return _describe(name, photograph.pixels, photograph.notes, pictures)
 
 
-def inspect_video(folder: Path, name: str, views: Path, *, progress: Progress) -> Upload:
-    """Decode a video's first frame and save it in ``views``.
+def inspect_video(folder: Path, name: str, pictures: Path, *, progress: Progress) -> Upload:
+    """Decode a video's first frame and save it.
 
     Raises
     ------
@@ -52,46 +54,48 @@ def inspect_video(folder: Path, name: str, views: Path, *, progress: Progress) -
     first = next(iter(reader))
     if first.shape[0] * first.shape[1] > MAX_AREA_PX // 4:
         raise InputError(f"{name}: frames of {first.shape[1]}x{first.shape[0]} pixels are too large; reduce it first")
-    return _upload(name, first, (f"{float(reader.frame_rate):.3g} frames/s",), views)
+    return _describe(name, first, (f"{float(reader.frame_rate):.3g} frames/s",), pictures)
 
 
-def render_pair(folder: Path, names: Sequence[str], views: Path, *, progress: Progress) -> list[Upload]:
+def render_pair(folder: Path, names: Sequence[str], pictures: Path, *, progress: Progress) -> list[Upload]:
     """Render the built-in pair."""
-    return _save_all(folder, names, make_pair(seed=BUILT_IN_SEED).images, views, progress)
+    return _save_all(folder, names, make_pair(seed=BUILT_IN_SEED).images, pictures, progress)
 
 
-def render_flight(folder: Path, names: Sequence[str], views: Path, *, progress: Progress) -> list[Upload]:
+def render_flight(folder: Path, names: Sequence[str], pictures: Path, *, progress: Progress) -> list[Upload]:
     """Render the built-in flight, one photograph for each name."""
-    return _save_all(folder, names, make_lawnmower(BUILT_IN_SEED, len(names), FLIGHT_SIZE).images, views, progress)
+    return _save_all(folder, names, make_lawnmower(BUILT_IN_SEED, len(names), FLIGHT_SIZE).images, pictures, progress)
 
 
 def render_pursuit(
-    folder: Path, template: str, video: str, views: Path, *, progress: Progress
+    folder: Path, template: str, video: str, pictures: Path, *, progress: Progress
 ) -> tuple[Upload, Upload]:
     """Render the built-in film of a car, and cut the template out of its first frame."""
     film = make_pursuit(BUILT_IN_SEED, PURSUIT_FRAMES, magnification=CAR_MAGNIFICATION)
     with write_video(folder / video, DEFAULT_RATE) as write:
         for number, frame in enumerate(film.images):
-            progress(f"rendering the built-in film: {number + 1} of {PURSUIT_FRAMES} frames")
+            progress("rendering the built-in film", number + 1, PURSUIT_FRAMES)
             write(frame)
     low, high = film.corners[0].min(axis=0), film.corners[0].max(axis=0)
     (left, top), (right, bottom) = low.astype(int) - TEMPLATE_MARGIN_PX, high.astype(int) + TEMPLATE_MARGIN_PX
     save(folder / template, film.images[0][top:bottom, left:right])
-    return inspect(folder, template, views, progress=progress), inspect_video(folder, video, views, progress=progress)
+    return inspect_photograph(folder, template, pictures, progress=progress), inspect_video(
+        folder, video, pictures, progress=progress
+    )
 
 
 def _save_all(
-    folder: Path, names: Sequence[str], images: Sequence[Pixels], views: Path, progress: Progress
+    folder: Path, names: Sequence[str], images: Sequence[Pixels], pictures: Path, progress: Progress
 ) -> list[Upload]:
     for number, (name, image) in enumerate(zip(names, images, strict=True), 1):
-        progress(f"rendering photograph {number} of {len(names)}")
+        progress("rendering photographs", number, len(names))
         save(folder / name, image)
-    return [inspect(folder, name, views, progress=progress) for name in names]
+    return [inspect_photograph(folder, name, pictures, progress=progress) for name in names]
 
 
-def _upload(name: str, pixels: Pixels, notes: tuple[str, ...], views: Path) -> Upload:
+def _describe(name: str, pixels: Pixels, notes: tuple[str, ...], pictures: Path) -> Upload:
     """Save a reduced picture for the page, and describe the file."""
     working, _ = reduce_to_width(pixels, WORKING_WIDTH_PX)
-    path = views / picture_name(name)
+    path = pictures / f"{name}.png"
     save(path, working)
     return Upload(name, (pixels.shape[1], pixels.shape[0]), notes, path, (working.shape[1], working.shape[0]))

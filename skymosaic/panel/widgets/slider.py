@@ -1,4 +1,4 @@
-"""A slider that moves at once in the browser and reports to the server at most twenty times a second."""
+"""A slider that moves at once in the browser and reports to the server at most 20 times per second."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """The element that shows pictures with a drawing over them: zoom, pan, and tiles where a picture is zoomed into.
 
 Ours rather than OpenSeadragon or Leaflet: the lines of matches have to stay sharp and be found under the pointer at
-every zoom, one viewer with the same keys and gestures serves corners, matches and mosaics, and SVG shows a tile as it
-shows any picture. What is left is to choose the tiles, a dozen lines.
+every zoom, one viewer with the same keys and gestures serves corners, matches and mosaics, and SVG shows a tile like
+any other picture. What is left is to choose the tiles, a dozen lines.
 """
 
 from __future__ import annotations
@@ -13,17 +13,7 @@ from dataclasses import asdict, dataclass
 from nicegui import ui
 from nicegui.events import GenericEventArguments
 
-
-@dataclass(frozen=True)
-class Picture:
-    """A picture, its size and top left corner in viewer pixels, and how many of these are a pixel of it."""
-
-    href: str
-    width: float
-    height: float
-    x: float = 0
-    y: float = 0
-    scale: float = 1
+from skymosaic.panel.results import Picture
 
 
 @dataclass(frozen=True)
@@ -36,7 +26,7 @@ class Pointer:
 
 
 def side_by_side(pictures: Sequence[tuple[str, tuple[int, int]]], gap_px: int) -> list[Picture]:
-    """Pictures, given as address and (width, height), in a row with gaps of ``gap_px`` viewer pixels."""
+    """Put pictures, given as address and (width, height), in a row with gaps of ``gap_px`` viewer pixels."""
     placed: list[Picture] = []
     x = 0
     for href, (width, height) in pictures:
@@ -82,7 +72,7 @@ class Viewer(ui.element, component="viewer.js"):
         self.run_method("showHighlight", drawing)
 
     def on_pointer(self, event: str, handler: Callable[[Pointer], None]) -> None:
-        """Call ``handler`` on "hover" (at most 25 times a second) or "pick" (a click without dragging)."""
+        """Call ``handler`` on "hover" (at most 25 times per second) or "pick" (a click without dragging)."""
 
         def handle(arguments: GenericEventArguments) -> None:
             handler(Pointer(*(float(arguments.args[name]) for name in ("x", "y", "scale"))))

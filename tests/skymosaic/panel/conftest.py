@@ -1,14 +1,18 @@
-"""Fixtures: a panel in a process of its own, and Chromium if the machine has it."""
+"""Fixtures: sessions in this process, a panel in a process of its own, and Chromium if the machine has it."""
 
-from collections.abc import Iterator
+import asyncio
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import cv2
+import nicegui.core
 import pytest
 from playwright.sync_api import Browser, ConsoleMessage, Page
 
 from sim.scene import make_pair
+from skymosaic.panel.sessions import Sessions
 from skymosaic.panel.tasks.jobs import prepare_workers
+from tests.skymosaic.panel.visitor import Scenario
 from tools.panel.visit import CHROMIUM, chromium, open_page, running_panel
 
 
@@ -60,3 +64,24 @@ def photographs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     for path, image in zip(paths, make_pair(seed=5).images, strict=True):
         cv2.imwrite(str(path), image)
     return paths
+
+
+@pytest.fixture
+def sessions() -> Iterator[Sessions]:
+    created = Sessions()
+    yield created
+    created.close()
+
+
+@pytest.fixture
+def run_in_loop(monkeypatch: pytest.MonkeyPatch) -> Callable[[Scenario], None]:
+    """Runs a coroutine in the event loop that NiceGUI gives its background tasks to."""
+
+    def run(scenario: Scenario) -> None:
+        async def in_loop() -> None:
+            monkeypatch.setattr(nicegui.core, "loop", asyncio.get_running_loop())
+            await scenario()
+
+        asyncio.run(in_loop())
+
+    return run

@@ -3,7 +3,7 @@
 import pytest
 
 from skymosaic.panel import steps
-from skymosaic.panel.steps import Steps, step_line
+from skymosaic.panel.steps import Steps
 
 
 @pytest.fixture
@@ -15,14 +15,14 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 
 def test_the_time_left_follows_the_pace_of_the_stage(clock: list[float]) -> None:
     followed = Steps()
-    followed.follow(step_line("features", 0, 10))
+    followed.follow("features", 0, 10)
     assert followed.seconds_left() is None
     clock[0] += 6
-    followed.follow(step_line("features", 3, 10))
+    followed.follow("features", 3, 10)
     assert followed.share == pytest.approx(0.3)
     assert followed.seconds_left() == pytest.approx(14)
-    followed.follow(step_line("pairs", 1, 4))
+    followed.follow("pairs", 1, 4)
     assert followed.seconds_left() is None
-    followed.follow("writing")
+    followed.follow("writing", 0, 0)
     assert followed.share is None
     assert followed.seconds_left() is None

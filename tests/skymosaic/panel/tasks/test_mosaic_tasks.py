@@ -1,18 +1,30 @@
-"""The command line that the panel shows beside a result repeats that result."""
+"""Runs of the mosaic page: the command line beside a result repeats it."""
 
+import math
+import re
 import shlex
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
+from PIL.ExifTags import IFD
 from typer.testing import CliRunner
 
-from sim.backends.interface import silent
-from sim.scene import make_pair
+from sim.scene import make_lawnmower, make_pair
 from skymosaic.cli import app
 from skymosaic.panel.options import Options
 from skymosaic.panel.tasks.mosaic_tasks import compare_hardware, make_mosaic
+
+METRES_PER_PIXEL = 0.15
+NORTH_DEG, EAST_DEG = 46.0, 7.0
+METRES_PER_DEGREE = 111_147
+
+
+def silent(_line: str, _done: int = 0, _total: int = 0) -> None:
+    """No progress is shown."""
+
 
 OPTIONS = {
     "preset": {},
@@ -35,10 +47,10 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         options = Options.of_preset("aerial")
         for option, value in OPTIONS[name].items():
             options = options.changed(option, value)
-        (folder / "views").mkdir()
+        (folder / "pictures").mkdir()
         for number, image in enumerate(images):
             cv2.imwrite(str(folder / f"{number}.png"), image)
-        result = make_mosaic(folder, ["0.png", "1.png"], options, folder / "views", progress=silent)
+        result = make_mosaic(folder, ["0.png", "1.png"], options, folder / "pictures", progress=silent)
         assert result.mosaic is not None, result.reason
     return folders
 
@@ -78,6 +90,30 @@ def test_a_damaged_photograph_that_is_kept_is_compared_too(tmp_path: Path) -> No
     (tmp_path / "0.jpg").write_bytes(data)
     options = Options.of_preset("aerial").changed("damaged", "keep")
     # The model itself stands in for the hardware.
-    found = compare_hardware(tmp_path, ("0.jpg", "1.jpg"), options, "golden", progress=silent)
-    assert found.comparison.mismatch is None
-    assert "--damaged keep" in found.command
+    result = compare_hardware(tmp_path, ("0.jpg", "1.jpg"), options, "golden", progress=silent)
+    assert result.comparison.mismatch is None
+    assert "--damaged keep" in result.command
+
+
+def test_photographs_with_gps_become_a_geotiff_and_name_their_place(tmp_path: Path) -> None:
+    pytest.importorskip("rasterio")
+    names = write_flight_with_gps(tmp_path)
+    (tmp_path / "pictures").mkdir()
+    result = make_mosaic(tmp_path, names, Options.of_preset("aerial"), tmp_path / "pictures", progress=silent)
+    assert "mosaic.tif" in [path.name for path in result.files]
+    assert "-o mosaic.tif" in result.command
+    assert re.match(r"EPSG:32632, 0\.1\d* m per pixel; GPS residual", result.facts["map"])
+
+
+def write_flight_with_gps(folder: Path) -> list[str]:
+    """Four photographs, each with the position above which it was taken; returns their names."""
+    rendered = make_lawnmower(seed=9, images=4, size=(400, 300))
+    names = [f"DJI_{number}.jpg" for number in range(len(rendered.images))]
+    for name, image, pose in zip(names, rendered.images, rendered.poses, strict=True):
+        north = NORTH_DEG - METRES_PER_PIXEL * pose.y_px / METRES_PER_DEGREE
+        east = EAST_DEG + METRES_PER_PIXEL * pose.x_px / (METRES_PER_DEGREE * math.cos(math.radians(NORTH_DEG)))
+        exif = Image.Exif()
+        minutes = [(math.floor(angle), 60 * (angle % 1), 0.0) for angle in (north, east)]
+        exif.get_ifd(IFD.GPSInfo).update({1: "N", 2: minutes[0], 3: "E", 4: minutes[1]})
+        Image.fromarray(image[..., ::-1]).save(folder / name, quality=92, exif=exif)
+    return names

@@ -1,4 +1,4 @@
-"""The panel as a user sees it, in headless Chromium."""
+"""The mosaic page as a user sees it, in headless Chromium: with two photographs."""
 
 import re
 import statistics
@@ -78,7 +78,7 @@ def test_a_rejected_match_is_explained(made: Page) -> None:
     expect(explanation.locator("svg circle")).to_have_count(6)
     expect(explanation.locator("tr.dominant")).to_have_count(1)
     made.mouse.click(x, y)
-    expect(made.get_by_role("status", name="Match shown")).to_contain_text("held")
+    expect(made.get_by_role("status", name="Match shown")).to_contain_text("pinned")
     for kind in ("kept, on the homography", "rejected by the rules"):
         made.get_by_role("checkbox", name=kind).click()
 
@@ -89,7 +89,7 @@ def test_some_inliers_are_drawn_first_and_a_slider_draws_more(made: Page) -> Non
     lines = viewer.locator("path.match:not([class*=chosen])")
     expect(viewer.locator("path.match.inlier:not(.chosen)")).to_have_count(100)
     expect(lines).to_have_count(100)
-    slider = made.get_by_role("slider", name="Most lines drawn")
+    slider = made.get_by_role("slider", name="Maximum number of lines")
     expect(slider).to_have_attribute("aria-valuetext", "100 lines")
     slider.press("End")
     expect(slider).not_to_have_attribute("aria-valuetext", "100 lines")
@@ -251,7 +251,7 @@ def test_uploaded_photographs_make_a_mosaic(page: Page, photographs: list[Path])
     expect(outdated).to_be_visible()
     choose(page, "Blending", "multiband")
     expect(outdated).to_be_hidden()
-    page.get_by_role("button", name="Exchange the first two").click()
+    page.get_by_role("button", name="Swap the first two").click()
     expect(outdated).to_be_visible()
 
 
@@ -267,7 +267,7 @@ def test_photographs_without_overlap_show_their_matches_and_the_reason(
     expect(page.get_by_text("do the images overlap?")).to_be_visible()
     open_tab(page, "Matches")
     page.get_by_role("button", name="Next match").click()
-    expect(page.locator(".explanation")).to_contain_text("No homography was found")
+    expect(page.locator(".explanation")).to_contain_text("There is no homography")
 
 
 def test_sessions_do_not_see_each_others_photographs(

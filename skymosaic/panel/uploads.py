@@ -1,22 +1,23 @@
 """Receives uploaded files: checks the size while they arrive, and the kind by their first bytes.
 
-Files are never decoded in the server's process, only in a worker. A file keeps its name, except for characters that
-could mean something to a shell or a file system, and for a number where another file has that name.
+Files are never decoded in the server's process, only in a worker. A file keeps its name, without characters that could
+mean something to a shell or a file system, and with a number if another file has that name.
 """
 
 from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import anyio
 
 MEBIBYTE = 1 << 20
-_LONGEST_STEM = 40
-_OUTPUTS = ("mosaic", "tracked")
+_HEAD_BYTES = 16
+_MAX_STEM_LENGTH = 40
+_RESERVED_STEMS = ("mosaic", "tracked")
 """Stems of files that a run writes beside what was uploaded."""
 
 
@@ -34,7 +35,7 @@ class Kind:
 
     Attributes
     ----------
-    what : str
+    description : str
         The kind in words, with its formats.
     signatures : tuple of (int, bytes, str)
         Offset and bytes that identify a format, and the suffix its files get. Decoders recognise formats by content,
@@ -42,7 +43,7 @@ class Kind:
     limit_bytes : int
     """
 
-    what: str
+    description: str
     signatures: tuple[tuple[int, bytes, str], ...]
     limit_bytes: int
 
@@ -70,24 +71,17 @@ VIDEO = Kind(
     ((4, b"ftyp", ".mp4"), (0, b"\x1a\x45\xdf\xa3", ".mkv"), (8, b"AVI ", ".avi")),
     512 * MEBIBYTE,
 )
-_HEAD_BYTES = 16
+KINDS = {"photograph": PHOTOGRAPH, "template": PHOTOGRAPH, "video": VIDEO}
+"""What a file may be uploaded as."""
 
 
-def safe_stem(name: str) -> str:
-    """A harmless stem for a file name: the letters, digits, dashes and underscores of ``name``, at most 40."""
-    return re.sub(r"[^A-Za-z0-9-]+", "_", Path(name).stem)[:_LONGEST_STEM].strip("_-") or "file"
+def sanitise_stem(name: str) -> str:
+    """Make a harmless stem of a file name: its letters, digits, dashes and underscores, at most 40."""
+    return re.sub(r"[^A-Za-z0-9-]+", "_", Path(name).stem)[:_MAX_STEM_LENGTH].strip("_-") or "file"
 
 
-def free_name(stem: str, suffix: str, is_taken: Callable[[str], bool]) -> str:
-    """``stem`` with its suffix, or with the first number from 2 on that makes it free."""
-    names = (f"{stem}{suffix}" if number == 1 else f"{stem}_{number}{suffix}" for number in itertools.count(1))
-    return next(name for name in names if Path(name).stem not in _OUTPUTS and not is_taken(name))
-
-
-async def receive(
-    body: AsyncIterator[bytes], name: str, kind: Kind, part: Path, *, room_bytes: int, is_taken: Callable[[str], bool]
-) -> Path:
-    """Store an upload, with its own stem and the suffix of its kind.
+async def receive(body: AsyncIterator[bytes], name: str, kind: Kind, part: Path, *, room_bytes: int) -> Path:
+    """Store an upload under a sanitised, unique name with the suffix of its kind.
 
     Parameters
     ----------
@@ -96,26 +90,27 @@ async def receive(
         The file's name in the browser.
     kind : Kind
     part : Path
-        Where it is stored until it is complete; then it is renamed in the same folder.
+        Where the file is stored until it is complete; then it is renamed in the same folder.
     room_bytes : int
-        Limit, if it is less than that of the kind.
-    is_taken : callable
-        Whether another file has a name, beside those in the folder.
+        Maximum size, if it is less than that of the kind.
 
     Raises
     ------
     UploadRefusedError
-        If the file is of another kind, too large or empty; it is removed completely.
+        If the file is of another kind, too large or empty, or the disk is full; it is removed completely.
     """
-    stem, folder = safe_stem(name), part.parent
+    stem = sanitise_stem(name)
     try:
         head = await _store(body, part, min(kind.limit_bytes, room_bytes), stem)
         suffix = kind.suffix_of(head)
         if suffix is None:
             fault = "is not" if head else "is empty, not"
-            raise UploadRefusedError(f"{stem}: {fault} {kind.what}; choose another file", 415)
-        free = free_name(stem, suffix, lambda kept: (folder / kept).exists() or is_taken(kept))
-        return part.rename(folder / free)
+            raise UploadRefusedError(f"{stem}: {fault} {kind.description}; choose another file", 415)
+        numbered = (f"{stem}_{number}" for number in itertools.count(2))
+        paths = (part.with_name(each + suffix) for each in itertools.chain([stem], numbered))
+        return part.rename(next(path for path in paths if path.stem not in _RESERVED_STEMS and not path.exists()))
+    except OSError as error:
+        raise UploadRefusedError(f"{stem}: cannot be stored ({error.strerror}); make room on the disk", 507) from None
     finally:
         part.unlink(missing_ok=True)
 

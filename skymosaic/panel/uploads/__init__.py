@@ -1,1 +1,0 @@
-"""Files from browsers: received, checked, decoded, and kept within limits."""

@@ -1,0 +1,77 @@
+"""The tracking page as a user sees it."""
+
+import csv
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from tests.skymosaic.panel.visitor import repeat_archive
+from tools.panel.visit import WINDOW, names_reached_by_tab, open_page
+
+FRAMES = 60
+
+
+@pytest.fixture(scope="module")
+def tracked(browser: Browser, panel: str) -> Iterator[Page]:
+    """A page of a session that has followed the car through the built-in film."""
+    page = open_page(browser, panel)
+    page.get_by_role("link", name="Tracking").click()
+    page.get_by_role("button", name="Try the built-in film").click()
+    expect(page.get_by_role("list", name="Video loaded").locator("li")).to_have_count(1)
+    page.get_by_role("button", name="Follow the object").click()
+    expect(page.get_by_text("Found in")).to_be_visible()
+    yield page
+    page.context.close()
+
+
+def test_an_object_is_followed_through_a_video(tracked: Page) -> None:
+    expect(tracked.get_by_text(re.compile(rf"Found in {FRAMES} of {FRAMES} frames"))).to_be_visible()
+    tracked.wait_for_function("document.querySelector('video').readyState >= 2")
+    assert tracked.evaluate("document.querySelector('video').videoWidth") == 640
+    table = tracked.get_by_role("table")
+    expect(table.locator("tbody tr").first).to_contain_text(re.compile(r"\d+\.\d, \d+\.\d"))
+    widths = tracked.evaluate("[document.documentElement.scrollWidth, document.body.scrollWidth]")
+    assert max(widths) <= WINDOW["width"]
+
+
+def test_tab_reaches_the_controls_of_the_tracking_page(tracked: Page) -> None:
+    names = names_reached_by_tab(tracked)
+    for part in ("Choose object", "Choose video", "Backend", "Follow the object", "Tracked video"):
+        assert any(part in name for name in names), (part, names)
+
+
+@pytest.mark.slow
+def test_the_tracking_archive_has_video_and_corners_and_its_command_repeats_them(tracked: Page, tmp_path: Path) -> None:
+    again = repeat_archive(tracked, tmp_path, "tracking")
+    rows = list(csv.DictReader((again / "corners.csv").read_text().splitlines()))
+    assert len(rows) == FRAMES
+    assert all(row["x0"] for row in rows)
+    assert (again / "corners.csv").read_text() == (tmp_path / "before" / "corners.csv").read_text()
+    with av.open(str(again / "tracked.mp4")) as video:
+        assert sum(1 for _ in video.decode(video=0)) == FRAMES
+
+
+def test_a_reload_keeps_the_tracked_video(tracked: Page) -> None:
+    tracked.reload()
+    expect(tracked.get_by_text("Found in")).to_be_visible()
+
+
+def test_an_object_is_accepted_and_files_that_are_no_video_are_refused(page: Page, tmp_path: Path) -> None:
+    page.get_by_role("link", name="Tracking").click()
+    expect(page.get_by_role("button", name="Follow the object")).to_be_disabled()
+    picture, video = tmp_path / "car.png", tmp_path / "film.mp4"
+    cv2.imwrite(str(picture), np.random.default_rng(1).integers(0, 256, (80, 120), np.uint8))
+    page.get_by_label("Choose object").set_input_files(picture)
+    expect(page.get_by_role("list", name="Object loaded").locator("li")).to_have_count(1)
+    for body, reason in ((b"#EXTM3U\nfile:///etc/passwd\n", "is not a video"), (b"\0\0\0\x20ftypisom", "cut off")):
+        video.write_bytes(body)
+        page.get_by_label("Choose video").set_input_files(video)
+        expect(page.get_by_text(re.compile(f"film.*{reason}"))).to_be_visible()
+    expect(page.get_by_role("list", name="Video loaded").locator("li")).to_have_count(0)
+    expect(page.get_by_role("button", name="Follow the object")).to_be_disabled()

@@ -1,0 +1,221 @@
+"""Files that are sent and asked for as a browser does it, hostile ones among them; the panel survives each."""
+
+import io
+import re
+import struct
+import zlib
+from collections.abc import Iterator
+
+import av
+import httpx
+import numpy as np
+import pytest
+
+from tests.skymosaic.panel.visitor import noise_png
+
+
+class Client:
+    """A browser without a screen: it has the session's cookie and sends the page's own Origin."""
+
+    def __init__(self, panel: str) -> None:
+        self.http = httpx.Client(base_url=panel, headers={"origin": panel}, timeout=None)
+        self.http.get("/")
+
+    def upload(self, name: str, body: bytes | Iterator[bytes], slot: str = "photograph") -> httpx.Response:
+        return self.http.post(f"/upload/{slot}", params={"name": name}, content=body)
+
+    def get(self, path: str) -> httpx.Response:
+        return self.http.get(path)
+
+    def pictures(self) -> list[str]:
+        return sorted(set(re.findall(r"/picture/[\w.-]+/[\w.-]+", self.get("/").text)))
+
+    def close(self) -> None:
+        self.http.close()
+
+
+@pytest.fixture
+def client(panel: str) -> Iterator[Client]:
+    opened = Client(panel)
+    yield opened
+    assert opened.get("/").status_code == 200, "the panel no longer answers"
+    opened.close()
+
+
+def png(width: int, height: int, data: bytes) -> bytes:
+    """A PNG with a header of any size and any compressed data."""
+
+    def chunk(kind: bytes, body: bytes) -> bytes:
+        return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+
+    header = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", data) + chunk(b"IEND", b"")
+
+
+def picture(side_px: int = 96) -> bytes:
+    return noise_png(side_px, seed=1)
+
+
+def test_a_photograph_is_accepted_and_shown(client: Client) -> None:
+    assert client.upload("field.png", picture()).status_code == 204
+    (shown,) = client.pictures()
+    assert client.get(shown).content.startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "../../../etc/passwd",
+        "/etc/cron.d/x.png",
+        "..\\..\\x.png",
+        "a\0b.png",
+        "$(reboot).png",
+        "<img src=x>.png",
+        ".",
+        "",
+    ],
+)
+def test_a_file_name_cannot_choose_a_path(client: Client, name: str) -> None:
+    assert client.upload(name, picture()).status_code == 204
+    (shown,) = client.pictures()
+    assert re.fullmatch(r"/picture/uploads/[A-Za-z0-9][A-Za-z0-9_-]*\.png\.png", shown)
+
+
+@pytest.mark.parametrize(
+    ("what", "body", "status", "message"),
+    [
+        ("text", b"words, not pixels\n", 415, "is not a photograph"),
+        ("nothing", b"", 415, "is empty"),
+        ("a page", b"<html><script>alert(1)</script></html>", 415, "is not a photograph"),
+        ("a vector picture", b'<svg xmlns="http://www.w3.org/2000/svg"/>', 415, "is not a photograph"),
+        ("an animation", b"GIF89a" + bytes(64), 415, "is not a photograph"),
+        ("a program", b"\x7fELF" + bytes(64), 415, "is not a photograph"),
+        ("a play list", b"#EXTM3U\n#EXT-X-MEDIA-SEQUENCE:0\nfile:///etc/passwd\n", 415, "is not a photograph"),
+        ("a truncated photograph", picture()[:900], 422, "truncated"),
+        ("a header and noise", b"\xff\xd8\xff" + bytes(range(256)), 422, "not an image"),
+        ("a small picture", picture(16), 422, "16x16"),
+        ("a decompression bomb", png(60_000, 60_000, zlib.compress(bytes(1 << 22))), 422, "larger than 89 megapixels"),
+        ("a header that lies", png(640, 480, zlib.compress(b"short")), 422, ""),
+    ],
+    ids=lambda value: value if isinstance(value, str) and len(value) < 25 else "",
+)  # fmt: skip
+def test_a_file_that_is_no_photograph_is_refused_with_a_reason(
+    client: Client, what: str, body: bytes, status: int, message: str
+) -> None:
+    refused = client.upload(f"{what}.png", body)
+    assert refused.status_code == status, refused.text
+    assert message in refused.text
+    assert "\n" not in refused.text
+    assert "/tmp" not in refused.text
+    assert client.pictures() == []
+
+
+def film(width: int, height: int) -> bytes:
+    """A video of one flat frame."""
+    file = io.BytesIO()
+    with av.open(file, "w", format="matroska") as container:
+        stream = container.add_stream("ffv1", rate=25)
+        stream.width, stream.height, stream.pix_fmt = width, height, "gray"
+        frame = av.VideoFrame.from_ndarray(np.zeros((height, width), np.uint8), format="gray")
+        container.mux(stream.encode(frame))
+        container.mux(stream.encode())
+    return file.getvalue()
+
+
+def test_a_video_is_accepted_and_its_first_frame_shown(client: Client) -> None:
+    assert client.upload("flight.mkv", film(320, 240), "video").status_code == 204
+    assert client.upload("car.png", picture(), "template").status_code == 204
+    assert client.get("/picture/uploads/flight.mkv.png").content.startswith(b"\x89PNG")
+    assert client.get("/picture/uploads/car.png.png").status_code == 200
+    assert client.get("/picture/uploads/flight.mkv").status_code == 404
+
+
+@pytest.mark.parametrize(
+    ("slot", "body", "status", "message"),
+    [
+        ("video", picture(), 415, "is not a video"),
+        ("video", b"#EXTM3U\nfile:///etc/passwd\n", 415, "is not a video"),
+        ("video", film(320, 240)[:300], 422, "not a readable video"),
+        ("video", film(6000, 4000), 422, "frames of 6000x4000 pixels are too large"),
+        ("template", film(320, 240), 415, "is not a photograph"),
+        ("uploads", picture(), 422, ""),
+        ("..%2fviews", picture(), 404, ""),
+    ],
+    ids=["picture", "play list", "truncated", "bomb", "film", "other slot", "way out"],
+)  # fmt: skip
+def test_a_file_of_the_wrong_kind_is_refused(client: Client, slot: str, body: bytes, status: int, message: str) -> None:
+    refused = client.upload("x", body, slot)
+    assert refused.status_code == status, refused.text
+    assert message in refused.text
+    assert "/tmp" not in refused.text
+
+
+@pytest.mark.parametrize(
+    ("slot", "head"),
+    [("photograph", b"\x89PNG\r\n\x1a\n"), ("video", b"\0\0\0\x20ftypisom")],
+    ids=["photograph", "video"],
+)
+def test_an_oversized_upload_is_stopped(client: Client, slot: str, head: bytes) -> None:
+    def endless() -> Iterator[bytes]:
+        yield head
+        while True:
+            yield bytes(1 << 20)
+
+    try:
+        refused = client.upload("large", endless(), slot)
+    except httpx.WriteError:
+        return  # the server closed the connection before the client listened
+    assert refused.status_code == 413
+
+
+def test_an_upload_without_a_page_is_refused(panel: str) -> None:
+    answer = httpx.post(f"{panel}/upload/photograph?name=a.png", content=picture(), headers={"origin": panel})
+    assert answer.status_code == 403
+
+
+def test_another_sessions_files_cannot_be_read(client: Client, panel: str) -> None:
+    assert client.upload("mine.png", picture()).status_code == 204
+    (shown,) = client.pictures()
+    other = Client(panel)
+    assert other.get(shown).status_code == 404
+    assert other.pictures() == []
+    assert other.get("/archive").status_code == 404
+    other.close()
+
+
+def test_a_forged_cookie_gives_no_access(client: Client, panel: str) -> None:
+    assert client.upload("mine.png", picture()).status_code == 204
+    (shown,) = client.pictures()
+    (cookie,) = client.http.cookies.jar
+    forged = httpx.get(f"{panel}{shown}", cookies={cookie.name: cookie.value[:-2] + "AA"})
+    assert forged.status_code == 404
+
+
+@pytest.mark.parametrize(
+    "path",
+    ["/picture/..%2f..%2fetc%2fpasswd", "/picture/%2fetc%2fpasswd", "/picture/../archive", "/picture/mine.png",
+     "/picture/%2e%2e/uploads%2fmine.png", "/picture/uploads/%2e%2e", "/picture/uploads/mine.png",
+     "/picture/uploads/..%2f..%2fuploads%2fmine.png", "/picture/.",
+     "/_nicegui/../../etc/passwd", "/uploads/mine.png", "/upload/photograph"],
+)  # fmt: skip
+def test_no_path_reads_another_file(client: Client, path: str) -> None:
+    assert client.upload("mine.png", picture()).status_code == 204
+    assert client.get(path).status_code in (404, 405)
+
+
+def test_a_get_changes_nothing(client: Client) -> None:
+    """Addresses that look like commands change nothing."""
+    assert client.upload("mine.png", picture()).status_code == 204
+    before = client.pictures()
+    for path in ("/", "/archive", "/upload/photograph?name=x.png", "/?preset=thesis", "/cancel", before[0]):
+        client.get(path)
+    assert client.pictures() == before
+
+
+def test_a_file_keeps_its_name(client: Client) -> None:
+    for _ in range(2):
+        assert client.upload("DJI_0018.png", picture()).status_code == 204
+    assert client.upload("mosaic.png", picture()).status_code == 204
+    assert set(client.pictures()) == {
+        f"/picture/uploads/{name}.png.png" for name in ("DJI_0018", "DJI_0018_2", "mosaic_2")
+    }

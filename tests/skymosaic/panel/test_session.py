@@ -1,0 +1,170 @@
+"""A session runs one job at a time, has limits, and keeps no file that is not shown."""
+
+import asyncio
+import errno
+import zipfile
+from collections.abc import Callable
+
+import pytest
+
+from skymosaic.panel import session as session_module
+from skymosaic.panel.session import Session
+from skymosaic.panel.sessions import Sessions
+from skymosaic.panel.uploads import UploadRefusedError
+from tests.skymosaic.panel.visitor import Scenario, body, idle, noise_png
+
+pytestmark = pytest.mark.usefixtures("workers")
+
+
+def picture(seed: int) -> bytes:
+    return noise_png(96, seed)
+
+
+def files(session: Session, folder: str) -> set[str]:
+    return {path.name for path in session._folder(folder).rglob("*") if path.is_file()}
+
+
+def test_the_files_of_replaced_uploads_are_removed(sessions: Sessions, run_in_loop: Callable[[Scenario], None]) -> None:
+    session = sessions.get("one")
+
+    async def scenario() -> None:
+        for seed in (1, 2):
+            await session.upload("template", body(picture(seed)), "car.png")
+        await session.upload("photograph", body(picture(3)), "field.png")
+        assert files(session, "uploads") == {"car_2.png", "field.png"}
+        assert files(session, "pictures") == {"car_2.png.png", "field.png.png"}
+        session.load_built_in(2)
+        await idle(session)
+        first = {"car_2.png", *(upload.name for upload in session.photographs)}
+        assert len(first) == 3
+        assert files(session, "uploads") == first
+        session.make_mosaic()
+        await idle(session)
+        run = f"pictures/{session.mosaic_result.folder.name}"
+        shown = files(session, run)
+        session.keep_photographs(())
+        assert files(session, "uploads") == {"car_2.png"}
+        assert files(session, run) == shown, "the mosaic still shows them"
+        assert files(session, "pictures/uploads") == {"car_2.png.png"}
+
+    run_in_loop(scenario)
+
+
+def test_the_archive_contains_every_file_of_the_results(
+    sessions: Sessions, run_in_loop: Callable[[Scenario], None]
+) -> None:
+    session = sessions.get("one")
+
+    async def scenario() -> None:
+        session.load_built_in(2)
+        await idle(session)
+        session.make_mosaic()
+        await idle(session)
+
+    run_in_loop(scenario)
+    folder = session.mosaic_result.folder
+    with zipfile.ZipFile(session.write_archive()) as archive:
+        assert archive.testzip() is None
+        unpacked = {name: archive.read(name) for name in archive.namelist() if not name.endswith("/")}
+    contents = {f"mosaic/{path.relative_to(folder)}": path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    assert unpacked == contents
+    assert "mosaic/report/index.html" in unpacked
+
+
+def test_a_full_disk_refuses_an_upload_in_one_line(
+    sessions: Sessions, run_in_loop: Callable[[Scenario], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session = sessions.get("one")
+
+    async def fail(*_arguments: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("anyio.AsyncFile.write", fail)
+
+    async def scenario() -> None:
+        with pytest.raises(UploadRefusedError, match="field: cannot be stored") as refused:
+            await session.upload("photograph", body(picture(1)), "field.png")
+        assert refused.value.status == 507
+
+    run_in_loop(scenario)
+    assert files(session, "uploads") == set()
+
+
+def test_no_second_job_starts_while_one_runs(sessions: Sessions, run_in_loop: Callable[[Scenario], None]) -> None:
+    session = sessions.get("one")
+
+    async def scenario() -> None:
+        session.load_built_in(2)
+        await idle(session)
+        session.make_mosaic()
+        running, (run,) = session.job, session._folder("runs").iterdir()
+        session.make_mosaic()
+        session.load_built_in(9)
+        session.load_built_in_film()
+        assert session.job is running
+        assert list(session._folder("runs").iterdir()) == [run]
+        await idle(session)
+        assert session.fault == ""
+        assert session.mosaic_result.folder == run
+
+    run_in_loop(scenario)
+
+
+def test_the_next_run_removes_the_files_of_runs_without_a_result(
+    sessions: Sessions, run_in_loop: Callable[[Scenario], None]
+) -> None:
+    session = sessions.get("one")
+
+    async def scenario() -> None:
+        session.load_built_in(2)
+        await idle(session)
+        for _ in range(3):
+            session.make_mosaic()
+            session.cancel()
+            await idle(session)
+            assert session.fault == "Making the mosaic: cancelled"
+        assert len(list(session._folder("runs").iterdir())) == 1
+
+    run_in_loop(scenario)
+
+
+@pytest.mark.parametrize(("limit", "message"), [("MAX_BYTES", "larger than the 0 MB"), ("MAX_PHOTOGRAPHS", "no more")])
+def test_uploads_beyond_a_limit_are_refused(
+    sessions: Sessions,
+    run_in_loop: Callable[[Scenario], None],
+    monkeypatch: pytest.MonkeyPatch,
+    limit: str,
+    message: str,
+) -> None:
+    session = sessions.get("one")
+    monkeypatch.setattr(session_module, limit, 1)
+
+    async def scenario() -> None:
+        refusals = []
+        for seed in (1, 2):
+            try:
+                await session.upload("photograph", body(picture(seed)), "field.png")
+            except UploadRefusedError as error:
+                refusals.append(error)
+        assert refusals
+        assert all(error.status == 413 and message in str(error) for error in refusals)
+
+    run_in_loop(scenario)
+    assert len(files(session, "uploads")) == len(session.photographs) <= 1
+
+
+def test_the_limit_of_photographs_holds_for_uploads_at_once(
+    sessions: Sessions, run_in_loop: Callable[[Scenario], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(session_module, "MAX_PHOTOGRAPHS", 3)
+    session = sessions.get("one")
+
+    async def scenario() -> None:
+        uploads = (session.upload("photograph", body(picture(seed)), "field.png") for seed in range(8))
+        results = await asyncio.gather(*uploads, return_exceptions=True)
+        assert [result for result in results if result is None] == [None] * 3
+        assert len(session.photographs) == 3
+        assert len(files(session, "uploads")) == 3
+        assert not session.is_busy
+
+    run_in_loop(scenario)
