@@ -58,7 +58,6 @@ def _link(pair: Pair) -> Link:
 
 def _layout(pair: Pair, link: Link) -> Layout:
     """The right photograph defines the ground: with two photographs nothing else tells what is level."""
-    assert pair.homography is not None
     assert pair.working_homography is not None
     homography = pair.working_homography
     errors_px = np.linalg.norm(apply(homography, link.left_points) - link.right_points, axis=1)
@@ -70,5 +69,4 @@ def _layout(pair: Pair, link: Link) -> Layout:
         errors_px=(errors_px,),
         model="homography",
         reason="two photographs, in the frame of the right one",
-        originals={0: pair.homography, 1: np.eye(3)},
     )

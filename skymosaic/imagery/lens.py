@@ -72,6 +72,16 @@ class Lens:
         """255 where a straightened photograph of ``size`` (width, height) shows ground, else 0; None: everywhere."""
         return None if self.mask is None and self.matrix is None else _visible(self, size)
 
+    def to_toml(self) -> str:
+        """The lines of a camera file that `load_lens` reads; for a lens with a calibration matrix."""
+        assert self.size is not None
+        assert self.matrix is not None
+        assert self.distortion is not None
+        focal, centre = self.matrix[[0, 1], [0, 1]].tolist(), self.matrix[:2, 2].tolist()
+        lines = list(zip(_REQUIRED, (*self.size, *focal, *centre), strict=True))
+        lines += [(key, value) for key, value in zip(_DISTORTION, self.distortion.tolist(), strict=True) if value]
+        return "".join(f"{key} = {value}\n" for key, value in lines)
+
     def __eq__(self, other: object) -> bool:
         """Whether the other lens makes the same corrections."""
         return isinstance(other, Lens) and self.key == other.key

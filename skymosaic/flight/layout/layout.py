@@ -17,7 +17,7 @@ from skymosaic.compositing.warp import Canvas
 from skymosaic.flight.layout.adjustment import MODELS, Network, Ties
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.linking.view import View
-from skymosaic.geometry.homography import apply, estimate, resize_matrix
+from skymosaic.geometry.homography import apply, estimate
 
 GOOD_ENOUGH = 1.05
 """A simpler model is taken if its error is at most this many times that of the best model."""
@@ -51,9 +51,6 @@ class Layout:
         A key of `skymosaic.flight.layout.adjustment.MODELS`.
     reason : str
         Why that model.
-    originals : dict of int to ndarray, shape (3, 3), or None
-        Original pixels of each member to original pixels of the reference, where they are known directly; None:
-        they follow from ``transforms``.
     """
 
     members: tuple[int, ...]
@@ -64,19 +61,15 @@ class Layout:
     errors_px: tuple[Array, ...] = ()
     model: str = "similarity"
     reason: str = "a single view"
-    originals: dict[int, Array] | None = None
 
     @property
     def median_error_px(self) -> float:
         """Median error of all ties; 0 for a single view."""
         return float(np.median(np.concatenate(self.errors_px))) if self.errors_px else 0.0
 
-    def to_reference(self, views: Sequence[View], scale: float = 1.0) -> dict[int, Array]:
-        """Original pixels of each member to original pixels of the reference reduced to ``scale``, (3, 3) each."""
-        resize = resize_matrix(scale)
-        if self.originals is not None:
-            return {member: resize @ transform for member, transform in self.originals.items()}
-        frame = resize @ views[self.reference].to_original
+    def to_reference(self, views: Sequence[View]) -> dict[int, Array]:
+        """Original pixels of each member to original pixels of the reference, (3, 3) each."""
+        frame = views[self.reference].to_original
         return {m: frame @ self.transforms[m] @ np.linalg.inv(views[m].to_original) for m in self.members}
 
     @property

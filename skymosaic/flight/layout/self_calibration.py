@@ -83,22 +83,8 @@ class Calibration:
     @property
     def camera_file(self) -> str:
         """The lens as a file that `skymosaic.imagery.lens.load_lens` reads."""
-        lens = self.lens
-        assert lens.size is not None
-        assert lens.matrix is not None
-        numbers = {
-            "width_px": lens.size[0],
-            "height_px": lens.size[1],
-            "focal_x_px": float(lens.matrix[0, 0]),
-            "focal_y_px": float(lens.matrix[1, 1]),
-            "centre_x_px": float(lens.matrix[0, 2]),
-            "centre_y_px": float(lens.matrix[1, 2]),
-            "k1": self.k1,
-        }
-        measured = (
-            f"# Median error of held-out ties: {self.before_px:.2f} px without k1, {self.after_px:.2f} px with it.\n"
-        )
-        return measured + "".join(f"{key} = {value}\n" for key, value in numbers.items())
+        errors = f"{self.before_px:.2f} px without k1, {self.after_px:.2f} px with it"
+        return f"# Median error of held-out ties: {errors}.\n{self.lens.to_toml()}"
 
 
 def calibrate(
