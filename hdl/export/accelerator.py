@@ -116,7 +116,7 @@ def export_live(folder: Path, *, config: Config, **build: Unpack[Build]) -> None
     Parameters
     ----------
     folder, config, **build
-        As for `export`.
+        As for `export`, but ``video_bits`` is 24 by default.
 
     Raises
     ------
@@ -125,7 +125,8 @@ def export_live(folder: Path, *, config: Config, **build: Unpack[Build]) -> None
     OSError
         If the folder cannot be written.
     """
-    build = DEFAULT_BUILD | build
+    # A camera sends pixels; the default of 32 bits is for a DMA that reads them from memory.
+    build = DEFAULT_BUILD | Build(video_bits=24) | build
     if build["video_bits"] not in LIVE_VIDEO_BITS:
         raise ValueError(f"a live build takes video of {' or '.join(map(str, LIVE_VIDEO_BITS))} bits")
     top = LiveTop(LiveAccelerator(config=config, **build))

@@ -20,10 +20,6 @@ from skymosaic.imagery.images import check_unused
 from skymosaic.registration.options import FeatureOptions
 from skymosaic.temporary import temporary_folder
 
-BUILD = {"lanes": 16, "max_width_px": 1920, "max_height_px": 1080, "video_bits": 32}
-"""The accelerator that is built unless the user asks for another one."""
-LIVE_BUILD = BUILD | {"video_bits": 24}
-
 
 @with_options
 def export(
@@ -60,11 +56,10 @@ def export(
     if (board is not None) + (block is not None) + live != 1:
         raise InputError(f"export needs one of --board ({', '.join(ALL_BOARDS)}), --block and --live")
     sizes = {"lanes": lanes, "max_width_px": max_width_px, "max_height_px": max_height_px, "video_bits": video_bits}
-    asked = {name: value for name, value in sizes.items() if value is not None}
-    build = (LIVE_BUILD if live else BUILD) | asked
+    build = {name: value for name, value in sizes.items() if value is not None}
     if build_it and board != SERIAL_BOARD:
         raise InputError(f"--build makes the bitstream of --board {SERIAL_BOARD}; leave it out, or use Vivado")
-    if block is not None and (asked or options != FeatureOptions()):
+    if block is not None and (build or options != FeatureOptions()):
         raise InputError("--block takes no option of the whole accelerator (--lanes, --preset, ...); leave it out")
     _check_rules(block, rules, entries)
     check_unused(output, overwrite=overwrite)
@@ -79,7 +74,7 @@ def export(
         elif board == SERIAL_BOARD:
             # The board has a configuration of its own, which only an explicit one replaces.
             own = {} if options == FeatureOptions() else {"config": options.base_config}
-            _export_serial(folder, own | asked, build_it=build_it)
+            _export_serial(folder, own | build, build_it=build_it)
         else:
             _import_hdl("export.accelerator").export(folder, board=board, config=options.base_config, **build)
 
