@@ -2,11 +2,13 @@
 
 The prediction is exact for streams without pauses: one beat of one or two pixels per clock, and outputs that are always
 taken. It adds up the latencies that the blocks state (`Latencies`), and follows the one place where waiting depends on
-data, the queue of mutual matches between the walk over the rows and the weighing of the matches.
+data: the queue of mutual matches between the walk over the rows and the weighing.
 
-Not predicted: pauses of the streams, the first word of each feature, frames without selection by cells (their queue may
-hold pixels back), frames so narrow that a cell row has not left when the next one ends, and what follows a frame whose
-matching delays the features of the next but one.
+Not predicted are pauses of the streams, the first word of each feature, and
+
+- frames without selection by cells, whose queue may hold pixels back;
+- frames so narrow that a cell row has not left when the next one ends;
+- what follows a frame whose matching delays the features of the next but one.
 """
 
 from __future__ import annotations
@@ -61,7 +63,7 @@ class Latencies:
     """Search for the peak of the histogram, and clearing it; 0 without orientations."""
 
     @classmethod
-    def of(cls, config: Config, *, lanes: int) -> Latencies:
+    def compute(cls, config: Config, *, lanes: int) -> Latencies:
         """Compute the latencies of a build."""
         pattern, words = config.front_end.pattern, MATCH.record_bytes // WORD_BYTES
         record = feature_record(pattern.descriptor_bytes, pattern.window_bytes)
@@ -172,7 +174,7 @@ def timelines(works: Sequence[FrameWork], config: Config, *, lanes: int, pixels_
     if not config.front_end.selection:
         return []
     line_cycles = [-(-work.width_px // pixels_per_clock) for work in works]
-    return list(_timelines(works, line_cycles, Latencies.of(config, lanes=lanes), config.front_end.border_px))
+    return list(_timelines(works, line_cycles, Latencies.compute(config, lanes=lanes), config.front_end.border_px))
 
 
 def steady_pace(work: FrameWork, config: Config, *, lanes: int) -> tuple[int, int] | None:
@@ -234,7 +236,7 @@ def _match_clocks(work: FrameWork, latencies: Latencies, accepted: int) -> tuple
 def _search_cycles(work: FrameWork, latencies: Latencies) -> int:
     if not work.left or not work.right:
         return 0
-    # See `Latencies.of`.
+    # See `Latencies.compute`.
     lanes = latencies.shortest_pass - 3
     return -(-work.left // lanes) * max(work.right, latencies.shortest_pass) + latencies.drain
 

@@ -30,7 +30,7 @@ def ramp(entries: int, zero_at: float, one_at: float) -> Table:
     """
     if zero_at == one_at:
         raise ValueError(f"a ramp needs two different corners, not {zero_at} twice")
-    return quantised(np.clip((np.arange(entries) - zero_at) / (one_at - zero_at), 0, 1))
+    return quantise_degrees(np.clip((np.arange(entries) - zero_at) / (one_at - zero_at), 0, 1))
 
 
 def trapezoid(entries: int, corners: NDArray[np.floating | np.integer]) -> Table:
@@ -43,10 +43,10 @@ def trapezoid(entries: int, corners: NDArray[np.floating | np.integer]) -> Table
 
 def sigmoid(entries: int, centre: float, slope: float) -> Table:
     """Table of 1 / (1 + exp(-slope (index - centre))), UQ1.8."""
-    return quantised(1 / (1 + np.exp(-slope * (np.arange(entries) - centre))))
+    return quantise_degrees(1 / (1 + np.exp(-slope * (np.arange(entries) - centre))))
 
 
-def quantised(degree: NDArray[np.float64]) -> Table:
+def quantise_degrees(degree: NDArray[np.float64]) -> Table:
     """Real degrees 0..1 as UQ1.8, rounded half up."""
     return np.floor(degree * ONE + 0.5).astype(np.int64)
 
@@ -171,7 +171,7 @@ class SugenoSystem:
         """
         if len(values) != len(self.inputs):
             raise ValueError(f"{self.name}: takes {len(self.inputs)} inputs, not {len(values)}")
-        degrees = [_degrees(variable, value) for variable, value in zip(self.inputs, values, strict=True)]
+        degrees = [_look_up(variable, value) for variable, value in zip(self.inputs, values, strict=True)]
         columns = []
         for rule in self.rules:
             chosen = [
@@ -210,7 +210,7 @@ class SugenoSystem:
         return np.minimum(weight, WEIGHT.max_raw).astype(np.uint8), dominant.astype(np.uint8)
 
 
-def _degrees(variable: Variable, value: NDArray[np.integer]) -> dict[str, Table]:
+def _look_up(variable: Variable, value: NDArray[np.integer]) -> dict[str, Table]:
     if value.size and value.min() < 0:
         raise ValueError(f"{variable.name}: value {value.min()} is negative; inputs are unsigned")
     index = np.minimum(value, variable.entries - 1)

@@ -10,7 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.matching.correlation import NCC, SAD_PER_PIXEL, ZSSD_PER_PIXEL
-from golden_model.matching.fuzzy import ONE, Rule, SugenoSystem, Table, Variable, quantised, ramp, sigmoid, trapezoid
+from golden_model.matching.fuzzy import (
+    ONE,
+    Rule,
+    SugenoSystem,
+    Table,
+    Variable,
+    quantise_degrees,
+    ramp,
+    sigmoid,
+    trapezoid,
+)
 
 
 @lru_cache
@@ -22,7 +32,7 @@ def aerial(bits: int) -> SugenoSystem:
     belongs fully to the common orientation up to one sector, .6 at two sectors, .2 at three, and not beyond. The values
     come from ablation on real flights.
     """
-    belonging = quantised(np.array([1.0, 1.0, 0.6, 0.2, 0.0]))
+    belonging = quantise_degrees(np.array([1.0, 1.0, 0.6, 0.2, 0.0]))
     outputs = {
         ("low", "big"): (1.0, 0.15),
         ("low", "small"): (0.6, 0.05),

@@ -158,11 +158,11 @@ class Sector(wiring.Component):
         octant = delayed(m, Cat(delayed(m, steep, held_cycles), delayed(m, Cat(left, up), 2)), cycles)
         sector = port_register(m, self.o_sector)
         with m.If(self._borders[0].o_valid):
-            m.d.sync += sector.eq(self._unfolded(m, beyond, *octant))
+            m.d.sync += sector.eq(self._unfold(m, beyond, *octant))
         return m
 
     @staticmethod
-    def _unfolded(m: Module, beyond: list[Value], steep: Value, left: Value, up: Value) -> Value:
+    def _unfold(m: Module, beyond: list[Value], steep: Value, left: Value, up: Value) -> Value:
         octant = Signal(4)
         quadrant = Signal(4)
         half = Signal(4)

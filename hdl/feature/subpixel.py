@@ -39,7 +39,7 @@ class Vertex(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Decode, subtract, then divide, one quotient bit per clock."""
         m = Module()
-        before, centre, after = self._decoded(m)
+        before, centre, after = self._decode(m)
         fall_after = Signal(_VALUE_BITS, reset_less=True)
         fall_before = Signal(_VALUE_BITS, reset_less=True)
         m.d.sync += [fall_after.eq(centre - after), fall_before.eq(centre - before)]
@@ -58,7 +58,7 @@ class Vertex(wiring.Component):
         m.d.sync += self.o_offset.eq(Mux(delayed(m, negative, _QUOTIENT_BITS), -magnitude, magnitude))
         return m
 
-    def _decoded(self, m: Module) -> list[Value]:
+    def _decode(self, m: Module) -> list[Value]:
         """Decode the three responses in two clocks, scaled so that the centre has the largest exponent.
 
         The vertex depends only on ratios of responses, so a common scale does not matter, and the centre needs no

@@ -78,7 +78,7 @@ class Sugeno(wiring.Component):
         ]
         degrees = [self._degree(m, n, index, rule) for n, index in enumerate(indices)]
         if self._is_product:
-            strength, term = self._product(m, degrees, self._folded(m, indices[-1], rule))
+            strength, term = self._product(m, degrees, self._fold(m, indices[-1], rule))
         else:
             strength, term = self._minimum(m, degrees, rule)
         valid = delayed(m, issuing, self._term_cycles, reset_less=False)
@@ -122,7 +122,7 @@ class Sugeno(wiring.Component):
         chosen = [degrees.get(each.sets[n] or "", Const(MEMBERSHIP.one)) for each in self.system.rules]
         return delayed(m, Array(chosen)[rule], 1)
 
-    def _folded(self, m: Module, index: Value, rule: Value) -> Value:
+    def _fold(self, m: Module, index: Value, rule: Value) -> Value:
         """Look up the last input's degree times the rule's singleton, in the same clock as `_degree`."""
         *_, variable = self.system.inputs
         rule_bits = ceil_log2(len(self.system.rules))

@@ -50,8 +50,8 @@ class FuzzyCorrelation(wiring.Component):
         wiring.connect(m, rules.o, wiring.flipped(self.o))
         scores = correlation.o.payload
         values = (
-            _scaled(m, scores.sad, Fraction(SAD_PER_PIXEL.one, PIXELS)),
-            _scaled(m, scores.zssd, Fraction(ZSSD_PER_PIXEL.one, PIXELS**2)),
+            _scale(m, scores.sad, Fraction(SAD_PER_PIXEL.one, PIXELS)),
+            _scale(m, scores.zssd, Fraction(ZSSD_PER_PIXEL.one, PIXELS**2)),
             scores.ncc,
         )
         m.d.comb += [sink.eq(value) for sink, value in zip(rules.i.payload, values, strict=True)]
@@ -75,7 +75,7 @@ def scale_constants(factor: Fraction) -> tuple[int, int, int]:
     return limit, math.ceil(factor * (1 << shift)), shift
 
 
-def _scaled(m: Module, score: Value, factor: Fraction) -> Value:
+def _scale(m: Module, score: Value, factor: Fraction) -> Value:
     """``score * factor`` rounded down; larger scores saturate below `_ENTRIES`, still beyond the tables."""
     limit, multiplier, shift = scale_constants(factor)
     # Clipped first, which keeps the multiplier narrow.

@@ -59,7 +59,7 @@ class OrientationHistogram(wiring.Component):
         height = Signal(range(10 * self._bin[-1] + 1), reset_less=True)
         orientation, weight = self.i.payload.relative_orientation, self.i.payload.weight
         square = delayed(m, weight * weight, SQUARE_CYCLES)
-        smoothed = self._smoothed(m, read.data)
+        smoothed = self._smooth(m, read.data)
         is_bin = delayed(m, step >= FIND_CYCLES - 1, 1)
         m.d.sync += step.eq(step + 1)
         with m.FSM(init="Clear"):
@@ -88,7 +88,7 @@ class OrientationHistogram(wiring.Component):
         return m
 
     @staticmethod
-    def _smoothed(m: Module, height: Value) -> Value:
+    def _smooth(m: Module, height: Value) -> Value:
         """Smooth the bins, which come in order, one per clock; each is ready 3 clocks after the bin itself."""
         middle = delayed(m, height, 1)
         around = delayed(m, delayed(m, middle, 1) + height, 1)

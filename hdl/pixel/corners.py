@@ -84,7 +84,7 @@ class Corners(wiring.Component):
 
     @property
     def stages(self) -> dict[str, Stage]:
-        """The intermediate planes, under the names of `golden_model.front_end.trace`."""
+        """Intermediate planes, by their names in `golden_model.front_end.trace`."""
         columns, lag_px = self._columns, self.response_lag_px
         gradients, tensors, codes = (
             pixel_beats(source, self.pixels_per_clock)

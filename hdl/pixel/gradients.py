@@ -80,7 +80,7 @@ class GradientColumns(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Smooth, take gradients and store them; or store the pixels."""
         m = Module()
-        column = self._smoothed(m, self.smooth) if self.smooth else self.i
+        column = self._smooth_column(m, self.smooth) if self.smooth else self.i
         m.submodules.sobel = sobel = self.sobel
         m.submodules.lines = lines = self._lines
         m.d.comb += sobel.i.eq(column)
@@ -100,7 +100,7 @@ class GradientColumns(wiring.Component):
             m.d.comb += [pixel.eq(source) for pixel, source in zip(out.pixels, [*pairs, *oldest], strict=True)]
         return m
 
-    def _smoothed(self, m: Module, smooth: Binomial) -> data.View:
+    def _smooth_column(self, m: Module, smooth: Binomial) -> data.View:
         """Store the smoothed pixels, or, for FAST, the middle of the smoother's window; return their column."""
         m.submodules.smooth = smooth
         m.submodules.smoothed_lines = lines = self._smoothed_lines

@@ -167,7 +167,7 @@ class ResponseCode(wiring.Component):
         value: Value = self.i.raw[: RAW_RESPONSE.bits - 1]
         exponent: Value = Cat()
         for steps in ((16,), (8,), (4,), (2, 1)):
-            value, exponent = self._normalised(m, value, exponent, steps)
+            value, exponent = self._normalise(m, value, exponent, steps)
         # The hidden one just above the fraction adds 1 to the exponent field: the field of a normal number is its
         # number of shifts plus one.
         code = delayed(m, ((exponent << RESPONSE_FRACTION_BITS) + value)[: RESPONSE_CODE.bits], 1)
@@ -176,7 +176,7 @@ class ResponseCode(wiring.Component):
         return m
 
     @staticmethod
-    def _normalised(m: Module, value: Value, exponent: Value, steps: tuple[int, ...]) -> tuple[Value, Value]:
+    def _normalise(m: Module, value: Value, exponent: Value, steps: tuple[int, ...]) -> tuple[Value, Value]:
         """One clock of conditional shifts, the largest first; ``exponent`` records which were made."""
         for step in steps:
             kept_bits = RESPONSE_FRACTION_BITS + step

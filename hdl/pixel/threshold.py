@@ -56,12 +56,12 @@ class AdaptiveThreshold(wiring.Component):
             m.d.sync += count.eq(0)
         with m.Elif(~count[-1]):
             m.d.sync += count.eq(count + added)
-        excess = delayed(m, _clamped(m, count, 0, self.max_features) - self.i_target, 1)
+        excess = delayed(m, _clamp(m, count, 0, self.max_features) - self.i_target, 1)
         steps = [STEPS[detector] for detector in DETECTORS]
-        by_detector = Array(_clamped(m, excess >> each.shift, -each.max_step, each.max_step) for each in steps)
+        by_detector = Array(_clamp(m, excess >> each.shift, -each.max_step, each.max_step) for each in steps)
         step = by_detector[self.i_detector]
         moved = delayed(m, self.o_code + delayed(m, step, 1), 1)
-        following = delayed(m, Array(_clamped(m, moved, 1, each.max_code) for each in steps)[self.i_detector], 1)
+        following = delayed(m, Array(_clamp(m, moved, 1, each.max_code) for each in steps)[self.i_detector], 1)
         with m.If(self.i_load):
             m.d.sync += self.o_code.eq(self.i_code)
         with m.Elif(self.i_frame_ends & self.i_adapt):
@@ -69,7 +69,7 @@ class AdaptiveThreshold(wiring.Component):
         return m
 
 
-def _clamped(m: Module, value: Value, low: int, high: int) -> Value:
+def _clamp(m: Module, value: Value, low: int, high: int) -> Value:
     """``value`` one clock later, limited to ``low``..``high``."""
     below = delayed(m, value < low, 1)
     above = delayed(m, value > high, 1)

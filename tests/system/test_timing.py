@@ -30,7 +30,7 @@ def built(component):
 @pytest.mark.parametrize("pattern", PATTERNS.values(), ids=PATTERNS)
 def test_latencies_are_those_that_the_blocks_state(pattern):
     config = Config(front_end=FrontEndConfig(descriptor=pattern.name, border_px=20))
-    latencies = Latencies.of(config, lanes=LANES)
+    latencies = Latencies.compute(config, lanes=LANES)
     search = built(NearestNeighbours(bits=pattern.bits, lanes=LANES, max_features=80))
     assert timing.DISTANCE_CYCLES[pattern.bits] == built(Distances(bits=pattern.bits, lanes=LANES)).latency_cycles
     assert (latencies.drain, latencies.shortest_pass) == (search.drain_cycles, search.shortest_pass_cycles)
