@@ -28,13 +28,6 @@ class PacketGate(wiring.Component):
     ----------
     record_bytes : int
         Length of the stream's records.
-
-    Attributes
-    ----------
-    buffer : SkidBuffer
-        The register stage in front.
-    latency_cycles : int
-        From input to output, while the output does not stall; the first word of a packet takes another clock.
     """
 
     i: In(stream.Signature(WordPayload))
@@ -50,6 +43,9 @@ class PacketGate(wiring.Component):
     """The last packet's status; valid from ``o_done`` on."""
 
     latency_cycles = SkidBuffer.latency_cycles
+    """From input to output, while the output does not stall; the first word of a packet takes another clock."""
+    buffer: SkidBuffer
+    """The register stage in front."""
 
     def __init__(self, *, record_bytes: int) -> None:
         self.record_words = record_bytes // WORD_BYTES

@@ -58,10 +58,6 @@ class VideoInput(wiring.Component):
         video mode. An 8 or 16-bit port has no colour. A beat of 48 or 16 bits holds two pixels; every line begins with
         a new beat in both modes, and the upper pixel of an odd line's last beat is ignored.
 
-    Attributes
-    ----------
-    latency_cycles : int
-
     Raises
     ------
     ValueError

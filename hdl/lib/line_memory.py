@@ -22,11 +22,6 @@ class LineMemory(wiring.Component):
         Shape of a word.
     depth : int
         Number of words.
-
-    Attributes
-    ----------
-    latency_cycles : int
-        From ``i_read`` to ``o_word``.
     """
 
     i_read: Signal
@@ -38,6 +33,7 @@ class LineMemory(wiring.Component):
     i_word: Signal
 
     latency_cycles = 2
+    """From ``i_read`` to ``o_word``."""
 
     def __init__(self, *, shape: ShapeLike, depth: int) -> None:
         self.shape = shape

@@ -22,10 +22,6 @@ class Multiplier(wiring.Component):
         Shapes of the factors.
     product : Shape
         Shape of the product; it must hold every product.
-
-    Attributes
-    ----------
-    latency_cycles : int
     """
 
     i_valid: Signal

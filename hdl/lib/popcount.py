@@ -34,10 +34,6 @@ class Popcount(wiring.Component):
     lanes : int
         Width of a plane.
 
-    Attributes
-    ----------
-    latency_cycles : int
-
     Raises
     ------
     ValueError
@@ -50,6 +46,8 @@ class Popcount(wiring.Component):
     """``bits`` planes of ``lanes`` bits."""
     o_counts: Sequence[Signal]
     """A count for each lane."""
+
+    latency_cycles: int
 
     def __init__(self, *, bits: int, lanes: int) -> None:
         if bits < 3:

@@ -18,10 +18,6 @@ class SkidBuffer(wiring.Component):
     ----------
     shape : ShapeLike
         Shape of the payload.
-
-    Attributes
-    ----------
-    latency_cycles : int
     """
 
     i: stream.Interface

@@ -54,13 +54,6 @@ class WeightedSum(wiring.Component):
     shape : Shape
         Shape of the values.
 
-    Attributes
-    ----------
-    latency_cycles : int
-        Clocks from values to sum: the depth of the tree of two-operand adders.
-    low, high : int
-        Range of the sum.
-
     Raises
     ------
     ValueError
@@ -73,6 +66,13 @@ class WeightedSum(wiring.Component):
     o_valid: Signal
     o_sum: Signal
     """The sum, just wide enough for its range."""
+
+    latency_cycles: int
+    """Clocks from values to sum: the depth of the tree of two-operand adders."""
+    low: int
+    """Smallest sum."""
+    high: int
+    """Largest sum."""
 
     def __init__(self, *, weights: Sequence[int], shape: Shape) -> None:
         if not any(weights):

@@ -79,10 +79,6 @@ class CameraGate(wiring.Component):
 
     The frame after one with more pixels than its size is dropped: a camera with more lines than the setting delivers
     one good frame of its upper lines, then none.
-
-    Attributes
-    ----------
-    latency_cycles : int
     """
 
     i: In(stream.Signature(CAMERA_BEAT))
