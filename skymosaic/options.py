@@ -15,6 +15,7 @@ GROUPS = ("Input", "Registration", "Picture", "Map", "Output", "Machine")
 """Headings in the help, in this order."""
 INPUT, REGISTRATION, PICTURE, MAP, OUTPUT, MACHINE = GROUPS
 
+Class = TypeVar("Class", bound=type[Any])
 Default = TypeVar("Default")
 About = ParamSpec("About")
 
@@ -41,7 +42,7 @@ class Option:
         The command line counts in multiples of this.
     not_for_two, not_for_more : str
         Why it has no effect on two photographs, or on more; empty where it has one.
-    name, default
+    name, type, default
         Of the dataclass field, filled in by `options_of`.
     """
 
@@ -57,6 +58,7 @@ class Option:
     not_for_two: str = ""
     not_for_more: str = ""
     name: str = ""
+    type: str = ""
     default: Any = None
 
     @property
@@ -101,5 +103,16 @@ def options_of(cls: type[Any]) -> list[Option]:
         if about := each.metadata.get("option"):
             # Names in Python end in their unit.
             flag = about.flag or "--" + re.sub("_(px|m|bytes)$", "", each.name).replace("_", "-")
-            options.append(dataclasses.replace(about, name=each.name, default=each.default, flag=flag))
+            field_facts = {"name": each.name, "type": str(each.type), "default": each.default}
+            options.append(dataclasses.replace(about, flag=flag, **field_facts))
     return sorted(options, key=lambda each: GROUPS.index(each.group))
+
+
+def document_options(cls: Class) -> Class:
+    """Add the options to the docstring of their class, so that ``help`` and notebooks show them."""
+    lines = [(cls.__doc__ or "").rstrip(), "", "    Attributes", "    ----------"]
+    for each in options_of(cls):
+        valid = f" Valid: {each.valid}." if each.valid else ""
+        lines += [f"    {each.name} : {each.type}, default {each.default!r}", f"        {each.help}{valid}"]
+    cls.__doc__ = "\n".join([*lines, "    "])
+    return cls

@@ -67,8 +67,8 @@ def options() -> str:
         for each in described:
             also = [f"`{user}`" for user, cls in users.items() if each.name in cls.__dataclass_fields__]
             words = [each.help, *([f"Valid: {each.valid}."] if each.valid else [])]
-            words += [f"Not for two: {each.not_for_two}."] if each.not_for_two else []
-            words += [f"Not for more than two: {each.not_for_more}."] if each.not_for_more else []
+            words += [f"Only for more than two: {each.not_for_two}."] if each.not_for_two else []
+            words += [f"Only for two photographs: {each.not_for_more}."] if each.not_for_more else []
             words += [f"Also of {' and '.join(also)}."] if also else []
             parts.append(f"| `{each.name}` | `{each.flag}` | `{each.default!r}` | {' '.join(words)} |")
         parts.append("")

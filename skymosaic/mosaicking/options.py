@@ -12,19 +12,22 @@ from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.picture.composition import MEMORY_BYTES
 from skymosaic.imagery.lens import Lens
 from skymosaic.maps.control_points import ControlPoints
-from skymosaic.options import INPUT, MACHINE, MAP, PICTURE, option, options_of
+from skymosaic.options import INPUT, MACHINE, MAP, PICTURE, document_options, option, options_of
 from skymosaic.registration.options import RegistrationKeywords, RegistrationOptions
 
 MEGABYTE = 1 << 20
 MEGAPIXEL = 1_000_000
 
 
+@document_options
 @dataclass(frozen=True, kw_only=True)
 class MosaicOptions(RegistrationOptions):
-    """How photographs become a mosaic. Each option applies, or `check` refuses it with the reason.
+    """How photographs become a mosaic. Each option applies, or `check_for` refuses it with the reason.
 
-    ``default_cache``, for programs only, is the folder of ``cache`` where that is None; with two photographs it is
-    ignored.
+    ``lens`` comes from `skymosaic.imagery.lens.load_lens`, ``control`` from
+    `skymosaic.maps.control_points.load_control_points`. The reference photograph of ``scale`` is the right one of two;
+    of more it is the most connected one, without its tilt. With a ``scheduler``, two photographs are registered here
+    and blended there. ``default_cache`` is the folder of ``cache`` where that is None, and ignored for two photographs.
     """
 
     lens: Lens | None = option(
@@ -35,12 +38,11 @@ class MosaicOptions(RegistrationOptions):
     )
     blending: str | None = option(
         None,
-        "By default distance for two photographs, multiband along seams for more.",
+        "How photographs are blended; by default distance for two, multiband along seams for more.",
         PICTURE,
         choices=tuple(METHODS),
         flag="--blend",
     )
-    # The reference is the right one of two photographs; of more, the most connected one, without its tilt.
     scale: float = option(1.0, "Canvas pixels per pixel of the reference photograph.", PICTURE, above=0, maximum=1)
     warp: str = option(
         "homography",
@@ -70,7 +72,7 @@ class MosaicOptions(RegistrationOptions):
     )
     memory_bytes: int = option(
         MEMORY_BYTES,
-        "Limit of the photographs kept decoded: bytes, on the command line megabytes.",
+        "Limit of the decoded photographs kept at once: bytes, on the command line megabytes.",
         MACHINE,
         flag_unit=MEGABYTE,
         minimum=64 * MEGABYTE,
@@ -85,12 +87,12 @@ class MosaicOptions(RegistrationOptions):
     default_cache: Path | None = None
 
     def check_for(self, photographs: int) -> None:
-        """`check`, and refuse what has no effect on so many photographs, before the long work begins.
+        """`check`, and refuse what has no effect on this number of photographs, before the long work begins.
 
         Raises
         ------
         InputError
-            As `check`, and for an option that would have no effect.
+            As in `check`, and for an option that would have no effect.
         """
         if photographs < 2:
             raise InputError(f"a mosaic takes at least two photographs, not {photographs}")

@@ -18,13 +18,14 @@ from skymosaic.features.descriptors import DESCRIPTORS
 from skymosaic.features.detectors import DETECTORS
 from skymosaic.features.methods import Method, check_backend, choose_method, load_backend_for
 from skymosaic.geometry.estimators import ESTIMATORS, FUZZY_RANSAC, SCORINGS
-from skymosaic.options import INPUT, MACHINE, option, options_of
+from skymosaic.options import INPUT, MACHINE, document_options, option, options_of
 
 WORKING_WIDTH_PX = 1280
 EFFORTS = ("fast", "normal", "thorough")
 """fast: one pass; normal: more where the first is weak; thorough: three scales always, more where they are weak."""
 
 
+@document_options
 @dataclass(frozen=True, kw_only=True)
 class FeatureOptions:
     """How the features of one photograph are computed."""
@@ -107,6 +108,7 @@ class FeatureOptions:
         return choose_method(self.base_config, self.detector, self.descriptor)
 
 
+@document_options
 @dataclass(frozen=True, kw_only=True)
 class RegistrationOptions(FeatureOptions):
     """How two photographs are registered."""
@@ -119,13 +121,13 @@ class RegistrationOptions(FeatureOptions):
     )
     effort: str | None = option(
         None,
-        "One pass; more frames where that is weak (normal, the default); always three scales (thorough).",
+        "fast: one pass; normal, the default: more frames where that is weak; thorough: always three scales.",
         choices=EFFORTS,
         not_for_more="more than two photographs are linked by one pass each",
     )
     refine: bool = option(
         False,
-        "Second, guided pass; its result counts only if it fits held-out matches better.",
+        "Guided pass: about twice the inliers and half the error; it counts only if it fits held-out matches better.",
         not_for_more="the layout of more than two photographs is refined by all links",
     )
     seed: int = option(0, "Seed of the robust estimator.", minimum=0)

@@ -22,12 +22,18 @@ def test_keyword_arguments_have_the_names_and_types_of_the_fields(keywords: type
     assert get_type_hints(keywords) == {name: types[name] for name in names}
 
 
+def test_the_docstring_has_every_option() -> None:
+    documented = MosaicOptions.__doc__
+    assert documented is not None
+    for each in options_of(MosaicOptions):
+        assert f"    {each.name} : {each.type}, default {each.default!r}\n        {each.help}" in documented
+
+
 def test_every_default_is_valid_and_every_sentence_ends() -> None:
     MosaicOptions().check_for(2)
     MosaicOptions().check_for(3)
     for each in options_of(MosaicOptions):
         assert each.group in GROUPS
-        assert each.help[0].isupper()
         assert each.help.endswith(".")
         assert each.flag.startswith("--")
 
