@@ -9,7 +9,7 @@ exposures do not explain are left to a smooth light field per photograph, see `s
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -41,24 +41,8 @@ MAX_HELD_OUT_DIFFERENCE = 0.99
 """A lens falloff is used if it lowers the median difference of held-out overlaps below this share."""
 
 
-@dataclass(frozen=True)
-class Levels:
-    """Range of the camera's numbers in photographs of 16 bits.
-
-    Attributes
-    ----------
-    black : float
-        The number without light.
-    white : float
-        The largest number.
-    """
-
-    black: float = 0.0
-    white: float = 255.0
-
-
-def estimate_levels(samples: Sequence[NDArray[np.generic]], blacks: Sequence[float | None]) -> Levels:
-    """Estimate the levels of photographs of 16 bits.
+def estimate_levels(samples: Sequence[NDArray[np.generic]], blacks: Sequence[float | None]) -> tuple[float, float]:
+    """Estimate the camera's numbers for black and white in photographs of 16 bits.
 
     Parameters
     ----------
@@ -69,20 +53,20 @@ def estimate_levels(samples: Sequence[NDArray[np.generic]], blacks: Sequence[flo
     """
     least, most = min(sample.min() for sample in samples), max(sample.max() for sample in samples)
     known = [black for black in blacks if black is not None]
+    black = min(float(np.median(known)), float(least)) if known else 0.0
     # Cameras of 10 to 14 bits fill the lower bits of their numbers, or the upper ones.
-    return Levels(
-        min(float(np.median(known)), float(least)) if known else 0.0, float((1 << int(most).bit_length()) - 1)
-    )
+    return black, float((1 << int(most).bit_length()) - 1)
 
 
-def estimate_tones(thumbnails: Sequence[Layer], levels: Levels = Levels()) -> list[Tone]:
+def estimate_tones(thumbnails: Sequence[Layer], *, black: float = 0.0, white: float = 255.0) -> list[Tone]:
     """Estimate the tone of each photograph.
 
     Parameters
     ----------
     thumbnails : sequence of Layer
         The photographs on a reduced canvas, all BGR, without tones.
-    levels : Levels
+    black, white : float
+        The camera's numbers for black and white, see `estimate_levels`.
 
     Returns
     -------
@@ -91,7 +75,7 @@ def estimate_tones(thumbnails: Sequence[Layer], levels: Levels = Levels()) -> li
         than the photographs show. Neutral for photographs without an overlap.
     """
     number = len(thumbnails)
-    overlaps = compare_overlaps(thumbnails, levels.black, levels.white)
+    overlaps = compare_overlaps(thumbnails, black, white)
     design = _design(overlaps, number)
     exposure, falloff = _fit_exposure(overlaps, design)
     logs = exposure[:, None] + _fit_balance(overlaps, design)
@@ -101,7 +85,7 @@ def estimate_tones(thumbnails: Sequence[Layer], levels: Levels = Levels()) -> li
     if not joined:
         return [NEUTRAL] * number
     gains, common = np.exp(logs).tolist(), (float(falloff[0]), float(falloff[1]))
-    tones = [Tone(tuple(gains[k]), common, levels.black, None if light is None else light[k]) for k in joined]
+    tones = [Tone(tuple(gains[k]), common, black, None if light is None else light[k]) for k in joined]
     anchored = dict(zip(joined, _anchor([thumbnails[k] for k in joined], tones), strict=True))
     return [anchored.get(k, NEUTRAL) for k in range(number)]
 

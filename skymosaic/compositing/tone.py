@@ -44,11 +44,6 @@ class Tone:
     shoulder: float = SHOULDER_START
 
     @property
-    def is_neutral(self) -> bool:
-        """Whether the tone changes nothing."""
-        return all(gain == 1 for gain in self.gain) and not self.varies
-
-    @property
     def varies(self) -> bool:
         """Whether the tone differs between places of the photograph."""
         return self.light is not None or any(self.falloff)
@@ -66,7 +61,7 @@ class Tone:
         factors : ndarray of float32, shape (H, W, 1 or 3), or None
             From `factors`; None: the gain alone.
         """
-        if self.is_neutral:
+        if all(gain == 1 for gain in self.gain) and not self.varies:
             return pixels
         planes = pixels[..., None] if pixels.ndim == 2 else pixels
         factor = np.array(self.gain, dtype=np.float32) if factors is None else factors

@@ -76,11 +76,6 @@ class Estimate:
     inliers: Mask
     samples: int
 
-    @property
-    def accepted(self) -> bool:
-        """Whether at least 12 matches lie within 2 px."""
-        return self.homography is not None
-
 
 class _Matches:
     """Point pairs in order of falling weight, and the rows of the DLT for all of them in one normalisation."""

@@ -249,7 +249,8 @@ def equalise(composition: Composition, views: Sequence[View], thumbnails: Sequen
     if values is None or not values.deep:
         return composition.with_each(tone=estimate_tones(thumbnails))
     samples = [view.sample for view in views]
-    tones = estimate_tones(thumbnails, estimate_levels(samples, [view.taken.black_level for view in views]))
+    black, white = estimate_levels(samples, [view.taken.black_level for view in views])
+    tones = estimate_tones(thumbnails, black=black, white=white)
     return replace(composition.with_each(tone=tones), values=measure_toned_range(tones, samples, values))
 
 

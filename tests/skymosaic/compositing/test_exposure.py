@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from skymosaic.compositing.exposure import Levels, estimate_levels, estimate_tones
+from skymosaic.compositing.exposure import estimate_levels, estimate_tones
 from skymosaic.compositing.layer import Layer
 from skymosaic.compositing.overlaps import compare_overlaps
 from skymosaic.compositing.tone import NEUTRAL, SHOULDER_START
@@ -25,12 +25,9 @@ def strip(exposures, falloff=0.0, step_px=90, noise=1.0, seed=2):
     for number, exposure in enumerate(exposures):
         left, top = step_px * (number // 2), 120 * (number % 2)
         window = ground[top : top + SIZE_PX[1], left : left + SIZE_PX[0]]
-        seen = window * np.asarray(exposure) * np.exp(-falloff * radius**2)[..., None] + rng.normal(
-            0, noise, window.shape
-        )
-        layers.append(
-            Layer(np.rint(np.clip(seen, 0, 255)).astype(np.uint8), np.array([[1.0, 0, left], [0, 1, top], [0, 0, 1]]))
-        )
+        light = np.asarray(exposure) * np.exp(-falloff * radius**2)[..., None]
+        exposed = np.clip(window * light + rng.normal(0, noise, window.shape), 0, 255)
+        layers.append(Layer(np.rint(exposed).astype(np.uint8), np.array([[1.0, 0, left], [0, 1, top], [0, 0, 1]])))
     return layers
 
 
@@ -48,25 +45,25 @@ def white_share(images):
 
 def test_ratios_of_exposures_are_found_and_the_median_photograph_keeps_its_brightness():
     exposures = np.array([1.0, 0.8, 1.1, 0.7, 0.9, 1.2, 0.75])
-    found = gains(estimate_tones(strip(exposures[:, None])))
-    relative = found.mean(axis=1) * exposures
+    gain = gains(estimate_tones(strip(exposures[:, None])))
+    relative = gain.mean(axis=1) * exposures
     np.testing.assert_allclose(relative / relative.mean(), 1, atol=0.02)
-    assert np.median(found.mean(axis=1)) == pytest.approx(1, abs=0.02)
+    assert np.median(gain.mean(axis=1)) == pytest.approx(1, abs=0.02)
 
 
 def test_darkness_is_not_favoured():
     """Every second photograph is 40 % darker: least squares on gains would darken all, logarithms do not."""
-    found = gains(estimate_tones(strip(np.array([1.0, 0.6] * 4)[:, None]))).mean(axis=1)
-    assert np.exp(np.log(found).mean()) == pytest.approx(1, abs=0.3)
-    np.testing.assert_allclose(found[1::2] / found[::2], 1 / 0.6, rtol=0.03)
+    gain = gains(estimate_tones(strip(np.array([1.0, 0.6] * 4)[:, None]))).mean(axis=1)
+    assert np.exp(np.log(gain).mean()) == pytest.approx(1, abs=0.3)
+    np.testing.assert_allclose(gain[1::2] / gain[::2], 1 / 0.6, rtol=0.03)
 
 
 def test_white_balance_follows_the_overlaps_by_channel():
     exposures = np.ones((6, 3))
     exposures[2] = 0.95, 1.0, 1.05
-    found = gains(estimate_tones(strip(exposures)))
-    assert found[2, 0] / found[2, 2] == pytest.approx(1.05 / 0.95, rel=0.03)
-    np.testing.assert_allclose(np.delete(found, 2, axis=0), 1, atol=0.03)
+    gain = gains(estimate_tones(strip(exposures)))
+    assert gain[2, 0] / gain[2, 2] == pytest.approx(1.05 / 0.95, rel=0.03)
+    np.testing.assert_allclose(np.delete(gain, 2, axis=0), 1, atol=0.03)
 
 
 def test_a_common_falloff_of_the_lens_is_found():
@@ -103,8 +100,8 @@ def test_bright_ground_of_an_automatic_exposure_stays_below_white():
     images = []
     for layer in layers:
         left = int(layer.transform[0, 2])
-        seen = layer.image * ramp[left : left + SIZE_PX[0], None]
-        images.append(np.clip(seen * (150 / seen.mean()), 0, 255).astype(np.uint8))
+        lit = layer.image * ramp[left : left + SIZE_PX[0], None]
+        images.append(np.clip(lit * (150 / lit.mean()), 0, 255).astype(np.uint8))
     layers = [Layer(image, layer.transform) for image, layer in zip(images, layers, strict=True)]
     *tones, alone = estimate_tones([*layers, Layer(layers[0].image, np.array([[1.0, 0, 5000], [0, 1, 0], [0, 0, 1]]))])
     assert alone is NEUTRAL
@@ -130,9 +127,9 @@ def sunlit():
 
 
 def test_light_that_changes_within_photographs_is_evened_out(sunlit):
-    levels = estimate_levels([layer.image for layer in sunlit], [5000.0, None, 5004.0])
-    assert levels == Levels(5002, 65_535)
-    tones = estimate_tones(sunlit, levels)
+    black, white = estimate_levels([layer.image for layer in sunlit], [5000.0, None, 5004.0])
+    assert (black, white) == (5002, 65_535)
+    tones = estimate_tones(sunlit, black=black, white=white)
     after = [toned(layer, tone) for layer, tone in zip(sunlit, tones, strict=True)]
     kept = [image.mean() / layer.image.mean() for image, layer in zip(after, sunlit, strict=True)]
     assert np.median(kept) == pytest.approx(1, abs=0.03)

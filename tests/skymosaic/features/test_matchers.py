@@ -64,8 +64,8 @@ def test_a_match_in_one_direction_only_is_proposed_but_not_verified() -> None:
     left = np.stack([bits(*range(8)), bits(0, 1, 2, 20, 21)])
     right = np.stack([bits(0, 1, 2, 3, 4, 20), bits(0, 1, 2, 20, 21)])
     matches = match_by_ratio(records(left), records(right), cv2.NORM_HAMMING)
-    found = {(int(m["left_index"]), int(m["right_index"])): int(m["verdict"]) for m in matches}
-    assert found == {(0, 0): 0, (1, 1): 1}
+    verdicts = {(int(m["left_index"]), int(m["right_index"])): int(m["verdict"]) for m in matches}
+    assert verdicts == {(0, 0): 0, (1, 1): 1}
     np.testing.assert_array_equal(matches["rule"], 1 - matches["verdict"])
 
 

@@ -83,11 +83,11 @@ def test_tracking_takes_images_of_different_size(images) -> None:
 def test_frames_are_matched_with_the_first_or_with_the_one_before(images) -> None:
     method, config = choose_method(PRESETS["aerial"], "orb")
     frames = [images[0], images[1], images[1]]
-    held = HostBackend(method).run(frames, config)
+    first = HostBackend(method).run(frames, config)
     previous = HostBackend(method).run(frames, config, reference="previous")
-    assert len(held[0].matches) == 0
-    np.testing.assert_array_equal(held[1].matches, previous[1].matches)
-    np.testing.assert_array_equal(held[2].matches[["left_x", "right_x"]], held[1].matches[["left_x", "right_x"]])
+    assert len(first[0].matches) == 0
+    np.testing.assert_array_equal(first[1].matches, previous[1].matches)
+    np.testing.assert_array_equal(first[2].matches[["left_x", "right_x"]], first[1].matches[["left_x", "right_x"]])
     same = previous[2].matches
     np.testing.assert_array_equal(same["left_x"], same["right_x"])
 

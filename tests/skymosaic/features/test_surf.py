@@ -28,11 +28,11 @@ def test_determinant_is_that_of_the_drawn_filters(size_px: int) -> None:
     gray = np.random.default_rng(size_px).integers(0, 256, (120, 131), dtype=np.uint8)
     dxx, dyy, dxy = (cv2.filter2D(gray.astype(np.float64), -1, kernel) / size_px**2 for kernel in box_filters(size_px))
     inner = (slice(size_px // 2, -(size_px // 2)),) * 2
-    found = surf.determinant(cv2.integral(gray), size_px)
-    np.testing.assert_allclose(found[inner], (dxx * dyy - (0.9 * dxy) ** 2)[inner], atol=1e-6)
-    border = np.ones_like(found, dtype=bool)
+    values = surf.determinant(cv2.integral(gray), size_px)
+    np.testing.assert_allclose(values[inner], (dxx * dyy - (0.9 * dxy) ** 2)[inner], atol=1e-6)
+    border = np.ones_like(values, dtype=bool)
     border[inner] = False
-    assert not found[border].any()
+    assert not values[border].any()
 
 
 def test_a_blob_is_found_at_its_place() -> None:

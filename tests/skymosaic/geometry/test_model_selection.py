@@ -16,16 +16,16 @@ def matches(truth: np.ndarray, right_ones: int, wrong_ones: int, seed: int = 0, 
     return left, right, np.ones(len(left))
 
 
-def error_px(found: np.ndarray, truth: np.ndarray) -> float:
+def error_px(result: np.ndarray, truth: np.ndarray) -> float:
     corners = np.array([[0, 0], [250, 0], [250, 250], [0, 250]], dtype=np.float64)
-    return float(np.linalg.norm(apply(found, corners) - apply(truth, corners), axis=1).max())
+    return float(np.linalg.norm(apply(result, corners) - apply(truth, corners), axis=1).max())
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_eight_right_matches_among_thirty_wrong_ones_are_enough(seed):
-    found = fit_similarity(*matches(SIMILAR, 8, 30, seed), fewest=6)
-    assert found.inliers >= 8
-    assert error_px(found.matrix, SIMILAR) < 1.5
+    result = fit_similarity(*matches(SIMILAR, 8, 30, seed), fewest=6)
+    assert result.inliers >= 8
+    assert error_px(result.matrix, SIMILAR) < 1.5
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -35,14 +35,14 @@ def test_chance_matches_are_refused(seed):
 
 def test_the_matches_decide_between_similarity_and_homography():
     for truth, model in ((SIMILAR, "similarity"), (TILTED, "projective")):
-        found = fit(*matches(truth, 60, 20), fewest=6, rng=np.random.default_rng(1))
-        assert found.model == model
-        assert error_px(found.matrix, truth) < 1.0
+        result = fit(*matches(truth, 60, 20), fewest=6, rng=np.random.default_rng(1))
+        assert result.model == model
+        assert error_px(result.matrix, truth) < 1.0
 
 
 def test_few_matches_never_make_a_homography():
-    found = fit(*matches(TILTED, 9, 0), fewest=4, rng=np.random.default_rng(1))
-    assert found is None or found.model == "similarity"
+    result = fit(*matches(TILTED, 9, 0), fewest=4, rng=np.random.default_rng(1))
+    assert result is None or result.model == "similarity"
 
 
 @pytest.mark.parametrize("count", [0, 1])

@@ -14,8 +14,8 @@ def test_the_range_of_16_bit_pixels_is_the_percentiles():
     for seed in range(20):
         rng = np.random.default_rng(seed)
         deep = rng.integers(0, 1 << 16, (rng.integers(70, 100), 83), dtype=np.uint16)
-        found = measure_range(deep, "deep")
-        np.testing.assert_allclose((found.low, found.high), np.percentile(deep, (0.1, 99.9)))
+        values = measure_range(deep, "deep")
+        np.testing.assert_allclose((values.low, values.high), np.percentile(deep, (0.1, 99.9)))
 
 
 def test_a_flight_has_one_range_and_keeps_16_bits():

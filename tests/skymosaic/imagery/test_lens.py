@@ -21,12 +21,12 @@ def test_a_camera_takes_the_distortion_out(tmp_path):
     # Points of a straight line, distorted as the camera would, end on a line again.
     line = np.column_stack([np.linspace(60, 580, 14), np.full(14, 90.0)])
     rays = np.column_stack([(line - [319.5, 239.5]) / 500, np.ones(14)])
-    seen, _ = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), lens.matrix, lens.distortion)
+    distorted, _ = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), lens.matrix, lens.distortion)
     picture = np.zeros((480, 640), np.uint8)
-    for x, y in seen[:, 0]:
+    for x, y in distorted[:, 0]:
         cv2.circle(picture, (round(x * 16), round(y * 16)), 3 << 4, 255, -1, cv2.LINE_AA, 4)
     straight = lens.straighten(picture)
-    assert np.ptp(seen[:, 0, 1]) > 4
+    assert np.ptp(distorted[:, 0, 1]) > 4
     for x, y in line:
         patch = straight[round(y) - 6 : round(y) + 7, round(x) - 6 : round(x) + 7].astype(float)
         rows, columns = np.mgrid[-6:7, -6:7]

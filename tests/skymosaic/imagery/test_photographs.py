@@ -11,9 +11,9 @@ from skymosaic.imagery.photographs import DecodedPhotographs, Source, list_sourc
 def test_a_folder_gives_its_pictures_by_number(tmp_path):
     for name in ("IMG_10.png", "IMG_2.png", "notes.txt", ".IMG_3.png"):
         (tmp_path / name).write_bytes(b"x")
-    found = list_sources([tmp_path, np.zeros((64, 64), np.uint8)])
-    assert [source.name.rsplit("/")[-1] for source in found] == ["IMG_2.png", "IMG_10.png", "image 2"]
-    assert [source.index for source in found] == [0, 1, 2]
+    sources = list_sources([tmp_path, np.zeros((64, 64), np.uint8)])
+    assert [source.name.rsplit("/")[-1] for source in sources] == ["IMG_2.png", "IMG_10.png", "image 2"]
+    assert [source.index for source in sources] == [0, 1, 2]
 
 
 def test_an_empty_folder_is_one_line(tmp_path):
@@ -29,11 +29,11 @@ def test_digests_depend_on_the_content_alone(tmp_path):
 
 
 def test_decoded_photographs_stay_below_their_limit(tmp_path):
-    held = [Source(index, f"image {index}", np.full((64, 64), index, np.uint8)) for index in range(5)]
+    sources = [Source(index, f"image {index}", np.full((64, 64), index, np.uint8)) for index in range(5)]
     photographs = DecodedPhotographs(3 * 64 * 64)
-    first = photographs.pixels(held[0], Lens())
-    assert photographs.pixels(held[0], Lens()) is first
-    for source in held[1:]:
+    first = photographs.pixels(sources[0], Lens())
+    assert photographs.pixels(sources[0], Lens()) is first
+    for source in sources[1:]:
         assert np.all(photographs.pixels(source, Lens()) == source.index)
     assert photographs.size_bytes <= 3 * 64 * 64
 

@@ -17,11 +17,11 @@ def test_a_turned_and_scaled_layout_is_found_on_the_map(crs, false_north):
     zone, same = project_to_utm([Position(lat, lon) for lon, lat in map_to_globe(metres, crs)])
     assert zone == crs
     np.testing.assert_allclose(same, metres, atol=2e-3)
-    found, reason = fit_to_map(places, same, zone)
+    place, reason = fit_to_map(places, same, zone)
     assert reason == ""
-    assert found.residual_m < 1e-3
-    assert found.metres_per_pixel == pytest.approx(0.05, rel=1e-6)
-    mapped = places @ found.to_map[:2, :2].T + found.to_map[:2, 2]
+    assert place.residual_m < 1e-3
+    assert place.metres_per_pixel == pytest.approx(0.05, rel=1e-6)
+    mapped = places @ place.to_map[:2, :2].T + place.to_map[:2, 2]
     np.testing.assert_allclose(mapped, metres, atol=2e-3)
 
 
@@ -34,18 +34,18 @@ def scattered(count: int, noise_m: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_the_residual_is_the_noise_of_the_positions():
-    found, _ = fit_to_map(*scattered(400, 2.0), "EPSG:32615")
-    assert found.residual_m == pytest.approx(2 * np.sqrt(2), rel=0.1)
+    place, _ = fit_to_map(*scattered(400, 2.0), "EPSG:32615")
+    assert place.residual_m == pytest.approx(2 * np.sqrt(2), rel=0.1)
 
 
 def test_positions_that_are_far_off_are_named_and_do_not_count():
     places, metres = scattered(20, 0.5)
     metres[[3, 11, 12]] += [60, -40]
-    found, _ = fit_to_map(places, metres, "EPSG:32615")
-    assert found.disagreeing == (3, 11, 12)
-    assert found.offsets_m[11] == pytest.approx(np.hypot(60, 40), abs=3)
-    assert found.residual_m < 1.2
-    assert found.metres_per_pixel == pytest.approx(0.05, rel=0.01)
+    place, _ = fit_to_map(places, metres, "EPSG:32615")
+    assert place.disagreeing == (3, 11, 12)
+    assert place.offsets_m[11] == pytest.approx(np.hypot(60, 40), abs=3)
+    assert place.residual_m < 1.2
+    assert place.metres_per_pixel == pytest.approx(0.05, rel=0.01)
 
 
 NAN = (np.nan, np.nan)
@@ -62,6 +62,6 @@ NAN = (np.nan, np.nan)
 )
 def test_positions_that_do_not_determine_the_map_are_refused(metres, message):
     places = np.array([[0, 0], [0, 1000], [1000, 1000], [1000, 0]], dtype=np.float64)
-    found, reason = fit_to_map(places, np.array(metres, dtype=np.float64), "EPSG:32615")
-    assert found is None
+    place, reason = fit_to_map(places, np.array(metres, dtype=np.float64), "EPSG:32615")
+    assert place is None
     assert any(part in reason for part in message.split("|"))

@@ -28,7 +28,7 @@ def written(path: Path, image: np.ndarray, place: Georeference | None = PLACE, c
     ):
         assert passed is given
     write_cog(path, path.with_name("raw.tif"), compress)
-    assert {found.name for found in path.parent.iterdir()} == {path.name, "raw.tif"}
+    assert {each.name for each in path.parent.iterdir()} == {path.name, "raw.tif"}
     return shown
 
 
