@@ -126,7 +126,7 @@ def designs() -> dict[str, Design]:
             for levels in (1, 2)
         },
         **{
-            f"front end, {width_px} wide, two pixels a clock": front_end(config, width_px, 2, video_bits=48)
+            f"front end, {width_px} wide, two pixels per clock": front_end(config, width_px, 2, video_bits=48)
             for width_px in (WIDTH_PX, 2 * WIDTH_PX)
         },
         "front end, thesis, 1920 wide": front_end(THESIS.front_end, WIDTH_PX, 1),

@@ -87,7 +87,7 @@ def records() -> str:
     }
     parts = [
         "# Records\n",
-        "The accelerator sends records: little-endian, a whole number of 64-bit words, the first byte tells the kind. "
+        "The accelerator sends records: little-endian, a whole number of 64-bit words, the first byte is the kind. "
         "[`golden_model.records`](golden_model.md#golden_model.records) declares them; the hardware's layouts, the "
         "NumPy dtypes and the board's driver follow from it.\n",
     ]
