@@ -1,0 +1,91 @@
+"""The library's options on the command line: each is there, in its group, and what is typed becomes the object."""
+
+from pathlib import Path
+from typing import Annotated
+
+import pytest
+import typer
+from typer.testing import CliRunner, Result
+
+from golden_model.config import preset_config
+from skymosaic.cli.options import with_options
+from skymosaic.errors import InputError
+from skymosaic.mosaicking.options import MosaicOptions
+from skymosaic.options import GROUPS, options_of
+from skymosaic.registration.options import FeatureOptions
+
+read: list[FeatureOptions] = []
+
+
+@with_options
+def everything(*, options: MosaicOptions) -> None:
+    """A command with all options."""
+    read.append(options)
+
+
+@with_options
+def some(*, options: Annotated[FeatureOptions, ("preset", "backend")] = FeatureOptions(backend="rtl")) -> None:
+    """A command with two options, one of which has another default."""
+    read.append(options)
+
+
+app = typer.Typer()
+app.command()(everything)
+app.command()(some)
+
+
+def run(*words: object) -> Result:
+    return CliRunner(env={"COLUMNS": "200"}).invoke(app, [str(word) for word in words])
+
+
+def typed(*words: object) -> FeatureOptions:
+    result = run(*words)
+    assert result.exit_code == 0, result.output
+    return read.pop()
+
+
+def test_the_help_has_every_option_in_its_group() -> None:
+    shown = run("everything", "--help").output
+    groups = [group for group in GROUPS if any(each.group == group for each in options_of(MosaicOptions))]
+    headings = [shown.index(f"─ {group} ─") for group in groups]
+    assert headings == sorted(headings)
+    for each in options_of(MosaicOptions):
+        begin = shown.index(f"─ {each.group} ─")
+        panel = shown[begin : shown.index("╰", begin)]
+        for flag in each.flag.split(" or "):
+            assert f"{flag} " in panel
+
+
+def test_a_command_has_those_of_the_options_that_it_names() -> None:
+    assert typed("some") == FeatureOptions(backend="rtl")
+    assert typed("some", "--preset", "thesis") == FeatureOptions(preset="thesis", backend="rtl")
+    assert run("some", "--detector", "fast").exit_code == 2
+
+
+def test_what_is_typed_becomes_the_object(tmp_path: Path) -> None:
+    (tmp_path / "c.toml").write_text("[front_end]\nthreshold = 7\n")
+    words = ("--blend", "average", "--memory", 100, "--canvas-limit", 3, "--gsd", 0.5, "--working-width", 640)
+    options = typed("everything", *words, "--config", tmp_path / "c.toml", "--refine", "--cache", tmp_path)
+    assert isinstance(options, MosaicOptions)
+    assert (options.blending, options.memory_bytes, options.canvas_limit_px) == ("average", 100 << 20, 3_000_000)
+    assert (options.gsd_m, options.working_width_px, options.refine, options.cache) == (0.5, 640, True, tmp_path)
+    assert options.base_config.front_end.threshold == 7
+    defaults = typed("everything")
+    assert isinstance(defaults, MosaicOptions)
+    assert all(getattr(defaults, each.name) == each.default for each in options_of(MosaicOptions))
+    assert defaults.base_config == preset_config("aerial")
+    assert defaults.default_cache is not None
+
+
+def test_a_board_is_typed_with_its_address() -> None:
+    assert typed("some", "--backend", "board", "--address", "192.0.2.7:5000").backend == "board:192.0.2.7:5000"
+    assert typed("some", "--backend", "board:192.0.2.7").backend == "board:192.0.2.7"
+    result = run("some", "--address", "192.0.2.7")
+    assert isinstance(result.exception, InputError)
+    assert "add --backend board" in str(result.exception)
+
+
+@pytest.mark.parametrize("words", [("--scale", 0), ("--estimator", "psychic"), ("--effort", "heroic")])
+def test_what_is_not_valid_is_refused_when_it_is_read(words: tuple[object, ...]) -> None:
+    result = run("everything", *words)
+    assert isinstance(result.exception, InputError)
