@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import errno
+import os
+import shutil
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -31,6 +34,8 @@ def tee_to_raster(
     bands: Iterable[tuple[Intensities, Mask]],
     georeference: Georeference | None,
     names: Sequence[str] = (),
+    *,
+    mosaic: Path | None = None,
 ) -> Iterator[tuple[Intensities, Mask]]:
     """Pass on the rows of a mosaic unchanged, and write them into a plain GeoTIFF with an alpha band.
 
@@ -46,6 +51,8 @@ def tee_to_raster(
         None: the file does not contain its place.
     names : sequence of str
         Names of the channels if these are bands; empty for gray or colour.
+    mosaic : Path, optional
+        The file that ``path`` becomes, for errors; ``path`` itself by default.
 
     Raises
     ------
@@ -59,7 +66,7 @@ def tee_to_raster(
             planes = [pixels] if pixels.ndim == 2 else cv2.split(pixels)
             # OpenCV's order is BGR, a file's RGB; bands are in order already.
             planes = planes[::-1] if len(planes) == 3 and not names else planes
-            with _writing(path):
+            with _writing(mosaic or path):
                 if file is None:
                     file = stack.enter_context(_create(path, (*size, len(planes)), pixels.dtype, georeference, names))
                 opaque = shown * pixels.dtype.type(np.iinfo(pixels.dtype).max)
@@ -70,13 +77,17 @@ def tee_to_raster(
 
 
 @contextlib.contextmanager
-def _writing(path: Path) -> Iterator[Any]:
-    """Context of rasterio, whose errors become one line about ``path``."""
+def _writing(path: Path, least_bytes: int = 1 << 20) -> Iterator[Any]:
+    """Context of rasterio, whose errors become one line about ``path``; with less free space the disk is full."""
     with quiet_rasterio() as rasterio:
         try:
             yield rasterio
-        except rasterio.errors.RasterioError as error:
-            raise InputError(f"{path}: cannot be written ({error}); choose another folder") from None
+        # Copies raise the errors of GDAL itself, which are no RasterioError.
+        except (rasterio.errors.RasterioError, rasterio._err.CPLE_BaseError) as error:
+            # GDAL keeps the system's reason to itself.
+            is_full = shutil.disk_usage(path.parent).free < least_bytes
+            reason = os.strerror(errno.ENOSPC) if is_full else str(error.__cause__ or error)
+            raise InputError(f"{path}: cannot be written ({reason}); choose another folder") from None
 
 
 def _create(
@@ -125,5 +136,6 @@ def write_cog(path: Path, raster: Path, compress: str = "deflate") -> None:
     """
     # Several threads give the same bytes as one.
     options = {"num_threads": "ALL_CPUS", "overview_resampling": "average"} | _OPTIONS[compress]
-    with _writing(path) as rasterio, write_atomically(path) as finished:
+    # The errors' context is the inner one: by then what was written still fills the disk, except GDAL's overviews.
+    with write_atomically(path) as finished, _writing(path, raster.stat().st_size) as rasterio:
         rasterio.shutil.copy(raster, finished, driver="COG", compress=compress, **options)

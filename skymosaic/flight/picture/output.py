@@ -157,7 +157,7 @@ def deliver(
     with temporary_folder(path.parent) as folder:
         raster = folder / "mosaic.tif"
         if is_cog or form.tiles is not None:
-            bands = tee_to_raster(raster, composition.size, bands, on_map, composition.band_names)
+            bands = tee_to_raster(raster, composition.size, bands, on_map, composition.band_names, mosaic=path)
         if is_cog:
             for _ in bands:
                 pass

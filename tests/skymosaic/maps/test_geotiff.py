@@ -1,9 +1,13 @@
+import resource
+from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
 
+from skymosaic.errors import InputError
 from skymosaic.maps.georeference import Georeference
 from skymosaic.maps.geotiff import tee_to_raster, write_cog
 
@@ -69,3 +73,26 @@ def test_a_picture_without_a_place_has_overviews_too(tmp_path, recwarn):
     with file:
         assert file.overviews(1)
         assert file.crs is None
+
+
+@pytest.fixture
+def full_disk(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """No file can grow beyond 100 kB, and no space is left, as far as can be told."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    monkeypatch.setattr("skymosaic.maps.geotiff.shutil.disk_usage", lambda _: SimpleNamespace(free=0))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def test_a_full_disk_is_named_with_the_mosaic(tmp_path: Path, request: pytest.FixtureRequest) -> None:
+    image, shown = picture(3), np.ones((700, 600), np.bool_)
+    raster = tmp_path / "raw.tif"
+    list(tee_to_raster(raster, (600, 700), [(image, shown)], PLACE))
+    request.getfixturevalue("full_disk")
+    line = r"map\.tif: cannot be written \(No space left on device\); choose another folder"
+    with pytest.raises(InputError, match=line):
+        list(tee_to_raster(tmp_path / "other.tif", (600, 700), [(image, shown)], PLACE, mosaic=tmp_path / "map.tif"))
+    with pytest.raises(InputError, match=line):
+        write_cog(tmp_path / "map.tif", raster)
+    assert not (tmp_path / "map.tif").exists()
