@@ -6,7 +6,9 @@ VERSIONS ?=
 BIN := $(VENV)/bin
 # Of the thousands of modules in the packages few are ever imported: compiled then, not at installation.
 INSTALL := $(BIN)/python -m pip install --quiet --no-compile
-PYTEST := $(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder
+# With REQUIRE=all a test that would be skipped, for want of a tool or of data, fails.
+REQUIRE ?=
+PYTEST := $(BIN)/pytest -n 2 --dist loadgroup --no-loadscope-reorder $(if $(REQUIRE),--require $(REQUIRE))
 
 .PHONY: demo test test-slow test-fuzz test-soak docs tools lint clean
 
@@ -15,9 +17,11 @@ demo: $(VENV)/runs
 
 test: $(VENV)/installed
 	$(MAKE) --jobs 2 lint tools
+	$(BIN)/python -m tests.needs -m "not slow"
 	$(PYTEST) -m "not slow"
 
-test-slow: $(VENV)/installed tools
+test-slow: $(VENV)/slow tools
+	$(BIN)/python -m tests.needs -m slow
 	$(PYTEST) -m slow
 
 # Mutated files for everything that reads files; prints what became of them.
@@ -52,6 +56,11 @@ $(VENV)/runs: pyproject.toml
 
 $(VENV)/installed: $(VENV)/runs
 	$(INSTALL) --editable '.[dev]' $(if $(VERSIONS),--constraint $(VERSIONS))
+	touch $@
+
+# Place and route, which only slow tests run.
+$(VENV)/slow: $(VENV)/installed
+	$(INSTALL) --editable '.[dev,ulx3s]' $(if $(VERSIONS),--constraint $(VERSIONS))
 	touch $@
 
 clean:

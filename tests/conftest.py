@@ -2,13 +2,16 @@
 
 import os
 import sys
+from collections.abc import Generator
 from pathlib import Path
+from typing import TypeVar
 
 import pytest
 from hypothesis import settings
 
 from sim.simulators.compiler import QUICK_COMPILE
 from skymosaic.cli import main
+from tests.needs import find_unmet_needs
 
 # The same examples on every machine, and no limit on time that a busy one would break.
 settings.register_profile("reproducible", derandomize=True, database=None, deadline=None)
@@ -17,8 +20,10 @@ settings.load_profile("reproducible")
 # Tests simulate few frames: most of their time is the compiler's. Processes that they start inherit this.
 os.environ[QUICK_COMPILE] = "1"
 
-ROOT = Path(__file__).parents[1]
-LONG_FILES = (
+LONGEST_FIRST = (
+    "tests/system/test_ulx3s.py::test_open_tools_build_the_bitstream",
+    "tests/sim/cocotb/test_runner.py::test_every_case_passes[icarus",
+    "tests/bench/test_synthesis.py",
     "tests/hdl/test_front_end.py",
     "tests/system/test_accelerator.py",
     "tests/sim/cocotb/test_runner.py",
@@ -26,23 +31,67 @@ LONG_FILES = (
     "tests/system/test_sequence_rtl.py",
     "tests/system/board/test_board.py",
 )
-"""Files that compile a simulator or prove for long. They run first, so that no process is left with one at the end; the
-first two need different builds, and the last two that of the accelerator's test."""
+"""Beginnings of the names of long tests. They run first, so that no process is left with one at the end. In `make test`
+the first two files of these compile different builds, and the last two wait for that of the accelerator's test."""
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Define ``--require``."""
+    parser.addoption("--require", choices=["all"], help="a test that would be skipped fails")
+
+
+@pytest.hookimpl(tryfirst=True)  # xdist reads the groups in the same hook
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put `LONG_FILES` first; `make test` gives whole files to its processes in this order."""
-    ranks = {ROOT / file: rank for rank, file in enumerate(LONG_FILES)}
-    items.sort(key=lambda item: ranks.get(item.path, len(ranks)))
+    """Order tests by `LONGEST_FIRST`, and group them: `make test` gives whole groups to its processes.
+
+    A group is a file, since its tests share fixtures and caches. A slow test that shares no fixture is one by itself.
+    """
+    items.sort(key=lambda item: next((n for n, name in enumerate(LONGEST_FIRST) if item.nodeid.startswith(name)), 99))
+    for item in items:
+        if not item.get_closest_marker("slow") or _shares_fixture(item):
+            item.add_marker(pytest.mark.xdist_group(item.nodeid.partition("::")[0]))
+
+
+def _shares_fixture(item: pytest.Item) -> bool:
+    definitions = [each[-1] for each in item._fixtureinfo.name2fixturedefs.values()]  # type: ignore[attr-defined]
+    # Those of pytest itself have no base.
+    return any(each.scope in ("module", "session") and each.baseid for each in definitions)
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip a test whose needs are not met."""
+    for need in find_unmet_needs(item):
+        pytest.skip(f"needs {need.name}: {need.remedy}")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Turn a skip into a failure where everything is required."""
+    return _fail_if_required(item.config, (yield))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(
+    collector: pytest.Collector,
+) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+    """Turn the skip of a whole file into a failure, too."""
+    return _fail_if_required(collector.config, (yield))
+
+
+Report = TypeVar("Report", pytest.TestReport, pytest.CollectReport)
+
+
+def _fail_if_required(config: pytest.Config, report: Report) -> Report:
+    if config.getoption("--require") and report.skipped and not hasattr(report, "wasxfail"):
+        reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else report.longrepr
+        report.outcome, report.longrepr = "failed", f"--require all: {reason}"
+    return report
 
 
 @pytest.fixture
 def public_data() -> Path:
-    """The folder of public photographs that SKYMOSAIC_DATA names; without it, the test is skipped."""
-    folder = os.environ.get("SKYMOSAIC_DATA")
-    if not folder:
-        pytest.skip("needs the public photographs: set SKYMOSAIC_DATA to their folder")
-    return Path(folder)
+    """The folder of public photographs."""
+    return Path(os.environ["SKYMOSAIC_DATA"])
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 
 import os
 import re
-import shutil
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
@@ -17,7 +16,7 @@ from hdl.export.ip_xact import NAMESPACE
 from hdl.registers.register_map import IDENTITY, REGISTERS
 from tests.hdl.export.test_accelerator import SMALL
 
-ICARUS = pytest.mark.skipif(shutil.which("iverilog") is None, reason="iverilog is absent")
+ICARUS = pytest.mark.needs("icarus")
 LITEX = """
 import sys
 sys.path.insert(0, sys.argv[1])

@@ -118,6 +118,7 @@ def test_bits_in_and_records_out_equal_the_golden_model(config: Config, build: B
 
 
 @pytest.mark.slow
+@pytest.mark.needs("place_and_route")
 def test_the_tools_make_a_bitstream_of_a_small_top_with_the_pins_of_the_board(tmp_path: Path) -> None:
     (tmp_path / "rtl").mkdir()
     (tmp_path / "rtl" / f"{export.TOP}.v").write_text(COUNTER)
@@ -129,6 +130,7 @@ def test_the_tools_make_a_bitstream_of_a_small_top_with_the_pins_of_the_board(tm
 
 
 @pytest.mark.slow
+@pytest.mark.needs("place_and_route")
 def test_open_tools_build_the_bitstream(tmp_path: Path) -> None:
     result = skymosaic("export", "--board", "ulx3s", "--build", "-o", "made", cwd=tmp_path)
     assert result.returncode == 0, result.stderr

@@ -1,7 +1,6 @@
 """Each exported block is simulated by Icarus from the exported files alone, against vectors of the golden model."""
 
 import re
-import shutil
 import subprocess
 from pathlib import Path
 
@@ -11,7 +10,7 @@ from hdl.blocks.catalogue import CATALOGUE
 from hdl.blocks.export import export_block
 from tests.system.command_line import only_error
 
-pytestmark = pytest.mark.skipif(shutil.which("iverilog") is None, reason="iverilog is absent")
+pytestmark = pytest.mark.needs("icarus")
 QUICK = ("gray", "fast", "nms", "fuzzy")
 """The others take longer to export."""
 

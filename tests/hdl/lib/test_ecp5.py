@@ -2,7 +2,6 @@
 """Blocks with the ECP5's own multipliers and block RAMs, simulated with models of them against the golden model."""
 
 import re
-import shutil
 import subprocess
 from pathlib import Path
 
@@ -40,7 +39,7 @@ def raw_response() -> Block:
     )
 
 
-@pytest.mark.skipif(shutil.which("iverilog") is None, reason="iverilog is absent")
+@pytest.mark.needs("icarus")
 @pytest.mark.parametrize(
     ("name", "width_px", "cells"),
     [

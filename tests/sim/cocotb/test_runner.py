@@ -1,6 +1,5 @@
 """The benches of `sim.cocotb` at the AXI boundary of the Verilog, on every simulator that is installed."""
 
-import shutil
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -8,7 +7,7 @@ import pytest
 
 from sim.cocotb import runner
 
-ICARUS = pytest.mark.skipif(shutil.which("iverilog") is None, reason="iverilog is absent")
+ICARUS = pytest.mark.needs("icarus")
 RUNS = [
     *(("verilator", cases) for cases in runner.CASES),
     # Some hundred cycles a second. `tests/system/test_export_tools.py` runs a shorter bench in Icarus.

@@ -1,7 +1,6 @@
 """Verilog of your own rules: simulated by Icarus from the exported files alone, against the integer model."""
 
 import re
-import shutil
 from pathlib import Path
 
 import pytest
@@ -28,7 +27,7 @@ def export(folder: Path, *options: object) -> None:
     CliRunner().invoke(app, words, standalone_mode=False, catch_exceptions=False)
 
 
-@pytest.mark.skipif(shutil.which("iverilog") is None, reason="iverilog is absent")
+@pytest.mark.needs("icarus")
 @pytest.mark.parametrize(
     ("rules", "entries"),
     [(PRODUCT, 64), (PRODUCT, 41), (ONE_INPUT, 16), (SHIPPED / "correlation.fll", 100), (SHIPPED / "ransac.fll", 64)],

@@ -13,7 +13,7 @@ from sim.scene import make_pair
 from skymosaic.panel.sessions import Sessions
 from skymosaic.panel.tasks.jobs import prepare_workers
 from tests.skymosaic.panel.visitor import Scenario
-from tools.panel.visit import CHROMIUM, chromium, open_page, running_panel
+from tools.panel.visit import chromium, open_page, running_panel
 
 
 @pytest.fixture(scope="session")
@@ -32,8 +32,6 @@ def workers() -> None:
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
     """Chromium for one module: Playwright's event loop runs as long as it does, and no test can start another loop."""
-    if CHROMIUM is None:
-        pytest.skip("no Chromium on this machine; on Debian: apt-get install chromium")
     with chromium() as started:
         yield started
 
