@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from amaranth import ClockDomain, ClockSignal, Module, ResetInserter, Signal
 from amaranth.lib import data, fifo, stream, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.config import Config
-from golden_model.records import MATCH, WORD_BYTES
+from golden_model.records import MATCH
 from hdl.axi.axi_lite import AXI_LITE
+from hdl.axi.flat_ports import FlatTop, bus_pins, packet_pins, stream_pins
 from hdl.axi.packet_gate import PacketGate
 from hdl.axi.video_input import video_payload
 from hdl.front_end import FrontEnd
@@ -221,7 +222,7 @@ class Accelerator(wiring.Component):
         return m
 
 
-class AcceleratorTop(wiring.Component):
+class AcceleratorTop(FlatTop):
     """`Accelerator` with the flat ports of an AMD IP core, in one clock domain.
 
     Members
@@ -234,24 +235,20 @@ class AcceleratorTop(wiring.Component):
         Active high, level.
     """
 
-    if TYPE_CHECKING:
-        # The ports follow from tables; a type checker cannot know their names.
-        def __getattr__(self, name: str) -> Signal: ...
-
     def __init__(self, accelerator: Accelerator) -> None:
         self.accelerator = accelerator
-        word = {"tdata": 8 * WORD_BYTES, "tkeep": WORD_BYTES, "tlast": 1, "tvalid": 1}
+        self._reset_n = Signal(name="reset_n")
+        video = accelerator.i_video
+        pixels = video.payload.data[: accelerator.video_bits]
         super().__init__(
             {
-                "aclk": In(1),
-                "aresetn": In(1),
-                "s_axis_video_tdata": In(accelerator.video_bits),
-                **{f"s_axis_video_{name}": In(1) for name in ("tuser", "tlast", "tvalid")},
-                "s_axis_video_tready": Out(1),
-                **{f"m_axis_{name}_{port}": Out(bits) for name in _PACKETS for port, bits in word.items()},
-                **{f"m_axis_{name}_tready": In(1) for name in _PACKETS},
-                **{f"s_axi_ctrl_{name}": member for name, member in accelerator.control.signature.members.items()},
-                "interrupt": Out(1),
+                "aclk": (In(1), ClockSignal()),
+                "aresetn": (In(1), self._reset_n),
+                **stream_pins("s_axis_video", video, In, tdata=pixels, tuser=video.payload.first),
+                **packet_pins("m_axis_features", accelerator.o_features),
+                **packet_pins("m_axis_matches", accelerator.o_matches),
+                **bus_pins("s_axi_ctrl", accelerator.control),
+                "interrupt": (Out(1), accelerator.o_interrupt),
             }
         )
 
@@ -260,32 +257,7 @@ class AcceleratorTop(wiring.Component):
         m = Module()
         # `Accelerator` has its reset as a port.
         m.domains.sync = ClockDomain(reset_less=True)
-        m.submodules.accelerator = inner = self.accelerator
-        m.d.comb += [
-            ClockSignal().eq(self.aclk),
-            inner.i_reset.eq(~self.aresetn),
-            inner.i_video.valid.eq(self.s_axis_video_tvalid),
-            inner.i_video.payload.data.eq(self.s_axis_video_tdata),
-            inner.i_video.payload.first.eq(self.s_axis_video_tuser),
-            inner.i_video.payload.last.eq(self.s_axis_video_tlast),
-            self.s_axis_video_tready.eq(inner.i_video.ready),
-            self.interrupt.eq(inner.o_interrupt),
-        ]
-        for name in _PACKETS:
-            packets = getattr(inner, f"o_{name}")
-            ports = {port: getattr(self, f"m_axis_{name}_{port}") for port in ("tdata", "tkeep", "tlast", "tvalid")}
-            m.d.comb += [
-                ports["tdata"].eq(packets.payload.data),
-                # Records are whole words.
-                ports["tkeep"].eq(~0),
-                ports["tlast"].eq(packets.payload.last),
-                ports["tvalid"].eq(packets.valid),
-                packets.ready.eq(getattr(self, f"m_axis_{name}_tready")),
-            ]
-        for name, member in inner.control.signature.members.items():
-            outer, own = getattr(self, f"s_axi_ctrl_{name}"), getattr(inner.control, name)
-            m.d.comb += outer.eq(own) if member.flow == Out else own.eq(outer)
+        m.submodules.accelerator = self.accelerator
+        m.d.comb += self.accelerator.i_reset.eq(~self._reset_n)
+        self.connect_pins(m)
         return m
-
-
-_PACKETS = ("features", "matches")

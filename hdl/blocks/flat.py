@@ -10,6 +10,8 @@ from amaranth import ClockDomain, ClockSignal, Module, ResetSignal, Shape, Shape
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In
 
+from hdl.axi.flat_ports import FlatTop
+
 CLOCK, RESET = "clk", "rst"
 PAYLOAD = "payload"
 """The part of a stream that is left out of the names of its fields."""
@@ -47,7 +49,7 @@ def flat_values(name: str, value: Any) -> dict[str, int]:
     return {leaf: number for key, part in parts for leaf, number in flat_values(f"{name}_{key}", part).items()}
 
 
-class FlatBlock(wiring.Component):
+class FlatBlock(FlatTop):
     """A component in the domain ``sync`` with flat ports, for use outside Amaranth.
 
     Members
@@ -62,28 +64,19 @@ class FlatBlock(wiring.Component):
     component : Component
     """
 
-    clk: Value
-    rst: Value
-
     def __init__(self, component: wiring.Component) -> None:
         self.component = component
-        self._pins: list[tuple[str, Value, bool]] = []
-        ports: dict[str, Any] = {CLOCK: In(1), RESET: In(1)}
+        pins: dict[str, tuple[wiring.Member, Value]] = {CLOCK: (In(1), ClockSignal()), RESET: (In(1), ResetSignal())}
         for path, member, value in component.signature.flatten(component):
             bits = Value.cast(value)
             for leaf in leaves("_".join(str(part) for part in path if part != PAYLOAD), member.shape):
-                ports[leaf.name] = wiring.Member(member.flow, leaf.shape)
-                part = bits[leaf.low : leaf.low + leaf.shape.width]
-                self._pins.append((leaf.name, part, member.flow == In))
-        super().__init__(ports)
+                pins[leaf.name] = member.flow(leaf.shape), bits[leaf.low : leaf.low + leaf.shape.width]
+        super().__init__(pins)
 
     def elaborate(self, platform: object) -> Module:
         """Connect each port to its bits of the component's ports."""
         m = Module()
         m.domains.sync = ClockDomain()
         m.submodules.block = self.component
-        m.d.comb += [ClockSignal().eq(self.clk), ResetSignal().eq(self.rst)]
-        for name, part, is_input in self._pins:
-            port = getattr(self, name)
-            m.d.comb += part.eq(port) if is_input else port.eq(part)
+        self.connect_pins(m)
         return m

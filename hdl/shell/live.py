@@ -1,9 +1,9 @@
 """The live build: from a camera to packets of features and matches in memory, without software between."""
 
 # Annotations are evaluated here: a component takes its ports from them.
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from amaranth import ClockDomain, ClockSignal, Module, ResetInserter, Signal
+from amaranth import ClockDomain, ClockSignal, Const, Module, ResetInserter, Signal
 from amaranth.lib import stream, wiring
 from amaranth.lib.cdc import ResetSynchronizer
 from amaranth.lib.wiring import In, Out
@@ -13,6 +13,7 @@ from golden_model.records import MATCH, WORD_BYTES
 from hdl.accelerator import Accelerator
 from hdl.axi.axi_lite import AXI_LITE
 from hdl.axi.axi_write import AXI_WRITE
+from hdl.axi.flat_ports import FlatTop, bus_pins, packet_pins, stream_pins
 from hdl.axi.packet_gate import CLOSING_RECORDS
 from hdl.axi.video_input import VideoPayload
 from hdl.geometry.records import RecordScoring
@@ -113,7 +114,7 @@ class LiveAccelerator(wiring.Component):
                 m.d.sync += count.eq(count + 1)
 
 
-class LiveTop(wiring.Component):
+class LiveTop(FlatTop):
     """`LiveAccelerator` with two clocks and flat ports, named as AMD names them.
 
     Members
@@ -132,66 +133,37 @@ class LiveTop(wiring.Component):
         Active high, level.
     """
 
-    if TYPE_CHECKING:
-        # The ports follow from tables; a type checker cannot know their names.
-        def __getattr__(self, name: str) -> Signal: ...
-
     def __init__(self, live: LiveAccelerator) -> None:
         self.live = live
-        self._buses = {"s_axi_ctrl": live.control, **{f"m_axi_{ring}": getattr(live, ring) for ring in RINGS}}
+        self._reset_n = Signal(name="reset_n")
+        camera, hypotheses = live.i_camera, live.i_hypotheses
         super().__init__(
             {
-                "aclk": In(1),
-                "aresetn": In(1),
-                "video_aclk": In(1),
-                "s_axis_video_tdata": In(live.accelerator.video_bits),
-                **{f"s_axis_video_{name}": In(1) for name in ("tuser", "tlast", "tvalid")},
-                "s_axis_video_tready": Out(1),
-                "s_axis_hypotheses_tdata": In(8 * WORD_BYTES),
-                **{f"s_axis_hypotheses_{name}": In(1) for name in ("tlast", "tvalid")},
-                "s_axis_hypotheses_tready": Out(1),
-                "m_axis_scores_tdata": Out(8 * WORD_BYTES),
-                "m_axis_scores_tkeep": Out(WORD_BYTES),
-                **{f"m_axis_scores_{name}": Out(1) for name in ("tlast", "tvalid")},
-                "m_axis_scores_tready": In(1),
-                **{
-                    f"{prefix}_{name}": member
-                    for prefix, bus in self._buses.items()
-                    for name, member in bus.signature.members.items()
-                },
-                "interrupt": Out(1),
+                "aclk": (In(1), ClockSignal()),
+                "aresetn": (In(1), self._reset_n),
+                "video_aclk": (In(1), ClockSignal("camera")),
+                "s_axis_video_tdata": (In(live.accelerator.video_bits), camera.data),
+                "s_axis_video_tuser": (In(1), camera.first),
+                "s_axis_video_tlast": (In(1), camera.last),
+                "s_axis_video_tvalid": (In(1), live.i_camera_valid),
+                "s_axis_video_tready": (Out(1), Const(1)),
+                **stream_pins("s_axis_hypotheses", hypotheses, In, tdata=hypotheses.payload.data),
+                **packet_pins("m_axis_scores", live.o_scores),
+                **bus_pins("s_axi_ctrl", live.control),
+                **bus_pins("m_axi_features", live.features),
+                **bus_pins("m_axi_matches", live.matches),
+                "interrupt": (Out(1), live.o_interrupt),
             }
         )
 
     def elaborate(self, platform: object) -> Module:
         """Connect ports by name."""
         m = Module()
+        # `LiveAccelerator` has its reset as a port. The pixel clock needs one of its own, since it is asynchronous.
         m.domains.sync = ClockDomain(reset_less=True)
         m.domains.camera = ClockDomain()
-        m.submodules.camera_reset = ResetSynchronizer(~self.aresetn, domain="camera")
-        m.submodules.live = inner = self.live
-        m.d.comb += [
-            ClockSignal().eq(self.aclk),
-            ClockSignal("camera").eq(self.video_aclk),
-            inner.i_reset.eq(~self.aresetn),
-            inner.i_camera_valid.eq(self.s_axis_video_tvalid),
-            inner.i_camera.data.eq(self.s_axis_video_tdata),
-            inner.i_camera.first.eq(self.s_axis_video_tuser),
-            inner.i_camera.last.eq(self.s_axis_video_tlast),
-            self.s_axis_video_tready.eq(1),
-            inner.i_hypotheses.valid.eq(self.s_axis_hypotheses_tvalid),
-            inner.i_hypotheses.payload.data.eq(self.s_axis_hypotheses_tdata),
-            inner.i_hypotheses.payload.last.eq(self.s_axis_hypotheses_tlast),
-            self.s_axis_hypotheses_tready.eq(inner.i_hypotheses.ready),
-            self.m_axis_scores_tdata.eq(inner.o_scores.payload.data),
-            self.m_axis_scores_tkeep.eq(~0),
-            self.m_axis_scores_tlast.eq(inner.o_scores.payload.last),
-            self.m_axis_scores_tvalid.eq(inner.o_scores.valid),
-            inner.o_scores.ready.eq(self.m_axis_scores_tready),
-            self.interrupt.eq(inner.o_interrupt),
-        ]
-        for prefix, bus in self._buses.items():
-            for name, member in bus.signature.members.items():
-                outer, own = getattr(self, f"{prefix}_{name}"), getattr(bus, name)
-                m.d.comb += outer.eq(own) if member.flow == Out else own.eq(outer)
+        m.submodules.camera_reset = ResetSynchronizer(~self._reset_n, domain="camera")
+        m.submodules.live = self.live
+        m.d.comb += self.live.i_reset.eq(~self._reset_n)
+        self.connect_pins(m)
         return m
