@@ -142,29 +142,34 @@ def _blend_bands(layers: Sequence[Layer], tile: Canvas) -> tuple[Intensities, Ma
         part = _with_margin(around.bounding(shown)).intersection(around) or around
         where = part.within(around)
         weight = shown[where].astype(np.float32)
-        bands = _bands(layers[index].pixels_around(part, (shown & in_detail)[where]).astype(np.float32))
+        bands = _split_bands(layers[index].pixels_around(part, (shown & in_detail)[where]).astype(np.float32))
         # A pixel has one owner, so the finest band needs no weights.
         cv2.copyTo(next(bands), shown[where].astype(np.uint8), finest[where])
         for total, total_weight, band in zip(coarser, weights, bands, strict=True):
             weight, where = cv2.pyrDown(weight), _halved(where)
             total[where] += band * _per_channel(weight, band)
             total_weight[where] += weight
-    blended = _divide(coarser[-1], weights[-1])
-    for band, weight in zip(coarser[-2::-1], weights[-2::-1], strict=True):
-        blended = cv2.pyrUp(blended) + _divide(band, weight)
-    blended = cv2.pyrUp(blended) + finest
+    blended = _join_bands(finest, coarser, weights)
     blended[owner < 0] = 0
     inside = tile.within(around)
     return _round(blended[inside], layers[0].image.dtype), owner[inside] >= 0
 
 
-def _bands(image: Float32) -> Iterator[Float32]:
+def _split_bands(image: Float32) -> Iterator[Float32]:
     """Split an image into its Laplacian pyramid: `BANDS` bands, finest first, then the remaining low frequencies."""
     for _ in range(BANDS):
         coarser = cv2.pyrDown(image)
         yield image - cv2.pyrUp(coarser)
         image = coarser
     yield image
+
+
+def _join_bands(finest: Float32, coarser: Sequence[Float32], weights: Sequence[Float32]) -> Float32:
+    """Join a pyramid, whose coarser bands are sums with weights, into an image."""
+    joined = _divide(coarser[-1], weights[-1])
+    for band, weight in zip(coarser[-2::-1], weights[-2::-1], strict=True):
+        joined = cv2.pyrUp(joined) + _divide(band, weight)
+    return np.asarray(cv2.pyrUp(joined) + finest)
 
 
 def _with_margin(part: Canvas) -> Canvas:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial import KDTree
 
 from golden_model.arrays import Array, Mask
-from skymosaic.geometry.homography import apply
+from skymosaic.geometry.homography import apply, transfer_error
 
 GRID_POINTS = 20
 MISSING_ERROR_PX = 1000.0
@@ -52,12 +52,12 @@ def correct_matches(left: ArrayLike, right: ArrayLike, truth: Array, *, toleranc
 
     A match agrees if its transfer error is at most ``tolerance_px``.
     """
-    return np.asarray(_distances(truth, left, right) <= tolerance_px)
+    return np.asarray(transfer_error(truth, left, right) <= tolerance_px)
 
 
 def rmse(H: Array, left: ArrayLike, right: ArrayLike) -> float:
     """Root mean square distance of Hx from x', px (equations IV-3 to IV-5), over at least one match."""
-    return float(np.sqrt(np.mean(_distances(H, left, right) ** 2)))
+    return float(np.sqrt(np.mean(transfer_error(H, left, right) ** 2)))
 
 
 def repeatability(
@@ -119,12 +119,8 @@ def grid_error(estimated: Array | None, truth: Array, left_size: tuple[int, int]
         raise ValueError("the images do not overlap under the true homography")
     if estimated is None:
         return MISSING_ERROR_PX
-    error = float(_distances(estimated, points[inside], expected[inside]).mean())
+    error = float(transfer_error(estimated, points[inside], expected[inside]).mean())
     return error if np.isfinite(error) else MISSING_ERROR_PX
-
-
-def _distances(H: Array, left: ArrayLike, right: ArrayLike) -> Array:
-    return np.asarray(np.linalg.norm(apply(H, left) - np.asarray(right, dtype=np.float64), axis=-1))
 
 
 def _inside(points: Array, size: tuple[int, int]) -> Mask:

@@ -11,7 +11,7 @@ from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.linking.links import Link, tie_views
 from skymosaic.flight.linking.view import Settings, make_view
 from skymosaic.flight.survey import Flight
-from skymosaic.geometry.homography import apply
+from skymosaic.geometry.homography import transfer_error
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
 from skymosaic.registration.pair import Pair
@@ -60,7 +60,7 @@ def _layout(pair: Pair, link: Link) -> Layout:
     """The right photograph defines the ground: with two photographs nothing else tells what is level."""
     assert pair.working_homography is not None
     homography = pair.working_homography
-    errors_px = np.linalg.norm(apply(homography, link.left_points) - link.right_points, axis=1)
+    errors_px = transfer_error(homography, link.left_points, link.right_points)
     return Layout(
         members=(0, 1),
         reference=1,

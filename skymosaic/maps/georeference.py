@@ -165,23 +165,15 @@ def fit_to_map(
     if residual > MAX_RESIDUAL * spread or agreeing.mean() < 1 - MAX_DISAGREEING:
         farthest = known[np.argsort(-offsets)][:WORST_NAMED].tolist()
         worst = ", ".join(str(index) if names is None else names[index] for index in farthest)
-        median = float(np.median(offsets))
         return None, (
-            f"positions and layout differ by {median:.1f} m in the median and {offsets.max():.1f} m at most, too much "
-            f"for a spread of {spread:.1f} m; farthest off: {worst}"
+            f"positions and layout differ by {np.median(offsets):.1f} m in the median and {offsets.max():.1f} m at "
+            f"most, too much for a spread of {spread:.1f} m; farthest off: {worst}"
         )
     all_offsets = np.full(len(points), np.nan)
     all_offsets[known] = offsets
-    return (
-        Georeference(
-            crs=crs,
-            to_map=similarity @ np.diag([1.0, -1.0, 1.0]),
-            residual_m=residual,
-            offsets_m=tuple(all_offsets.tolist()),
-            disagreeing=tuple(known[~agreeing].tolist()),
-        ),
-        "",
-    )
+    to_map = similarity @ np.diag([1.0, -1.0, 1.0])
+    disagreeing = tuple(known[~agreeing].tolist())
+    return Georeference(crs, to_map, residual, tuple(all_offsets.tolist()), disagreeing), ""
 
 
 def _spread(points: Points) -> float:

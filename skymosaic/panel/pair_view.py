@@ -14,7 +14,7 @@ from skymosaic.features.descriptors import WINDOWS_PX
 from skymosaic.features.matchers import GOOD_MATCH_ABOVE
 from skymosaic.features.methods import Method
 from skymosaic.features.positions import match_points
-from skymosaic.geometry.homography import apply
+from skymosaic.geometry.homography import transfer_error
 from skymosaic.registration.pair import Pair
 from skymosaic.reports.pair import pair_numbers
 
@@ -62,7 +62,7 @@ class PairView:
         residual = None
         if pair.working_homography is not None:
             left, right = match_points(pair.matches)
-            residual = np.linalg.norm(apply(pair.working_homography, left) - right, axis=1)
+            residual = transfer_error(pair.working_homography, left, right)
         sizes = tuple((image.shape[1], image.shape[0]) for image in pair.working)
         return cls(
             names=(pair.left.name, pair.right.name),

@@ -17,7 +17,7 @@ from sim.backends.interface import Backend, FrameResult, Progress, silent
 from skymosaic.features.guided_matching import refine_pair
 from skymosaic.features.positions import match_points, select_ground_matches
 from skymosaic.geometry.estimators import SCORINGS, estimate
-from skymosaic.geometry.homography import apply
+from skymosaic.geometry.homography import transfer_error
 from skymosaic.geometry.prosac import INLIER_PX
 from skymosaic.imagery.images import Photograph, load, reduce_for_front_end
 from skymosaic.imagery.lens import Lens
@@ -136,7 +136,7 @@ def register_photographs(
 def _select_inliers(matches: Records, homography: Matrix) -> Mask:
     """Which of the matches are kept and agree with a homography between the working images within `INLIER_PX`."""
     left, right = match_points(matches)
-    near = np.linalg.norm(apply(homography, left) - right, axis=1) <= INLIER_PX
+    near = transfer_error(homography, left, right) <= INLIER_PX
     return np.asarray((matches["verdict"] == 1) & near)
 
 

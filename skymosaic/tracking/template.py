@@ -20,7 +20,7 @@ from golden_model.config import Config
 from sim.backends.interface import Backend
 from skymosaic.compositing.warp import Canvas, shrink, warp_backward
 from skymosaic.features.positions import feature_points, match_points
-from skymosaic.geometry.homography import apply, resize_matrix
+from skymosaic.geometry.homography import apply, resize_matrix, transfer_error
 from skymosaic.geometry.model_selection import TOLERANCE_PX, fit, fit_similarity
 
 MIN_VIEW_SIDE_PX, MAX_VIEW_SIDE_PX = 128, 256
@@ -129,7 +129,7 @@ class Template:
         best = fit(left[trusted], right[trusted], weight[index[trusted]], fewest=min_inliers, rng=rng)
         if best is None:
             return None
-        agreeing = np.linalg.norm(apply(best.matrix, left) - right, axis=1) <= TOLERANCE_PX
+        agreeing = transfer_error(best.matrix, left, right) <= TOLERANCE_PX
         homography = expected @ np.linalg.inv(self._to_view) @ best.matrix @ self._to_view
         return TemplatePose(homography / homography[2, 2], best.model, best.inliers, index[agreeing])
 

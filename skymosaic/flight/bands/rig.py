@@ -18,7 +18,7 @@ from golden_model.arrays import Array, Float32, Matrix, Pixels, Points
 from golden_model.pixel.gray import to_gray
 from skymosaic.errors import RegistrationError
 from skymosaic.flight.workers import Workers
-from skymosaic.geometry.homography import apply
+from skymosaic.geometry.homography import apply, transfer_error
 from skymosaic.geometry.prosac import estimate_homography
 from skymosaic.imagery.images import reduce_to_width
 from skymosaic.imagery.lens import Lens
@@ -166,7 +166,7 @@ def _fit(band: str, reference: str, places: Sequence[Places], to_original: Matri
             "--band, or leave its files out"
         )
     errors = [
-        float(np.median(np.linalg.norm(apply(estimate.homography, other) - own, axis=1)))
+        float(np.median(transfer_error(estimate.homography, other, own)))
         for own, other, _ in places
         if len(own) >= MIN_PLACES_PER_CAPTURE
     ]

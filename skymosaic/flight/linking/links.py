@@ -12,7 +12,7 @@ from golden_model.config import Config
 from golden_model.matching.matcher import match
 from skymosaic.features.positions import match_points
 from skymosaic.flight.cache import Arrays
-from skymosaic.geometry.homography import apply
+from skymosaic.geometry.homography import transfer_error
 from skymosaic.geometry.prosac import estimate_homography
 
 TIE_PX = 3.0
@@ -125,7 +125,7 @@ def tie_views(pair: Candidate, left_points: Points, right_points: Points, homogr
     inliers : int
         Matches within 2 px of it.
     """
-    error_px = np.linalg.norm(apply(homography, left_points) - right_points, axis=1)
+    error_px = transfer_error(homography, left_points, right_points)
     is_tie = error_px <= TIE_PX
     near = int(np.count_nonzero(error_px <= RELIEF_PX))
     return Link(*pair, left_points[is_tie], right_points[is_tie], inliers, near)
