@@ -97,7 +97,7 @@ def test_a_tile_that_shows_one_photograph_takes_no_bands(monkeypatch):
     image = smooth_image(700, 800, 3)
     part = Canvas(250, 250, 200, 120)
     by_bands = blend([image, image[:300, :300]], [np.eye(3)] * 2, part, method="multiband")
-    monkeypatch.setattr("skymosaic.compositing.blend._bands", lambda _image: pytest.fail("bands"))
+    monkeypatch.setattr("skymosaic.compositing.blend._split_bands", lambda _image: pytest.fail("bands"))
     alone = blend([image], [np.eye(3)], part, method="multiband")
     np.testing.assert_array_equal(alone, image[250:370, 250:450])
     np.testing.assert_array_equal(alone, by_bands)
