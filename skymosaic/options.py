@@ -70,6 +70,7 @@ class Option:
 
     def check(self, value: Any) -> None:
         """Raise `InputError` for a name or a number that is not valid; None always is."""
+        # None stands for a default that depends on other options or on the photographs.
         if value is None or not self.valid or not self.checked:
             return
         if self.choices and value not in self.choices:

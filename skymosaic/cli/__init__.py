@@ -44,6 +44,7 @@ class _Commands(TyperGroup):
 
 
 def _import_command(name: str, before: dict[str, bool]) -> Any:
+    # Before the command's module, which would fail with a traceback.
     _check_opencv()
     command = getattr(importlib.import_module(f"skymosaic.cli.{name}"), name)
     single = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -79,6 +80,7 @@ def _before_the_command(
     """The options before a command's name are handed to the command, see `_Commands`."""
     del quiet, verbose
     if context.invoked_subcommand is None:
+        # As for any other unusable command line, the status is not 0: a script may have lost the command's name.
         typer.echo(context.get_help())
         raise typer.Exit(2)
 
@@ -96,6 +98,7 @@ def main() -> None:
 def _run() -> int | str | None:
     try:
         try:
+            # Standalone, Click would print its errors in several lines and end the process.
             status: int | None = app(prog_name="skymosaic", standalone_mode=False)
         finally:
             # Now rather than at Python's end, where a full disk would be a traceback.
@@ -109,6 +112,7 @@ def _run() -> int | str | None:
     except MemoryError:
         return _fail("not enough memory; reduce the photographs, --memory or --scale", 2)
     except OSError as error:
+        # A full disk, or a pipe whose reader has gone.
         abandon_output()
         where = f"{error.filename}: " if error.filename else ""
         return _fail(f"{where}{error.strerror or error}; check the disk and its permissions", 2)

@@ -43,6 +43,7 @@ def with_common_options(name: str, command: Callable[..., None], before: dict[st
         try:
             command(**options)
         except ModuleNotFoundError as error:
+            # Any other missing module is a fault of the installation, whose traceback is worth seeing.
             if error.name not in HARDWARE_PACKAGES:
                 raise
             raise InputError(f"{name} needs {error.name}; {how_to_install('hardware')}") from None

@@ -41,6 +41,7 @@ def demo(
     make_folder(output)
     photographs = output / "left.png", output / "right.png"
     _make_mosaic(output, photographs, seed)
+    # The golden model is what the hardware is compared with.
     if backend != "golden":
         _compare_hardware(photographs, backend)
 

@@ -110,6 +110,7 @@ def write_live_mosaic(
         grow(mosaic, frames, preview, pace)
     except KeyboardInterrupt:
         session.tell("stopped")
+    # Ctrl-C is how a live mosaic usually ends: what has been seen until then is written.
     mosaic.finish()
     if not mosaic.transforms:
         raise RegistrationError(f"{source}: no frame could be used")

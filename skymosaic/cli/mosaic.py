@@ -109,6 +109,7 @@ def _write_mosaics(
         report_absent(absent, strict=strict)
         deliveries = plan.write(output, form, overwrite=overwrite)
     except RegistrationError:
+        # The report of two photographs shows what was matched, and so why they were refused.
         if report:
             write_report(report, plan.flight, deliveries)
         raise

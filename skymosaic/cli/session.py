@@ -136,6 +136,7 @@ class Session:
             return
         self._ended = True
         times = self._times()
+        # Commands without stages, and failed ones, have no times worth reading.
         if self.seconds and error is None:
             shown = ", ".join(f"{stage} {value:.2f}" for stage, value in times.items())
             self.tell(f"seconds: {shown}")

@@ -23,6 +23,7 @@ def without_library_messages() -> Iterator[None]:
         yield
         return
     ours = sys.stderr
+    # Libraries in C write to descriptor 2, which `contextlib.redirect_stderr` does not reach.
     terminal = os.dup(2)
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 2)
@@ -47,6 +48,7 @@ def ended_by_signals() -> Iterator[None]:
     def end(number: int, _frame: FrameType | None) -> None:
         raise SystemExit(128 + number)
 
+    # Windows has no SIGHUP.
     names = [name for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
     before = {name: signal.signal(getattr(signal, name), end) for name in names}
     try:

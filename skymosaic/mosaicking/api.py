@@ -58,6 +58,7 @@ def mosaic(
     ((3, 3), dtype('uint8'))
     """
     options = dataclasses.replace(options or MosaicOptions(), **changes)
+    # With it, the caller would wait for all groups and get one.
     if options.all_groups:
         raise InputError("all_groups: mosaic() makes one mosaic; call mosaics() for one of each group")
     return next(mosaics(images, options, progress=progress))
@@ -94,6 +95,7 @@ def mosaic_of_pair(pair: Pair, options: MosaicOptions | None = None, **changes: 
     options = dataclasses.replace(options or MosaicOptions(), **changes)
     sources = [Source(side, photo.name, photo.pixels) for side, photo in enumerate((pair.left, pair.right))]
     with open_plan_of_sources(sources, options) as plan:
+        # The pair's pixels are those of the photographs, without a lens's distortion: none is taken out again.
         plan.flight = flight_of_pair(pair, sources, Lens())
         return plan.mosaic(plan.layouts[0])
 

@@ -106,6 +106,7 @@ class MosaicOptions(RegistrationOptions):
                 "by which overlaps are found; choose these, or keep only two photographs"
             )
         if photographs == 2:
+            # Only two photographs have passes; `choose_effort` refuses those that the method does not allow.
             self.choose_effort(method)
             if self.lens is not None and self.lens.mask is not None and self.warp != "homography":
                 raise InputError("warp: a mask would not be bent with the photograph; leave one out")

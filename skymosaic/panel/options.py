@@ -97,6 +97,7 @@ class Options(MosaicOptions):
         """The preset's configuration with the fuzzy rules and the slider's value."""
         base = preset_config(self.preset)
         base = dataclasses.replace(base, matcher=dataclasses.replace(base.matcher, rule_base=self.rule_base))
+        # Detector and descriptor first: choosing another detector resets the threshold, which the slider sets.
         _, config = choose_method(base, self.detector, self.descriptor)
         value = self.slider_scale.values[self.position]
         if self.detector in FRONT_END_DETECTORS:

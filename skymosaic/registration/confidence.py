@@ -86,6 +86,7 @@ def assess(images: tuple[Pixels, Pixels], homography: Matrix, left: Points, righ
     correlation = correlate_overlap(images, homography)
     inputs = measure_inputs(quality, correlation)
     exponent = INTERCEPT + sum(COEFFICIENTS[name] * value for name, value in inputs.items())
+    # Beyond what the formula was fitted to, a number would only seem precise.
     predicted_px = float(np.exp(np.clip(exponent, -5, 5)))
     verdict = "good" if predicted_px < GOOD_PX else "check" if predicted_px < POOR_PX else "poor"
     reason = _explain(quality, correlation, predicted_px, verdict)
@@ -94,6 +95,7 @@ def assess(images: tuple[Pixels, Pixels], homography: Matrix, left: Points, righ
 
 def measure_inputs(quality: FitQuality, correlation: float) -> dict[str, float]:
     """The quantities that predict the error, by the names of `COEFFICIENTS`."""
+    # The offsets keep the logarithms finite where everything fits or is covered.
     return {
         "log_instability": float(np.log(max(quality.instability_px, 0.01))),
         "log_missed": float(np.log(1.02 - quality.held_out_share)),
@@ -109,6 +111,7 @@ def correlate_overlap(images: tuple[Pixels, Pixels], homography: Matrix) -> floa
     """
     left, right = (to_gray(image) for image in images)
     size = (left.shape[1], left.shape[0])
+    # The homography maps left to right: the inverse map, by which OpenCV looks up each pixel of the warped image.
     to_left_grid = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     warped = cv2.warpPerspective(right, homography, size, flags=to_left_grid)
     covered = cv2.warpPerspective(np.full(right.shape, 255, np.uint8), homography, size, flags=to_left_grid)

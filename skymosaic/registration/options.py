@@ -75,6 +75,7 @@ class FeatureOptions:
         for each in options_of(type(self)):
             each.check(getattr(self, each.name))
         method, _ = self.choose_method()
+        # An object of the caller's own computes what it computes.
         if isinstance(self.backend, str):
             check_backend(method, self.backend)
 
@@ -169,6 +170,8 @@ class RegistrationOptions(FeatureOptions):
         return self.effort or ("normal" if has_passes else "fast")
 
 
+# Keyword arguments named field by field, because type checkers cannot derive them from a dataclass; a test holds the
+# two together.
 class FeatureKeywords(TypedDict, total=False):
     """The fields of `FeatureOptions` as keyword arguments, which type checkers and editors know."""
 

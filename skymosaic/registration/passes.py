@@ -54,6 +54,7 @@ class FrontEndRun:
     swapped: bool = False
 
 
+# Half an octave either way: what lies between the octaves of the first pass meets best here.
 LARGER, SMALLER = (FrontEndRun(Change(scale), (Change(scale),)) for scale in (math.sqrt(2), math.sqrt(0.5)))
 # Ratios of 2.8 and 4 between the frames: with two octaves each, all zooms from 1.4 to 5.7 are near a power of two.
 REDUCED = (Change(0.5), Change(math.sqrt(0.125)))
@@ -169,6 +170,7 @@ class Search:
         evidence, passes = state.evidence, state.passes
         for further in self._match_frames(runs):
             evidence, passes = evidence.with_pass(further), passes + 1
+        # The homography so far starts one more search, so that further passes never lose it.
         starts = [] if state.homography is None else [state.homography]
         return self._accept_estimate(evidence, self._estimate(evidence, starts=starts), passes)
 
@@ -260,6 +262,7 @@ def _choose_run_between_octaves(homography: Matrix, left_size: tuple[int, int]) 
     """The run whose frames differ by about the zoom between the images; None where those of the first pass do."""
     x, y = (left_size[0] - 1) / 2, (left_size[1] - 1) / 2
     centre, across, down = apply(homography, [[x, y], [x + 1, y], [x, y + 1]])
+    # The zoom at the image's centre: the root of the area to which one pixel is mapped.
     (a, b), (c, d) = across - centre, down - centre
     area = abs(float(a * d - b * c))
     octaves = 0.5 * math.log2(area) if area > 0 and math.isfinite(area) else 0.0

@@ -95,10 +95,12 @@ def register_photographs(
         reduce_for_front_end(photo.pixels, options.working_width_px, photo.name) for photo in photographs
     )
     front_end = options.open_backend(method, progress)
+    # The left frame is held as the reference, so the matches come with the right one.
     (left_result, right_result), config = extract_within_capacity(front_end, [left, right], config)
     masks = [lens.visible((image.shape[1], image.shape[0])) if lens else None for image in (left, right)]
     remove_masked = partial(select_ground_matches, visible=masks)
     clock.lap("features and matches")
+    # One generator for all passes: a result depends on the seed alone.
     rng = np.random.default_rng(options.seed)
     search = Search(front_end, (left, right), config, rng, remove_masked, scoring=SCORINGS.get(options.estimator))
     first_pass = Evidence((left_result.features, right_result.features), remove_masked(right_result.matches))
