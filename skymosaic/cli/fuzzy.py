@@ -14,7 +14,7 @@ from rich.table import Table
 from skymosaic.cli.options import OverwriteOption, import_plots, output_option
 from skymosaic.cli.session import STDOUT, session
 from skymosaic.errors import InputError
-from skymosaic.fuzzy.fll import SHIPPED, load_system, write_fll
+from skymosaic.fuzzy.fll import SHIPPED, load_system
 from skymosaic.fuzzy.golden import (
     ENTRIES,
     MIN_FIRING_STRENGTH,
@@ -50,7 +50,7 @@ def fuzzy(
     plot: Annotated[bool, typer.Option("--plot", help="Draw membership curves and rule surfaces.")] = False,
     output: Annotated[Path, output_option("Folder for the pictures.")] = Path("fuzzy"),
     write: Annotated[
-        Path | None, typer.Option(help="Write the one system that is named to an .fll file; -: to stdout.")
+        Path | None, typer.Option(help="Write the shipped system that is named to an .fll file; -: to stdout.")
     ] = None,
     entries: Annotated[
         int, typer.Option(min=2, max=1 << 16, help="Table entries of each input in the integer model of a file.")
@@ -128,21 +128,16 @@ def _table(title: str, inputs: list[str], output: str, rules: list[list[Any]]) -
 
 
 def _write(names: list[str], path: Path, *, overwrite: bool) -> None:
-    """Write one system, shipped or from a file, as FLL."""
+    """Write one of the systems that are shipped as FLL, to start with."""
     if len(names) != 1:
         raise InputError(f"--write takes one system, not {len(names)}; name it")
-    source = Path(names[0]) if Path(names[0]).suffix else SHIPPED / f"{names[0]}.fll"
-    if not Path(names[0]).suffix and not source.exists():
-        shipped = ", ".join(sorted(path.stem for path in SHIPPED.glob("*.fll")))
-        raise InputError(f"{names[0]} has no FLL; these have: {shipped}")
+    shipped = {path.stem: path for path in sorted(SHIPPED.glob("*.fll"))}
+    if names[0] not in shipped:
+        raise InputError(f"{names[0]} is not shipped as FLL; valid: {', '.join(shipped)}")
     with session.destination(path, "system.fll") as target:
         if path != STDOUT:
-            check_output(target, (str(source),), (".fll",), overwrite=overwrite)
-        try:
-            text = write_fll(load_system(source))
-        except ValueError as error:
-            raise InputError(f"{source}: cannot be written: {error}") from None
-        save_bytes(target, text.encode())
+            check_output(target, suffixes=(".fll",), overwrite=overwrite)
+        save_bytes(target, shipped[names[0]].read_bytes())
     session.wrote(path)
     session.show(f"wrote {path}")
 

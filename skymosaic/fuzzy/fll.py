@@ -1,4 +1,4 @@
-"""FLL, the FuzzyLite Language: zero-order Sugeno systems with one output, read and written."""
+"""Reads FLL, the FuzzyLite Language: zero-order Sugeno systems with one output."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from skymosaic.fuzzy.system import FuzzySystem, IfThen, Input, Output
 from skymosaic.fuzzy.terms import Term
 
 AND = {"Minimum": "minimum", "AlgebraicProduct": "product"}
+# The word behind the name changes nothing for rules with constants.
 DEFUZZIFIERS = ("WeightedAverage", "WeightedAverage TakagiSugeno", "WeightedAverage Automatic")
 BLOCKS = ("Engine", "InputVariable", "OutputVariable", "RuleBlock")
 SHIPPED = Path(__file__).parent / "systems"
@@ -103,6 +104,7 @@ def _parse_rule(text: str, output: str) -> IfThen:
     ValueError
         For anything else, such as ``or``, ``not`` or a weight.
     """
+    # With AND alone, parentheses change nothing.
     words = text.replace("(", " ").replace(")", " ").split()
     lowered = [word.lower() for word in words]
     if lowered[:1] != ["if"] or lowered.count("then") != 1:
@@ -121,48 +123,6 @@ def _parse_rule(text: str, output: str) -> IfThen:
             raise ValueError(f"rule {text.strip()!r}: {' '.join(part)!r} is not a condition of another input")
         conditions[part[0]] = part[2]
     return IfThen(conditions, conclusion[2])
-
-
-def write_fll(system: FuzzySystem) -> str:
-    """Format a system as FLL text, which `read_fll` and FuzzyLite read."""
-    lines = [f"Engine: {_checked_word(system.name)}", f"  description: {' '.join(system.description.split())}"]
-    for variable in system.inputs:
-        lines += _format_variable("InputVariable", variable.name, variable.low, variable.high)
-        lines += [
-            f"  term: {_checked_word(term.name)} {term.shape} {' '.join(map(_format_number, term.parameters))}"
-            for term in variable.terms.values()
-        ]
-    output = system.output
-    lines += _format_variable("OutputVariable", output.name, output.low, output.high)
-    lines += ["  aggregation: none", "  defuzzifier: WeightedAverage TakagiSugeno"]
-    lines += [f"  default: {_format_number(output.default)}", "  lock-previous: false"]
-    lines += [
-        f"  term: {_checked_word(name)} Constant {_format_number(value)}" for name, value in output.constants.items()
-    ]
-    conjunction = next(name for name, meaning in AND.items() if meaning == system.conjunction)
-    lines += ["RuleBlock: rules", "  enabled: true", f"  conjunction: {conjunction}", "  disjunction: none"]
-    lines += ["  implication: none", "  activation: General"]
-    for rule in system.rules:
-        conditions = " and ".join(f"{name} is {chosen}" for name, chosen in rule.conditions.items())
-        lines.append(f"  rule: if {conditions} then {output.name} is {rule.conclusion}")
-    return "\n".join(lines) + "\n"
-
-
-def _format_number(value: float) -> str:
-    """The shortest text that reads back as ``value``."""
-    return repr(float(value)).removesuffix(".0")
-
-
-def _format_variable(kind: str, name: str, low: float, high: float) -> list[str]:
-    span = f"  range: {_format_number(low)} {_format_number(high)}"
-    return [f"{kind}: {_checked_word(name)}", "  enabled: true", span, "  lock-range: false"]
-
-
-def _checked_word(name: str) -> str:
-    """Return ``name`` if it can be read back: FLL separates by spaces."""
-    if len(name.split()) != 1:
-        raise ValueError(f"{name!r} is not one word; rename it")
-    return name
 
 
 def _split_blocks(text: str) -> list[_Block]:
@@ -226,6 +186,7 @@ def _parse_range(block: _Block) -> tuple[float, float]:
     for line, value in block.find_all("range"):
         low, high = _parse_at(line, _parse_two_numbers, value)
         return low, high
+    # FuzzyLite's default. The integer model needs finite ranges, which `FuzzySystem` checks.
     return -math.inf, math.inf
 
 
