@@ -88,6 +88,7 @@ def repeatability(
         return 0.0
     distance, nearest = KDTree(detected).query(query)
     _, nearest_query = KDTree(query).query(detected)
+    # Mutual, so that each feature counts once where features are dense.
     mutual = nearest_query[nearest] == np.arange(len(query))
     return _ratio(int(np.count_nonzero(mutual & (distance <= tolerance_px))), len(query))
 

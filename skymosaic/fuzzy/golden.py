@@ -120,6 +120,7 @@ def quantise(system: FuzzySystem, entries: int) -> GoldenSystem:
 def _sample_terms(variable: Input, entries: int) -> dict[str, NDArray[np.int64]]:
     positions = np.linspace(variable.low, variable.high, entries)
     degrees = np.stack([term.degree(positions) for term in variable.terms.values()])
+    # Halves are rounded up everywhere in the golden model; NumPy would round them to even.
     tables = np.floor(degrees * ONE + 0.5).astype(np.int64)
     if np.allclose(degrees.sum(axis=0), 1.0, atol=1e-9):
         # A product is not divided by the sum of the strengths, so terms that sum to one must do so in integers, too:

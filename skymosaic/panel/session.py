@@ -220,6 +220,7 @@ class Session:
     @_only_while_idle
     def make_mosaic(self) -> None:
         """Make a mosaic of the photographs with the options as they are."""
+        # As they are now: both may change while the job runs.
         inputs = self.options, *self.photographs
         run, pictures = self._new_run(self.photographs)
 

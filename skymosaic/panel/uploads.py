@@ -108,6 +108,7 @@ async def receive(body: AsyncIterator[bytes], name: str, kind: Kind, part: Path,
             raise UploadRefusedError(f"{stem}: {fault} {kind.description}; choose another file", 415)
         numbered = (f"{stem}_{number}" for number in itertools.count(2))
         paths = (part.with_name(each + suffix) for each in itertools.chain([stem], numbered))
+        # Nothing is awaited between choosing a name and taking it, so no other upload can take it meanwhile.
         return part.rename(next(path for path in paths if path.stem not in _RESERVED_STEMS and not path.exists()))
     except OSError as error:
         raise UploadRefusedError(f"{stem}: cannot be stored ({error.strerror}); make room on the disk", 507) from None

@@ -85,6 +85,7 @@ def plot_errors(m: Measurements) -> bytes:
     rng = np.random.default_rng(0)
     for index, values in enumerate(series.values()):
         style = THESIS if index == 0 else HERE
+        # Sideways at random, so that dots of equal height stay apart.
         spread = index + rng.uniform(-0.15, 0.15, len(values))
         plot.plot(spread, values, style["marker"], color=style["color"], markersize=4, alpha=0.7)
     plot.set_xticks(range(len(series)), [f"{name}\n({len(values)})" for name, values in series.items()])

@@ -106,6 +106,7 @@ def raise_threshold(grays: tuple[Pixels, Pixels], target: float = QUALITY_TARGET
     while threshold <= MAX_THRESHOLD["harris"]:
         left, right = (extract(gray, _configure(threshold)) for gray in grays)
         threshold *= 2
+        # A frame with more corners than a feature bank holds is bad: it has no features.
         if not (left.status["good"] and right.status["good"]):
             continue
         features = left.features, right.features

@@ -101,6 +101,7 @@ def detect(pictures: Sequence[Path], options: Options) -> list[Records]:
         config = raised
 
 
+# The slider asks for the same pictures again and again.
 @lru_cache(maxsize=8)
 def _read(picture: Path) -> Pixels:
     return np.asarray(cv2.imread(str(picture), cv2.IMREAD_UNCHANGED), dtype=np.uint8)

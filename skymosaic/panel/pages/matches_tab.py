@@ -32,6 +32,7 @@ class MatchesTab:
         self._lines = drawings.locate_matches(view)
         self._verdicts = classify_matches(view)
         self._shown = dict.fromkeys(KINDS, False) | {"inlier": True}
+        # Without a homography there are no inliers: show what there is.
         if "inlier" not in self._verdicts:
             self._shown = dict.fromkeys(KINDS, True)
         self._density = DEFAULT_DENSITY

@@ -80,6 +80,7 @@ class ResultTabs:
         self._tabs_card.set_visibility(not self._welcome.visible)
         self._corners.update()
         if session.mosaic_result is not self._result:
+            # Looking at another pair of a flight is no new run: the Matches tab stays open.
             is_new_run = (
                 self._result is None
                 or session.mosaic_result is None

@@ -36,6 +36,14 @@ def build_heading(number: str, text: str) -> None:
     ui.html(f'<span class="step">{number}</span>{text}', tag="h2", sanitize=False)
 
 
+def build_upload(upload: Upload) -> None:
+    """Build thumbnail, name, size and notes of an upload."""
+    ui.element("img").props(f'src="{picture_address(upload.working)}" alt=""')
+    with ui.element("div").classes("what"):
+        ui.label(upload.name).classes("name")
+        ui.label(" · ".join(("x".join(map(str, upload.size)), *upload.notes))).classes("hint")
+
+
 def enable_while_idle(control: DisableableElement, session: Session) -> None:
     """Disable a control that starts a job while a job runs."""
     control.bind_enabled_from(session, "job", lambda job: job is None)
@@ -98,10 +106,7 @@ class PhotographsCard:
     def _build_row(self, position: int, upload: Upload) -> None:
         session = self._session
         with ui.element("li"):
-            ui.element("img").props(f'src="{picture_address(upload.working)}" alt=""')
-            with ui.element("div").classes("what"):
-                ui.label(upload.name).classes("name")
-                ui.label(" · ".join(("x".join(map(str, upload.size)), *upload.notes))).classes("hint")
+            build_upload(upload)
             if position == 0 and len(session.photographs) > 1:
                 ui.button(icon="swap_vert", on_click=session.swap_first).props(
                     'flat round dense size=sm aria-label="Swap the first two photographs"'

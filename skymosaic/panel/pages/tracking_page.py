@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from nicegui import ui
 
 from skymosaic.panel.pages.page_layout import page_layout, show_command, show_files
-from skymosaic.panel.pages.sidebar import RunCard, build_heading, build_option_select, enable_while_idle
+from skymosaic.panel.pages.sidebar import RunCard, build_heading, build_option_select, build_upload, enable_while_idle
 from skymosaic.panel.results import TrackingResult, Upload, picture_address
 from skymosaic.panel.session import Session
 from skymosaic.panel.uploads import KINDS, MEBIBYTE
@@ -87,10 +87,7 @@ class _UploadCard:
             self._shown = upload
             self._container.clear()
             with self._container, ui.element("li"):
-                ui.element("img").props(f'src="{picture_address(upload.working)}" alt=""')
-                with ui.element("div").classes("what"):
-                    ui.label(upload.name).classes("name")
-                    ui.label(" · ".join(("x".join(map(str, upload.size)), *upload.notes))).classes("hint")
+                build_upload(upload)
 
 
 class _ResultCard:

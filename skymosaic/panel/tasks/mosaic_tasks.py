@@ -73,6 +73,7 @@ def make_mosaic(
             output = _choose_output(plan)
             deliveries = plan.write(folder / output, preview_width_px=PREVIEW_WIDTH_PX)
         except RegistrationError as error:
+            # The matches of a pair show why it could not be registered.
             if plan.flight.pair is None:
                 raise
             reason = str(error)
@@ -194,6 +195,7 @@ def write_command(names: list[str], options: Options, output: str = MOSAIC) -> s
     """Write the command line that repeats a run in its folder."""
     words = ["skymosaic", "mosaic", *names, "--config", CONFIG]
     if len(names) == 2:
+        # Methods of the host are not in the configuration; flights take none of them.
         words += ["--detector", f"{options.detector}", "--descriptor", f"{options.descriptor}"]
         words += ["--estimator", options.estimator, *(["--refine"] if options.refine else [])]
     words += [] if options.blending is None else ["--blend", options.blending]

@@ -41,6 +41,7 @@ def follow(
             write(draw_outline(frame))
             rows.append(make_row(frame, reader.frame_rate))
             progress(f"frame {frame.number + 1}")
+        # Raised in here, so that no video is left behind.
         if not any(each.corners for each in rows):
             raise RegistrationError(f"{video}: the object was found in none of {len(rows)} frames")
     seconds = time.perf_counter() - started
