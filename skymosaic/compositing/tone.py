@@ -78,6 +78,7 @@ class Tone:
         if bright.any():
             room = white - start
             above = (toned[bright] - start) / room
+            # a / (1 + c a) has slope 1 where the shoulder begins, and this c takes white to white.
             above_at_white = (white * factor[bright] - start) / room
             toned[bright] = start + room * above / (1 + above * (1 - 1 / above_at_white))
         if black:

@@ -92,6 +92,7 @@ def _inside(
     gray: Pixels, key_points: KeyPoints, support_px: int
 ) -> tuple[KeyPoints, NDArray[np.intp], NDArray[np.intp]]:
     """The key points at least ``support_px`` from the border, and x and y (N,) of their nearest pixels."""
+    # Halves are rounded up, as in `raw_positions`.
     pixels = np.floor(key_point_positions(key_points) + 0.5).astype(np.intp)
     limits = np.array(gray.shape[::-1]) - support_px
     inside = ((pixels >= support_px) & (pixels < limits)).all(axis=1)

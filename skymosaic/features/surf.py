@@ -99,6 +99,7 @@ def _octave(integral: NDArray[np.int32], sizes: tuple[int, ...]) -> list[cv2.Key
     )
     scale, y, x = np.nonzero(peaks)
     step, response = _fitted_maxima(planes, scale, y, x)
+    # Farther away, a quadratic through the neighbours says nothing about the response.
     kept = np.abs(step).max(axis=1, initial=0) <= MAX_STEP
     spacing = sizes[1] - sizes[0]
     return [

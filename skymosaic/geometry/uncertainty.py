@@ -120,6 +120,7 @@ def _covariance_error(homography: Matrix, left: Points, right: Points, grid: Poi
 
 def _cross_validated(homography: Matrix, left: Points, right: Points) -> tuple[Array, list[Matrix]]:
     """Errors of the matches under fits without them, and these fits."""
+    # Each half determines a homography.
     if len(left) < 8:
         return np.zeros(0), []
     low, high = left.min(axis=0), left.max(axis=0)

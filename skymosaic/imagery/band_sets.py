@@ -11,6 +11,7 @@ from skymosaic.errors import InputError
 from skymosaic.imagery.decoding import read_header
 from skymosaic.imagery.photographs import Source
 
+# GRE, RED, REG and NIR are Parrot's endings, MS_G to MS_NIR DJI's; MicaSense numbers its files.
 BANDS = {
     "blue": ("BLU", "BLUE", "MS_B"),
     "green": ("GRE", "GREEN", "MS_G"),

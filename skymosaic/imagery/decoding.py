@@ -109,6 +109,7 @@ def check_file(path: Path, what: str) -> None:
         raise InputError(f"{path}: not a file; name {what}")
     if status.st_size == 0:
         raise InputError(f"{path}: the file is empty; copy it again from the camera")
+    # Videos are read piece by piece, so they may be of any size.
     if status.st_size > MAX_DECODED_BYTES and what == "an image":
         raise InputError(f"{path}: larger than {MAX_DECODED_BYTES // 1_000_000} MB; reduce it first")
 

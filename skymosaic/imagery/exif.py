@@ -16,7 +16,7 @@ from skymosaic.imagery.decoding import open_header
 _GPS_DIRECTORY = 0x8825
 _LATITUDE_SIGN, _LATITUDE, _LONGITUDE_SIGN, _LONGITUDE = 1, 2, 3, 4
 _EXIF_DIRECTORY = 0x8769
-_BLACK_LEVEL = 0xC61A
+_BLACK_LEVEL = 0xC61A  # DNG's tag, which multi-band cameras write into TIFF
 _FOCAL_MM, _FOCAL_35_MM = 0x920A, 0xA405
 _WIDTH, _HEIGHT_PX, _PLANE_X, _PLANE_UNIT = 0xA002, 0xA003, 0xA20E, 0xA210
 _MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0}
@@ -24,6 +24,7 @@ _HALF_DIAGONAL_35_MM = math.hypot(36, 24) / 2
 MIN_FOCAL, MAX_FOCAL = 0.3, 20.0
 """Focal lengths outside these limits are mistakes. They are 6.5 and 430 mm on 35 mm film."""
 MAX_ROUNDING = 0.1
+# The gimbal's yaw is the camera's; the aircraft's own is the last resort.
 _YAW = ("drone-dji:GimbalYawDegree", "Camera:Yaw", "drone-dji:FlightYawDegree")
 _HEIGHT = ("drone-dji:RelativeAltitude", "Camera:AboveGroundAltitude")
 _EARTH_RADIUS_M = 6_371_000

@@ -140,6 +140,7 @@ def write_video(path: Path, frame_rate: Fraction) -> Iterator[Callable[[Pixels],
         If it cannot be written.
     """
     muxer = {".mp4": "mp4", ".mov": "mov", ".mkv": "matroska"}[path.suffix.lower()]
+    # The temporary name has no suffix from which FFmpeg could tell the format.
     with write_atomically(path) as temporary, av.open(str(temporary), "w", format=muxer) as container:
         stream = container.add_stream("libx264", rate=frame_rate, options={"crf": CONSTANT_QUALITY, "preset": "fast"})
 
