@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as PillowImage
 from PIL import UnidentifiedImageError
+from PIL.ExifTags import Base
 
 from golden_model.config import MIN_FRAME_PX
 from skymosaic.errors import DamagedError, InputError
@@ -32,8 +33,6 @@ MAX_READS = 500_000
 and comments one by one, in Python, and a file may declare hundreds of millions of them."""
 SPARE_BYTES = 64_000_000
 """Limit of bytes read from a header, beyond the size of the file, because TIFF tags can all name the same bytes."""
-_ORIENTATION_TAG = 0x0112
-_TIFF_BITS, _TIFF_SAMPLES = 258, 277
 UPRIGHT = 1
 
 # libtiff would warn about every unknown tag, even where standard error is not ours to redirect.
@@ -163,8 +162,8 @@ def _orientation(header: PillowImage.Image) -> int:
         exif = PillowImage.Exif()
         # Not header.getexif(), which also reads XMP data. OpenCV does not, and a turn must not depend on the decoder.
         exif.load(header.info.get("exif", b""))
-        (tiff,) = _tiff_tag(header, _ORIENTATION_TAG)
-        orientation = tiff if header.format == "TIFF" else exif.get(_ORIENTATION_TAG, UPRIGHT)
+        (tiff,) = _tiff_tag(header, Base.Orientation)
+        orientation = tiff if header.format == "TIFF" else exif.get(Base.Orientation, UPRIGHT)
         return orientation if type(orientation) is int and 1 <= orientation <= 8 else UPRIGHT
     # Text, 0/0 and truncated directories raise half a dozen kinds of errors.
     except Exception:
@@ -175,8 +174,8 @@ def _decoded_bytes(header: PillowImage.Image, path: Path) -> int:
     width_px, height_px = header.size
     channels, depth_bytes = len(header.getbands()), 1
     if header.format == "TIFF":
-        channels = max(channels, *_tiff_tag(header, _TIFF_SAMPLES))
-        depth_bytes = -(-max(_tiff_tag(header, _TIFF_BITS)) // 8)
+        channels = max(channels, *_tiff_tag(header, Base.SamplesPerPixel))
+        depth_bytes = -(-max(_tiff_tag(header, Base.BitsPerSample)) // 8)
     elif header.format == "PNG":
         # Pillow silently reduces 16-bit colour to 8 bits. The depth is the 25th byte of the file.
         with path.open("rb") as file:

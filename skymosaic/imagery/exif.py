@@ -10,16 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from PIL.ExifTags import GPS, IFD, Base
 
 from skymosaic.imagery.decoding import open_header
 
-_GPS_DIRECTORY = 0x8825
-_LATITUDE_SIGN, _LATITUDE, _LONGITUDE_SIGN, _LONGITUDE = 1, 2, 3, 4
-_EXIF_DIRECTORY = 0x8769
-_BLACK_LEVEL = 0xC61A  # DNG's tag, which multi-band cameras write into TIFF
-_FOCAL_MM, _FOCAL_35_MM = 0x920A, 0xA405
-_WIDTH, _HEIGHT_PX, _PLANE_X, _PLANE_UNIT = 0xA002, 0xA003, 0xA20E, 0xA210
-_MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0}
+_MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0}  # EXIF's codes of inch, centimetre and millimetre
 _HALF_DIAGONAL_35_MM = math.hypot(36, 24) / 2
 MIN_FOCAL, MAX_FOCAL = 0.3, 20.0
 """Focal lengths outside these limits are mistakes. They are 6.5 and 430 mm on 35 mm film."""
@@ -81,15 +76,15 @@ def read_metadata(path: Path) -> Metadata:
     try:
         with open_header(path) as header:
             exif = header.getexif()
-            gps, details = exif.get_ifd(_GPS_DIRECTORY), exif.get_ifd(_EXIF_DIRECTORY)
+            gps, details = exif.get_ifd(IFD.GPSInfo), exif.get_ifd(IFD.Exif)
             xmp = header.info.get("xmp", b"")
     # For EXIF data of unknown origin, Pillow raises SyntaxError, struct.error and others beside the expected errors.
     except Exception:
         return Metadata()
     text = xmp.decode("utf-8", "replace") if isinstance(xmp, bytes) else str(xmp)
-    return Metadata(
-        _position(gps), _focal(details), _from_xmp(text, _YAW), _from_xmp(text, _HEIGHT), _black(exif.get(_BLACK_LEVEL))
-    )
+    # DNG's tag, which multi-band cameras write into TIFF.
+    black = _black(exif.get(Base.BlackLevel))
+    return Metadata(_position(gps), _focal(details), _from_xmp(text, _YAW), _from_xmp(text, _HEIGHT), black)
 
 
 def _black(levels: Any) -> float | None:
@@ -100,8 +95,8 @@ def _black(levels: Any) -> float | None:
 
 def _position(gps: Mapping[int, Any]) -> Position | None:
     try:
-        latitude = _degrees(gps[_LATITUDE], gps.get(_LATITUDE_SIGN), negative="S")
-        longitude = _degrees(gps[_LONGITUDE], gps.get(_LONGITUDE_SIGN), negative="W")
+        latitude = _degrees(gps[GPS.GPSLatitude], gps.get(GPS.GPSLatitudeRef), negative="S")
+        longitude = _degrees(gps[GPS.GPSLongitude], gps.get(GPS.GPSLongitudeRef), negative="W")
     # Missing, text, 0/0: none of it is a position.
     except Exception:
         return None
@@ -122,10 +117,11 @@ def _focal(details: Mapping[int, Any]) -> float | None:
     Programs that reduce a photograph may leave the density unchanged. The two lengths then contradict each other, and
     the one on film is right.
     """
-    equivalent = _number(details.get(_FOCAL_35_MM)) / _HALF_DIAGONAL_35_MM
-    size_px = math.hypot(_number(details.get(_WIDTH)), _number(details.get(_HEIGHT_PX)))
-    mm_per_unit = _MM_PER_UNIT.get(details.get(_PLANE_UNIT, 2), math.nan)
-    focal_px = _number(details.get(_FOCAL_MM)) * _number(details.get(_PLANE_X)) / mm_per_unit
+    equivalent = _number(details.get(Base.FocalLengthIn35mmFilm)) / _HALF_DIAGONAL_35_MM
+    size_px = math.hypot(_number(details.get(Base.ExifImageWidth)), _number(details.get(Base.ExifImageHeight)))
+    mm_per_unit = _MM_PER_UNIT.get(details.get(Base.FocalPlaneResolutionUnit, 2), math.nan)
+    density = _number(details.get(Base.FocalPlaneXResolution)) / mm_per_unit
+    focal_px = _number(details.get(Base.FocalLength)) * density
     by_pixels = focal_px / (size_px / 2) if size_px else math.nan
     agree = abs(by_pixels - equivalent) < MAX_ROUNDING * equivalent
     focal = by_pixels if agree or not equivalent else equivalent

@@ -161,7 +161,7 @@ class _Writer:
             return None
         tile = np.zeros((TILE_PX, TILE_PX, 4), np.uint8)
         tile[:height, :width, :3] = show_in_8_bit(np.moveaxis(planes[:3], 0, -1), self.values)
-        # Cubic resampling has blurred the edge of the alpha band.
+        # Cubic resampling blurs the edge of the alpha band.
         tile[:height, :width, 3] = np.where(planes[-1] > np.iinfo(planes.dtype).max // 2, 255, 0)
         return tile
 
