@@ -41,11 +41,9 @@ docs: $(VENV)/installed
 tools: $(VENV)/installed
 	$(BIN)/python -m tests.formal.proofs
 
+# The linters of `.pre-commit-config.yaml`, on all files.
 lint: $(VENV)/installed
-	$(BIN)/ruff check .
-	$(BIN)/ruff format --check .
-	$(BIN)/mypy
-	$(BIN)/lint-imports
+	$(BIN)/pre-commit run --all-files
 
 # Without the tests' packages, which are many times as large.
 $(VENV)/runs: pyproject.toml

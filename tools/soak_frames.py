@@ -28,7 +28,7 @@ TOO_LARGE = {"width_px": BUILT_PX + 2, "height_px": 4000, "cell_log2": 9, "per_c
 FLAWS = (Cause.SHORT_LINE, Cause.LONG_LINE, Cause.EARLY_END, Cause.MISSING_START)
 FLAW_SHARE, INVALID_SHARE, MEMORY_SHARE = 0.15, 0.05, 0.2
 TEXTURE_PX = 400
-LEAST_SPLIT_BEATS = 200
+MIN_SPLIT_BEATS = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class SentFrame:
     @property
     def can_be_split(self) -> bool:
         """Whether settings may be written in its middle: it has started by then, and has not ended."""
-        is_short = self.cause in {Cause.MISSING_START, Cause.INVALID_SETTINGS} or len(self.data) < LEAST_SPLIT_BEATS
+        is_short = self.cause in {Cause.MISSING_START, Cause.INVALID_SETTINGS} or len(self.data) < MIN_SPLIT_BEATS
         return not is_short
 
 

@@ -45,12 +45,15 @@ def table(name: str, chosen: str | None = None) -> str:
     columns = list(rows[0])
     is_numeric = [all(isinstance(row[column], int | float) for row in rows) for column in columns]
     lines = [columns, ["---:" if numeric else "---" for numeric in is_numeric]]
-    lines += [[cell(row[column]) for column in columns] for row in rows]
+    for above, row in zip([{}, *rows], rows, strict=False):
+        repeats = row[columns[0]] == above.get(columns[0])
+        lines.append(["" if repeats else cell(row[columns[0]]), *(cell(row[column]) for column in columns[1:])])
     return "\n".join(f"| {' | '.join(line)} |" for line in lines) + f"\n\n*Measured by* `{measured['command']}`."
 
 
 def cell(value: Any) -> str:
-    """A figure as it is written."""
+    """A figure as it is written; those of one measure stay on one line."""
     if isinstance(value, int) and abs(value) >= SEPARATED_FROM:
         return f"{value:,}"
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    text = f"{value:g}" if isinstance(value, float) else str(value)
+    return text.replace(" / ", "\N{NO-BREAK SPACE}/\N{NO-BREAK SPACE}").replace(" px", "\N{NO-BREAK SPACE}px")

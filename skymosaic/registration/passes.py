@@ -251,7 +251,7 @@ def explain_refusal(state: SearchState) -> str:
 
 
 def _swap(matches: Records) -> Records:
-    """The same matches with left and right exchanged, and so turned the other way."""
+    """The same matches with left and right swapped, and so turned the other way."""
     swapped = swap_sides(matches)
     for name in ("turn", "peak_turn"):
         swapped[name] = -swapped[name].astype(np.int16) % SECTORS

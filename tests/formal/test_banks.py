@@ -19,7 +19,7 @@ RECORD_WORDS = RECORD.record_bytes // WORD_BYTES
 WORD_BITS = 8 * WORD_BYTES
 ROW_END = 2
 """Stands for the end of a row where 0 and 1 stand for features."""
-MOST_LEAVING = 5
+MAX_LEAVING = 5
 """A row's two features and its end, and what waits between memory and output."""
 
 
@@ -168,7 +168,7 @@ class _Rows(Elaboratable):
         arrivals = [(self.close & there, value) for there, value in zip(touched, values, strict=True)]
         leaves_in_order(
             m, [*arrivals, (self.close, Const(ROW_END))], leaves, Mux(ends, ROW_END, o.p.feature.x[0]),
-            chosen=self.chosen, most=MOST_LEAVING,
+            chosen=self.chosen, most=MAX_LEAVING,
         )  # fmt: skip
         features, rows = happened(m, leaves & ~ends, most=3), happened(m, leaves & ends, most=3)
         m.d.comb += [Cover((rows == 1) & (features == 3)), Cover(o.valid & ends & self.write & self.close)]

@@ -13,7 +13,7 @@ import pytest
 from sim.scene import make_lawnmower
 
 KILLS = 30
-LONGEST_SECONDS = 6.0
+MAX_SECONDS = 6.0
 
 
 def command(folder: Path, output: Path, cache: Path) -> list[str]:
@@ -39,7 +39,7 @@ def test_thirty_kills_at_random_moments(tmp_path: Path) -> None:
     expected = (tmp_path / "whole.png").read_bytes()
     rng = np.random.default_rng(16)
     output = folders["out"] / "mosaic.png"
-    for seconds in rng.uniform(0.1, LONGEST_SECONDS, KILLS):
+    for seconds in rng.uniform(0.1, MAX_SECONDS, KILLS):
         process = run(output, "killed")
         time.sleep(seconds)
         process.kill()

@@ -15,7 +15,7 @@ from sim.simulators.scoreboard import Coverage, find_clock_mismatch, find_mismat
 FRAMES, SIZE_PX = 6, (640, 480)
 FRAME_CYCLES = SIZE_PX[0] * SIZE_PX[1]
 CONFIG = PRESETS["aerial"]
-LEAST_MATCHES = 700
+MIN_MATCHES = 700
 
 
 @pytest.fixture(scope="module")
@@ -45,4 +45,4 @@ def test_no_frame_waits_and_every_match_comes_in_time(flight: list[np.ndarray], 
     late = [timeline.delay(number == FRAMES - 1) for number, timeline in enumerate(timelines)]
     assert find_clock_mismatch(late, results).frame == FRAMES - 1
     assert not Coverage.of(results).missing(CONFIG.front_end)
-    assert min(len(result.matches) for result in results[1:]) > LEAST_MATCHES
+    assert min(len(result.matches) for result in results[1:]) > MIN_MATCHES

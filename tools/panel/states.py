@@ -52,7 +52,7 @@ STATES: dict[str, Callable[[Page], None]] = {
     "refused options": refused_options,
     "tracking": tracking,
 }
-"""Of a pair."""
+"""States of a pair."""
 
 
 def flight(page: Page) -> None:
@@ -75,4 +75,4 @@ LONG_STATES: dict[str, Callable[[Page], None]] = {
     "numbers of a flight": lambda page: open_tab(page, "Numbers"),
     "tracked": tracked,
 }
-"""Of a flight and of a film, which take longer."""
+"""States of a flight and of a film, which take longer."""

@@ -10,7 +10,7 @@ from sim.cocotb import runner
 ICARUS = pytest.mark.needs("icarus")
 RUNS = [
     *(("verilator", cases) for cases in runner.CASES),
-    # Some hundred cycles a second. `tests/system/test_export_tools.py` runs a shorter bench in Icarus.
+    # Some hundred cycles per second. `tests/system/test_export_tools.py` runs a shorter bench in Icarus.
     *(pytest.param("icarus", cases, marks=[ICARUS, pytest.mark.slow]) for cases in runner.CASES),
 ]
 

@@ -11,7 +11,7 @@ pytest.importorskip("rasterio")
 def test_a_turned_and_scaled_layout_is_found_on_the_map(crs, false_north):
     rng = np.random.default_rng(4)
     places = rng.uniform(0, 4000, (12, 2))
-    turn = 0.05 * np.exp(0.6j)  # metres a pixel, and the turn of the flight
+    turn = 0.05 * np.exp(0.6j)  # metres per pixel, and the turn of the flight
     complex_m = (places[:, 0] - 1j * places[:, 1]) * turn
     metres = np.column_stack([430_000 + complex_m.real, false_north + complex_m.imag])
     zone, same = project_to_utm([Position(lat, lon) for lon, lat in map_to_globe(metres, crs)])
@@ -26,7 +26,7 @@ def test_a_turned_and_scaled_layout_is_found_on_the_map(crs, false_north):
 
 
 def scattered(count: int, noise_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Places on a mosaic of 5 cm a pixel, and the same on the map with noise."""
+    """Places on a mosaic of 5 cm per pixel, and the same on the map with noise."""
     rng = np.random.default_rng(5)
     places = rng.uniform(0, 4000, (count, 2))
     metres = [430_000, 5_190_000] + 0.05 * places * [1, -1]

@@ -148,5 +148,5 @@ def test_tables_of_the_readme_are_the_measured_ones() -> None:
 
 def cells(markdown: str) -> list[list[str]]:
     """Rows of a table, without bold type."""
-    lines = [line for line in markdown.splitlines() if line.startswith("|")]
+    lines = [line.replace("\N{NO-BREAK SPACE}", " ") for line in markdown.splitlines() if line.startswith("|")]
     return [[cell.strip(" *") for cell in line.strip("|").split("|")] for line in lines]
