@@ -109,3 +109,14 @@ def test_first_candidates_are_neighbours_in_order_by_gps_and_by_votes():
     for number, view in enumerate(views):
         view.gps = Position(45 + 0.01 * (number % 7), 7.0)
     assert (0, 7) in first_candidates(views, votes)
+
+
+@pytest.mark.parametrize(("share", "pairs"), [(0.08, set()), (0.12, {(0, 2)})])
+def test_pairs_of_little_overlap_are_not_proposed(share, pairs):
+    views = [SimpleNamespace(working_size=SIZE_PX)] * 3
+    step_px = (1 - share) / 2 * (SIZE_PX[0] - 1)
+    transforms = {view: np.array([[1.0, 0, step_px * view], [0, 1, 0], [0, 0, 1]]) for view in range(3)}
+    ties = np.zeros((50, 2))
+    links = {pair: Link(*pair, ties, ties, 50, 50) for pair in ((0, 1), (1, 2))}
+    assert overlap(transforms, 0, 2) == pytest.approx(share)
+    assert predicted(views, transforms, links) == pairs
