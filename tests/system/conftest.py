@@ -5,17 +5,13 @@ from pathlib import Path
 import cv2
 import pytest
 
-from sim.scene import Flight, make_lawnmower
+from sim.scene import Flight
+from tests.skymosaic.conftest import IMAGES, SIZE, flight
+from tests.skymosaic.flight.bands.conftest import band_folder
 from tests.skymosaic.panel.conftest import browser, panel
+from tests.skymosaic.tracking.conftest import film, film_frames, roi
 
-__all__ = ["browser", "panel"]
-
-IMAGES, SIZE = 9, (480, 360)
-
-
-@pytest.fixture(scope="session")
-def flight() -> Flight:
-    return make_lawnmower(seed=5, images=IMAGES, size=SIZE, forward_overlap=0.6, side_overlap=0.4)
+__all__ = ["IMAGES", "SIZE", "band_folder", "browser", "film", "film_frames", "flight", "panel", "roi"]
 
 
 @pytest.fixture(scope="session")

@@ -1,4 +1,4 @@
-"""A rendered flight of three bands, whose cameras are turned and shifted against each other by known homographies."""
+"""Multi-band sets by command, in the panel and in a live mosaic."""
 
 import shutil
 from pathlib import Path
@@ -7,85 +7,19 @@ import cv2
 import numpy as np
 import pytest
 
-from sim.scene import make_lawnmower
-from skymosaic.errors import InputError, RegistrationError
-from skymosaic.flight.bands.rig import align_bands
-from skymosaic.flight.workers import Workers
-from skymosaic.geometry.homography import apply
+from skymosaic.errors import InputError
 from skymosaic.imagery.band_sets import group_band_sets
-from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.live_frames import read_live_frames
 from skymosaic.imagery.photographs import list_sources
 from skymosaic.panel.options import Options
 from skymosaic.panel.tasks.mosaic_tasks import make_mosaic
+from tests.skymosaic.flight.bands.conftest import CAPTURES
 from tests.system.command_line import only_error, skymosaic
 
-CAPTURES, SIZE, MARGIN_PX = 5, (400, 300), 24
-WHOLE = (SIZE[0] + 2 * MARGIN_PX, SIZE[1] + 2 * MARGIN_PX)
-INTO_FRAME = np.array([[1, 0, -MARGIN_PX], [0, 1, -MARGIN_PX], [0, 0, 1.0]])
-RIG = {"RED": (7.3, -4.6, 0.6), "NIR": (-9.2, 5.1, -0.8)}
-"""Pixels to the right, pixels down, degrees."""
-GRID = np.stack(np.meshgrid(np.linspace(0, SIZE[0] - 1, 5), np.linspace(0, SIZE[1] - 1, 5)), -1).reshape(-1, 2)
 
-
-def homography(band: str) -> np.ndarray:
-    """Pixels of a band to those of the green one."""
-    if band not in RIG:
-        return np.eye(3)
-    x, y, degrees = RIG[band]
-    turn = cv2.getRotationMatrix2D(((SIZE[0] - 1) / 2, (SIZE[1] - 1) / 2), degrees, 1.0)
-    turn[:, 2] += x, y
-    return np.vstack([turn, [2e-6, -1e-6, 1]])
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """16 bits; what is dark in green is bright in near infrared, where each capture has an exposure of its own."""
-    folder = tmp_path_factory.mktemp("bands")
-    rng = np.random.default_rng(0)
-    for number, image in enumerate(make_lawnmower(5, CAPTURES, WHOLE, forward_overlap=0.7, side_overlap=0.6).images):
-        green, red = (cv2.GaussianBlur(image[..., k].astype(np.float32), (0, 0), 0.7) for k in (1, 2))
-        shown = {"GRE": 4000 + 120 * green, "RED": 3000 + 90 * red, "NIR": (1 + 0.1 * number) * (45_000 - 150 * green)}
-        for band, values in shown.items():
-            matrix = np.linalg.inv(homography(band)) @ INTO_FRAME
-            seen = cv2.warpPerspective(values, matrix, SIZE, flags=cv2.INTER_CUBIC)
-            noisy = np.clip(seen + rng.normal(0, 60, seen.shape), 0, 65_535)
-            cv2.imwrite(str(folder / f"IMG_{number:04}_{band}.TIF"), noisy.astype(np.uint16))
-    return folder
-
-
-def aligned(folder: Path, band: str = "green"):
-    with Workers() as workers:
-        return align_bands(group_band_sets(list_sources([folder]), band), band, Lens(), workers)
-
-
-def test_the_alignment_of_the_rig_is_found(folder):
-    found = aligned(folder)
-    for band, name in (("RED", "red"), ("NIR", "nir")):
-        error_px = np.linalg.norm(apply(found[name].homography, GRID) - apply(homography(band), GRID), axis=1)
-        assert error_px.mean() < 0.15
-
-
-def test_cameras_that_move_are_refused(folder, tmp_path):
-    shutil.copytree(folder, tmp_path / "loose")
-    path = tmp_path / "loose" / "IMG_0002_NIR.TIF"
-    cv2.imwrite(str(path), np.roll(cv2.imread(str(path), cv2.IMREAD_UNCHANGED), 3, axis=1))
-    with pytest.raises(RegistrationError, match=r"band nir cannot be aligned with band green: .* in one capture"):
-        aligned(tmp_path / "loose")
-
-
-def test_bands_of_other_ground_are_refused(folder, tmp_path):
-    shutil.copytree(folder, tmp_path / "other")
-    for number in range(CAPTURES):
-        path = tmp_path / "other" / f"IMG_{number:04}_RED.TIF"
-        cv2.imwrite(str(path), np.random.default_rng(number).integers(0, 60_000, SIZE[::-1], dtype=np.uint16))
-    with pytest.raises(RegistrationError, match="band red cannot be aligned"):
-        aligned(tmp_path / "other")
-
-
-def test_one_geotiff_shows_the_same_ground_in_all_bands(folder, tmp_path):
+def test_one_geotiff_shows_the_same_ground_in_all_bands(band_folder, tmp_path):
     rasterio = pytest.importorskip("rasterio")
-    made = skymosaic("mosaic", folder, "-o", "m.tif", "--band", "RED", "--report", "report", cwd=tmp_path)
+    made = skymosaic("mosaic", band_folder, "-o", "m.tif", "--band", "RED", "--report", "report", cwd=tmp_path)
     assert made.returncode == 0, made.stderr
     assert "bands: green, red, nir; registered by red" in made.stdout
     with pytest.warns(rasterio.errors.NotGeoreferencedWarning):
@@ -103,9 +37,9 @@ def test_one_geotiff_shows_the_same_ground_in_all_bands(folder, tmp_path):
     assert np.corrcoef(fine[0][inside], fine[2][inside])[0, 1] < -0.985
 
 
-def test_the_panel_writes_all_bands_of_uploaded_sets(folder, tmp_path):
+def test_the_panel_writes_all_bands_of_uploaded_sets(band_folder, tmp_path):
     rasterio = pytest.importorskip("rasterio")
-    run = shutil.copytree(folder, tmp_path / "run")
+    run = shutil.copytree(band_folder, tmp_path / "run")
     (tmp_path / "pictures").mkdir()
     names = sorted(path.name for path in run.iterdir())
     result = make_mosaic(run, names, Options.of_preset("aerial"), tmp_path / "pictures", progress=lambda *_: None)
@@ -116,8 +50,8 @@ def test_the_panel_writes_all_bands_of_uploaded_sets(folder, tmp_path):
         assert file.descriptions[:3] == ("green", "red", "nir")
 
 
-def test_a_live_mosaic_shows_one_named_band(folder):
-    def shown(band: str | None, source: str = str(folder)) -> list[str]:
+def test_a_live_mosaic_shows_one_named_band(band_folder):
+    def shown(band: str | None, source: str = str(band_folder)) -> list[str]:
         return [
             Path(p.name).name for p in read_live_frames(source, idle_seconds=0.1, tell=lambda _line: None, band=band)
         ]
@@ -140,8 +74,8 @@ def test_a_live_mosaic_shows_one_named_band(folder):
         (lambda _: None, {"band": "thermal"}, "band thermal: the sets have green, red, nir"),
     ],
 )
-def test_incomplete_sets_are_refused(folder, tmp_path, change, arguments, message):
-    shutil.copytree(folder, tmp_path / "sets")
+def test_incomplete_sets_are_refused(band_folder, tmp_path, change, arguments, message):
+    shutil.copytree(band_folder, tmp_path / "sets")
     change(tmp_path / "sets")
     with pytest.raises(InputError, match=message):
         group_band_sets(list_sources([tmp_path / "sets"]), **arguments)
@@ -152,13 +86,13 @@ def cut(path: Path) -> None:
     cv2.imwrite(str(path), cv2.imread(str(path), cv2.IMREAD_UNCHANGED)[:200])
 
 
-def test_bands_need_a_tif(folder, tmp_path):
-    refused = skymosaic("mosaic", folder, "-o", "m.png", cwd=tmp_path)
+def test_bands_need_a_tif(band_folder, tmp_path):
+    refused = skymosaic("mosaic", band_folder, "-o", "m.png", cwd=tmp_path)
     assert "m.png: a mosaic of 3 bands must be a .tif" in only_error(refused.stderr)
 
 
-def test_damaged_bands_are_kept_where_that_is_wanted(folder):
-    capture = group_band_sets(list_sources([folder]))[0].with_damaged(keep=True)
+def test_damaged_bands_are_kept_where_that_is_wanted(band_folder):
+    capture = group_band_sets(list_sources([band_folder]))[0].with_damaged(keep=True)
     assert [source.keep_damaged for source in (capture, *capture.bands.values())] == [True] * 4
 
 

@@ -14,7 +14,6 @@ from skymosaic import mosaic
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.flight import workers as flight_workers
 from skymosaic.flight.cache import ResultCache
-from skymosaic.flight.check import check_flight
 from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.survey import survey
 from skymosaic.flight.workers import Workers
@@ -104,13 +103,6 @@ def test_sizes_may_differ(flight) -> None:
     assert len(result.placed) == IMAGES
     magnified = result.transforms[5] @ np.array([[2, 0, 0.5], [0, 2, 0.5], [0, 0, 1]])
     assert position_errors_px(result.transforms | {5: magnified}, flight).mean() < 1.0
-
-
-def test_a_blurred_image_shows_only_where_no_other_does(flight) -> None:
-    images = list(flight.images)
-    images[4] = cv2.GaussianBlur(images[4], (0, 0), 1.5)
-    checked = check_flight(surveyed(images))
-    assert [photo.name for photo in checked.photographs if "blurred" in photo.problems] == ["image 4"]
 
 
 @pytest.mark.slow

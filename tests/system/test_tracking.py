@@ -1,4 +1,4 @@
-"""Tracking a rendered car whose corners are known: through a bridge, by command and by API, by model and by RTL."""
+"""Tracking by command: a rendered car's outline in a video, and its corners as numbers."""
 
 import csv
 import json
@@ -9,83 +9,31 @@ import cv2
 import numpy as np
 import pytest
 
-from golden_model.config import preset_config
-from sim.backends.interface import load_backend
-from sim.scene import make_pursuit
-from sim.simulators.scoreboard import find_mismatch
 from skymosaic.cli.track import track as track_command
-from skymosaic.errors import InputError, RegistrationError
-from skymosaic.geometry.homography import apply
+from skymosaic.errors import InputError
 from skymosaic.imagery.video import VideoReader, write_video
-from skymosaic.tracking.template import Roi
-from skymosaic.tracking.tracker import track
+from tests.skymosaic.tracking.conftest import IMAGES, true_corners
 from tests.system.command_line import skymosaic
 
-IMAGES = 48
 RATE = Fraction(25)
-HIDDEN = 0.05
-"""A car of which the bridge leaves no more than this share is not to be found."""
 
 
 @pytest.fixture(scope="module")
-def film():
-    return make_pursuit(seed=1, images=IMAGES, size=(480, 360), bridge=True)
-
-
-@pytest.fixture(scope="module")
-def frames(film) -> list[np.ndarray]:
-    return list(film.images)
-
-
-@pytest.fixture(scope="module")
-def video(tmp_path_factory: pytest.TempPathFactory, frames) -> Path:
+def video(tmp_path_factory: pytest.TempPathFactory, film_frames) -> Path:
     path = tmp_path_factory.mktemp("video") / "car.mp4"
     with write_video(path, RATE) as write:
-        for frame in frames:
+        for frame in film_frames:
             write(frame)
     return path
 
 
 @pytest.fixture(scope="module")
-def short_video(tmp_path_factory: pytest.TempPathFactory, frames) -> Path:
+def short_video(tmp_path_factory: pytest.TempPathFactory, film_frames) -> Path:
     path = tmp_path_factory.mktemp("video") / "short.mp4"
     with write_video(path, RATE) as write:
-        for frame in frames[:3]:
+        for frame in film_frames[:3]:
             write(frame)
     return path
-
-
-@pytest.fixture(scope="module")
-def roi(film) -> Roi:
-    """The car's bounding box in the first frame."""
-    first, last = np.floor(film.corners[0].min(axis=0)), np.ceil(film.corners[0].max(axis=0))
-    return Roi(*map(int, first), *map(int, last - first + 1))
-
-
-def true_corners(film, roi: Roi) -> np.ndarray:
-    """Where the rectangle of the first frame moves with the car, (N, 4, 2)."""
-    x, y = roi.x_px - 0.5, roi.y_px - 0.5
-    outline = np.array([(x, y), (x + roi.width_px, y), (x + roi.width_px, y + roi.height_px), (x, y + roi.height_px)])
-    from_first = np.linalg.inv(film.car_to_images[0])
-    return np.stack([apply(to_image @ from_first, outline) for to_image in film.car_to_images])
-
-
-def test_a_car_is_tracked_and_found_again_after_a_bridge_hides_it(film, frames, roi) -> None:
-    truth = true_corners(film, roi)
-    tracked = list(track(roi, frames))
-    found = np.array([each.corners is not None for each in tracked])
-    errors = [
-        np.linalg.norm(each.corners - truth[each.number], axis=1).mean() for each in tracked if found[each.number]
-    ]
-    assert np.mean(errors) < 0.5
-    assert np.max(errors) < 2.0
-    hidden = np.flatnonzero(film.visible <= HIDDEN)
-    assert len(hidden) >= 8
-    assert not found[hidden].any()
-    # Before the bridge it is never lost; behind it, it is found as soon as all of it is seen again.
-    assert found[: np.flatnonzero(film.visible < 1)[0]].all()
-    assert found[hidden[-1] :][film.visible[hidden[-1] :] >= 1].all()
-    assert (film.visible[hidden[-1] :] >= 1).any()
 
 
 def test_the_command_writes_video_and_corners(film, roi, video: Path, tmp_path: Path) -> None:
@@ -109,16 +57,6 @@ def test_the_command_writes_video_and_corners(film, roi, video: Path, tmp_path: 
         x, y = (round((float(row[f"{axis}0"]) + float(row[f"{axis}1"])) / 2) for axis in "xy")
         patch = frame[y - 2 : y + 3, x - 2 : x + 3].astype(int)
         assert (patch[..., 1] - patch[..., [0, 2]].max(axis=2)).max() > 80, "no green edge"
-
-
-def test_a_template_of_larger_scale_is_found(film, frames, roi, tmp_path: Path) -> None:
-    cut = frames[0][roi.y_px : roi.y_px + roi.height_px, roi.x_px : roi.x_px + roi.width_px]
-    cv2.imwrite(str(tmp_path / "car.png"), cv2.resize(cut, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC))
-    truth = true_corners(film, roi)[3:]
-    tracked = list(track(tmp_path / "car.png", frames[3:15]))
-    errors = [np.linalg.norm(each.corners - truth[each.number], axis=1).mean() for each in tracked if each.pose]
-    assert len(errors) >= 6
-    assert np.mean(errors) < 2.0
 
 
 def test_an_object_that_never_appears_exits_with_3(short_video: Path, tmp_path: Path) -> None:
@@ -145,13 +83,6 @@ def test_bad_requests_are_one_line_and_leave_no_files(short_video: Path, tmp_pat
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_flat_template_is_refused(frames) -> None:
-    with pytest.raises(RegistrationError, match="features, 12 needed"):
-        list(track(np.full((80, 80, 3), 120, np.uint8), frames[:1]))
-    with pytest.raises(InputError, match="template"):
-        list(track(np.zeros((10, 10), np.uint16), frames[:1]))
-
-
 def test_corners_are_written_as_json(short_video: Path, roi, tmp_path: Path) -> None:
     text = ",".join(map(str, roi))
     track_command(inputs=[short_video], output=tmp_path / "out.mkv", roi=text, corners=tmp_path / "c.json")
@@ -159,32 +90,3 @@ def test_corners_are_written_as_json(short_video: Path, roi, tmp_path: Path) -> 
     rows = json.loads((tmp_path / "c.json").read_text())
     assert [row["frame"] for row in rows] == [0, 1, 2]
     assert all(np.shape(row["corners"]) == (4, 2) for row in rows)
-
-
-class Recorded:
-    """A front end that keeps what it was asked and what it answered."""
-
-    def __init__(self, backend: str) -> None:
-        self._front_end = load_backend(backend)
-        self.runs: list[tuple] = []
-
-    def run(self, frames, config, *, reference="held"):
-        results = self._front_end.run(frames, config, reference=reference)
-        self.runs.append((frames, reference, results))
-        return results
-
-
-@pytest.mark.slow
-def test_hardware_with_a_held_reference_tracks_the_same_corners(frames, roi, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Compiles the accelerator the first time."""
-    tracked, recorded = {}, {}
-    for backend in ("golden", "rtl"):
-        recorded[backend] = Recorded(backend)
-        monkeypatch.setattr("skymosaic.tracking.tracker.load_backend", lambda name: recorded[name])
-        tracked[backend] = list(track(roi, frames[:6], backend=backend, config=preset_config("aerial")))
-    assert {reference for _, reference, _ in recorded["rtl"].runs} == {"held"}
-    assert sum(len(results[-1].matches) for *_, results in recorded["rtl"].runs) > 100
-    for (*_, wanted), (*_, got) in zip(recorded["golden"].runs, recorded["rtl"].runs, strict=True):
-        assert find_mismatch(wanted, got) is None
-    for wanted, got in zip(tracked["golden"], tracked["rtl"], strict=True):
-        np.testing.assert_array_equal(wanted.corners, got.corners)

@@ -1,0 +1,113 @@
+import cv2
+import numpy as np
+import pytest
+
+from golden_model.config import preset_config
+from sim.backends.interface import load_backend
+from skymosaic.errors import InputError
+from skymosaic.geometry.homography import apply, estimate
+from skymosaic.live.mosaic import LiveMosaic
+from tests.skymosaic.conftest import IMAGES, SIZE
+from tests.skymosaic.live.conftest import pair_errors_px
+
+CONFIG = preset_config("aerial")
+
+
+def test_every_frame_is_registered_on_arrival(flight, frames) -> None:
+    live = LiveMosaic(CONFIG)
+    updates = [live.add(frame) for frame in frames]
+    assert [update.number for update in updates] == list(range(IMAGES))
+    assert updates[0].placement is None
+    assert all(update.placement for update in updates[1:])
+    assert any(len(update.placement.neighbours) > 1 for update in updates[1:]), "no leg holds another"
+    assert live.left_out == {}
+    errors = pair_errors_px(live.transforms, flight)
+    assert len(errors) > IMAGES
+    assert errors.mean() < 0.7
+    assert errors.max() < 2.0
+    # What is painted is what the frames show there.
+    for number in (0, IMAGES - 1):
+        height, width = live.image.shape[:2]
+        shown = cv2.warpPerspective(frames[number], live.transforms[number], (width, height))
+        inside = (
+            cv2.warpPerspective(np.full(SIZE[::-1], 255, np.uint8), live.transforms[number], (width, height)) == 255
+        )
+        assert np.median(np.abs(shown[inside].astype(int) - live.image[inside])) < 12
+
+
+def test_given_features_make_the_same_mosaic_as_computed_ones(frames) -> None:
+    results = load_backend("golden").run(frames[:4], CONFIG, reference="previous")
+    given, computed = LiveMosaic(CONFIG), LiveMosaic(CONFIG)
+    for frame, result in zip(frames, results, strict=False):
+        given.add(frame, result.features)
+        computed.add(frame)
+    np.testing.assert_array_equal(given.image, computed.image)
+
+
+def test_the_final_adjustment_brings_all_frames_within_a_third_of_a_pixel(flight, frames) -> None:
+    """Without it, errors add up from frame to frame to more than a pixel."""
+    live = LiveMosaic(CONFIG)
+    for frame in frames:
+        live.add(frame)
+    live.finish()
+    grid = np.stack(np.meshgrid(np.linspace(0, SIZE[0] - 1, 4), np.linspace(0, SIZE[1] - 1, 4)), -1).reshape(-1, 2)
+    found = np.concatenate([apply(live.transforms[index], grid) for index in range(IMAGES)])
+    true = np.concatenate([apply(np.linalg.inv(flight.homographies[index]), grid) for index in range(IMAGES)])
+    aligned = apply(estimate(found, true, model="similarity"), found)
+    assert np.linalg.norm(aligned - true, axis=1).mean() < 0.3
+    assert (live.image.any(axis=2)).mean() > 0.8
+
+
+@pytest.mark.slow
+def test_features_of_the_hardware_in_sequence_mode_make_a_live_mosaic(frames) -> None:
+    """Compiles the accelerator the first time."""
+    results = {name: load_backend(name).run(frames[:3], CONFIG, reference="previous") for name in ("golden", "rtl")}
+    for wanted, got in zip(*results.values(), strict=True):
+        np.testing.assert_array_equal(wanted.features, got.features)
+        np.testing.assert_array_equal(wanted.matches, got.matches)
+    live = LiveMosaic(CONFIG)
+    updates = [live.add(frame, result.features) for frame, result in zip(frames, results["rtl"], strict=False)]
+    assert all(update.placement for update in updates[1:])
+
+
+def test_submaps_join_once_a_frame_overlaps_both(flight, frames) -> None:
+    live = LiveMosaic(CONFIG)
+    order = [0, 2, 1]  # 0 and 2 share next to nothing; 1 shows both
+    submaps = [live.add(frames[index]).submaps for index in order]
+    assert flight.overlap_between(0, 2) < 0.3
+    assert submaps[0] == 1
+    assert submaps[-1] == 1
+    assert len(live.transforms) == 3
+    placed = {order[number]: transform for number, transform in live.transforms.items()}
+    assert pair_errors_px(placed, flight).max() < 1.0
+
+
+def test_frames_without_overlap_and_flat_frames_are_left_out(frames) -> None:
+    grain = cv2.GaussianBlur(np.random.default_rng(1).integers(0, 256, (360, 480, 3), dtype=np.uint8), (0, 0), 2)
+    live = LiveMosaic(CONFIG)
+    for frame in (*frames[:2], grain, np.full((360, 480, 3), 90, np.uint8)):
+        live.add(frame)
+    assert set(live.left_out) == {2, 3}
+    assert "does not overlap the mosaic" in live.left_out[2]
+    assert "too few features" in live.left_out[3]
+
+
+def test_a_frame_beyond_the_canvas_limit_is_left_out_and_the_rest_stays(frames) -> None:
+    live = LiveMosaic(CONFIG, canvas_limit_px=int(1.2 * SIZE[0] * SIZE[1]))
+    live.add(frames[0])
+    before = live.image.copy()
+    assert "limit" in live.add(frames[1]).reason
+    np.testing.assert_array_equal(live.image, before)
+
+
+def test_the_layout_is_recomputed_without_a_frame_that_could_not_be_painted(frames) -> None:
+    live = LiveMosaic(CONFIG, canvas_limit_px=int(1.6 * SIZE[0] * SIZE[1]))
+    reasons = [live.add(frame).reason for frame in (frames[0], frames[1], frames[2], frames[0], frames[1])]
+    assert ["limit" in reason for reason in reasons] == [False, False, True, False, False]
+    live.finish()
+    assert sorted(live.transforms) == [0, 1, 3, 4]
+
+
+def test_a_scale_beyond_one_is_refused() -> None:
+    with pytest.raises(InputError, match="scale is 2"):
+        LiveMosaic(CONFIG, scale=2)

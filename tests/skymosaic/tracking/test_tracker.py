@@ -1,0 +1,83 @@
+"""Tracking a rendered car whose corners are known, through a bridge, by the golden model and by hardware."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from golden_model.config import preset_config
+from sim.backends.interface import load_backend
+from sim.simulators.scoreboard import find_mismatch
+from skymosaic.errors import InputError, RegistrationError
+from skymosaic.tracking.tracker import track
+from tests.skymosaic.tracking.conftest import true_corners
+
+HIDDEN = 0.05
+"""A car of which the bridge leaves no more than this share is not to be found."""
+
+
+def test_a_car_is_tracked_and_found_again_after_a_bridge_hides_it(film, film_frames, roi) -> None:
+    truth = true_corners(film, roi)
+    tracked = list(track(roi, film_frames))
+    found = np.array([each.corners is not None for each in tracked])
+    errors = [
+        np.linalg.norm(each.corners - truth[each.number], axis=1).mean() for each in tracked if found[each.number]
+    ]
+    assert np.mean(errors) < 0.5
+    assert np.max(errors) < 2.0
+    hidden = np.flatnonzero(film.visible <= HIDDEN)
+    assert len(hidden) >= 8
+    assert not found[hidden].any()
+    # Before the bridge it is never lost; behind it, it is found as soon as all of it is seen again.
+    assert found[: np.flatnonzero(film.visible < 1)[0]].all()
+    assert found[hidden[-1] :][film.visible[hidden[-1] :] >= 1].all()
+    assert (film.visible[hidden[-1] :] >= 1).any()
+
+
+def test_a_template_of_larger_scale_is_found(film, film_frames, roi, tmp_path: Path) -> None:
+    cut = film_frames[0][roi.y_px : roi.y_px + roi.height_px, roi.x_px : roi.x_px + roi.width_px]
+    cv2.imwrite(str(tmp_path / "car.png"), cv2.resize(cut, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC))
+    truth = true_corners(film, roi)[3:]
+    tracked = list(track(tmp_path / "car.png", film_frames[3:15]))
+    errors = [np.linalg.norm(each.corners - truth[each.number], axis=1).mean() for each in tracked if each.pose]
+    assert len(errors) >= 6
+    assert np.mean(errors) < 2.0
+
+
+def test_a_flat_template_is_refused(film_frames) -> None:
+    with pytest.raises(RegistrationError, match="features, 12 needed"):
+        list(track(np.full((80, 80, 3), 120, np.uint8), film_frames[:1]))
+    with pytest.raises(InputError, match="template"):
+        list(track(np.zeros((10, 10), np.uint16), film_frames[:1]))
+
+
+class Recorded:
+    """A front end that keeps what it was asked and what it answered."""
+
+    def __init__(self, backend: str) -> None:
+        self._front_end = load_backend(backend)
+        self.runs: list[tuple] = []
+
+    def run(self, film_frames, config, *, reference="held"):
+        results = self._front_end.run(film_frames, config, reference=reference)
+        self.runs.append((film_frames, reference, results))
+        return results
+
+
+@pytest.mark.slow
+def test_hardware_with_a_held_reference_tracks_the_same_corners(
+    film_frames, roi, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Compiles the accelerator the first time."""
+    tracked, recorded = {}, {}
+    for backend in ("golden", "rtl"):
+        recorded[backend] = Recorded(backend)
+        monkeypatch.setattr("skymosaic.tracking.tracker.load_backend", lambda name: recorded[name])
+        tracked[backend] = list(track(roi, film_frames[:6], backend=backend, config=preset_config("aerial")))
+    assert {reference for _, reference, _ in recorded["rtl"].runs} == {"held"}
+    assert sum(len(results[-1].matches) for *_, results in recorded["rtl"].runs) > 100
+    for (*_, wanted), (*_, got) in zip(recorded["golden"].runs, recorded["rtl"].runs, strict=True):
+        assert find_mismatch(wanted, got) is None
+    for wanted, got in zip(tracked["golden"], tracked["rtl"], strict=True):
+        np.testing.assert_array_equal(wanted.corners, got.corners)
