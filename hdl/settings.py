@@ -23,7 +23,7 @@ from golden_model.config import (
 from golden_model.formats import RESPONSE_CODE, WEIGHT, encode_response
 
 FLAG = range(2)
-_CELL_LOG2S = [size_px.bit_length() - 1 for size_px in CELL_SIZES_PX]
+_CELL_LOG2 = range(CELL_SIZES_PX[0].bit_length() - 1, CELL_SIZES_PX[-1].bit_length())
 
 
 @dataclass(frozen=True)
@@ -56,12 +56,7 @@ class Setting:
 FRONT_END = (
     Setting("width_px", range(MIN_FRAME_PX, MAX_FRAME_PX + 1), 640, f"Width, {MIN_FRAME_PX} to the largest built."),
     Setting("height_px", range(MIN_FRAME_PX, MAX_FRAME_PX + 1), 480, f"Height, {MIN_FRAME_PX} to the largest built."),
-    Setting(
-        "cell_log2",
-        range(_CELL_LOG2S[0], _CELL_LOG2S[-1] + 1),
-        5,
-        f"log2 of the cell's side, {_CELL_LOG2S[0]} to {_CELL_LOG2S[-1]}.",
-    ),
+    Setting("cell_log2", _CELL_LOG2, 5, f"log2 of the cell's side, {_CELL_LOG2[0]} to {_CELL_LOG2[-1]}."),
     Setting("per_cell", range(1, MAX_PER_CELL + 1), 5, f"Features kept per cell, 1 to {MAX_PER_CELL}."),
     Setting("detector", range(len(DETECTORS)), 0, f"Index into {', '.join(DETECTORS)}."),
     Setting(
@@ -107,6 +102,7 @@ PAGE_BYTES = 4096
 MIN_SLOTS = 2
 TICK_CLOCKS = 1024
 """Unit of the shell's time limits."""
+_TICKS, _IN_TICKS = range(1 << 16), f"in units of {TICK_CLOCKS} clocks"
 
 
 def _ring_settings(ring: str) -> tuple[Setting, ...]:
@@ -123,18 +119,11 @@ SHELL = {
     setting.name: setting
     for setting in (
         *(setting for ring in RINGS for setting in _ring_settings(ring)),
-        Setting(
-            "camera_timeout",
-            range(1 << 16),
-            15_000,
-            f"Pause after which the camera counts as stopped, in units of {TICK_CLOCKS} clocks; 0: never.",
-        ),
+        # 0.1 s at 150 MHz.
+        Setting("camera_timeout", _TICKS, 15_000, f"Pause that counts as a stopped camera, {_IN_TICKS}; 0: never."),
         Setting("coalesce_count", range(256), 1, "Frames after which frames_ready is set."),
         Setting(
-            "coalesce_timeout",
-            range(1 << 16),
-            0,
-            f"Time after which fewer frames set frames_ready, in units of {TICK_CLOCKS} clocks; 0: never.",
+            "coalesce_timeout", _TICKS, 0, f"Time after which fewer frames set frames_ready, {_IN_TICKS}; 0: never."
         ),
         *(_mask_setting(event) for event in ("frames_ready", "frame_dropped", "camera_stops", "memory_error")),
     )

@@ -53,6 +53,7 @@ def pixels(shape: ShapeLike, pixels_per_clock: int) -> ShapeLike:
 
 def each_pixel(field: Any, pixels_per_clock: int) -> list[Any]:
     """List the values of a field, one for each pixel of the beat."""
+    # One pixel per beat has no array of one, so that most blocks need no index.
     return [field] if pixels_per_clock == 1 else list(field)
 
 
@@ -161,6 +162,7 @@ def record_layout(record: Record, length_bytes: int | None = None) -> data.Flexi
     """Hardware layout of a record, its tag included, padded with zeros to ``length_bytes`` (None: its own length)."""
     fields: dict[int | str, data.Field] = {"tag": data.Field(unsigned(8), 0)}
     fields |= {field.name: data.Field(unsigned(field.bits), 8 * offset) for field, offset in record.offsets()}
+    # A packet's status is padded to its records, so that a host can view the packet as one array.
     length_bytes = record.record_bytes if length_bytes is None else length_bytes
     return data.FlexibleLayout(8 * length_bytes, fields)
 

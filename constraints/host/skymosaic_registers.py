@@ -41,6 +41,7 @@ class Registers:
             if name not in register_map.WRITABLE:
                 raise AcceleratorError(f"{name} cannot be written; valid: {', '.join(sorted(register_map.WRITABLE))}")
             smallest, largest = register_map.WRITABLE[name]
+            # The size has a built limit besides that of its field.
             largest = min(largest, register_map.BUILT.get("built_" + name, largest))
             if not smallest <= value <= largest:
                 raise AcceleratorError(f"{name} is {value}; it must be {smallest} to {largest}")

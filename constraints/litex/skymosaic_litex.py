@@ -50,6 +50,7 @@ class Skymosaic(LiteXModule):
             "i_s_axis_video_tlast": self.video.last,
             "i_s_axis_video_tvalid": self.video.valid,
             "o_s_axis_video_tready": self.video.ready,
+            # LiteX's buses have these signals, too, but nothing drives them.
             "i_s_axi_ctrl_awprot": Constant(0, 3),
             "i_s_axi_ctrl_arprot": Constant(0, 3),
             "o_interrupt": self.interrupt,

@@ -2,16 +2,14 @@
 
 import time
 
-import numpy as np
-from pynq import MMIO, Overlay, allocate
-from skymosaic_registers import AcceleratorError
+from pynq import MMIO, Overlay
+from pynq_overlay import OverlayBus, wait_until_idle
 
 REGISTER_BYTES = 4096
-POLL_SECONDS = 0.0002
 TIMEOUT_SECONDS = 5.0
 
 
-class LiveBus:
+class LiveBus(OverlayBus):
     """Loads an overlay, and accesses the registers of its live build and memory for the rings.
 
     Parameters
@@ -24,19 +22,8 @@ class LiveBus:
 
     def __init__(self, bitstream, address):
         self.overlay = Overlay(bitstream)
-        self._registers = MMIO(address, REGISTER_BYTES)
-
-    def read(self, offset):
-        """Read a register."""
-        return self._registers.read(offset)
-
-    def write(self, offset, value):
-        """Write a register."""
-        self._registers.write(offset, value)
-
-    def allocate(self, length_bytes):
-        """Allocate memory that the accelerator can write; it starts at a page."""
-        return allocate(shape=(length_bytes,), dtype=np.uint8)
+        # By address: a live build is not packaged, so the overlay does not know its name.
+        super().__init__(MMIO(address, REGISTER_BYTES))
 
     def address(self, buffer):
         """The memory's address for the accelerator."""
@@ -52,15 +39,10 @@ class LiveBus:
         The block design has an AXI DMA in simple mode, ``dma_scores``, at the two streams.
         """
         dma = self.overlay.dma_scores
+        # Receive first, so that no score waits for the DMA.
         dma.recvchannel.transfer(received)
         dma.sendchannel.transfer(sent, 0, length_bytes)
-        end = time.monotonic() + TIMEOUT_SECONDS
-        while not (dma.sendchannel.idle and dma.recvchannel.idle):
-            if dma.sendchannel.error or dma.recvchannel.error:
-                raise AcceleratorError("the DMA of the scores reports an error; reload the overlay")
-            if time.monotonic() > end:
-                raise AcceleratorError(f"no scores within {TIMEOUT_SECONDS:g} s; reload the overlay")
-            time.sleep(POLL_SECONDS)
+        wait_until_idle({"hypotheses": dma.sendchannel, "scores": dma.recvchannel}, TIMEOUT_SECONDS)
         received.invalidate()
         return dma.recvchannel.transferred
 

@@ -85,6 +85,7 @@ class Ring:
                 f"{self.name}_read": 0,
             }
         )
+        # After the others, which may change only while the ring is off.
         self.registers.write(**{f"{self.name}_enable": 1})
 
     def waiting(self):
@@ -165,6 +166,7 @@ class Live:
 
     def close(self):
         """Switch camera and rings off. Only then may the rings' memory be freed, since the accelerator writes it."""
+        # The clear ends packets in progress, without which a ring would not stop.
         self.registers.write(enable=0, clear=1)
         for ring in self._rings.values():
             ring.stop()
@@ -186,6 +188,7 @@ class Live:
         """Wait for the oldest frame, or return None if none comes in time; `release` frees its memory."""
         waits = round(timeout_seconds / WAIT_SECONDS)
         while True:
+            # A frame is there when both of its packets are.
             if all(ring.waiting() for ring in self._rings.values()):
                 slots = [ring.head() for ring in self._rings.values()]
                 numbers = [None if slot is None else int(slot[0]["number"]) for slot in slots]

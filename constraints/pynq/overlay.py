@@ -41,6 +41,7 @@ def overlay(hwh, cells):
     def words(value):
         return " ".join(f"{value >> 32 * n & 0xFFFFFFFF:#x}" for n in reversed(range(cells)))
 
+    # The kernel's driver knows no names by itself: its parameter of_id is set to generic-uio.
     nodes = [
         f'        {name}@{first:x} {{\n            compatible = "generic-uio";\n'
         f'            linux,uio-name = "{name}";\n            reg = <{words(first)} {words(length)}>;\n        }};'

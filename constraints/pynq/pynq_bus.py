@@ -2,13 +2,13 @@
 
 import time
 
-import numpy as np
 import skymosaic_map as register_map
-from pynq import DefaultIP, Overlay, allocate
+from pynq import DefaultIP, Overlay
+
+from pynq_overlay import POLL_SECONDS, OverlayBus, wait_until_idle
 from skymosaic_driver import CHANNELS
 from skymosaic_registers import AcceleratorError
 
-POLL_SECONDS = 0.0002
 RESET_SECONDS = 1.0
 # The control registers of an AXI DMA (PG021), for its channel from memory and its channel to memory.
 SEND_CONTROL, RECEIVE_CONTROL = 0x00, 0x30
@@ -21,7 +21,7 @@ class Skymosaic(DefaultIP):
     bindto = [register_map.CORE]
 
 
-class PynqBus:
+class PynqBus(OverlayBus):
     """Loads an overlay, and accesses its registers and DMAs.
 
     Parameters
@@ -32,24 +32,12 @@ class PynqBus:
 
     def __init__(self, bitstream):
         overlay = Overlay(bitstream)
-        self._registers = overlay.skymosaic
+        super().__init__(overlay.skymosaic)
         dmas = {channel: getattr(overlay, "dma_" + channel) for channel in CHANNELS}
         self._send = overlay.dma_video.sendchannel
         self._receive = {channel: dma.recvchannel for channel, dma in dmas.items()}
         self._controls = {"video": (overlay.dma_video, SEND_CONTROL)}
         self._controls |= {channel: (dma, RECEIVE_CONTROL) for channel, dma in dmas.items()}
-
-    def read(self, offset):
-        """Read a register."""
-        return self._registers.read(offset)
-
-    def write(self, offset, value):
-        """Write a register."""
-        self._registers.write(offset, value)
-
-    def allocate(self, length_bytes):
-        """Allocate memory that the DMAs can access."""
-        return allocate(shape=(length_bytes,), dtype=np.uint8)
 
     def start_send(self, buffer, length_bytes):
         """Start to send a frame from ``buffer``."""
@@ -61,16 +49,7 @@ class PynqBus:
 
     def wait(self, timeout_seconds):
         """Wait until every started transfer has ended; returns the lengths of the packets in bytes."""
-        channels = {"video": self._send, **self._receive}
-        end = time.monotonic() + timeout_seconds
-        while not all(channel.idle for channel in channels.values()):
-            for name, channel in channels.items():
-                if channel.error:
-                    raise AcceleratorError(f"the DMA of the {name} reports an error; reload the overlay")
-            if time.monotonic() > end:
-                busy = ", ".join(name for name, channel in channels.items() if not channel.idle)
-                raise AcceleratorError(f"no answer within {timeout_seconds:g} s; still busy: {busy}")
-            time.sleep(POLL_SECONDS)
+        wait_until_idle({"video": self._send, **self._receive}, timeout_seconds)
         return {name: channel.transferred for name, channel in self._receive.items()}
 
     def reset(self):

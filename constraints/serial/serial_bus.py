@@ -62,6 +62,7 @@ class SerialBus:
         """Send the frame, and receive the packets of the started channels; returns their lengths in bytes."""
         for start in range(0, len(self._sent), MAX_PIXELS):
             pixels = self._sent[start : start + MAX_PIXELS]
+            # Only the last command of a frame ends it.
             letter = b"L" if start + len(pixels) == len(self._sent) else b"P"
             self._send(letter + len(pixels).to_bytes(2, "little") + pixels)
         self._sent = b""
@@ -118,6 +119,7 @@ class SerialBus:
         while self._bytes:
             tag = self._bytes[0]
             length = ANSWER_BYTES if tag == ANSWER else WORD_BYTES
+            # Without a checksum, an unknown tag is what noise or another device looks like.
             if tag != ANSWER and tag & ~LAST not in CHANNELS:
                 raise AcceleratorError(f"the port sends {tag:#x}, which is not from the accelerator; check the port")
             if len(self._bytes) < length:

@@ -81,6 +81,7 @@ class Accelerator(Registers):
         frames = iter(frames)
         first = next(frames)
         self._recover()
+        # The order of the fields: CONTROL is written last, since `enable` starts the accelerator.
         self.write(
             **settings,
             memory_mode=1,
@@ -110,6 +111,7 @@ class Accelerator(Registers):
             raise AcceleratorError(
                 f"a frame has {frame.shape[1]}x{frame.shape[0]} px; SIZE is {size_px[0]}x{size_px[1]}"
             )
+        # Into the one buffer that the DMA can read.
         words = as_words(frame, self.video_bits)
         self._sent[: words.nbytes] = words.view(np.uint8)
         # Receive before send: the outputs stall the accelerator until their DMAs are ready.

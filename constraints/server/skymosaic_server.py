@@ -90,6 +90,7 @@ class Client:
         return taken
 
     def _wait_for(self, call, argument):
+        # Never 0, which would mean not to wait at all.
         self._connection.settimeout(max(min(self._idle_seconds, self._seconds_left), 0.001))
         started = time.monotonic()
         try:
@@ -124,6 +125,7 @@ class Handler(socketserver.BaseRequestHandler):
         announced = self._authenticate(line) if self.server.key else None
         self.client.answer({})
         self.frames_left, self.frame_bytes = count, int(np.prod(shape))
+        # The digest grows while frames arrive; results go out only if it is the announced one.
         sent = hashlib.sha256()
         frames = (self._frame(shape, sent) for _ in range(count))
         results = self.server.accelerator.run(frames, settings, hold_reference)
@@ -215,6 +217,7 @@ class Server(socketserver.TCPServer):
         Without a key where others could reach the server.
     """
 
+    # A restarted server need not wait until old connections have timed out.
     allow_reuse_address = True
 
     def __init__(self, address, accelerator, key=None, idle_seconds=IDLE_SECONDS, request_seconds=REQUEST_SECONDS):

@@ -88,6 +88,7 @@ class AxiLiteSubordinate(wiring.Component):
         m.d.comb += [
             bus.awready.eq(running & ~has_address),
             bus.wready.eq(running & ~has_data),
+            # One response register: a write waits until the manager has taken the response before.
             self.o_write.eq(has_address & has_data & ~bus.bvalid),
         ]
         with m.If(bus.awvalid & bus.awready):

@@ -86,6 +86,7 @@ class BurstWriter(wiring.Component):
             bus.awsize.eq((WORD_BYTES - 1).bit_length()),
             bus.awburst.eq(INCREMENTING),
             bus.awcache.eq(MODIFIABLE),
+            # awprot stays 0: unprivileged, secure, data.
             bus.wdata.eq(word.data),
             bus.wstrb.eq(word.kept.replicate(WORD_BYTES)),
             bus.wlast.eq(beat == BURST_WORDS - 1),
@@ -95,10 +96,12 @@ class BurstWriter(wiring.Component):
             self.o_ready.eq(self.o_sent & (outstanding != MAX_OUTSTANDING)),
             # What has not been sent cannot have been answered, whatever a broken memory says.
             self.o_all_answered.eq(self.o_sent & (outstanding == 0)),
+            # A response is only counted, so that it never has to wait.
             bus.bready.eq(1),
             self.o_error.eq(bus.bvalid & (bus.bresp != Response.OKAY)),
         ]
         starts = self.i_start & self.o_ready
+        # Starts and responses may meet in one clock.
         m.d.sync += outstanding.eq(outstanding + starts - bus.bvalid)
         with m.If(starts):
             m.d.sync += [burst.eq(self.i_burst), bus.awvalid.eq(1), sending.eq(1)]

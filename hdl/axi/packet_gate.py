@@ -49,6 +49,7 @@ class PacketGate(wiring.Component):
 
     def __init__(self, *, record_bytes: int) -> None:
         self.record_words = record_bytes // WORD_BYTES
+        # It keeps a late ready of the DMA out of the blocks in front.
         self.buffer = SkidBuffer(shape=WordPayload)
         super().__init__()
 
@@ -97,6 +98,7 @@ class PacketGate(wiring.Component):
             with m.If(fills & (word == 0)):
                 m.d.sync += closing_status.eq(1)
             with m.If(self.o.payload.last):
+                # A packet that breaks off belongs to no frame, so it raises no event.
                 m.d.sync += [self.o_done.eq(~closing), under_way.eq(0), closing.eq(0), closing_status.eq(0)]
         with m.If(self.i_clear & ~closing):
             m.d.sync += [self.o_done.eq(0), closing.eq(in_packet)]

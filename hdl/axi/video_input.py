@@ -38,6 +38,7 @@ def video_payload(video_bits: int) -> data.StructLayout:
     first : TUSER[0], the start of a frame; ignored in memory mode.
     last : TLAST, the end of a line; in memory mode the end of a transfer.
     """
+    # A single pixel always has 32 bits, so that blocks and test benches need no other type for narrower ports.
     return data.StructLayout({"data": video_bits if pixels_per_clock(video_bits) > 1 else 32, "first": 1, "last": 1})
 
 
@@ -104,6 +105,7 @@ class VideoInput(wiring.Component):
             self.o.valid.eq(self.i.valid),
             self.i.ready.eq(self.o.ready & empties),
             pixel.first.eq(beat.first),
+            # A beat of four gray pixels ends the line or transfer only with its last one.
             pixel.last.eq(beat.last & empties),
         ]
         pixel_bits = len(beat.data) // self.pixels_per_clock

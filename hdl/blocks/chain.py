@@ -73,6 +73,7 @@ class Chain(wiring.Component):
             m.d.comb += [getattr(block, constant).eq(self._constants[constant]) for constant in sorted(fixed)]
         m.d.comb += [blocks[0].i.eq(self.i), self.o.eq(blocks[-1].o)]
         for before, after in pairwise(blocks):
+            # Beats have different payloads: fields are connected by name.
             carry_scan(m, before.o, after.i, 0)
             names = [str(name) for name, _ in after.i.shape() if name not in ("valid", "x", "y")]
             given = {name for name, _ in before.o.shape()}

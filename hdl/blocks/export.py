@@ -78,11 +78,6 @@ def core_file(name: str, sources: Sequence[str], bench: Sequence[str]) -> str:
         "    filesets: [rtl, bench]",
         f"    toplevel: {name}_tb",
         "    tools: {icarus: {iverilog_options: [-g2012]}}",
-        "  lint:",
-        "    default_tool: verilator",
-        "    filesets: [rtl]",
-        f"    toplevel: {name}",
-        "    tools: {verilator: {mode: lint-only, verilator_options: [-Wno-fatal]}}",
     ]
     return "\n".join(lines) + "\n"
 
@@ -117,6 +112,7 @@ def _readme(name: str, block: Block, top: FlatBlock) -> str:
             "`x`, `y` are the position of the pixel that entered last. Answers are not specified where a window leaves "
             "the frame.",
         ]
+    # Streams have no fixed latency, and blocks without a window no lag.
     lag_px, latency_cycles = (getattr(block.component, each, None) for each in ("lag_px", "latency_cycles"))
     if lag_px:
         lines += ["", f"An answer at (x, y) is that of the pixel (x - {lag_px}, y - {lag_px})."]

@@ -28,6 +28,7 @@ class Field:
 
 def leaves(name: str, shape: ShapeLike, low: int = 0) -> Iterator[Field]:
     """Walk the leaves of a shape: a field ``b`` of a structure ``a`` is ``a_b``, an element of an array ``a_0``."""
+    # A shape that is no layout is a leaf.
     try:
         layout = data.Layout.cast(shape)
     except TypeError:

@@ -177,6 +177,7 @@ def _source(channel: Channel, clock: str, spacing_cycles: int) -> str:
     """The Verilog that sends the rows, with gaps; fields are unknown (X) in clocks without a row."""
     name, unknown = channel.name, f"{{{channel.bits}{{1'bx}}}}"
     taken = f"{channel.valid} && {channel.ready}" if channel.has_ready else channel.valid
+    # Gaps every 7 clocks and stalls every 5 meet in all phases. Unknowns between rows betray a block that reads them.
     return f"""
   reg [{channel.bits - 1}:0] {name}_rows [0:{len(channel.rows) - 1}];
   integer {name}_next = 0;

@@ -86,6 +86,7 @@ def packet(*records: NDArray[Any], unspecified: tuple[int, ...] = ()) -> list[di
     """Convert records to the words of a packet; ``unspecified`` lists words of the last record to leave out."""
     *words, last = np.frombuffer(b"".join(_clear_padding(record).tobytes() for record in records), np.uint64).tolist()
     packet = [{"data": word, "last": 0} for word in words] + [{"data": last, "last": 1}]
+    # A missing field is not compared.
     for word in unspecified:
         del packet[len(packet) - records[-1].itemsize // 8 + word]["data"]
     return packet

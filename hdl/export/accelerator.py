@@ -148,6 +148,7 @@ def core_files(name: str, verilog: str, registers: Sequence[Register]) -> dict[s
 
 def fill_readme(parts: Sequence[str], config: Config, build: Build, **facts: str) -> str:
     """Join the parts of a README, and put the build and ``facts`` into its placeholders."""
+    # str.format: literal braces in the Markdown are doubled.
     text = "".join((SOURCES / part).read_text() for part in parts)
     return text.format(video=VIDEO[build["video_bits"]], features=config.front_end.max_features, **build, **facts)
 
@@ -173,7 +174,11 @@ def _vivado_files(board: str, family: str, video_bits: int) -> dict[str, str]:
     return {f"vivado/{name}": text for name, text in files.items()}
 
 
-HOST_FOLDERS = {"pynq": ("host", "server", "pynq"), "serial": ("host", "server", "serial"), "live": ("host", "live")}
+HOST_FOLDERS = {
+    "pynq": ("host", "server", "pynq_common", "pynq"),
+    "serial": ("host", "server", "serial"),
+    "live": ("host", "pynq_common", "live"),
+}
 """The folders of `SOURCES` with the programs for each kind of host."""
 
 

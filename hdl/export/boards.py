@@ -26,5 +26,6 @@ def board_facts(board: str) -> dict[str, str]:
     """
     if board not in BOARDS:
         raise ValueError(f"unknown board {board!r}; valid: {', '.join(ALL_BOARDS)}")
+    # Read from the Tcl that Vivado runs, so that a board is described once.
     text = (SOURCES / "boards" / f"{board}.tcl").read_text()
     return dict(re.findall(r"^    (\w+) +\{?(.*?)\}?$", text, re.MULTILINE))

@@ -43,6 +43,7 @@ def bus_interfaces(ports: Iterable[str]) -> list[BusInterface]:
     """Group the ports of a core, named as AMD names them: ``s_axis_...``, ``m_axis_...``, ``s_axi_...``."""
     buses: dict[str, dict[str, str]] = {}
     for port in ports:
+        # `m_axis_features_tdata` is the signal TDATA of the bus `m_axis_features`.
         if port not in _SIGNALS:
             prefix, _, name = port.rpartition("_")
             buses.setdefault(prefix, {})[name.upper()] = port
@@ -69,6 +70,7 @@ def vivado_attributes(ports: Iterable[str]) -> dict[str, dict[str, str]]:
         for name, port in interface.ports.items():
             attributes[port] = {"X_INTERFACE_INFO": f"{kind} {interface.name} {name}"}
             if interface.parameters:
+                # XIL_INTERFACENAME has to come first (UG994).
                 texts = (f"{name} {value}" for name, value in interface.parameters.items())
                 attributes[port]["X_INTERFACE_PARAMETER"] = ", ".join((f"XIL_INTERFACENAME {interface.name}", *texts))
     return attributes

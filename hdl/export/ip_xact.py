@@ -35,6 +35,7 @@ def component(name: str, ports: Mapping[str, Port], file: str, registers: Sequen
         The XML file.
     """
     root = ET.Element("ipxact:component", {"xmlns:ipxact": NAMESPACE})
+    # The schema prescribes the order of all elements.
     _texts(root, vendor=CORE_VENDOR, library=CORE_LIBRARY, name=name, version=VERSION)
     buses = _child(root, "busInterfaces")
     for interface in bus_interfaces(ports):
@@ -94,8 +95,10 @@ def _register(parent: ET.Element, register: Register) -> None:
     for field in register.fields:
         described = _child(element, "field")
         _texts(described, name=field.name, description=field.description, bitOffset=str(field.low))
+        # Between bitOffset and bitWidth, again by the schema.
         _texts(_child(_child(described, "resets"), "reset"), value=str(field.init))
         _texts(described, bitWidth=str(field.bits), access=XML_ACCESS[field.access])
+        # Software clears an event by writing 1.
         if field.access is Access.EVENT:
             _texts(described, modifiedWriteValue="oneToClear")
 

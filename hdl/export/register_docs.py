@@ -81,6 +81,7 @@ def _svd_register(parent: ET.Element, register: Register) -> None:
         addressOffset=f"0x{register.offset:X}",
         resetValue=f"0x{reset:X}",
     )
+    # Behind the register's own elements: CMSIS-SVD prescribes the order.
     fields = ET.SubElement(element, "fields")
     for field in register.fields:
         described = ET.SubElement(fields, "field")

@@ -41,6 +41,7 @@ def delayed(m: Module, value: Delayed, cycles: int, *, reset_less: bool = True) 
         register = Signal(
             count * bits,
             name=f"{name}_stage{first}" + (f"to{first + count - 1}" if count > 1 else ""),
+            # Each stage starts with the delayed signal's own value.
             init=sum((last.init % (1 << bits)) << n * bits for n in range(count)),
             reset_less=reset_less,
             src_loc_at=1,

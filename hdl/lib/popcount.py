@@ -54,6 +54,7 @@ class Popcount(wiring.Component):
             raise ValueError(f"bits is {bits}; it must be at least 3")
         self.bits = bits
         self.lanes = lanes
+        # The layers are counted without hardware: the latency has to be known before elaboration.
         columns = add_layer([[None] * bits], _count_bits, largest=3)
         self.latency_cycles = 2
         while _max_height(columns) > 2:

@@ -112,6 +112,7 @@ class WeightedSum(wiring.Component):
             m.d.sync += registered_valid.eq(valid)
             valid = registered_valid
         (total,) = terms
+        # A term keeps its sign apart; a sum of negative terms alone still has it here.
         m.d.comb += [self.o_valid.eq(valid), self.o_sum.eq(total.value if total.sign > 0 else -total.value)]
         return m
 

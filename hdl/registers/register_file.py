@@ -62,6 +62,7 @@ class RegisterFile(wiring.Component):
         m = Module()
         m.submodules.bus = bus = AxiLiteSubordinate()
         wiring.connect(m, wiring.flipped(self.bus), bus.bus)
+        # A mask with a bit for each bit of data.
         strobes = Cat(*(strobe.replicate(8) for strobe in bus.o_strobe))
         for register in self.registers:
             writes = bus.o_write & (bus.o_write_word == register.offset // 4)
@@ -105,6 +106,7 @@ class RegisterFile(wiring.Component):
     def _word(self, register: Register) -> Value:
         """The word that a read returns, with 0 in unused bits."""
         parts: list[Value] = []
+        # Fields are declared in the order in which they are explained, not always from bit 0 on.
         for field in sorted(register.fields, key=lambda field: field.low):
             gap = field.low - len(Cat(parts))
             parts += [Const(0, gap), self._value(field)]

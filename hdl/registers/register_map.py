@@ -86,6 +86,8 @@ def list_values(members: Iterable[enum.IntEnum]) -> str:
     return ", ".join(f"{int(member)} {member.name.lower().replace('_', ' ')}" for member in members)
 
 
+# Gaps leave room for more registers of a kind: the build from 0x00, settings from 0x20, status from 0x40, events
+# from 0x60. Released offsets stay.
 REGISTERS = (
     Register("ID", 0x00, "Identifies the accelerator.", Field("identity", 0, 32, _CONSTANT, '"SKYM" in ASCII.')),
     Register(
@@ -108,13 +110,7 @@ REGISTERS = (
         Field("built_live", 7, 1, _CONSTANT, "Whether a streaming shell and the registers from 0x100 on exist."),
         Field("built_descriptor_bytes", 8, 8, _CONSTANT, "Length of a descriptor."),
         Field("built_lanes", 16, 8, _CONSTANT, "Left descriptors compared at a time."),
-        Field(
-            "built_video_bits",
-            24,
-            8,
-            _CONSTANT,
-            "Width of the video input's data: 32, 24 or 8; 48 or 16 with two pixels per clock.",
-        ),
+        Field("built_video_bits", 24, 8, _CONSTANT, "Width of the video input; 48 and 16 hold two pixels per clock."),
     ),
     Register(
         "BUILD_SIZE",
@@ -146,11 +142,7 @@ REGISTERS = (
         setting_field("hold_reference", 5),
         setting_field("adaptive", 6),
         Field(
-            "clear",
-            8,
-            1,
-            Access.COMMAND,
-            "Drop frames and reference; settings stay. A packet in progress ends with a bad FrameStatus.",
+            "clear", 8, 1, Access.COMMAND, "Drop frames and reference; settings stay. A packet in progress ends as bad."
         ),
     ),
     Register(
@@ -271,6 +263,7 @@ def register_writes(values: Mapping[str, int], *, registers: Sequence[Register] 
     if unknown:
         raise ValueError(f"no register field {', '.join(sorted(unknown))}")
     return [
+        # Whole words: nobody has to read a register before writing one of its fields.
         (register.offset, sum(values.get(field.name, field.init) << field.low for field in register.fields))
         for register in registers
         if any(field.name in values for field in register.fields)

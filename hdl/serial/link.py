@@ -105,6 +105,7 @@ class SerialLink(wiring.Component):
             bus.araddr.eq(command.field),
             bus.wdata.eq(command.data),
             bus.wstrb.eq(~0),
+            # One access at a time, so its response is always welcome.
             bus.bready.eq(1),
             bus.rready.eq(1),
             video.payload.data.eq(self.i.payload),
@@ -185,6 +186,7 @@ class SerialLink(wiring.Component):
         message, left = Signal(8 * WORD_MESSAGE_BYTES), Signal(range(WORD_MESSAGE_BYTES + 1))
         taken = Signal()
         free = left == 0
+        # The flag goes into the unused upper bits of the response.
         lost = Cat(Const(0, LOST_BIT), self.o_has_lost, Const(0, len(answer) - LOST_BIT - 1))
         m.d.comb += [self.o.valid.eq(~free), self.o.payload.eq(message[:8])]
         with m.If(self.o.valid & self.o.ready):
@@ -194,6 +196,7 @@ class SerialLink(wiring.Component):
             m.d.sync += [message.eq(Cat(Const(Message.ANSWER, 8), answer | lost)), left.eq(ANSWER_BYTES)]
         words = ((self.i_features, Message.FEATURES), (self.i_matches, Message.MATCHES))
         for number, (port, tag) in enumerate(words):
+            # Answers first, since the host waits for them before it sends more; then features, then matches.
             earlier = has_answer | (self.i_features.valid if number else 0)
             m.d.comb += port.ready.eq(free & ~earlier)
             with m.If(port.valid & port.ready):

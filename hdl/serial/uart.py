@@ -57,6 +57,7 @@ class UartReceiver(wiring.Component):
         receiving = Signal()
         m.d.sync += [self.o_valid.eq(0), self.o_broken.eq(0)]
         with m.If(~receiving):
+            # Half a bit after the edge is the middle of the start bit.
             m.d.sync += [receiving.eq(before & ~level), clock.eq(self.clocks_per_bit // 2 - 1), bit.eq(0)]
         with m.Elif(clock != 0):
             m.d.sync += clock.eq(clock - 1)

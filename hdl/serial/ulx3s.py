@@ -69,6 +69,7 @@ class Ulx3s(wiring.Component):
         receiver = UartReceiver(clocks_per_bit=self.clocks_per_bit)
         transmitter = UartTransmitter(clocks_per_bit=self.clocks_per_bit)
         link = SerialLink()
+        # A whole frame, since the port has no flow control and the accelerator may pause.
         depth = inner.max_width_px * inner.max_height_px + COMMAND_SPACE
         waiting = fifo.SyncFIFOBuffered(width=8, depth=depth)
         parts = {"receiver": receiver, "transmitter": transmitter, "link": link, "waiting": waiting}

@@ -51,6 +51,7 @@ class CameraCrossing(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Number the frames and mark gaps on the camera's side of the queue."""
         m = Module()
+        # The queue is only as wide as its pixels: gray needs 8 of the 24 bits.
         width = CAMERA_BEAT.size - 24 + self.video_bits
         m.submodules.queue = queue = fifo.AsyncFIFO(width=width, depth=self.depth, r_domain="sync", w_domain="camera")
         lost, number = Signal(), Signal(NUMBER_BITS)
@@ -65,7 +66,9 @@ class CameraCrossing(wiring.Component):
             queue.r_en.eq(self.o.ready),
         ]
         with m.If(self.i_valid):
+            # The pixel that found the queue full is lost; the next one that finds room says so.
             m.d.camera += [number.eq(this_number), lost.eq(~queue.w_rdy)]
+        # 16 pixels early, so that the gate cuts a frame off before the queue loses pixels.
         m.d.sync += self.o_pressed.eq(queue.r_level >= self.depth - 16)
         return m
 
@@ -135,6 +138,7 @@ class CameraGate(wiring.Component):
             self.o_admits.eq(takes & beat.first & passes),
         ]
         with m.If(takes):
+            # A first pixel that also ends its line breaks its frame at once.
             m.d.sync += running.eq(passes & ~frame_ends & ~(beat.first & beat.last))
         cuts = takes & ((running & (beat.first | ~passes)) | (self.o_admits & beat.last))
         with m.If(cuts):

@@ -70,6 +70,7 @@ class LiveAccelerator(wiring.Component):
             record_words=words,
             max_words={ring: capacity * words[ring] for ring in RINGS},
             video_bits=accelerator.video_bits,
+            # A power of two, as the Gray counters of the queue need it.
             camera_depth=1 << (accelerator.max_width_px + CLOSING_PX - 1).bit_length(),
             fifo_words=FIFO_WORDS,
         )
@@ -79,6 +80,7 @@ class LiveAccelerator(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Connect the shell around the accelerator."""
         m = Module()
+        # One register between the port and all that it resets; high at the start, before any clock.
         reset = Signal(init=1)
         m.d.sync += reset.eq(self.i_reset)
         m.submodules.accelerator = inner = self.accelerator

@@ -22,6 +22,7 @@ class _Packet:
 
     def __init__(self, needed_pages: int, record_words: int) -> None:
         self.info = view_signal(FRAME_INFO, name="info", reset_less=True)
+        # Addresses of 64 bits without the 12 of a page.
         self.page = Signal(52)
         self.slot = Signal(9)
         self.burst = Signal(range((needed_pages << PAGE_BURSTS_LOG2) + 1))
@@ -105,6 +106,7 @@ class RingWriter(wiring.Component):
         packet = _Packet(self.needed_pages, self.record_words)
         word, is_last = waiting.r_data[:-1], waiting.r_data[-1]
         takes = waiting.r_rdy & waiting.r_en
+        # Packets' ends in the queue: with one of them, a burst need not wait for 16 words.
         ends = Signal(range(self.fifo_words + 1))
         m.d.sync += ends.eq(ends + (waiting.w_rdy & waiting.w_en & self.i.payload.last) - (takes & is_last))
         m.d.comb += [
@@ -119,6 +121,7 @@ class RingWriter(wiring.Component):
         with m.If(bursts.o_error):
             m.d.sync += [packet.failed.eq(1), self.o_errors.eq(_count_up(self.o_errors))]
         self._count(m, packet, takes, word)
+        # Only `_idle` and `_discard` say otherwise.
         m.d.comb += self.o_active.eq(1)
         with m.FSM(name="packet"):
             with m.State("IDLE"):
@@ -130,6 +133,7 @@ class RingWriter(wiring.Component):
             with m.State("DISCARD"):
                 m.d.comb += waiting.r_en.eq(1)
                 self._discard(m, packet, takes & is_last)
+            # The header makes the slot valid, so everything else has to be in memory before it.
             with m.State("ANSWERS"):
                 m.d.sync += packet.burst.eq(0)
                 with m.If(bursts.o_all_answered & (packet.burst == 0)):
@@ -160,6 +164,7 @@ class RingWriter(wiring.Component):
         """Choose a state for the next packet; restart a ring that is off."""
         m.d.comb += [self.o_idle.eq(waiting.r_level == 0), self.o_active.eq(packet.is_on)]
         m.d.sync += [
+            # The header's burst is left out until the end.
             packet.burst.eq(HEADER_BYTES // BURST_BYTES),
             *(each.eq(0) for each in (packet.finished, packet.overlong, packet.failed, packet.length, packet.place)),
         ]

@@ -79,6 +79,7 @@ class Shell(wiring.Component):
         m.submodules.crossing, m.submodules.gate = crossing, gate
         wiring.connect(m, crossing.o, gate.i)
         wiring.connect(m, gate.o, wiring.flipped(self.o_video))
+        # 64 bits: at 150 MHz 32 would wrap twice a minute.
         time = Signal(64)
         m.d.sync += time.eq(time + 1)
         clearing, forgets = self._clear(m)
@@ -89,6 +90,7 @@ class Shell(wiring.Component):
             refused.append(faults)
         refusal = Signal(registers.i_refused.shape())
         m.d.comb += [
+            # Memory mode cuts a stream by SIZE and ignores the camera's starts of frame.
             refusal.eq(Cat(*refused, registers.o_memory_mode)),
             registers.i_refused.eq(refusal),
             crossing.i_valid.eq(self.i_camera_valid),
@@ -138,6 +140,7 @@ class Shell(wiring.Component):
         m.submodules[f"{ring}_infos"] = infos = ResetInserter(forgets)(
             fifo.SyncFIFO(width=FRAME_INFO.size, depth=MAX_IN_FLIGHT)
         )
+        # The matches also go to the scoring.
         taps = (self.o_matches,) if ring == "matches" else ()
         fork(m, getattr(self, f"i_{ring}"), writer.i, *taps)
         wiring.connect(m, writer.bus, wiring.flipped(getattr(self, ring)))
@@ -176,6 +179,7 @@ class Shell(wiring.Component):
         ]
         for name in ("written", "errors", "lost", "active"):
             m.d.comb += getattr(self._registers, f"i_{ring}_{name}").eq(getattr(writer, f"o_{name}"))
+        # A ring that is off needs no slot.
         has_room = (in_flight != MAX_IN_FLIGHT) & (~enable | (used + in_flight < slots))
         return has_room, Mux(enable, faults, 0)
 
@@ -188,12 +192,14 @@ class Shell(wiring.Component):
             m.d.sync += [idle.eq(0), stopped.eq(0)]
         with m.Elif(tick & registers.o_camera_timeout.any() & ~stopped):
             m.d.sync += idle.eq(idle + 1)
+            # Not ==: software may shorten the time while it runs.
             with m.If(idle + 1 >= registers.o_camera_timeout):
                 m.d.sync += [stopped.eq(1), registers.i_camera_stops.eq(registers.o_enable)]
 
     def _coalesce(self, m: Module, tick: Value, forgets: Value) -> None:
         """Raise an event after ``coalesce_count`` complete frames, or when the first has waited long enough."""
         registers = self._registers
+        # Packets that have ended in one ring and not yet in the other.
         ahead = {ring: Signal(range(MAX_IN_FLIGHT + 2), name=f"{ring}_ahead") for ring in RINGS}
         complete = Cat(signal.any() for signal in ahead.values()).all()
         pending, waited = (

@@ -43,6 +43,7 @@ def test_verilator_finds_nothing_but_what_is_allowed(tmp_path: Path) -> None:
     assert all(f"SKYMOSAIC_{register.name} " in header for register in LIVE_REGISTERS)
     assert {path.name for path in (tmp_path / "host").iterdir()} == {
         "live_bus.py",
+        "pynq_overlay.py",
         "skymosaic_live.py",
         "skymosaic_map.py",
         "skymosaic_registers.py",

@@ -115,7 +115,9 @@ def test_everything_is_there(folder: Path) -> None:
     else:
         modules = ("driver", "server", "map", "registers")
         expected |= {*(f"pynq/skymosaic_{name}.py" for name in modules)}
-        expected |= {f"pynq/{name}" for name in ("pynq_bus.py", "serve.py", "overlay.py", "skymosaic.ipynb")}
+        expected |= {
+            f"pynq/{name}" for name in ("pynq_bus.py", "pynq_overlay.py", "serve.py", "overlay.py", "skymosaic.ipynb")
+        }
     assert found == expected
     assert "Not yet run in Vivado" in (folder / "README.md").read_text()
 

@@ -272,7 +272,9 @@ class FakeDma:
 
 def test_the_dmas_are_recovered_by_their_reset_registers(driver, monkeypatch: pytest.MonkeyPatch) -> None:
     dmas = {name: FakeDma(stuck=False) for name in ("dma_video", "dma_features", "dma_matches")}
-    pynq = SimpleNamespace(DefaultIP=object, Overlay=lambda _: SimpleNamespace(skymosaic=None, **dmas), allocate=None)
+    pynq = SimpleNamespace(
+        DefaultIP=object, Overlay=lambda _: SimpleNamespace(skymosaic=FakeDma(stuck=False), **dmas), allocate=None
+    )
     monkeypatch.setitem(sys.modules, "pynq", pynq)
     pynq_bus = importlib.import_module("pynq_bus")
     monkeypatch.delitem(sys.modules, "pynq_bus")
