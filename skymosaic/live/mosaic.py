@@ -216,6 +216,7 @@ class LiveMosaic:
             return submap
         corners = Canvas(0, 0, *frame.size).corners
         mapped = {submap: apply(frame.transform, corners), other: apply(placement.transform, corners)}
+        # The frame lies in both submaps, so its corners relate them; moving the smaller one blurs fewer pixels.
         larger, smaller = (other, submap) if len(other.frames) >= len(submap.frames) else (submap, other)
         larger.absorb(smaller, estimate(mapped[smaller], mapped[larger], model="similarity"))
         self._submaps.remove(smaller)

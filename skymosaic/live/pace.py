@@ -55,6 +55,7 @@ class Pace:
         if self._before is None:
             return
         matches = match(self._before, features, self._config.front_end.pattern, self._config.matcher)
+        # The accelerator walks over the left features in their order.
         rows = np.sort(matches["left_index"]).astype(int)
         work = FrameWork(*size_px, good=True, left=len(self._before), right=len(features), rows=rows)
         pace = steady_pace(work, self._config, lanes=BUILT_LANES)

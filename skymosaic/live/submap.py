@@ -124,6 +124,7 @@ class Submap:
         self._link_views = link_views
         self._limit_px = limit_px
         self._links: list[Link] = []
+        # So the first layout is computed at four frames.
         self._laid_out = 2
 
     def register(self, frame: Frame, similar: Frame) -> Placement | None:
@@ -182,6 +183,7 @@ class Submap:
 
     def _lay_out(self) -> dict[int, Frame]:
         """Fit the transformations of all frames to all ties together; position and scale of the first stay fixed."""
+        # Links of a frame that was registered but did not fit on the canvas are ignored: it is not among the frames.
         group = LinkedGroup({number: frame.size for number, frame in self.frames.items()}, self._links, reference=0)
         network = group.network(slice(None), max_ties=None)
         to_unit = group.normalisations

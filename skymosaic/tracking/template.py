@@ -98,6 +98,7 @@ class Template:
         features = self.front_end.run([self._reference], self.config)[0].features
         points = feature_points(features)
         first, last = apply(self._to_view, self.corners)[[0, 2]]
+        # From -1 to 1 across the template.
         from_middle = (2 * points - first - last) / (last - first)
         inside = (np.abs(from_middle) <= 1).all(axis=1)
         return np.where(inside, np.exp(-(from_middle**2).sum(axis=1)), 0)

@@ -121,6 +121,7 @@ class Network:
         transforms = start
         for _ in range(max_steps):
             motion, change = self._step(transforms, MODELS[model], lens=lens)
+            # Motions are of the view's own pixels, so they come first: a tilt is the same wherever the view lies.
             transforms = transforms @ _motions(motion)
             transforms = transforms / transforms[:, 2:, 2:]
             if lens:
@@ -142,6 +143,7 @@ class Network:
         """Compute the motions (V, 8) of one Gauss-Newton step, and the change of the distortion."""
         (predicted, derivative), residual = self._residuals(transforms)
         root = self._root_weights(residual)
+        # Left points are mapped into the right view, not both onto the ground: there, shrinking all views would help.
         # A motion of the right view moves its point away from under the mapped one.
         by_left, by_right = _times(derivative, generators(self._left, free)), -generators(predicted, free)
         jacobian = np.concatenate([by_left, by_right], axis=3) * root[..., None]
@@ -195,6 +197,7 @@ def straighten(points: Array, distortion: float) -> Array:
 
     A point at distance r from the centre, in half diagonals, was displaced outwards by ``distortion * r^2`` of it.
     """
+    # A fixed-point iteration: the model gives the bent radius from the straight one, and has no simple inverse.
     straight = points
     for _ in range(STRAIGHTENING_ROUNDS):
         straight = points / (1 + distortion * (straight**2).sum(axis=-1, keepdims=True))
@@ -248,6 +251,7 @@ class _BlockSystem:
     def solve(self, reference: int) -> tuple[Array, Array]:
         """Solve for the unknowns (V, free) of each right-hand side; the first four of the reference are 0."""
         views, free, _ = self.target.shape
+        # One block on the diagonal for each view, and one on either side of it for each link.
         corners = np.concatenate([np.stack([np.arange(views)] * 2, axis=1), self._pairs, self._pairs[:, ::-1]])
         blocks = np.concatenate([self._diagonal, self._across, self._across.transpose(0, 2, 1)])
         inner = np.arange(free)
@@ -255,6 +259,7 @@ class _BlockSystem:
         columns = np.broadcast_to(free * corners[:, 1, None, None] + inner, blocks.shape)
         side = views * free
         matrix = csc_array((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(side, side))
+        # Ties leave position, rotation and scale of the whole open, so the reference keeps its own.
         open_unknowns = np.ones(side, dtype=bool)
         open_unknowns[reference * free : reference * free + 4] = False
         solution = np.zeros((side, 2))

@@ -107,6 +107,7 @@ def lay_out(views: Sequence[View], members: Sequence[int], links: Sequence[Link]
     refined = network.adjust(start, model)
     errors = network.errors_px(refined)
     agreeing = [link for link, error in zip(group.links, errors, strict=True) if np.median(error) <= FALSE_LINK_PX]
+    # Where links are dropped that alone join parts, the group would fall apart: then they stay, contradiction or not.
     if len(agreeing) < len(errors) and len(groups(len(views), agreeing)) == len(groups(len(views), group.links)):
         # The first layout may have been built on a false link: repeat it without those.
         better = lay_out(views, members, agreeing)
@@ -165,6 +166,7 @@ class LinkedGroup:
     def start(self) -> Array:
         """Similarities (V, 3, 3) chained from the reference along the links with the most inliers."""
         by_pair = {(tie.left, tie.right): tie for tie in self._ties}
+        # The spanning tree is that of the least cost, and should run along the strongest links.
         cost = self._weights.copy()
         cost.data = 1 / cost.data
         order, parents = breadth_first_order(minimum_spanning_tree(cost), self.reference, directed=False)
@@ -238,6 +240,7 @@ def _choose_model(group: LinkedGroup) -> tuple[str, str, Array]:
     """
     fitted, held_out = group.network(slice(0, None, 2)), group.network(slice(1, None, 2))
     transforms, errors, fits = group.start, {}, {}
+    # Each model starts from the simpler one's result, which lies nearer than the chain of similarities.
     for model in MODELS:
         transforms = fits[model] = fitted.adjust(transforms, model)
         errors[model] = float(np.median(np.concatenate(held_out.errors_px(transforms))))

@@ -105,6 +105,7 @@ def link_views(
     left_points, right_points = match_points(accepted)
     weight = accepted["weight"].astype(np.float64)
     rng = np.random.default_rng(seed)
+    # One search: a link that it misses is made up for by the others, which the layout predicts.
     estimate = estimate_homography(left_points, right_points, weight, rng=rng, max_samples=max_samples, restarts=1)
     inliers = int(np.count_nonzero(estimate.inliers))
     if estimate.homography is None:

@@ -59,6 +59,7 @@ def _count_agreeing(left: Records, right: Records, likeness: Float32) -> int:
     mutual = likeness[:, nearest[left_index]].argmax(axis=0) == left_index
     left_index = left_index[mutual]
     relative_orientation = (right["sector"][nearest[left_index]] - left["sector"][left_index]) % SECTORS
+    # Sectors are 22.5 degrees wide: a turn between two of them spreads its votes over neighbours.
     histogram = np.bincount(relative_orientation, minlength=SECTORS)
     return int((histogram + np.roll(histogram, 1) + np.roll(histogram, -1)).max())
 
@@ -77,7 +78,7 @@ def likely_pairs(compacts: Sequence[Records]) -> list[tuple[int, int]]:
     for start in range(0, len(compacts), ROWS_AT_ONCE):
         shared = (words[start : start + ROWS_AT_ONCE] @ transposed).toarray()
         rows = np.arange(start, start + len(shared))
-        shared[rows - start, rows] = -1
+        shared[rows - start, rows] = -1  # No view is its own partner.
         likely = np.argsort(-shared, axis=1, kind="stable")[:, : min(PARTNERS, len(compacts) - 1)]
         both = np.sort(np.stack([np.broadcast_to(rows[:, None], likely.shape), likely], axis=-1).reshape(-1, 2), axis=1)
         pairs.update(zip(*both.T.tolist(), strict=True))
@@ -87,6 +88,7 @@ def likely_pairs(compacts: Sequence[Records]) -> list[tuple[int, int]]:
 def _words(compacts: Sequence[Records]) -> sparse.csr_array:
     """The words of each view, (V, words): the logarithm of how rare each of its words is, else 0."""
     bits = 8 * compacts[0]["descriptor"].shape[1]
+    # Always the same bits, so that equal flights propose equal pairs.
     rng = np.random.default_rng(0)
     value = np.zeros((bits, WORDS), dtype=np.float32)
     for word in range(WORDS):

@@ -73,6 +73,7 @@ class Surveyor:
         votes = np.zeros((len(views), len(views)), dtype=np.int64)
         rows = self.workers.run("look-up", resemblance.count_votes, calls)
         for (one, others), row in zip(partners.items(), rows, strict=True):
+            # Each pair is counted once, from its first view; the other direction differs by a vote or two.
             votes[one, others] = votes[others, one] = row
         return votes
 

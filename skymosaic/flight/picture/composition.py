@@ -41,6 +41,7 @@ MEMORY_BYTES = 1 << 30
 BAND_REACH_PX = 160
 """Photographs farther than this from a tile do not change it: the margin of the widest band."""
 BLURRED_FAVOUR = 1e-3
+"""Weight of a blurred photograph: it loses almost every pixel to a sharp one, and still shows where it is alone."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,6 +226,7 @@ def compose(
     sharpness = flight.relative_sharpness[list(layout.members)]
     composition = composition.with_each(favour=[BLURRED_FAVOUR if value < BLURRED else 1.0 for value in sharpness])
     views = [flight.views[member] for member in layout.members]
+    # Exposure and seams are smooth, so thumbnails that are in memory already decide both; nothing is decoded here.
     thumbnails, reduction = thumbnail_layers(composition, views)
     composition = equalise(composition, views, thumbnails)
     if blending == "multiband":
@@ -294,6 +296,7 @@ def thumbnail_layers(composition: Composition, views: Sequence[View]) -> tuple[l
     views : sequence of View
         One for each placement.
     """
+    # The canvas is reduced as the widest photograph is, so that hardly any thumbnail is enlarged.
     widest = max(views, key=lambda view: view.size[0])
     enlarged = float(np.median([magnification(p.size, p.transform) for p in composition.placements]))
     reduction = widest.thumbnail.shape[1] / widest.size[0] / enlarged

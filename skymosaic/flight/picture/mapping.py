@@ -73,6 +73,7 @@ def place_on_map(flight: Flight, layout: Layout, control: ControlPoints | None =
     if not has_maps():
         return MapPlace(note=f"the photographs have GPS, but {NO_MAPS}")
     transforms = list(layout.to_reference(flight.views).values())
+    # GPS belongs to the camera, not to what is in the middle of its photograph.
     cameras = camera_positions(flight, layout)
     crs, metres = project_to_utm(positions)
     targets = np.full((len(views), 2), np.nan)
@@ -160,6 +161,7 @@ def _turned_deg(views: Sequence[View], transforms: Sequence[Matrix], to_map: Mat
         middle = (np.array(view.size) - 1) / 2
         start, top = apply(to_map @ transform, np.array([middle, middle - [0, 1]]))
         yaw_deg = np.degrees(np.arctan2(*(top - start)))
+        # The shorter way round, -180 to 180.
         differences.append(float((yaw_deg - view.taken.yaw_deg + 180) % 360 - 180))
     return _median(differences)
 
