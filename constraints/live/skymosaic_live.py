@@ -51,7 +51,7 @@ class Ring:
 
     Parameters
     ----------
-    registers : LiveRegisters
+    registers : Registers
     name : {"features", "matches"}
     dtype : numpy.dtype
         Type of its records.
@@ -71,7 +71,12 @@ class Ring:
     def stop(self):
         """Switch the ring off, and wait until the accelerator no longer writes it."""
         self.registers.write(**{f"{self.name}_enable": 0})
-        self.registers.wait_for(f"{self.name}_active", 0)
+        active = f"{self.name}_active"
+        for _ in range(round(TIMEOUT_SECONDS / WAIT_SECONDS)):
+            if not self.registers.read(active):
+                return
+            self.registers.bus.wait(WAIT_SECONDS)
+        raise AcceleratorError(f"{active} does not become 0; the memory does not answer: load the bitstream again")
 
     def start(self):
         """Set the ring up and switch it on; it starts at its first slot."""
@@ -114,18 +119,6 @@ class Ring:
         self.registers.write(**{f"{self.name}_read": self.read})
 
 
-class LiveRegisters(Registers):
-    """Registers that can be waited for, in the time of the bus."""
-
-    def wait_for(self, field, value):
-        """Wait until a field has a value."""
-        for _ in range(round(TIMEOUT_SECONDS / WAIT_SECONDS)):
-            if self.read(field) == value:
-                return
-            self.bus.wait(WAIT_SECONDS)
-        raise AcceleratorError(f"{field} does not become {value}; the memory does not answer: load the bitstream again")
-
-
 class Live:
     """Frames of a camera with their features and matches, as they arrive in memory.
 
@@ -146,7 +139,7 @@ class Live:
     """
 
     def __init__(self, bus, settings, slots=8, hold_reference=False):
-        self.registers = LiveRegisters(bus)
+        self.registers = Registers(bus)
         self.settings = settings
         self.hold_reference = hold_reference
         self.damaged = 0

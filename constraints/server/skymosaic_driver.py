@@ -130,6 +130,8 @@ def as_words(frame, video_bits=32):
     bits takes two pixels at once, and every line starts with a new pair: 16 bits of gray, or 64 bits with R, G, B (or
     gray in their places) of both pixels and two bytes that are dropped.
     """
+    if frame.ndim == 3 and video_bits in (8, 16):
+        raise AcceleratorError(f"this build's {video_bits}-bit input takes gray frames only; convert the frame to gray")
     if video_bits in (16, 48):
         return _as_pairs(frame, video_bits)
     if frame.ndim == 2:
@@ -137,8 +139,6 @@ def as_words(frame, video_bits=32):
         if video_bits == 24:
             return pixels.astype(np.uint32)
         return np.concatenate((pixels, np.zeros(-pixels.size % 4, np.uint8))).view(np.uint32)
-    if video_bits == 8:
-        raise AcceleratorError("this build has an 8-bit input, for gray frames only; convert the frame to gray")
     rgbx = np.zeros((*frame.shape[:2], 4), np.uint8)
     rgbx[..., :3] = frame[..., ::-1]
     return rgbx.reshape(-1).view(np.uint32)
@@ -148,8 +148,6 @@ def _as_pairs(frame, video_bits):
     """Convert a frame to words for an input that takes two pixels at once."""
     height, width = frame.shape[:2]
     if video_bits == 16:
-        if frame.ndim == 3:
-            raise AcceleratorError("this build has an input for gray frames only; convert the frame to gray")
         pairs = np.zeros((height, -(-width // 2) * 2), np.uint8)
         pairs[:, :width] = frame
     else:
