@@ -178,14 +178,9 @@ class Network:
 def _distortion_change(residual: Array, bending: Array, target: Array, still: Array, per_change: Array) -> float:
     """The change of the distortion in one step, once the motions are eliminated (Schur complement).
 
-    Parameters
-    ----------
-    residual, bending : ndarray of float64, shape (L, N, 2)
-        Weighted residuals, and how they change with the distortion.
-    target : ndarray of float64, shape (V, free)
-        The motions' right-hand side for the distortion.
-    still, per_change : ndarray of float64, shape (V, free)
-        The motions if the distortion stays as it is, and what they gain per change of it.
+    ``residual`` and its derivative by the distortion, ``bending``, are weighted, (L, N, 2). ``target`` (V, free) is the
+    motions' right-hand side for the distortion; ``still`` and ``per_change`` (V, free) are the motions if the
+    distortion stays as it is, and what they gain per change of it.
     """
     downhill = float(np.vdot(bending, residual) + np.vdot(target, still))
     change = -downhill / float(np.vdot(bending, bending) + np.vdot(target, per_change))
