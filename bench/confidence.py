@@ -7,8 +7,6 @@ judged on those of the ``--test`` sets alone. A pair is wrong from a mean error 
 that a wrong pair gets a larger predicted error than a right one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated

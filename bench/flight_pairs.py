@@ -5,8 +5,6 @@ inliers. So the truth favours SIFT, keeps pairs that SIFT solves, and with relie
 correlates better than the truth, the truth is the one that is off.
 """
 
-from __future__ import annotations
-
 import random
 from collections.abc import Collection, Iterator
 from pathlib import Path

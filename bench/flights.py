@@ -9,8 +9,6 @@
 A FLIGHT is a folder of photographs, or the name of a public flight below SKYMOSAIC_DATA, such as ``brighton_beach``.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

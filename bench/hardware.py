@@ -8,8 +8,6 @@ The model is exact for streams without pauses; tests hold it against the simulat
 (`tests/system/test_timing.py`, `tests/hdl/geometry/test_scoring.py`), so nothing is simulated here.
 """
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -4,8 +4,6 @@ Every mosaic is made by the command line in a process of its own, from an empty 
 is warped back into its frame and compared with it.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

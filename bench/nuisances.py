@@ -5,8 +5,6 @@ the median distance, over the overlap of two neighbouring photographs that were 
 where the truth puts a point of the first in the second: the median of all neighbours, and in brackets the largest.
 """
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -6,8 +6,6 @@ Sets are this project's list (`skymosaic.evaluation.known_pairs`), or have the l
 - HPatches (Balntas and others, 2017): folders ``i_...`` and ``v_...`` with ``1.ppm`` ... ``6.ppm``, ``H_1_2`` ...
 """
 
-from __future__ import annotations
-
 import csv
 import os
 from collections.abc import Iterable

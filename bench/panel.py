@@ -6,8 +6,6 @@ Runs the panel and headless Chromium. The slider goes through half of its range 
 step ends with the first frame that shows other corners.
 """
 
-from __future__ import annotations
-
 import tempfile
 import time
 from collections.abc import Sequence

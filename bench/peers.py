@@ -1,7 +1,5 @@
 """OpenCV's detectors and descriptors, with mutual check, ratio test and MAGSAC: what we compare with."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import cv2

@@ -6,8 +6,6 @@ Each file is written by one process and read by another one, as the command line
 bits, and the reduction for the front end.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import resource
 import tempfile

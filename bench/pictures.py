@@ -7,8 +7,6 @@ The notebook is executed as it is exported, on the simulated accelerator, by a J
 with the exported programs; a module ``pynq`` stands for the board's.
 """
 
-from __future__ import annotations
-
 import base64
 import io
 import os

@@ -10,8 +10,6 @@ and ``cut`` write such folders. The error of a pair is the mean distance over a 
 inside the right image.
 """
 
-from __future__ import annotations
-
 import json
 import random
 import time

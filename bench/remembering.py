@@ -1,7 +1,5 @@
 """A golden backend that remembers: seeds, efforts and photographs that come again cost their search only."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Hashable, Sequence
 from functools import partial
 from hashlib import blake2b

@@ -5,8 +5,6 @@ all. Uneven light means corners that are 35 % darker, exposure drifting by 6 % a
 photograph to the next.
 """
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass

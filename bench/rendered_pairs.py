@@ -6,8 +6,6 @@ less detail than a camera would. For pairs with relief no homography is right ev
 and raised blocks, and each pixel's ray is followed to the surface, so that its true place in the other view is known.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

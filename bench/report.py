@@ -1,7 +1,5 @@
 """Rows of figures: a table on the terminal, and the JSON file that the documentation makes the same table from."""
 
-from __future__ import annotations
-
 import json
 import sys
 from collections.abc import Sequence

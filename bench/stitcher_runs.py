@@ -7,8 +7,6 @@ transformations. The package `stitching` pulls in another OpenCV, so it gets an 
 cache folder.
 """
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

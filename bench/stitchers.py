@@ -7,8 +7,6 @@ affine mode, with its own 500 ORB features or with 2000 SIFT features). Each imp
 `stitching` runs in an environment of its own.
 """
 
-from __future__ import annotations
-
 import importlib
 import json
 import resource

@@ -6,8 +6,6 @@
 NAMEs choose among the designs; a part of the name is enough.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import statistics

@@ -3,8 +3,6 @@
 NumPy's types know the element type but not the shape; these names say which shape is meant.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -4,8 +4,6 @@ Rounding everywhere is "add half, then arithmetic shift right" (ties toward plus
 every plain ``>>`` is an arithmetic shift (floor).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

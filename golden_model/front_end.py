@@ -1,7 +1,5 @@
 """The front end: `extract` computes the features of a frame, `trace` also returns all intermediate planes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial

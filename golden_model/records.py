@@ -5,8 +5,6 @@ Records are little-endian, a whole number of 64-bit words, and carry a type tag 
 stream has the same length.
 """
 
-from __future__ import annotations
-
 import enum
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Texts of messages: outside text (file names, a peer's messages) made safe to print, and common advice."""
 
-from __future__ import annotations
-
 import os
 import shlex
 import sys

@@ -1,7 +1,5 @@
 """The whole accelerator: AXI4-Stream video in, features and matches out, registers on AXI4-Lite."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Frame admission: tags pixels with (x, y), flags frames of the wrong size, and refuses impossible settings."""
 
-from __future__ import annotations
-
 from amaranth import Cat, Module, Mux, Signal, Value
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out

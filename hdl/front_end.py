@@ -1,7 +1,5 @@
 """The front end: takes a video stream, gives feature records and one status per frame."""
 
-from __future__ import annotations
-
 from amaranth import Cat, Module, Signal, Value
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out

@@ -1,7 +1,5 @@
 """Extracts the features of one level: gray pixels in, feature records out."""
 
-from __future__ import annotations
-
 from amaranth import Cat, Module, Mux, Signal, Value
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out

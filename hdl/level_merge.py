@@ -1,7 +1,5 @@
 """Merges the features of the levels into one stream, in the golden order, and ends each frame with its status."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from amaranth import Array, Module, Mux, Signal, Value

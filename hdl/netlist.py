@@ -5,8 +5,6 @@ removes unused logic: simulators can then skip the logic of idle blocks, which d
 third shorter (measured).
 """
 
-from __future__ import annotations
-
 import contextlib
 import gc
 import os

@@ -5,8 +5,6 @@ board, and the checks of the exported driver and server come from these declarat
 because the host imports this module and must start without it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What an option is: a dataclass field with the help, the group and the valid values that every interface shows."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import re

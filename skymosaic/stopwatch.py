@@ -1,7 +1,5 @@
 """Wall time per stage of a computation."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping
 

@@ -1,7 +1,5 @@
 """Temporary files named after their process, so that a later run can remove those of a killed process."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import os

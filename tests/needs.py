@@ -3,8 +3,6 @@
 Tests say it with the marker ``needs``; `tests.conftest` skips those whose needs are not met.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import io

@@ -1,7 +1,5 @@
 """Frames for `tools.soak`: settings, pixels, flaws, and what must come of them."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 One `DescriptorPattern` configures both `describe` and the hardware, `hdl.feature.ilbp.RingDescriptor`.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Orientation of a corner: moments of its ring pixels, and the sector that they point to."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Sub-pixel corner positions: a parabola through three responses, separately in x and y."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

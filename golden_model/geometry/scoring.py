@@ -11,8 +11,6 @@ comparisons of (n - x'w)² with multiples of w². The score is the sum of weight
 weights where the gain is not 0. All widths follow from the largest magnitudes below (``MAX_...``).
 """
 
-from __future__ import annotations
-
 import enum
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 Windows are uint8 arrays whose last axis runs over the n pixels, in raster order; the other axes broadcast.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from fractions import Fraction

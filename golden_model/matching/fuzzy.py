@@ -6,8 +6,6 @@ rounding, so that hardware may form the products in any order. The systems of th
 `golden_model.matching.rule_bases`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

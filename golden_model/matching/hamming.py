@@ -1,7 +1,5 @@
 """Hamming distances between descriptor sets (thesis, equation III-5) and the mutual check (thesis, III.5.2)."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

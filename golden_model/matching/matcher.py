@@ -1,7 +1,5 @@
 """Matching of two feature sets: mutual nearest neighbours, their common relative orientation, and fuzzy weights."""
 
-from __future__ import annotations
-
 from typing import Generic, TypeVar
 
 import numpy as np

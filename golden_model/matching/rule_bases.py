@@ -1,7 +1,5 @@
 """The fuzzy systems of the matcher: the ``aerial`` preset's, and the thesis's fuzzy ILBP and fuzzy correlation."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from functools import lru_cache

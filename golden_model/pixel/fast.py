@@ -5,8 +5,6 @@ than t, or all darker by more than t: the strict comparison of OpenCV's TYPE_9_1
 threshold it passes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

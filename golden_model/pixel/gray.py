@@ -1,7 +1,5 @@
 """Gray from colour, with the luma weights of thesis equation IV-1 as multiples of 1/256."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """The half-size level of the pyramid."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

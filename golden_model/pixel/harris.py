@@ -6,8 +6,6 @@ below 2**31. Unsmoothed gradients reach a length of 1140.4; therefore they are l
 A + B <= 45 720.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

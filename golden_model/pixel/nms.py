@@ -1,7 +1,5 @@
 """Non-maximum suppression (thesis, section III.6.1.1)."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """Binomial smoothing: 3x3 before the gradients, 5x5 before the descriptor."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

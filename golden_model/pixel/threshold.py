@@ -5,8 +5,6 @@ codes double the response. A step of half the excess of features, at most 512 co
 them. FAST codes are gray levels, where steps must be 64 times smaller.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ Every stage keeps the shape of the frame. Where a window leaves the frame, the r
 model may differ there. No feature depends on such pixels (`golden_model.config.FrontEndConfig.min_border_px`).
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

@@ -4,8 +4,6 @@ Selecting by cell needs no global sort and spreads the corners over the frame, w
 everywhere: it improved registration more than any other change of the detector (measured).
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Video ingress: pixels from AXI4-Stream video, or from the plain stream of a DMA."""
 
-from __future__ import annotations
-
 from amaranth import Array, Cat, Module, Mux, Signal
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out

@@ -1,7 +1,5 @@
 """The blocks for `skymosaic export --block`, with their vectors."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """Blocks made of several of `hdl`'s that are useful on their own: a stream of pixels in, a stream of answers out."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any

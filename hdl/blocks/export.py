@@ -1,7 +1,5 @@
 """Exports one block: Verilog with flat ports, a test bench with vectors, and a README."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A component with a plain port for each field of its streams, beats and arrays."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any

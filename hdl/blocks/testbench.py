@@ -1,7 +1,5 @@
 """A self-checking Verilog test bench: it sends vectors, compares the answers, and prints one line with the verdict."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

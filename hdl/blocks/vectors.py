@@ -1,7 +1,5 @@
 """Vectors of a test bench: the inputs of a block and its expected outputs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any

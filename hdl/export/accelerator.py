@@ -1,7 +1,5 @@
 """Exports everything needed to build and run the accelerator on a board, in one folder."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path

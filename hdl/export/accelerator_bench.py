@@ -1,7 +1,5 @@
 """A test bench for the exported accelerator: two small frames through its AXI ports."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

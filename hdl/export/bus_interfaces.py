@@ -1,7 +1,5 @@
 """The accelerator's ports as bus interfaces, for AMD's tools and IP-XACT."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """The accelerator as an IP-XACT component (IEEE 1685-2014): buses, registers, ports and the Verilog file."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 

@@ -1,7 +1,5 @@
 """The register map as documentation and for tools: Markdown, CMSIS-SVD, a C header."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 

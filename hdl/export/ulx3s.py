@@ -1,7 +1,5 @@
 """Exports the accelerator for the ULX3S, and builds its bitstream with open tools."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import shlex

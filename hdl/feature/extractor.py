@@ -1,7 +1,5 @@
 """Turns candidates into features: position, orientation sector and descriptor."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from amaranth import Cat, Module, Signal, Value

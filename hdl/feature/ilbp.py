@@ -1,7 +1,5 @@
 """Ring descriptors of candidates, for any `golden_model.feature.ilbp.DescriptorPattern`."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value

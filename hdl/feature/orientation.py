@@ -1,7 +1,5 @@
 """Orientation sector of a candidate from its rings, one group of angles per clock."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from amaranth import Cat, Module, Mux, Shape, Signal, Value, signed, unsigned

@@ -1,7 +1,5 @@
 """The ring pixels of a descriptor around every pixel."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from amaranth import Cat, Module, Mux, Signal, Value

@@ -1,7 +1,5 @@
 """Scores homographies that a host proposes by the weighted matches of a frame, one match per clock."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from amaranth import Cat, Module, Mux, Signal, Value, signed

@@ -1,7 +1,5 @@
 """Registers without reset: fixed delays, outputs, and pipelines that keep their value in clocks without a beat."""
 
-from __future__ import annotations
-
 from typing import TypeVar
 
 from amaranth import Cat, Module, Signal, Value, ValueCastable, ValueLike, tracer

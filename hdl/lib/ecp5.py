@@ -4,8 +4,6 @@ Yosys infers both, but without the registers inside: a structure tensor on an EC
 half the clock. `ecp5_models.v` beside this file has models of the primitives for simulation.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from amaranth import Cat, ClockSignal, Const, Instance, Module, Shape, Signal, Value

@@ -1,7 +1,5 @@
 """A memory with an output register, for lines of pixels and for features."""
 
-from __future__ import annotations
-
 from amaranth import Module, ShapeLike, Signal
 from amaranth.lib import memory, wiring
 from amaranth.lib.wiring import In, Out

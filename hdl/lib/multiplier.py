@@ -1,7 +1,5 @@
 """A multiplier with the registers that a DSP slice has."""
 
-from __future__ import annotations
-
 from amaranth import Module, Shape, Signal
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out

@@ -1,7 +1,5 @@
 """Population counts of many lanes at once, by carry-save counters on bit planes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 

@@ -1,7 +1,5 @@
 """A register stage for a stream that breaks every combinational path."""
 
-from __future__ import annotations
-
 from amaranth import Module, Mux, ShapeLike, Signal
 from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out

@@ -1,7 +1,5 @@
 """Signals with a layout, typed as the views that they are."""
 
-from __future__ import annotations
-
 from typing import Any, cast
 
 from amaranth import Signal

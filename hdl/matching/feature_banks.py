@@ -1,7 +1,5 @@
 """Three banks of features: reference and current frame are matched while the next frame fills the third."""
 
-from __future__ import annotations
-
 from amaranth import Array, Cat, Module, Mux, Signal
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out

@@ -1,7 +1,5 @@
 """Zero-order Sugeno systems, generated from the descriptions in `golden_model.matching.fuzzy`."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

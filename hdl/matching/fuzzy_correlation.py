@@ -1,7 +1,5 @@
 """The thesis's fuzzy correlation in hardware (Tables III-1, III-2): the weight of a match from its two 3x3 windows."""
 
-from __future__ import annotations
-
 import math
 from fractions import Fraction
 

@@ -1,7 +1,5 @@
 """A chain of lanes that right descriptors pass through: Hamming distances, and the nearest of each row and column."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from amaranth import Cat, Const, Module, Mux, Shape, Signal

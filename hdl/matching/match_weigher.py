@@ -1,7 +1,5 @@
 """Weighs matches by a fuzzy rule base and the relative orientation that most of them share."""
 
-from __future__ import annotations
-
 from amaranth import Cat, Module, Mux, Signal, Value
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out

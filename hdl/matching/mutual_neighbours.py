@@ -1,7 +1,5 @@
 """Selects the mutual ones among nearest neighbours."""
 
-from __future__ import annotations
-
 from amaranth import Cat, Module, Mux, Shape, Signal
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out

@@ -1,7 +1,5 @@
 """Nearest neighbours between two feature sets, in both directions."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import reduce
 from itertools import pairwise

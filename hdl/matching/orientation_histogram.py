@@ -1,7 +1,5 @@
 """Histogram of the relative orientations of matches, and its peak."""
 
-from __future__ import annotations
-
 from amaranth import Module, Signal, Value
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.memory import Memory

@@ -1,7 +1,5 @@
 """Corner detection of a level: from columns of gray pixels to corner candidates."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from amaranth import Module, Mux, Signal

@@ -1,7 +1,5 @@
 """FAST corners (thesis, equation II-1): the 9-of-16 segment test, and its score bit by bit."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value

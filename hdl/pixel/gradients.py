@@ -1,7 +1,5 @@
 """Columns of gradients for Harris, or of gray pixels for FAST, from shared line memories."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from amaranth import Cat, Module, Mux, Signal, Value

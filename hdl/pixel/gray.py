@@ -1,7 +1,5 @@
 """Gray from colour."""
 
-from __future__ import annotations
-
 from amaranth import Module, Mux, Signal, unsigned
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out

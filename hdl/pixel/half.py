@@ -1,7 +1,5 @@
 """The half-size level of the pyramid."""
 
-from __future__ import annotations
-
 from amaranth import Const, Module, Signal, Value
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out

@@ -1,7 +1,5 @@
 """Binomial smoothing: 3x3 ahead of the gradients, 5x5 ahead of the descriptor."""
 
-from __future__ import annotations
-
 from math import comb
 
 from amaranth import Module, Signal, unsigned

@@ -1,7 +1,5 @@
 """Sobel gradients."""
 
-from __future__ import annotations
-
 from amaranth import Module, signed, unsigned
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out

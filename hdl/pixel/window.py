@@ -1,7 +1,5 @@
 """Line memories and windows: from beats of pixels to beats of columns and of windows."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from amaranth import Cat, Module, Shape, ShapeLike, Signal, Value

@@ -1,7 +1,5 @@
 """The registers of the streaming shell, which follow those of the accelerator in a live build."""
 
-from __future__ import annotations
-
 import enum
 
 from hdl.registers.register_map import REGISTERS, Access, Field, Register, list_values, setting_field, status_word

@@ -5,8 +5,6 @@ exported driver's constants (`hdl.export.accelerator.driver_map`) come from `REG
 `hdl.settings`. A live build has the registers of its shell behind them (`hdl.registers.live_register_map`).
 """
 
-from __future__ import annotations
-
 import enum
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Marks each scan position of a level: may a feature be there, and does a cell row end?"""
 
-from __future__ import annotations
-
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out

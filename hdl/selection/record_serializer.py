@@ -1,7 +1,5 @@
 """Converts the features of a level into the words of their records."""
 
-from __future__ import annotations
-
 from amaranth import Array, Module, Mux, Signal
 from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out

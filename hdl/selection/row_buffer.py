@@ -1,7 +1,5 @@
 """Buffer of two cell rows: one is filled while the other is read out in order."""
 
-from __future__ import annotations
-
 from amaranth import Cat, Module, Mux, Signal, Value
 from amaranth.lib import data, memory, stream, wiring
 from amaranth.lib.wiring import In, Out

@@ -3,8 +3,6 @@
 Both blocks have the same streams and the method ``connect_hold``, so that a level uses either in the same way.
 """
 
-from __future__ import annotations
-
 from amaranth import Cat, Module, Signal, Value
 from amaranth.lib import data, fifo, stream, wiring
 from amaranth.lib.wiring import In, Out

@@ -1,7 +1,5 @@
 """The layout of a slot in a ring: a header, and behind it a packet of records. Declared once, for hardware and host."""
 
-from __future__ import annotations
-
 import enum
 
 import numpy as np

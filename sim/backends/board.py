@@ -1,7 +1,5 @@
 """The accelerator on a board as a backend: a client of the server that the export contains."""
 
-from __future__ import annotations
-
 import hashlib
 import hmac
 import json

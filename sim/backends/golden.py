@@ -1,7 +1,5 @@
 """The golden model as a `sim.backends.interface.Backend`; every other backend is compared with it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A memory behind AXI4 write ports, for Amaranth's simulator: it delays, refuses, and checks AXI's rules."""
 
-from __future__ import annotations
-
 import random
 from collections import deque
 from typing import Any

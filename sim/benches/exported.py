@@ -1,7 +1,5 @@
 """Imports the host programs of an export unchanged, to run them over a simulated bus."""
 
-from __future__ import annotations
-
 import contextlib
 import importlib
 import sys

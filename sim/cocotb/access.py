@@ -1,7 +1,5 @@
 """Registers: the behaviour of each kind of field, refused accesses, and the interrupt."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import cocotb

@@ -1,7 +1,5 @@
 """Malformed frames are reported with their cause and without matches, and do not change the frames around them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

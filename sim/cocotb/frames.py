@@ -1,7 +1,5 @@
 """Frames in either mode give the golden model's features and matches, however the streams pause."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import cocotb

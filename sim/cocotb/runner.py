@@ -1,7 +1,5 @@
 """Compiles the accelerator's Verilog for cocotb and runs modules of cases, on Verilator or Icarus."""
 
-from __future__ import annotations
-
 import subprocess
 from importlib.metadata import version
 from pathlib import Path

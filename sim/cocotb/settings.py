@@ -1,7 +1,5 @@
 """Every frame keeps the settings with which it started, and impossible settings give no good frame."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import cocotb

@@ -1,7 +1,5 @@
 """The camera: exact homographies over flat ground, rendering, and effects of light, lens and sensor."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

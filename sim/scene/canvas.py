@@ -1,7 +1,5 @@
 """The window of the plane that is being painted: its reflectance and relief, and the noise for both."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The ground seen from straight above: tiles are painted, then lit by the sun."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import Any
 

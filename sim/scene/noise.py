@@ -1,7 +1,5 @@
 """Random streams by purpose, and noise as a function of position: any window of a plane, without storing the plane."""
 
-from __future__ import annotations
-
 import enum
 
 import cv2

@@ -1,7 +1,5 @@
 """Paints objects on the ground: buildings, cars, trees and bushes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Paints the ground: fields and gardens, ponds, roads and tracks."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 

@@ -1,7 +1,5 @@
 """A film of a car that drives through the landscape, with its exact corners in every picture."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """A cache in the user's folder for slow builds: Verilog and compiled simulators."""
 
-from __future__ import annotations
-
 import atexit
 import hashlib
 import shutil

@@ -1,7 +1,5 @@
 """The C++ compiler that turns simulations into programs and shared libraries."""
 
-from __future__ import annotations
-
 import itertools
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Input and output of a simulated design, the same for every simulator."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """The command line. docs/how-to/command_line.md says what all commands have in common, and what exit statuses mean."""
 
-from __future__ import annotations
-
 import contextlib
 import importlib
 import sys

@@ -1,7 +1,5 @@
 """The command that checks a flight while it can still be flown again."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 from typing import Annotated

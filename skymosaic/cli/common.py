@@ -1,7 +1,5 @@
 """Options that every command has: ``--quiet``, ``--verbose`` and ``--json``."""
 
-from __future__ import annotations
-
 import functools
 import inspect
 from collections.abc import Callable

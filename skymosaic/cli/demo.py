@@ -1,7 +1,5 @@
 """The command that shows the whole chain on rendered photographs."""
 
-from __future__ import annotations
-
 import sys
 import time
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The command that exports Verilog, register map and drivers."""
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Callable
 from pathlib import Path

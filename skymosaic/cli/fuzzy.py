@@ -1,7 +1,5 @@
 """The command for fuzzy systems: rules as text, curves and surfaces as pictures, the integer model and its errors."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass

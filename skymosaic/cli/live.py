@@ -1,7 +1,5 @@
 """The command for a mosaic that grows while the camera is still in the air."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The command that makes a mosaic: of two photographs, of a flight, or of a flight while it lasts."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated

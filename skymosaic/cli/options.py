@@ -1,7 +1,5 @@
 """Turns the library's options into options of a command, and what the user typed into an object of options."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import importlib

@@ -1,7 +1,5 @@
 """The command that serves the front panel."""
 
-from __future__ import annotations
-
 import importlib
 import sys
 from typing import Annotated

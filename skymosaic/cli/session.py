@@ -3,8 +3,6 @@
 With ``--json`` the results are one object instead; docs/how-to/command_line.md describes its keys.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import math

@@ -1,7 +1,5 @@
 """Keeps libraries' messages off the terminal, and removes temporary files when a signal ends the program."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

@@ -1,7 +1,5 @@
 """The command that repeats the thesis's experiments."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterator, Sequence
 from pathlib import Path

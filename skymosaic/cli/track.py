@@ -1,7 +1,5 @@
 """The command that follows an object through a video."""
 
-from __future__ import annotations
-
 import dataclasses
 import time
 from itertools import groupby

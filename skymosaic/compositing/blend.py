@@ -1,7 +1,5 @@
 """Blending registered images into one (thesis, section III.6.4)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import cv2

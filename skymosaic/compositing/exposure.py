@@ -6,8 +6,6 @@ zero, because darker pictures always differ less; differences of logarithms have
 exposures do not explain are left to a smooth light field per photograph, see `skymosaic.compositing.light`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """A coarse grid of values over an image: bilinear interpolation between its nodes, and their roughness."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy import sparse
 

@@ -1,7 +1,5 @@
 """A photograph as a layer of a mosaic: its warped pixels, and how strongly it claims each of them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby

@@ -4,8 +4,6 @@ Clouds pass, the ground reflects the sun on one side, and a lens darkens its cor
 photographs overlap, all of this shows as differences that change slowly across the photograph.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse

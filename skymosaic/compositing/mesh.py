@@ -7,8 +7,6 @@ image stitching, 2013, move the homography instead. A grid of residuals is small
 where there are no matches.)
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

@@ -1,7 +1,5 @@
 """Compares the brightness of the same ground in different photographs of a flight, cell by cell."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations

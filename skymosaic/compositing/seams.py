@@ -4,8 +4,6 @@ Seams are found on thumbnails. A photograph may show the pixels that are nearly 
 other's. Within the overlaps that are left, OpenCV's seam finder cuts where the colours differ least.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

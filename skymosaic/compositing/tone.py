@@ -1,7 +1,5 @@
 """Tone of a photograph in a mosaic: exposure gain, lens falloff, light field and highlight shoulder."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

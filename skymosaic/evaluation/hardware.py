@@ -1,7 +1,5 @@
 """Compares hardware with the golden model on a pair: whether it is equal, what was compared, and how fast it ran."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from dataclasses import dataclass

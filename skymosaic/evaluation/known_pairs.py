@@ -1,7 +1,5 @@
 """Pairs of photographs with known homographies, read from a folder; for benchmarks and experiments."""
 
-from __future__ import annotations
-
 import csv
 from dataclasses import dataclass
 from pathlib import Path

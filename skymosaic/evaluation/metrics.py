@@ -1,7 +1,5 @@
 """Quality of features, matches and homographies, measured against the truth (thesis, equations IV-2 to IV-7)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

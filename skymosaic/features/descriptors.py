@@ -1,7 +1,5 @@
 """Describes key points in feature records: by OpenCV's descriptors, ILBP, gray windows, or nothing (for KLT)."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 from functools import cache

@@ -3,8 +3,6 @@
 The thresholds are low enough for thousands of key points per photograph; callers keep the strongest.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import cv2

@@ -5,8 +5,6 @@ their range; copies compressed in one direction imitate a camera that looks from
 framework for fully affine invariant image comparison, 2009). To front end and matcher they are ordinary frames.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

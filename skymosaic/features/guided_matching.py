@@ -5,8 +5,6 @@ phase, and upright descriptors distinguish them better than rotated ones. The se
 it fits held-out matches better.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

@@ -4,8 +4,6 @@ All return `golden_model.records.MATCH` records in order of the left index. ``ve
 bidirectional check or the fuzzy rules.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

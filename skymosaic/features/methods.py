@@ -4,8 +4,6 @@ Harris and FAST with an ILBP descriptor run on the accelerator, so every backend
 are computed here, behind the same interface, `sim.backends.interface.Backend`.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass

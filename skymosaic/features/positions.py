@@ -1,7 +1,5 @@
 """Positions of feature and match records in pixels and back, and which of them count under a lens mask."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import cv2

@@ -4,8 +4,6 @@ Second derivatives are box sums of the integral image, so a filter of any size c
 out OpenCV's own SURF. Only the detector is implemented here; any descriptor can be combined with it.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """Results on disk under a key of all their inputs, so that an interrupted run continues where it stopped."""
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import io

@@ -8,8 +8,6 @@ a strip that is well linked have a small w R; strips that meet, and loops that c
 links, w R adds up to the number of photographs less one (Foster 1949), which is 0.2 per link with ten links each.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Checks a flight before the pilot leaves: overlap, blur, exposure, GPS and weak links."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path

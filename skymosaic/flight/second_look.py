@@ -5,8 +5,6 @@ link takes one pass of the front end, which meets zooms up to about 2. In its th
 from nearer the ground looks as the others do.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 

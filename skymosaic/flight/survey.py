@@ -1,7 +1,5 @@
 """Lays out a flight: from many photographs to the pose of each on the ground."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -1,7 +1,5 @@
 """A registered pair as a flight of two photographs: one link, and a layout in the frame of the right photograph."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Reads FLL, the FuzzyLite Language: zero-order Sugeno systems with one output."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """The integer model of a fuzzy system, and how far it is from the real numbers."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

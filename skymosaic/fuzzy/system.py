@@ -1,7 +1,5 @@
 """A zero-order Sugeno system in real numbers."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Shapes of fuzzy sets over a real axis."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """A Verilog block of your own fuzzy system; imports Amaranth, which the rest of this folder does without."""
 
-from __future__ import annotations
-
 from hdl.blocks.catalogue import sugeno
 from hdl.blocks.vectors import Block
 from hdl.matching.fuzzy import PRODUCT_INPUTS

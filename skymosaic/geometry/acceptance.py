@@ -5,8 +5,6 @@ determine no homography of a whole image: matches pooled over scales once gave 1
 error of 27 px.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

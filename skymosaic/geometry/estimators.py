@@ -1,7 +1,5 @@
 """Robust estimators by name: PROSAC by float or integer scores, OpenCV's RANSAC and MAGSAC++, and fuzzy RANSAC."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

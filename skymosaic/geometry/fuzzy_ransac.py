@@ -5,8 +5,6 @@ Table IV-4 come out only if every match is decided on its own, as `decide` does.
 four random matches together, see `skymosaic.thesis.reference.fuzzy_ransac`.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 from functools import lru_cache

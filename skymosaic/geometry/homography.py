@@ -5,8 +5,6 @@ integers, x points to the right and y down. It is scaled to H[2, 2] = 1. Where t
 positive, the point lies on the same side of the camera as the left image's first pixel.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 

@@ -1,7 +1,5 @@
 """Locates a small object from few matches: by a similarity, or by a homography where the matches justify one."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

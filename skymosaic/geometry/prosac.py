@@ -9,8 +9,6 @@ Where the ground is not flat, several planes explain part of the matches, and a 
 depends on the seed. So the search is restarted, and the homography with the highest score wins.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

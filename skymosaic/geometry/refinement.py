@@ -3,8 +3,6 @@
 The thesis's other errors (symmetric, reprojection, Sampson) are in `skymosaic.thesis.reference.refinement`.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

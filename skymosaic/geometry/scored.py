@@ -1,7 +1,5 @@
 """Ranks PROSAC's samples by the hardware's integer scores (`hdl.geometry.scoring`)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

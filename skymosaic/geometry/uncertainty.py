@@ -5,8 +5,6 @@ neighbouring matches deviate together. So the fit is also repeated without a par
 matches show how well any homography describes the scene.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

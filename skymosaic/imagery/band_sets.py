@@ -1,7 +1,5 @@
 """Multi-band sets: the files of a capture, one per band, which the ends of their names distinguish."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Writes pictures of any size band by band, so the whole picture is never in memory."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """Decodes image files of unknown origin; checks their headers first, and decodes JPEG strictly."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import stat

@@ -1,7 +1,5 @@
 """Reads photographs and writes pictures, and gives every faulty file one clear message."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 from collections.abc import Iterator

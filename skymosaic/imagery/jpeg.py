@@ -1,7 +1,5 @@
 """Decodes JPEG files strictly: reports libjpeg's warnings as damage, and refuses files that take too long."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Selects the key frames of a video that a mosaic needs, and puts them in the video's place among photographs."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import itertools

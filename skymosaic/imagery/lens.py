@@ -1,7 +1,5 @@
 """Corrects lens distortion, and masks the parts of photographs that show the drone itself."""
 
-from __future__ import annotations
-
 import hashlib
 import tomllib
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Frame sources of a live mosaic: a folder that receives pictures, a video, a stream, or a camera."""
 
-from __future__ import annotations
-
 import contextlib
 import time
 from collections.abc import Callable, Collection, Iterator

@@ -1,7 +1,5 @@
 """Records which pictures in a folder of photographs are mosaics, so that later runs do not use them as input."""
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 from collections.abc import Collection, Iterable

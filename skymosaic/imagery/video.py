@@ -1,7 +1,5 @@
 """Reads and writes video with FFmpeg's libraries."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Callable, Iterator
 from fractions import Fraction

@@ -6,8 +6,6 @@ is recomputed and the painted pixels are moved accordingly. A frame that matches
 is merged with another one when a later frame overlaps both.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial

@@ -1,7 +1,5 @@
 """Live numbers: how many frames are processed per second, and what the accelerator takes for each of them."""
 
-from __future__ import annotations
-
 import time
 from typing import Any
 

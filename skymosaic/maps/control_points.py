@@ -1,7 +1,5 @@
 """Ground control points: surveyed places that photographs show."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Writes mosaics as GeoTIFF with rasterio, from the extra ``geo``."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import os

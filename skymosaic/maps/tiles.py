@@ -1,7 +1,5 @@
 """Cuts a mosaic into map tiles (XYZ, Web Mercator) with a page that shows them without a network."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import math

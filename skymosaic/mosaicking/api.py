@@ -1,7 +1,5 @@
 """Makes mosaics: the functions of the Python API, and the plan that the command line and the panel use."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """The options of a mosaic, and which of them apply to two photographs and which to more."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

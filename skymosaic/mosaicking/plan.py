@@ -1,7 +1,5 @@
 """The stages of a mosaic: the plan that the API, the command line and the panel share."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 import time

@@ -1,7 +1,5 @@
 """A mosaic in memory, with its provenance and its place on the map."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path

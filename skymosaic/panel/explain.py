@@ -3,8 +3,6 @@
 The values are computed again from the records with the golden model's fuzzy systems.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Answers requests for files: uploads, pictures, files of results and the archive."""
 
-from __future__ import annotations
-
 import asyncio
 from typing import Literal
 

@@ -5,8 +5,6 @@ resolve to 127.0.0.1, by forms and scripts, or by a websocket, which browsers do
 header reveals the first, the Origin header the others.
 """
 
-from __future__ import annotations
-
 from starlette.datastructures import Headers
 from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send

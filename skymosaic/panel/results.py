@@ -1,7 +1,5 @@
 """Results of the workers: numbers, records and addresses of pictures, but no pixels, so that little is pickled."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple

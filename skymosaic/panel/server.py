@@ -1,7 +1,5 @@
 """The panel's server on loopback, with its pages."""
 
-from __future__ import annotations
-
 import secrets
 import socket
 from collections.abc import Callable

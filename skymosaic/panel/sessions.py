@@ -1,7 +1,5 @@
 """The sessions of all browsers, each kept apart from every other one."""
 
-from __future__ import annotations
-
 import asyncio
 import tempfile
 from contextlib import ExitStack

@@ -1,7 +1,5 @@
 """Progress in steps, and the time that is left."""
 
-from __future__ import annotations
-
 import time
 from typing import Protocol
 

@@ -4,8 +4,6 @@ Files are never decoded in the server's process, only in a worker. A file keeps 
 mean something to a shell or a file system, and with a number if another file has that name.
 """
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import AsyncIterator

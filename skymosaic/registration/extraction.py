@@ -1,7 +1,5 @@
 """Features of one photograph, in its own pixels."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from dataclasses import dataclass

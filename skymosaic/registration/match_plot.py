@@ -1,7 +1,5 @@
 """Draws the matches of two photographs; needs matplotlib, which the extra ``plots`` installs."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from matplotlib.collections import LineCollection

@@ -4,8 +4,6 @@ Keyword arguments, command line, panel and reference page take names, types, def
 and from `skymosaic.mosaicking.options`.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 from typing import TypedDict

@@ -1,7 +1,5 @@
 """Registers a pair of overlapping photographs: features, matches, homography, or why it failed."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from functools import partial

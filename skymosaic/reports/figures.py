@@ -1,7 +1,5 @@
 """Pictures of a pair's corners and of its kept and rejected matches, coloured by the rule that decided."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

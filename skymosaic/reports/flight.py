@@ -1,7 +1,5 @@
 """The report of a flight: one page with its mosaics, the graph of its links, the photographs left out, the numbers."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Outlines of a mosaic's photographs on the globe, as GeoJSON and KML."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from xml.etree import ElementTree as XmlTree

@@ -3,8 +3,6 @@
 Needs matplotlib, which the extra ``plots`` installs.
 """
 
-from __future__ import annotations
-
 import io
 
 import numpy as np

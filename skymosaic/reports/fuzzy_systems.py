@@ -1,7 +1,5 @@
 """How each fuzzy system is plotted: names, units of the inputs, and the surface that shows its rules best."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

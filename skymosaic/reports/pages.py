@@ -1,7 +1,5 @@
 """What the reports share: their folder, and HTML from the templates beside this file, which escape every value."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The report of a pair: a folder with pictures, the numbers as JSON, and one page that shows both."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 from typing import Any

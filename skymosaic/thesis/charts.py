@@ -1,7 +1,5 @@
 """The page's diagrams as SVG. Needs matplotlib, which the extra ``plots`` installs."""
 
-from __future__ import annotations
-
 import io
 from typing import Any
 

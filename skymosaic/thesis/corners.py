@@ -1,7 +1,5 @@
 """Harris corners selected by threshold (Table IV-1), by number, and by the quality of their matches."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass

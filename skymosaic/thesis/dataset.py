@@ -1,7 +1,5 @@
 """The dataset of the experiments: the user's pairs, or a rendered flight, at the image size of the thesis."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial

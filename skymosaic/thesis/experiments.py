@@ -1,7 +1,5 @@
 """Runs every experiment on every pair, the time for a mosaic (Table IV-7) among them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Good and false matches as functions of the correlation window (Table IV-2) and of the ILBP's rings (Table IV-3)."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 

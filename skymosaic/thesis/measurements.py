@@ -1,7 +1,5 @@
 """Results of the experiments: one line for each table, setting and pair."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The HTML page: what the thesis shows, what the same experiment gives here, and why the two differ."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass

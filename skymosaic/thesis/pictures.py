@@ -1,7 +1,5 @@
 """Pictures of one pair: corners, the matches each fuzzy system keeps and rejects, the mosaic."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterator
 

@@ -1,7 +1,5 @@
 """The figures published in chapter IV of the thesis."""
 
-from __future__ import annotations
-
 CORNERS = {
     5000: (358, 239), 4000: (411, 484), 3000: (583, 605), 2000: (680, 682), 1000: (722, 730), 500: (726, 734),
     250: (728, 734),

@@ -1,7 +1,5 @@
 """Fuzzy RANSAC on SIFT key points: matches that pass each check, RMSE, recall and precision (tables IV-4 to IV-6)."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterator
 

@@ -1,7 +1,5 @@
 """Figure IV-6: the share of a reduced picture's key points that are detected in the full one, too."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 
 import cv2

@@ -1,7 +1,5 @@
 """The page's tables: published figures beside the measured means, and whether the published trends hold."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Output of tracking: frames with the object's outline, and a table of its corners."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

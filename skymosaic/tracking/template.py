@@ -5,8 +5,6 @@ processes a *view*: the object enlarged, with its surroundings, whose features a
 same view by the expected pose of the object; matching with the held reference then measures the error of this pose.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple

@@ -5,8 +5,6 @@ the expected pose (constant velocity), enlarged. While the template is lost, one
 the nearest parts first.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterable, Iterator

@@ -6,8 +6,6 @@ cover is reached, since a proof without a driven clock would pass vacuously. No 
 many clocks an unbounded proof finds the wrap instead of a fault.
 """
 
-from __future__ import annotations
-
 import os
 import resource
 import subprocess

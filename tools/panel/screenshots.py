@@ -7,8 +7,6 @@ The second shows every state in a small window, in a large one and on a phone, i
 a change of the style.
 """
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 from typing import Annotated

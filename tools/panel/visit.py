@@ -1,7 +1,5 @@
 """A panel in a process of its own, the machine's Chromium, and the steps of a user in both."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

@@ -6,8 +6,6 @@ centimetres apart, and the ground is far. It is fitted to places of several capt
 places: patches of the gradient's magnitude are compared by normalised correlation.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Mosaics of multi-band sets: one band is laid out, the others follow it on the same canvas."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

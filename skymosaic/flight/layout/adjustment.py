@@ -12,8 +12,6 @@ The radial distortion of the lens, the same for all views, can be one more unkno
 k1 in units that need no focal length.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Layout of a flight: groups of linked views, a first pose of each view on the ground, and its refinement."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

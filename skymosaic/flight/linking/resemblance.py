@@ -7,8 +7,6 @@ agree in one word out of five, other features in one out of thousands. Words cou
 text retrieval (Sivic and Zisserman 2003).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

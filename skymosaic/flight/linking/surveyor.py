@@ -1,7 +1,5 @@
 """Computes what a flight is laid out from, or takes it from the cache."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial

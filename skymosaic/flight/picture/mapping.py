@@ -1,7 +1,5 @@
 """Puts a layout on the map: by the GPS positions of its cameras, or by ground control points."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

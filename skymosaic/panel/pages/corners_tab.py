@@ -1,7 +1,5 @@
 """Shows the corners of the first two photographs, and detects them again when an option changes them."""
 
-from __future__ import annotations
-
 import asyncio
 import time
 from collections.abc import Sequence

@@ -3,8 +3,6 @@
 The markup contains numbers and the panel's own words only, never file names: the page inserts it without escaping.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping, Sequence
 

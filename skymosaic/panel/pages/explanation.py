@@ -3,8 +3,6 @@
 It contains the panel's own words and numbers only, never text from an uploaded file.
 """
 
-from __future__ import annotations
-
 from html import escape
 
 from skymosaic.panel.explain import Explanation, FiredRule, Input

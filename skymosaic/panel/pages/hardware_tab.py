@@ -1,7 +1,5 @@
 """Shows the same pair through the golden model and through hardware, side by side."""
 
-from __future__ import annotations
-
 from html import escape
 
 from nicegui import ui

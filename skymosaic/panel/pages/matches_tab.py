@@ -1,7 +1,5 @@
 """Shows the matches of a pair as lines, with an explanation of the one under the pointer."""
 
-from __future__ import annotations
-
 from nicegui import ui
 
 from skymosaic.panel.explain import classify_matches, explain

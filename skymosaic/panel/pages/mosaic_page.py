@@ -1,7 +1,5 @@
 """The mosaic page: controls in the left column, results in the right one."""
 
-from __future__ import annotations
-
 from nicegui import ui
 
 from skymosaic.panel.options import fault_of

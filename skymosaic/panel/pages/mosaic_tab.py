@@ -1,7 +1,5 @@
 """Shows the mosaic with zoom and layers over it (outlines, seams, links), and the photographs that were left out."""
 
-from __future__ import annotations
-
 from nicegui import ui
 
 from skymosaic.panel.pages import drawings

@@ -1,7 +1,5 @@
 """Shows a run in numbers: counts, homography, errors, time, and the command line that repeats it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from html import escape

@@ -1,7 +1,5 @@
 """What all pages share: style, header, columns, and the display of files and command lines."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache

@@ -1,7 +1,5 @@
 """The left column: photographs, options, and the button that starts a run."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import partial
 

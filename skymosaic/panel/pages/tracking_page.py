@@ -1,7 +1,5 @@
 """The page that follows an object through a video."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from nicegui import ui

@@ -4,8 +4,6 @@ A thread inside OpenCV or a compiled simulator cannot be stopped, but a process 
 and everything the worker started, compilers included.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import multiprocessing

@@ -1,7 +1,5 @@
 """Draws what the page shows of a mosaic, in a worker: a picture, tiles for deeper zoom, outlines and seams."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

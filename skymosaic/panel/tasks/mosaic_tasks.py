@@ -4,8 +4,6 @@ Every task reads the photographs in ``folder`` by the names it is given and writ
 relative to it, so that the archive works wherever it is unpacked.
 """
 
-from __future__ import annotations
-
 import csv
 import dataclasses
 import io

@@ -1,7 +1,5 @@
 """The task that follows an object through a video, run in a worker."""
 
-from __future__ import annotations
-
 import shlex
 import time
 from pathlib import Path

@@ -3,8 +3,6 @@
 Every task reads and writes files in ``folder`` by the names it is given, and saves what the page shows in ``pictures``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

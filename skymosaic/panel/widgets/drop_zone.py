@@ -1,7 +1,5 @@
 """The area where files are dropped or chosen for upload."""
 
-from __future__ import annotations
-
 from nicegui import ui
 
 

@@ -1,7 +1,5 @@
 """A slider that moves at once in the browser and reports to the server at most 20 times per second."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from nicegui import ui

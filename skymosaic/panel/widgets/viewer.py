@@ -5,8 +5,6 @@ every zoom, one viewer with the same keys and gestures serves corners, matches a
 any other picture. What is left is to choose the tiles, a dozen lines.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 

@@ -1,7 +1,5 @@
 """Fuzzy RANSAC as the thesis's text describes it: four random matches are decided together."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -1,7 +1,5 @@
 """The thesis's second linear estimate of a homography, beside the DLT."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

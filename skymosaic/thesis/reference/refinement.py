@@ -11,8 +11,6 @@ Each error is a function ``(h, x, y) -> (residuals (N, k), jacobian (N, k, 8))``
 the squared residuals of a pair sum to its error.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Forward warping and the cylinder: the thesis's alternatives to backward warping and the plane (section II.2.4)."""
 
-from __future__ import annotations
-
 import math
 
 import cv2

@@ -1,7 +1,5 @@
 """Delays, whose registers hold one or several stages, against a queue."""
 
-from __future__ import annotations
-
 from collections import deque
 from typing import Any
 

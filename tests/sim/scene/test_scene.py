@@ -1,7 +1,5 @@
 """Synthetic flights: the landscape is reproducible and seamless, and the known homographies are exact."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 from itertools import pairwise

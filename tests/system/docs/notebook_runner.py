@@ -1,7 +1,5 @@
 """Runs the notebook made from a tutorial, as its reader would: by a Jupyter kernel, in a folder of its own."""
 
-from __future__ import annotations
-
 import os
 import re
 import sys

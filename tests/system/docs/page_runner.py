@@ -1,7 +1,5 @@
 """Runs a page of the documentation as its reader would: files, Python and commands, in the order of the page."""
 
-from __future__ import annotations
-
 import doctest
 import re
 import shlex
