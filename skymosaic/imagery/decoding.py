@@ -1,4 +1,4 @@
-"""Decodes image files of unknown origin; checks their headers first, and decodes JPEG strictly."""
+"""Decodes image files of unknown origin; checks their headers first, and finds damage where the format can tell."""
 
 import contextlib
 import io
@@ -18,6 +18,7 @@ from PIL.ExifTags import Base
 from golden_model.config import MIN_FRAME_PX
 from skymosaic.errors import DamagedError, InputError
 from skymosaic.imagery.jpeg import END, decode_strictly
+from skymosaic.imagery.tiff import check_tiff
 
 MAX_AREA_PX = 89_000_000
 """Just below the limit of Pillow, which reads the header first."""
@@ -33,8 +34,8 @@ SPARE_BYTES = 64_000_000
 """Limit of bytes read from a header, beyond the size of the file, because TIFF tags can all name the same bytes."""
 UPRIGHT = 1
 
-# libtiff would warn about every unknown tag, even where standard error is not ours to redirect.
-cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)
+# libtiff would print every unknown tag and fault, even where standard error is not ours to redirect.
+cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
 
 # Pillow only warns about images beyond its limit. `read_header` turns the error into a message of our own.
 warnings.filterwarnings("error", category=PillowImage.DecompressionBombWarning)
@@ -198,14 +199,14 @@ def decode(path: Path, header: Header, *, keep_damaged: bool) -> tuple[NDArray[n
     header : Header
         From `read_header`.
     keep_damaged : bool
-        Decode as much as possible of a damaged JPEG.
+        Decode as much as possible of a damaged JPEG or TIFF.
 
     Returns
     -------
     pixels : ndarray, shape (H, W) or (H, W, 3) BGR
         Of the file's own type.
     damage : str
-        libjpeg's report about a damaged JPEG that is kept; else empty.
+        The report about a damaged file that is kept; else empty.
 
     Raises
     ------
@@ -226,6 +227,13 @@ def decode(path: Path, header: Header, *, keep_damaged: bool) -> tuple[NDArray[n
                 raise
             # OpenCV decodes nothing of a file without an end marker.
             damage, data = str(error), data + END
+    if header.kind == "TIFF":
+        try:
+            check_tiff(data, path, area_px=header.size[0] * header.size[1], max_bytes=2 * MAX_DECODED_BYTES)
+        except DamagedError as error:
+            if not keep_damaged:
+                raise
+            damage = str(error)
     if header.kind == "PNG" and b"IEND" not in data:
         raise InputError(f"{path}: the file is truncated; copy it again from the camera")
     with contextlib.suppress(cv2.error):

@@ -60,7 +60,7 @@ def load(source: str | Path | Pixels, name: str = "image", *, keep_damaged: bool
     name : str
         Name of an array, for messages.
     keep_damaged : bool
-        Accept a damaged JPEG with a note, as far as it can be decoded.
+        Accept a damaged JPEG or TIFF with a note, as far as it can be decoded.
 
     Returns
     -------

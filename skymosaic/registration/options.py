@@ -57,7 +57,7 @@ class FeatureOptions:
     )
     damaged: str = option(
         "refuse",
-        "A damaged JPEG: refuse it (a flight leaves it out), or keep what can be decoded.",
+        "A damaged JPEG or TIFF: refuse it (a flight leaves it out), or keep what can be decoded.",
         INPUT,
         choices=("refuse", "keep"),
     )

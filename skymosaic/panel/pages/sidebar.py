@@ -25,7 +25,7 @@ LABELS = {
     "estimator": "Estimator",
     "blending": "Blending",
     "backend": "Backend",
-    "damaged": "Damaged JPEG",
+    "damaged": "Damaged file",
 }
 
 

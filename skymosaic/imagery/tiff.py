@@ -1,0 +1,87 @@
+"""Finds damage in TIFF files: OpenCV drops libtiff's error messages, and returns the pixels decoded until then."""
+
+from __future__ import annotations
+
+import io
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+
+from PIL import Image as PillowImage
+from PIL.TiffTags import TAGS_V2
+
+from skymosaic.errors import DamagedError
+from skymosaic.imagery.jpeg import decode_strictly
+
+_TAGS = {tag.name: number for number, tag in TAGS_V2.items()}
+_LZW, _JPEG, _DEFLATE = 5, 7, (8, 32946)
+"""Values of the tag Compression whose data shows damage. Uncompressed and PackBits data does not."""
+_CHUNK_BYTES = 1 << 20
+
+
+def check_tiff(data: bytes, path: Path, *, area_px: int, max_bytes: int) -> None:
+    """Check the data of a TIFF's first picture, as far as its compression can tell damage.
+
+    Parameters
+    ----------
+    data : bytes
+    path : Path
+        Name of the file, for messages.
+    area_px : int
+        Area that the header declares.
+    max_bytes : int
+        Limit of the decompressed size.
+
+    Raises
+    ------
+    DamagedError
+        With what the decompressor found.
+    """
+    try:
+        with PillowImage.open(io.BytesIO(data), formats=("TIFF",)) as picture:
+            compression = picture.tag_v2.get(_TAGS["Compression"], 1)  # type: ignore[attr-defined]
+            if compression == _LZW:
+                # LZW has no checksum, but libtiff misses data, and Pillow makes that an error.
+                picture.load()
+            elif compression in _DEFLATE:
+                _check_deflate(_segments(data, picture), max_bytes)
+            elif compression == _JPEG:
+                tables = picture.tag_v2.get(_TAGS["JPEGTables"], b"")  # type: ignore[attr-defined]
+                for segment in _segments(data, picture):
+                    # Without its end marker, the tables' file continues with the segment behind its start marker.
+                    whole = tables[:-2] + segment[2:] if tables else segment
+                    decode_strictly(whole, path, area_px=area_px, orientation=1)
+    except DamagedError:
+        raise
+    except (OSError, ValueError, zlib.error) as error:
+        raise DamagedError(f"{path}: the TIFF is damaged ({error}); copy it again from the camera") from None
+
+
+def _segments(data: bytes, picture: PillowImage.Image) -> Iterator[bytes]:
+    """The compressed strips or tiles; GDAL leaves out empty ones."""
+    tags = picture.tag_v2  # type: ignore[attr-defined]
+    kind, counts = ("Tile", "TileByteCounts") if _TAGS["TileOffsets"] in tags else ("Strip", "StripByteCounts")
+    for offset, size in zip(tags[_TAGS[f"{kind}Offsets"]], tags[_TAGS[counts]], strict=True):
+        if size:
+            yield data[offset : offset + size]
+
+
+def _check_deflate(segments: Iterator[bytes], max_bytes: int) -> None:
+    """Decompress each segment to its checksum, a chunk at a time.
+
+    Raises
+    ------
+    ValueError, zlib.error
+        For a segment that is damaged or ends early, or far too much data.
+    """
+    total = 0
+    for segment in segments:
+        stream, rest = zlib.decompressobj(), segment
+        while not stream.eof:
+            length = len(stream.decompress(rest, _CHUNK_BYTES))
+            rest = stream.unconsumed_tail
+            total += length
+            if not (length or rest or stream.eof):
+                raise ValueError("its data ends early")
+            if total > max_bytes:
+                raise ValueError("more data than its picture has")

@@ -1,0 +1,93 @@
+"""Damage in a TIFF is an error where its compression can tell; whole files are read as before."""
+
+import io
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image as PillowImage
+
+from skymosaic.errors import DamagedError
+from skymosaic.imagery import images
+
+NOISE = np.random.default_rng(3).integers(0, 256, (480, 640, 3), np.uint8)
+SCENE = cv2.normalize(cv2.GaussianBlur(NOISE, (0, 0), 1.5), None, 0, 255, cv2.NORM_MINMAX)
+DAMAGED_BYTES = 400
+
+
+def encoded(compression: str, predictor: int = 1, **options: object) -> bytes:
+    file = io.BytesIO()
+    tags = {317: predictor} if predictor > 1 else {}
+    PillowImage.fromarray(SCENE).save(file, "TIFF", compression=compression, tiffinfo=tags, **options)
+    return file.getvalue()
+
+
+def tiled(compression: str, path: Path) -> bytes:
+    rasterio = pytest.importorskip("rasterio")
+    shape = {"width": SCENE.shape[1], "height": SCENE.shape[0], "count": 3, "dtype": "uint8"}
+    layout = {"tiled": True, "blockxsize": 128, "blockysize": 128, "compress": compression, "bigtiff": "yes"}
+    with pytest.warns(rasterio.errors.NotGeoreferencedWarning):
+        file = rasterio.open(path, "w", driver="GTiff", **shape, **layout)
+    with file:
+        file.write(np.moveaxis(SCENE, -1, 0))
+    return path.read_bytes()
+
+
+def damaged(data: bytes, rng: np.random.Generator) -> bytes:
+    """Zeros in the middle, away from the directory."""
+    start = int(rng.integers(len(data) // 4, 3 * len(data) // 4))
+    return data[:start] + bytes(DAMAGED_BYTES) + data[start + DAMAGED_BYTES :]
+
+
+def check_damage_is_found(data: bytes, path: Path) -> None:
+    path.write_bytes(data)
+    whole = images.load(path).pixels
+    assert whole.shape == SCENE.shape
+    assert np.median(np.abs(whole[..., ::-1].astype(int) - SCENE)) <= 8
+    rng = np.random.default_rng(11)
+    for _ in range(6):
+        path.write_bytes(damaged(data, rng))
+        with pytest.raises(DamagedError, match=r"damaged|truncated"):
+            images.load(path)
+        assert "kept although" in images.load(path, keep_damaged=True).notes[-1]
+
+
+@pytest.mark.parametrize(
+    ("compression", "predictor"),
+    [("tiff_lzw", 1), ("tiff_lzw", 2), ("tiff_deflate", 1), ("tiff_adobe_deflate", 2), ("jpeg", 1)],
+)
+def test_zeros_in_strips_are_found(tmp_path: Path, compression: str, predictor: int) -> None:
+    check_damage_is_found(encoded(compression, predictor), tmp_path / "p.tif")
+
+
+@pytest.mark.parametrize("compression", ["deflate", "lzw", "jpeg"])
+def test_zeros_in_tiles_of_a_big_tiff_are_found(tmp_path: Path, compression: str) -> None:
+    check_damage_is_found(tiled(compression, tmp_path / "t.tif"), tmp_path / "p.tif")
+
+
+@pytest.mark.parametrize("compression", [1, 5, 8, 32946])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+def test_whole_files_are_read_as_opencv_reads_them(tmp_path: Path, compression: int, dtype: type) -> None:
+    path = tmp_path / "p.tif"
+    # Pillow, which reads the header, knows float pixels in gray only.
+    pixels = SCENE[..., 0] if dtype == np.float32 else SCENE
+    assert cv2.imwrite(str(path), pixels.astype(dtype) * 3, [cv2.IMWRITE_TIFF_COMPRESSION, compression])
+    decoded, damage = images.decode(path, images.read_header(path), keep_damaged=False)
+    np.testing.assert_array_equal(decoded, cv2.imread(str(path), cv2.IMREAD_UNCHANGED))
+    assert not damage
+    if compression == 8 and dtype == np.uint16:
+        path.write_bytes(damaged(path.read_bytes(), np.random.default_rng(1)))
+        with pytest.raises(DamagedError, match="damaged"):
+            images.load(path)
+
+
+def test_a_decompression_bomb_in_a_strip_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "p.tif").write_bytes(encoded("tiff_deflate"))
+    monkeypatch.setattr("skymosaic.imagery.decoding.MAX_DECODED_BYTES", SCENE.nbytes)
+    images.load(tmp_path / "p.tif")
+    monkeypatch.setattr("skymosaic.imagery.tiff._CHUNK_BYTES", 1 << 12)
+    header = images.read_header(tmp_path / "p.tif")
+    monkeypatch.setattr("skymosaic.imagery.decoding.MAX_DECODED_BYTES", SCENE.nbytes // 4)
+    with pytest.raises(DamagedError, match="more data"):
+        images.decode(tmp_path / "p.tif", header, keep_damaged=False)
