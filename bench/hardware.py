@@ -19,7 +19,6 @@ from golden_model.feature.ilbp import PATTERNS, DescriptorPattern
 from golden_model.feature.orientation import SECTORS
 from golden_model.geometry.scoring import finish_cycles
 from golden_model.matching.matcher import match
-from golden_model.records import feature_record
 from golden_model.timing import FrameWork, steady_pace, timelines
 
 app = program(__doc__)
@@ -41,7 +40,7 @@ LIVE_FEATURES, LIVE_MATCHES = 2000, 1400
 def partners(count: int, pattern: DescriptorPattern) -> tuple[Records, Records]:
     """Features of two frames, the right ones in another order and with some of their bits turned round."""
     rng = np.random.default_rng(count)
-    left = np.zeros(count, feature_record(pattern.descriptor_bytes, pattern.window_bytes).dtype)
+    left = np.zeros(count, pattern.record.dtype)
     left["x"], left["y"] = rng.integers(0, 1 << 16, (2, count))
     left["sector"] = rng.integers(0, SECTORS, count) if pattern.oriented else 0
     left["descriptor"] = rng.integers(0, 256, (count, pattern.descriptor_bytes))

@@ -17,7 +17,7 @@ from golden_model.pixel import fast, harris, nms, sobel
 from golden_model.pixel.gray import to_gray
 from golden_model.pixel.half import halve
 from golden_model.pixel.smooth import binomial3, binomial5
-from golden_model.records import FRAME_STATUS, Cause, Tag, feature_record
+from golden_model.records import FRAME_STATUS, Cause, Tag
 from golden_model.selection import selection
 
 
@@ -117,14 +117,14 @@ def _extract(
     pyramid = [full, halve(full)][: config.levels]
     chosen = [_choose_corners(gray, level, config, partial(keep, level)) for level, gray in enumerate(pyramid)]
     if sum(len(corners.x) for corners in chosen) > config.max_features:
-        no_features = np.zeros(0, _feature_dtype(config))
+        no_features = np.zeros(0, config.pattern.record.dtype)
         return FrameFeatures(no_features, _status(config, frame, size_px, no_features, Cause.TOO_MANY_FEATURES))
     parts = [
         _describe_corners(gray, corners, level, config, partial(keep, level))
         for level, (gray, corners) in enumerate(zip(pyramid, chosen, strict=True))
     ]
     # `np.concatenate` drops the padding at the end of the records; the cast restores it.
-    features = np.concatenate(parts).astype(_feature_dtype(config), copy=False)
+    features = np.concatenate(parts).astype(config.pattern.record.dtype, copy=False)
     # Without selection there is one level, and its raster order is the order of emission.
     if config.cell_px:
         cell_row = np.concatenate([corners.y // config.cell_px for corners in chosen])
@@ -173,7 +173,7 @@ def _describe_corners(gray: Pixels, corners: _Corners, level: int, config: Front
     if pattern.smoothed:
         smoothed5 = binomial5(gray)
         keep("smoothed5", smoothed5, 2)
-    records = np.zeros(len(corners.x), _feature_dtype(config))
+    records = np.zeros(len(corners.x), config.pattern.record.dtype)
     records["tag"] = Tag.FEATURE
     records["level"] = level
     records["response"] = corners.response
@@ -183,10 +183,6 @@ def _describe_corners(gray: Pixels, corners: _Corners, level: int, config: Front
     if pattern.carries_window:
         records["window"] = windows(gray, corners.x, corners.y, size_px=3)
     return records
-
-
-def _feature_dtype(config: FrontEndConfig) -> np.dtype[np.void]:
-    return feature_record(config.pattern.descriptor_bytes, config.pattern.window_bytes).dtype
 
 
 def _status(config: FrontEndConfig, frame: int, size_px: tuple[int, int], features: Records, causes: Cause) -> np.void:

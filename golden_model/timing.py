@@ -24,7 +24,7 @@ from golden_model.config import Config, MatcherConfig
 from golden_model.feature.ilbp import DescriptorPattern
 from golden_model.matching import rule_bases
 from golden_model.matching.fuzzy import SugenoSystem
-from golden_model.records import MATCH, WORD_BYTES, feature_record
+from golden_model.records import MATCH, WORD_BYTES
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,10 +66,9 @@ class Latencies:
     def compute(cls, config: Config, *, lanes: int) -> Latencies:
         """Compute the latencies of a build."""
         pattern, words = config.front_end.pattern, MATCH.record_bytes // WORD_BYTES
-        record = feature_record(pattern.descriptor_bytes, pattern.window_bytes)
         result = int(config.matcher.rule_base != "none")
         return cls(
-            record_words=record.record_bytes // WORD_BYTES,
+            record_words=pattern.record.record_bytes // WORD_BYTES,
             match_words=words,
             drain=_READ_CYCLES + DISTANCE_CYCLES[pattern.bits] + lanes + 2,
             shortest_pass=lanes + 3,

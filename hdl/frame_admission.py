@@ -37,7 +37,6 @@ class FrameAdmission(wiring.Component):
     closing_px : int
         How much of each of these lines they need.
     pixels_per_clock : {1, 2}
-        Pixels of a beat.
     """
 
     i: stream.Interface

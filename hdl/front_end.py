@@ -5,7 +5,6 @@ from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.config import MAX_FRAME_PX, MIN_FRAME_PX, FrontEndConfig
-from golden_model.records import feature_record
 from hdl.axi.video_input import VIDEO_BITS, VideoInput, video_payload
 from hdl.frame_admission import FrameAdmission
 from hdl.level import Level
@@ -86,17 +85,21 @@ class FrontEnd(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Admission, gray, levels and merge; settings and threshold, which change only between frames."""
         m = Module()
+        # Admission decides late in the clock; its ready must not reach the port in the same one.
         m.submodules.skid_buffer = skid_buffer = SkidBuffer(shape=self.i_video.payload.shape())
         m.submodules.video_input = video_input = self._video_input
         m.submodules.admission = admission = FrameAdmission(
             closing_lines=max(level.closing_lines for level in self.levels), pixels_per_clock=self.pixels_per_clock
         )
         m.submodules.gray = gray = Gray(pixels_per_clock=self.pixels_per_clock)
-        m.submodules.merge = merge = self._merge()
+        m.submodules.merge = merge = LevelMerge(
+            record=self.config.pattern.record, levels=self.config.levels, max_features=self.config.max_features
+        )
         wiring.connect(m, wiring.flipped(self.i_video), skid_buffer.i)
         wiring.connect(m, skid_buffer.o, video_input.i)
         wiring.connect(m, video_input.o, admission.i)
         wiring.connect(m, merge.o, wiring.flipped(self.o_features))
+        # `o_end` closes the gap of one clock between a running frame and a pending status.
         under_way = admission.o_running | admission.o_end | merge.o_pending
         active, load, may_start = self._settings(m, under_way)
         threshold_code = self._threshold(m, admission, active, load)
@@ -113,6 +116,7 @@ class FrontEnd(wiring.Component):
             admission.i_height_px.eq(active.height_px),
             admission.i_acceptable.eq(self._acceptable(m, active)),
             admission.i_may_start.eq(may_start),
+            # The merge holds one status at a time.
             admission.i_may_end.eq(~merge.o_pending),
             gray.i.eq(admission.o),
             gray.i_gray_input.eq(active.gray_input),
@@ -131,11 +135,6 @@ class FrontEnd(wiring.Component):
                 level.i_threshold_code.eq(threshold_code),
             ]
         return m
-
-    def _merge(self) -> LevelMerge:
-        pattern = self.config.pattern
-        record = feature_record(pattern.descriptor_bytes, pattern.window_bytes)
-        return LevelMerge(record=record, levels=self.config.levels, max_features=self.config.max_features)
 
     def _pyramid(self, m: Module, gray: data.View, active: data.View) -> list[data.View]:
         """Return the pixels of each level."""
@@ -171,6 +170,7 @@ class FrontEnd(wiring.Component):
         """Tell whether every setting in use is in its range and was built."""
         built_px = {"width_px": self.max_width_px, "height_px": self.max_height_px}
         checks = []
+        # A bound that the width of the setting keeps by itself needs no comparison.
         for setting in FRONT_END:
             value, maximum = active[setting.name], built_px.get(setting.name, setting.values[-1])
             if setting.values[0]:

@@ -145,6 +145,7 @@ class LevelMerge(wiring.Component):
         step = Signal(range(len(order)))
         level = Signal(range(self.levels))
         ended = Signal(self.levels)
+        # Levels alternate in a fixed order, whichever has words waiting: the order of features must not depend on time.
         following = Mux(step == len(order) - 1, 0, step + 1)
         item = data.View(RowPayload, Array(source.payload.as_value() for source in self.i_levels)[level])
         valid = Signal()

@@ -27,7 +27,7 @@ from PIL import Image as PillowImage
 from PIL.ExifTags import IFD
 
 from golden_model.config import load_config, preset_config, to_toml
-from golden_model.records import FRAME_STATUS, MATCH, Tag, feature_record
+from golden_model.records import FRAME_STATUS, MATCH, Tag
 from sim.backends import board
 from sim.backends.interface import BackendError, silent
 from sim.simulators.build_cache import build_once
@@ -185,7 +185,7 @@ def _builds(_folder: Path, rng: np.random.Generator) -> str:
 def _records(_folder: Path, rng: np.random.Generator) -> str:
     """The answer of a board, after the server has accepted the request."""
     config = preset_config("aerial").front_end
-    feature = feature_record(config.pattern.descriptor_bytes, config.pattern.window_bytes).dtype
+    feature = config.pattern.record.dtype
     status = np.zeros((), FRAME_STATUS.dtype)
     status["tag"], status["good"], status["width"], status["height"] = Tag.FRAME_STATUS, 1, 96, 64
     parts = [np.zeros(3, feature).tobytes(), status.tobytes(), np.zeros(2, MATCH.dtype).tobytes(), status.tobytes()]

@@ -18,7 +18,7 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from golden_model.records import MATCH, Cause, feature_record
+from golden_model.records import MATCH, Cause
 from hdl.registers.register_map import IDENTITY, register_writes
 from sim.backends.interface import FrameResult, Progress, silent
 from sim.simulators import verilator
@@ -184,7 +184,7 @@ class Soak:
     def _was_under_way(self, words: NDArray[np.uint64], name: str) -> bool:
         """Whether a packet began before the clear."""
         pattern = CONFIG.front_end.pattern
-        feature = feature_record(pattern.descriptor_bytes, pattern.window_bytes)
+        feature = pattern.record
         status = decode_status(feature if name == FEATURES else MATCH, words)
         size_px = (int(status["width"]), int(status["height"]))
         return status["causes"] == Cause.CLEARED or not self._sent or size_px != self._sent[0].size_px

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.feature.orientation import moments, sector_of
+from golden_model.records import Record, feature_record
 
 SQUARE_RING = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
 """The eight neighbours of equation III-4 as (x, y) at distance 1, from +x towards +y (down)."""
@@ -64,6 +65,11 @@ class DescriptorPattern:
     def window_bytes(self) -> int:
         """Bytes of the gray window that the record holds beside the descriptor."""
         return 9 if self.carries_window else 0
+
+    @property
+    def record(self) -> Record:
+        """Record of a feature with this descriptor."""
+        return feature_record(self.descriptor_bytes, self.window_bytes)
 
     @property
     def support_px(self) -> int:

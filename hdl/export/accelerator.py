@@ -10,7 +10,7 @@ import numpy as np
 from golden_model.config import Config
 from golden_model.formats import POSITION
 from golden_model.geometry.scoring import ENTRY
-from golden_model.records import FRAME_STATUS, HYPOTHESIS, MATCH, SCORE, Tag, feature_record
+from golden_model.records import FRAME_STATUS, HYPOTHESIS, MATCH, SCORE, Tag
 from golden_model.version import VERSION
 from hdl.accelerator import Accelerator, AcceleratorTop
 from hdl.axi.packet_gate import CLOSING_RECORDS
@@ -202,7 +202,7 @@ def driver_map(config: Config, *, live: bool = False, **build: Unpack[Build]) ->
     written = sorted(fields(*_WRITABLE, registers=registers), key=lambda field: field.name)
     writable = {f.name: _valid_range(f) for f in written}
     records = {
-        "FEATURE": feature_record(pattern.descriptor_bytes, pattern.window_bytes).dtype,
+        "FEATURE": pattern.record.dtype,
         "MATCH": MATCH.dtype,
         "STATUS": FRAME_STATUS.dtype,
         **({"HEADER": HEADER, "HYPOTHESIS": HYPOTHESIS.dtype, "SCORE": SCORE.dtype} if live else {}),

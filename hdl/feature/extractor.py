@@ -7,7 +7,6 @@ from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.feature.ilbp import DescriptorPattern
-from golden_model.records import feature_record
 from hdl.feature.ilbp import RingDescriptor
 from hdl.feature.subpixel import SubPixel
 from hdl.lib.delay import delayed
@@ -19,7 +18,7 @@ _LEVEL_CONSTANTS = ("level", "reserved", "index", "frame")
 
 def feature_layout(pattern: DescriptorPattern) -> data.StructLayout:
     """Layout of a feature inside its level: the fields of `feature_record` except level, index and frame."""
-    record = feature_record(pattern.descriptor_bytes, pattern.window_bytes)
+    record = pattern.record
     return data.StructLayout({field.name: field.bits for field in record.fields if field.name not in _LEVEL_CONSTANTS})
 
 

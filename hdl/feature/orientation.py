@@ -70,7 +70,7 @@ class RingMoments(wiring.Component):
         for angle, radial in enumerate(self._radial):
             m.submodules[f"radial_{angle}"] = radial
             m.d.comb += [i_value.eq(ring[angle]) for i_value, ring in zip(radial.i_values, self.i_pixels, strict=True)]
-            m.d.comb += [radial.i_valid.eq(self.i_valid)]
+            m.d.comb += radial.i_valid.eq(self.i_valid)
             m.d.comb += [along.i_values[angle].eq(radial.o_sum) for along in (along_x, along_y)]
         m.d.comb += [along.i_valid.eq(self._radial[0].o_valid) for along in (along_x, along_y)]
         mx = port_register(m, self.o_mx)

@@ -7,7 +7,7 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.geometry.scoring import MAX_MATCHES
 from golden_model.records import FRAME_STATUS, HYPOTHESIS, MATCH, SCORE, WORD_BYTES, Record, Tag
-from hdl.geometry.match_gain import ELEMENTS
+from hdl.geometry.match_gain import ELEMENTS, PAIR
 from hdl.geometry.scoring import HomographyScoring
 from hdl.lib.views import view_signal
 from hdl.streams import WordPayload, record_layout, words
@@ -75,7 +75,7 @@ class RecordScoring(wiring.Component):
             stored.payload.ends.eq(taken.last),
             stored.payload.frame.eq(Mux(is_good, status.frame, 0)),
             stored.payload.match.weight.eq(match.weight),
-            *(field.eq(match[name]) for name, field in _named(stored.payload.match.pair)),
+            *(stored.payload.match.pair[name].eq(match[name]) for name in PAIR.members),
             record.o.ready.eq(Mux(taken.last, stored.ready & (is_good | ends_again), stored.ready | ~is_kept)),
         ]
         with m.If(record.o.valid & taken.last & stored.ready):
@@ -164,8 +164,3 @@ class RecordCollector(wiring.Component):
         with m.Elif(self.o.ready):
             m.d.sync += self.o.valid.eq(0)
         return m
-
-
-def _named(view: data.View) -> list[tuple[str, Signal]]:
-    """The fields of a view with their names."""
-    return [(str(name), view[name]) for name, _ in view.shape()]

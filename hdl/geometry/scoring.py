@@ -104,6 +104,7 @@ class HomographyScoring(wiring.Component):
         hypothesis = view_signal(HYPOTHESIS, reset_less=True)
         note = view_signal(_NOTE, reset_less=True)
         sent = self.i_hypotheses.payload
+        # Taken when its first match leaves the memory.
         m.d.comb += self.i_hypotheses.ready.eq(delayed(m, beat.first, READ_CYCLES - 1, reset_less=False))
         with m.If(self.i_hypotheses.ready):
             m.d.sync += [element.eq(each) for element, each in zip(hypothesis, sent.elements, strict=True)]
@@ -125,6 +126,7 @@ class HomographyScoring(wiring.Component):
         frame = Signal(FRAME_BITS)
         write = memory.write_port()
         sent = self.i_matches
+        # The first match of a set starts over.
         position = Mux(loading, stored, 0)
         has_room = position != self.max_matches
         m.d.comb += [

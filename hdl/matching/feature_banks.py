@@ -7,7 +7,7 @@ from amaranth.lib.wiring import In, Out
 from golden_model.feature.ilbp import DescriptorPattern
 from golden_model.feature.orientation import SECTORS
 from golden_model.formats import POSITION
-from golden_model.records import FRAME_STATUS, WORD_BYTES, Tag, feature_record
+from golden_model.records import FRAME_STATUS, WORD_BYTES, Tag
 from hdl.lib.delay import delayed
 from hdl.lib.line_memory import LineMemory
 from hdl.streams import WordPayload, record_layout
@@ -72,7 +72,7 @@ class FeatureBanks(wiring.Component):
     def __init__(self, *, pattern: DescriptorPattern, max_features: int) -> None:
         self.max_features = max_features
         self._feature = BankedFeature(pattern=pattern)
-        record = feature_record(pattern.descriptor_bytes, pattern.window_bytes)
+        record = pattern.record
         self._record = record_layout(record)
         self._status = record_layout(FRAME_STATUS, record.record_bytes)
         tag = self._record["tag"]

@@ -104,6 +104,7 @@ class Sugeno(wiring.Component):
         last = Signal()
         rule = Signal(range(MAX_RULES))
         m.d.comb += last.eq(issuing & (rule == len(self.system.rules) - 1))
+        # One start per set of values, which stays until its result has been accepted.
         m.d.sync += [started.eq(self.i.valid & ~self.i.ready), self.i.ready.eq(self.o.valid & self.o.ready)]
         with m.If(delayed(m, self.i.valid & ~self.i.ready & ~started, 1, reset_less=False)):
             m.d.sync += [issuing.eq(1), rule.eq(0)]
@@ -145,6 +146,7 @@ class Sugeno(wiring.Component):
     def _minimum(self, m: Module, degrees: list[Value], rule: Value) -> tuple[Value, Value]:
         strength, *others = degrees
         for n, degree in enumerate(others):
+            # The minimum with the nth degree is taken n clocks later.
             waiting = delayed(m, degree, n)
             strength = delayed(m, Mux(waiting < strength, waiting, strength), 1)
         singletons = Array(Const(each.singleton, MEMBERSHIP.bits) for each in self.system.rules)

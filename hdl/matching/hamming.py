@@ -71,6 +71,7 @@ class Distances(wiring.Component):
         right_valid = Signal(self.lanes)
         entered = Signal(self.lanes)
         counting = Signal()
+        # The counters rest while no right descriptor is in the chain.
         m.d.comb += [entered.eq(Cat(self.i_valid, right_valid[:-1])), popcount.i_valid.eq(counting)]
         m.d.sync += [right_valid.eq(entered), counting.eq(entered.any())]
         with m.If(self.i_load):

@@ -175,6 +175,7 @@ class Matcher(wiring.Component):
         search, pairs, weigher = self._search, self._pairs, self._weigher
         with m.FSM():
             with m.State("Wait-Frame"):
+                # Copied first: once it is accepted, the next record takes its place.
                 m.d.sync += status.eq(arrived.payload)
                 with m.If(arrived.valid):
                     m.next = "Take-Frame"

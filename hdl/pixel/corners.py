@@ -39,7 +39,6 @@ class Corners(wiring.Component):
     width_px : int
         Largest width of a line.
     pixels_per_clock : {1, 2}
-        Pixels of a beat.
     """
 
     i: data.View

@@ -32,7 +32,6 @@ class Fast(wiring.Component):
     Parameters
     ----------
     pixels_per_clock : {1, 2}
-        Pixels of a beat.
     """
 
     i: data.View

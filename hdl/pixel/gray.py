@@ -16,7 +16,6 @@ class Gray(wiring.Component):
     Parameters
     ----------
     pixels_per_clock : {1, 2}
-        Pixels of a beat.
     """
 
     i: data.View

@@ -38,7 +38,6 @@ class StructureTensor(wiring.Component):
     ----------
     window_px : {3, 5}
     pixels_per_clock : {1, 2}
-        Pixels of a beat.
 
     Raises
     ------
@@ -164,6 +163,7 @@ class ResponseCode(wiring.Component):
         """Shift right until 11 bits are left, put the number of shifts in front, compare with the threshold."""
         m = Module()
         carry_scan(m, self.i, self.o, self.latency_cycles)
+        # Without the sign: negative responses become 0 at the end.
         value: Value = self.i.raw[: RAW_RESPONSE.bits - 1]
         exponent: Value = Cat()
         for steps in ((16,), (8,), (4,), (2, 1)):

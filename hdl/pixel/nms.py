@@ -34,7 +34,6 @@ class Suppression(wiring.Component):
     width_px : int
         Largest width of a line.
     pixels_per_clock : {1, 2}
-        Pixels of a beat.
 
     Raises
     ------
@@ -96,7 +95,7 @@ class Suppression(wiring.Component):
 
         lines_around = []
         for offset in (1, 0, -1):
-            now = pipe.waiting(column[radius + offset], cycles)
+            now = [delayed(m, value, cycles) for value in column[radius + offset]]
             lines_around.append([now, *pipe.earlier(now, cycles, radius + 1)])
         for n, out in enumerate(pixel_beats(self.o, self.pixels_per_clock)):
             around = [[values[n] for values in line] for line in lines_around]
@@ -124,10 +123,6 @@ Line = list[Value]
 
 class _Pipe(Pipe):
     """Current and earlier values of each pixel of a beat; ``cycles`` is their delay against the start of the pipe."""
-
-    def waiting(self, values: Line, cycles: int) -> Line:
-        """Delay the values by a fixed number of clocks."""
-        return [delayed(self._m, value, cycles) for value in values]
 
     def earlier(self, values: Line, cycles: int, distance_px: int) -> list[Line]:
         """Return the values 1, 2, ..., ``distance_px`` pixels further left."""

@@ -18,7 +18,6 @@ class Binomial(wiring.Component):
     window_px : {1, 3, 5}
         1 passes the pixels unchanged.
     pixels_per_clock : {1, 2}
-        Pixels of a beat.
 
     Raises
     ------

@@ -19,7 +19,6 @@ class Sobel(wiring.Component):
     Parameters
     ----------
     pixels_per_clock : {1, 2}
-        Pixels of a beat.
     """
 
     i: data.View

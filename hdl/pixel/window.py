@@ -97,7 +97,6 @@ class Window(wiring.Component):
     columns : int
         Columns of the window around a pixel.
     pixels_per_clock : {1, 2}
-        Pixels of a beat.
     """
 
     i: data.View
@@ -152,7 +151,6 @@ class OffsetColumns(wiring.Component):
     distance_px : int
         Offset of the output columns, up and left.
     pixels_per_clock : {1, 2}
-        Pixels of a beat.
     """
 
     i: data.View
@@ -198,7 +196,6 @@ class SeparableSum(wiring.Component):
     shape : Shape
         Shape of a pixel.
     pixels_per_clock : {1, 2}
-        Pixels of a beat.
     """
 
     i: data.View

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from golden_model.config import DETECTORS, RULE_BASES, FrontEndConfig, MatcherConfig
-from golden_model.records import MATCH, Cause, feature_record
+from golden_model.records import MATCH, Cause
 from golden_model.version import VERSION
 from hdl.settings import SETTINGS, SHELL
 
@@ -244,7 +244,7 @@ def built_constants(
         "built_width_px": max_width_px,
         "built_height_px": max_height_px,
         "built_max_features": front_end.max_features,
-        "built_feature_bytes": feature_record(pattern.descriptor_bytes, pattern.window_bytes).record_bytes,
+        "built_feature_bytes": pattern.record.record_bytes,
         "built_match_bytes": MATCH.record_bytes,
     }
 

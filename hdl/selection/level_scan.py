@@ -30,7 +30,6 @@ class LevelScan(wiring.Component):
     cells : bool
         Whether there are cell rows; without them the level is a single row.
     pixels_per_clock : {1, 2}
-        Pixels of a beat.
 
     Raises
     ------

@@ -5,7 +5,7 @@ from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.feature.ilbp import DescriptorPattern
-from golden_model.records import Tag, feature_record
+from golden_model.records import Tag
 from hdl.feature.extractor import feature_or_end
 from hdl.lib.views import view_signal
 from hdl.streams import RowPayload, record_layout, words
@@ -29,7 +29,7 @@ class FeatureWords(wiring.Component):
 
     def __init__(self, *, pattern: DescriptorPattern, level: int) -> None:
         self.level = level
-        self._record = record_layout(feature_record(pattern.descriptor_bytes, pattern.window_bytes))
+        self._record = record_layout(pattern.record)
         super().__init__({"i": In(stream.Signature(feature_or_end(pattern))), "o": Out(stream.Signature(RowPayload))})
 
     def elaborate(self, platform: object) -> Module:

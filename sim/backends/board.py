@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.config import Config
-from golden_model.records import FRAME_STATUS, MATCH, Cause, Tag, feature_record
+from golden_model.records import FRAME_STATUS, MATCH, Cause, Tag
 from golden_model.text import one_line
 from hdl.settings import matched_frame_settings
 from sim.backends.interface import Backend, BackendError, FrameResult, Reference
@@ -66,7 +66,7 @@ class BoardBackend(Backend):
             "hold_reference": reference == "held",
         }
         pattern = config.front_end.pattern
-        feature = feature_record(pattern.descriptor_bytes, pattern.window_bytes).dtype
+        feature = pattern.record.dtype
         limits = _limit_packets(config.front_end.max_features, feature)
         parts = self._exchange(json.dumps(request).encode(), frames, limits * len(frames))
         try:

@@ -9,7 +9,7 @@ from cocotb.triggers import ClockCycles
 from cocotbext.axi import AxiStreamFrame
 
 from golden_model.arrays import Pixels
-from golden_model.records import WORD_BYTES, Cause, Tag, feature_record
+from golden_model.records import WORD_BYTES, Cause, Tag
 from sim.backends.interface import FrameResult
 from sim.cocotb.bench import Bench, assert_golden, make_lines, render_scene
 from sim.cocotb.runner import CONFIG, MAX_SIZE_PX
@@ -19,7 +19,7 @@ SIZE_PX = (112, 80)
 FAULTY_LINE = 7
 MISSING_LINES = 3
 WAIT_CYCLES = 100
-RECORD_WORDS = feature_record(CONFIG.front_end.pattern.descriptor_bytes).record_bytes // WORD_BYTES
+RECORD_WORDS = CONFIG.front_end.pattern.record.record_bytes // WORD_BYTES
 
 
 FAULTS = (Cause.SHORT_LINE, Cause.LONG_LINE, Cause.EARLY_END, Cause.MISSING_START)

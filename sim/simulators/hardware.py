@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.config import Config
-from golden_model.records import FRAME_STATUS, MATCH, WORD_BYTES, Record, feature_record
+from golden_model.records import FRAME_STATUS, MATCH, WORD_BYTES, Record
 from hdl.registers.register_map import register_writes
 from hdl.settings import RUNNING, matched_frame_settings
 from sim.backends.interface import Backend, FrameClocks, FrameResult, Mismatch, Progress, Reference
@@ -99,7 +99,7 @@ def _decode(recording: Recording, config: Config, segment: int) -> Iterator[Fram
 def decode_frame(feature_words: NDArray[np.uint64], match_words: NDArray[np.uint64], config: Config) -> FrameResult:
     """Decode the two packets of a frame; each consists of records and a FrameStatus."""
     pattern = config.front_end.pattern
-    feature = feature_record(pattern.descriptor_bytes, pattern.window_bytes)
+    feature = pattern.record
     return FrameResult(
         features=feature_words.view(feature.dtype)[:-1],
         matches=match_words.view(MATCH.dtype)[:-1],

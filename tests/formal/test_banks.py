@@ -7,14 +7,14 @@ from amaranth import Array, Cat, Const, Elaboratable, Module, Mux, Signal, Value
 from amaranth.hdl import Assert, Assume, Cover
 
 from golden_model.feature.ilbp import DescriptorPattern
-from golden_model.records import FRAME_STATUS, WORD_BYTES, Tag, feature_record
+from golden_model.records import FRAME_STATUS, WORD_BYTES, Tag
 from hdl.matching.feature_banks import READ_CYCLES, FeatureBanks
 from hdl.selection.row_buffer import CellRows
 from tests.formal.proofs import happened, held, leaves_in_order, prove
 
 PATTERN = DescriptorPattern("one byte", (0, 1), 8, ((1, 0, 0),), smoothed=False, oriented=False)
 MAX_FEATURES = 2
-RECORD = feature_record(PATTERN.descriptor_bytes)
+RECORD = PATTERN.record
 RECORD_WORDS = RECORD.record_bytes // WORD_BYTES
 WORD_BITS = 8 * WORD_BYTES
 ROW_END = 2

@@ -16,7 +16,7 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.config import PRESETS
 from golden_model.formats import WEIGHT
-from golden_model.records import MATCH, WORD_BYTES, feature_record
+from golden_model.records import MATCH, WORD_BYTES
 from hdl import accelerator
 from hdl.axi.axi_lite import Response
 from hdl.axi.video_input import VideoPayload
@@ -27,7 +27,7 @@ CONFIG = PRESETS["aerial"]
 ANSWER_CYCLES = 8
 """An access is accepted, and answered, within this many clocks."""
 PATTERN = CONFIG.front_end.pattern
-FEATURE_WORDS = feature_record(PATTERN.descriptor_bytes, PATTERN.window_bytes).record_bytes // WORD_BYTES
+FEATURE_WORDS = PATTERN.record.record_bytes // WORD_BYTES
 MATCH_WORDS = MATCH.record_bytes // WORD_BYTES
 WORDS = stream.Signature(WordPayload)
 

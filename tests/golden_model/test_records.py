@@ -6,7 +6,7 @@ import pytest
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.records import FRAME_STATUS, MATCH, Tag, feature_record
 
-FEATURES = [feature_record(p.descriptor_bytes, p.window_bytes) for p in PATTERNS.values()]
+FEATURES = [p.record for p in PATTERNS.values()]
 
 
 @pytest.mark.parametrize("record", [*FEATURES, MATCH, FRAME_STATUS])

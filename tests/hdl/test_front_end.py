@@ -13,7 +13,7 @@ from golden_model.config import MIN_FRAME_PX, PRESETS
 from golden_model.formats import decode_response
 from golden_model.front_end import extract
 from golden_model.pixel.threshold import next_code
-from golden_model.records import FRAME_STATUS, WORD_BYTES, Cause, feature_record
+from golden_model.records import FRAME_STATUS, WORD_BYTES, Cause
 from hdl.front_end import FrontEnd
 from hdl.pixel.gray import Gray
 from hdl.pixel.threshold import AdaptiveThreshold
@@ -43,7 +43,7 @@ class FrontEndBench:
 
     def __init__(self, bench, config, pair_bits=0):
         self.bench, self.config, self.pair_bits = bench, config, pair_bits
-        self.record = feature_record(config.pattern.descriptor_bytes, config.pattern.window_bytes)
+        self.record = config.pattern.record
         self.frames = 0
 
     def run(self, beats, size_px, packets, *, config=None, pauses=NO_PAUSES, reset=False, gray_input=True, **settings):

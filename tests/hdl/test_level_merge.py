@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 
 from golden_model.feature.ilbp import ILBP_128
-from golden_model.records import FRAME_STATUS, Cause, Tag, feature_record
+from golden_model.records import FRAME_STATUS, Cause, Tag
 from golden_model.selection.selection import emission_order
 from hdl.level_merge import LevelMerge
 from sim.benches.block_bench import BlockBench
 from sim.simulators.recording import NO_PAUSES, Pauses
 
-RECORD = feature_record(ILBP_128.descriptor_bytes)
+RECORD = ILBP_128.record
 MAX_FEATURES = 12
 SIZE_PX = (640, 480)
 

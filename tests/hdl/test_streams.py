@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from golden_model.feature.ilbp import PATTERNS
-from golden_model.records import FRAME_STATUS, MATCH, feature_record
+from golden_model.records import FRAME_STATUS, MATCH
 from hdl.lib.skid_buffer import SkidBuffer
 from hdl.streams import record_layout
 from sim.benches.drivers import run_streams
 from sim.simulators.recording import NO_PAUSES, Pauses
 
-FEATURES = [feature_record(pattern.descriptor_bytes, pattern.window_bytes) for pattern in PATTERNS.values()]
+FEATURES = [pattern.record for pattern in PATTERNS.values()]
 
 
 @pytest.mark.parametrize("record", [MATCH, FRAME_STATUS, *FEATURES])

@@ -7,14 +7,14 @@ import pytest
 from golden_model.config import MatcherConfig
 from golden_model.feature.ilbp import ILBP_128, ILBP_256, PATTERNS, DescriptorPattern
 from golden_model.matching import matcher, rule_bases
-from golden_model.records import MATCH, Tag, feature_record
+from golden_model.records import MATCH, Tag
 
 TOLERANCE = 7 / 512
 """Tolerance: rounding of three degrees, a singleton and the weight to 8 fraction bits, and 1 stored as 255/256."""
 
 
 def random_features(rng: np.random.Generator, count: int, pattern: DescriptorPattern) -> np.ndarray:
-    features = np.zeros(count, dtype=feature_record(pattern.descriptor_bytes, pattern.window_bytes).dtype)
+    features = np.zeros(count, dtype=pattern.record.dtype)
     features["index"] = np.arange(count)
     features["x"], features["y"] = rng.integers(20 * 16, 600 * 16, (2, count))
     features["descriptor"] = rng.integers(0, 256, (count, pattern.descriptor_bytes))

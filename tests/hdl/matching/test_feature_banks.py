@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from golden_model.feature.ilbp import PATTERNS
-from golden_model.records import FRAME_STATUS, Tag, feature_record
+from golden_model.records import FRAME_STATUS, Tag
 from hdl.matching.feature_banks import READ_CYCLES, FeatureBanks
 from sim.benches.block_bench import BlockBench
 from sim.simulators.recording import NO_PAUSES, Pauses
@@ -14,7 +14,7 @@ MAX_FEATURES = 16
 
 def random_frames(rng, sizes, pattern):
     """Records of each frame's features."""
-    record = feature_record(pattern.descriptor_bytes, pattern.window_bytes)
+    record = pattern.record
     for size in sizes:
         features = np.frombuffer(rng.bytes(size * record.record_bytes), record.dtype).copy()
         features["tag"], features["index"] = Tag.FEATURE, np.arange(size)

@@ -7,7 +7,7 @@ from amaranth.hdl import Fragment
 
 from golden_model.config import Config, FrontEndConfig, MatcherConfig
 from golden_model.feature.ilbp import ILBP_128, PATTERNS
-from golden_model.records import FRAME_STATUS, MATCH, Cause, Tag, feature_record
+from golden_model.records import FRAME_STATUS, MATCH, Cause, Tag
 from hdl.matching.match_weigher import MatchWeigher
 from hdl.matching.matcher import Matcher
 from hdl.matching.nearest_neighbours import NearestNeighbours
@@ -21,7 +21,7 @@ CYCLE_LIMIT = 12_000
 
 
 def feature_dtypes(pattern):
-    record = feature_record(pattern.descriptor_bytes, pattern.window_bytes)
+    record = pattern.record
     return record.dtype, FRAME_STATUS.dtype_padded_to(record.record_bytes)
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from golden_model.feature.ilbp import PATTERNS
-from golden_model.records import Tag, feature_record
+from golden_model.records import Tag
 from hdl.feature.extractor import feature_layout
 from hdl.selection.record_serializer import FeatureWords
 from sim.benches.drivers import run_streams
@@ -15,7 +15,7 @@ ENDS_AFTER = {11: [0], 12: [0, 1], 39: [1]}
 
 def random_records(rng, pattern, level):
     """Records with random bits in every field that the level knows."""
-    record = feature_record(pattern.descriptor_bytes, pattern.window_bytes)
+    record = pattern.record
     records = np.zeros(FEATURES, record.dtype)
     records["tag"], records["level"] = Tag.FEATURE, level
     known = {name for name, _ in feature_layout(pattern)}

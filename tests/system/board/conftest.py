@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from golden_model.config import Config, FrontEndConfig
-from golden_model.records import FRAME_STATUS, MATCH, Tag, feature_record
+from golden_model.records import FRAME_STATUS, MATCH, Tag
 from sim.benches.exported import host_programs
 
 CONFIG = Config(front_end=FrontEndConfig(max_features=256))
 PATTERN = CONFIG.front_end.pattern
-FEATURE = feature_record(PATTERN.descriptor_bytes, PATTERN.window_bytes).dtype
+FEATURE = PATTERN.record.dtype
 
 
 class StandIn:
