@@ -17,7 +17,7 @@ ROW_LEVELS = (0, 0, 1)
 """Levels of the cell rows in the order in which they are sent, repeated: two of the full size, one of the half size."""
 
 WITHOUT_PIXELS = Cause.MISSING_START | Cause.INVALID_SETTINGS
-"""Causes of frames that the levels never see."""
+"""Causes of frames that never reach the levels."""
 
 
 class LevelMerge(wiring.Component):
