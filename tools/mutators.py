@@ -1,5 +1,7 @@
 """Seeded changes to bytes and text, as faulty cards, interrupted copies and hostile senders make them."""
 
+from typing import Literal
+
 import numpy as np
 
 
@@ -24,7 +26,7 @@ def extreme_integer(data: bytes, rng: np.random.Generator) -> bytes:
     reach = len(data) if rng.random() < 0.3 else min(len(data), 300)
     start, size = int(rng.integers(reach)), int(rng.choice([2, 4]))
     number = int(rng.choice([0, 1, 0x7F, 0x80, 0xFF, 0x7FFF, 0xFFFF, 0x7FFFFFFF, 0xFFFFFFFF])) & ((1 << 8 * size) - 1)
-    order = "big" if rng.random() < 0.5 else "little"
+    order: Literal["big", "little"] = "big" if rng.random() < 0.5 else "little"
     return (data[:start] + number.to_bytes(size, order) + data[start + size :])[: len(data)]
 
 

@@ -38,7 +38,7 @@ DRAIN_CYCLES = 20_000
 REPORT_CLOCKS = 10_000_000
 EVENTS = {"go on": 0.35, "split": 0.35, "drain": 0.1, "clear": 0.1, "reset": 0.1}
 """What may happen while an episode's last frame is under way, and how often."""
-NOTHING = np.empty(0, np.uint32), np.empty(0, np.uint8)
+NOTHING = np.empty(0, np.uint64), np.empty(0, np.uint8)
 
 
 class SoakError(AssertionError):
@@ -124,7 +124,7 @@ class Soak:
             self._source.start_over(set())
             self._start_over()
 
-    def _stream(self, data: NDArray[np.uint32], flags: NDArray[np.uint8], writes: list[tuple[int, int]]) -> None:
+    def _stream(self, data: NDArray[np.uint64], flags: NDArray[np.uint8], writes: list[tuple[int, int]]) -> None:
         gaps, stalls = (int(self._rng.choice([0, 0, 0, 20, 60, 160])) for _ in range(2))
         pauses = Pauses(gaps, stalls, int(self._rng.integers(1 << 24)))
         limit = HANG_CYCLES + 100 * len(data)

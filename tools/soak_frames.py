@@ -34,7 +34,7 @@ class SentFrame:
     """Beats, and what must come of them: a golden result, or a bad status with a cause."""
 
     number: int
-    data: NDArray[np.uint32]
+    data: NDArray[np.uint64]
     flags: NDArray[np.uint8]
     size_px: tuple[int, int]
     golden: FrameResult | None
@@ -166,7 +166,7 @@ class Source:
 
     def _numbered(
         self,
-        data: NDArray[np.uint32],
+        data: NDArray[np.uint64],
         flags: NDArray[np.uint8],
         size_px: tuple[int, int],
         golden: FrameResult | None,
@@ -180,14 +180,14 @@ def _ends_good(frames: list[SentFrame]) -> bool:
     return bool(frames) and frames[-1].golden is not None
 
 
-def _beats(image: NDArray[np.uint8], *, memory: int) -> tuple[NDArray[np.uint32], NDArray[np.uint8]]:
+def _beats(image: NDArray[np.uint8], *, memory: int) -> tuple[NDArray[np.uint64], NDArray[np.uint8]]:
     """Beats of video; or of a transfer from memory: four gray pixels, or red, green and blue; its end is marked."""
     if not memory:
         return flatten_frame(image)
     if image.ndim == 2:
-        data = np.pad(image.ravel(), (0, -image.size % 4)).view("<u4")
+        data = np.pad(image.ravel(), (0, -image.size % 4)).view("<u4").astype(np.uint64)
     else:
-        blue, green, red = np.moveaxis(image.astype(np.uint32), -1, 0)
+        blue, green, red = np.moveaxis(image.astype(np.uint64), -1, 0)
         data = (red | green << 8 | blue << 16).ravel()
     flags = np.zeros(data.shape, np.uint8)
     flags[-1] = END_OF_LINE

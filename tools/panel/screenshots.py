@@ -9,12 +9,12 @@ a change of the style.
 
 import tempfile
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import cv2
 import numpy as np
 import typer
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, ViewportSize, expect
 
 from tools.panel.states import LONG_STATES, STATES
 from tools.panel.visit import (
@@ -31,8 +31,8 @@ from tools.panel.visit import (
 )
 
 QUALITY = 60
-SIZES = (WINDOW, {"width": 1920, "height": 1080}, PHONE)
-SCHEMES = ("light", "dark")
+SIZES: tuple[ViewportSize, ...] = (WINDOW, {"width": 1920, "height": 1080}, PHONE)
+SCHEMES: tuple[Literal["light", "dark"], ...] = ("light", "dark")
 SETTLED_MS = 300
 """Time for pictures to be loaded."""
 

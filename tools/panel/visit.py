@@ -7,16 +7,17 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
-from playwright.sync_api import Browser, CDPSession, Locator, Page, expect, sync_playwright
+from playwright.sync_api import Browser, CDPSession, Locator, Page, ViewportSize, expect, sync_playwright
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 CHROMIUM_FLAGS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--disable-background-networking",
     "--disable-component-update", "--no-first-run",
 )  # fmt: skip
-WINDOW = {"width": 1280, "height": 720}
-PHONE = {"width": 390, "height": 844}
+WINDOW: ViewportSize = {"width": 1280, "height": 720}
+PHONE: ViewportSize = {"width": 390, "height": 844}
 AT_ONCE = """
     addEventListener("DOMContentLoaded", () => {
         const style = document.createElement("style");
@@ -39,7 +40,7 @@ def running_panel(folder: Path, *options: str) -> Iterator[str]:
         server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=output, text=True, cwd=folder)
         with server:
             try:
-                line = server.stdout.readline()
+                line = server.stdout.readline() if server.stdout else ""
                 address = re.search(r"http://127\.0\.0\.1:\d+", line)
                 assert address, line + log.read_text()
                 yield address.group()
@@ -60,9 +61,9 @@ def chromium() -> Iterator[Browser]:
         browser.close()
 
 
-def open_page(browser: Browser, address: str, **options: object) -> Page:
+def open_page(browser: Browser, address: str, **options: Any) -> Page:
     """A page in a new session."""
-    context = browser.new_context(**{"viewport": WINDOW, **options})
+    context = browser.new_context(**{"viewport": WINDOW} | options)
     context.set_default_timeout(LONG_MS)
     context.add_init_script(AT_ONCE)
     page = context.new_page()
@@ -119,7 +120,7 @@ def threshold_to_corners_ms(page: Page, keys: Sequence[str]) -> list[float]:
 
     The thumb is set to the middle of its range first. Each key has to change the corners.
     """
-    before = corner_counts(page).text_content()
+    before = corner_counts(page).text_content() or ""
     page.get_by_role("slider", name="Harris threshold").click()
     expect(corner_counts(page)).not_to_have_text(before)
     page.evaluate(
