@@ -10,6 +10,9 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+PAGE = "index.html"
+"""The page of a folder that is made for a browser."""
+
 
 @contextlib.contextmanager
 def temporary_file(folder: Path) -> Iterator[Path]:
@@ -31,6 +34,43 @@ def temporary_folder(beside: Path | None = None) -> Iterator[Path]:
     remove_left_overs(parent, hidden=hidden)
     with tempfile.TemporaryDirectory(prefix=_prefix(hidden=hidden), dir=parent, ignore_cleanup_errors=True) as folder:
         yield Path(folder)
+
+
+@contextlib.contextmanager
+def staged_folder(target: Path, own: str) -> Iterator[Path]:
+    """Context of a hidden folder beside ``target`` whose content takes the place of the old one at the end.
+
+    On any failure ``target`` stays as it is. A new folder appears at once. In an existing one the page, by which
+    readers come in, goes first and comes last.
+
+    Parameters
+    ----------
+    target : Path
+        Created with its parents if it is missing.
+    own : str
+        Regular expression of the names that are ours and go; whatever else is in ``target`` is somebody's work.
+    """
+    target = target.resolve()
+    with temporary_folder(existing_parent(target)) as folder:
+        staged, old = folder / "new", folder / "old"
+        for each in (staged, old):
+            each.mkdir()
+        yield staged
+        target.parent.mkdir(parents=True, exist_ok=True)
+        if not target.exists():
+            staged.rename(target)
+            return
+        # Emptied rather than replaced, because it may be the user's current folder.
+        leaving = [path for path in target.iterdir() if re.fullmatch(own, path.name)]
+        for path in sorted(leaving, key=lambda path: path.name != PAGE):
+            path.rename(old / path.name)
+        for path in sorted(staged.iterdir(), key=lambda path: path.name == PAGE):
+            path.rename(target / path.name)
+
+
+def existing_parent(path: Path) -> Path:
+    """The nearest folder above ``path`` that exists: what is made there is on the same disk, and moved by renaming."""
+    return next(parent for parent in path.absolute().parents if parent.exists())
 
 
 @functools.cache

@@ -16,7 +16,7 @@ from skymosaic.fuzzy.fll import load_system
 from skymosaic.fuzzy.golden import ENTRIES, quantise
 from skymosaic.imagery.images import check_unused
 from skymosaic.registration.options import FeatureOptions
-from skymosaic.temporary import temporary_folder
+from skymosaic.temporary import existing_parent, temporary_folder
 
 
 @with_options
@@ -93,7 +93,7 @@ def _check_rules(block: str | None, rules: Path | None, entries: int) -> None:
 def _write_completely(output: Path, write: Callable[[Path], None]) -> None:
     """Have a folder written complete or not at all: beside its place, and then moved there."""
     try:
-        with temporary_folder(_existing_parent(output.absolute().parent)) as folder:
+        with temporary_folder(existing_parent(output)) as folder:
             export_folder = folder / "export"
             write(export_folder)
             for path in sorted(path for path in export_folder.rglob("*") if path.is_file()):
@@ -135,8 +135,3 @@ def _export_serial(folder: Path, build: dict[str, Any], *, build_it: bool) -> No
     length, mhz = numbers.pop("bytes"), numbers.pop("clock_mhz")
     cells = ", ".join(f"{name} {count} of {available}" for name, (count, available) in numbers.items())
     session.show(f"bitstream of {length} bytes; {mhz} MHz reached, 25 needed; {cells}")
-
-
-def _existing_parent(folder: Path) -> Path:
-    """The nearest existing folder: the temporary one beside it is on the same disk, so files move by renaming."""
-    return folder if folder.exists() else _existing_parent(folder.parent)

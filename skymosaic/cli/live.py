@@ -41,7 +41,7 @@ def live(
     strict: StrictOption = False,
     options: Annotated[MosaicOptions, LIVE_OPTIONS],
 ) -> None:
-    """Grow a mosaic frame by frame, with a preview beside it; Ctrl-C stops and writes it."""
+    """Grow a mosaic frame by frame, with a preview beside it; Ctrl-C or SIGTERM stops and writes it."""
     write_live_mosaic(source, output, options, idle_seconds, overwrite=overwrite, strict=strict)
 
 
@@ -106,16 +106,18 @@ def write_live_mosaic(
     pace = Pace(options.base_config, options.backend_name)
     try:
         grow(mosaic, frames, preview, pace)
-    except KeyboardInterrupt:
-        session.tell("stopped")
-    # Ctrl-C is how a live mosaic usually ends: what has been seen until then is written.
+    # Ctrl-C is how a live mosaic usually ends, `ended_by_signals` turns SIGTERM and a closed terminal into SystemExit:
+    # what has been seen until then is written.
+    except (KeyboardInterrupt, SystemExit):
+        session.tell("stopped; writing the mosaic")
     mosaic.finish()
     if not mosaic.transforms:
         raise RegistrationError(f"{source}: no frame could be used")
     absent = {number: f"frame {number}: {reason}" for number, reason in mosaic.left_out.items()}
     report_absent(absent, strict=strict)
-    with session.working("writing"):
-        images.save(output, mosaic.image)
+    # Without a moving display, which a closed terminal would not take.
+    session.tell("writing")
+    images.save(output, mosaic.image)
     if is_folder(Path(source)):
         for path in written:
             record_output(path, [Path(source) / path.name])

@@ -22,14 +22,13 @@ from skymosaic.errors import InputError, RegistrationError
 from skymosaic.flight.check import check_flight
 from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, Delivery, OutputForm
 from skymosaic.flight.survey import Flight
-from skymosaic.imagery.images import check_output, check_unused, save_bytes
+from skymosaic.imagery.images import check_output, check_output_folder, save_bytes
 from skymosaic.maps.geotiff import COMPRESSIONS
 from skymosaic.mosaicking.api import open_plan
 from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.mosaicking.plan import MosaicPlan
 from skymosaic.options import INPUT, MAP, OUTPUT
 from skymosaic.reports.flight import describe_bands, describe_map, flight_numbers, write_report
-from skymosaic.reports.pages import make_folder
 
 
 @with_options
@@ -88,8 +87,9 @@ def mosaic(
                 raise InputError("--save-camera: two photographs are too few to estimate the lens; leave it out")
             check_output(save_camera, (str(target), *photographs), (".toml",), overwrite=overwrite)
         if report:
-            check_unused(report, overwrite=overwrite)
-            make_folder(report)
+            check_output_folder(report, overwrite=overwrite)
+            if tiles and report.resolve() == tiles.resolve():
+                raise InputError(f"{report}: is both --report and --tiles; name two folders")
         deliveries = _write_mosaics(plan, target, form, report, overwrite=overwrite, strict=strict)
     _show(deliveries, output, report)
     if save_camera:

@@ -3,6 +3,7 @@
 import contextlib
 import json
 import math
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,8 +14,8 @@ import numpy as np
 from golden_model.arrays import Pixels
 from skymosaic.errors import InputError
 from skymosaic.imagery.depth import ValueRange, show_in_8_bit
-from skymosaic.imagery.images import save_bytes
 from skymosaic.maps.georeference import import_rasterio, quiet_rasterio
+from skymosaic.temporary import PAGE, staged_folder
 
 TILE_PX = 256
 WEBP_QUALITY = 85
@@ -23,6 +24,8 @@ MAX_ZOOM = 24
 _HALF_WORLD_M = math.pi * 6_378_137.0
 """Half the side of Web Mercator's square world."""
 _MERCATOR = "EPSG:3857"
+OWN_NAMES = rf"\d+|{re.escape(PAGE)}"
+"""What a folder of tiles consists of: zooms and the page."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +61,7 @@ def write_tiles(folder: Path, raster: Path, title: str, values: ValueRange | Non
     Parameters
     ----------
     folder : Path
-        Created if it is missing.
+        Created if it is missing; tiles of an earlier mosaic in it are removed.
     raster : Path
         From `skymosaic.maps.geotiff.tee_to_raster`.
     title : str
@@ -72,21 +75,27 @@ def write_tiles(folder: Path, raster: Path, title: str, values: ValueRange | Non
     """
     rasterio = import_rasterio()
     try:
-        with quiet_rasterio(), rasterio.open(raster) as file:
-            pyramid = _plan_pyramid(file)
-            with _warp(file, pyramid) if pyramid.georeferenced else contextlib.nullcontext(file) as source:
-                column, row = (index >> (pyramid.zoom - pyramid.top) for index in pyramid.first)
-                _Writer(folder, source, pyramid, values).write(pyramid.top, column, row)
+        with staged_folder(folder, OWN_NAMES) as staged:
+            with quiet_rasterio(), rasterio.open(raster) as file:
+                pyramid = _plan_pyramid(file)
+                with _warp(file, pyramid) if pyramid.georeferenced else contextlib.nullcontext(file) as source:
+                    column, row = (index >> (pyramid.zoom - pyramid.top) for index in pyramid.first)
+                    _Writer(staged, source, pyramid, values).write(pyramid.top, column, row)
+            (staged / PAGE).write_bytes(_render_page(title, pyramid))
     except (rasterio.errors.RasterioError, OSError) as error:
-        raise InputError(f"{folder}: tiles cannot be made ({error}); choose another folder") from None
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{folder}: tiles cannot be made ({reason}); choose another folder") from None
+    return pyramid
+
+
+def _render_page(title: str, pyramid: Pyramid) -> bytes:
     page = (Path(__file__).parent / "viewer.html").read_text(encoding="utf-8")
     facts = {
         "title": title, "georeferenced": pyramid.georeferenced, "tile": TILE_PX, "top": pyramid.top,
         "zoom": pyramid.zoom, "first": pyramid.first, "last": pyramid.last,
     }  # fmt: skip
     # Unescaped, "</" would end the page's script.
-    save_bytes(folder / "index.html", page.replace("{facts}", json.dumps(facts).replace("</", "<\\/")).encode())
-    return pyramid
+    return page.replace("{facts}", json.dumps(facts).replace("</", "<\\/")).encode()
 
 
 def _resolution_m(zoom: int) -> float:

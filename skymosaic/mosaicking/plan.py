@@ -127,15 +127,17 @@ class MosaicPlan:
         """
         form.check(output, len(self.sources[0].bands))
         if form.tiles is not None:
-            pictures.check_unused(form.tiles, overwrite=overwrite)
+            pictures.check_output_folder(form.tiles, overwrite=overwrite)
         inputs = tuple(name for source in self.sources for name in source.files)
         pictures.check_output(output, inputs, overwrite=overwrite)
         if self.options.all_groups:
             # How many groups there are is not known yet.
-            numbered = re.compile(re.escape(output.stem) + r"_\d+" + re.escape(output.suffix))
-            for path in sorted(output.parent.iterdir()):
-                if numbered.fullmatch(path.name):
-                    pictures.check_unused(path, overwrite=overwrite)
+            for base in (output, form.tiles):
+                if base is not None:
+                    numbered = re.compile(re.escape(base.stem) + r"_\d+" + re.escape(base.suffix))
+                    for path in sorted(base.parent.glob("*")):
+                        if numbered.fullmatch(path.name):
+                            pictures.check_unused(path, overwrite=overwrite)
 
     def write(
         self,

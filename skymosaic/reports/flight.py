@@ -18,6 +18,7 @@ from skymosaic.imagery.images import reduce_to_width, save
 from skymosaic.reports import pages
 from skymosaic.reports.footprints import outline_photographs, write_footprints
 from skymosaic.reports.pair import write_pair_report
+from skymosaic.temporary import PAGE
 
 MAX_FLAT_RELIEF = 0.05
 """Ground counts as flat if less than this share of the matches lies off the plane."""
@@ -54,13 +55,14 @@ def write_flight_report(folder: Path, deliveries: Sequence[Delivery], check: Fli
     check : FlightCheck
         The check of that flight.
     """
-    pages.make_folder(folder)
-    for number, delivery in enumerate(deliveries, start=1):
-        save(folder / f"mosaic_{number}.jpg", reduce_to_width(delivery.preview, PREVIEW_WIDTH_PX)[0])
-        if delivery.georeference is not None:
-            write_footprints(folder / f"footprints_{number}", delivery)
     numbers = flight_numbers(deliveries, check)
-    return pages.write_report_files(folder, numbers, _render_page(deliveries, check, numbers))
+    with pages.staged_report(folder) as staged:
+        for number, delivery in enumerate(deliveries, start=1):
+            save(staged / f"mosaic_{number}.jpg", reduce_to_width(delivery.preview, PREVIEW_WIDTH_PX)[0])
+            if delivery.georeference is not None:
+                write_footprints(staged / f"footprints_{number}", delivery)
+        pages.write_report_files(staged, numbers, _render_page(deliveries, check, numbers))
+    return folder / PAGE
 
 
 def flight_numbers(deliveries: Sequence[Delivery], check: FlightCheck) -> dict[str, Any]:

@@ -1,13 +1,16 @@
 """What the reports share: their folder, and HTML from the templates beside this file, which escape every value."""
 
+import contextlib
 import json
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from skymosaic.errors import InputError
 from skymosaic.imagery.images import save_bytes
+from skymosaic.temporary import PAGE, staged_folder
 
 _TEMPLATES = Environment(
     loader=FileSystemLoader(Path(__file__).parent / "templates"),
@@ -17,6 +20,32 @@ _TEMPLATES = Environment(
     lstrip_blocks=True,
     keep_trailing_newline=True,
 )
+
+
+OWN_NAMES = (
+    rf"{re.escape(PAGE)}|report\.json|mosaic(_\d+)?\.jpg|corners_(left|right)\.png|matches\.png"
+    r"|footprints_\d+\.(geojson|kml)"
+)
+"""What the report of a mosaic consists of."""
+
+
+@contextlib.contextmanager
+def staged_report(folder: Path) -> Iterator[Path]:
+    """Context of a folder whose files become the report ``folder`` at the end, without those of an earlier report.
+
+    Raises
+    ------
+    InputError
+        If it cannot be written.
+    """
+    try:
+        with staged_folder(folder, OWN_NAMES) as staged:
+            try:
+                yield staged
+            except InputError as error:
+                raise InputError(str(error).replace(str(staged), str(folder))) from None
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written ({error.strerror}); choose another folder") from None
 
 
 def make_folder(folder: Path) -> None:
@@ -32,8 +61,7 @@ def render(template: str, **values: object) -> bytes:
     return _TEMPLATES.get_template(template).render(values).encode()
 
 
-def write_report_files(folder: Path, numbers: Mapping[str, object], page: bytes) -> Path:
-    """Write ``report.json`` and ``index.html``; returns the path of the latter."""
+def write_report_files(folder: Path, numbers: Mapping[str, object], page: bytes) -> None:
+    """Write ``report.json`` and ``index.html``."""
     save_bytes(folder / "report.json", (json.dumps(numbers, indent=1) + "\n").encode())
-    save_bytes(folder / "index.html", page)
-    return folder / "index.html"
+    save_bytes(folder / PAGE, page)

@@ -8,13 +8,13 @@ from golden_model.arrays import Pixels
 from skymosaic.imagery.images import reduce_to_width, save
 from skymosaic.registration.pair import Pair
 from skymosaic.reports import figures, pages
+from skymosaic.temporary import PAGE
 
 MOSAIC_WIDTH_PX = 1600
 
 
 def write_pair_report(folder: Path, pair: Pair, mosaic: Pixels | None) -> Path:
     """Write pictures, ``report.json`` and ``index.html`` into ``folder``; returns the page's path."""
-    pages.make_folder(folder)
     pictures = {
         "corners_left.png": ("Corners of the left image", figures.draw_corners(pair.working[0], pair.features[0])),
         "corners_right.png": ("Corners of the right image", figures.draw_corners(pair.working[1], pair.features[1])),
@@ -22,13 +22,15 @@ def write_pair_report(folder: Path, pair: Pair, mosaic: Pixels | None) -> Path:
     }
     if mosaic is not None:
         pictures["mosaic.jpg"] = ("Mosaic (reduced)", reduce_to_width(mosaic, MOSAIC_WIDTH_PX)[0])
-    for name, (_, picture) in pictures.items():
-        save(folder / name, picture)
     numbers = pair_numbers(pair)
     captions = {name: caption for name, (caption, _) in pictures.items()}
     title = f"{Path(pair.left.name).name} and {Path(pair.right.name).name}"
     page = pages.render("pair.html", title=title, rows=_table_rows(numbers), pictures=captions)
-    return pages.write_report_files(folder, numbers, page)
+    with pages.staged_report(folder) as staged:
+        for name, (_, picture) in pictures.items():
+            save(staged / name, picture)
+        pages.write_report_files(staged, numbers, page)
+    return folder / PAGE
 
 
 def pair_numbers(pair: Pair) -> dict[str, Any]:

@@ -2,6 +2,8 @@ import os
 import subprocess
 import sys
 
+import pytest
+
 from skymosaic import temporary
 
 
@@ -20,3 +22,41 @@ def test_left_overs_of_killed_processes_are_removed(tmp_path):
 def temporary_name(folder):
     with temporary.temporary_file(folder) as path:
         return path.name
+
+
+@pytest.fixture
+def page_folder(tmp_path):
+    folder = tmp_path / "tiles"
+    (folder / "7").mkdir(parents=True)
+    for name in ("index.html", "7/old.webp", "notes.txt"):
+        (folder / name).write_text("old")
+    return folder
+
+
+def contents(folder):
+    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+
+
+def test_a_staged_folder_leaves_nothing_of_its_old_self_and_all_of_others(page_folder):
+    with temporary.staged_folder(page_folder, r"\d+|index\.html") as staged:
+        (staged / "6").mkdir()
+        for name in ("index.html", "6/new.webp"):
+            (staged / name).write_text("new")
+        assert contents(page_folder) == ["7/old.webp", "index.html", "notes.txt"]
+    assert contents(page_folder) == ["6/new.webp", "index.html", "notes.txt"]
+    assert (page_folder / "notes.txt").read_text() == "old"
+    assert (page_folder / "index.html").read_text() == "new"
+    assert [path.name for path in page_folder.parent.iterdir()] == ["tiles"]
+
+
+@pytest.mark.parametrize("name", ["tiles", "new/tiles"])
+def test_a_staged_folder_that_fails_changes_nothing(page_folder, name):
+    def write_half():
+        with temporary.staged_folder(page_folder.parent / name, ".*") as staged:
+            (staged / "index.html").write_text("half")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_half()
+    assert contents(page_folder.parent) == ["tiles/7/old.webp", "tiles/index.html", "tiles/notes.txt"]
+    assert not (page_folder.parent / "new").exists()

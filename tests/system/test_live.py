@@ -2,6 +2,9 @@
 
 import itertools
 import os
+import signal
+import subprocess
+import sys
 from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -11,6 +14,7 @@ import numpy as np
 import pytest
 
 from golden_model.config import preset_config
+from sim.scene import make_lawnmower
 from skymosaic import mosaic
 from skymosaic.cli.live import grow
 from skymosaic.errors import InputError
@@ -133,3 +137,42 @@ def test_a_folder_that_cannot_be_read_is_refused_at_once(tmp_path: Path, monkeyp
     frames = read_live_frames(str(tmp_path), idle_seconds=None, tell=print)
     with pytest.raises(InputError, match=rf"{tmp_path}: cannot be read \(Permission denied\); check its permissions"):
         next(frames)
+
+
+def start_live(tmp_path: Path, *before: str) -> subprocess.Popen[str]:
+    """A live mosaic of a folder that never ends by itself, which has placed its second frame."""
+    for index, image in enumerate(make_lawnmower(1, 2, SIZE).images):
+        cv2.imwrite(str(tmp_path / f"{index}.png"), image)
+    command = [*before, "-m", "skymosaic", "live", str(tmp_path), "-o", str(tmp_path / "grown.jpg")]
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    process = subprocess.Popen([sys.executable, *command], stderr=subprocess.PIPE, text=True, env=environment)
+    assert process.stderr is not None
+    while "ties to" not in (line := process.stderr.readline()):
+        assert line, "it ended before the second frame"
+    return process
+
+
+HANG_UP = """
+import os, pty, sys, time
+child, terminal = pty.fork()
+if child == 0:
+    os.execv(sys.executable, [sys.executable, *sys.argv[1:]])
+shown = b""
+while b"ties to" not in shown:
+    shown += os.read(terminal, 1000)
+os.close(terminal)
+print("0 ties to 1", file=sys.stderr, flush=True)
+os.waitpid(child, 0)
+"""
+
+
+@pytest.mark.parametrize("end", ["SIGTERM", "SIGHUP", "closed terminal"])
+def test_the_mosaic_is_written_when_the_system_ends_it(tmp_path: Path, end: str) -> None:
+    process = start_live(tmp_path, *(["-c", HANG_UP] if end == "closed terminal" else []))
+    if end != "closed terminal":
+        process.send_signal(getattr(signal, end))
+    errors = process.communicate(timeout=60)[1]
+    assert process.returncode == 0, errors
+    assert min(cv2.imread(str(tmp_path / "grown.jpg")).shape[:2]) > SIZE[1] // 2
+    assert end == "closed terminal" or "stopped; writing the mosaic" in errors
+    assert not [path.name for path in tmp_path.iterdir() if path.name.startswith(".skymosaic-") and path.is_dir()]

@@ -57,3 +57,38 @@ def test_overwrite_replaces_it(full: Path, name: str) -> None:
     made = {"mosaic": "taken.png", "report": "folder/mosaic.jpg", "fuzzy": "folder/ransac.png"}[name]
     assert cv2.imread(str(full / made)) is not None
     assert (full / "folder" / "README.md").read_text() == "somebody's work"
+
+
+def test_overwritten_tiles_and_reports_have_nothing_of_the_old_ones(full: Path) -> None:
+    pytest.importorskip("rasterio")
+    old = [full / "tiles" / "9" / "1" / "1.webp", full / "tiles" / "index.html", full / "folder" / "mosaic_2.jpg"]
+    for path in old:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("old")
+    command = ["mosaic", "left.png", "right.png", "-o", "new.png", "--tiles", "tiles", "--report", "folder"]
+    result = CliRunner().invoke(app, [*command, "--overwrite"])
+    assert result.exception is None
+    assert [path.exists() for path in old] == [False, True, False]
+    assert len(list((full / "tiles").rglob("*.webp"))) >= 2
+    assert (full / "folder" / "README.md").read_text() == "somebody's work"
+    assert not list(full.glob(".skymosaic-*-*-*"))
+
+
+@pytest.mark.parametrize(
+    ("option", "says"),
+    [
+        (("--tiles", "taken.png"), "is a file"),
+        (("--tiles", "taken.png/tiles"), "taken.png; choose another folder"),
+        (("--report", "taken.png"), "is a file"),
+        (("--report", "x", "--tiles", "x"), "name two folders"),
+    ],
+)
+def test_a_wrong_folder_is_refused_before_the_first_photograph(
+    full: Path, option: tuple[str, ...], says: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("rasterio")
+    monkeypatch.setattr("skymosaic.imagery.images._read", lambda *_, **__: pytest.fail("a photograph was read"))
+    result = CliRunner().invoke(app, ["mosaic", "left.png", "right.png", "-o", "new.png", "--overwrite", *option])
+    assert isinstance(result.exception, InputError)
+    assert says in str(result.exception)
+    assert "\n" not in str(result.exception)

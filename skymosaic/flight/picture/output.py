@@ -72,7 +72,7 @@ class OutputForm:
         """The form of one of several mosaics, counted from 1."""
         if self.tiles is None or number == 1:
             return self
-        return replace(self, tiles=self.tiles.with_name(f"{self.tiles.name}_{number}"))
+        return replace(self, tiles=self.tiles.with_stem(f"{self.tiles.stem}_{number}"))
 
 
 PLAIN = OutputForm()
