@@ -52,6 +52,7 @@ class MatchGain(wiring.Component):
 
     # Terms; errors; squares and their sums; the first comparison, one per bit; the gain.
     latency_cycles = TERM_CYCLES + ERROR_CYCLES + (PRODUCT_CYCLES + 1) + (1 + LEVEL_BITS) + 1
+    """From hypothesis and match to their gain."""
 
     def elaborate(self, platform: object) -> Module:
         """Terms, errors, squares, comparisons. No register has a reset or waits."""

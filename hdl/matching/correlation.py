@@ -51,6 +51,7 @@ class SumOfAbsoluteDifferences(wiring.Component):
     o_sum: Signal
 
     latency_cycles: int
+    """From the windows to their sum."""
 
     def __init__(self, *, pixels: int) -> None:
         self.pixels = pixels

@@ -52,7 +52,9 @@ class Corners(wiring.Component):
     removes."""
 
     lag_px: int
+    """From the scan position to the pixel that the output describes."""
     latency_cycles: int
+    """From a beat to its result."""
 
     def __init__(self, *, config: FrontEndConfig, width_px: int, pixels_per_clock: int = 1) -> None:
         self.pixels_per_clock = pixels_per_clock

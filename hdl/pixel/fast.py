@@ -42,8 +42,10 @@ class Fast(wiring.Component):
     """Beats of ``code``, `golden_model.pixel.fast.response_code`."""
 
     lag_px = MARGIN_PX
+    """From the scan position to the pixel that the output describes."""
     # Clocks: window; brighter pixels; their arcs; complement; two for each bit; difference; threshold.
     latency_cycles = Window.latency_cycles + 3 + 2 * PIXEL.bits + 2
+    """From a beat to its result."""
 
     def __init__(self, *, pixels_per_clock: int = 1) -> None:
         self.pixels_per_clock = pixels_per_clock

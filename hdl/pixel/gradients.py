@@ -47,6 +47,7 @@ class GradientColumns(wiring.Component):
     pixel_lag_px: int
     """Lag of the newest line."""
     latency_cycles: int
+    """From a beat to its result."""
 
     def __init__(self, *, smoothed: bool, width_px: int, pixels_per_clock: int = 1) -> None:
         self.pixels_per_clock = pixels_per_clock

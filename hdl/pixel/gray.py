@@ -26,6 +26,7 @@ class Gray(wiring.Component):
     """Beats of ``pixel``, 8 bits."""
 
     latency_cycles: int
+    """From a beat to its result."""
 
     def __init__(self, *, pixels_per_clock: int = 1) -> None:
         self.pixels_per_clock = pixels_per_clock

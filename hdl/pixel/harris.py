@@ -51,7 +51,9 @@ class StructureTensor(wiring.Component):
     """Beats of `TENSOR`."""
 
     lag_px = TENSOR_LINES // 2
+    """From the scan position to the pixel that the output describes."""
     latency_cycles: int
+    """From a beat to its result."""
 
     def __init__(self, *, window_px: int, pixels_per_clock: int = 1) -> None:
         if window_px not in (3, 5):
@@ -112,6 +114,7 @@ class RawResponse(wiring.Component):
     """`golden_model.formats.RAW_RESPONSE`."""
 
     latency_cycles = 5
+    """From a beat to its result."""
 
     def __init__(self, *, k_numerator: int, k_shift: int) -> None:
         self.k_numerator = k_numerator
@@ -158,6 +161,7 @@ class ResponseCode(wiring.Component):
     """`golden_model.formats.RESPONSE_CODE`."""
 
     latency_cycles = 6
+    """From a beat to its result."""
 
     def elaborate(self, platform: object) -> Module:
         """Shift right until 11 bits are left, put the number of shifts in front, compare with the threshold."""

@@ -49,7 +49,9 @@ class Suppression(wiring.Component):
     """Beats of `NEIGHBOURHOOD`."""
 
     lag_px: int
+    """From the scan position to the pixel that the output describes."""
     latency_cycles: int
+    """From a beat to its result."""
 
     def __init__(self, *, radius_px: int, width_px: int, pixels_per_clock: int = 1) -> None:
         if radius_px not in (1, 3):

@@ -31,7 +31,9 @@ class Binomial(wiring.Component):
     """Beats of ``pixel``."""
 
     lag_px: int
+    """From the scan position to the pixel that the output describes."""
     latency_cycles: int
+    """From a beat to its result."""
 
     def __init__(self, *, window_px: int, pixels_per_clock: int = 1) -> None:
         if window_px not in (1, 3, 5):

@@ -27,7 +27,9 @@ class Sobel(wiring.Component):
     """Beats of ``gradient_x`` and ``gradient_y``, `golden_model.formats.GRADIENT`."""
 
     lag_px = 1
+    """From the scan position to the pixel that the output describes."""
     latency_cycles: int
+    """From a beat to its result."""
 
     def __init__(self, *, pixels_per_clock: int = 1) -> None:
         self.pixels_per_clock = pixels_per_clock

@@ -38,6 +38,7 @@ class LineBuffer(wiring.Component):
     """Beats of ``column``, where ``column[r]`` is the pixel r lines above the scan position."""
 
     latency_cycles = LineMemory.latency_cycles + 1
+    """From a beat to its result."""
 
     def __init__(self, *, shape: ShapeLike, lines: int, width_px: int, pixels_per_clock: int = 1) -> None:
         if lines < 1:
@@ -106,6 +107,7 @@ class Window(wiring.Component):
     of two pixels overlap, so that there is one column more than in one window."""
 
     latency_cycles = 1
+    """From a beat to its result."""
 
     def __init__(self, *, shape: ShapeLike, columns: int, pixels_per_clock: int = 1) -> None:
         if columns < 1:
@@ -159,6 +161,7 @@ class OffsetColumns(wiring.Component):
     """Beats of ``column``: ``rows`` pixels, the newest line first."""
 
     latency_cycles = Window.latency_cycles
+    """From a beat to its result."""
 
     def __init__(self, *, shape: ShapeLike, rows: int, distance_px: int, pixels_per_clock: int = 1) -> None:
         self.rows = rows
@@ -204,6 +207,7 @@ class SeparableSum(wiring.Component):
     """Beats of ``sum``, as wide as the range of the sum needs and no wider."""
 
     latency_cycles: int
+    """From a beat to its result."""
 
     def __init__(
         self, *, vertical: tuple[int, ...], horizontal: tuple[int, ...], shape: Shape, pixels_per_clock: int = 1

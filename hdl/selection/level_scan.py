@@ -52,6 +52,7 @@ class LevelScan(wiring.Component):
     """The latest beat is one of the last ``WARNING_BEATS`` before the end of a cell row."""
 
     latency_cycles = 3
+    """From a beat to its result."""
     closing_lines: int
     """Lines from the one that ends the level to the last."""
 
