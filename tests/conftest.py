@@ -2,7 +2,7 @@
 
 import os
 import sys
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from pathlib import Path
 from typing import TypeVar
 
@@ -94,8 +94,11 @@ def public_data() -> Path:
     return Path(os.environ["SKYMOSAIC_DATA"])
 
 
+Run = Callable[..., tuple[int, bytes, str]]
+
+
 @pytest.fixture
-def run(tmp_path: Path, capfdbinary: pytest.CaptureFixture[bytes], monkeypatch: pytest.MonkeyPatch):
+def run(tmp_path: Path, capfdbinary: pytest.CaptureFixture[bytes], monkeypatch: pytest.MonkeyPatch) -> Run:
     """Exit status, standard output and standard error of a command in the temporary folder."""
     monkeypatch.chdir(tmp_path)
 

@@ -1,6 +1,8 @@
 """Configurations: sizes, validation, reading and writing TOML."""
 
 import dataclasses
+from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -43,19 +45,21 @@ configs = st.builds(
     ("size_px", "cell_px", "per_cell"),
     [((640, 480), 32, 5), ((1280, 720), 64, 7), ((1600, 900), 64, 4), ((1920, 1080), 64, 3), ((64, 64), 32, 5)],
 )
-def test_cells_by_frame_size(size_px, cell_px, per_cell):
+def test_cells_by_frame_size(size_px: tuple[int, int], cell_px: int, per_cell: int) -> None:
     config = FrontEndConfig().for_size(*size_px)
     assert (config.cell_px, config.per_cell) == (cell_px, per_cell)
     assert config.for_size(*size_px) == config
 
 
 @given(st.integers(64, 4096), st.integers(64, 4096))
-def test_selected_features_always_fit_the_bank(width_px, height_px):
+def test_selected_features_always_fit_the_bank(width_px: int, height_px: int) -> None:
     config = FrontEndConfig().for_size(width_px, height_px)
+    assert config.cell_px
+    assert config.per_cell
     assert config.count_cells(width_px, height_px, config.cell_px) * config.per_cell <= config.max_features
 
 
-def test_given_cells_stay():
+def test_given_cells_stay() -> None:
     assert FrontEndConfig(cell_px=128).for_size(640, 480).cell_px == 128
     assert FrontEndConfig(per_cell=8).for_size(640, 480).cell_px == 64
     with pytest.raises(ValueError, match="1920x1080: no cell size keeps the features within 2048; use a larger"):
@@ -63,7 +67,7 @@ def test_given_cells_stay():
 
 
 @pytest.mark.parametrize("size_px", [(63, 480), (640, 5000)])
-def test_a_frame_size_out_of_range_is_refused(size_px):
+def test_a_frame_size_out_of_range_is_refused(size_px: tuple[int, int]) -> None:
     with pytest.raises(ValueError, match="it must be a whole number from 64 to 4096"):
         FrontEndConfig().for_size(*size_px)
 
@@ -83,25 +87,25 @@ def test_a_frame_size_out_of_range_is_refused(size_px):
         ({"selection": False, "levels": 1, "per_cell": 3}, "selection is False, but cell_px or per_cell is set"),
     ],
 )
-def test_impossible_values_are_named(values, message):
+def test_impossible_values_are_named(values: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         FrontEndConfig(**values)
 
 
-def test_preset_by_name():
+def test_preset_by_name() -> None:
     assert preset_config("thesis").front_end.pattern.name == "thesis-ilbp-4"
     with pytest.raises(ValueError, match="preset is 'nasa'; valid: aerial, thesis"):
         preset_config("nasa")
 
 
 @given(config=configs)
-def test_toml_round_trip_is_exact(tmp_path_factory, config):
+def test_toml_round_trip_is_exact(tmp_path_factory: pytest.TempPathFactory, config: Any) -> None:
     path = tmp_path_factory.getbasetemp() / "config.toml"
     path.write_text(to_toml(config))
     assert load_config(path) == config
 
 
-def test_file_changes_a_preset(tmp_path):
+def test_file_changes_a_preset(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text("[front_end]\nthreshold = 9\n")
     assert load_config(path).front_end == FrontEndConfig(threshold=9)
@@ -123,7 +127,7 @@ def test_file_changes_a_preset(tmp_path):
         ("[matcher\n", "not valid TOML: .*line 1"),
     ],
 )
-def test_a_bad_file_is_named_with_its_key(tmp_path, text, message):
+def test_a_bad_file_is_named_with_its_key(tmp_path: Path, text: str, message: str) -> None:
     path = tmp_path / "bad.toml"
     path.write_text(text)
     with pytest.raises(ValueError, match=f"bad.toml: {message}") as failure:
@@ -131,7 +135,7 @@ def test_a_bad_file_is_named_with_its_key(tmp_path, text, message):
     assert "\n" not in str(failure.value)
 
 
-def test_an_unreadable_file_is_named(tmp_path):
+def test_an_unreadable_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"none.toml: cannot be read \(No such file or directory\); give a TOML file"):
         load_config(tmp_path / "none.toml")
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe")

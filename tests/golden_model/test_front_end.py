@@ -1,12 +1,15 @@
 """The whole front end: its features agree with the planes of its stages, and with what must not change them."""
 
 import dataclasses
+from collections.abc import Callable
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from golden_model.config import PRESETS, FrontEndConfig
 from golden_model.feature import ilbp
@@ -21,13 +24,13 @@ THESIS = dataclasses.replace(PRESETS["thesis"].front_end, threshold=2_000_000)
 CONFIGS = pytest.mark.parametrize("config", [AERIAL, FAST, THESIS], ids=["aerial", "fast", "thesis"])
 
 
-def level_positions(features, level):
+def level_positions(features: NDArray[np.void], level: int) -> NDArray[np.int64]:
     """Positions of features in their level, 1/16 px; not rounded, since an offset can be exactly half a pixel."""
     fine = np.stack((features["x"], features["y"])).astype(np.int64)
     return fine if level == 0 else (fine - 8) // 2
 
 
-def near(plane, fine):
+def near(plane: NDArray[np.uint16], fine: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Pixel of the only candidate within 8/16 px of each fine position, in x and in y."""
     rows, columns = np.nonzero(plane)
     distance = np.abs(np.stack((columns, rows))[:, None, :] * 16 - fine[:, :, None]).max(axis=0)
@@ -37,7 +40,7 @@ def near(plane, fine):
 
 
 @CONFIGS
-def test_every_feature_is_what_its_planes_say(texture, config):
+def test_every_feature_is_what_its_planes_say(texture: Callable[..., Any], config: FrontEndConfig) -> None:
     image = texture(240, 320)
     result = trace(image, config)
     features = result.result.features
@@ -64,15 +67,16 @@ def test_every_feature_is_what_its_planes_say(texture, config):
 
 
 @pytest.mark.parametrize("config", [AERIAL, FAST], ids=["aerial", "fast"])
-def test_cells_keep_their_best_in_the_order_of_emission(texture, config):
+def test_cells_keep_their_best_in_the_order_of_emission(texture: Callable[..., Any], config: FrontEndConfig) -> None:
     image = texture(333, 417)
     result = trace(image, config)
     settled = config.for_size(417, 333)
+    assert settled.cell_px
     keys = []
     for level, planes in enumerate(result.levels):
         candidates = planes["candidates"].values
-        y, x = np.nonzero(candidates)
-        cells = {}
+        y, x = (axis.tolist() for axis in np.nonzero(candidates))
+        cells: dict[tuple[int, int], list[tuple[int, int, int]]] = {}
         for u, v in zip(x, y, strict=True):
             cells.setdefault((v // settled.cell_px, u // settled.cell_px), []).append((-int(candidates[v, u]), v, u))
         for (row, column), ranks in cells.items():
@@ -85,17 +89,17 @@ def test_cells_keep_their_best_in_the_order_of_emission(texture, config):
     np.testing.assert_array_equal(features["index"], np.arange(len(features)))
 
 
-def test_fast_candidates_are_opencvs(texture):
+def test_fast_candidates_are_opencvs(texture: Callable[..., Any]) -> None:
     for planes in trace(texture(160, 200), FAST).levels:
         gray, candidates = planes["gray"].values, planes["candidates"].values
         expected = np.zeros_like(candidates)
-        for corner in cv2.FastFeatureDetector_create(FAST.threshold).detect(gray):
+        for corner in cv2.FastFeatureDetector.create(FAST.threshold).detect(gray):
             expected[int(corner.pt[1]), int(corner.pt[0])] = corner.response
         inside = (slice(FAST.border_px, -FAST.border_px),) * 2
         np.testing.assert_array_equal(candidates[inside], expected[inside])
 
 
-def test_of_equal_harris_corners_the_first_in_raster_order_stays():
+def test_of_equal_harris_corners_the_first_in_raster_order_stays() -> None:
     # Around a symmetrical dot the responses are symmetrical too, so its four pixels have equal responses.
     image = np.zeros((100, 100), np.uint8)
     image[50:52, 50:52] = 255
@@ -104,7 +108,7 @@ def test_of_equal_harris_corners_the_first_in_raster_order_stays():
 
 
 @CONFIGS
-def test_planes_are_specified_up_to_their_margin(texture, config):
+def test_planes_are_specified_up_to_their_margin(texture: Callable[..., Any], config: FrontEndConfig) -> None:
     """Pixels beyond a frame's border must not influence a stage inside its margin."""
     image = texture(160, 200)
     whole, part = trace(image, config), trace(image[32:140, 48:190], config)
@@ -121,7 +125,7 @@ def test_planes_are_specified_up_to_their_margin(texture, config):
 
 @given(data=st.data())
 @settings(max_examples=30)
-def test_any_content_and_size(contents, data):
+def test_any_content_and_size(contents: Callable[..., Any], data: st.DataObject) -> None:
     config = data.draw(st.sampled_from([AERIAL, FAST, THESIS]))
     image = data.draw(contents(64, 110))
     result = extract(image, config, frame=7)
@@ -140,13 +144,13 @@ def test_any_content_and_size(contents, data):
 
 @pytest.mark.parametrize("value", [0, 255])
 @CONFIGS
-def test_flat_images_have_no_features(config, value):
+def test_flat_images_have_no_features(config: FrontEndConfig, value: int) -> None:
     result = extract(np.full((96, 128), value, np.uint8), config)
     assert len(result.features) == 0
     assert result.status["good"] == 1
 
 
-def test_half_turn_mirrors_the_features(texture):
+def test_half_turn_mirrors_the_features(texture: Callable[..., Any]) -> None:
     # Cells of 32 px tile both levels of this frame, so that the half turn maps cells onto cells.
     image = texture(256, 256, seed=3)
     turned = np.ascontiguousarray(image[::-1, ::-1])
@@ -158,7 +162,7 @@ def test_half_turn_mirrors_the_features(texture):
     assert len(expected) > 300
 
 
-def test_both_levels_find_a_square_at_the_same_position():
+def test_both_levels_find_a_square_at_the_same_position() -> None:
     image = np.zeros((160, 160), np.uint8)
     image[64:96, 64:96] = 200  # its corners, between pixels, are at 63.5 and 95.5
     features = extract(cv2.GaussianBlur(image, (0, 0), 2), AERIAL).features
@@ -172,13 +176,13 @@ def test_both_levels_find_a_square_at_the_same_position():
         assert {(px < 79.5, py < 79.5) for px, py in zip(x, y, strict=True)} == {(a, b) for a in (0, 1) for b in (0, 1)}
 
 
-def test_colour_is_its_gray(texture):
+def test_colour_is_its_gray(texture: Callable[..., Any]) -> None:
     colour = np.stack([texture(128, 160, seed) for seed in range(3)], axis=2)
     gray = trace(colour, AERIAL).levels[0]["gray"].values
     np.testing.assert_array_equal(extract(colour, AERIAL).features, extract(gray, AERIAL).features)
 
 
-def test_too_many_corners_make_a_bad_frame_without_features(texture):
+def test_too_many_corners_make_a_bad_frame_without_features(texture: Callable[..., Any]) -> None:
     config = dataclasses.replace(THESIS, threshold=1, max_features=100)
     result = extract(texture(128, 160), config, frame=3)
     assert len(result.features) == 0
@@ -187,18 +191,18 @@ def test_too_many_corners_make_a_bad_frame_without_features(texture):
     assert (result.status["frame"], result.status["features"]) == (3, 0)
 
 
-def test_status_gives_the_threshold_as_a_code(texture):
+def test_status_gives_the_threshold_as_a_code(texture: Callable[..., Any]) -> None:
     result = extract(texture(128, 160), dataclasses.replace(AERIAL, threshold=1_000_003))
     assert result.status["threshold"] == encode_response(np.array(1_000_003))
     assert (result.features["response"] >= result.status["threshold"]).all()
 
 
-def test_a_level_smaller_than_its_border_is_empty(texture):
+def test_a_level_smaller_than_its_border_is_empty(texture: Callable[..., Any]) -> None:
     features = extract(texture(64, 79), AERIAL).features
     assert len(features) > 0
     assert not features["level"].any()
 
 
-def test_size_out_of_range_is_refused():
+def test_size_out_of_range_is_refused() -> None:
     with pytest.raises(ValueError, match="frame width is 63"):
         extract(np.zeros((64, 63), np.uint8), AERIAL)

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from golden_model.feature.ilbp import PATTERNS
-from golden_model.records import FRAME_STATUS, MATCH, Tag, feature_record
+from golden_model.records import FRAME_STATUS, MATCH, Record, Tag, feature_record
 
 FEATURES = [p.record for p in PATTERNS.values()]
 
 
 @pytest.mark.parametrize("record", [*FEATURES, MATCH, FRAME_STATUS])
-def test_fields_follow_each_other_within_whole_words(record):
+def test_fields_follow_each_other_within_whole_words(record: Record) -> None:
     ends = [1]
     for field, offset in record.offsets():
         assert offset == ends[-1]
@@ -21,23 +21,24 @@ def test_fields_follow_each_other_within_whole_words(record):
     assert record.dtype.itemsize == record.record_bytes
 
 
-def test_lengths():
+def test_lengths() -> None:
     assert feature_record(16).record_bytes == 32
     assert feature_record(32).record_bytes == 48
     assert feature_record(4, 9).record_bytes == 32
 
 
-def test_bytes_are_little_endian_behind_the_tag():
+def test_bytes_are_little_endian_behind_the_tag() -> None:
     feature = np.zeros(1, feature_record(16).dtype)
     feature["tag"], feature["x"], feature["descriptor"] = Tag.FEATURE, 0x1234, np.arange(16)
     stored = feature.tobytes()
+    assert feature.dtype.fields
     offset = feature.dtype.fields["x"][1]
     assert stored[0] == Tag.FEATURE
     assert stored[offset : offset + 2] == b"\x34\x12"
     assert bytes(range(16)) in stored
 
 
-def test_status_takes_the_length_of_its_stream():
+def test_status_takes_the_length_of_its_stream() -> None:
     status = np.zeros(1, FRAME_STATUS.dtype_padded_to(48))
     status["threshold"] = 2
     assert len(status.tobytes()) == 48

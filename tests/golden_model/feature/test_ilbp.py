@@ -1,13 +1,15 @@
 """Ring descriptors equal per-bit loops written from the definitions."""
 
 import math
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from golden_model.feature import ilbp
-from golden_model.feature.ilbp import ILBP_128, ILBP_256, PATTERNS, thesis_ilbp
+from golden_model.feature.ilbp import ILBP_128, ILBP_256, PATTERNS, DescriptorPattern, thesis_ilbp
 
 
 @pytest.fixture(scope="module")
@@ -23,10 +25,12 @@ def positions() -> tuple[np.ndarray, np.ndarray]:
     return x, y
 
 
-def naive_descriptor(plane, x, y, pattern, sector) -> list[int]:
+def naive_descriptor(
+    plane: NDArray[np.uint8], x: np.int64, y: np.int64, pattern: DescriptorPattern, sector: np.uint8
+) -> list[int]:
     """The bits of one descriptor, each computed with its own sine and cosine."""
 
-    def pixel(ring, angle):
+    def pixel(ring: Any, angle: Any) -> Any:
         turn = 2 * math.pi * (angle % pattern.angles) / pattern.angles
         radius = pattern.radii_px[ring]
         return int(plane[y + round(radius * math.sin(turn)), x + round(radius * math.cos(turn))])
@@ -36,7 +40,9 @@ def naive_descriptor(plane, x, y, pattern, sector) -> list[int]:
 
 
 @pytest.mark.parametrize("name", ["ilbp-128", "ilbp-256", "ilbp-128-upright"])
-def test_descriptor_equals_per_bit_definition(image, positions, name):
+def test_descriptor_equals_per_bit_definition(
+    image: NDArray[np.uint8], positions: tuple[NDArray[np.int64], NDArray[np.int64]], name: str
+) -> None:
     pattern = PATTERNS[name]
     smoothed = cv2.blur(image, (5, 5))
     x, y = positions
@@ -49,7 +55,9 @@ def test_descriptor_equals_per_bit_definition(image, positions, name):
 
 
 @pytest.mark.parametrize("rings", [1, 2, 3, 4])
-def test_thesis_pattern_is_the_local_binary_pattern(image, positions, rings):
+def test_thesis_pattern_is_the_local_binary_pattern(
+    image: NDArray[np.uint8], positions: tuple[NDArray[np.int64], NDArray[np.int64]], rings: int
+) -> None:
     """Equation III-4 on the unsmoothed image: one byte for each ring, neighbour - centre >= 0."""
     x, y = positions
     poison = np.zeros_like(image)
@@ -63,7 +71,7 @@ def test_thesis_pattern_is_the_local_binary_pattern(image, positions, rings):
     assert not sector.any()
 
 
-def test_turning_the_rings_by_a_sector_keeps_the_descriptor():
+def test_turning_the_rings_by_a_sector_keeps_the_descriptor() -> None:
     """If the ring pixels move by one angle, the sector grows by one and the descriptor stays the same."""
     rng = np.random.default_rng(5)
     # A bright side along angle 0 with noise, so that the orientation is far from a sector border.
@@ -80,7 +88,9 @@ def test_turning_the_rings_by_a_sector_keeps_the_descriptor():
     assert all((descriptor == described[0][1]).all() for _, descriptor in described)
 
 
-def test_quarter_turn_of_an_image_turns_the_sector_by_four(image, positions):
+def test_quarter_turn_of_an_image_turns_the_sector_by_four(
+    image: NDArray[np.uint8], positions: tuple[NDArray[np.int64], NDArray[np.int64]]
+) -> None:
     x, y = positions
     sector, descriptor = ilbp.describe(image, image, x, y, ILBP_128)
     turned = np.ascontiguousarray(np.rot90(image))
@@ -89,7 +99,7 @@ def test_quarter_turn_of_an_image_turns_the_sector_by_four(image, positions):
     assert (descriptor == turned_descriptor).all()
 
 
-def test_without_features_the_arrays_are_empty():
+def test_without_features_the_arrays_are_empty() -> None:
     nothing = np.zeros(0, dtype=np.int64)
     flat = np.zeros((64, 64), dtype=np.uint8)
     sector, descriptor = ilbp.describe(flat, flat, nothing, nothing, ILBP_128)
@@ -98,7 +108,7 @@ def test_without_features_the_arrays_are_empty():
 
 
 @pytest.mark.parametrize(("x", "y"), [(14, 30), (30, 14), (49, 30), (30, 49)])
-def test_feature_too_near_the_border_is_named(x, y):
+def test_feature_too_near_the_border_is_named(x: int, y: int) -> None:
     flat = np.zeros((64, 64), dtype=np.uint8)
     with pytest.raises(ValueError, match=rf"feature 1 at \({x}, {y}\) reaches outside the 64x64 image"):
         ilbp.describe(flat, flat, np.array([30, x]), np.array([30, y]), ILBP_128)
@@ -113,7 +123,14 @@ def test_feature_too_near_the_border_is_named(x, y):
         ({"comparisons": ((0, 3, 0),)}, r"comparison \(0, 3, 0\) is outside the rings"),
     ],
 )
-def test_impossible_pattern_is_refused(arguments, message):
-    fields = {"name": "p", "radii_px": (0, 1), "angles": 16, "comparisons": (), "smoothed": False, "oriented": False}
+def test_impossible_pattern_is_refused(arguments: dict[str, Any], message: str) -> None:
+    fields: dict[str, Any] = {
+        "name": "p",
+        "radii_px": (0, 1),
+        "angles": 16,
+        "comparisons": (),
+        "smoothed": False,
+        "oriented": False,
+    }
     with pytest.raises(ValueError, match=message):
         ilbp.DescriptorPattern(**(fields | arguments))

@@ -8,7 +8,7 @@ from golden_model.feature import orientation
 from golden_model.feature.ilbp import ILBP_128
 
 
-def test_sector_equals_atan2_but_at_its_borders():
+def test_sector_equals_atan2_but_at_its_borders() -> None:
     """The integer tangents differ by up to 0.033 %, so angles within 1e-4 rad of a border may differ."""
     mx, my = np.random.default_rng(3).integers(-8_000_000, 8_000_001, (2, 200_000), dtype=np.int32)
     turn = 16 * np.arctan2(my.astype(float), mx) / (2 * np.pi)
@@ -18,13 +18,13 @@ def test_sector_equals_atan2_but_at_its_borders():
     assert near_border.mean() < 1e-3
 
 
-def test_sector_on_axes_and_diagonals():
+def test_sector_on_axes_and_diagonals() -> None:
     mx = np.array([0, 5, 5, 0, -5, -5, -5, 0, 5])
     my = np.array([0, 0, 5, 5, 5, 0, -5, -5, -5])
     assert orientation.sector_of(mx, my).tolist() == [0, 0, 2, 4, 6, 8, 10, 12, 14]
 
 
-def test_moments_equal_their_definition_and_fit_24_bits():
+def test_moments_equal_their_definition_and_fit_24_bits() -> None:
     radii = ILBP_128.radii_px
     rng = np.random.default_rng(4)
     samples = rng.integers(0, 256, (len(radii), 16, 50), dtype=np.uint8)

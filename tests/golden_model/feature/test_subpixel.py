@@ -2,6 +2,7 @@
 
 from fractions import Fraction
 from math import floor
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from golden_model.feature.subpixel import refine, vertex
 from golden_model.formats import encode_response
 
 
-def exact_vertex(before, centre, after):
+def exact_vertex(before: int, centre: int, after: int) -> int:
     u, v = centre - after, centre - before
     if u + v == 0:
         return 0
@@ -26,7 +27,7 @@ triples = st.tuples(*[st.integers(0, 2**30 - 1)] * 3) | st.tuples(*[st.integers(
 
 @given(st.lists(triples, min_size=1))
 @example([(20, 35, 18), (18, 35, 20)])  # halves, either way
-def test_vertex_is_the_exact_parabola_rounded(triples):
+def test_vertex_is_the_exact_parabola_rounded(triples: Any) -> None:
     before, centre, after = (np.array(values, np.int32) for values in zip(*triples, strict=True))
     centre = np.maximum(centre, np.maximum(before, after))
     expected = [exact_vertex(*map(int, triple)) for triple in zip(before, centre, after, strict=True)]
@@ -36,7 +37,7 @@ def test_vertex_is_the_exact_parabola_rounded(triples):
 
 
 @given(st.floats(-0.5, 0.5), st.integers(10_000, 1 << 28))
-def test_vertex_finds_the_top_of_a_parabola(top, height):
+def test_vertex_finds_the_top_of_a_parabola(top: Any, height: Any) -> None:
     samples = np.rint(height * (1 - 0.3 * (np.array([-1, 0, 1]) - top) ** 2)).astype(np.int32)
     # Half a step, and the rounding of the samples: three of 1/2 each against a curvature of 0.6 height.
     offset = vertex(*(samples[i : i + 1] for i in range(3)))[0]
@@ -44,7 +45,7 @@ def test_vertex_finds_the_top_of_a_parabola(top, height):
 
 
 @given(code=arrays(np.uint16, (9, 9), elements=st.integers(1, 15_000)), level=st.integers(0, 1))
-def test_axes_are_separate_and_use_decoded_responses(code, level):
+def test_axes_are_separate_and_use_decoded_responses(code: Any, level: int) -> None:
     code[4, 4] = 15_000
     fine_x, fine_y = refine(code, np.array([4]), np.array([4]), level)
     flipped_y, flipped_x = refine(np.ascontiguousarray(code.T), np.array([4]), np.array([4]), level)
@@ -53,7 +54,7 @@ def test_axes_are_separate_and_use_decoded_responses(code, level):
     assert fine_x.astype(int) + mirrored_x == 2 * (4 * 16 if level == 0 else 2 * 4 * 16 + 8)
 
 
-def test_offsets_come_from_values_not_from_codes():
+def test_offsets_come_from_values_not_from_codes() -> None:
     # Values 4096, 8192, 7168: u = 1024, v = 4096, q = (16 * 3072 + 5120) // 10240 = 5. Codes would give 6.
     code = np.zeros((3, 3), np.uint16)
     code[1] = encode_response(np.array([4096, 8192, 7168]))
@@ -61,7 +62,7 @@ def test_offsets_come_from_values_not_from_codes():
 
 
 @pytest.mark.parametrize("level", [0, 1])
-def test_levels_share_one_frame_of_reference(level):
+def test_levels_share_one_frame_of_reference(level: int) -> None:
     # The half-size pixel 10 covers the full-size pixels 20 and 21: its centre is at 20.5.
     code = np.zeros((30, 30), np.uint16)
     code[12, 10] = 9000
@@ -69,7 +70,7 @@ def test_levels_share_one_frame_of_reference(level):
     assert (fine_x[0] / 16, fine_y[0] / 16) == ((10, 12) if level == 0 else (20.5, 24.5))
 
 
-def test_farthest_position_of_the_largest_frame_fits():
+def test_farthest_position_of_the_largest_frame_fits() -> None:
     code = np.zeros((3, 2048), np.uint16)
     code[1, 2046:] = (9000, 9000)
     fine_x, _ = refine(np.pad(code, ((0, 0), (0, 1))), np.array([2047]), np.array([1]), 1)

@@ -1,12 +1,14 @@
 """Window scores equal the printed equations in floating point; best matches equal an exhaustive search in fractions."""
 
 from fractions import Fraction
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from golden_model.matching import correlation
 
@@ -23,7 +25,7 @@ def window_pairs(size_px: int, count: int = 40) -> tuple[np.ndarray, np.ndarray]
 
 
 @pytest.mark.parametrize("size_px", SIZES_PX)
-def test_scores_equal_the_printed_equations(size_px):
+def test_scores_equal_the_printed_equations(size_px: int) -> None:
     left, right = window_pairs(size_px)
     a, b = left.astype(float), right.astype(float)
     pixels = size_px**2
@@ -44,7 +46,7 @@ def test_scores_equal_the_printed_equations(size_px):
     assert (error < 1 / 256).all()
 
 
-def test_ncc_of_equal_windows_is_exactly_one_and_of_black_zero():
+def test_ncc_of_equal_windows_is_exactly_one_and_of_black_zero() -> None:
     for size_px in SIZES_PX:
         window = np.full((1, size_px**2), 255, dtype=np.uint8)
         assert correlation.ncc(window, window).item() == 256
@@ -52,7 +54,7 @@ def test_ncc_of_equal_windows_is_exactly_one_and_of_black_zero():
         assert correlation.ncc(window, window * 0).item() == 0
 
 
-def exhaustive(left, right, measure) -> list[int]:
+def exhaustive(left: NDArray[np.uint8], right: NDArray[np.uint8], measure: str) -> list[int]:
     best = []
     for a in left.astype(int).tolist():
         scores = []
@@ -79,7 +81,7 @@ def exhaustive(left, right, measure) -> list[int]:
     levels=st.sampled_from([2, 4, 256]),
     seed=st.integers(0, 2**32 - 1),
 )
-def test_best_matches_equal_exhaustive_search(measure, pixels, counts, levels, seed):
+def test_best_matches_equal_exhaustive_search(measure: Any, pixels: int, counts: Any, levels: Any, seed: int) -> None:
     rng = np.random.default_rng(seed)
     left, right = (rng.integers(0, levels, (count, pixels)).astype(np.uint8) for count in counts)
     left_index, right_index = correlation.best_matches(left, right, measure)
@@ -87,7 +89,7 @@ def test_best_matches_equal_exhaustive_search(measure, pixels, counts, levels, s
     assert right_index.tolist() == exhaustive(left, right, measure)
 
 
-def test_ncc_decides_between_values_that_a_float_cannot_tell_apart():
+def test_ncc_decides_between_values_that_a_float_cannot_tell_apart() -> None:
     """Two quotients that are equal as float64 (found by search), although the second is larger."""
     pixels = 38 * 38
     left = np.full((1, pixels), 255, dtype=np.uint8)
@@ -103,7 +105,7 @@ def test_ncc_decides_between_values_that_a_float_cannot_tell_apart():
 
 
 @pytest.mark.parametrize("size_px", SIZES_PX)
-def test_windows_are_the_neighbourhood(size_px):
+def test_windows_are_the_neighbourhood(size_px: int) -> None:
     image = np.random.default_rng(9).integers(0, 256, (90, 100), dtype=np.uint8)
     x, y = np.array([19, 50, 81]), np.array([19, 40, 71])
     windows = correlation.windows(image, x, y, size_px)
@@ -114,7 +116,7 @@ def test_windows_are_the_neighbourhood(size_px):
         assert (windows[n].reshape(size_px, size_px) == image[top : top + size_px, left : left + size_px]).all()
 
 
-def test_fuzzy_inputs_are_scaled_scores_rounded_down():
+def test_fuzzy_inputs_are_scaled_scores_rounded_down() -> None:
     left, right = window_pairs(3)
     sad, zssd, ncc = correlation.fuzzy_inputs(left, right)
     assert (sad == np.floor(correlation.sad(left, right) / 9 * 16)).all()
@@ -122,13 +124,13 @@ def test_fuzzy_inputs_are_scaled_scores_rounded_down():
     assert (ncc == correlation.ncc(left, right)).all()
 
 
-def test_without_candidates_there_is_no_match():
+def test_without_candidates_there_is_no_match() -> None:
     window = np.zeros((2, 9), dtype=np.uint8)
     assert [part.tolist() for part in correlation.best_matches(window, window[:0], "sad")] == [[], []]
     assert [part.tolist() for part in correlation.best_matches(window[:0], window, "ncc")] == [[], []]
 
 
-def test_wrong_arguments_are_refused():
+def test_wrong_arguments_are_refused() -> None:
     image = np.zeros((64, 64), dtype=np.uint8)
     here = np.array([30])
     with pytest.raises(ValueError, match="measure is 'mse'; valid: sad, zssd, ncc"):

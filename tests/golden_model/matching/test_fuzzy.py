@@ -1,5 +1,7 @@
 """Membership tables, rules and Sugeno systems in fixed point; `test_rule_bases` has the matcher's own systems."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -11,11 +13,11 @@ HALF_STEP = 1 / 512
 """Largest error of a degree that is rounded to 8 fraction bits."""
 
 
-def crisp(name, *tables):
+def crisp(name: str, *tables: list[int]) -> Variable:
     return Variable(name, {f"s{i}": np.array(table) for i, table in enumerate(tables)})
 
 
-def test_minimum_divides_rounding_half_up_and_ties_go_to_the_first_rule():
+def test_minimum_divides_rounding_half_up_and_ties_go_to_the_first_rule() -> None:
     system = SugenoSystem(
         "halves",
         inputs=(crisp("a", [256, 3], [256, 1], [256, 3]),),
@@ -35,7 +37,7 @@ def test_minimum_divides_rounding_half_up_and_ties_go_to_the_first_rule():
     assert half.evaluate(np.array([0]))[0].item() == 1
 
 
-def test_a_rule_may_leave_an_input_out():
+def test_a_rule_may_leave_an_input_out() -> None:
     system = SugenoSystem(
         "partial",
         inputs=(crisp("a", [256, 64], [0, 192]), crisp("b", [256, 0], [0, 256])),
@@ -46,12 +48,12 @@ def test_a_rule_may_leave_an_input_out():
 
 
 @pytest.mark.parametrize(("zero_at", "one_at"), [(4.5, 20.25), (20.25, 4.5)])
-def test_ramp_is_within_half_a_step_of_the_line(zero_at, one_at):
+def test_ramp_is_within_half_a_step_of_the_line(zero_at: float, one_at: float) -> None:
     line = np.interp(np.arange(30), [4.5, 20.25], [float(zero_at > one_at), float(zero_at < one_at)])
     assert np.abs(fuzzy.ramp(30, zero_at, one_at) / 256 - line).max() <= HALF_STEP
 
 
-def test_trapezoid_and_sigmoid_are_within_half_a_step():
+def test_trapezoid_and_sigmoid_are_within_half_a_step() -> None:
     index = np.arange(50)
     expected = np.interp(index, [3, 10, 20, 41], [0, 1, 1, 0])
     assert np.abs(fuzzy.trapezoid(50, np.array([3, 10, 20, 41])) / 256 - expected).max() <= HALF_STEP
@@ -74,7 +76,7 @@ RULES = (Rule(("s0",), 1.0), Rule(("s1",), 0.0))
         ({"inputs": (crisp("a", [256, 100], [0, 150]),)}, r"strengths sum to 0.9766 at a 1"),
     ],
 )
-def test_impossible_system_is_refused(change, message):
+def test_impossible_system_is_refused(change: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         SugenoSystem("s", **({"inputs": (GOOD,), "rules": RULES, "conjunction": "product"} | change))
 
@@ -83,12 +85,12 @@ def test_impossible_system_is_refused(change, message):
     ("tables", "message"),
     [((), "one or more sets"), (([1], [1, 2]), "one length"), (([257],), "0 to 256"), (([-1],), "0 to 256")],
 )
-def test_impossible_variable_is_refused(tables, message):
+def test_impossible_variable_is_refused(tables: tuple[Any, ...], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         crisp("a", *tables)
 
 
-def test_wrong_inputs_are_refused():
+def test_wrong_inputs_are_refused() -> None:
     system = aerial(128)
     with pytest.raises(ValueError, match="takes 3 inputs, not 1"):
         system.evaluate(np.array([1]))

@@ -1,5 +1,7 @@
 """Distances and mutual matches equal naive loops and OpenCV's brute-force matcher with cross-check."""
 
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
@@ -28,7 +30,7 @@ def naive_mutual(distance: list[list[int]], bits: int) -> list[tuple[int, int, i
     descriptor_bytes=st.integers(1, 33),
     seed=st.integers(0, 2**32 - 1),
 )
-def test_distance_counts_differing_bits(left_count, right_count, descriptor_bytes, seed):
+def test_distance_counts_differing_bits(left_count: int, right_count: int, descriptor_bytes: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
     left = rng.integers(0, 256, (left_count, descriptor_bytes), dtype=np.uint8)
     right = rng.integers(0, 256, (right_count, descriptor_bytes), dtype=np.uint8)
@@ -38,7 +40,7 @@ def test_distance_counts_differing_bits(left_count, right_count, descriptor_byte
     assert (distance == expected).all()
 
 
-def test_distance_of_complements_is_all_bits():
+def test_distance_of_complements_is_all_bits() -> None:
     for descriptor_bytes in (16, 31, 32):
         zeros = np.zeros((1, descriptor_bytes), dtype=np.uint8)
         assert hamming.distances(zeros, ~zeros).item() == 8 * descriptor_bytes
@@ -46,30 +48,30 @@ def test_distance_of_complements_is_all_bits():
 
 # Few distinct values: ties everywhere.
 @given(hnp.arrays(np.uint8, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.integers(0, 4)))
-def test_matches_ties_and_margins_equal_naive_loops(distance):
+def test_matches_ties_and_margins_equal_naive_loops(distance: Any) -> None:
     left, right, best, margin = hamming.mutual_matches(distance, bits=8)
     pairs = list(zip(left.tolist(), right.tolist(), best.tolist(), margin.tolist(), strict=True))
     assert pairs == naive_mutual(distance.tolist(), 8)
     assert best.dtype == margin.dtype == np.uint16
 
 
-def test_equal_distance_elsewhere_gives_margin_zero():
+def test_equal_distance_elsewhere_gives_margin_zero() -> None:
     left, right, best, margin = hamming.mutual_matches(np.array([[3, 3], [5, 9]], dtype=np.uint8), bits=16)
     assert (left.item(), right.item(), best.item(), margin.item()) == (0, 0, 3, 0)
 
 
-def test_missing_second_counts_as_all_bits():
+def test_missing_second_counts_as_all_bits() -> None:
     *_, best, margin = hamming.mutual_matches(np.array([[7]], dtype=np.uint16), bits=256)
     assert (best.item(), margin.item()) == (7, 249)
 
 
 @pytest.mark.parametrize("shape", [(0, 0), (0, 5), (5, 0)])
-def test_empty_side_gives_no_match(shape):
+def test_empty_side_gives_no_match(shape: tuple[int, int]) -> None:
     result = hamming.mutual_matches(np.zeros(shape, dtype=np.uint8), bits=128)
     assert [len(part) for part in result] == [0, 0, 0, 0]
 
 
-def test_equals_opencv_cross_check_where_the_nearest_is_unique():
+def test_equals_opencv_cross_check_where_the_nearest_is_unique() -> None:
     rng = np.random.default_rng(6)
     left = rng.integers(0, 256, (300, 16), dtype=np.uint8)
     flips = np.packbits(rng.random((300, 128)) < 0.25, axis=1)
@@ -91,11 +93,11 @@ def test_equals_opencv_cross_check_where_the_nearest_is_unique():
     assert len(ours) > 200
 
 
-def _is_unique(distance, row, column) -> bool:
+def _is_unique(distance: Any, row: Any, column: Any) -> bool:
     value = distance[row, column]
     return (distance[row] == value).sum() == 1 and (distance[:, column] == value).sum() == 1
 
 
-def test_different_lengths_are_refused():
+def test_different_lengths_are_refused() -> None:
     with pytest.raises(ValueError, match="left descriptors have 16 bytes, right ones 32"):
         hamming.distances(np.zeros((2, 16), dtype=np.uint8), np.zeros((2, 32), dtype=np.uint8))

@@ -64,13 +64,13 @@ def naive_weight(match: np.void, bits: int) -> float:
     apart = abs(int(match["turn"]) - int(match["peak_turn"]))
     belongs = {0: 1.0, 1: 1.0, 2: 0.6, 3: 0.2}.get(min(apart, 16 - apart), 0.0)
     common, other = (1, 0.6, 0.6, 0.2), (0.15, 0.05, 0.02, 0)
-    mixed = tuple(belongs * c + (1 - belongs) * o for c, o in zip(common, other, strict=True))
-    return product_weight(low, big, mixed)
+    first, second, third, fourth = (belongs * c + (1 - belongs) * o for c, o in zip(common, other, strict=True))
+    return product_weight(low, big, (first, second, third, fourth))
 
 
 @pytest.mark.parametrize("pattern", [ILBP_128, ILBP_256, PATTERNS["ilbp-128-upright"]], ids=lambda p: p.name)
 @pytest.mark.parametrize("turn", [0, 1, 9, 15])
-def test_aerial_matches_equal_loops_over_real_numbers(pattern, turn):
+def test_aerial_matches_equal_loops_over_real_numbers(pattern: DescriptorPattern, turn: int) -> None:
     rng = np.random.default_rng(turn)
     left = random_features(rng, 400, pattern)
     right = seen_again(rng, left, pattern, turn)[:380]
@@ -104,7 +104,7 @@ def test_aerial_matches_equal_loops_over_real_numbers(pattern, turn):
     assert len(set(matches["rule"])) >= (6 if pattern.oriented else 3)
 
 
-def test_pairs_are_those_of_opencv():
+def test_pairs_are_those_of_opencv() -> None:
     rng = np.random.default_rng(1)
     left = random_features(rng, 300, ILBP_256)
     right = seen_again(rng, left, ILBP_256, 0)
@@ -119,7 +119,7 @@ def test_pairs_are_those_of_opencv():
 
 
 @pytest.mark.parametrize("rings", [1, 4])
-def test_ilbp_rule_base_uses_the_sad_of_the_windows(rings):
+def test_ilbp_rule_base_uses_the_sad_of_the_windows(rings: int) -> None:
     pattern = PATTERNS[f"thesis-ilbp-{rings}"]
     rng = np.random.default_rng(rings)
     left = random_features(rng, 200, pattern)
@@ -136,7 +136,7 @@ def test_ilbp_rule_base_uses_the_sad_of_the_windows(rings):
     assert 0 < matches["verdict"].sum() < len(matches)
 
 
-def test_none_keeps_all_with_full_weight():
+def test_none_keeps_all_with_full_weight() -> None:
     rng = np.random.default_rng(2)
     left = random_features(rng, 100, ILBP_128)
     right = seen_again(rng, left, ILBP_128, 3)
@@ -148,7 +148,7 @@ def test_none_keeps_all_with_full_weight():
 
 
 @pytest.mark.parametrize("keep_above", [0, 64, 255])
-def test_verdict_is_weight_above_the_limit(keep_above):
+def test_verdict_is_weight_above_the_limit(keep_above: int) -> None:
     rng = np.random.default_rng(3)
     left = random_features(rng, 200, ILBP_128)
     right = seen_again(rng, left, ILBP_128, 0)
@@ -160,7 +160,7 @@ def test_verdict_is_weight_above_the_limit(keep_above):
 @pytest.mark.parametrize(
     ("rule_base", "name"), [("aerial", "ilbp-128"), ("ilbp", "thesis-ilbp-4"), ("none", "ilbp-256")]
 )
-def test_without_features_there_are_no_matches(counts, rule_base, name):
+def test_without_features_there_are_no_matches(counts: tuple[int, int], rule_base: str, name: str) -> None:
     rng = np.random.default_rng(4)
     left, right = (random_features(rng, count, PATTERNS[name]) for count in counts)
     matches = matcher.match(left, right, PATTERNS[name], MatcherConfig(rule_base=rule_base))
@@ -168,7 +168,7 @@ def test_without_features_there_are_no_matches(counts, rule_base, name):
     assert matches.dtype == MATCH.dtype
 
 
-def test_rules_are_named_by_the_index_a_match_carries():
+def test_rules_are_named_by_the_index_a_match_carries() -> None:
     names = matcher.rule_names(ILBP_128, MatcherConfig())
     assert names[1] == "distance low, margin big, orientation other"
     assert [
@@ -177,7 +177,7 @@ def test_rules_are_named_by_the_index_a_match_carries():
     ] == [8, 4, 1]
 
 
-def test_first_maximum_of_the_histogram_wins():
+def test_first_maximum_of_the_histogram_wins() -> None:
     """Of two relative orientations with equal support, the smaller one wins."""
     turn = np.array([12, 4, 12, 4], dtype=np.uint8)
     assert (
@@ -185,14 +185,14 @@ def test_first_maximum_of_the_histogram_wins():
     )
 
 
-def test_histogram_counts_squared_weights():
+def test_histogram_counts_squared_weights() -> None:
     """Three matches of weight 0.5 lose against one of weight 1: 3 * 0.25 < 1."""
     turn = np.array([3, 3, 3, 9], dtype=np.uint8)
     distance = np.array([60, 60, 60, 0], dtype=np.uint16)
     assert matcher.common_orientation(turn, distance, np.full(4, 30, dtype=np.uint16), bits=128) == 9
 
 
-def test_histogram_wraps_around_the_circle():
+def test_histogram_wraps_around_the_circle() -> None:
     """Sectors 15 and 1 both support sector 0, which lies between them: 3 + 3 beats 4."""
     turn = np.array([15, 1], dtype=np.uint8)
     assert (
@@ -200,13 +200,13 @@ def test_histogram_wraps_around_the_circle():
     )
 
 
-def test_circular_distance_takes_the_short_way_round():
+def test_circular_distance_takes_the_short_way_round() -> None:
     turn, peak = np.meshgrid(np.arange(16, dtype=np.uint8), np.arange(16, dtype=np.uint8))
     expected = np.abs((turn.astype(int) - peak + 8) % 16 - 8)
     assert (matcher.circular_distance(turn, peak) == expected).all()
 
 
-def test_wrong_pattern_is_refused():
+def test_wrong_pattern_is_refused() -> None:
     rng = np.random.default_rng(5)
     left, right = random_features(rng, 3, ILBP_128), random_features(rng, 3, ILBP_256)
     with pytest.raises(ValueError, match="right descriptors have 32 bytes, ilbp-128 has 16"):
@@ -223,7 +223,9 @@ def test_wrong_pattern_is_refused():
         ([True, True, True, True, False, True], [None, None, "b", None, "c", "c"]),
     ],
 )
-def test_the_reference_is_the_first_good_frame_or_the_one_before(held, references):
-    rule = matcher.ReferenceFrame()
+def test_the_reference_is_the_first_good_frame_or_the_one_before(
+    held: list[bool], references: list[str | None]
+) -> None:
+    rule: matcher.ReferenceFrame[str] = matcher.ReferenceFrame()
     frames = zip("abcdef", (False, True, True, False, True, True), held, strict=True)
     assert [rule.for_frame(frame, good=good, held=hold) for frame, good, hold in frames] == references

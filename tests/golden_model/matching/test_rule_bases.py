@@ -2,26 +2,36 @@
 
 import itertools
 import math
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 import pytest
 import simpful
+from numpy.typing import NDArray
+from simpful.simpful import FuzzySystem
 
 from golden_model.matching import rule_bases
+from golden_model.matching.fuzzy import SugenoSystem
 
 HALF_STEP = 1 / 512
 """Largest error of a degree, a singleton or the final weight rounded to 8 fraction bits."""
 
 
-def falling(start, end, domain):
+def falling(start: float, end: float, domain: int) -> list[Any]:
     return [[0, 1], [start, 1], [end, 0], [domain, 0]]
 
 
-def rising(start, end, domain):
+def rising(start: float, end: float, domain: int) -> list[Any]:
     return [[0, 0], [start, 0], [end, 1], [domain, 1]]
 
 
-def reference(variables, outputs, rules, operators=None):
+def reference(
+    variables: dict[str, Any],
+    outputs: dict[str, float],
+    rules: list[tuple[tuple[str, str, str], str]] | Iterable[Any],
+    operators: list[str] | None = None,
+) -> FuzzySystem:
     """A `simpful` system.
 
     ``variables`` maps each input to its sets, and each set to points or a function; ``rules`` are (sets, output).
@@ -44,7 +54,9 @@ def reference(variables, outputs, rules, operators=None):
     return system
 
 
-def infer(system, names, grid):
+def infer(
+    system: FuzzySystem, names: dict[str, Any], grid: NDArray[Any]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Weight (N,) and strengths (N, rules) of the reference at the rows of ``grid``."""
     weights, strengths = [], []
     for values in grid:
@@ -55,7 +67,13 @@ def infer(system, names, grid):
     return np.array(weights), np.array(strengths)
 
 
-def assert_close(system, grid, weight, strengths, outputs):
+def assert_close(
+    system: SugenoSystem,
+    grid: NDArray[np.int64],
+    weight: NDArray[np.float64],
+    strengths: NDArray[np.float64],
+    outputs: list[float],
+) -> None:
     """The weight is within the propagated rounding of degrees, singletons and weight.
 
     The dominant rule is as strong as the strongest rule of the reference, up to that rounding.
@@ -79,12 +97,12 @@ def assert_close(system, grid, weight, strengths, outputs):
     assert (chosen >= strengths.max(axis=1) - 2 * len(system.inputs) * HALF_STEP).all()
 
 
-def grid_of(*axes):
+def grid_of(*axes: list[int] | range) -> NDArray[np.int64]:
     return np.array(list(itertools.product(*axes)))
 
 
 @pytest.mark.parametrize("bits", [128, 256])
-def test_aerial_equals_simpful(bits):
+def test_aerial_equals_simpful(bits: int) -> None:
     variables = {
         "d": {"low": falling(0.10 * bits, 0.34 * bits, bits), "high": rising(0.10 * bits, 0.34 * bits, bits)},
         "m": {"big": rising(0, 0.10 * bits, bits)[1:], "small": falling(0, 0.10 * bits, bits)[1:]},
@@ -109,7 +127,7 @@ def test_aerial_equals_simpful(bits):
     assert_close(rule_bases.aerial(bits), grid, weight, strengths, [v for *_, v in rules])
 
 
-def test_aerial_orientation_equals_simpful():
+def test_aerial_orientation_equals_simpful() -> None:
     bits = 128
     variables = {
         "d": {"low": falling(0.10 * bits, 0.34 * bits, bits), "high": rising(0.10 * bits, 0.34 * bits, bits)},
@@ -124,7 +142,7 @@ def test_aerial_orientation_equals_simpful():
 
 
 @pytest.mark.parametrize("bits", [8, 32])
-def test_ilbp_equals_simpful(bits):
+def test_ilbp_equals_simpful(bits: int) -> None:
     """The sigmoid falls to 0.95 at 6 gray levels per pixel and to 0.05 at 13 (window of 9 pixels)."""
     slope = 2 * math.log(19) / (9 * (13 - 6))
     belongs = {"yes": simpful.InvSigmoid_MF(c=9 * 9.5, a=slope), "no": simpful.Sigmoid_MF(c=9 * 9.5, a=slope)}
@@ -147,7 +165,7 @@ def test_ilbp_equals_simpful(bits):
     assert_close(rule_bases.ilbp(bits), grid[fires], weight[fires], strengths[fires], [1.0, 0.0, 0.0, 0.0])
 
 
-def test_ilbp_says_no_match_where_no_rule_fires():
+def test_ilbp_says_no_match_where_no_rule_fires() -> None:
     """None of the four rules covers a large distance with two windows that agree."""
     system = rule_bases.ilbp(32)
     assert not system.strengths(np.array([20]), np.array([0]), np.array([0])).any()
@@ -155,7 +173,7 @@ def test_ilbp_says_no_match_where_no_rule_fires():
     assert (weight.item(), rule.item()) == (0, 0)
 
 
-def test_correlation_equals_simpful():
+def test_correlation_equals_simpful() -> None:
     """Tables III-1 and III-2, in gray levels per pixel; the engine's units are 1/16, 1/4 and 1/256 of them."""
     variables = {
         "s": {
@@ -191,7 +209,7 @@ def test_correlation_equals_simpful():
     assert_close(rule_bases.correlation(), grid, weight, strengths, [outputs[name] for _, name in rules])
 
 
-def test_aerial_constants_are_the_nearest_integers():
+def test_aerial_constants_are_the_nearest_integers() -> None:
     """Finer than the tolerance above, since the hardware is built with exactly these numbers."""
     system = rule_bases.aerial(128)
     assert [rule.singleton for rule in system.rules] == [256, 38, 154, 13, 154, 5, 51, 0]
@@ -199,7 +217,7 @@ def test_aerial_constants_are_the_nearest_integers():
     assert [rule.singleton for rule in rule_bases.aerial_orientation(128).rules] == [256, 90, 128, 0]
 
 
-def test_third_input_folds_into_constants():
+def test_third_input_folds_into_constants() -> None:
     """Hardware may replace the relative orientation by four constants, one for each corner of distance and margin."""
     system = rule_bases.aerial(128)
     distance, margin, turn = grid_of(range(129), range(0, 129, 3), range(9)).T
@@ -217,7 +235,7 @@ def test_third_input_folds_into_constants():
     assert (weight == np.minimum((total + (1 << 23)) >> 24, 255)).all()
 
 
-def test_weight_saturates_and_beyond_the_table_reads_its_end():
+def test_weight_saturates_and_beyond_the_table_reads_its_end() -> None:
     weight, rule = rule_bases.aerial(128).evaluate(np.array([0, 128]), np.array([128, 0]), np.array([0, 8]))
     assert weight.tolist() == [255, 0]
     assert rule.tolist() == [0, 7]

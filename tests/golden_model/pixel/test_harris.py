@@ -1,11 +1,15 @@
 """Harris equals its definition in exact integers, follows cv2.cornerHarris, and stays within its proven bounds."""
 
+from collections.abc import Callable
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
 
 from golden_model.formats import RAW_RESPONSE, RESPONSE_CODE, TENSOR_DIAGONAL, TENSOR_MIXED, TENSOR_TRACE
 from golden_model.pixel.harris import raw_response, response_code, structure_tensor
@@ -17,19 +21,21 @@ THESIS = {"smoothed": False, "window_px": 3, "k": (5, 7), "largest_trace": 45_72
 SOBEL = np.outer([1, 2, 1], [-1, 0, 1])
 
 
-def stages(gray, preset):
+def stages(gray: NDArray[np.uint8], preset: dict[str, Any]) -> tuple[Any, ...]:
     gradient_x, gradient_y = gradients(binomial3(gray) if preset["smoothed"] else gray)
     tensor = structure_tensor(gradient_x, gradient_y, preset["window_px"])
     return gradient_x, gradient_y, tensor, raw_response(*tensor, *preset["k"])
 
 
-def inside(plane, margin_px=4):
+def inside(plane: NDArray[Any], margin_px: int = 4) -> NDArray[Any]:
     return plane[margin_px:-margin_px, margin_px:-margin_px]
 
 
 @pytest.mark.parametrize("preset", [AERIAL, THESIS])
 @given(data=st.data())
-def test_response_equals_the_definition_in_unbounded_integers(contents, preset, data):
+def test_response_equals_the_definition_in_unbounded_integers(
+    contents: Callable[..., Any], preset: dict[str, Any], data: st.DataObject
+) -> None:
     gray = data.draw(contents(12, 40))
     gradient_x, gradient_y, tensor, raw = stages(gray, preset)
     window_px = preset["window_px"]
@@ -42,7 +48,7 @@ def test_response_equals_the_definition_in_unbounded_integers(contents, preset, 
         np.testing.assert_array_equal(inside(plane, margin_px), reference.astype(np.int64))
 
 
-def test_response_follows_corner_harris(texture):
+def test_response_follows_corner_harris(texture: Callable[..., Any]) -> None:
     gray = texture(240, 320)
     _, _, (a, b, c), raw = stages(gray, AERIAL)
     scale = 1 / (4 * 5 * 255)  # cornerHarris divides gradients by 2**(ksize - 1), blockSize and 255
@@ -53,11 +59,11 @@ def test_response_follows_corner_harris(texture):
     trace = (a + b).astype(np.float64)
     tolerance = 1.25 * trace + 2 * np.abs(c) + 4 + 1e-6 * trace**2
     assert (np.abs(inside(raw - reference)) <= inside(tolerance)).all()
-    strongest = [np.argpartition(-inside(r).ravel(), 500)[:500] for r in (raw, reference)]
-    assert np.intersect1d(*strongest).size >= 495
+    ours, theirs = (np.argpartition(-inside(r).ravel(), 500)[:500] for r in (raw, reference))
+    assert np.intersect1d(ours, theirs).size >= 495
 
 
-def largest_gradient(smoothed):
+def largest_gradient(smoothed: bool) -> np.float64:
     """Largest gradient of any image, from the image that is white where the kernel is positive."""
     kernel, rounding = SOBEL.astype(float), 0.0
     if smoothed:
@@ -71,7 +77,7 @@ def largest_gradient(smoothed):
 
 
 @pytest.mark.parametrize("preset", [AERIAL, THESIS])
-def test_bounds_follow_from_the_largest_gradient(preset):
+def test_bounds_follow_from_the_largest_gradient(preset: dict[str, Any]) -> None:
     trace = int(preset["window_px"] ** 2 * largest_gradient(preset["smoothed"]) ** 2 / 256)
     assert trace <= preset["largest_trace"] <= TENSOR_TRACE.max_raw
     assert preset["largest_trace"] // 2 <= TENSOR_MIXED.max_raw
@@ -84,7 +90,7 @@ def test_bounds_follow_from_the_largest_gradient(preset):
 
 @pytest.mark.parametrize("preset", [AERIAL, THESIS])
 @given(data=st.data())
-def test_every_stage_fits_its_format(contents, preset, data):
+def test_every_stage_fits_its_format(contents: Callable[..., Any], preset: dict[str, Any], data: st.DataObject) -> None:
     _, _, (a, b, c), raw = stages(data.draw(contents(12, 40)), preset)
     assert TENSOR_DIAGONAL.holds(a)
     assert TENSOR_DIAGONAL.holds(b)
@@ -95,7 +101,7 @@ def test_every_stage_fits_its_format(contents, preset, data):
 
 
 @pytest.mark.parametrize(("threshold", "cut"), [(1, 1), (2, 2), (2047, 2047), (2049, 2048), (1_000_003, 999_936)])
-def test_threshold_is_cut_like_the_response(threshold, cut):
+def test_threshold_is_cut_like_the_response(threshold: int, cut: int) -> None:
     raw = np.array([[-5, 0, cut - 1, cut, cut + 1, threshold]], np.int32)
     survived = response_code(raw, threshold) > 0
     np.testing.assert_array_equal(survived, [[False, False, False, True, True, True]])

@@ -1,10 +1,13 @@
 """Suppression equals a loop over pixels."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from numpy.typing import NDArray
 
 from golden_model.pixel.nms import suppress
 
@@ -14,7 +17,7 @@ codes = st.tuples(st.integers(1, 13), st.integers(1, 13)).flatmap(
 )
 
 
-def naive(code, radius_px, ties):
+def naive(code: NDArray[np.uint16], radius_px: int, ties: str) -> NDArray[np.uint16]:
     kept = np.zeros_like(code)
     height, width = code.shape
     for y in range(height):
@@ -36,15 +39,15 @@ def naive(code, radius_px, ties):
 @pytest.mark.parametrize("ties", ["first", "lose"])
 @pytest.mark.parametrize("radius_px", [1, 3])
 @given(code=codes)
-def test_suppression_equals_the_loop(code, radius_px, ties):
+def test_suppression_equals_the_loop(code: Any, radius_px: int, ties: str) -> None:
     np.testing.assert_array_equal(suppress(code, radius_px, ties), naive(code, radius_px, ties))
 
 
 @pytest.mark.parametrize(("ties", "kept"), [("first", [[7, 0, 0, 0, 0]]), ("lose", [[0, 0, 0, 0, 0]])])
-def test_a_suppressed_response_still_suppresses(ties, kept):
+def test_a_suppressed_response_still_suppresses(ties: str, kept: list[list[int]]) -> None:
     np.testing.assert_array_equal(suppress(np.array([[7, 7, 7, 7, 7]], np.uint16), 3, ties), kept)
 
 
-def test_an_unknown_tie_rule_is_refused():
+def test_an_unknown_tie_rule_is_refused() -> None:
     with pytest.raises(ValueError, match="ties is 'last'; valid: first, lose"):
         suppress(np.zeros((4, 4), np.uint16), 1, "last")

@@ -1,10 +1,14 @@
 """Binomial smoothing equals integer correlation (SciPy) and Sobel equals cv2.Sobel, exactly inside the margin."""
 
+from collections.abc import Callable
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from scipy.ndimage import correlate
 
 from golden_model.formats import GRADIENT
@@ -12,13 +16,15 @@ from golden_model.pixel.smooth import binomial3, binomial5
 from golden_model.pixel.sobel import gradients
 
 
-def inside(plane, margin_px):
+def inside(plane: NDArray[Any], margin_px: int) -> NDArray[Any]:
     return plane[margin_px:-margin_px, margin_px:-margin_px]
 
 
 @pytest.mark.parametrize(("smooth", "taps"), [(binomial3, [1, 2, 1]), (binomial5, [1, 4, 6, 4, 1])])
 @given(data=st.data())
-def test_smoothing_rounds_the_binomial_sum_once(contents, smooth, taps, data):
+def test_smoothing_rounds_the_binomial_sum_once(
+    contents: Callable[..., Any], smooth: Callable[..., Any], taps: list[int], data: st.DataObject
+) -> None:
     gray = data.draw(contents(8, 70))
     kernel = np.outer(taps, taps)
     sums = correlate(gray.astype(np.int64), kernel)
@@ -27,14 +33,14 @@ def test_smoothing_rounds_the_binomial_sum_once(contents, smooth, taps, data):
 
 
 @given(data=st.data())
-def test_gradients_are_cv2_sobel(contents, data):
+def test_gradients_are_cv2_sobel(contents: Callable[..., Any], data: st.DataObject) -> None:
     gray = data.draw(contents(8, 70))
     gradient_x, gradient_y = gradients(gray)
     np.testing.assert_array_equal(inside(gradient_x, 1), inside(cv2.Sobel(gray, cv2.CV_16S, 1, 0), 1))
     np.testing.assert_array_equal(inside(gradient_y, 1), inside(cv2.Sobel(gray, cv2.CV_16S, 0, 1), 1))
 
 
-def test_gradient_reaches_its_bound_and_points_to_the_bright_side():
+def test_gradient_reaches_its_bound_and_points_to_the_bright_side() -> None:
     step = np.zeros((9, 9), np.uint8)
     step[:, 5:] = 255
     for image, axis in ((step, 0), (step.T, 1)):

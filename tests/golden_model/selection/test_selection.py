@@ -1,11 +1,13 @@
 """Cell selection equals a streaming insertion; the order of emission equals the nested loops that define it."""
 
 import itertools
+from typing import Any
 
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from numpy.typing import NDArray
 
 from golden_model.selection.selection import best_of_cells, emission_order, raster
 
@@ -14,9 +16,9 @@ sparse_codes = st.tuples(st.integers(1, 40), st.integers(1, 40)).flatmap(
 )
 
 
-def naive_best(candidates, cell_px, per_cell):
+def naive_best(candidates: NDArray[np.uint16], cell_px: int, per_cell: int) -> list[Any]:
     """Insert in raster order into the sorted list of each cell; of equal responses the earlier one stays ahead."""
-    cells = {}
+    cells: dict[tuple[int, int], list[tuple[int, int, int]]] = {}
     for y, x in itertools.product(*map(range, candidates.shape)):
         code = int(candidates[y, x])
         if code:
@@ -28,20 +30,20 @@ def naive_best(candidates, cell_px, per_cell):
 
 
 @given(candidates=sparse_codes, cell_px=st.sampled_from([4, 8, 32]), per_cell=st.integers(1, 8))
-def test_selection_equals_streaming_insertion(candidates, cell_px, per_cell):
+def test_selection_equals_streaming_insertion(candidates: Any, cell_px: Any, per_cell: int) -> None:
     x, y = best_of_cells(candidates, cell_px, per_cell)
     assert list(zip(x, y, strict=True)) == naive_best(candidates, cell_px, per_cell)
 
 
 @given(candidates=sparse_codes)
-def test_raster_order(candidates):
+def test_raster_order(candidates: Any) -> None:
     x, y = raster(candidates)
     expected = [(u, v) for v, u in itertools.product(*map(range, candidates.shape)) if candidates[v, u]]
     assert list(zip(x, y, strict=True)) == expected
 
 
 @given(rows=st.tuples(*[st.lists(st.integers(0, 9), max_size=30).map(sorted)] * 2))
-def test_two_level_0_rows_leave_before_the_level_1_row_that_covers_them(rows):
+def test_two_level_0_rows_leave_before_the_level_1_row_that_covers_them(rows: Any) -> None:
     level = np.repeat([0, 1], [len(rows[0]), len(rows[1])])
     features = list(zip(level, rows[0] + rows[1], range(level.size), strict=True))
     turns = [turn for j in range(10) for turn in ((0, 2 * j), (0, 2 * j + 1), (1, j))]
