@@ -69,7 +69,7 @@ def test_a_planted_fault_fails_a_test(tmp_path, fault):
     source = path.read_text(encoding="utf-8")
     assert source.count(line) == 1
     path.write_text(source.replace(line, faulty), encoding="utf-8")
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", test]
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-n", "0", test]
     environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
     # 1: a test failed; anything else would be a faulty trial.
