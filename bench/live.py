@@ -106,7 +106,7 @@ def fly(frames: list[Pixels], size_px: tuple[int, int], seed: int) -> dict[str, 
 
 
 def propose(matches: Records, rng: np.random.Generator) -> np.ndarray[Any, np.dtype[np.int64]]:
-    """Hypotheses from random fours of the kept matches, as a host proposes them; the last two are out of range."""
+    """Hypotheses from random sets of four kept matches, as a host proposes them; the last two are out of range."""
     kept = matches[matches["verdict"] == 1]
     homographies = [np.eye(3)]
     for _ in range(PROPOSED if len(kept) >= 4 else 0):

@@ -117,8 +117,8 @@ def encode_response(value: NDArray[np.integer]) -> NDArray[np.uint16]:
     """
     magnitude = np.asarray(value, dtype=np.int32)
     # The code equals the upper part of the value as a float32: 10 of the 23 fraction bits, and the exponent with
-    # another bias, so that 2**10 has field 1. The conversion to float32 rounds; the mask clears the bit 13 places below
-    # the leading one (and only bits further down), so that no carry of that rounding reaches the bits that are kept.
+    # another bias, so that 2**10 has field 1. Converting to float32 rounds. The mask clears the bit 13 places below the
+    # leading one (and some further down), which stops the carry of that rounding before it reaches the kept bits.
     float32 = (magnitude & ~(magnitude >> 13)).astype(np.float32)
     code = (float32.view(np.int32) >> 13) - ((127 + 9) << RESPONSE_FRACTION_BITS)
     # Below 2**10 the code is the value itself.

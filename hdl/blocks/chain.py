@@ -1,4 +1,4 @@
-"""Blocks made of several of `hdl`'s that are useful on their own: a stream of pixels in, a stream of answers out."""
+"""Compositions for export: blocks in series, and the descriptor with pixels and result in simple streams."""
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -24,9 +24,9 @@ class Chain(wiring.Component):
     lag_px : int
         Lag of the whole chain.
     fields : mapping of str to str, optional
-        For an input field that the block before does not have, the field to connect instead.
+        Input fields that the preceding block lacks, each with the field of that block to connect instead.
     constants : mapping of str to int, optional
-        Inputs with a fixed value, which become no ports.
+        Inputs tied to a value, which get no port.
     """
 
     i: data.View
@@ -74,13 +74,13 @@ class Chain(wiring.Component):
             # Beats have different payloads: fields are connected by name.
             carry_scan(m, before.o, after.i, 0)
             names = [str(name) for name, _ in after.i.shape() if name not in ("valid", "x", "y")]
-            given = {name for name, _ in before.o.shape()}
-            m.d.comb += [after.i[name].eq(before.o[name if name in given else self._fields[name]]) for name in names]
+            outputs = {name for name, _ in before.o.shape()}
+            m.d.comb += [after.i[name].eq(before.o[name if name in outputs else self._fields[name]]) for name in names]
         return m
 
 
 class Descriptor(wiring.Component):
-    """`RingDescriptor` that takes the pixels of a candidate in the clock in which it is valid.
+    """`RingDescriptor` that takes a candidate's pixels together with its valid bit.
 
     Candidates come at least 4 clocks apart.
 
@@ -99,8 +99,8 @@ class Descriptor(wiring.Component):
     def __init__(self, *, pattern: DescriptorPattern) -> None:
         self._block = RingDescriptor(pattern=pattern, spacing_cycles=self.spacing_cycles)
         rings = data.ArrayLayout(data.ArrayLayout(8, pattern.angles), len(pattern.radii_px))
-        answer = data.StructLayout({"valid": 1, "sector": 4, "descriptor": pattern.bits})
-        super().__init__({"i": In(data.StructLayout({"valid": 1, "rings": rings})), "o": Out(answer)})
+        result = data.StructLayout({"valid": 1, "sector": 4, "descriptor": pattern.bits})
+        super().__init__({"i": In(data.StructLayout({"valid": 1, "rings": rings})), "o": Out(result)})
 
     def elaborate(self, platform: object) -> Module:
         """Delay the pixels for the block."""

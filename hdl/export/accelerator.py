@@ -16,7 +16,7 @@ from hdl.accelerator import Accelerator, AcceleratorTop
 from hdl.axi.packet_gate import CLOSING_RECORDS
 from hdl.blocks.export import CORE_LIBRARY, CORE_VENDOR, core_file, module_ports
 from hdl.export import ip_xact, register_docs
-from hdl.export.accelerator_bench import accelerator_bench
+from hdl.export.accelerator_bench import make_accelerator_bench
 from hdl.export.boards import SOURCES, board_facts
 from hdl.export.bus_interfaces import vivado_attributes
 from hdl.netlist import to_verilog
@@ -87,7 +87,7 @@ def export(folder: Path, *, board: str, config: Config, **build: Unpack[Build]) 
     facts, build = board_facts(board), DEFAULT_BUILD | build
     top = top_module(config, build)
     ports, family, video_bits = module_ports(top), facts["family"], build["video_bits"]
-    bench = accelerator_bench(TOP, ports, config, video_bits=video_bits).files()
+    bench = make_accelerator_bench(TOP, ports, config, video_bits=video_bits).files()
     litex = (SOURCES / "litex" / "skymosaic_litex.py").read_text()
     facts |= {"board": board, "levels": str(config.front_end.levels), "descriptor": config.front_end.descriptor}
     has_processor = family.startswith("zynq")

@@ -18,13 +18,13 @@ from hdl.settings import RUNNING, matched_frame_settings
 
 FRAME_PX = MIN_FRAME_PX
 SHIFT_PX = 6
-"""Distance between the views of the two frames."""
+"""Horizontal shift of the second frame."""
 _CONTROL = next(register.offset for register in REGISTERS if register.name == "CONTROL")
 # Not compared: the golden model has no clock.
 _CYCLES_WORD = next(offset for field, offset in FRAME_STATUS.offsets() if field.name == "cycles") // WORD_BYTES
 
 
-def accelerator_bench(module: str, ports: dict[str, Port], config: Config, *, video_bits: int) -> VerilogBench:
+def make_accelerator_bench(module: str, ports: dict[str, Port], config: Config, *, video_bits: int) -> VerilogBench:
     """Make a bench that reads a register, writes the settings, sends two gray frames, and compares all words.
 
     Parameters
@@ -39,7 +39,7 @@ def accelerator_bench(module: str, ports: dict[str, Port], config: Config, *, vi
     """
     scene = sample_image(FRAME_PX, FRAME_PX + SHIFT_PX)
     images = [np.ascontiguousarray(scene[:, shift : shift + FRAME_PX]) for shift in (0, SHIFT_PX)]
-    config, frames = _good_frames(config, images)
+    config, frames = _extract_good_frames(config, images)
     matches = match(frames[0].features, frames[1].features, config.front_end.pattern, config.matcher)
     counts = {"matches": len(matches), "kept": int(np.count_nonzero(matches["verdict"]))}
     record_bytes = frames[0].features.dtype.itemsize
@@ -76,8 +76,8 @@ def accelerator_bench(module: str, ports: dict[str, Port], config: Config, *, vi
     )
 
 
-def _good_frames(config: Config, images: list[NDArray[np.uint8]]) -> tuple[Config, list[FrameFeatures]]:
-    """Extract the frames, doubling the threshold until no frame has more features than were built."""
+def _extract_good_frames(config: Config, images: list[NDArray[np.uint8]]) -> tuple[Config, list[FrameFeatures]]:
+    """Extract the frames, doubling the threshold until the features of every frame fit the build."""
     front_end = config.front_end.for_size(FRAME_PX, FRAME_PX)
     while True:
         frames = [extract(image, front_end, frame=number) for number, image in enumerate(images)]

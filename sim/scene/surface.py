@@ -97,19 +97,19 @@ def paint_parcels(canvas: Canvas, parcels: Sequence[Parcel]) -> None:
 
 
 def _tabulate_parcel(parcel: Parcel) -> tuple[float, ...]:
-    """One row of the table of parcels: two colours, then what `_texture_parcels` takes."""
+    """Make a parcel's row of the table: two colours, then the columns that `_texture_parcels` unpacks."""
     rng = np.random.default_rng(parcel.variety)
-    look = COVERS[parcel.use]
-    light, hue = rng.normal(1, 0.08), 1 + rng.normal(0, 0.02, (3, 1, 1))
-    first, second = ((bgr(*colour) * light * hue).ravel() for colour in (look.first, look.second))
+    cover = COVERS[parcel.use]
+    brightness, hue = rng.normal(1, 0.08), 1 + rng.normal(0, 0.02, (3, 1, 1))
+    first, second = ((bgr(*colour) * brightness * hue).ravel() for colour in (cover.first, cover.second))
     direction = np.cos(parcel.angle_rad), np.sin(parcel.angle_rad)
-    return (*first, *second, *direction, rng.uniform(0, 1000), *astuple(look)[2:])
+    return (*first, *second, *direction, rng.uniform(0, 1000), *astuple(cover)[2:])
 
 
 def _texture_parcels(
     canvas: Canvas, table: Plane, labels: NDArray[np.int32], columns: Plane, rows: Plane
 ) -> tuple[Plane, Plane]:
-    """Brightness and share of the second colour at each pixel; paints the micro-relief."""
+    """Paint the micro-relief, and return brightness and share of the second colour at each pixel."""
     noise = canvas.noise
     cos, sin, offset, period, contrast, row_relief, grain, tufts, patches, roughness, tramline = (
         np.take(column, labels, mode="clip") for column in table.T
@@ -127,7 +127,7 @@ def _texture_parcels(
 
 
 def _grow_over_edges(canvas: Canvas, labels: NDArray[np.int32]) -> None:
-    """Grass on the strip between two parcels."""
+    """Grow grass on the strip between two parcels."""
     inside = np.ones(labels.shape, np.uint8)
     inside[:-1] &= labels[:-1] == labels[1:]
     inside[:, :-1] &= labels[:, :-1] == labels[:, 1:]
@@ -149,7 +149,7 @@ def _lay_over_at(canvas: Canvas, where: tuple[NDArray[np.intp], ...], over: Plan
 
 
 def paint_ponds(canvas: Canvas, ponds: NDArray[np.float64]) -> None:
-    """Still water with an irregular, muddy shore."""
+    """Paint still water with an irregular, muddy shore."""
     for x, y, radius in ponds.tolist():
         window = canvas.window(x, y, 1.8 * radius)
         if window is None:
@@ -167,7 +167,7 @@ def paint_ponds(canvas: Canvas, ponds: NDArray[np.float64]) -> None:
 
 
 def paint_roads(canvas: Canvas, roads: Sequence[Road]) -> None:
-    """Roads of each surface, with rubble verges, worn wheel tracks, and markings on the streets."""
+    """Paint the roads of each surface, with rubble verges, worn wheel tracks, and markings on the streets."""
     for surface, paving in PAVINGS.items():
         lines = [_to_fixed_point(canvas, road.points) for road in roads if road.surface == surface]
         if not lines:
@@ -193,10 +193,10 @@ def _pave(canvas: Canvas, paving: Paving, aside: Plane) -> None:
 
 
 def _paint_markings(canvas: Canvas, centre_lines: Sequence[NDArray[np.float64]]) -> None:
-    """A dashed centre line and two edge lines, worn by noise."""
+    """Paint a dashed centre line and two edge lines, worn by noise."""
     paint = np.zeros(canvas.relief.shape, np.uint8)
     half_width_px = PAVINGS["street"].width_px / 2
-    for points in (line[4:-4] for line in centre_lines):  # no markings on the crossings
+    for points in (line[4:-4] for line in centre_lines):  # no markings at crossings
         steps = np.diff(points, axis=0)
         lengths = np.hypot(*steps.T)
         normals = (steps / lengths[:, np.newaxis])[:, ::-1] * (-1, 1)

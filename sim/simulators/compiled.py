@@ -1,4 +1,4 @@
-"""Designs compiled to shared libraries, and run.
+"""Runs designs that are compiled to shared libraries.
 
 ``harness/harness.cpp`` streams whole frames through a design in one loop; `Bench` calls that loop through ctypes.
 """
@@ -19,7 +19,7 @@ from sim.simulators.recording import NO_PAUSES, Output, Pauses, Recording, Segme
 
 
 def format_ports(ports: Ports) -> str:
-    """``ports.hpp``, which names a design's ports for the harness."""
+    """Return the text of ``ports.hpp``, which names a design's ports for the harness."""
 
     def prefix_macros(kind: str, prefixes: Sequence[str]) -> list[str]:
         macros = [f"#define {kind}_{i}(member) {prefix}_##member" for i, prefix in enumerate(prefixes)]
@@ -90,7 +90,7 @@ class Bench:
         self._library.bench_close(self._bench)
 
     def reset(self) -> None:
-        """Reset the design, in whatever state it is."""
+        """Reset the design, whatever its state."""
         self._library.bench_reset(self._bench)
 
     def write(self, address: int, value: int) -> None:
@@ -145,9 +145,9 @@ class Bench:
             pauses.gaps, pauses.stalls, pauses.seed,
         )  # fmt: skip
         is_done = bool(self._library.bench_run(self._bench, ctypes.byref(request)))
-        return is_done, self._recording()
+        return is_done, self._copy_recording()
 
-    def _recording(self) -> Recording:
+    def _copy_recording(self) -> Recording:
         names = (*self.ports.outputs, *self.ports.taps)
         words = {name: self._copy("bench_words", index) for index, name in enumerate(names)}
         return Recording(

@@ -1,1 +1,1 @@
-"""Your own zero-order Sugeno systems: read from FLL files, evaluated, and turned into the integer model."""
+"""User-defined zero-order Sugeno systems: read from FLL files, evaluated, turned into integers and Verilog."""

@@ -1,4 +1,4 @@
-"""A Verilog block of your own fuzzy system; imports Amaranth, which the rest of this folder does without."""
+"""Turns a user-defined fuzzy system into a Verilog block; unlike the rest of this folder, it imports Amaranth."""
 
 from hdl.blocks.catalogue import sugeno
 from hdl.blocks.vectors import Block

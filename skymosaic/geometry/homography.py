@@ -1,4 +1,4 @@
-"""Plane transformations and their linear estimates from point pairs.
+"""Plane transformations, and linear estimation of them from point pairs.
 
 A homography is a (3, 3) float64 matrix that maps left pixels to right pixels, x' = Hx; pixel centres are at
 integers, x points to the right and y down. It is scaled to H[2, 2] = 1. Where the third coordinate of Hx is
@@ -108,7 +108,7 @@ def dlt(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None = None) -> A
 def check_pairs(
     left: ArrayLike, right: ArrayLike, weight: ArrayLike | None, *, minimum: int
 ) -> tuple[Array, Array, Array]:
-    """Check point pairs; returns them as (N, 2) float64 arrays, and the square roots (N,) of their weights.
+    """Check point pairs, and return them as (N, 2) float64 arrays with the square roots (N,) of their weights.
 
     Raises
     ------
@@ -154,7 +154,7 @@ def design_matrix(x: Array, y: Array, root_weight: Array) -> Array:
 
 
 def _fit_similarity(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None, *, with_scale: bool) -> Array:
-    """Closed form in complex numbers: about the centroids, x' = a x with a = sum(w x' x*) / sum(w |x|^2)."""
+    """Fit in closed form with complex numbers: about the centroids, x' = a x with a = sum(w x' x*) / sum(w |x|^2)."""
     x, y, root = check_pairs(left, right, weight, minimum=2)
     w = root**2
     centre_x, centre_y = np.average(x, axis=0, weights=w), np.average(y, axis=0, weights=w)

@@ -54,7 +54,7 @@ def _write_png(file: BinaryIO, size: tuple[int, int], channels: int, bands: Iter
         rows = (band if band.ndim == 2 else cv2.cvtColor(band, cv2.COLOR_BGR2RGB)).reshape(len(band), -1)
         filtered = np.empty((len(rows), rows.shape[1] + 1), dtype=np.uint8)
         filtered[:, 0] = _PNG_UP_FILTER
-        # Differences of bytes wrap around, as PNG's filters want it.
+        # Differences of bytes wrap around, as PNG's filters require.
         filtered[0, 1:] = rows[0] - above
         filtered[1:, 1:] = rows[1:] - rows[:-1]
         above = rows[-1].copy()

@@ -1,4 +1,4 @@
-"""Shows the mosaic with zoom and layers over it (outlines, seams, links), and the photographs that were left out."""
+"""Shows the mosaic, with zoom and overlays (outlines, seams, links), and the photographs that were left out."""
 
 from nicegui import ui
 
@@ -43,13 +43,13 @@ class MosaicTab:
     def _build_switch(self, name: str) -> None:
         def show(shown: bool) -> None:
             self._shown[name] = shown
-            self._viewer.draw("".join(layer for name, layer in self._layers.items() if self._shown[name]))
+            self._viewer.draw("".join(self._layers[each] for each in self._layers if self._shown[each]))
 
         ui.switch(name, on_change=lambda event: show(event.value)).props("dense")
 
 
 def _show_left_out(result: MosaicResult) -> None:
-    """The photographs that are not in the mosaic, each with the reason."""
+    """List the photographs that are not in the mosaic, each with the reason."""
     with ui.element("ul").classes("photographs").props('aria-label="Photographs left out"'):
         for name, reason in result.left_out.items():
             with ui.element("li"):

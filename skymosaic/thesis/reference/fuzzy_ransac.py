@@ -1,4 +1,4 @@
-"""Fuzzy RANSAC as the thesis's text describes it: four random matches are decided together."""
+"""Fuzzy RANSAC as the thesis's text describes it: four random matches are accepted or rejected together."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -6,24 +6,24 @@ from numpy.typing import ArrayLike
 from golden_model.arrays import Array, Mask
 from skymosaic.geometry.fuzzy_ransac import TOLERANCE_PX, error_steps, rule_base
 
-FOURS = 2000
-"""Number of sets of four matches that are drawn."""
+SETS = 2000
+"""Number of random sets of four matches."""
 
 
-def decide_by_fours(
+def decide_in_sets_of_four(
     H: Array,
     left: ArrayLike,
     right: ArrayLike,
     verified: ArrayLike,
     *,
     rng: np.random.Generator,
-    fours: int = FOURS,
+    sets: int = SETS,
     tolerance_px: float = TOLERANCE_PX,
 ) -> Mask:
     """Decide sets of four random matches: if all are verified and all errors are at most tau, all four are inliers.
 
-    Parameters as in `skymosaic.geometry.fuzzy_ransac.decide`; ``fours`` is the number of sets drawn. A match is an
-    inlier if any of its sets is accepted, so with many draws the result tends to that of `decide`, provided there
+    Parameters as in `skymosaic.geometry.fuzzy_ransac.decide`; ``sets`` is the number of sets drawn. A match is an
+    inlier if any of its sets is accepted, so with many sets the result tends to that of `decide`, provided there
     are at least four inliers.
 
     Returns
@@ -34,7 +34,7 @@ def decide_by_fours(
     inliers = np.zeros(len(checks), dtype=bool)
     if len(checks) < 4:
         return inliers
-    drawn = np.stack([rng.choice(len(checks), size=4, replace=False) for _ in range(fours)])
-    weight, _ = rule_base(tolerance_px).evaluate(checks[drawn].min(axis=1), errors[drawn].max(axis=1))
-    inliers[drawn[weight > 0]] = True
+    members = np.stack([rng.choice(len(checks), size=4, replace=False) for _ in range(sets)])
+    weight, _ = rule_base(tolerance_px).evaluate(checks[members].min(axis=1), errors[members].max(axis=1))
+    inliers[members[weight > 0]] = True
     return inliers
