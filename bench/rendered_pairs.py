@@ -2,8 +2,8 @@
 
 ``zoom_3`` shows the same place from three times the height, at any heading; ``tilt_60`` looks at it from 60 degrees off
 the vertical, at any heading and from any side. The nearer view has one pixel for each ground pixel, so no view shows
-less detail than a camera would. For pairs with relief no homography is right everywhere: the landscape lies over hills
-and raised blocks, and each pixel's ray is followed to the surface, so that its true place in the other view is known.
+less detail than a camera would. For pairs with relief, no homography is right everywhere: the landscape lies over
+hills and raised blocks. Each pixel's ray is followed to the surface, which gives its true position in the other view.
 """
 
 import itertools
@@ -28,11 +28,11 @@ HEIGHTS_PX = (4.0, 12.0, 25.0, 45.0)
 OVERLAPS = (0.75, 0.55, 0.35, 0.2)
 SIZE_PX = (640, 480)
 OVERSAMPLING = 2
-"""Views are rendered larger and reduced by area: a tilted view averages more ground in one direction than another."""
+"""Views are rendered larger and reduced by area, as a tilted pixel averages more ground in one direction."""
 LANDSCAPES = 3
 """Seeds of the landscapes that all pairs come from; their tiles are cached."""
 MARGIN_PX = 400
-"""Ground around both footprints, as far as tilts and relief may look."""
+"""Ground rendered around both views' centres, about as far as their rays reach."""
 RAY_STEPS = 25
 GRID_POINTS = 20
 
@@ -41,25 +41,25 @@ Ground = NDArray[np.float64]
 
 
 def flat_pairs(kind: str, each: int) -> Iterator[tuple[str, str, Pixels, Pixels, Matrix]]:
-    """``each`` pairs for every zoom, or every tilt: name, group, left and right view, true homography."""
+    """Render ``each`` pairs for every zoom or tilt: name, group, left and right view, true homography."""
     for step, number in itertools.product(STEPS[kind], range(each)):
         group = f"{kind}_{step:g}"
         yield f"{group}_{number:02d}", group, *flat_pair(kind, step, number)
 
 
 def flat_pair(kind: str, step: float, number: int) -> tuple[Pixels, Pixels, Matrix]:
-    """Pair ``number`` of a zoom (a factor) or a tilt (degrees); the same on every run."""
+    """Render pair ``number`` of a zoom (a factor) or a tilt (degrees); the same on every run."""
     rng = np.random.default_rng([list(STEPS).index(kind), round(10 * step), number])
     camera = _camera(kind)
     centre = rng.uniform(-300, 300, 2)
     heading_deg, turn_deg = rng.uniform(0, 360), rng.uniform(-180, 180)
-    # The middle of the other view, up to a tenth of its width away.
+    # The centre of the other view is up to a tenth of the width away.
     other = centre + rng.uniform(-0.1, 0.1, 2) * camera.width_px
     near = CameraPose(x_px=centre[0], y_px=centre[1], altitude_px=camera.focal_px, heading_deg=heading_deg)
     if kind == "zoom":
         far = replace(near, x_px=other[0], y_px=other[1], altitude_px=camera.focal_px * step)
     else:
-        # The distance along the optical axis stays, so that the scale in the middle does.
+        # The distance along the optical axis stays the same, and with it the scale in the middle.
         pose = replace(near, x_px=0, y_px=0, altitude_px=camera.focal_px * np.cos(np.radians(step)), pitch_deg=step)
         axis = replace(pose, heading_deg=heading_deg + turn_deg).rotation[:, 2]
         ground = other - axis[:2] / axis[2] * pose.altitude_px
@@ -120,13 +120,13 @@ class _Surface:
 
 
 def relief_pairs(each: int) -> Iterator[ReliefPair]:
-    """``each`` pairs for every height of the relief and every overlap."""
+    """Render ``each`` pairs for every height of the relief and every overlap."""
     for height_px, overlap, number in itertools.product(HEIGHTS_PX, OVERLAPS, range(each)):
         yield relief_pair(height_px, overlap, number)
 
 
 def relief_pair(height_px: float, overlap: float, number: int) -> ReliefPair:
-    """Pair ``number`` of a relief (standard deviation, ground px) and an overlap; the same on every run."""
+    """Render pair ``number`` of a relief (standard deviation, ground px) and an overlap; the same on every run."""
     rng = np.random.default_rng([round(height_px), round(100 * overlap), number])
     camera = _camera("relief")
     heading_deg = rng.uniform(0, 360)
@@ -180,7 +180,7 @@ def _surface(
 
 
 def _ground_positions(pose: CameraPose, camera: Camera, surface: _Surface) -> Ground:
-    """Where on the ground each pixel's ray meets the surface, by fixed-point steps."""
+    """Find the ground position where each pixel's ray meets the surface, by fixed-point steps."""
     y, x = np.mgrid[: camera.height_px, : camera.width_px]
     pixels = np.stack([x, y, np.ones_like(x)], axis=-1).astype(np.float64)
     rays = pixels @ np.linalg.inv(camera.matrix).T @ pose.rotation.T
@@ -194,7 +194,7 @@ def _ground_positions(pose: CameraPose, camera: Camera, surface: _Surface) -> Gr
 
 
 def _project(pose: CameraPose, camera: Camera, ground: Points, height_px: NDArray[np.float64]) -> Points:
-    """Image positions (N, 2) of surface points: ground positions (N, 2) and heights (N,)."""
+    """Project surface points, given by ground positions (N, 2) and heights (N,), to image positions (N, 2)."""
     offset = np.column_stack([ground - [pose.x_px, pose.y_px], pose.altitude_px - height_px])
     mapped = offset @ pose.rotation @ camera.matrix.T
     return np.asarray(mapped[:, :2] / mapped[:, 2:])

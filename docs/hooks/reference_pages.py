@@ -1,4 +1,4 @@
-"""Reference pages that are written from the code they describe: commands, options, records, presets, and blocks."""
+"""Generates the reference pages from the code they describe: commands, options, records, presets, and blocks."""
 
 from __future__ import annotations
 
@@ -29,32 +29,38 @@ _TITLES = {"golden_model": "Golden model", "hdl": "Hardware"}
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the generated pages below ``reference/``."""
-    pages = {"command_line.md": commands(), "options.md": options(), "records.md": records(), "presets.md": presets()}
-    pages |= {page: blocks(package) for package, page in BLOCK_PACKAGES.items()}
+    pages = {
+        "command_line.md": describe_commands(),
+        "options.md": describe_options(),
+        "records.md": describe_records(),
+        "presets.md": show_presets(),
+    }
+    pages |= {page: list_modules(package) for package, page in BLOCK_PACKAGES.items()}
     for name, text in pages.items():
         files.append(File.generated(config, f"reference/{name}", content=text))
     return files
 
 
-def commands() -> str:
-    """Every command with its arguments and options, as ``--help`` has them."""
+def describe_commands() -> str:
+    """Describe every command with its arguments and options, as ``--help`` does."""
     group = get_command(app)
     context = click.Context(group, info_name="skymosaic")
-    parts = ["# Command line\n", f"{group.help}\n"]
-    parts += [
-        "What all commands have in common, and their exit statuses: [The command line](../how-to/command_line.md).\n"
+    parts = [
+        "# Command line\n",
+        f"{group.help}\n",
+        "What all commands have in common, and their exit statuses: [The command line](../how-to/command_line.md).\n",
     ]
     for name in group.list_commands(context):
         _, command, _ = group.resolve_command(context, [name])
         assert command is not None
         text = get_docs_for_click(obj=command, ctx=context, name=f"skymosaic {name}")
-        # One heading a command: it would otherwise be the first of the page again.
+        # `get_docs_for_click` gives each command a first-level heading.
         parts.append(text.replace("# `", "## `", 1))
     return "\n".join(parts)
 
 
-def options() -> str:
-    """Every option of the library, group by group."""
+def describe_options() -> str:
+    """Describe every option of the library, group by group."""
     users = {"extract": FeatureOptions, "register": RegistrationOptions}
     parts = [
         "# Options\n",
@@ -62,9 +68,9 @@ def options() -> str:
         "`mosaic(images, scale=0.5)`, or `mosaic(images, MosaicOptions(scale=0.5))`. `register` takes those of "
         "`RegistrationOptions`, `extract` those of `FeatureOptions`.\n",
     ]
-    for group, described in groupby(options_of(MosaicOptions), key=lambda each: each.group):
+    for group, members in groupby(options_of(MosaicOptions), key=lambda each: each.group):
         parts += [f"## {group}\n", "| option | command line | default | what it does |\n|---|---|---|---|"]
-        for each in described:
+        for each in members:
             also = [f"`{user}`" for user, cls in users.items() if each.name in cls.__dataclass_fields__]
             words = [each.help, *([f"Valid: {each.valid}."] if each.valid else [])]
             words += [f"Only for more than two: {each.not_for_two}."] if each.not_for_two else []
@@ -75,8 +81,8 @@ def options() -> str:
     return "\n".join(parts)
 
 
-def records() -> str:
-    """The fields of every record, with their offsets."""
+def describe_records() -> str:
+    """Describe the fields of every record, with their offsets."""
     descriptor_bytes = PATTERNS["ilbp-128"].bits // 8
     shown = {
         "Feature": (feature_record(descriptor_bytes), "with the descriptor `ilbp-128`"),
@@ -102,16 +108,18 @@ def _fields(record: Record) -> str:
     return "\n".join(("| byte | field | bits | value |", "|---|---|---|---|", *rows, ""))
 
 
-def presets() -> str:
-    """The two presets as the files that `--config` reads."""
+def show_presets() -> str:
+    """Show the two presets as the files that `--config` reads."""
     parts = ["# Presets\n", "Each preset, as a file for `--config`. What the keys mean: [Keys](configuration.md).\n"]
     for name, config in PRESETS.items():
         parts += [f"## {name}\n", f"```toml\n{to_toml(config)}```\n"]
     return "\n".join(parts)
 
 
-def blocks(package: str) -> str:
-    """A directive for every module of a package; mkdocstrings fills it from the docstrings."""
+def list_modules(package: str) -> str:
+    """Write a directive for every module of a package; mkdocstrings fills it from the docstrings."""
     modules = sorted(".".join(path.relative_to(TOP).with_suffix("").parts) for path in (TOP / package).rglob("*.py"))
-    named = [module for module in modules if not module.endswith("__init__") and module not in DOCUMENTED_ELSEWHERE]
-    return "\n\n".join([f"# {_TITLES[package]}", *(f"::: {module}" for module in named)]) + "\n"
+    documented = [
+        module for module in modules if not module.endswith("__init__") and module not in DOCUMENTED_ELSEWHERE
+    ]
+    return "\n\n".join([f"# {_TITLES[package]}", *(f"::: {module}" for module in documented)]) + "\n"

@@ -22,7 +22,7 @@ Table = NDArray[np.int64]
 
 
 def ramp(entries: int, zero_at: float, one_at: float) -> Table:
-    """Table of ``entries`` degrees: 0 up to ``zero_at``, 1 from ``one_at`` on; it falls where ``one_at`` is smaller.
+    """Table of ``entries`` degrees: 0 up to ``zero_at``, 1 from ``one_at`` on; falling if ``one_at`` is smaller.
 
     Positions are in units of the index; degrees are UQ1.8, rounded half up.
     """
@@ -138,9 +138,9 @@ class SugenoSystem:
         where = f"{self.name}, rule {index}"
         if len(rule.sets) != len(self.inputs):
             raise ValueError(f"{where}: names {len(rule.sets)} sets for {len(self.inputs)} inputs")
-        for variable, chosen in zip(self.inputs, rule.sets, strict=True):
-            if chosen is not None and chosen not in variable.sets:
-                raise ValueError(f"{where}: {variable.name} has no set {chosen!r}; it has {', '.join(variable.sets)}")
+        for variable, set_name in zip(self.inputs, rule.sets, strict=True):
+            if set_name is not None and set_name not in variable.sets:
+                raise ValueError(f"{where}: {variable.name} has no set {set_name!r}; it has {', '.join(variable.sets)}")
         if not 0 <= rule.output <= 1:
             raise ValueError(f"{where}: output is {rule.output}; it must be 0 to 1")
 
@@ -172,11 +172,11 @@ class SugenoSystem:
         degrees = [_look_up(variable, value) for variable, value in zip(self.inputs, values, strict=True)]
         columns = []
         for rule in self.rules:
-            chosen = [
+            operands = [
                 np.full(len(values[0]), ONE) if name is None else degree[name]
                 for name, degree in zip(rule.sets, degrees, strict=True)
             ]
-            columns.append(np.prod(chosen, axis=0) if self.conjunction == "product" else np.min(chosen, axis=0))
+            columns.append(np.prod(operands, axis=0) if self.conjunction == "product" else np.min(operands, axis=0))
         return np.stack(columns, axis=1)
 
     def evaluate(self, *values: NDArray[np.integer]) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
@@ -200,9 +200,10 @@ class SugenoSystem:
         if self.conjunction == "product":
             weight = round_shift(total, self.strength_one.bit_length() - 1)
         else:
-            fired = np.maximum(strengths.sum(axis=1), 1)
-            # total / fired, with half added to round it.
-            weight = (2 * total + fired) // (2 * fired)
+            # At least 1, so that inputs for which no rule fires get weight 0.
+            divisor = np.maximum(strengths.sum(axis=1), 1)
+            # total / divisor, rounded half up.
+            weight = (2 * total + divisor) // (2 * divisor)
         # `argmax` takes the first of equal ones, so ties go to the lowest rule.
         dominant = strengths.argmax(axis=1)
         return np.minimum(weight, WEIGHT.max_raw).astype(np.uint8), dominant.astype(np.uint8)

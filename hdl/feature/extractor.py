@@ -13,7 +13,7 @@ from hdl.lib.delay import delayed
 from hdl.streams import CANDIDATE, COORDINATE
 
 _LEVEL_CONSTANTS = ("level", "reserved", "index", "frame")
-"""Fields that are the same for all features of a level, or filled in behind it."""
+"""Fields that are the same for all features of a level, or filled in after it."""
 
 
 def feature_layout(pattern: DescriptorPattern) -> data.StructLayout:
@@ -23,7 +23,7 @@ def feature_layout(pattern: DescriptorPattern) -> data.StructLayout:
 
 
 def feature_beat(pattern: DescriptorPattern) -> data.StructLayout:
-    """Layout of a feature (where ``present``) in the level's pixel column ``x``; a cell row may end right after it."""
+    """Layout of a beat: pixel column ``x``, its feature if ``present``, and whether a cell row or the level ends."""
     return data.StructLayout(
         {"present": 1, "ends_row": 1, "ends_level": 1, "x": COORDINATE, "feature": feature_layout(pattern)}
     )
@@ -41,7 +41,7 @@ class CandidateFeatures(wiring.Component):
     ----------
     pattern : DescriptorPattern
     spacing_cycles : {1, 2, 4}
-        Smallest distance of two candidates in clocks.
+        Minimum distance of two candidates in clocks.
     level : {0, 1}
     lag_px : int
         How far the candidate's pixel is left of and above the scan position.
@@ -79,7 +79,7 @@ class CandidateFeatures(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Descriptor and position side by side, the faster one delayed to the other's latency."""
+        """Compute descriptor and position side by side, and delay the faster one to the other's latency."""
         m = Module()
         m.submodules.descriptor = descriptor = self._descriptor
         m.submodules.position = position = self._position
@@ -110,5 +110,5 @@ class CandidateFeatures(wiring.Component):
         """Return the 3x3 gray window: the pixels of the innermost square rings."""
         offsets = [offset for ring in self.pattern.offsets for offset in ring]
         pixels = [pixel for ring in self.i_pixels for pixel in ring]
-        at = dict(zip(offsets, pixels, strict=True))
-        return Cat(at[dx, dy] for dy in (-1, 0, 1) for dx in (-1, 0, 1))
+        pixel_at = dict(zip(offsets, pixels, strict=True))
+        return Cat(pixel_at[dx, dy] for dy in (-1, 0, 1) for dx in (-1, 0, 1))

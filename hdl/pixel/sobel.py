@@ -10,7 +10,7 @@ from hdl.streams import beat, carry_scan
 
 SMOOTH = (1, 2, 1)
 DERIVE = (1, 0, -1)
-"""Weights, the newest pixel first: that is the right or the lower one."""
+"""Weights, newest pixel first: the rightmost or the lowest."""
 
 
 class Sobel(wiring.Component):

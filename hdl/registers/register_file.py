@@ -17,7 +17,7 @@ _TO_HARDWARE = (Access.SETTING, Access.EVENT, Access.REQUEST, Access.COMMAND)
 
 
 class RegisterFile(wiring.Component):
-    """Registers for software, and a port for each of their fields for hardware.
+    """Gives software the registers, and hardware a port for each of their fields.
 
     An access to an unknown address, or a write to a register without a writable field, has no effect and gets the
     response SLVERR. Byte strobes are respected; the two lowest address bits are ignored.
@@ -95,13 +95,13 @@ class RegisterFile(wiring.Component):
                     m.d.sync += value.eq((value & ~strobe) | (data & strobe))
             case Access.COMMAND:
                 m.d.sync += value.eq(ones)
-            # What sets the bit comes last: where a write and the hardware meet in one clock, nothing gets lost.
+            # Setting wins over clearing, so that nothing is lost when a write and the hardware act in the same clock.
             case Access.REQUEST:
-                obeyed = getattr(self, f"i_{field.name}")
-                m.d.sync += value.eq((value & ~obeyed) | ones)
+                acknowledge = getattr(self, f"i_{field.name}")
+                m.d.sync += value.eq((value & ~acknowledge) | ones)
             case Access.EVENT:
-                happened = getattr(self, f"i_{field.name}")
-                m.d.sync += value.eq((value & ~ones) | happened)
+                event = getattr(self, f"i_{field.name}")
+                m.d.sync += value.eq((value & ~ones) | event)
 
     def _word(self, register: Register) -> Value:
         """The word that a read returns, with 0 in unused bits."""

@@ -19,7 +19,7 @@ from sim.simulators.compiled import Bench
 from sim.simulators.recording import END_OF_LINE, Segment
 
 CYCLES_PER_WORD = 200
-"""A frame that takes longer hangs."""
+"""Limit for a frame; one that takes longer is taken to hang."""
 DRAIN_CYCLES = 2000
 
 
@@ -85,23 +85,23 @@ class Overlay:
 
     def advance(self) -> None:
         """Send the waiting frame and store its packets; without one, drain the accelerator."""
-        sent = self.dma_video.sendchannel
-        receiving = {FEATURES: self.dma_features.recvchannel, MATCHES: self.dma_matches.recvchannel}
-        if sent.buffer is None:
-            # The rest of a packet is drained; its words do not matter.
+        sender = self.dma_video.sendchannel
+        receivers = {FEATURES: self.dma_features.recvchannel, MATCHES: self.dma_matches.recvchannel}
+        if sender.buffer is None:
+            # Only drains the rest of a packet: an error does not matter here.
             with contextlib.suppress(BackendError):
                 self.skymosaic.run(Segment(np.zeros(0, np.uint64), np.zeros(0, np.uint8), 1, DRAIN_CYCLES))
-            for channel in receiving.values():
+            for channel in receivers.values():
                 channel.start()
             return
-        data = np.array(sent.buffer).view(np.uint32).astype(np.uint64)
+        data = np.array(sender.buffer).view(np.uint32).astype(np.uint64)
         flags = np.zeros(data.size, np.uint8)
         flags[-1] = END_OF_LINE
         recording = self.skymosaic.run(Segment(data, flags, 1, CYCLES_PER_WORD * data.size))
-        for name, channel in receiving.items():
+        for name, channel in receivers.items():
             packet = recording.outputs[name].packets[0].view(np.uint8)
             assert channel.buffer is not None, f"nobody receives {name}"
             channel.buffer[: packet.size] = packet
             channel.transferred = packet.size
             channel.start()
-        sent.start()
+        sender.start()

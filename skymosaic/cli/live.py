@@ -23,18 +23,18 @@ from skymosaic.options import INPUT, options_of
 PREVIEW_WIDTH_PX = 1280
 PREVIEW_SECONDS = 1.0
 LIVE_OPTIONS = ("preset", "config", "backend", "working_width_px", "seed", "band", "scale", "canvas_limit_px")
-"""The options that a live mosaic has."""
+"""The fields of `MosaicOptions` that apply to a live mosaic."""
 
 IdleOption = Annotated[
     float | None,
-    typer.Option(min=0, rich_help_panel=INPUT, help="End a live mosaic when the folder got no new file for so long."),
+    typer.Option(min=0, rich_help_panel=INPUT, help="End a live mosaic when no new file has come for this long."),
 ]
 
 
 @with_options
 def live(
     *,
-    source: Annotated[str, typer.Argument(help="A folder that fills, a video or its address, a camera's number.")],
+    source: Annotated[str, typer.Argument(help="A folder being filled, a video file or address, or a camera number.")],
     idle_seconds: IdleOption = None,
     output: Annotated[Path, output_option("The mosaic, written at the end: .png, .tif ...")],
     overwrite: OverwriteOption = False,
@@ -51,10 +51,10 @@ def check_live(photographs: Sequence[str], options: MosaicOptions, others: Mappi
     Parameters
     ----------
     photographs : sequence of str
-        What the user names to make a mosaic of.
+        The sources on the command line.
     options : MosaicOptions
     others : mapping of str to bool
-        Flags that a live mosaic does not have, and whether they are given.
+        Flags that do not apply to a live mosaic, and whether each is given.
 
     Raises
     ------
@@ -64,11 +64,11 @@ def check_live(photographs: Sequence[str], options: MosaicOptions, others: Mappi
     if len(photographs) != 1:
         raise InputError(f"--live takes one folder, video or camera, not {len(photographs)}")
     changed = [each for each in options_of(MosaicOptions) if getattr(options, each.name) != each.default]
-    useless = [each.flag for each in changed if each.name not in LIVE_OPTIONS]
-    useless += [flag for flag, given in others.items() if given]
-    if useless:
+    ineffective = [each.flag for each in changed if each.name not in LIVE_OPTIONS]
+    ineffective += [flag for flag, given in others.items() if given]
+    if ineffective:
         raise InputError(
-            f"{', '.join(useless)}: no effect with --live, which adds one frame at a time; leave out either"
+            f"{', '.join(ineffective)}: no effect with --live, which adds one frame at a time; leave out either"
         )
 
 
@@ -101,13 +101,13 @@ def write_live_mosaic(
         scale=options.scale,
         canvas_limit_px=options.canvas_limit_px,
     )
-    written = output, preview
-    frames = read_live_frames(source, idle_seconds=idle_seconds, tell=session.tell, made=written, band=options.band)
+    outputs = output, preview
+    frames = read_live_frames(source, idle_seconds=idle_seconds, tell=session.tell, made=outputs, band=options.band)
     pace = Pace(options.base_config, options.backend_name)
     try:
         grow(mosaic, frames, preview, pace)
-    # Ctrl-C is how a live mosaic usually ends, `ended_by_signals` turns SIGTERM and a closed terminal into SystemExit:
-    # what has been seen until then is written.
+    # Ctrl-C is how a live mosaic usually ends; `ended_by_signals` turns SIGTERM and a closed terminal into SystemExit.
+    # The frames so far are written.
     except (KeyboardInterrupt, SystemExit):
         session.tell("stopped; writing the mosaic")
     mosaic.finish()
@@ -119,31 +119,31 @@ def write_live_mosaic(
     session.tell("writing")
     images.save(output, mosaic.image)
     if is_folder(Path(source)):
-        for path in written:
+        for path in outputs:
             record_output(path, [Path(source) / path.name])
-    height_px, width_px = mosaic.image.shape[:2]
-    session.numbers = {"size": [width_px, height_px], "frames": len(mosaic.transforms), "left_out": absent}
-    session.numbers["pace"] = pace.numbers
-    session.tell(str(pace))
-    for path in written:
+    for path in outputs:
         session.wrote(path)
-    session.show(f"mosaic {output} ({width_px}x{height_px}): {len(mosaic.transforms)} frames, {len(absent)} left out")
+    session.tell(str(pace))
+    height_px, width_px = mosaic.image.shape[:2]
+    frame_count = len(mosaic.transforms)
+    session.numbers = {"size": [width_px, height_px], "frames": frame_count, "left_out": absent, "pace": pace.numbers}
+    session.show(f"mosaic {output} ({width_px}x{height_px}): {frame_count} frames, {len(absent)} left out")
 
 
 def report_absent(absent: Mapping[int, str], *, strict: bool) -> None:
-    """Warn of what a mosaic does not contain.
+    """Warn of every photograph or frame that the mosaic does not contain.
 
     Parameters
     ----------
     absent : mapping of int to str
-        Photographs or frames by their index, with the reason.
+        Reason for each, by index.
     strict : bool
-        Make it an error.
+        Raise an error if anything is absent.
 
     Raises
     ------
     RegistrationError
-        If it is an error; the mosaic must not have been written yet.
+        With ``strict``, if anything is absent. Call this before the mosaic is written: the message says it was not.
     """
     for reason in absent.values():
         session.warn(f"left out: {reason}")
@@ -153,16 +153,20 @@ def report_absent(absent: Mapping[int, str], *, strict: bool) -> None:
 
 def grow(mosaic: LiveMosaic, frames: Iterable[Photograph], preview: Path, pace: Pace) -> None:
     """Add frames as they come, print a line for each, and update the preview."""
-    shown_s = 0.0
+    previewed_s = 0.0
     for frame in frames:
         update = mosaic.add(frame.pixels)
         pace.add(update)
         session.tell(f"{update.number} {frame.name}: {_describe(update)}")
-        if not update.reason and time.monotonic() - shown_s >= PREVIEW_SECONDS:
-            images.save(preview, images.reduce_to_width(mosaic.image, PREVIEW_WIDTH_PX)[0])
-            shown_s = time.monotonic()
+        if not update.reason and time.monotonic() - previewed_s >= PREVIEW_SECONDS:
+            _write_preview(mosaic, preview)
+            previewed_s = time.monotonic()
     if mosaic.transforms:
-        images.save(preview, images.reduce_to_width(mosaic.image, PREVIEW_WIDTH_PX)[0])
+        _write_preview(mosaic, preview)
+
+
+def _write_preview(mosaic: LiveMosaic, path: Path) -> None:
+    images.save(path, images.reduce_to_width(mosaic.image, PREVIEW_WIDTH_PX)[0])
 
 
 def _describe(update: LiveUpdate) -> str:

@@ -36,7 +36,8 @@ def mosaic(
     *,
     photographs: PhotographsArgument,
     live: Annotated[
-        bool, typer.Option("--live", rich_help_panel=INPUT, help="Grow with a folder that fills, a video or a camera.")
+        bool,
+        typer.Option("--live", rich_help_panel=INPUT, help="Grow while a folder fills, or with a video or camera."),
     ] = False,
     idle_seconds: IdleOption = None,
     output: Annotated[Path, output_option("The mosaic: .png, .tif ...; -: PNG on stdout.")],

@@ -16,7 +16,7 @@ from skymosaic.features.methods import Method
 from skymosaic.features.positions import match_points
 from skymosaic.geometry.homography import transfer_error
 from skymosaic.registration.pair import Pair
-from skymosaic.reports.pair import pair_numbers
+from skymosaic.reports.pair import collect_pair_numbers
 
 Size = tuple[int, int]
 
@@ -42,7 +42,7 @@ class PairView:
         Detector, descriptor and matcher.
     config : Config
     numbers : dict
-        As `skymosaic.reports.pair.pair_numbers` returns them.
+        As `skymosaic.reports.pair.collect_pair_numbers` returns them.
     """
 
     names: tuple[str, str]
@@ -73,7 +73,7 @@ class PairView:
             inlier=np.isin(pair.matches["left_index"], pair.inliers["left_index"]),
             method=pair.method,
             config=pair.config,
-            numbers=pair_numbers(pair),
+            numbers=collect_pair_numbers(pair),
         )
 
     @property

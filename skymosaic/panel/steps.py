@@ -1,21 +1,21 @@
-"""Progress in steps, and the time that is left."""
+"""Progress in steps, and the time left."""
 
 import time
 from typing import Protocol
 
 MIN_SECONDS = 1.0
-"""No estimate before a stage has run for this time."""
+"""No estimate until a stage has run for this long."""
 
 
 class Progress(Protocol):
-    """Takes a line of progress, or a stage with the steps that are done and their number."""
+    """Takes a line of progress, or a stage with the number of its steps, done and in total."""
 
     def __call__(self, line: str, done: int = 0, total: int = 0, /) -> None:
         """Report progress."""
 
 
 class Steps:
-    """The share of the current stage that is done, and the seconds that are left of it.
+    """How much of the current stage is done, and the seconds left in it.
 
     Attributes
     ----------

@@ -14,7 +14,7 @@ MOSAIC_WIDTH_PX = 1600
 
 
 def write_pair_report(folder: Path, pair: Pair, mosaic: Pixels | None) -> Path:
-    """Write pictures, ``report.json`` and ``index.html`` into ``folder``; returns the page's path."""
+    """Write pictures, ``report.json`` and ``index.html`` into ``folder``, and return the page's path."""
     pictures = {
         "corners_left.png": ("Corners of the left image", figures.draw_corners(pair.working[0], pair.features[0])),
         "corners_right.png": ("Corners of the right image", figures.draw_corners(pair.working[1], pair.features[1])),
@@ -22,7 +22,7 @@ def write_pair_report(folder: Path, pair: Pair, mosaic: Pixels | None) -> Path:
     }
     if mosaic is not None:
         pictures["mosaic.jpg"] = ("Mosaic (reduced)", reduce_to_width(mosaic, MOSAIC_WIDTH_PX)[0])
-    numbers = pair_numbers(pair)
+    numbers = collect_pair_numbers(pair)
     captions = {name: caption for name, (caption, _) in pictures.items()}
     title = f"{Path(pair.left.name).name} and {Path(pair.right.name).name}"
     page = pages.render("pair.html", title=title, rows=_table_rows(numbers), pictures=captions)
@@ -33,7 +33,7 @@ def write_pair_report(folder: Path, pair: Pair, mosaic: Pixels | None) -> Path:
     return folder / PAGE
 
 
-def pair_numbers(pair: Pair) -> dict[str, Any]:
+def collect_pair_numbers(pair: Pair) -> dict[str, Any]:
     """Collect all numbers and texts of the report, ready for JSON."""
     return {
         "left": _photograph_numbers(pair, 0),
@@ -55,16 +55,16 @@ def _photograph_numbers(pair: Pair, side: int) -> dict[str, Any]:
 
 
 def _table_rows(numbers: dict[str, Any]) -> list[tuple[str, str]]:
-    """Names and values of the page's table."""
+    """Format the page's table as names and values."""
     shown = {key: value for key, value in numbers.items() if key not in ("configuration", "homography")}
     if numbers["homography"]:
         shown["homography"] = "\n".join("  ".join(f"{h:.8g}" for h in row) for row in numbers["homography"])
-    return [(key, _as_text(value)) for key, value in shown.items()]
+    return [(key, _format_value(value)) for key, value in shown.items()]
 
 
-def _as_text(value: object) -> str:
+def _format_value(value: object) -> str:
     if isinstance(value, dict):
-        return "\n".join(f"{key}: {_as_text(inner)}" for key, inner in value.items())
+        return "\n".join(f"{key}: {_format_value(inner)}" for key, inner in value.items())
     if isinstance(value, list):
-        return ", ".join(map(_as_text, value)) or "none"
+        return ", ".join(map(_format_value, value)) or "none"
     return str(value)

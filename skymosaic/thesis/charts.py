@@ -1,7 +1,7 @@
-"""The page's diagrams as SVG. Needs matplotlib, which the extra ``plots`` installs."""
+"""Draws the diagrams of the thesis page as SVG. Needs matplotlib, which the extra ``plots`` installs."""
 
 import io
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -30,7 +30,7 @@ def plot_corners(m: Measurements) -> bytes:
     plot.set_xticks(thresholds, [str(t) for t in thresholds])
     plot.set_yticks(CORNER_TICKS, [str(count) for count in CORNER_TICKS])
     plot.minorticks_off()
-    return _write_svg(figure)
+    return _render_svg(figure)
 
 
 def plot_windows(m: Measurements) -> bytes:
@@ -43,7 +43,7 @@ def plot_windows(m: Measurements) -> bytes:
     seconds.plot(sizes, [figures[1] for figures in published.CORRELATION.values()], label="thesis", **THESIS)
     seconds.plot(sizes, [m.mean("IV-2", str(s), "seconds") for s in sizes], label="here", **HERE)
     seconds.set(xlabel="side of the window, px", ylabel="seconds", yscale="log")
-    return _write_svg(figure)
+    return _render_svg(figure)
 
 
 def plot_rings(m: Measurements) -> bytes:
@@ -56,7 +56,7 @@ def plot_rings(m: Measurements) -> bytes:
     false.plot(counts, [1 - figures[1] / figures[0] for figures in published.ILBP.values()], label="thesis", **THESIS)
     false.plot(counts, [1 - m.ratio("IV-3", str(n), "good", "matches") for n in counts], label="here", **HERE)
     false.set(xlabel="rings of the ILBP", ylabel="share of false matches", ylim=(0, 1.03), xticks=counts)
-    return _write_svg(figure)
+    return _render_svg(figure)
 
 
 def plot_fuzzy_ransac(m: Measurements) -> bytes:
@@ -71,24 +71,25 @@ def plot_fuzzy_ransac(m: Measurements) -> bytes:
         bars = plot.bar(centres, counts / counts[0], 0.19, label=name, color=color)
         plot.bar_label(bars, [f"{count:.0f}" for count in counts], fontsize=8)
     plot.set_xticks(range(len(columns)), ("matched", "bidirectional check", "RANSAC ≤ τ", "inliers: both"))
-    plot.set(ylabel="share of the matched", ylim=(0, 1.08))
-    return _write_svg(figure, above=True)
+    plot.set(ylabel="share of all matches", ylim=(0, 1.08))
+    return _render_svg(figure, legend="above")
 
 
 def plot_errors(m: Measurements) -> bytes:
     """Plot the RMSE of every registered pair beside the published values."""
     figure, (plot,) = _make_plots(1)
-    every = [value for values in published.RMSE_PX.values() for value in values]
-    series = {"thesis and literature": every} | {name: m.values("IV-5", name, "RMSE") for name in (*DESCRIPTORS, OURS)}
+    published_px = [value for values in published.RMSE_PX.values() for value in values]
+    series = {"thesis and literature": published_px}
+    series |= {name: m.values("IV-5", name, "RMSE") for name in (*DESCRIPTORS, OURS)}
     rng = np.random.default_rng(0)
     for index, values in enumerate(series.values()):
         style = THESIS if index == 0 else HERE
-        # Sideways at random, so that dots of equal height stay apart.
+        # Random sideways shifts keep dots of equal height apart.
         spread = index + rng.uniform(-0.15, 0.15, len(values))
         plot.plot(spread, values, style["marker"], color=style["color"], markersize=4, alpha=0.7)
     plot.set_xticks(range(len(series)), [f"{name}\n({len(values)})" for name, values in series.items()])
     plot.set(ylabel="RMSE of the inliers, px", ylim=(0, None))
-    return _write_svg(figure, legend=False)
+    return _render_svg(figure, legend=None)
 
 
 def plot_stages(m: Measurements) -> bytes:
@@ -107,7 +108,7 @@ def plot_stages(m: Measurements) -> bytes:
     plot.plot(kept, rows, "x", color=SECOND["color"], label="kept among the good (recall)", markeredgewidth=2)
     plot.set_yticks(rows, names)
     plot.set(xlim=(-0.02, 1.02))
-    return _write_svg(figure, above=True)
+    return _render_svg(figure, legend="above")
 
 
 def plot_scales(m: Measurements) -> bytes:
@@ -118,8 +119,8 @@ def plot_scales(m: Measurements) -> bytes:
             values = [m.mean("figure IV-6", f"{name} {reduction:g}", column) for reduction in REDUCTIONS]
             label = name if column == "repeatability" else f"{name}, by chance"
             plot.plot(REDUCTIONS, values, label=label, **look)
-    plot.set(xlabel="the picture is reduced by this factor", ylabel="repeatability", ylim=(0, 1.03))
-    return _write_svg(figure)
+    plot.set(xlabel="reduction of the picture", ylabel="repeatability", ylim=(0, 1.03))
+    return _render_svg(figure)
 
 
 def _make_plots(count: int) -> tuple[Figure, list[Axes]]:
@@ -127,13 +128,13 @@ def _make_plots(count: int) -> tuple[Figure, list[Axes]]:
     return figure, list(figure.subplots(1, count, squeeze=False)[0])
 
 
-def _write_svg(figure: Figure, legend: bool = True, above: bool = False) -> bytes:
+def _render_svg(figure: Figure, legend: Literal["inside", "above"] | None = "inside") -> bytes:
     for plot in figure.axes:
         plot.grid(alpha=0.25)
         plot.spines[["top", "right"]].set_visible(False)
-        if legend and not above:
+        if legend == "inside":
             plot.legend(frameon=False, fontsize=9)
-    if above:
+    if legend == "above":
         figure.legend(frameon=False, fontsize=9, loc="outside upper center", ncols=4)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="svg")

@@ -1,4 +1,4 @@
-"""Mosaics that grow: frames of a rendered flight as they come, from a folder that fills, from videos."""
+"""Mosaics that grow: frames of a rendered flight as they come, from a folder being filled, from videos."""
 
 import itertools
 import os

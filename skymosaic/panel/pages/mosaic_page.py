@@ -78,7 +78,7 @@ class ResultTabs:
         self._tabs_card.set_visibility(not self._welcome.visible)
         self._corners.update()
         if session.mosaic_result is not self._result:
-            # Looking at another pair of a flight is no new run: the Matches tab stays open.
+            # Looking at another pair of the flight is not a new run: the Matches tab stays open.
             is_new_run = (
                 self._result is None
                 or session.mosaic_result is None
@@ -113,7 +113,7 @@ class ResultTabs:
             self._hardware = HardwareTab(self._session, result)
 
     def _build_pair_select(self, result: MosaicResult) -> None:
-        """A choice among the linked pairs of a flight; two photographs have only one pair."""
+        """Build the choice among a flight's linked pairs; two photographs have only one pair."""
         if result.links:
             titles = {(left, right): f"{left} and {right}, {inliers} inliers" for left, right, inliers in result.links}
             with ui.element("div").classes("bar"):
