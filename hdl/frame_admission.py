@@ -18,14 +18,15 @@ class FrameAdmission(wiring.Component):
     In video mode a frame starts with ``first``, and each line ends with ``last``. In memory mode nothing marks frames
     or lines: a frame starts where the previous one has ended, and ``last`` ends a transfer.
 
-    Every frame that starts also ends. A bad frame continues with whatever pixels come. If it ends early (at the next
+    Every frame that starts also ends. A bad frame goes on with whatever pixels come. If it ends early (at the next
     ``first``, or at the end of a transfer), zeros complete its line, and then only the ends of its last lines, which
     close the levels: the next frame waits for one line and ``closing_lines`` times ``closing_px`` clocks at most.
 
-    Pixels outside of any frame are dropped. They are reported as a bad frame without beats (`Cause.MISSING_START`):
-    after a good frame at once; after a bad frame, which may leave pixels over, once they make up a frame's lines. A
-    frame whose settings are not acceptable has no beats either (`Cause.INVALID_SETTINGS`): its first pixel reports it,
-    and pixels are dropped up to the next start or, in memory mode, the end of the transfer.
+    Pixels outside of any frame are dropped, and reported as a bad frame without beats (`Cause.MISSING_START`). After a
+    good frame the first such pixel is reported. A bad frame may leave pixels behind, so after one they are reported
+    only when they fill a frame's lines. A frame whose settings are not acceptable has no beats either
+    (`Cause.INVALID_SETTINGS`): its first pixel reports it, and pixels are dropped up to the next start or, in memory
+    mode, the end of the transfer.
 
     Throughput is one beat per clock, unless an input below forbids it. Frames and lines start with the left pixel of a
     beat.
@@ -116,7 +117,7 @@ class FrameAdmission(wiring.Component):
         reported, dropped = (refused | missed) & may_end, stray & ~missed
         allowed = ~self.i_hold & (may_end | ~frame_ends)
         proceeds = self.i.valid & (memory | ~pixel.first) & self.o_running & ~padding & allowed
-        # Registered, because it decides about admission; hence the two clocks in which the input is too old.
+        # Registered, because admission depends on it; hence the two clocks in which the input is out of date.
         m.d.sync += may_end.eq(self.i_may_end & ~self.o_end & ~ends)
         m.d.comb += [
             starts.eq(waits & first & self.i_acceptable & allowed),
@@ -142,7 +143,7 @@ class FrameAdmission(wiring.Component):
             m.d.sync += refusing.eq(0)
         with m.Elif(self.i.ready & (refused | dropped)):
             m.d.sync += refusing.eq(~pixel.last)
-        # The stray frame that was reported at once has passed: more of its kind is another one.
+        # A whole frame without a start has been dropped: further lines belong to another, which is to be reported.
         with m.If(dropped_line & is_last_line):
             m.d.sync += owes_status.eq(1)
         with m.If(reported):

@@ -1,1 +1,1 @@
-"""The accelerator's AXI side: video input, packet outputs, AXI4-Lite registers and their documentation."""
+"""The accelerator's AXI side: video input, packet outputs, AXI4-Lite access, and bursts to memory."""

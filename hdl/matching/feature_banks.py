@@ -104,7 +104,7 @@ class FeatureBanks(wiring.Component):
             self.o_status.payload.eq(record),
             self.i.ready.eq(~self.o_status.valid),
         ]
-        reference, current, filling = self._roles(m)
+        reference, current, filling = self._swap_roles(m)
         features = []
         for n in range(len(ROLES)):
             m.submodules[f"bank{n}"] = bank = LineMemory(shape=self._feature, depth=self.max_features)
@@ -133,10 +133,10 @@ class FeatureBanks(wiring.Component):
         with m.If(self.i.ready):
             m.d.sync += complete.eq(0)
             with m.If(self.i.valid):
-                # From the top: records are little-endian, so the first word ends up lowest.
+                # Shifted in from the top: records are little-endian, so the first word ends up lowest.
                 m.d.sync += [record.eq(Cat(record, incoming)[len(incoming) :]), word.eq(word + 1)]
                 with m.If(word == 0):
-                    # The tag is in the first word, and is needed as soon as the last has come.
+                    # The tag is in the first word, but is needed as soon as the last has come.
                     m.d.sync += ends_frame.eq(incoming[self._tag] == Tag.FRAME_STATUS)
                 with m.If(word == self._record_words - 1):
                     m.d.sync += [word.eq(0), complete.eq(1)]
@@ -144,8 +144,8 @@ class FeatureBanks(wiring.Component):
             m.d.sync += complete.eq(0)
         return complete, ends_frame, record
 
-    def _roles(self, m: Module) -> tuple[Signal, Signal, Signal]:
-        """Swap the roles; return the numbers of the reference, the current and the filling bank."""
+    def _swap_roles(self, m: Module) -> tuple[Signal, Signal, Signal]:
+        """Swap the roles at a good status; return the numbers of the reference, the current and the filling bank."""
         reference, current, filling = (Signal(range(len(ROLES)), init=n, name=name) for n, name in enumerate(ROLES))
         has_reference = Signal()
         has_current = Signal()
@@ -158,7 +158,7 @@ class FeatureBanks(wiring.Component):
                 m.d.sync += [current.eq(filling), self.o_right_count.eq(status.features), has_current.eq(1)]
                 with m.If(has_current & ~self.i_hold_reference):
                     m.d.sync += [reference.eq(current), filling.eq(reference), self.o_left_count.eq(self.o_right_count)]
-                # The held reference keeps its bank; the frame before is not needed any more.
+                # The reference keeps its bank. The previous current frame's bank is free, or was never filled.
                 with m.Else():
                     m.d.sync += filling.eq(current)
         return reference, current, filling

@@ -22,8 +22,8 @@ from skymosaic.features.positions import raw_positions
 Bytes = NDArray[np.uint8]
 
 _OPENCV: dict[str, Callable[[], cv2.Feature2D]] = {
-    # nfeatures, octave layers, contrast, edge, sigma. SIFT's descriptors are whole numbers from 0 to 255, so CV_8U
-    # loses nothing.
+    # nfeatures (0: all), octave layers, contrast and edge thresholds, sigma. SIFT's descriptors are whole numbers
+    # from 0 to 255, so CV_8U loses nothing.
     "sift": lambda: cv2.SIFT.create(0, 3, 0.02, 10, 1.6, cv2.CV_8U, False),
     "orb": cv2.ORB.create,
     "akaze": cv2.xfeatures2d.AKAZE.create,
@@ -36,7 +36,7 @@ TRACKED = "klt"
 DESCRIPTORS = (*PATTERNS, *WINDOWS_PX, *_OPENCV, TRACKED)
 ANGLE_IGNORED = ("brisk", "freak", *PATTERNS, *WINDOWS_PX)
 """Descriptors that ignore a key point's angle. SIFT's key points at one position differ in nothing else, so these
-descriptors would describe them all alike."""
+descriptors would describe all of them alike."""
 STRONGEST_RESPONSE = 1 << 30
 """Stored response of an image's strongest key point; the others are in proportion."""
 
@@ -60,14 +60,16 @@ def describe(gray: Pixels, key_points: KeyPoints, descriptor: str) -> Records:
     if descriptor in _OPENCV:
         extractor = _extractor(descriptor)
         key_points, values = extractor.compute(gray, key_points)
-        return _records(key_points, np.empty((0, extractor.descriptorSize()), np.uint8) if values is None else values)
+        if values is None:
+            values = np.empty((0, extractor.descriptorSize()), np.uint8)
+        return _make_records(key_points, values)
     if descriptor in WINDOWS_PX:
         size_px = WINDOWS_PX[descriptor]
-        key_points, x, y = _inside(gray, key_points, -(-size_px // 2))
-        return _records(key_points, windows(gray, x, y, size_px))
+        key_points, x, y = _keep_inside(gray, key_points, -(-size_px // 2))
+        return _make_records(key_points, windows(gray, x, y, size_px))
     if descriptor == TRACKED:
-        return _records(key_points, np.empty((len(key_points), 0), np.uint8))
-    return _ilbp(gray, key_points, descriptor)
+        return _make_records(key_points, np.empty((len(key_points), 0), np.uint8))
+    return _describe_by_ilbp(gray, key_points, descriptor)
 
 
 @cache
@@ -76,20 +78,20 @@ def _extractor(descriptor: str) -> cv2.Feature2D:
     return _OPENCV[descriptor]()
 
 
-def _ilbp(gray: Pixels, key_points: KeyPoints, descriptor: str) -> Records:
+def _describe_by_ilbp(gray: Pixels, key_points: KeyPoints, descriptor: str) -> Records:
     pattern = PATTERNS[descriptor]
-    key_points, x, y = _inside(gray, key_points, pattern.support_px)
+    key_points, x, y = _keep_inside(gray, key_points, pattern.support_px)
     sector, values = ilbp.describe(gray, binomial5(gray), x, y, pattern)
     window = windows(gray, x, y, size_px=3) if pattern.carries_window else None
-    records = _records(key_points, values, window)
+    records = _make_records(key_points, values, window)
     records["sector"] = sector
     return records
 
 
-def _inside(
+def _keep_inside(
     gray: Pixels, key_points: KeyPoints, support_px: int
 ) -> tuple[KeyPoints, NDArray[np.intp], NDArray[np.intp]]:
-    """The key points at least ``support_px`` from the border, and x and y (N,) of their nearest pixels."""
+    """Keep the key points at least ``support_px`` from the border; returns them with x and y (N,) of their pixels."""
     # Halves are rounded up, as in `raw_positions`.
     pixels = np.floor(key_point_positions(key_points) + 0.5).astype(np.intp)
     limits = np.array(gray.shape[::-1]) - support_px
@@ -97,7 +99,7 @@ def _inside(
     return list(itertools.compress(key_points, inside)), *pixels[inside].T
 
 
-def _records(key_points: KeyPoints, descriptors: Bytes, window: Bytes | None = None) -> Records:
+def _make_records(key_points: KeyPoints, descriptors: Bytes, window: Bytes | None = None) -> Records:
     record = feature_record(descriptors.shape[1], 0 if window is None else window.shape[1])
     records = np.zeros(len(key_points), record.dtype)
     records["tag"] = Tag.FEATURE

@@ -16,7 +16,7 @@ ROBUST_SCALES_PX = (3.0, 2.1, 1.5, 1.5)
 def refine_robustly(
     H: Array, left: ArrayLike, right: ArrayLike, *, scales_px: tuple[float, ...] = ROBUST_SCALES_PX
 ) -> Matrix:
-    """Reweighted Gauss-Newton on the transfer error: one step per scale s, with weights 1 / (1 + e²/s²)².
+    """Refine by reweighted Gauss-Newton on the transfer error: one step per scale s, weights 1 / (1 + e²/s²)².
 
     The weights are those of the Geman-McClure loss, which limits the influence of large errors; shrinking scales
     down-weight outliers (graduated Geman-McClure).
@@ -43,7 +43,7 @@ def refine_robustly(
         For fewer than 4 pairs or coincident points.
     """
     x, y, root = check_pairs(left, right, None, minimum=4)
-    # Normalised coordinates are around 1, which gives the eight elements of h similar magnitudes.
+    # Normalised coordinates are of magnitude 1, which gives the eight elements of h similar magnitudes.
     to_x, to_y, scale = joint_normalisation(x, y, root)
     x, y = apply(to_x, x), apply(to_y, y)
     h = rescale(to_y @ H @ np.linalg.inv(to_x)).ravel()[:8]
@@ -83,7 +83,7 @@ def transfer(h: Array, x: Array, y: Array) -> tuple[Array, Array]:
 
 
 def joint_normalisation(x: Array, y: Array, root_weight: Array) -> tuple[Array, Array, float]:
-    """Normalisations (3, 3) of both point sets with one scale, which keeps errors in proportion; and that scale."""
+    """Normalise both point sets by one scale, which keeps errors in proportion; returns two (3, 3) and the scale."""
     to_x, to_y = normalisation(x, root_weight), normalisation(y, root_weight)
     scale = float(to_x[0, 0])
     to_y[:2] *= scale / to_y[0, 0]

@@ -27,7 +27,7 @@ class Lens:
     Attributes
     ----------
     size : (int, int) or None
-        Width and height of the calibration images; photographs of another size are taken as resized.
+        Width and height of the calibration images; photographs of another size are assumed to be resized.
     matrix : ndarray of float64, shape (3, 3), or None
         Calibration matrix K at that size, pixel centres at integers; None: no distortion.
     distortion : ndarray of float64, shape (5,), or None
@@ -43,7 +43,7 @@ class Lens:
 
     @cached_property
     def key(self) -> str:
-        """Hash of everything on which `straighten` and `visible` depend."""
+        """Hash of everything on which `straighten` and `visible_mask` depend."""
         state = hashlib.sha256(repr(self.size).encode())
         for part in (self.matrix, self.distortion, self.mask):
             state.update(b"none" if part is None else repr(part.shape).encode() + part.tobytes())
@@ -66,9 +66,9 @@ class Lens:
         straight = cv2.undistortPoints(points.reshape(-1, 1, 2), matrix, self.distortion, P=matrix)
         return np.asarray(straight, dtype=np.float64).reshape(-1, 2)
 
-    def visible(self, size: tuple[int, int]) -> Pixels | None:
-        """255 where a straightened photograph of ``size`` (width, height) shows ground, else 0; None: everywhere."""
-        return None if self.mask is None and self.matrix is None else _visible(self, size)
+    def visible_mask(self, size: tuple[int, int]) -> Pixels | None:
+        """Mask of a straightened photograph of ``size`` (width, height): 255 where it shows ground; None: all of it."""
+        return None if self.mask is None and self.matrix is None else _visible_mask(self, size)
 
     def to_toml(self) -> str:
         """The lines of a camera file that `load_lens` reads; for a lens with a calibration matrix."""
@@ -95,14 +95,14 @@ class Lens:
         return np.asarray(resize_matrix(size[0] / self.size[0], size[1] / self.size[1]) @ self.matrix)
 
 
-# Kept, because each tile asks for it once per photograph.
+# Cached, because each tile asks for it once per photograph.
 @lru_cache(maxsize=4)
-def _visible(lens: Lens, size: tuple[int, int]) -> Pixels:
-    """As `Lens.visible`, for a lens with a mask or a distortion."""
+def _visible_mask(lens: Lens, size: tuple[int, int]) -> Pixels:
+    """As `Lens.visible_mask`, for a lens with a mask or a distortion."""
     mask = np.full(size[::-1], 255, np.uint8)
     if lens.mask is not None:
         mask = np.asarray(cv2.resize(lens.mask, size, interpolation=cv2.INTER_NEAREST), dtype=np.uint8)
-    # Where interpolation mixes the mask's edge or the outside in, a pixel does not count as ground.
+    # A pixel that interpolates across the mask's edge or the photograph's border does not count as ground.
     straight = lens.straighten(mask, cv2.INTER_LINEAR)
     return np.where(straight == 255, straight, 0).astype(np.uint8)
 
@@ -144,7 +144,7 @@ def _read_numbers(path: Path) -> dict[str, float]:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); give a TOML file") from None
-    # RecursionError: arrays nested hundreds of times.
+    # RecursionError: arrays nested hundreds of levels deep.
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(f"{path}: not valid TOML: {error}") from None
     for key, value in table.items():

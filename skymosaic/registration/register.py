@@ -95,7 +95,7 @@ def register_photographs(
     front_end = options.open_backend(method, progress)
     # The left frame is held as the reference, so the matches come with the right one.
     (left_result, right_result), config = extract_within_capacity(front_end, [left, right], config)
-    masks = [lens.visible((image.shape[1], image.shape[0])) if lens else None for image in (left, right)]
+    masks = [lens.visible_mask((image.shape[1], image.shape[0])) if lens else None for image in (left, right)]
     remove_masked = partial(select_ground_matches, visible=masks)
     clock.lap("features and matches")
     # One generator for all passes: a result depends on the seed alone.

@@ -1,4 +1,4 @@
-"""What the reports share: their folder, and HTML from the templates beside this file, which escape every value."""
+"""Folder, files and HTML of the reports; the templates beside this file escape every value."""
 
 import contextlib
 import json
@@ -20,18 +20,16 @@ _TEMPLATES = Environment(
     lstrip_blocks=True,
     keep_trailing_newline=True,
 )
-
-
 OWN_NAMES = (
     rf"{re.escape(PAGE)}|report\.json|mosaic(_\d+)?\.jpg|corners_(left|right)\.png|matches\.png"
     r"|footprints_\d+\.(geojson|kml)"
 )
-"""What the report of a mosaic consists of."""
+"""Regular expression of the names of a mosaic report's files."""
 
 
 @contextlib.contextmanager
 def staged_report(folder: Path) -> Iterator[Path]:
-    """Context of a folder whose files become the report ``folder`` at the end, without those of an earlier report.
+    """Stage a report: at the end, the files in the yielded folder replace those of an earlier report in ``folder``.
 
     Raises
     ------
@@ -49,7 +47,7 @@ def staged_report(folder: Path) -> Iterator[Path]:
 
 
 def make_folder(folder: Path) -> None:
-    """Make the folder of a report before the long work begins, so that a wrong name is reported at once."""
+    """Make the folder of a report; called before the long work begins, so that a wrong name is reported at once."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

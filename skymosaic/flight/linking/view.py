@@ -183,7 +183,7 @@ def _extract_from_ground(working: Pixels, settings: Settings, name: str) -> Reco
     except ValueError as error:  # for instance, more cells than features
         raise InputError(f"{name}: the front end cannot take it: {error}") from None
     features: Records = results[0].features
-    visible = settings.lens.visible((working.shape[1], working.shape[0]))
+    visible = settings.lens.visible_mask((working.shape[1], working.shape[0]))
     return features[are_on_ground(feature_points(features), visible)]
 
 

@@ -144,7 +144,7 @@ class Composition:
         tones = [placement.tone for placement in self.placements]
         plain = prepare_layers(images, [p.transform for p in self.placements], tones, coloured=self.coloured)
         layers = [
-            replace(layer, favour=p.favour, seam=p.seam, visible=self.lens.visible(layer.size))
+            replace(layer, favour=p.favour, seam=p.seam, visible=self.lens.visible_mask(layer.size))
             for layer, p in zip(plain, self.placements, strict=True)
         ]
         return blend_layers(layers, tile, method=self.blending)
@@ -307,7 +307,7 @@ def thumbnail_layers(composition: Composition, views: Sequence[View]) -> tuple[l
             Layer(
                 image=_coloured_thumbnail(view, composition.values),
                 transform=resize_matrix(reduction) @ placement.transform @ from_thumbnail,
-                visible=composition.lens.visible((view.thumbnail.shape[1], view.thumbnail.shape[0])),
+                visible=composition.lens.visible_mask((view.thumbnail.shape[1], view.thumbnail.shape[0])),
                 favour=placement.favour,
             )
         )

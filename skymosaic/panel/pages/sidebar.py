@@ -16,7 +16,7 @@ from skymosaic.panel.widgets.slider import Slider
 BUILT_IN = {"Pair": 2, "Flight": 9}
 """Number of photographs in each built-in example."""
 MAX_ROWS = 6
-"""More photographs than these are shown as tiles, so that all are visible."""
+"""With more photographs than this, tiles replace the rows, so that all are visible."""
 LABELS = {
     "preset": "Preset",
     "detector": "Detector",
@@ -71,7 +71,7 @@ class PhotographsCard:
             )
             self._list = ui.element("ul").classes("photographs").props('aria-label="Photographs loaded"')
             self._warnings = ui.label().classes("warnings").props('role="status" aria-label="Warnings"')
-            with ui.element("div").classes("card-head") as self._all:
+            with ui.element("div").classes("card-head") as self._summary:
                 self._count = ui.label().classes("hint")
                 ui.button("Remove all", on_click=lambda: session.keep_photographs(())).props(
                     "flat dense no-caps size=sm"
@@ -86,7 +86,7 @@ class PhotographsCard:
             return
         photographs = list(self._session.photographs)
         self._shown = photographs, problems
-        self._all.set_visibility(len(photographs) > 2)
+        self._summary.set_visibility(len(photographs) > 2)
         self._count.set_text(f"{len(photographs)} photographs")
         self._list.clear()
         as_tiles = len(photographs) > MAX_ROWS
@@ -128,7 +128,7 @@ class PhotographsCard:
 
 
 class OptionsCard:
-    """A control for every option, and the slider that the corners follow at once."""
+    """A control for every option, and the threshold slider, which the corners follow at once."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
@@ -176,7 +176,7 @@ class OptionsCard:
 
 
 def build_option_select(session: Session, name: str) -> ui.select:
-    """Build a list to choose the value of an option from."""
+    """Build the drop-down list of an option's values."""
     values = [*OPTION_VALUES[name], *(session.boards if name == "backend" else ())]
     select = ui.select(values, label=LABELS[name], on_change=lambda event: session.set_option(name, event.value))
     return select.props("outlined dense options-dense").classes("option")
@@ -216,7 +216,7 @@ class RunCard:
         if job is not None:
             self._title.set_text(job.title)
             left = job.steps.seconds_left()
-            estimate = f" · about {left:.0f} s left of this step" if left is not None else ""
+            estimate = f" · about {left:.0f} s left in this step" if left is not None else ""
             self._line.set_text(f"{job.line} · {job.seconds:.0f} s{estimate}")
             self._bar.props["indeterminate"] = job.steps.share is None
             self._bar.set_value(job.steps.share or 0.0)

@@ -87,7 +87,7 @@ def symmetric(h: Array, x: Array, y: Array) -> tuple[Array, Array]:
     inverse = np.linalg.inv(matrix_of(h))
     mapped = homogeneous(y) @ inverse.T
     projected = mapped[:, :2] / mapped[:, 2:]
-    # Derivative of the perspective division, times the inverse: how the point moves with a change of H mapped.
+    # Derivative of the perspective division, times H^-1; times -dH `mapped` it is the shift of the projected point.
     division = (inverse[None, :2, :] - projected[:, :, None] * inverse[None, 2:, :]) / mapped[:, 2:, None]
     backward_jacobian = -(division[:, :, :, None] * mapped[:, None, None, :]).reshape(len(x), 2, 9)[:, :, :8]
     return np.hstack([forward, projected - x]), np.concatenate([forward_jacobian, backward_jacobian], axis=1)
@@ -127,7 +127,7 @@ def sampson(h: Array, x: Array, y: Array) -> tuple[Array, Array]:
 
 
 def _constraint(h: Array, x: Array, y: Array) -> tuple[Array, Array, Array]:
-    """The DLT constraint c = x' (h3 x) - (h1, h2) x, (N, 2), by the point pair (N, 2, 4) and by h (N, 2, 8)."""
+    """The DLT constraint c = x' (h3 x) - (h1, h2) x, (N, 2), and its derivatives by pair (N, 2, 4) and h (N, 2, 8)."""
     H = matrix_of(h)
     lifted = homogeneous(x)
     mapped = lifted @ H.T
