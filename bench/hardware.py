@@ -1,10 +1,10 @@
-"""Clocks of the hardware, by the golden model of time: those of the matcher, of homography scoring, and of live builds.
+"""Clocks of the hardware, by the golden model of timing: matcher, homography scoring, and live builds.
 
     python -m bench.hardware matcher
     python -m bench.hardware scoring
     python -m bench.hardware rates
 
-The model is exact for streams without pauses; tests hold it against the simulated hardware, clock by clock
+The model is exact for streams without pauses; tests compare it with the simulated hardware, clock by clock
 (`tests/system/test_timing.py`, `tests/hdl/geometry/test_scoring.py`), so nothing is simulated here.
 """
 

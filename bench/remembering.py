@@ -1,4 +1,4 @@
-"""A golden backend that remembers: seeds, efforts and photographs that come again cost their search only."""
+"""A golden backend with a memory: photographs that come again, with other seeds or efforts, cost only the search."""
 
 from collections.abc import Callable, Hashable, Sequence
 from functools import partial

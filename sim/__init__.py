@@ -1,1 +1,1 @@
-"""Run the designs: one interface, three simulators and a board, and synthetic flights as their input."""
+"""Runs the designs: simulators and a board behind one interface, test benches, and synthetic flights as input."""

@@ -1,8 +1,8 @@
-"""Runs the accelerator for a long time on whatever may happen: ``python -m tools.soak 100000000``.
+"""Runs the accelerator for a long time on everything that may happen: ``python -m tools.soak 100000000``.
 
 Random frames, sizes, settings, gaps and stalls, bad frames, register writes in mid-frame, clears and resets, all from
 one seed, on the design compiled by Verilator. Every good frame must equal the golden model, and every bad one must be
-reported with its cause; none may be lost and none doubled. Prints a line of counts.
+reported with its cause; none may be lost or doubled. Prints a line of counts.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Whole designs in Verilator and in Amaranth's own simulator."""
+"""Whole designs in Verilator and in Amaranth's own simulator, and the comparison of their results."""

@@ -35,7 +35,7 @@ def export(
         int | None, typer.Option("--max-width", help="Widest frame: usually 1920, on the ulx3s 320.")
     ] = None,
     max_height_px: Annotated[
-        int | None, typer.Option("--max-height", help="Highest frame: usually 1080, on the ulx3s 240.")
+        int | None, typer.Option("--max-height", help="Tallest frame: usually 1080, on the ulx3s 240.")
     ] = None,
     video_bits: Annotated[
         int | None,

@@ -48,7 +48,7 @@ def fuzzy(
     plot: Annotated[bool, typer.Option("--plot", help="Draw membership curves and rule surfaces.")] = False,
     output: Annotated[Path, output_option("Folder for the pictures.")] = Path("fuzzy"),
     write: Annotated[
-        Path | None, typer.Option(help="Write the shipped system that is named to an .fll file; -: to stdout.")
+        Path | None, typer.Option(help="Write the named built-in system to an .fll file; -: to stdout.")
     ] = None,
     entries: Annotated[
         int, typer.Option(min=2, max=1 << 16, help="Table entries of each input in the integer model of a file.")

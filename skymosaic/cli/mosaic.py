@@ -1,4 +1,4 @@
-"""The command that makes a mosaic: of two photographs, of a flight, or of a flight while it lasts."""
+"""The command that makes a mosaic: of two photographs, of a flight, or of a flight in progress."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -52,7 +52,9 @@ def mosaic(
             help="Write the lens estimated from a flight's tie points, for --camera of the next one.",
         ),
     ] = None,
-    compress: Annotated[str, choice(COMPRESSIONS, "Of a .tif; deflate is lossless.", group=OUTPUT)] = "deflate",
+    compress: Annotated[
+        str, choice(COMPRESSIONS, "Compression of a .tif; deflate is lossless.", group=OUTPUT)
+    ] = "deflate",
     overwrite: OverwriteOption = False,
     strict: StrictOption = False,
     tiles: Annotated[

@@ -55,7 +55,7 @@ StrictOption = Annotated[
     typer.Option(
         "--strict",
         rich_help_panel=OUTPUT,
-        help="Exit status 3, and no mosaic, if a photograph is left out; else a warning.",
+        help="Write no mosaic and exit with 3 if a photograph is left out, instead of a warning.",
     ),
 ]
 PhotographsArgument = Annotated[
@@ -64,7 +64,7 @@ PhotographsArgument = Annotated[
 ]
 # One option of the library, typed in two parts.
 AddressOption = Annotated[
-    str | None, typer.Option(metavar="HOST[:PORT]", rich_help_panel=MACHINE, help="Of the board, for --backend board.")
+    str | None, typer.Option(metavar="HOST[:PORT]", rich_help_panel=MACHINE, help="The board, for --backend board.")
 ]
 CameraOption = Annotated[
     Path | None, typer.Option(rich_help_panel=INPUT, help="TOML file with intrinsics and distortion.")

@@ -30,7 +30,7 @@ def track(
     ],
     output: Annotated[Path, output_option("The video with the outline: .mp4, .mov or .mkv.")],
     roi: Annotated[
-        str | None, typer.Option(metavar="X,Y,W,H", help="The object's rectangle in the first frame; no TEMPLATE then.")
+        str | None, typer.Option(metavar="X,Y,W,H", help="Object's rectangle in the first frame, instead of TEMPLATE.")
     ] = None,
     corners: Annotated[Path | None, typer.Option(help="The corners in every frame: .csv or .json.")] = None,
     overwrite: OverwriteOption = False,

@@ -32,7 +32,7 @@ class MosaicOptions(RegistrationOptions):
         None, "Distortion and mask, the same for all photographs.", INPUT, flag="--camera or --mask"
     )
     band: str | None = option(
-        None, "Of multi-band sets, the band that registers the flight, by name or number: nir, 2.", INPUT
+        None, "Band of multi-band sets that registers the flight, by name or number: nir, 2.", INPUT
     )
     blending: str | None = option(
         None,
@@ -51,7 +51,7 @@ class MosaicOptions(RegistrationOptions):
     )
     canvas_limit_px: int = option(
         CANVAS_LIMIT_PX,
-        "Largest canvas: pixels, on the command line megapixels.",
+        "Maximum canvas size: pixels, on the command line megapixels.",
         PICTURE,
         flag_unit=MEGAPIXEL,
         minimum=1,

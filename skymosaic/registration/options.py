@@ -32,7 +32,7 @@ class FeatureOptions:
     config: Config | None = option(None, "A configuration that overrides the preset, from a TOML file.")
     detector: str | None = option(
         None,
-        "Corners; by default as configured, or what suits the descriptor.",
+        "Corner detector; by default as configured, or what suits the descriptor.",
         choices=DETECTORS,
         checked=False,
     )
