@@ -1,3 +1,6 @@
+from pathlib import Path
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
@@ -8,7 +11,7 @@ from skymosaic.errors import InputError
 SHIFT = np.array([[1.0, 0, 5], [0, 1, -3], [0, 0, 1]])
 
 
-def sequence(folder, stem, matrix, numbers):
+def sequence(folder: Path, stem: str, matrix: str, numbers: tuple[Any, ...]) -> None:
     folder.mkdir()
     image = np.zeros((64, 64), np.uint8)
     for number in (1, *numbers):
@@ -17,7 +20,7 @@ def sequence(folder, stem, matrix, numbers):
         np.savetxt(folder / matrix.format(number), SHIFT)
 
 
-def test_sequences_of_both_benchmarks_are_read(tmp_path):
+def test_sequences_of_both_benchmarks_are_read(tmp_path: Path) -> None:
     sequence(tmp_path / "graffiti", "img{}", "H1to{}p", (2, 3))
     sequence(tmp_path / "v_wall", "{}", "H_1_{}", (2, 6))
     pairs = read_set(tmp_path)
@@ -32,7 +35,7 @@ def test_sequences_of_both_benchmarks_are_read(tmp_path):
     np.testing.assert_array_equal(pairs[0].truth, SHIFT)
 
 
-def test_an_empty_folder_and_a_broken_matrix_are_named(tmp_path):
+def test_an_empty_folder_and_a_broken_matrix_are_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="neither"):
         read_set(tmp_path)
     sequence(tmp_path / "bark", "img{}", "H1to{}p", (2,))

@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -33,7 +34,7 @@ def test_every_recorded_design_has_its_area(name: str) -> None:
 
 
 def test_a_changed_and_an_unrecorded_figure_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    gray = RECORDED["gray"]
+    gray: dict[str, Any] = dict(RECORDED["gray"])
     recorded = tmp_path / "synthesis.json"
     recorded.write_text(json.dumps({"rows": [{**gray, "FF": gray["FF"] + 1}]}))
     monkeypatch.setattr(synthesis, "RECORDED", recorded)

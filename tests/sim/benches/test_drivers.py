@@ -18,12 +18,12 @@ PAUSES = (Pauses(), Pauses(gaps=128, stalls=128, seed=3), Pauses(stalls=230, see
 class Queue(wiring.Component):
     """A FIFO that adds ``i_bias`` to the number."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__(
             {"i": In(stream.Signature(PAYLOAD)), "o": Out(stream.Signature(PAYLOAD)), "i_bias": In(8)}
         )  # fmt: skip
 
-    def elaborate(self, platform):
+    def elaborate(self, platform: object) -> Module:
         m = Module()
         m.submodules.queue = queue = fifo.SyncFIFOBuffered(width=12, depth=3)
         taken = data.View(PAYLOAD, queue.r_data)
@@ -44,7 +44,7 @@ class Withdrawn(wiring.Component):
 
     o: Out(stream.Signature(8))
 
-    def elaborate(self, platform):
+    def elaborate(self, platform: object) -> Module:
         m = Module()
         m.d.sync += self.o.payload.eq(self.o.payload + 1)
         m.d.comb += self.o.valid.eq(1)
@@ -56,11 +56,11 @@ class Pair(wiring.Component):
 
     latency_cycles = 2
 
-    def __init__(self):
+    def __init__(self) -> None:
         payload = {"pair": data.ArrayLayout(8, 2), "negative": signed(9)}
         super().__init__({"i": In(beat(pixel=8)), "o": Out(beat(**payload))})
 
-    def elaborate(self, platform):
+    def elaborate(self, platform: object) -> Module:
         m = Module()
         carry_scan(m, self.i, self.o, self.latency_cycles)
         pair = Signal.like(self.o.pair)
@@ -71,23 +71,23 @@ class Pair(wiring.Component):
 
 
 @pytest.mark.parametrize("pauses", PAUSES)
-def test_streams_carry_every_payload(pauses):
+def test_streams_carry_every_payload(pauses: Pauses) -> None:
     received = run_streams(Queue(), {"i": PAYLOADS}, {"o": 60}, settings={"i_bias": 250}, pauses=pauses)
     assert [(got.number, got.offset) for got in received["o"]] == [((n + 250) % 256, n % 7) for n in range(60)]
 
 
-def test_a_withdrawn_payload_is_noticed():
+def test_a_withdrawn_payload_is_noticed() -> None:
     with pytest.raises(AssertionError, match="a payload was withdrawn before it was taken"):
         run_streams(Withdrawn(), {}, {"o": 10}, pauses=Pauses(stalls=100, seed=1))
 
 
-def test_a_stream_that_hangs_is_stopped():
+def test_a_stream_that_hangs_is_stopped() -> None:
     with pytest.raises(AssertionError, match=r"not done within 300 cycles; received: {'o': 60}"):
         run_streams(Queue(), {"i": PAYLOADS}, {"o": 61}, cycle_limit=300)
 
 
 @pytest.mark.parametrize("pauses", PAUSES[:2])
-def test_beats_carry_every_pixel_of_two_frames(pauses):
+def test_beats_carry_every_pixel_of_two_frames(pauses: Pauses) -> None:
     frames = np.random.default_rng(5).integers(0, 256, (2, 5, 9))
     sent, received = run_beats(Pair(), [{"pixel": frame} for frame in frames], pauses=pauses)
     assert np.all(received.cycles - sent.cycles == Pair.latency_cycles)
@@ -98,7 +98,7 @@ def test_beats_carry_every_pixel_of_two_frames(pauses):
         assert np.array_equal(beats.plane("negative", (5, 9)), -frames[number])
 
 
-def test_planes_move_by_the_lag():
+def test_planes_move_by_the_lag() -> None:
     frame = np.arange(45).reshape(5, 9)
     _, received = run_beats(Pair(), [{"pixel": frame}])
     plane = received.plane("negative", (5, 9), lag_px=2)

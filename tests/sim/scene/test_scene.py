@@ -7,6 +7,7 @@ from itertools import pairwise
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from sim.scene import (
     Camera,
@@ -20,6 +21,7 @@ from sim.scene import (
     render_ground,
     render_view,
 )
+from sim.scene.flight import Flight
 from sim.scene.noise import make_noise
 
 CAMERA = Camera(width_px=321, height_px=240, focal_px=260)
@@ -32,35 +34,35 @@ UNTOUCHED = Photometry()
 
 
 @pytest.fixture
-def rng():
+def rng() -> np.random.Generator:
     return np.random.default_rng(20)
 
 
-def clear_caches():
+def clear_caches() -> None:
     ground._paint_tile.cache_clear()
     layout._plan_section.cache_clear()
     layout._make_waves.cache_clear()
 
 
-def gray_view(flight, index):
+def gray_view(flight: Flight, index: int) -> NDArray[np.uint8]:
     return cv2.cvtColor(flight.images[index], cv2.COLOR_BGR2GRAY)
 
 
-def test_images_are_reproducible_and_their_noise_is_their_own():
+def test_images_are_reproducible_and_their_noise_is_their_own() -> None:
     flight = make_pair(9, size=(160, 120))
     assert np.array_equal(flight.images[1], make_pair(9, size=(160, 120)).images[-1])
     flat = np.full((240, 321, 3), 128, np.uint8)
-    noisy = [Photometry(noise_sigma=3).apply(flat, np.random.default_rng([3, number])) for number in (0, 1)]
-    assert not np.array_equal(*noisy)
+    first, second = (Photometry(noise_sigma=3).apply(flat, np.random.default_rng([3, number])) for number in (0, 1))
+    assert not np.array_equal(first, second)
 
 
-def test_parts_of_the_plane_agree_across_tile_borders():
+def test_parts_of_the_plane_agree_across_tile_borders() -> None:
     whole = render_ground(9, 700, 500, origin=(-400, 800))
     part = render_ground(9, 301, 203, origin=(-151, 911))
     assert np.array_equal(part, whole[111 : 111 + 203, 249 : 249 + 301])
 
 
-def test_noise_is_a_function_of_position():
+def test_noise_is_a_function_of_position() -> None:
     wide = make_noise(5, -40, 1000, 500, 400)
     inner = make_noise(5, 60, 1057, 111, 77)
     assert np.array_equal(inner, wide[:, 57 : 57 + 77, 100 : 100 + 111])
@@ -71,9 +73,9 @@ def test_noise_is_a_function_of_position():
 
 
 @pytest.mark.parametrize("seed", [2, 9])
-def test_landscape_has_the_statistics_of_a_photograph(seed):
+def test_landscape_has_the_statistics_of_a_photograph(seed: int) -> None:
     view = gray_view(make_pair(seed), 0)
-    corners = cv2.FastFeatureDetector_create(20).detect(view)
+    corners = cv2.FastFeatureDetector.create(20).detect(view)
     assert len(corners) > 2000
     cells = {(int(corner.pt[0]) // 80, int(corner.pt[1]) // 80) for corner in corners}
     assert len(cells) == 8 * 6
@@ -88,7 +90,7 @@ def test_landscape_has_the_statistics_of_a_photograph(seed):
     assert -3.2 < slope < -1.2
 
 
-def test_nothing_is_stamped_twice(rng):
+def test_nothing_is_stamped_twice(rng: np.random.Generator) -> None:
     view = cv2.cvtColor(render_ground(9, 1000, 1000), cv2.COLOR_BGR2GRAY)
     for x, y in rng.integers(0, 960, (12, 2)):
         score = cv2.matchTemplate(view, view[y : y + 40, x : x + 40], cv2.TM_CCOEFF_NORMED)
@@ -96,7 +98,7 @@ def test_nothing_is_stamped_twice(rng):
         assert score.max() < 0.85
 
 
-def planted_dots():
+def planted_dots() -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
     """A ground with Gaussian dots, standard deviation 2 px, at known integer positions."""
     dots = np.array([(x, y) for x in range(25, 1200, 50) for y in range(25, 1200, 50)], np.float64)
     profile = np.exp(-(np.arange(-9, 10) ** 2) / 8)
@@ -106,7 +108,9 @@ def planted_dots():
     return cv2.merge([np.rint(picture).astype(np.uint8)] * 3), dots
 
 
-def offsets_of_dots(view, expected, scale):
+def offsets_of_dots(
+    view: NDArray[np.float64], expected: NDArray[np.float64], scale: float
+) -> list[NDArray[np.float64]]:
     """How far the dots in a view are from where they are expected, px; of those that it shows whole."""
     reach = round(10 * scale)
     down, across = np.mgrid[-reach : reach + 1, -reach : reach + 1]
@@ -122,7 +126,9 @@ def offsets_of_dots(view, expected, scale):
 
 @pytest.mark.parametrize("pose", POSES.values(), ids=POSES.keys())
 @pytest.mark.parametrize("origin", [(0, 0), (-1030, 70)])
-def test_rendered_dots_lie_where_the_homography_says(pose, origin, rng):
+def test_rendered_dots_lie_where_the_homography_says(
+    pose: CameraPose, origin: tuple[int, int], rng: np.random.Generator
+) -> None:
     picture, dots = planted_dots()
     pose = CameraPose(**{**vars(pose), "x_px": pose.x_px + origin[0], "y_px": pose.y_px + origin[1]})
     view = render_view(picture, pose, CAMERA, UNTOUCHED, rng, origin=origin)[..., 0].astype(np.float64)
@@ -132,7 +138,7 @@ def test_rendered_dots_lie_where_the_homography_says(pose, origin, rng):
     assert np.abs(errors).max() < 0.05
 
 
-def test_a_bending_lens_moves_the_dots_as_opencv_says(rng):
+def test_a_bending_lens_moves_the_dots_as_opencv_says(rng: np.random.Generator) -> None:
     picture, dots = planted_dots()
     pose, camera = POSES["full scale, tilted"], replace(CAMERA, k1=-0.15)
     view = render_view(picture, pose, camera, UNTOUCHED, rng)[..., 0].astype(np.float64)
@@ -146,7 +152,7 @@ def test_a_bending_lens_moves_the_dots_as_opencv_says(rng):
     assert np.abs(errors).max() < 0.1  # the lens also bends the dots themselves
 
 
-def test_what_stands_above_the_ground_leans_outwards(rng):
+def test_what_stands_above_the_ground_leans_outwards(rng: np.random.Generator) -> None:
     picture, heights = np.full((500, 500, 3), 40, np.uint8), np.zeros((500, 500), np.float16)
     heights[130:210, 110:190] = 30
     cv2.circle(picture, (150, 170), 5, (230, 230, 230), -1)
@@ -161,23 +167,23 @@ def test_what_stands_above_the_ground_leans_outwards(rng):
     np.testing.assert_allclose(flat, render_view(picture, pose, CAMERA, UNTOUCHED, rng), atol=6)
 
 
-def test_upright_camera_is_a_similarity():
+def test_upright_camera_is_a_similarity() -> None:
     pose = CameraPose(x_px=100, y_px=50, altitude_px=130, heading_deg=90)
     # Turned clockwise by 90 degrees at twice the scale: ground +x is image up, ground +y is image right.
-    assert project(pose.homography(CAMERA), [[100, 50], [110, 50], [100, 60]]) == pytest.approx(
-        np.array([[160, 119.5], [160, 99.5], [180, 119.5]])
-    )
+    corner = np.array([[100.0, 50], [110, 50], [100, 60]])
+    expected = np.array([[160, 119.5], [160, 99.5], [180, 119.5]])
+    assert project(pose.homography(CAMERA), corner) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(("tilt", "x_px", "y_px"), [({"pitch_deg": 10}, 0, -1), ({"roll_deg": 10}, 1, 0)])
-def test_tilt_moves_the_optical_axis(tilt, x_px, y_px):
+def test_tilt_moves_the_optical_axis(tilt: dict[str, int], x_px: int, y_px: int) -> None:
     pose = CameraPose(x_px=0, y_px=0, altitude_px=100, **tilt)
     ahead = 100 * np.tan(np.radians(10))
-    middle = project(np.linalg.inv(pose.homography(CAMERA)), [[160, 119.5]])[0]
+    middle = project(np.linalg.inv(pose.homography(CAMERA)), np.array([[160, 119.5]]))[0]
     assert middle == pytest.approx((x_px * ahead, y_px * ahead))
 
 
-def test_reducing_view_averages_instead_of_aliasing(rng):
+def test_reducing_view_averages_instead_of_aliasing(rng: np.random.Generator) -> None:
     checks = (np.indices((900, 900)).sum(axis=0) % 2 * 255).astype(np.uint8)
     pose = CameraPose(x_px=450, y_px=450, altitude_px=2 * CAMERA.focal_px, heading_deg=10)
     view = render_view(cv2.merge([checks] * 3), pose, CAMERA, UNTOUCHED, rng)
@@ -186,7 +192,7 @@ def test_reducing_view_averages_instead_of_aliasing(rng):
 
 
 @pytest.mark.parametrize("seed", [2, 9])
-def test_pair_shows_the_same_ground(seed):
+def test_pair_shows_the_same_ground(seed: int) -> None:
     flight = make_pair(seed)
     left, right = (gray_view(flight, index).astype(np.float32) for index in (0, 1))
     homography = flight.homography_between(0, 1)
@@ -198,7 +204,7 @@ def test_pair_shows_the_same_ground(seed):
     assert np.corrcoef(shifted[inside], right[inside])[0, 1] < np.corrcoef(warped[inside], right[inside])[0, 1] - 0.05
 
 
-def test_homographies_compose():
+def test_homographies_compose() -> None:
     flight = make_lawnmower(2, 5, size=(200, 150))
     direct = flight.homography_between(0, 4)
     chained = flight.homography_between(1, 4) @ flight.homography_between(0, 1)
@@ -210,20 +216,20 @@ def test_homographies_compose():
 
 @pytest.mark.parametrize("size", [(640, 480), (65, 97)])
 @pytest.mark.parametrize("overlap", [0.2, 0.6, 0.8])
-def test_pair_overlaps_as_asked(size, overlap):
+def test_pair_overlaps_as_asked(size: tuple[int, int], overlap: float) -> None:
     for seed in range(10):
         assert make_pair(seed, size, overlap).overlap_between(0, 1) == pytest.approx(overlap, abs=0.07)
 
 
 @pytest.mark.parametrize("size", [(65, 97), (64, 64), (333, 127)])
-def test_odd_and_small_sizes(size):
+def test_odd_and_small_sizes(size: tuple[int, int]) -> None:
     flight = make_pair(2, size)
     assert [image.shape for image in flight.images] == [(size[1], size[0], 3)] * 2
     assert flight.images[0].dtype == np.uint8
     assert flight.images[0].std() > 5
 
 
-def test_lawnmower_overlaps_along_and_across_its_legs():
+def test_lawnmower_overlaps_along_and_across_its_legs() -> None:
     flight = make_lawnmower(7, 60, size=(400, 300), forward_overlap=0.7, side_overlap=0.5)
     backwards = [abs(pose.heading_deg) > 90 for pose in flight.poses]
     leg = backwards.index(True)
@@ -236,20 +242,19 @@ def test_lawnmower_overlaps_along_and_across_its_legs():
     assert 0.5 < width / height < 2
 
 
-def test_lawnmower_renders_only_what_is_asked_for():
+def test_lawnmower_renders_only_what_is_asked_for() -> None:
     clear_caches()
     flight = make_lawnmower(6, 500, size=(641, 479))
     assert len(flight.images) == 500
     assert ground._paint_tile.cache_info().misses == 0
     assert flight.images[499].shape == (479, 641, 3)
-    info = ground._paint_tile.cache_info()
-    assert 0 < info.misses <= 4
-    assert info.maxsize * ground.TILE_PX**2 * 3 <= 160e6
+    assert 0 < ground._paint_tile.cache_info().misses <= 4
+    assert ground.CACHED_TILES * ground.TILE_PX**2 * 3 <= 160e6
     with pytest.raises(IndexError):
         flight.images[500]
 
 
-def test_a_tile_takes_seconds_at_most():
+def test_a_tile_takes_seconds_at_most() -> None:
     clear_caches()
     start = time.process_time()
     render_ground(11, ground.TILE_PX, ground.TILE_PX)
@@ -257,7 +262,7 @@ def test_a_tile_takes_seconds_at_most():
     assert time.process_time() - start < 5
 
 
-def test_photometry(rng):
+def test_photometry(rng: np.random.Generator) -> None:
     flat = np.full((101, 151, 3), 100, np.uint8)
     assert np.array_equal(UNTOUCHED.apply(flat, rng), flat)
     assert np.all(Photometry(gain=1.5).apply(flat, rng) == 150)
@@ -274,7 +279,7 @@ def test_photometry(rng):
     assert np.diff(blurred).max() == pytest.approx(150 / (np.sqrt(2 * np.pi) * 2), rel=0.05)
 
 
-def test_bad_input_is_named(rng):
+def test_bad_input_is_named(rng: np.random.Generator) -> None:
     picture = np.zeros((50, 50, 3), np.uint8)
     with pytest.raises(ValueError, match="overlap is 1; it must be"):
         make_pair(0, overlap=1)
@@ -292,14 +297,14 @@ def test_bad_input_is_named(rng):
         render_view(picture, CameraPose(x_px=5000, y_px=0, altitude_px=100), CAMERA, UNTOUCHED, rng)
 
 
-def test_same_seed_same_bytes():
+def test_same_seed_same_bytes() -> None:
     first = render_ground(3, 300, 200)
     clear_caches()
     assert np.array_equal(render_ground(3, 300, 200), first)
     assert not np.array_equal(render_ground(4, 300, 200), first)
 
 
-def test_tiling_leaves_no_trace(monkeypatch):
+def test_tiling_leaves_no_trace(monkeypatch: pytest.MonkeyPatch) -> None:
     """Another tile size moves every border into the middle of a tile: the picture must stay as it is."""
     reference = render_ground(9, 120, 1000, origin=(964, 0))
     clear_caches()

@@ -6,7 +6,10 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
+from subprocess import Popen
+from typing import Any
 
 import pytest
 
@@ -31,28 +34,33 @@ assert (folder / "result").read_text() == "complete"
 
 
 @pytest.fixture(autouse=True)
-def cache(tmp_path, monkeypatch):
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     return cache_folder()
 
 
-def start_slow_build(log):
+def start_slow_build(log: Path) -> Popen[str]:
     """A process that builds until there is a file beside ``log`` that ends in ``.end``."""
     command = [sys.executable, "-c", SLOW_BUILD, str(log)]
     environment = {**os.environ, "PYTHONPATH": str(Path.cwd())}
     return subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
 
 
-def write_result(folder):
+def first_line(process: Popen[str]) -> str:
+    assert process.stdout
+    return process.stdout.readline()
+
+
+def write_result(folder: Path) -> None:
     (folder / "result").write_text("complete")
 
 
-def refuse(folder):
+def refuse(folder: Any) -> None:
     raise AssertionError(f"{folder} is built again")
 
 
-def test_builds_once_and_says_how_long_it_took():
-    lines = []
+def test_builds_once_and_says_how_long_it_took() -> None:
+    lines: list[str] = []
     folder = build_once("thing", write_result, what="the thing", progress=lines.append)
     assert (folder / "result").read_text() == "complete"
     assert lines[0] == f"building the thing (once; later runs find it in {cache_folder()})"
@@ -60,12 +68,12 @@ def test_builds_once_and_says_how_long_it_took():
     assert build_once("thing", refuse, what="the thing", progress=refuse) == folder
 
 
-def test_two_processes_build_once(tmp_path):
+def test_two_processes_build_once(tmp_path: Path) -> None:
     log = tmp_path / "log"
     first = start_slow_build(log)
-    assert first.stdout.readline().startswith("building")
+    assert first_line(first).startswith("building")
     second = start_slow_build(log)
-    assert second.stdout.readline().startswith("waiting")
+    assert first_line(second).startswith("waiting")
     log.with_name("log.end").touch()
     for process in (first, second):
         process.communicate()
@@ -73,10 +81,10 @@ def test_two_processes_build_once(tmp_path):
     assert log.read_text() == "build\n"
 
 
-def test_killed_build_leaves_no_trace(tmp_path):
+def test_killed_build_leaves_no_trace(tmp_path: Path) -> None:
     log = tmp_path / "log"
     process = start_slow_build(log)
-    assert process.stdout.readline().startswith("building")
+    assert first_line(process).startswith("building")
     while not log.exists() and process.poll() is None:
         time.sleep(0.01)
     process.send_signal(signal.SIGKILL)
@@ -88,8 +96,8 @@ def test_killed_build_leaves_no_trace(tmp_path):
     assert not list(cache_folder().glob("*.part"))
 
 
-def test_failed_build_leaves_nothing():
-    def fail(folder):
+def test_failed_build_leaves_nothing() -> None:
+    def fail(folder: Any) -> None:
         write_result(folder)
         raise BackendError("the compiler failed")
 
@@ -101,10 +109,10 @@ def test_failed_build_leaves_nothing():
 
 @pytest.mark.parametrize("damage", [lambda data: data[:-1], lambda data: b"C" + data[1:], lambda _data: b""])
 @pytest.mark.parametrize("name", ["result", "checksums"])
-def test_damaged_folder_is_built_again(damage, name):
+def test_damaged_folder_is_built_again(damage: Callable[..., Any], name: str) -> None:
     folder = build_once("thing", write_result, what="the thing", progress=silent)
     (folder / name).write_bytes(damage((folder / name).read_bytes()))
-    lines = []
+    lines: list[str] = []
     assert build_once("thing", write_result, what="the thing", progress=lines.append) == folder
     assert (folder / "result").read_text() == "complete"
     assert len(lines) == 2
@@ -112,16 +120,16 @@ def test_damaged_folder_is_built_again(damage, name):
     assert not list(cache_folder().glob("*.part"))
 
 
-def test_missing_file_is_built_again():
+def test_missing_file_is_built_again() -> None:
     folder = build_once("thing", write_result, what="the thing", progress=silent)
     (folder / "result").unlink()
     assert (build_once("thing", write_result, what="the thing", progress=silent) / "result").exists()
 
 
-def test_left_overs_of_other_builds_are_removed_unless_they_run(tmp_path):
+def test_left_overs_of_other_builds_are_removed_unless_they_run(tmp_path: Path) -> None:
     (cache_folder() / "old.abc.part").mkdir(parents=True)
     process = start_slow_build(tmp_path / "log")
-    assert process.stdout.readline().startswith("building")
+    assert first_line(process).startswith("building")
     build_once("thing", write_result, what="the thing", progress=silent)
     names = [path.name.split(".")[0] for path in cache_folder().glob("*.part")]
     assert names == ["slow"]
@@ -130,36 +138,36 @@ def test_left_overs_of_other_builds_are_removed_unless_they_run(tmp_path):
 
 
 @pytest.mark.parametrize("reason", ["no folder", "full"])
-def test_unwritable_cache_costs_the_cache_only(tmp_path, monkeypatch, reason):
+def test_unwritable_cache_costs_the_cache_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, reason: str) -> None:
     if reason == "no folder":
         (tmp_path / "file").touch()
         monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
 
-    def build(folder):
+    def build(folder: Any) -> None:
         if folder.is_relative_to(cache_folder()):
             raise OSError(28, "No space left on device")
         write_result(folder)
 
-    lines = []
+    lines: list[str] = []
     folder = build_once(f"thing-{reason}", build, what="the thing", progress=lines.append)
     assert (folder / "result").read_text() == "complete"
     assert "is built for this run only" in " ".join(lines)
     assert build_once(f"thing-{reason}", build, what="the thing", progress=silent) == folder
 
 
-def test_imports_without_fcntl():
+def test_imports_without_fcntl() -> None:
     modules = "skymosaic.cli.mosaic, sim.simulators.verilator, sim.backends.board"
     code = f"import sys; sys.modules['fcntl'] = None; import {modules}"
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])}
     subprocess.run([sys.executable, "-c", code], check=True, env=environment)
 
 
-def test_default_folder(monkeypatch, tmp_path):
+def test_default_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.delenv("XDG_CACHE_HOME")
     monkeypatch.setenv("HOME", str(tmp_path))
     assert cache_folder() == tmp_path / ".cache" / "skymosaic"
 
 
-def test_digest_tells_parts_apart():
+def test_digest_tells_parts_apart() -> None:
     keys = {digest("ab", "c"), digest("a", "bc"), digest("abc"), digest("ab", "d"), digest()}
     assert len(keys) == 5

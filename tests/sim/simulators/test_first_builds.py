@@ -27,6 +27,7 @@ def start(cache: Path) -> subprocess.Popen[str]:
 @pytest.mark.slow
 def test_a_killed_first_build_and_two_at_once(tmp_path: Path) -> None:
     killed = start(tmp_path)
+    assert killed.stdout
     while "compiled 1 of" not in (line := killed.stdout.readline()):
         assert line, "the build ended before it could be killed"
     killed.send_signal(signal.SIGKILL)

