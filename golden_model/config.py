@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from golden_model.feature.ilbp import PATTERNS, DescriptorPattern
+from golden_model.small_files import read_small_file
 
 DETECTORS = ("harris", "fast")
 RULE_BASES = ("aerial", "ilbp", "none")
@@ -260,7 +261,7 @@ def load_config(path: str | Path, preset: str = "aerial") -> Config:
         with the file, the key and the valid values.
     """
     try:
-        tables = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        tables = tomllib.loads(read_small_file(path).decode())
         return _replace_tables(preset_config(tables.pop("preset", preset)), tables)
     except OSError as error:
         raise ValueError(f"{path}: cannot be read ({error.strerror}); give a TOML file") from error

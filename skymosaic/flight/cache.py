@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from golden_model.small_files import read_small_file
 from skymosaic.errors import InputError
 from skymosaic.imagery.images import save_bytes
 
@@ -23,6 +24,8 @@ SOURCES = (
     *(f"skymosaic/{name}" for name in ("features", "flight", "geometry", "imagery", "registration")),
 )
 """The code that computes what is kept; its text is part of every key, because results change within a version too."""
+MAX_ENTRY_BYTES = 256 << 20
+"""Many times the features of a photograph; a larger file is no entry."""
 CHECKSUM_BYTES = hashlib.sha256().digest_size
 Arrays = dict[str, NDArray[np.generic]]
 
@@ -67,7 +70,7 @@ class ResultCache:
         if self._folder is None:
             return None
         try:
-            entry = (self._folder / f"{key}.entry").read_bytes()
+            entry = read_small_file(self._folder / f"{key}.entry", MAX_ENTRY_BYTES)
             checksum, data = entry[:CHECKSUM_BYTES], entry[CHECKSUM_BYTES:]
             if checksum != _checksum(key, data):
                 return None

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
 
+from golden_model.matching.fuzzy import MAX_RULES
+from golden_model.small_files import read_small_file
 from skymosaic.errors import InputError
 from skymosaic.fuzzy.system import FuzzySystem, IfThen, Input, Output
 from skymosaic.fuzzy.terms import Term
@@ -17,9 +19,19 @@ BLOCKS = ("Engine", "InputVariable", "OutputVariable", "RuleBlock")
 SHIPPED = Path(__file__).parent / "systems"
 """Folder of the thesis's three systems."""
 MAX_BYTES = 1 << 16
-WITHOUT_EFFECT = {"description", "enabled", "lock-range", "aggregation", "disjunction", "implication", "lock-previous"}
-"""Keys that change nothing in a Sugeno system; a value that would matter is refused in `_check_entry`."""
-
+MAX_INPUTS, MAX_TERMS, MAX_PARAMETERS = 5, 16, 128
+"""With these and 32 rules, checking a system takes less than 1 GB and 5 s."""
+KEYS = {
+    "Engine": {"description"},
+    "InputVariable": {"description", "enabled", "lock-range", "range", "term"},
+    "OutputVariable": {
+        "aggregation", "default", "defuzzifier", "description", "enabled", "lock-previous", "lock-range", "range",
+        "term",
+    },
+    "RuleBlock": {"activation", "conjunction", "description", "disjunction", "enabled", "implication", "rule"},
+}  # fmt: skip
+"""What each block may contain; some of it changes nothing in a Sugeno system, see `_check_entry`."""
+REPEATED = {"term", "rule"}
 Result = TypeVar("Result")
 
 
@@ -35,8 +47,8 @@ class _Block:
         return ((line, value) for line, entry_key, value in self.entries if entry_key == key)
 
     def get(self, key: str, default: str) -> str:
-        """The value of this key; the last one if it is repeated, as FuzzyLite reads it."""
-        return ([default, *(value for _, value in self.find_all(key))])[-1]
+        """The value of this key."""
+        return next((value for _, value in self.find_all(key)), default)
 
 
 def load_system(path: Path) -> FuzzySystem:
@@ -50,9 +62,7 @@ def load_system(path: Path) -> FuzzySystem:
     if path.suffix.lower() != ".fll":
         raise InputError(f"{path}: unknown kind of file; fuzzy systems end in .fll")
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise InputError(f"{path}: larger than {MAX_BYTES >> 10} kB, which no system of at most 32 rules needs")
-        return read_fll(path.read_text(encoding="utf-8"))
+        return read_fll(read_small_file(path, MAX_BYTES).decode())
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from None
     except UnicodeDecodeError:
@@ -71,11 +81,14 @@ def read_fll(text: str) -> FuzzySystem:
     """
     blocks = _split_blocks(text)
     inputs = [_parse_input(block) for block in blocks if block.kind == "InputVariable"]
+    if len(inputs) > MAX_INPUTS:
+        raise ValueError(f"has {len(inputs)} inputs; at most {MAX_INPUTS} are supported")
     outputs = [block for block in blocks if block.kind == "OutputVariable"]
     rule_blocks = [block for block in blocks if block.kind == "RuleBlock"]
     for kind, matching in (("output variable", outputs), ("rule block", rule_blocks)):
         if len(matching) != 1:
             raise ValueError(f"has {len(matching)} {kind}s; one is supported")
+    _check_places(blocks)
     (rules,) = rule_blocks
     conjunction = rules.get("conjunction", "none")
     if conjunction not in AND:
@@ -133,19 +146,38 @@ def _split_blocks(text: str) -> list[_Block]:
         if not colon:
             raise ValueError(f"line {line}: {content!r} is not of the form KEY: VALUE")
         if key in BLOCKS:
+            if any(block.name == value and block.kind != "Engine" and value for block in blocks):
+                raise ValueError(f"line {line}: {value} is declared twice")
             blocks.append(_Block(key, value, line))
         elif not blocks:
             raise ValueError(f"line {line}: {key} comes before any of {', '.join(BLOCKS)}")
         else:
-            _check_entry(line, key, value)
+            _check_entry(blocks[-1], line, key, value)
             blocks[-1].entries.append((line, key, value))
     return blocks
 
 
-def _check_entry(line: int, key: str, value: str) -> None:
-    known = {"range", "term", "rule", "conjunction", "activation", "defuzzifier", "default"} | WITHOUT_EFFECT
+def _check_places(blocks: list[_Block]) -> None:
+    for block in blocks:
+        for line, key, _ in block.entries:
+            if key not in KEYS[block.kind]:
+                raise ValueError(
+                    f"line {line}: {block.kind} has no {key}; valid: {', '.join(sorted(KEYS[block.kind]))}"
+                )
+
+
+def _check_entry(block: _Block, line: int, key: str, value: str) -> None:
+    known = set().union(*KEYS.values())
     if key not in known:
         raise ValueError(f"line {line}: {key} is not known; valid: {', '.join(sorted(known))}")
+    before = [entry for entry in block.entries if entry[1] == key]
+    if before and key not in REPEATED:
+        raise ValueError(f"line {line}: {key} is given twice, first in line {before[0][0]}")
+    if key == "term" and any(entry[2].split()[:1] == value.split()[:1] for entry in before):
+        raise ValueError(f"line {line}: {block.name} has another term of that name: {value}")
+    limit = MAX_TERMS if block.kind == "InputVariable" else MAX_RULES
+    if len(before) >= limit:
+        raise ValueError(f"line {line}: more than {limit} {key}s of {block.kind} {block.name}".rstrip())
     if key in ("enabled", "lock-range", "lock-previous") and value != ("true" if key == "enabled" else "false"):
         raise ValueError(f"line {line}: {key} is {value}, which is not supported")
 
@@ -161,7 +193,9 @@ def _parse_term(text: str) -> Term:
     if len(words) < 2:
         raise ValueError(f"term {text!r} is not of the form: NAME SHAPE NUMBERS")
     name, shape, *parameters = words
-    return Term(name, shape, tuple(float(value) for value in parameters))
+    if len(parameters) > MAX_PARAMETERS:
+        raise ValueError(f"term {name}: {len(parameters)} numbers; at most {MAX_PARAMETERS} are supported")
+    return Term(name, shape, tuple(map(_parse_number, parameters)))
 
 
 def _parse_output(block: _Block) -> Output:
@@ -170,14 +204,15 @@ def _parse_output(block: _Block) -> Output:
         raise ValueError(f"line {block.line}: defuzzifier is {defuzzifier}; WeightedAverage is supported")
     low, high = _parse_range(block)
     constants = dict(_parse_at(line, _parse_constant, value) for line, value in block.find_all("term"))
-    return Output(block.name, low, high, constants, float(block.get("default", "nan")))
+    line, default = next(block.find_all("default"), (block.line, "nan"))
+    return Output(block.name, low, high, constants, _parse_at(line, _parse_number, default))
 
 
 def _parse_constant(text: str) -> tuple[str, float]:
     words = text.split()
     if len(words) != 3 or words[1] != "Constant":
         raise ValueError(f"term {text!r}: an output of order zero has terms of the form NAME Constant NUMBER")
-    return words[0], float(words[2])
+    return words[0], _parse_number(words[2])
 
 
 def _parse_range(block: _Block) -> tuple[float, float]:
@@ -190,10 +225,17 @@ def _parse_range(block: _Block) -> tuple[float, float]:
 
 def _parse_two_numbers(text: str) -> tuple[float, float]:
     try:
-        low, high = map(float, text.split())
+        low, high = map(_parse_number, text.split())
     except ValueError:
         raise ValueError(f"range is {text!r}; give two numbers") from None
     return low, high
+
+
+def _parse_number(text: str) -> float:
+    """Parse a number as FuzzyLite writes it; Python would also read ``6_0``, and digits of other scripts."""
+    if "_" in text or not text.isascii():
+        raise ValueError(f"{text!r} is not a number")
+    return float(text)
 
 
 def _parse_at(line: int, parse: Callable[..., Result], *arguments: str) -> Result:

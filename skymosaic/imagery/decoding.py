@@ -16,6 +16,7 @@ from PIL import UnidentifiedImageError
 from PIL.ExifTags import Base
 
 from golden_model.config import MIN_FRAME_PX
+from golden_model.small_files import open_regular, read_small_file
 from skymosaic.errors import DamagedError, InputError
 from skymosaic.imagery.jpeg import END, decode_strictly
 from skymosaic.imagery.tiff import check_tiff
@@ -67,7 +68,7 @@ class _MeasuredFile(io.FileIO):
     """A file that refuses more read operations or bytes than the header of a photograph needs."""
 
     def __init__(self, path: Path) -> None:
-        super().__init__(path)
+        super().__init__(path, opener=open_regular)
         self._bytes_left = path.stat().st_size + SPARE_BYTES
         self._reads_left = MAX_READS
 
@@ -214,7 +215,7 @@ def decode(path: Path, header: Header, *, keep_damaged: bool) -> tuple[NDArray[n
         For a truncated, damaged or unsupported file; `DamagedError` if ``keep_damaged`` would help.
     """
     try:
-        data = path.read_bytes()
+        data = read_small_file(path, MAX_DECODED_BYTES)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({_reason(error)}); check the file") from None
     damage = ""

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Array, Intensities, Pixels, Points
+from golden_model.small_files import read_small_file
 from skymosaic.errors import InputError
 from skymosaic.geometry.homography import resize_matrix
 from skymosaic.imagery.images import load
@@ -141,7 +142,7 @@ def load_lens(camera: Path | None, mask: Path | None) -> Lens:
 
 def _read_numbers(path: Path) -> dict[str, float]:
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        table = tomllib.loads(read_small_file(path).decode())
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); give a TOML file") from None
     # RecursionError: arrays nested hundreds of levels deep.

@@ -5,6 +5,7 @@ import hashlib
 from collections.abc import Collection, Iterable
 from pathlib import Path
 
+from golden_model.small_files import read_small_file
 from skymosaic.imagery.images import save_bytes
 
 RECORD_NAME = ".skymosaic-outputs"
@@ -39,7 +40,7 @@ def exclude_recorded(folder: Path, pictures: Collection[Path]) -> list[Path]:
 
 def _read_record(folder: Path) -> dict[str, str]:
     with contextlib.suppress(OSError):
-        text = (folder / RECORD_NAME).read_bytes().decode("utf-8", "surrogateescape")
+        text = read_small_file(folder / RECORD_NAME).decode("utf-8", "surrogateescape")
         fields = (line.partition(" ") for line in text.split("\n") if line)
         return {name: digest for digest, _, name in fields}
     return {}

@@ -15,7 +15,9 @@ from threading import Lock
 import numpy as np
 
 from golden_model.arrays import Intensities, Pixels
+from golden_model.small_files import open_regular
 from skymosaic.errors import InputError
+from skymosaic.imagery.decoding import check_file
 from skymosaic.imagery.depth import ValueRange
 from skymosaic.imagery.images import PICTURE_SUFFIXES, Photograph, load, load_intensities
 from skymosaic.imagery.lens import Lens
@@ -68,8 +70,9 @@ class Source:
             For a file that cannot be read.
         """
         if isinstance(self.content, Path):
+            check_file(self.content, "an image")
             try:
-                with self.content.open("rb") as file:
+                with open(self.content, "rb", opener=open_regular) as file:
                     return hashlib.file_digest(file, "sha256").hexdigest()
             except OSError as error:
                 raise InputError(f"{self.name}: cannot be read ({error.strerror}); check the file") from None

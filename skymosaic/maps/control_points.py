@@ -7,10 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from golden_model.arrays import Points
+from golden_model.small_files import read_small_file
 from skymosaic.errors import InputError
 from skymosaic.imagery.exif import Position
 from skymosaic.maps.georeference import NO_MAPS, has_maps, import_rasterio, project_to_utm
 
+MAX_BYTES = 16 << 20
+"""Room for a hundred thousand sightings."""
 _UTM = re.compile(r"(?:WGS ?84 )?UTM (?:zone )?(\d{1,2})([NS])", re.IGNORECASE)
 """A coordinate system as OpenDroneMap's users write it; rasterio reads all other forms."""
 
@@ -73,9 +76,10 @@ def load_control_points(path: Path) -> ControlPoints:
     if not has_maps():
         raise InputError(f"{path}: {NO_MAPS}")
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_small_file(path, MAX_BYTES).decode()
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read ({error}); give a text file of control points") from None
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{path}: cannot be read ({reason}); give a text file of control points") from None
     lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), start=1)]
     lines = [(number, line) for number, line in lines if line and not line.startswith("#")]
     if len(lines) < 2:
@@ -113,6 +117,8 @@ def _parse_line(path: Path, number: int, line: str) -> tuple[tuple[float, float,
 def _convert_to_metres(path: Path, name: str, points: Points) -> tuple[str, Points]:
     """Convert points to a coordinate system in metres, which is UTM for degrees; returns its name and the points."""
     rasterio = import_rasterio()
+    if "grids=" in name:
+        raise InputError(f"{path}: {name!r} names files of grids, which are not read; give EPSG:32615 or the like")
     zone = _UTM.fullmatch(name)
     if zone is not None:
         name = f"EPSG:{326 if zone[2].upper() == 'N' else 327}{int(zone[1]):02}"

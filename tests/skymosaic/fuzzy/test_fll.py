@@ -1,6 +1,8 @@
 """FLL against FuzzyLite's own Python library."""
 
 import math
+import resource
+import time
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +10,7 @@ import pytest
 
 from skymosaic.errors import InputError
 from skymosaic.fuzzy.fll import SHIPPED, load_system, read_fll
+from skymosaic.fuzzy.golden import measure_errors, quantise
 from skymosaic.fuzzy.system import FuzzySystem, IfThen, Input, Output
 from skymosaic.fuzzy.terms import Term
 from tests.skymosaic.fuzzy.valve import VALVE
@@ -158,3 +161,69 @@ def test_a_wrong_file_is_one_line_that_names_it(tmp_path: Path, old: str, new: s
 def test_another_kind_of_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"fuzzy systems end in \.fll"):
         load_system(tmp_path / "valve.fcl")
+
+
+SMALL = """\
+InputVariable: x
+  range: 0 6
+  term: low Ramp 6 0
+OutputVariable: z
+  range: 0 1
+  defuzzifier: WeightedAverage
+  term: one Constant 1
+RuleBlock: rules
+  conjunction: Minimum
+  rule: if x is low then z is one
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("Ramp 6 0", "Ramp 6_0 0", "line 3: '6_0' is not a number"),
+        ("Constant 1", "Constant 1_0", "line 7: '1_0' is not a number"),
+        ("range: 0 6", "range: 0 6_0", "line 2: range is '0 6_0'"),
+        ("  term: low Ramp 6 0", "  term: low Ramp 6 0\n  term: low Ramp 0 6", "line 4: x has another term"),
+        ("  term: one", "  term: one Constant 2\n  term: one", "line 8: z has another term"),
+        ("range: 0 6", "range: 0 6\n  range: 0 7", "line 3: range is given twice, first in line 2"),
+        ("conjunction: Minimum", "conjunction: Minimum\n  range: 0 1", "line 10: RuleBlock has no range"),
+        (
+            "OutputVariable: z",
+            "InputVariable: x\n  range: 0 1\nOutputVariable: z",
+            "line 4: x is declared",
+        ),
+        (
+            "  term: low",
+            "".join(f"  term: t{n} Ramp 0 1\n" for n in range(16)) + "  term: low",
+            "line 19: more than",
+        ),
+        ("  rule:", "  rule: if x is low then z is one\n" * 32 + "  rule:", "line 42: more than 32 rules"),
+        ("Ramp 6 0", "Discrete" + " 0 1" * 65, "130 numbers; at most 128"),
+    ],
+)
+def test_fll_is_read_strictly(tmp_path: Path, old: str, new: str, says: str) -> None:
+    assert read_fll(SMALL).rules
+    path = tmp_path / "rules.fll"
+    path.write_text(SMALL.replace(old, new, 1))
+    with pytest.raises(InputError) as caught:
+        load_system(path)
+    assert says in str(caught.value)
+    assert str(caught.value).startswith(f"{path}: ")
+
+
+def test_the_largest_system_is_checked_in_little_memory_and_time() -> None:
+    terms = "".join(f"  term: t{n} Discrete 0 1 6 0\n" for n in range(16))
+    inputs = "".join(f"InputVariable: x{n}\n  range: 0 6\n{terms}" for n in range(5))
+    conditions = " and ".join(f"x{n} is t{n}" for n in range(5))
+    rest = SMALL[SMALL.index("OutputVariable") : SMALL.index("  rule:")]
+    system = read_fll(inputs + rest + f"  rule: if {conditions} then z is one\n" * 32)
+    start, before_kb = time.process_time(), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    measure_errors(quantise(system, 64))
+    assert time.process_time() - start < 5
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before_kb < 1_000_000
+
+
+def test_more_inputs_than_are_supported_are_refused() -> None:
+    inputs = "".join(f"InputVariable: x{n}\n  range: 0 6\n  term: low Ramp 6 0\n" for n in range(6))
+    with pytest.raises(ValueError, match="has 6 inputs"):
+        read_fll(inputs + SMALL[SMALL.index("OutputVariable") :].replace("if x is", "if x0 is"))

@@ -10,6 +10,7 @@ from PIL import Image as PillowImage
 
 from skymosaic.errors import DamagedError
 from skymosaic.imagery import images
+from skymosaic.imagery.tiff import check_tiff
 
 NOISE = np.random.default_rng(3).integers(0, 256, (480, 640, 3), np.uint8)
 SCENE = cv2.normalize(cv2.GaussianBlur(NOISE, (0, 0), 1.5), None, 0, 255, cv2.NORM_MINMAX)
@@ -82,12 +83,8 @@ def test_whole_files_are_read_as_opencv_reads_them(tmp_path: Path, compression: 
             images.load(path)
 
 
-def test_a_decompression_bomb_in_a_strip_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "p.tif").write_bytes(encoded("tiff_deflate"))
-    monkeypatch.setattr("skymosaic.imagery.decoding.MAX_DECODED_BYTES", SCENE.nbytes)
-    images.load(tmp_path / "p.tif")
-    monkeypatch.setattr("skymosaic.imagery.tiff._CHUNK_BYTES", 1 << 12)
-    header = images.read_header(tmp_path / "p.tif")
-    monkeypatch.setattr("skymosaic.imagery.decoding.MAX_DECODED_BYTES", SCENE.nbytes // 4)
+def test_a_decompression_bomb_in_a_strip_is_refused() -> None:
+    data, limits = encoded("tiff_deflate"), {"area_px": SCENE.size // 3}
+    check_tiff(data, Path("p.tif"), max_bytes=SCENE.nbytes, **limits)
     with pytest.raises(DamagedError, match="more data"):
-        images.decode(tmp_path / "p.tif", header, keep_damaged=False)
+        check_tiff(data, Path("p.tif"), max_bytes=SCENE.nbytes // 4, **limits)
