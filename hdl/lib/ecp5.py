@@ -1,7 +1,7 @@
 """Multipliers and block RAMs of Lattice's ECP5, instantiated with their own registers.
 
 Yosys infers both, but without the registers inside: a structure tensor on an ECP5-85 of speed grade 8 then reaches
-half the clock. `ecp5_models.v` beside this file has models of the primitives for simulation.
+half the clock. `ecp5_models.v` beside this file has a model of the multiplier for simulation.
 """
 
 from pathlib import Path
@@ -11,7 +11,7 @@ from amaranth import Cat, ClockSignal, Const, Instance, Module, Shape, Signal, V
 from hdl.lib.line_memory import LineMemory
 
 MODELS = Path(__file__).with_name("ecp5_models.v")
-"""Models of the primitives, for simulation."""
+"""A model of the multiplier, for simulation."""
 
 FACTOR_BITS = 18
 WIDTHS = (18, 9, 4, 2, 1)

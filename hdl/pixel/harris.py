@@ -122,24 +122,25 @@ class RawResponse(wiring.Component):
         super().__init__()
 
     def elaborate(self, platform: object) -> Module:
-        """One clock each: operands, multipliers, products, determinant and penalty, response."""
+        """One clock each: operands, multipliers, products, determinant, response; the trace is a clock behind."""
         m = Module()
         carry_scan(m, self.i, self.o, self.latency_cycles)
+        valid, a, b, c = self.i.valid, self.i.a, self.i.b, self.i.c
         # The trace fits 17 bits (proved), so its square takes one DSP slice; slicing drops the carry that never occurs.
-        trace = (self.i.a + self.i.b)[: TENSOR_TRACE.bits]
-        a_b, c_c, trace_squared = (
-            self._product(m, name, *factors)
-            for name, factors in (("a_b", (self.i.a, self.i.b)), ("c_c", (self.i.c,) * 2), ("trace", (trace,) * 2))
-        )
+        # It has a register before the multiplier's own: Yosys 0.70 would take the sum into the pre-adder of a DSP48E1,
+        # which feeds one operand only, and leave the other one 0 (docs/reference/results.md).
+        trace = delayed(m, (a + b)[: TENSOR_TRACE.bits], 1)
+        trace_valid = delayed(m, valid, 1, reset_less=False)
+        a_b, c_c = self._product(m, "a_b", valid, a, b), self._product(m, "c_c", valid, c, c)
         determinant = delayed(m, (a_b - c_c)[: RAW_RESPONSE.bits], 1)
-        penalty = delayed(m, self._penalty(trace_squared), 1)
+        penalty = self._penalty(self._product(m, "trace", trace_valid, trace, trace))
         m.d.comb += self.o.raw.eq(delayed(m, (determinant - penalty)[: RAW_RESPONSE.bits], 1))
         return m
 
-    def _product(self, m: Module, name: str, a: Value, b: Value) -> Signal:
+    def _product(self, m: Module, name: str, valid: Value, a: Value, b: Value) -> Signal:
         product = Multiplier(a=a.shape(), b=b.shape(), product=(a * b).shape())
         m.submodules[name] = product
-        m.d.comb += [product.i_valid.eq(self.i.valid), product.i_a.eq(a), product.i_b.eq(b)]
+        m.d.comb += [product.i_valid.eq(valid), product.i_a.eq(a), product.i_b.eq(b)]
         return product.o_product
 
     def _penalty(self, trace_squared: Value) -> Value:

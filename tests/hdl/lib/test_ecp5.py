@@ -2,7 +2,6 @@
 """Blocks with the ECP5's own multipliers and block RAMs, simulated with models of them against the golden model."""
 
 import re
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +14,11 @@ from hdl.blocks import catalogue
 from hdl.blocks.export import export_block
 from hdl.blocks.flat import FlatBlock
 from hdl.blocks.vectors import Block, answer_rows, pixel_rows
-from hdl.lib.ecp5 import MODELS, Ecp5
+from hdl.lib.ecp5 import Ecp5
 from hdl.lib.line_memory import LineMemory
 from hdl.netlist import to_verilog
 from hdl.pixel.harris import RawResponse
+from tests.hdl.netlists import models, run_bench
 
 
 def raw_response() -> Block:
@@ -60,10 +60,8 @@ def test_a_block_of_instances_equals_the_golden_model(
     netlist = to_verilog(FlatBlock(catalogue.CATALOGUE[name]().component), name=name, platform=Ecp5())
     assert sorted(re.findall(r"^  (DP16KD|MULT18X18D) ", netlist, re.MULTILINE)) == cells
     (tmp_path / f"{name}.v").write_text(netlist)
-    compiled = ["iverilog", "-g2012", "-s", f"{name}_tb", "-o", "bench", f"{name}.v", f"{name}_tb.v", str(MODELS)]
-    subprocess.run(compiled, cwd=tmp_path, check=True)
-    run = subprocess.run(["vvp", "-n", "bench"], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert run.stdout.startswith("PASS"), run.stdout
+    printed = run_bench(tmp_path, name, [tmp_path / f"{name}.v", *models(tmp_path, "ecp5")])
+    assert printed.startswith("PASS"), printed
 
 
 def test_what_does_not_fit_is_refused() -> None:
