@@ -36,7 +36,7 @@ SLOTS = 8
 PROPOSED = 20
 """Hypotheses for each frame; there are three more."""
 PAUSE_EVERY, PAUSE_FRAMES = 25, 9
-"""The host stops reading for so many frames, from time to time: longer than the ring holds."""
+"""After each `PAUSE_EVERY` frames the host stops reading for `PAUSE_FRAMES`, more than the ring holds."""
 FRAME_BLANK_LINES = 20
 
 

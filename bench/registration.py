@@ -61,7 +61,7 @@ REFERENCE = f"SIFT, {FEW_FEATURES} features"
 """The row whose processor time is 1."""
 
 Method = Callable[[KnownPair, int], Iterator[tuple[Matrix | None, int]]]
-"""Homography and inliers of a pair, once for each of so many seeds."""
+"""Takes a pair and the number of seeds; yields homography and inliers for each seed."""
 Sets = Annotated[list[str], typer.Argument(help="Folders of pairs; several are joined.", metavar="SET...")]
 
 

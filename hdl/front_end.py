@@ -170,7 +170,7 @@ class FrontEnd(wiring.Component):
         """Tell whether every setting in use is in its range and was built."""
         built_px = {"width_px": self.max_width_px, "height_px": self.max_height_px}
         checks = []
-        # A bound that the width of the setting keeps by itself needs no comparison.
+        # A bound that the width of the setting already guarantees needs no comparison.
         for setting in FRONT_END:
             value, maximum = active[setting.name], built_px.get(setting.name, setting.values[-1])
             if setting.values[0]:

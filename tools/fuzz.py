@@ -259,7 +259,7 @@ def _muted_libraries() -> Iterator[None]:
 
 @app.command()
 def main(count: int, seed: int = 0) -> None:
-    """Feed so many inputs, and print a report; exit status 1 after a failure."""
+    """Feed COUNT inputs, and print a report; exit status 1 after a failure."""
     with _muted_libraries():
         report = fuzz(count, seed)
     print(report.text())

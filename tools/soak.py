@@ -84,7 +84,7 @@ class Soak:
         return self._clocks_before_reset + self._bench.cycle
 
     def run(self, clocks: int) -> str:
-        """Episodes until so many clocks have passed; then every frame must have come, and nothing else may.
+        """Run episodes until the clock count is reached; then every frame must have come, and nothing else.
 
         Returns the line of counts.
         """
@@ -207,7 +207,7 @@ class Soak:
 
 
 def soak(clocks: int, seed: int, *, report: Progress = silent) -> str:
-    """Run so many clocks; ``report`` receives a line of counts every now and then. Returns the last one."""
+    """Run for a number of clocks; ``report`` receives a line of counts now and then. Returns the last line."""
     design = design_accelerator(CONFIG, (BUILT_PX, BUILT_PX), lanes=LANES)
     library = verilator.build_library(design, progress=report)
     with contextlib.closing(Bench(library, design.ports)) as bench:
@@ -219,7 +219,7 @@ def soak(clocks: int, seed: int, *, report: Progress = silent) -> str:
 
 @app.command()
 def main(clocks: int, seed: int = 1) -> None:
-    """Run so many clocks, and print a line of counts."""
+    """Run for CLOCKS clocks, and print a line of counts."""
     start = time.process_time()
     line = soak(clocks, seed, report=functools.partial(print, flush=True))
     print(f"{line}; seed {seed}, {time.process_time() - start:.0f} s of processor time")

@@ -33,7 +33,7 @@ class RingWindow(wiring.Component):
     i: data.View
     """Beats of ``pixel``."""
     i_second: Signal
-    """With two pixels per beat only: give the ring pixels of the right one. With ``o_pixels``."""
+    """With two pixels per beat: ``o_pixels`` of the same clock are those of the right one."""
     o_pixels: Sequence[Sequence[Signal]]
     """Pixels by ring and angle, in the order of `DescriptorPattern.offsets`, valid ``latency_cycles``
     after the beat, until those of the next beat. There is one signal per pixel: a single wide signal made compiled

@@ -79,7 +79,7 @@ def export(
     with session.working("writing Verilog"):
         _write_completely(output, write)
     session.wrote(output)
-    session.show(f"wrote {output}; its README.md tells the next steps")
+    session.show(f"wrote {output}; its README.md lists the next steps")
 
 
 def _check_rules(block: str | None, rules: Path | None, entries: int) -> None:

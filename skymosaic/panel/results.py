@@ -13,7 +13,7 @@ from skymosaic.tracking.output import TrackedCorners
 SINGLE_FILES = (
     "mosaic.png", "mosaic.tif", "tracked.mp4", "matches.csv", "corners.csv", "hardware.json", "config.toml",
 )  # fmt: skip
-"""What a run may write that is of use by itself; the archive has the rest, too."""
+"""Files of a run that are offered singly; the archive contains these and all others."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -131,7 +131,7 @@ class Job:
                 except TimeoutError:
                     raise JobFailedError(f"took more than {seconds:g} s; try a smaller file") from None
                 finally:
-                    # Only a worker that has ended by itself outlives this line, for a moment.
+                    # A worker that has sent its result is about to end by itself; any other is ended.
                     if process.exitcode is None and not self._has_result:
                         self.cancel()
                     await asyncio.to_thread(process.join)
