@@ -8,9 +8,13 @@ from serial_bus import BAUD, TIMEOUT_SECONDS, SerialBus
 from skymosaic_driver import Accelerator
 from skymosaic_server import options_parser, serve
 
+FRAME_SECONDS = 20.0  # a frame takes seconds at the baud rate of a serial port
+
 parser = options_parser(__doc__)
 parser.add_argument("device", help="serial port of the board, such as /dev/ttyUSB0")
 serve(
     parser,
-    lambda options: Accelerator(SerialBus(serial.Serial(options.device, BAUD, timeout=TIMEOUT_SECONDS)), 20.0),
+    lambda options: Accelerator(
+        SerialBus(serial.Serial(options.device, BAUD, timeout=TIMEOUT_SECONDS)), timeout_seconds=FRAME_SECONDS
+    ),
 )
