@@ -19,6 +19,7 @@ from skymosaic.cli.options import (
 from skymosaic.cli.progress import progress_bars
 from skymosaic.cli.session import STDOUT, session
 from skymosaic.errors import InputError, RegistrationError
+from skymosaic.features.standing import STANDS_STILL
 from skymosaic.flight.check import check_flight
 from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, Delivery, OutputForm
 from skymosaic.flight.survey import Flight
@@ -138,6 +139,8 @@ def _show(deliveries: Sequence[Delivery], output: Path, report: Path | None) -> 
         print_pair(flight.pair)
         if flight.sources[0].bend is not None:
             session.show("warp: a mesh bends the left photograph to follow the relief")
+    if any(link.standing for link in flight.links):
+        session.warn(STANDS_STILL)
     for delivery in deliveries:
         _show_mosaic(delivery, output if output == STDOUT else delivery.path)
     if (lens := flight.calibration) is not None:

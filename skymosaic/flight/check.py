@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from skymosaic.features.standing import STANDS_STILL
 from skymosaic.flight.layout.layout import Layout, groups, outline, overlap
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.survey import BLURRED, Flight
@@ -119,6 +120,8 @@ def _problems_of_all(flight: Flight) -> Iterator[str]:
     unusable = len(flight.names) - len(flight.views)
     if unusable:
         yield f"{unusable} photographs cannot be used or repeat another"
+    if standing := sum(link.standing for link in flight.links):
+        yield f"{standing} pairs: {STANDS_STILL}"
     if len(flight.layouts) > 1:
         sizes = ", ".join(str(len(layout.members)) for layout in flight.layouts)
         yield f"{len(flight.layouts)} groups without a link between them ({sizes} photographs): fly again between them"

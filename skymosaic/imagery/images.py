@@ -3,8 +3,9 @@
 import contextlib
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Self
 
 import cv2
 import numpy as np
@@ -44,6 +45,10 @@ class Photograph:
     notes: tuple[str, ...] = ()
     value_range: ValueRange | None = None
     sample: NDArray[np.generic] = field(default_factory=lambda: np.zeros(0, np.uint8))
+
+    def with_note(self, note: str) -> Self:
+        """This photograph with one more note."""
+        return replace(self, notes=(*self.notes, note))
 
     @property
     def size(self) -> tuple[int, int]:

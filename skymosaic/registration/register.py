@@ -14,6 +14,7 @@ from golden_model.records import Cause
 from sim.backends.interface import Backend, FrameResult, Progress, silent
 from skymosaic.features.guided_matching import refine_pair
 from skymosaic.features.positions import match_points, select_ground_matches
+from skymosaic.features.standing import STANDS_STILL, remove_still, stands_on_still_parts
 from skymosaic.geometry.estimators import SCORINGS, estimate
 from skymosaic.geometry.homography import transfer_error
 from skymosaic.geometry.prosac import INLIER_PX
@@ -21,7 +22,7 @@ from skymosaic.imagery.images import Photograph, load, reduce_for_front_end
 from skymosaic.imagery.lens import Lens
 from skymosaic.registration.options import RegistrationKeywords, RegistrationOptions
 from skymosaic.registration.pair import Pair
-from skymosaic.registration.passes import Evidence, Search, explain_refusal
+from skymosaic.registration.passes import Evidence, Search, SearchState, explain_refusal
 from skymosaic.stopwatch import Stopwatch
 
 
@@ -95,15 +96,24 @@ def register_photographs(
     front_end = options.open_backend(method, progress)
     # The left frame is held as the reference, so the matches come with the right one.
     (left_result, right_result), config = extract_within_capacity(front_end, [left, right], config)
+    if np.array_equal(photographs[0].pixels, photographs[1].pixels):
+        photographs = photographs[0], photographs[1].with_note(f"the same picture as {photographs[0].name}")
     masks = [lens.visible_mask((image.shape[1], image.shape[0])) if lens else None for image in (left, right)]
     remove_masked = partial(select_ground_matches, visible=masks)
     clock.lap("features and matches")
     # One generator for all passes: a result depends on the seed alone.
     rng = np.random.default_rng(options.seed)
-    search = Search(front_end, (left, right), config, rng, remove_masked, scoring=SCORINGS.get(options.estimator))
+    make_search = partial(Search, front_end, (left, right), config, rng, scoring=SCORINGS.get(options.estimator))
     first_pass = Evidence((left_result.features, right_result.features), remove_masked(right_result.matches))
-    homography, inliers = _estimate(options.estimator, first_pass.matches, rng)
-    state = search.run(effort, search.accept(first_pass, homography, inliers, passes=1))
+    state = _search(make_search(remove_masked), first_pass, options.estimator, effort, rng)
+    stands_still = state.homography is not None and stands_on_still_parts(
+        *match_points(state.evidence.matches[state.inliers]), state.evidence.features
+    )
+    if stands_still:
+        photographs = photographs[0], photographs[1].with_note(STANDS_STILL)
+        first_pass = dataclasses.replace(first_pass, matches=remove_still(first_pass.matches))
+        search = make_search(lambda matches: remove_still(remove_masked(matches)))
+        state = _search(search, first_pass, options.estimator, effort, rng)
     clock.lap("homography")
     homography, refined_inliers, inliers, matches = state.homography, 0, state.inliers, state.evidence.matches
     if options.refine and homography is not None:
@@ -122,7 +132,7 @@ def register_photographs(
         inliers=matches[inliers],
         refined_inliers=refined_inliers,
         homography=None if homography is None else _map_to_originals(homography, to_left, to_right),
-        reason=explain_refusal(state) if homography is None else "",
+        reason="" if homography is not None else explain_refusal(state) + (f"; {STANDS_STILL}" if stands_still else ""),
         config=config,
         method=method,
         estimator=options.estimator,
@@ -131,6 +141,12 @@ def register_photographs(
         backend=options.backend_name,
         seconds=clock.seconds,
     )
+
+
+def _search(search: Search, first_pass: Evidence, estimator: str, effort: str, rng: np.random.Generator) -> SearchState:
+    """Estimate from the first pass, and search further as far as ``effort`` allows."""
+    homography, inliers = _estimate(estimator, first_pass.matches, rng)
+    return search.run(effort, search.accept(first_pass, homography, inliers, passes=1))
 
 
 def _select_inliers(matches: Records, homography: Matrix) -> Mask:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from golden_model.arrays import Matrix, Points, Records
 from golden_model.config import Config
 from golden_model.matching.matcher import match
 from skymosaic.features.positions import match_points
+from skymosaic.features.standing import are_still, stands_on_still_parts
 from skymosaic.flight.cache import Arrays
 from skymosaic.geometry.homography import transfer_error
 from skymosaic.geometry.prosac import estimate_homography
@@ -40,6 +41,8 @@ class Link:
         Matches within 2 px of the best homography.
     near : int
         Matches within 12 px of it.
+    standing : bool
+        Matches that moved with the camera were left out.
     """
 
     left: int
@@ -48,6 +51,7 @@ class Link:
     right_points: Points
     inliers: int
     near: int
+    standing: bool = False
 
     @property
     def ties(self) -> int:
@@ -61,15 +65,15 @@ class Link:
 
     def pack(self) -> Arrays:
         """Turn the link into arrays for a file, without the indices, which are valid for one list of views only."""
-        counts = np.array([self.inliers, self.near])
+        counts = np.array([self.inliers, self.near, self.standing])
         return {"left_points": self.left_points, "right_points": self.right_points, "counts": counts}
 
     @classmethod
     def unpack(cls, arrays: Arrays, left: int, right: int) -> Link:
         """Read the link that `pack` turned into arrays."""
-        inliers, near = arrays["counts"].tolist()
+        inliers, near, standing = arrays["counts"].tolist()
         left_points, right_points = (arrays[side].astype(np.float64) for side in ("left_points", "right_points"))
-        return cls(left, right, left_points, right_points, inliers, near)
+        return cls(left, right, left_points, right_points, inliers, near, bool(standing))
 
 
 def valid_links(links: Mapping[Candidate, Link]) -> list[Link]:
@@ -107,10 +111,17 @@ def link_views(
     rng = np.random.default_rng(seed)
     # One search: a link that it misses is made up for by the others, which the layout predicts.
     estimate = estimate_homography(left_points, right_points, weight, rng=rng, max_samples=max_samples, restarts=1)
+    standing = estimate.homography is not None and stands_on_still_parts(
+        left_points[estimate.inliers], right_points[estimate.inliers], (left, right)
+    )
+    if standing:
+        moving = ~are_still(left_points, right_points)
+        left_points, right_points, weight = left_points[moving], right_points[moving], weight[moving]
+        estimate = estimate_homography(left_points, right_points, weight, rng=rng, max_samples=max_samples, restarts=1)
     inliers = int(np.count_nonzero(estimate.inliers))
     if estimate.homography is None:
-        return Link(*pair, left_points[:0], right_points[:0], inliers, near=0)
-    return tie_views(pair, left_points, right_points, estimate.homography, inliers)
+        return Link(*pair, left_points[:0], right_points[:0], inliers, near=0, standing=standing)
+    return replace(tie_views(pair, left_points, right_points, estimate.homography, inliers), standing=standing)
 
 
 def tie_views(pair: Candidate, left_points: Points, right_points: Points, homography: Matrix, inliers: int) -> Link:
