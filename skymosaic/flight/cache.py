@@ -59,7 +59,7 @@ class ResultCache:
         self._tell = tell
         if folder is not None:
             try:
-                folder.mkdir(parents=True, exist_ok=True)
+                folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             except OSError as error:
                 if required:
                     raise InputError(f"{folder}: cannot be made ({error.strerror}); choose another cache") from None

@@ -19,7 +19,7 @@ from skymosaic.panel.options import Options
 from skymosaic.panel.results import HardwareResult, MosaicResult, TrackingResult, Upload
 from skymosaic.panel.tasks import mosaic_tasks, tracking_tasks, upload_tasks
 from skymosaic.panel.tasks.jobs import Job, JobCancelledError, JobFailedError, Limits, Task
-from skymosaic.panel.uploads import KINDS, UploadRefusedError, receive
+from skymosaic.panel.uploads import KINDS, MAX_UPLOADS_AT_ONCE, UploadRefusedError, receive
 
 MAX_PHOTOGRAPHS = 60
 MAX_BYTES = 4 << 30
@@ -153,6 +153,8 @@ class Session:
         # Those that are under way count too: ten uploads at once must not pass the limit together.
         if slot == "photograph" and len(self.photographs) + self._uploads_under_way >= MAX_PHOTOGRAPHS:
             raise UploadRefusedError(f"no more than {MAX_PHOTOGRAPHS} photographs can be loaded; remove some", 413)
+        if self._uploads_under_way >= MAX_UPLOADS_AT_ONCE:
+            raise UploadRefusedError(f"{MAX_UPLOADS_AT_ONCE} files are arriving already; wait for them", 429)
         self._uploads_under_way += 1
         try:
             folder, room_bytes = self._folder("uploads"), max(0, MAX_BYTES - _bytes_in(self._root))

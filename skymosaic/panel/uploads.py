@@ -13,6 +13,10 @@ from pathlib import Path
 import anyio
 
 MEBIBYTE = 1 << 20
+STALLED_SECONDS = 20.0
+"""An upload without progress for this long is given up, and what it occupies is freed."""
+MAX_UPLOADS_AT_ONCE = 16
+"""Of one session. A browser sends six at once."""
 _HEAD_BYTES = 16
 _MAX_STEM_LENGTH = 40
 _RESERVED_STEMS = ("mosaic", "tracked")
@@ -114,11 +118,27 @@ async def receive(body: AsyncIterator[bytes], name: str, kind: Kind, part: Path,
         part.unlink(missing_ok=True)
 
 
+async def _without_stalls(body: AsyncIterator[bytes], stem: str) -> AsyncIterator[bytes]:
+    """Pass on the body; refuse it when nothing arrives for `STALLED_SECONDS`."""
+    chunks = aiter(body)
+    while True:
+        try:
+            with anyio.fail_after(STALLED_SECONDS):
+                chunk = await anext(chunks)
+        except StopAsyncIteration:
+            return
+        except TimeoutError:
+            raise UploadRefusedError(
+                f"{stem}: nothing arrived for {STALLED_SECONDS:g} s; check the connection and load it again", 408
+            ) from None
+        yield chunk
+
+
 async def _store(body: AsyncIterator[bytes], path: Path, limit_bytes: int, stem: str) -> bytes:
     """Write the body to ``path`` as it arrives; return its first bytes."""
     head, size = b"", 0
     async with await anyio.open_file(path, "wb") as file:
-        async for chunk in body:
+        async for chunk in _without_stalls(body, stem):
             size += len(chunk)
             if size > limit_bytes:
                 raise UploadRefusedError(
