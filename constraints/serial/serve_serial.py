@@ -8,7 +8,8 @@ from serial_bus import BAUD, TIMEOUT_SECONDS, SerialBus
 from skymosaic_driver import Accelerator
 from skymosaic_server import options_parser, serve
 
-FRAME_SECONDS = 20.0  # a frame takes seconds at the baud rate of a serial port
+# Longer than the default of the driver, because the serial port is slow.
+FRAME_SECONDS = 20.0
 
 parser = options_parser(__doc__)
 parser.add_argument("device", help="serial port of the board, such as /dev/ttyUSB0")
