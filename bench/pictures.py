@@ -4,7 +4,7 @@
     python -m bench.pictures notebook
 
 The notebook is executed as it is exported, on the simulated accelerator, by a Jupyter kernel of its own in a folder
-with the exported programs; a module ``pynq`` stands for the board's.
+with the exported programs, on PYNQ's own classes.
 """
 
 import base64
@@ -44,7 +44,8 @@ DRAWN_BYTE = 0
 """The byte of the descriptor whose eight comparisons are drawn."""
 NOTEBOOK = SOURCES / "pynq" / "skymosaic.ipynb"
 NOTEBOOK_SIZE_PX = (320, 240)
-STAND_IN = "from sim.benches.pynq_stand_in import DefaultIP, Overlay, allocate\n"
+PYNQ = "from sim.benches.pynq_board import open_board\n\nopen_board()\n"
+"""A module of the name: importing it puts PYNQ's own package in its place."""
 NOTE = """<!-- Written by `python -m bench.pictures notebook`. -->
 
 !!! note
@@ -128,10 +129,15 @@ def run_notebook(size_px: tuple[int, int] = NOTEBOOK_SIZE_PX) -> Any:
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         write_host(folder, "pynq", PRESETS["aerial"])
-        (folder / "pynq.py").write_text(STAND_IN)
+        (folder / "pynq.py").write_text(PYNQ)
         for name, image in zip(("left", "right"), make_pair(seed=SEED, size=size_px).images, strict=True):
             np.save(folder / f"{name}.npy", np.ascontiguousarray(image[..., 1]))
-        environment = {**os.environ, "PYTHONPATH": str(ROOT), "IPYTHONDIR": str(folder / "ipython")}
+        environment = {
+            **os.environ,
+            "PYTHONPATH": str(ROOT),
+            "IPYTHONDIR": str(folder / "ipython"),
+            "TMPDIR": temporary,
+        }
         client = NotebookClient(executed, timeout=None, resources={"metadata": {"path": str(folder)}})
         client.execute(env=environment)
     return executed

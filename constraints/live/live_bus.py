@@ -2,8 +2,8 @@
 
 import time
 
-from pynq import MMIO, Overlay
-from pynq_overlay import OverlayBus, wait_until_idle
+from pynq import MMIO
+from pynq_overlay import OverlayBus, Transfers, load_overlay
 
 REGISTER_BYTES = 4096
 TIMEOUT_SECONDS = 5.0
@@ -21,7 +21,7 @@ class LiveBus(OverlayBus):
     """
 
     def __init__(self, bitstream, address):
-        self.overlay = Overlay(bitstream)
+        self.overlay = load_overlay(bitstream)
         # By address: a live build is not packaged, so the overlay does not know its name.
         super().__init__(MMIO(address, REGISTER_BYTES))
 
@@ -38,13 +38,11 @@ class LiveBus(OverlayBus):
 
         The block design has an AXI DMA in simple mode, ``dma_scores``, at the two streams.
         """
-        dma = self.overlay.dma_scores
-        # Receive first, so that no score waits for the DMA.
-        dma.recvchannel.transfer(received)
-        dma.sendchannel.transfer(sent, 0, length_bytes)
-        wait_until_idle({"hypotheses": dma.sendchannel, "scores": dma.recvchannel}, TIMEOUT_SECONDS)
-        received.invalidate()
-        return dma.recvchannel.transferred
+        transfers = Transfers(self.overlay, {"hypotheses": "dma_scores"}, {"scores": "dma_scores"})
+        transfers.reset()
+        transfers.start("scores", received, received.nbytes)
+        transfers.start("hypotheses", sent, length_bytes)
+        return transfers.wait(TIMEOUT_SECONDS)["scores"]
 
     def wait(self, seconds):
         """Wait for some time."""

@@ -8,11 +8,27 @@ import argparse
 import pathlib
 import xml.etree.ElementTree as ET
 
+import skymosaic_map as register_map
+
 BLOCKS = ("skymosaic", "dma_video", "dma_features", "dma_matches")
-BUFFERS = {"frame": 16 << 20, "features": 1 << 20, "matches": 1 << 20}
-"""Bytes of each buffer, enough for the largest build."""
 PARENT_CELLS = {"zynq": 1, "zynquplus": 2}
 """Cells of an address at the root of the board's device tree, by family."""
+MAX_TRANSFER_BYTES = (1 << 26) - 1
+"""A DMA's register LENGTH has 26 bits: a frame of 4096x4096 in colour is longer by a byte."""
+
+
+def buffer_sizes():
+    """Bytes of each buffer, in whole MiB: what the longest frame and packets of this build need."""
+    built = register_map.BUILT
+    # With two pixels per clock, a line of odd width has one more.
+    frame = 4 * (built["built_width_px"] + 1) * built["built_height_px"]
+    capacity = built["built_max_features"] + register_map.CLOSING_RECORDS
+    sizes = {
+        "frame": min(frame, MAX_TRANSFER_BYTES),
+        "features": capacity * register_map.FEATURE.itemsize,
+        "matches": capacity * register_map.MATCH.itemsize,
+    }
+    return {name: -(-size >> 20) << 20 for name, size in sizes.items()}
 
 
 def block_ranges(hwh):
@@ -50,7 +66,7 @@ def overlay(hwh, cells):
     nodes += [
         f'        udmabuf-{name} {{\n            compatible = "ikwzm,u-dma-buf";\n'
         f'            device-name = "udmabuf-{name}";\n            size = <{size:#x}>;\n        }};'
-        for name, size in BUFFERS.items()
+        for name, size in buffer_sizes().items()
     ]
     head = [
         "/dts-v1/;\n/plugin/;\n\n&{/} {\n    skymosaic {",

@@ -1,12 +1,75 @@
-"""An overlay under PYNQ 3.1: its registers, memory for its DMAs, and transfers with a time limit."""
+"""Loads an overlay for this process alone, and moves data by its AXI DMAs in simple mode. Needs PYNQ 3.0 or newer.
 
+Every wait has a limit of time. PYNQ's own `wait`, `start` and `stop` have none: they are called only where they return
+at once.
+"""
+
+import fcntl
+import os
+import pathlib
+import tempfile
 import time
 
 import numpy as np
-from pynq import allocate
+from pynq import Overlay, allocate
 from skymosaic_registers import AcceleratorError
 
 POLL_SECONDS = 0.0002
+RESET_SECONDS = 1.0
+MAX_TRANSFER_BYTES = (1 << 26) - 1
+"""A DMA's register LENGTH has 26 bits."""
+LOCK = pathlib.Path(tempfile.gettempdir()) / "skymosaic.lock"
+# The registers of an AXI DMA (PG021), from the offset of its channel from memory, or of its channel to memory, on.
+SEND, RECEIVE = 0x00, 0x30
+CONTROL, STATUS = 0x00, 0x04
+RUN, RESET = 1 << 0, 1 << 2
+HALTED = 1 << 0
+ERRORS = {
+    1 << 4: "an internal error: a packet is longer than its buffer, or the memory failed",
+    1 << 5: "a slave error: the memory refuses the buffer's address",
+    1 << 6: "a decode error: there is no memory at the buffer's address",
+}
+
+_locks = []
+
+
+def load_overlay(bitstream):
+    """Load a bitstream, whose .hwh file must be in the same folder; no other process may use the overlay.
+
+    Raises
+    ------
+    AcceleratorError
+        If one does, or if the files are missing.
+    """
+    _lock_overlay()
+    try:
+        return Overlay(str(bitstream))
+    except OSError as error:
+        raise AcceleratorError(f"{bitstream}: {error}; copy the .bit and the .hwh file there") from None
+
+
+def find_block(overlay, name):
+    """Return the driver of a block of the overlay."""
+    try:
+        return getattr(overlay, name)
+    except AttributeError:
+        raise AcceleratorError(f"the overlay has no block {name}; load the bitstream of the same export") from None
+
+
+def _lock_overlay():
+    """Take a lock, which the system releases when the process ends, however it does."""
+    if _locks:
+        return
+    lock = os.open(LOCK, os.O_RDWR | os.O_CREAT, 0o600)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        owner = os.read(lock, 20).decode() or "?"
+        os.close(lock)
+        raise AcceleratorError(f"process {owner} uses the overlay; end it first") from None
+    os.ftruncate(lock, 0)
+    os.write(lock, str(os.getpid()).encode())
+    _locks.append(lock)
 
 
 class OverlayBus:
@@ -26,15 +89,83 @@ class OverlayBus:
         return allocate(shape=(length_bytes,), dtype=np.uint8)
 
 
-def wait_until_idle(channels, timeout_seconds):
-    """Wait until the transfers of all DMA channels, a dictionary by name, have ended."""
-    # Polled, because PYNQ's `wait` has no time limit.
-    end = time.monotonic() + timeout_seconds
-    while not all(channel.idle for channel in channels.values()):
-        for name, channel in channels.items():
-            if channel.error:
-                raise AcceleratorError(f"the DMA of the {name} reports an error; reload the overlay")
-        if time.monotonic() > end:
-            busy = ", ".join(name for name, channel in channels.items() if not channel.idle)
-            raise AcceleratorError(f"no answer within {timeout_seconds:g} s; still busy: {busy}")
-        time.sleep(POLL_SECONDS)
+class Transfers:
+    """Transfers of several DMA channels.
+
+    Parameters
+    ----------
+    overlay : pynq.Overlay
+    sending, receiving : dict of str to str
+        Names of channels, and the DMA of each in the overlay.
+    """
+
+    def __init__(self, overlay, sending, receiving):
+        sends = {name: find_block(overlay, dma) for name, dma in sending.items()}
+        receives = {name: find_block(overlay, dma) for name, dma in receiving.items()}
+        self._dmas = {name: (dma, SEND) for name, dma in sends.items()}
+        self._dmas |= {name: (dma, RECEIVE) for name, dma in receives.items()}
+        self._channels = {name: dma.sendchannel for name, dma in sends.items()}
+        self._channels |= {name: dma.recvchannel for name, dma in receives.items()}
+        self._started = []
+
+    def start(self, name, buffer, length_bytes):
+        """Start to send the first ``length_bytes`` of a buffer, or to receive at most as many."""
+        if not 1 <= length_bytes <= MAX_TRANSFER_BYTES:
+            raise AcceleratorError(f"{length_bytes} bytes of {name}; a DMA transfers 1 to {MAX_TRANSFER_BYTES}")
+        self._check(name)
+        try:
+            self._channels[name].transfer(buffer, 0, length_bytes)
+        except (RuntimeError, ValueError) as error:
+            raise AcceleratorError(f"the DMA of the {name} does not start: {error}") from None
+        self._started.append(name)
+
+    def wait(self, timeout_seconds):
+        """Wait until every started transfer has ended; returns the lengths of received packets in bytes."""
+        end = time.monotonic() + timeout_seconds
+        while busy := [name for name in self._started if not self._is_done(name)]:
+            if time.monotonic() > end:
+                raise AcceleratorError(f"no answer within {timeout_seconds:g} s; still busy: {', '.join(busy)}")
+            time.sleep(POLL_SECONDS)
+        lengths = {}
+        for name in self._started:
+            # Returns at once; it invalidates the cache, and reads the length of what has come.
+            self._channels[name].wait()
+            if self._dmas[name][1] == RECEIVE:
+                lengths[name] = self._channels[name].transferred
+        self._started = []
+        return lengths
+
+    def reset(self):
+        """Reset the DMAs, whatever they are doing, and start them again."""
+        self._started = []
+        for dma, offset in self._dmas.values():
+            dma.write(offset + CONTROL, RESET)
+        end = time.monotonic() + RESET_SECONDS
+        for name in self._dmas:
+            self._await(name, CONTROL, RESET, end)
+        for name, (dma, offset) in self._dmas.items():
+            dma.write(offset + CONTROL, RUN)
+            self._await(name, STATUS, HALTED, end)
+            # It runs already; PYNQ has to know that the next transfer is the first.
+            self._channels[name].start()
+
+    def _is_done(self, name):
+        self._check(name)
+        return self._channels[name].idle
+
+    def _check(self, name):
+        dma, offset = self._dmas[name]
+        status = dma.read(offset + STATUS)
+        for bit, cause in ERRORS.items():
+            if status & bit:
+                raise AcceleratorError(f"the DMA of the {name} reports {cause}; send the frame again")
+        if status & HALTED:
+            raise AcceleratorError(f"the DMA of the {name} is halted: something has stopped it; send the frame again")
+
+    def _await(self, name, register, bit, end):
+        """Wait until a bit of a register is 0."""
+        dma, offset = self._dmas[name]
+        while dma.read(offset + register) & bit:
+            if time.monotonic() > end:
+                raise AcceleratorError(f"the DMA of the {name} does not reset; load the overlay again")
+            time.sleep(POLL_SECONDS)

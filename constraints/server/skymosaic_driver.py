@@ -19,6 +19,8 @@ from skymosaic_registers import AcceleratorError, Registers, split_packet
 
 CHANNELS = ("features", "matches")
 TIMEOUT_SECONDS = 5.0
+MAX_FRAME_BYTES = (1 << 26) - 1
+"""A DMA's register LENGTH has 26 bits: 2^26 bytes, a frame of 4096x4096 in colour, would be 0."""
 
 
 class Frame:
@@ -80,6 +82,7 @@ class Accelerator(Registers):
         self.check(settings)
         frames = iter(frames)
         first = next(frames)
+        self.check_frame(first.shape)
         self._recover()
         # The order of the fields: CONTROL is written last, since `enable` starts the accelerator.
         self.write(
@@ -93,6 +96,18 @@ class Accelerator(Registers):
         )
         size_px = settings["width_px"], settings["height_px"]
         return [self._run_one(frame, size_px) for frame in itertools.chain([first], frames)]
+
+    def check_frame(self, shape):
+        """Check that a DMA can send a frame of this shape at once."""
+        height, width = shape[:2]
+        if self.video_bits in (16, 48):
+            width += width % 2
+        length_bytes = height * width * (4 if len(shape) == 3 or self.video_bits in (24, 48) else 1)
+        if length_bytes > MAX_FRAME_BYTES:
+            raise AcceleratorError(
+                f"a frame of {shape[1]}x{height} has {length_bytes} bytes, a DMA sends at most {MAX_FRAME_BYTES}; "
+                "send a smaller or a gray one"
+            )
 
     def _recover(self):
         """End whatever an interrupted run has left: transfers, frames and unfinished packets."""

@@ -21,6 +21,7 @@ import time
 
 import numpy as np
 import skymosaic_map as register_map
+from skymosaic_registers import AcceleratorError
 
 PORT = 7020
 MIN_KEY_BYTES = 16
@@ -156,6 +157,7 @@ class Handler(socketserver.BaseRequestHandler):
         if (settings["width_px"], settings["height_px"]) != (shape[1], shape[0]):
             raise ValueError("width_px and height_px differ from the frames' shape")
         self.server.accelerator.check(settings)
+        self.server.accelerator.check_frame(shape)
 
     def _authenticate(self, line):
         """Check that the client knows the key; returns the announced SHA-256 of its frames."""
@@ -245,7 +247,7 @@ def serve(parser, open_accelerator):
         parser.error(f"{options.key} has less than {MIN_KEY_BYTES} bytes")
     try:
         server = Server((options.host, options.port), open_accelerator(options), key)
-    except ValueError as error:
+    except (ValueError, AcceleratorError) as error:
         parser.error(str(error))
     with server:
         print(f"serving on {options.host}:{options.port}")

@@ -188,17 +188,26 @@ class LiveBench:
         TimeoutError
             If the scores do not come.
         """
-        hypotheses = np.array(sent[:length_bytes]).view(np.uint64)
-        self._library.live_hypotheses(self._bench, hypotheses.ctypes.data, hypotheses.size)
+        self.send_hypotheses(np.array(sent[:length_bytes]).view(np.uint64))
         for _ in range(MAX_SCORING_CLOCKS // POLL_CLOCKS):
             self.run(POLL_CLOCKS)
-            if self._library.live_score_packets(self._bench):
-                words = ctypes.POINTER(ctypes.c_uint64)()
-                count = self._library.live_scores(self._bench, ctypes.byref(words))
-                scores = np.ctypeslib.as_array(words, (count,)).view(np.uint8)
+            scores = self.take_scores()
+            if scores is not None:
                 received[: scores.size] = scores
                 return int(scores.size)
         raise TimeoutError(f"no scores in {MAX_SCORING_CLOCKS} clocks")
+
+    def send_hypotheses(self, words: NDArray[np.uint64]) -> None:
+        """Send a packet of hypotheses; scores that came before are forgotten."""
+        self._library.live_hypotheses(self._bench, words.ctypes.data, words.size)
+
+    def take_scores(self) -> NDArray[np.uint8] | None:
+        """The packet of scores, if it has come."""
+        if not self._library.live_score_packets(self._bench):
+            return None
+        words = ctypes.POINTER(ctypes.c_uint64)()
+        count = self._library.live_scores(self._bench, ctypes.byref(words))
+        return np.ctypeslib.as_array(words, (count,)).view(np.uint8)
 
     def wait(self, seconds: float) -> None:
         """Run for a while, whatever ``seconds`` says: simulated time is not that of the host."""

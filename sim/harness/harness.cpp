@@ -45,6 +45,7 @@ struct Request {
     uint64_t packets;      // the run is complete after so many packets on each output
     uint64_t cycle_limit;
     uint32_t gaps, stalls, seed;
+    const uint64_t *rooms; // words that each output takes at most, up to the first packet's end; null: all
 };
 
 #define COUNT(index, port) +1
@@ -53,6 +54,7 @@ constexpr int OUTPUT_COUNT = 0 OUTPUTS(COUNT), STREAM_COUNT = OUTPUT_COUNT TAPS(
 struct Bench {
     Model model;
     uint64_t cycle = 0;
+    uint64_t sent = 0;             // beats of the last run that went in
     std::vector<uint64_t> starts;  // cycle of every admitted start of frame
     Output streams[STREAM_COUNT];
 
@@ -86,16 +88,17 @@ struct Bench {
     bool stream(const Request &request) {
         starts.clear();
         for (Output &stream : streams) stream = {};
-        uint64_t sent = 0;
+        sent = 0;
         bool offered = false;
         for (const uint64_t limit = cycle + request.cycle_limit; cycle < limit; cycle++) {
-            if (sent == request.beats && complete(request.packets)) return true;
+            if (request.rooms ? complete_one() : sent == request.beats && complete(request.packets)) return true;
             offered = offered || (sent < request.beats && !pauses(request.gaps, request.seed, 0, cycle));
             if (offered) offer(request.data[sent], request.flags[sent]);
             SET(VIDEO(tvalid), offered);
             bool ready[OUTPUT_COUNT];
 #define OFFER_READY(index, port)                                             \
-    ready[index] = !pauses(request.stalls, request.seed, index + 1, cycle); \
+    ready[index] = !pauses(request.stalls, request.seed, index + 1, cycle) && \
+                   !(request.rooms && streams[index].words.size() >= request.rooms[index]); \
     SET(port(tready), ready[index]);
             OUTPUTS(OFFER_READY)
             model.settle();
@@ -125,6 +128,12 @@ struct Bench {
         for (int i = 0; i < OUTPUT_COUNT; i++)
             if (streams[i].packets() < packets) return false;
         return true;
+    }
+
+    bool complete_one() const {
+        for (int i = 0; i < OUTPUT_COUNT; i++)
+            if (streams[i].packets()) return true;
+        return false;
     }
 
     void set(int setting, uint64_t value) {
@@ -159,6 +168,7 @@ int bench_write(Bench *, uint32_t, uint32_t) { return -1; }
 int bench_read(Bench *, uint32_t, uint32_t *) { return -1; }
 #endif
 bool bench_run(Bench *bench, const Request *request) { return bench->run(*request); }
+uint64_t bench_sent(const Bench *bench) { return bench->sent; }
 uint64_t bench_cycle(const Bench *bench) { return bench->cycle; }
 
 uint64_t bench_starts(const Bench *bench, const uint64_t **cycles) {

@@ -64,6 +64,7 @@ class _Request(ctypes.Structure):
         ("gaps", ctypes.c_uint32),
         ("stalls", ctypes.c_uint32),
         ("seed", ctypes.c_uint32),
+        ("rooms", ctypes.c_void_p),
     )
 
 
@@ -129,7 +130,22 @@ class Bench:
         """Clocks since the last reset."""
         return int(self._library.bench_cycle(self._bench))
 
-    def stream(self, segment: Segment, pauses: Pauses) -> tuple[bool, Recording]:
+    def run_to_packet(self, segment: Segment, rooms: Sequence[int]) -> tuple[int, Recording]:
+        """Stream a segment up to the first end of a packet or the cycle limit; each output takes at most its room.
+
+        Returns
+        -------
+        int
+            Beats that went in.
+        Recording
+            What came out.
+        """
+        _, recording = self.stream(segment, NO_PAUSES, np.array(rooms, np.uint64))
+        return int(self._library.bench_sent(self._bench)), recording
+
+    def stream(
+        self, segment: Segment, pauses: Pauses, rooms: NDArray[np.uint64] | None = None
+    ) -> tuple[bool, Recording]:
         """As `run`, but at the cycle limit it returns what has come so far, and whether that was all."""
         self.ports.check(segment.settings)
         if segment.reset:
@@ -142,7 +158,7 @@ class Bench:
         data, flags = np.ascontiguousarray(segment.data, np.uint64), np.ascontiguousarray(segment.flags, np.uint8)
         request = _Request(
             data.ctypes.data, flags.ctypes.data, data.size, segment.packets, segment.cycle_limit,
-            pauses.gaps, pauses.stalls, pauses.seed,
+            pauses.gaps, pauses.stalls, pauses.seed, None if rooms is None else rooms.ctypes.data,
         )  # fmt: skip
         is_done = bool(self._library.bench_run(self._bench, ctypes.byref(request)))
         return is_done, self._copy_recording()
@@ -175,6 +191,7 @@ _FUNCTIONS = {
     "bench_write": (ctypes.c_int, _POINTER, ctypes.c_uint32, ctypes.c_uint32),
     "bench_read": (ctypes.c_int, _POINTER, ctypes.c_uint32, ctypes.POINTER(ctypes.c_uint32)),
     "bench_run": (ctypes.c_bool, _POINTER, ctypes.POINTER(_Request)),
+    "bench_sent": (ctypes.c_uint64, _POINTER),
     "bench_cycle": (ctypes.c_uint64, _POINTER),
     "bench_starts": (ctypes.c_uint64, _POINTER, _VALUES),
     "bench_words": (ctypes.c_uint64, _POINTER, ctypes.c_int, _VALUES),

@@ -15,6 +15,7 @@ SIZE_PX = (160, 120)
 SOURCES = [cell.source for cell in nbformat.read(pictures.NOTEBOOK, as_version=4).cells]
 
 
+@pytest.mark.needs("pynq")
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of Jupyter's own packages
 def test_the_notebook_runs_and_gives_what_the_golden_model_gives() -> None:
     made = pictures.run_notebook(SIZE_PX)

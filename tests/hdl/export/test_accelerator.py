@@ -321,11 +321,13 @@ HWH = """<EDKSYSTEM><MODULES><MODULE MODTYPE="{ps}"><MEMORYMAP>
 )
 def test_the_overlay_has_the_addresses_of_the_block_design(tmp_path: Path, hwh: str, reg: str) -> None:
     (tmp_path / "skymosaic.hwh").write_text(hwh)
-    command = [sys.executable, export.SOURCES / "pynq" / "overlay.py", tmp_path / "skymosaic.hwh"]
+    export.write_host(tmp_path, "pynq", preset_config("aerial"), max_width_px=4096, max_height_px=4096)
+    command = [sys.executable, tmp_path / "overlay.py", tmp_path / "skymosaic.hwh"]
     text = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     assert f'"skymosaic";\n            reg = {reg};' in text
     assert text.count("generic-uio") == 4
     assert text.count("ikwzm,u-dma-buf") == 3
+    assert f'"udmabuf-frame";\n            size = <{64 << 20:#x}>;' in text
     assert text.count("{") == text.count("}")
     (tmp_path / "skymosaic.hwh").write_text(hwh.replace("dma_matches", "other"))
     result = subprocess.run(command, capture_output=True, text=True, check=False)

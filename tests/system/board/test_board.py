@@ -1,18 +1,17 @@
-"""The board's driver, its server and the host's client, against the accelerator's Verilog.
+"""The board's driver, its server and the host's client, on PYNQ's own classes and the accelerator's Verilog.
 
-Only the bus is ours: it turns the driver's register and DMA calls into those of the simulation.
+Between them are the AXI DMAs at the level of their registers (`sim.benches.axi_dma`).
 """
 
-import contextlib
 import dataclasses
-import importlib
 import json
 import socket
+import subprocess
 import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
-from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -23,11 +22,10 @@ from hdl.settings import REQUESTED, matched_frame_settings
 from sim.backends import board
 from sim.backends.interface import BUILT_LANES, BackendError, load_backend
 from sim.benches.exported import host_programs
+from sim.benches.pynq_board import AcceleratorSystem, open_board
+from sim.benches.pynq_package import OLDER, remove_pynq
 from sim.scene import make_pair
-from sim.simulators import verilator
-from sim.simulators.accelerator_designs import BUILT_SIZES_PX, FEATURES, MATCHES, design_accelerator
-from sim.simulators.compiled import Bench
-from sim.simulators.recording import END_OF_LINE, Segment
+from sim.simulators.accelerator_designs import BUILT_SIZES_PX
 from skymosaic.cli import main
 from tests.system.command_line import only_error
 
@@ -35,71 +33,31 @@ SIZE_PX = (160, 120)
 BUILT_PX = BUILT_SIZES_PX[0]
 CONFIG = PRESETS["aerial"]
 FAST = dataclasses.replace(CONFIG, front_end=dataclasses.replace(CONFIG.front_end, detector="fast", threshold=10))
-CYCLE_LIMIT, DRAIN_CYCLES = 400_000, 2000
-
-
-class SimulatedBus:
-    """`pynq_bus.PynqBus` over a simulation; a transfer runs when it is waited for."""
-
-    def __init__(self, bench: Bench) -> None:
-        self._bench = bench
-        self._outputs = {"features": FEATURES, "matches": MATCHES}
-        self.read, self.write = bench.read, bench.write
-        self._receiving: dict[str, np.ndarray] = {}
-        self._data: np.ndarray | None = None
-
-    def allocate(self, length_bytes: int) -> np.ndarray:
-        return np.zeros(length_bytes, np.uint8)
-
-    def start_receive(self, channel: str, buffer: np.ndarray) -> None:
-        assert channel not in self._receiving
-        self._receiving[channel] = buffer
-
-    def start_send(self, buffer: np.ndarray, length_bytes: int) -> None:
-        self._data = buffer[:length_bytes].view(np.uint32).copy()
-
-    def wait(self, timeout_seconds: float) -> dict[str, int]:
-        if self._data is None:
-            # The rest of a packet is drained; its words do not matter.
-            with contextlib.suppress(BackendError):
-                self._bench.run(Segment(np.zeros(0, np.uint32), np.zeros(0, np.uint8), 1, DRAIN_CYCLES))
-            self._receiving = {}
-            return {}
-        flags = np.zeros(self._data.size, np.uint8)
-        flags[-1] = END_OF_LINE
-        recording = self._bench.run(Segment(self._data, flags, 1, CYCLE_LIMIT))
-        lengths = {}
-        for channel, buffer in self._receiving.items():
-            packet = recording.outputs[self._outputs[channel]].packets[0].view(np.uint8)
-            buffer[: packet.size] = packet
-            lengths[channel] = packet.size
-        self._receiving, self._data = {}, None
-        return lengths
-
-    def reset(self) -> None:
-        self._receiving, self._data = {}, None
-
-
-class InterruptedBus(SimulatedBus):
-    """A bus on which the first frame breaks off in the middle."""
-
-    interrupted = False
-
-    def wait(self, timeout_seconds: float) -> dict[str, int]:
-        if self.interrupted or self._data is None:
-            return super().wait(timeout_seconds)
-        self.interrupted = True
-        sent = self._data[: self._data.size * 3 // 4]
-        self._bench.run(Segment(sent, np.zeros(sent.size, np.uint8), 0, CYCLE_LIMIT))
-        raise TimeoutError
+pytestmark = pytest.mark.needs("pynq")
 
 
 @pytest.fixture(scope="module")
-def driver() -> Iterator[object]:
+def system() -> Iterator[AcceleratorSystem]:
+    """The board, with PYNQ's own package in front of it."""
+    system = open_board(CONFIG)
+    yield system
+    system.bench.close()
+    remove_pynq()
+
+
+@pytest.fixture(scope="module")
+def driver(system: AcceleratorSystem, tmp_path_factory: pytest.TempPathFactory) -> Iterator[object]:
     """The driver's modules as they are exported, and their map."""
     with host_programs("pynq", CONFIG, lanes=BUILT_LANES, max_width_px=BUILT_PX[0], max_height_px=BUILT_PX[1]) as load:
-        load("skymosaic_driver")
+        load("pynq_overlay").LOCK = tmp_path_factory.mktemp("lock") / "lock"
+        load("pynq_bus")
         yield load("skymosaic_server")
+
+
+@pytest.fixture(scope="module")
+def device(driver: object) -> Any:
+    """The driver's `Accelerator` behind its `PynqBus`."""
+    return sys.modules["skymosaic_driver"].Accelerator(sys.modules["pynq_bus"].PynqBus("skymosaic.bit"), 60)
 
 
 @pytest.fixture(autouse=True)
@@ -109,17 +67,7 @@ def patient(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture(scope="module")
-def bench() -> Iterator[Bench]:
-    design = design_accelerator(CONFIG, BUILT_PX)
-    with contextlib.closing(
-        Bench(verilator.build_library(design, waves=False, progress=print), design.ports)
-    ) as running:
-        yield running
-
-
-@pytest.fixture(scope="module")
-def address(driver, bench: Bench) -> Iterator[str]:
-    device = sys.modules["skymosaic_driver"].Accelerator(SimulatedBus(bench))
+def address(driver, device: Any) -> Iterator[str]:
     with driver.Server(("127.0.0.1", 0), device) as server:
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
@@ -227,71 +175,145 @@ SETTINGS = {
 }
 
 
-def test_a_run_after_an_interrupted_one_is_clean(driver, bench: Bench) -> None:
-    """Words of the broken frame wait at the output; the driver takes them before the next frame."""
-    device = sys.modules["skymosaic_driver"].Accelerator(InterruptedBus(bench))
+def check_next_frames(device: Any) -> None:
+    """The next run gives what the golden model gives."""
     images = frames(gray=True)
-    with pytest.raises(TimeoutError):
-        device.run(images, SETTINGS, hold_reference=True)
-    for found, golden in zip(
-        device.run(images, SETTINGS, hold_reference=True), load_backend("golden").run(images, CONFIG), strict=True
-    ):
-        np.testing.assert_array_equal(found.features, golden.features)
-        np.testing.assert_array_equal(found.matches, golden.matches)
+    golden = load_backend("golden").run(images, CONFIG)
+    for found, expected in zip(device.run(images, SETTINGS, hold_reference=True), golden, strict=True):
+        np.testing.assert_array_equal(found.features, expected.features)
+        np.testing.assert_array_equal(found.matches, expected.matches)
+
+
+def run_failing(device: Any, match: str) -> None:
+    with pytest.raises(sys.modules["skymosaic_registers"].AcceleratorError, match=match):
+        device.run(frames(gray=True), SETTINGS, hold_reference=True)
+
+
+def test_a_frame_passes_pynqs_own_classes(device: Any) -> None:
+    assert "pynq-4_0_0" in sys.modules["pynq.lib.dma"].__file__
+    check_next_frames(device)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("version", OLDER)
+def test_a_frame_passes_the_classes_of_an_older_pynq(version: str, monkeypatch, tmp_path: Path) -> None:
+    """In a process of its own, since the package replaces the one under test."""
+    program = (
+        "import sys; from pathlib import Path; import tests.system.board.test_board as t\n"
+        f"system = t.open_board(t.CONFIG, {version!r})\n"
+        "with t.host_programs('pynq', t.CONFIG) as load:\n"
+        f"    load('pynq_overlay').LOCK = Path({str(tmp_path / 'lock')!r})\n"
+        "    bus = load('pynq_bus').PynqBus('skymosaic.bit')\n"
+        "    t.check_next_frames(load('skymosaic_driver').Accelerator(bus, 60))\n"
+        "print(sys.modules['pynq.lib.dma'].__file__)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert version.replace(".", "_") in done.stdout
+
+
+@pytest.mark.parametrize("share", [0.5, 0.0])
+def test_the_run_after_a_memory_error_is_clean(system: AcceleratorSystem, device: Any, share: float) -> None:
+    """Words of the broken frame wait at the output; the driver takes them before the next frame."""
+    frame_bytes = SIZE_PX[0] * SIZE_PX[1]
+    system.board.bad_address = device._sent.device_address + int(share * frame_bytes) // 8 * 8
+    run_failing(device, "DMA of the video reports a slave error")
+    system.board.bad_address = None
+    check_next_frames(device)
+
+
+def test_an_address_without_memory_is_named(device: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(device._received["features"], "device_address", 0)
+    run_failing(device, "DMA of the features reports a decode error")
+    monkeypatch.undo()
+    check_next_frames(device)
+
+
+def test_a_packet_longer_than_its_buffer_is_named(device: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = device._received["features"]
+    monkeypatch.setitem(device._received, "features", whole[:320])
+    run_failing(device, "DMA of the features reports an internal error: a packet is longer than its buffer")
+    monkeypatch.undo()
+    check_next_frames(device)
+
+
+def test_a_halted_channel_is_named(system: AcceleratorSystem, device: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    start = device.bus.start_send
+
+    def stop_and_start(buffer: Any, length: int) -> None:
+        system.matches.receive.reset()
+        start(buffer, length)
+
+    monkeypatch.setattr(device.bus, "start_send", stop_and_start)
+    run_failing(device, "DMA of the matches is halted")
+    monkeypatch.undo()
+    check_next_frames(device)
+
+
+def test_every_wait_has_a_limit(system: AcceleratorSystem, device: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys.modules["pynq_overlay"], "RESET_SECONDS", 0.5)
+    system.matches.is_stuck = True
+    run_failing(device, "DMA of the matches does not reset")
+    system.matches.is_stuck = False
+    monkeypatch.undo()
+    # No pixel is taken: nothing answers.
+    write = device.write
+    monkeypatch.setattr(device, "write", lambda **fields: write(**fields | {"enable": 0}))
+    monkeypatch.setattr(device, "timeout_seconds", 0.2)
+    run_failing(device, "no answer within 0.2 s; still busy: features, matches, video")
+    monkeypatch.undo()
+    check_next_frames(device)
+
+
+def test_two_processes_do_not_share_an_overlay(driver, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    module = sys.modules["pynq_overlay"]
+    monkeypatch.setattr(module, "LOCK", tmp_path / "lock")
+    monkeypatch.setattr(module, "_locks", [])
+    hold = (
+        "import fcntl, sys; f = open(sys.argv[1], 'w'); fcntl.flock(f, fcntl.LOCK_EX)\n"
+        "f.write('4711'); f.flush(); print(flush=True); sys.stdin.read()"
+    )
+    command = [sys.executable, "-c", hold, str(tmp_path / "lock")]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
+        other.stdout.readline()
+        with pytest.raises(sys.modules["skymosaic_registers"].AcceleratorError, match="process 4711 uses the overlay"):
+            sys.modules["pynq_bus"].PynqBus("skymosaic.bit")
+        other.communicate()
+    assert sys.modules["pynq_bus"].PynqBus("skymosaic.bit").read(0) == int.from_bytes(b"SKYM", "big")
+
+
+def test_an_overlay_without_the_blocks_is_named(
+    driver, system: AcceleratorSystem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delitem(system.board.parser.ip_dict, "dma_matches")
+    with pytest.raises(sys.modules["skymosaic_registers"].AcceleratorError, match="no block dma_matches"):
+        sys.modules["pynq_bus"].PynqBus("skymosaic.bit")
+
+
+def test_a_frame_longer_than_a_transfer_is_refused_before_anything_is_sent(device: Any, address: str) -> None:
+    error = sys.modules["skymosaic_registers"].AcceleratorError
+    device.check_frame((4096, 4096))
+    device.check_frame((4095, 4096, 3))
+    with pytest.raises(error, match="4096x4096 has 67108864 bytes, a DMA sends at most 67108863"):
+        device.check_frame((4096, 4096, 3))
+    with pytest.raises(error, match="67108864 bytes of video; a DMA transfers 1 to 67108863"):
+        device.bus.start_send(device._sent, 1 << 26)
 
 
 @pytest.mark.parametrize("change", [{"width_px": BUILT_PX[0] + 1}, {"height_px": 63}, {"per_cell": 9}])
-def test_the_driver_checks_settings_before_it_touches_anything(driver, bench: Bench, change: dict[str, int]) -> None:
-    module = sys.modules["skymosaic_driver"]
-    device = module.Accelerator(SimulatedBus(bench))
-    device.bus = None
-    with pytest.raises(module.AcceleratorError, match="it must be"):
+def test_the_driver_checks_settings_before_it_touches_anything(
+    device: Any, change: dict[str, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(device, "bus", None)
+    with pytest.raises(sys.modules["skymosaic_driver"].AcceleratorError, match="it must be"):
         device.run(frames(gray=True), SETTINGS | change, hold_reference=True)
 
 
-class FakeDma:
-    """A DMA of PYNQ; one that is ``stuck`` does not come out of its reset, however often it is asked."""
-
-    MAX_READS = 1000
-
-    def __init__(self, *, stuck: bool) -> None:
-        self.stuck, self.registers, self.started, self.reads = stuck, {0x00: 1, 0x30: 1}, 0, 0
-        self.sendchannel = self.recvchannel = SimpleNamespace(start=self.start)
-
-    def start(self) -> None:
-        self.started += 1
-
-    def write(self, offset: int, value: int) -> None:
-        self.registers[offset] = value if self.stuck else 0
-
-    def read(self, offset: int) -> int:
-        self.reads += 1
-        assert self.reads < self.MAX_READS, "the driver waits without a time limit"
-        return self.registers[offset]
-
-
-def test_the_dmas_are_recovered_by_their_reset_registers(driver, monkeypatch: pytest.MonkeyPatch) -> None:
-    dmas = {name: FakeDma(stuck=False) for name in ("dma_video", "dma_features", "dma_matches")}
-    pynq = SimpleNamespace(
-        DefaultIP=object, Overlay=lambda _: SimpleNamespace(skymosaic=FakeDma(stuck=False), **dmas), allocate=None
-    )
-    monkeypatch.setitem(sys.modules, "pynq", pynq)
-    pynq_bus = importlib.import_module("pynq_bus")
-    monkeypatch.delitem(sys.modules, "pynq_bus")
-    monkeypatch.setattr(pynq_bus, "RESET_SECONDS", 0.01)
-    bus = pynq_bus.PynqBus("skymosaic.bit")
-    bus.reset()
-    assert [dma.started for dma in dmas.values()] == [1, 1, 1]
-    dmas["dma_matches"].stuck = True
-    with pytest.raises(sys.modules["skymosaic_driver"].AcceleratorError, match="matches does not reset"):
-        bus.reset()
-
-
 @pytest.mark.parametrize("name", ["built_lanes", "version_minor", "version_major"])
-def test_another_build_is_refused(driver, bench: Bench, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+def test_another_build_is_refused(device: Any, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     monkeypatch.setitem(sys.modules["skymosaic_map"].BUILT, name, 7)
     with pytest.raises(sys.modules["skymosaic_driver"].AcceleratorError, match="same export"):
-        sys.modules["skymosaic_driver"].Accelerator(SimulatedBus(bench))
+        sys.modules["skymosaic_driver"].Accelerator(device.bus)
 
 
 def test_another_patch_version_is_accepted(driver) -> None:

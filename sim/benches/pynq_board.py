@@ -1,0 +1,265 @@
+"""A board for PYNQ's own classes: its memory behind a cache, its block design, and the simulated accelerator in it."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+from types import SimpleNamespace
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.config import PRESETS, Config
+from hdl.export.accelerator import VLNV
+from hdl.settings import PAGE_BYTES
+from sim.benches.axi_dma import Dma, MemoryFaultError, ReceiveChannel, SendChannel, Status
+from sim.benches.live import BASE, LiveBench
+from sim.benches.pynq_package import NEWEST, import_pynq
+from sim.simulators import verilator
+from sim.simulators.accelerator_designs import BUILT_SIZES_PX, FEATURES, MATCHES, design_accelerator
+from sim.simulators.compiled import Bench
+from sim.simulators.recording import END_OF_LINE, Segment
+
+POLL_CLOCKS = 2000
+"""Simulated time of a read of a DMA's register."""
+BEAT_BYTES = 4
+REGISTER_RANGE = 0x1_0000
+DMA_TYPE = "xilinx.com:ip:axi_dma:7.1"
+ACCELERATOR_ADDRESS, DMA_ADDRESS = 0x43C0_0000, 0x4040_0000
+DRAM_BASE, DRAM_BYTES = 0x1000_0000, 256 << 20
+
+
+class Block(Protocol):
+    """Registers of the block design."""
+
+    def read(self, offset: int, /) -> int:
+        """Read a register."""
+
+    def write(self, offset: int, value: int, /) -> None:
+        """Write a register."""
+
+
+class Window:
+    """The registers of a block as PYNQ's MMIO sees them: an array of words."""
+
+    def __init__(self, block: Block) -> None:
+        self._block = block
+
+    def __getitem__(self, index: int) -> int:
+        return self._block.read(4 * index)
+
+    def __setitem__(self, index: int, value: int) -> None:
+        self._block.write(4 * index, int(value))
+
+
+class Board:
+    """The device of PYNQ's classes: registers at their addresses, and memory of which the processor has a cached copy.
+
+    What a DMA writes, software sees only after ``invalidate``; what software writes, a DMA sees only after ``flush``.
+
+    Parameters
+    ----------
+    dram : uint8 ndarray
+        The memory itself.
+    base : int
+        Its address.
+
+    Attributes
+    ----------
+    bad_address : int or None
+        Reads and writes of this address are answered by SLVERR.
+    on_download : callable
+        Called when a bitstream is loaded.
+    """
+
+    name = "board"
+
+    def __init__(self, dram: NDArray[np.uint8], base: int) -> None:
+        self.dram, self.base = dram, base
+        self.bad_address: int | None = None
+        self.on_download: Callable[[], None] = lambda: None
+        self.bitfile_name = self.timestamp = ""
+        self._cached: dict[int, NDArray[np.uint8]] = {}
+        self._used = 0
+        self._windows: dict[int, Window] = {}
+        self.parser = SimpleNamespace(
+            ip_dict={}, gpio_dict={}, interrupt_controllers={}, interrupt_pins={}, hierarchy_dict={}, mem_dict={},
+            clock_dict={},
+        )  # fmt: skip
+
+    def add(self, name: str, address: int, vlnv: str, block: Block, parameters: Mapping[str, str]) -> None:
+        """Add a block to the design, as PYNQ reads it from the .hwh file."""
+        self._windows[address] = Window(block)
+        self.parser.ip_dict[name] = {
+            "fullpath": name,
+            "type": vlnv,
+            "phys_addr": address,
+            "addr_range": REGISTER_RANGE,
+            "parameters": dict(parameters),
+            "interrupts": {},
+            "gpio": {},
+        }
+
+    def add_dma(self, name: str, address: int, dma: Dma, block: Block) -> None:
+        """Add an AXI DMA with the parameters that build.tcl gives it."""
+        self.add(name, address, DMA_TYPE, block, {
+            "c_include_sg": "0",
+            "c_sg_length_width": "26",
+            "c_include_mm2s": str(int(dma.send is not None)),
+            "c_include_s2mm": str(int(dma.receive is not None)),
+            "c_m_axi_mm2s_data_width": "64",
+            "c_m_axi_s2mm_data_width": "64",
+        })  # fmt: skip
+
+    def has_capability(self, name: str) -> bool:
+        """The processor maps registers into memory."""
+        return name == "MEMORY_MAPPED"
+
+    def mmap(self, base: int, length: int) -> Window:
+        """Map registers; stands for /dev/mem."""
+        return self._windows[base]
+
+    def set_bitfile_name(self, name: str) -> None:
+        """Called by the overlay, which has loaded the metadata."""
+
+    def download(self, name: str) -> None:
+        """Load a bitstream; stands for the FPGA manager."""
+        self.bitfile_name = name
+        self.on_download()
+
+    def allocate(self, shape: tuple[int, ...], dtype: Any, **_: Any) -> NDArray[Any]:
+        """A PynqBuffer at the next free pages; stands for the kernel's contiguous memory."""
+        # Arrays of NumPy 2 have a read-only attribute of this name, which PYNQ's buffer sets.
+        settable = type("PynqBuffer", (sys.modules["pynq.buffer"].PynqBuffer,), {"device": None})
+        start, length = self._used, int(np.prod(shape)) * np.dtype(dtype).itemsize
+        self._used += -(-length // PAGE_BYTES) * PAGE_BYTES
+        assert self._used <= self.dram.size, "the board's memory is too small"
+        self._cached[start] = np.zeros(length, np.uint8)
+        buffer: NDArray[Any] = settable(
+            shape, dtype, buffer=self._cached[start], device=self, device_address=self.base + start, bo=start
+        )
+        return buffer
+
+    def flush(self, bo: int, offset: int, _: int, length: int) -> None:
+        """Write the cache back."""
+        self.dram[bo + offset :][:length] = self._cached[bo][offset:][:length]
+
+    def invalidate(self, bo: int, offset: int, _: int, length: int) -> None:
+        """Drop the cache's lines: software sees what is in the memory."""
+        self._cached[bo][offset:][:length] = self.dram[bo + offset :][:length]
+
+    def load(self, address: int, length_bytes: int) -> NDArray[np.uint8]:
+        """See `sim.benches.axi_dma.Memory`."""
+        start, end = self._range(address, length_bytes)
+        return self.dram[start:end].copy()
+
+    def store(self, address: int, data: NDArray[np.uint8]) -> None:
+        """See `sim.benches.axi_dma.Memory`."""
+        start, end = self._range(address, data.size)
+        self.dram[start:end] = data
+
+    def _range(self, address: int, length_bytes: int) -> tuple[int, int]:
+        start, end = address - self.base, address - self.base + length_bytes
+        if start < 0 or end > self.dram.size:
+            raise MemoryFaultError(Status.DECODE_ERROR, np.zeros(0, np.uint8))
+        if self.bad_address is not None and address <= self.bad_address < address + length_bytes:
+            raise MemoryFaultError(Status.SLAVE_ERROR, self.dram[start : self.bad_address - self.base].copy())
+        return start, end
+
+
+class _Polled:
+    """A DMA's registers; time passes when one is read."""
+
+    def __init__(self, dma: Dma, system: AcceleratorSystem | LiveSystem) -> None:
+        self._dma, self._system = dma, system
+
+    def read(self, offset: int) -> int:
+        self._system.advance()
+        return self._dma.read(offset)
+
+    def write(self, offset: int, value: int) -> None:
+        self._dma.write(offset, value)
+
+
+class AcceleratorSystem:
+    """The block design of `skymosaic export --board` around the simulated accelerator.
+
+    Parameters
+    ----------
+    bench : Bench
+        The compiled accelerator with a video input of 32 bits.
+    """
+
+    def __init__(self, bench: Bench) -> None:
+        self.bench = bench
+        self.board = board = Board(np.zeros(DRAM_BYTES, np.uint8), DRAM_BASE)
+        self.video = Dma(send=SendChannel(board))
+        self.features, self.matches = Dma(receive=ReceiveChannel(board)), Dma(receive=ReceiveChannel(board))
+        board.add("skymosaic", ACCELERATOR_ADDRESS, VLNV, bench, {})
+        dmas = {"dma_video": self.video, "dma_features": self.features, "dma_matches": self.matches}
+        for number, (name, dma) in enumerate(dmas.items()):
+            board.add_dma(name, DMA_ADDRESS + number * REGISTER_RANGE, dma, _Polled(dma, self))
+
+        board.on_download = self._start
+
+    def _start(self) -> None:
+        """The state of a design that has just been loaded."""
+        self.bench.reset()
+        for dma in (self.video, self.features, self.matches):
+            dma.restart()
+
+    def advance(self) -> None:
+        """Run the simulation for `POLL_CLOCKS`, between the channels as they are."""
+        send = self.video.send
+        assert send is not None
+        end = self.bench.cycle + POLL_CLOCKS
+        while (clocks := end - self.bench.cycle) > 0:
+            data = send.outgoing.view(np.uint32).astype(np.uint64)
+            flags = np.zeros(data.size, np.uint8)
+            if data.size and send.ends_packet:
+                flags[-1] = END_OF_LINE
+            channels = {FEATURES: self.features.receive, MATCHES: self.matches.receive}
+            rooms = [channel.room_words for channel in channels.values() if channel]
+            sent, recording = self.bench.run_to_packet(Segment(data, flags, 1, clocks), rooms)
+            for name, channel in channels.items():
+                output = recording.outputs[name]
+                if channel and output.words.size:
+                    channel.receive(output.words.view(np.uint8), last=bool(len(output.ends)))
+            send.sent(sent * BEAT_BYTES)
+
+
+class LiveSystem:
+    """A live build with the DMA of its scores, around a `LiveBench` whose memory is the board's.
+
+    Parameters
+    ----------
+    bench : LiveBench
+    """
+
+    def __init__(self, bench: LiveBench) -> None:
+        self.bench = bench
+        self.board = board = Board(bench.memory, BASE)
+        self.scores = Dma(SendChannel(board), ReceiveChannel(board))
+        board.add("skymosaic_live", ACCELERATOR_ADDRESS, "skymosaic:vision:skymosaic_live:1.0", bench, {})
+        board.add_dma("dma_scores", DMA_ADDRESS, self.scores, _Polled(self.scores, self))
+
+    def advance(self) -> None:
+        """Run the simulation for `POLL_CLOCKS`; a packet of hypotheses goes in whole."""
+        send, receive = self.scores.send, self.scores.receive
+        assert send is not None
+        assert receive is not None
+        if send.outgoing.size:
+            self.bench.send_hypotheses(send.outgoing.view(np.uint64))
+            send.sent(send.outgoing.size)
+        self.bench.run(POLL_CLOCKS)
+        if receive.is_busy and (scores := self.bench.take_scores()) is not None:
+            receive.receive(scores, last=True)
+
+
+def open_board(config: Config = PRESETS["aerial"], version: str = NEWEST) -> AcceleratorSystem:
+    """Start the default build, and put PYNQ's package ``pynq`` in front of it."""
+    design = design_accelerator(config, BUILT_SIZES_PX[0])
+    system = AcceleratorSystem(Bench(verilator.build_library(design), design.ports))
+    import_pynq(version, system.board)
+    return system
