@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from sim.benches.axi_dma import (
     ADDRESS_HIGH,
@@ -22,37 +23,44 @@ from sim.benches.pynq_board import Board
 BASE = 0x1_2000_0000
 
 
+class Both(Dma):
+    """A DMA with both channels."""
+
+    send: SendChannel
+    receive: ReceiveChannel
+
+
 @pytest.fixture
 def board() -> Board:
     return Board(np.arange(4096, dtype=np.uint32).astype(np.uint8), BASE)
 
 
 @pytest.fixture
-def dma(board: Board) -> Dma:
-    """A DMA with both channels, running."""
-    dma = Dma(SendChannel(board), ReceiveChannel(board))
+def dma(board: Board) -> Both:
+    """It runs."""
+    dma = Both(SendChannel(board), ReceiveChannel(board))
     for offset in (0, RECEIVE_OFFSET):
         dma.write(offset + CONTROL, RUN)
     return dma
 
 
-def start(dma: Dma, offset: int, length: int, address: int = BASE) -> None:
+def start(dma: Both, offset: int, length: int, address: int = BASE) -> None:
     dma.write(offset + ADDRESS_LOW, address & 0xFFFF_FFFF)
     dma.write(offset + ADDRESS_HIGH, address >> 32)
     dma.write(offset + LENGTH, length)
 
 
-def status(dma: Dma, offset: int = RECEIVE_OFFSET) -> Status:
+def status(dma: Both, offset: int = RECEIVE_OFFSET) -> Status:
     return Status(dma.read(offset + STATUS))
 
 
-def packet(length: int) -> np.ndarray:
+def packet(length: int) -> NDArray[np.uint8]:
     return np.full(length, 7, np.uint8)
 
 
 @pytest.mark.parametrize("offset", [0, RECEIVE_OFFSET])
 def test_a_channel_is_halted_after_reset_and_runs_with_rs(board: Board, offset: int) -> None:
-    dma = Dma(SendChannel(board), ReceiveChannel(board))
+    dma = Both(SendChannel(board), ReceiveChannel(board))
     assert status(dma, offset) == Status.HALTED
     assert dma.read(offset + CONTROL) == 0x0001_0002
     dma.write(offset + CONTROL, RUN)
@@ -62,12 +70,12 @@ def test_a_channel_is_halted_after_reset_and_runs_with_rs(board: Board, offset: 
 
 
 @pytest.mark.parametrize("offset", [0, RECEIVE_OFFSET])
-def test_a_running_channel_is_not_idle_before_its_first_transfer(dma: Dma, offset: int) -> None:
+def test_a_running_channel_is_not_idle_before_its_first_transfer(dma: Both, offset: int) -> None:
     assert status(dma, offset) == Status(0)
 
 
 @pytest.mark.parametrize("offset", [0, RECEIVE_OFFSET])
-def test_length_0_and_a_halted_channel_start_nothing(dma: Dma, offset: int) -> None:
+def test_length_0_and_a_halted_channel_start_nothing(dma: Both, offset: int) -> None:
     start(dma, offset, 0)
     dma.write(offset + CONTROL, 0)
     start(dma, offset, 64)
@@ -76,7 +84,7 @@ def test_length_0_and_a_halted_channel_start_nothing(dma: Dma, offset: int) -> N
     assert not dma.send.outgoing.size
 
 
-def test_length_has_26_bits(dma: Dma) -> None:
+def test_length_has_26_bits(dma: Both) -> None:
     dma.write(RECEIVE_OFFSET + LENGTH, (1 << 26) - 1)
     assert dma.read(RECEIVE_OFFSET + LENGTH) == (1 << 26) - 1
     dma.write(CONTROL, RUN)
@@ -85,7 +93,7 @@ def test_length_has_26_bits(dma: Dma) -> None:
     assert not dma.send.is_busy
 
 
-def test_a_send_reads_memory_and_is_idle_when_all_has_left(dma: Dma, board: Board) -> None:
+def test_a_send_reads_memory_and_is_idle_when_all_has_left(dma: Both, board: Board) -> None:
     start(dma, 0, 24, BASE + 8)
     assert Status.IDLE not in status(dma, 0)
     np.testing.assert_array_equal(dma.send.outgoing, board.dram[8:32])
@@ -95,7 +103,7 @@ def test_a_send_reads_memory_and_is_idle_when_all_has_left(dma: Dma, board: Boar
     assert status(dma, 0) == Status.IDLE | Status.IOC_IRQ
 
 
-def test_a_packet_shorter_than_its_buffer_ends_at_tlast_and_length_says_how_much(dma: Dma, board: Board) -> None:
+def test_a_packet_shorter_than_its_buffer_ends_at_tlast_and_length_says_how_much(dma: Both, board: Board) -> None:
     start(dma, RECEIVE_OFFSET, 64, BASE + 256)
     dma.receive.receive(packet(16), last=False)
     assert Status.IDLE not in status(dma)
@@ -106,21 +114,21 @@ def test_a_packet_shorter_than_its_buffer_ends_at_tlast_and_length_says_how_much
     assert board.dram[280] == 280 % 256
 
 
-def test_the_next_transfer_is_not_idle_until_it_has_ended(dma: Dma) -> None:
+def test_the_next_transfer_is_not_idle_until_it_has_ended(dma: Both) -> None:
     start(dma, RECEIVE_OFFSET, 8)
     dma.receive.receive(packet(8), last=True)
     start(dma, RECEIVE_OFFSET, 8)
     assert Status.IDLE not in status(dma)
 
 
-def test_a_write_of_1_clears_the_interrupt(dma: Dma) -> None:
+def test_a_write_of_1_clears_the_interrupt(dma: Both) -> None:
     start(dma, RECEIVE_OFFSET, 8)
     dma.receive.receive(packet(8), last=True)
     dma.write(RECEIVE_OFFSET + STATUS, Status.IOC_IRQ)
     assert status(dma) == Status.IDLE
 
 
-def test_a_packet_longer_than_its_buffer_is_an_internal_error_and_halts(dma: Dma) -> None:
+def test_a_packet_longer_than_its_buffer_is_an_internal_error_and_halts(dma: Both) -> None:
     start(dma, RECEIVE_OFFSET, 16)
     assert dma.receive.room_words == 2
     dma.receive.receive(packet(16), last=False)
@@ -132,7 +140,7 @@ def test_a_packet_longer_than_its_buffer_is_an_internal_error_and_halts(dma: Dma
     ("address", "error"),
     [(BASE + 40, Status.SLAVE_ERROR), (BASE + 4090, Status.DECODE_ERROR), (0, Status.DECODE_ERROR)],
 )
-def test_an_error_of_the_memory_halts(dma: Dma, board: Board, address: int, error: Status) -> None:
+def test_an_error_of_the_memory_halts(dma: Both, board: Board, address: int, error: Status) -> None:
     board.bad_address = BASE + 47
     start(dma, RECEIVE_OFFSET, 64, address)
     dma.receive.receive(packet(8), last=True)
@@ -143,7 +151,7 @@ def test_an_error_of_the_memory_halts(dma: Dma, board: Board, address: int, erro
 
 
 @pytest.mark.parametrize("offset", [0, RECEIVE_OFFSET])
-def test_after_an_error_only_a_reset_of_the_engine_helps_and_it_resets_both_channels(dma: Dma, offset: int) -> None:
+def test_after_an_error_only_a_reset_of_the_engine_helps_and_it_resets_both_channels(dma: Both, offset: int) -> None:
     start(dma, RECEIVE_OFFSET, 8, 0)
     dma.receive.receive(packet(8), last=True)
     dma.write(RECEIVE_OFFSET + CONTROL, RUN)
@@ -159,7 +167,7 @@ def test_after_an_error_only_a_reset_of_the_engine_helps_and_it_resets_both_chan
     assert not dma.send.outgoing.size
 
 
-def test_words_taken_early_belong_to_the_next_transfer_and_a_reset_drops_them(dma: Dma) -> None:
+def test_words_taken_early_belong_to_the_next_transfer_and_a_reset_drops_them(dma: Both) -> None:
     dma.receive.receive(packet(32), last=False)
     assert dma.receive.room_words == 0
     start(dma, RECEIVE_OFFSET, 64)
