@@ -4,6 +4,7 @@
     python -m bench.flights rendered [NAME ...]
     python -m bench.flights quality FLIGHT ...
     python -m bench.flights maps FLIGHT ...
+    python -m bench.flights errors FLIGHT ...
     python -m bench.flights nuisances [NAME ...]
 
 A FLIGHT is a folder of photographs, or the name of a public flight below SKYMOSAIC_DATA, such as ``brighton_beach``.
@@ -15,6 +16,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from bench.independent_ties import errors
 from bench.mosaic_quality import quality
 from bench.nuisances import nuisances
 from bench.pair_sets import public_folder
@@ -30,7 +32,7 @@ from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.registration.options import WORKING_WIDTH_PX
 
 app = program(__doc__)
-for command in (peers, rendered, quality, nuisances):
+for command in (peers, rendered, quality, errors, nuisances):
     app.command()(command)
 
 

@@ -28,6 +28,8 @@ ROUNDS = 10_000
 CONFIDENCE = 0.9999
 MAX_PROJECT_FEATURES = 4096
 """More are matched by `sift_matches`."""
+Words = tuple[Points, np.ndarray]
+"""Positions (N, 2) of key points and their descriptors (N, 128)."""
 
 
 class Peer:
@@ -69,8 +71,22 @@ def project_matches(left: Pixels, right: Pixels, name: str, count: int) -> tuple
 
 def sift_matches(left: Pixels, right: Pixels, count: int, *, root: bool) -> tuple[Points, Points]:
     """Points (N, 2) of SIFT with any number of features; ``root``: by the Hellinger distance (Arandjelovic 2012)."""
-    sift = cv2.SIFT.create(count)
-    (left_points, left_words), (right_points, right_words) = (_described(sift, image, root) for image in (left, right))
+    return match_words(sift_words(left, count, root=root), sift_words(right, count, root=root))
+
+
+def sift_words(image: Pixels, count: int, *, root: bool = False) -> Words:
+    """Positions and descriptors of the strongest key points."""
+    key_points, words = cv2.SIFT.create(count).detectAndCompute(image, None)
+    if words is None:
+        return np.zeros((0, 2)), np.zeros((0, 128), np.float32)
+    if root:
+        words = np.sqrt(words / np.maximum(words.sum(axis=1, keepdims=True), 1e-9))
+    return np.array([point.pt for point in key_points]), words
+
+
+def match_words(left: Words, right: Words) -> tuple[Points, Points]:
+    """Points (N, 2) of matches that pass the mutual check and the ratio test."""
+    (left_points, left_words), (right_points, right_words) = left, right
     if min(len(left_points), len(right_points)) < 2:
         return np.zeros((0, 2)), np.zeros((0, 2))
     matcher = cv2.BFMatcher(cv2.NORM_L2)
@@ -82,12 +98,3 @@ def sift_matches(left: Pixels, right: Pixels, count: int, *, root: bool) -> tupl
     ]
     rows, columns = np.array(pairs, dtype=np.intp).reshape(-1, 2).T
     return left_points[rows], right_points[columns]
-
-
-def _described(sift: cv2.SIFT, image: Pixels, root: bool) -> tuple[Points, np.ndarray]:
-    key_points, words = sift.detectAndCompute(image, None)
-    if words is None:
-        return np.zeros((0, 2)), np.zeros((0, 128), np.float32)
-    if root:
-        words = np.sqrt(words / np.maximum(words.sum(axis=1, keepdims=True), 1e-9))
-    return np.array([point.pt for point in key_points]), words

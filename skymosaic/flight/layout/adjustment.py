@@ -12,6 +12,7 @@ The radial distortion of the lens, the same for all views, can be one more unkno
 k1 in units that need no focal length.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -32,6 +33,10 @@ TILT_SIGMA = 0.05
 """Expected perspective: the tangent of the tilt over the focal length in half diagonals; about 3 degrees."""
 MIN_SCALE_PX = 1.5
 """Scale of the robust loss once the residuals are small; before that, twice their median."""
+WIDEST_SCALE_PX = 200.0
+"""Scale from which the robust loss is annealed: a link that the first guess placed this badly still counts."""
+COOLING = 0.5
+"""Factor of the annealed scale from one step to the next."""
 MAX_STEPS = 15
 CONVERGED_PX = 0.01
 MAX_DISTORTION = 0.25
@@ -102,7 +107,9 @@ class Network:
         error_px = np.linalg.norm(residual, axis=2) * self._unit_px
         return [row[:count] for row, count in zip(error_px, self._counts, strict=True)]
 
-    def adjust(self, start: Array, model: str, *, max_steps: int = MAX_STEPS, lens: bool = False) -> Array:
+    def adjust(
+        self, start: Array, model: str, *, max_steps: int = MAX_STEPS, lens: bool = False, from_px: float = 0.0
+    ) -> Array:
         """Refine the transformations (V, 3, 3), view to ground, by reweighted Gauss-Newton steps.
 
         Every step weighs the ties by 1 / (1 + e²/s²)² (Geman-McClure), s falling with the median residual.
@@ -115,16 +122,21 @@ class Network:
         max_steps : int
         lens : bool
             Whether the distortion of the lens is one more unknown; `distortion` is then set.
+        from_px : float
+            Scale s of the first step, at least; it is annealed before the ``max_steps`` begin. Near the final scale
+            alone, links that the first guess placed badly would hardly count, whether they are true or not.
         """
         transforms = start
-        for _ in range(max_steps):
-            motion, change = self._step(transforms, MODELS[model], lens=lens)
+        annealed = max(0, math.ceil(math.log(MIN_SCALE_PX / from_px, COOLING))) if from_px else 0
+        for step in range(annealed + max_steps):
+            least_px = max(MIN_SCALE_PX, from_px * COOLING**step)
+            motion, change = self._step(transforms, MODELS[model], least_px, lens=lens)
             # Motions are of the view's own pixels, so they come first: a tilt is the same wherever the view lies.
             transforms = transforms @ _motions(motion)
             transforms = transforms / transforms[:, 2:, 2:]
             if lens:
                 self._straighten_ties(float(np.clip(self.distortion + change, -MAX_DISTORTION, MAX_DISTORTION)))
-            if np.abs(motion).max() * self._unit_px.max() < CONVERGED_PX:
+            if step >= annealed and np.abs(motion).max() * self._unit_px.max() < CONVERGED_PX:
                 break
         return transforms
 
@@ -137,10 +149,10 @@ class Network:
         derivative = between[:, None, :2, :2] - predicted[..., None] * between[:, None, 2:, :2]
         return (predicted, derivative / mapped[..., 2, None, None]), predicted - self._right
 
-    def _step(self, transforms: Array, free: int, *, lens: bool) -> tuple[Array, float]:
+    def _step(self, transforms: Array, free: int, least_px: float, *, lens: bool) -> tuple[Array, float]:
         """Compute the motions (V, 8) of one Gauss-Newton step, and the change of the distortion."""
         (predicted, derivative), residual = self._residuals(transforms)
-        root = self._root_weights(residual)
+        root = self._root_weights(residual, least_px)
         # Left points are mapped into the right view, not both onto the ground: there, shrinking all views would help.
         # A motion of the right view moves its point away from under the mapped one.
         by_left, by_right = _times(derivative, generators(self._left, free)), -generators(predicted, free)
@@ -161,10 +173,10 @@ class Network:
         motion[:, :free] = still + change * per_change
         return motion, change
 
-    def _root_weights(self, residual: Array) -> Array:
-        """Square roots of the robust weights of all ties, (L, N, 1), in working px."""
+    def _root_weights(self, residual: Array, least_px: float) -> Array:
+        """Square roots of the robust weights of all ties, (L, N, 1), at a scale of at least ``least_px``."""
         error_px = np.linalg.norm(residual, axis=2) * self._unit_px
-        scale_px = max(MIN_SCALE_PX, 2 * float(np.median(error_px[self._valid])))
+        scale_px = max(least_px, 2 * float(np.median(error_px[self._valid])))
         return np.asarray(self._valid * self._unit_px / (1 + (error_px / scale_px) ** 2))[..., None]
 
     def _bending(self, derivative: Array) -> Array:

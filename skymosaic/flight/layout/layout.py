@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, mini
 
 from golden_model.arrays import Array
 from skymosaic.compositing.warp import Canvas
-from skymosaic.flight.layout.adjustment import MODELS, Network, Ties
+from skymosaic.flight.layout.adjustment import MODELS, WIDEST_SCALE_PX, Network, Ties
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.linking.view import View
 from skymosaic.geometry.homography import apply, estimate
@@ -22,6 +22,12 @@ GOOD_ENOUGH = 1.05
 FALSE_LINK_PX = 10.0
 """A link whose median error stays above this contradicts the others."""
 ROUGH_STEPS = 4
+OPEN_LOOP = 0.1
+"""How far apart the ends of a loop of three links lie that counts a quarter, in half diagonals of a view."""
+TILTED_SCALE_PX = 25.0
+"""Scale from which homographies are annealed: the simpler models leave so much of a tilt."""
+ANNEALED_TIES_PER_LINK = 20
+"""Enough to see which links hold together."""
 MAX_TIES_PER_LINK = 200
 """More ties per link change a layout by less than it is off, but take longer."""
 
@@ -103,20 +109,21 @@ def lay_out(views: Sequence[View], members: Sequence[int], links: Sequence[Link]
     model, reason, start = _choose_model(group)
     network = group.network(slice(None))
     refined = network.adjust(start, model)
-    errors = network.errors_px(refined)
-    agreeing = [link for link, error in zip(group.links, errors, strict=True) if np.median(error) <= FALSE_LINK_PX]
-    # Where links are dropped that alone join parts, the group would fall apart: then they stay, contradiction or not.
-    if len(agreeing) < len(errors) and len(groups(len(views), agreeing)) == len(groups(len(views), group.links)):
-        # The first layout may have been built on a false link: repeat it without those.
-        better = lay_out(views, members, agreeing)
-        false = tuple(link for link in group.links if link not in agreeing)
-        return dataclasses.replace(better, contradicting=false + better.contradicting)
+    false: list[Link] = []
+    while contradicting := _contradicting(group, network.errors_px(refined)):
+        false += contradicting
+        kept = [link for link in group.links if link not in contradicting]
+        group = LinkedGroup(group.sizes, kept, group.reference)
+        network = group.network(slice(None))
+        # What contradicts weighed next to nothing, so this goes on from where it is.
+        refined = network.adjust(refined, model)
     return Layout(
         members=tuple(members),
         reference=members[group.reference],
         transforms=group.to_ground(refined),
         links=tuple(group.links),
-        errors_px=tuple(errors),
+        contradicting=tuple(false),
+        errors_px=tuple(network.errors_px(refined)),
         model=model,
         reason=reason,
     )
@@ -125,7 +132,7 @@ def lay_out(views: Sequence[View], members: Sequence[int], links: Sequence[Link]
 def rough_transforms(views: Sequence[View], members: Sequence[int], links: Sequence[Link]) -> dict[int, Array]:
     """Similarities, as `Layout.transforms`, exact enough to predict which views overlap."""
     group = linked_group(views, members, links)
-    return group.to_ground(group.network(slice(None)).adjust(group.start, "similarity", max_steps=ROUGH_STEPS))
+    return group.to_ground(group.start)
 
 
 class LinkedGroup:
@@ -146,6 +153,7 @@ class LinkedGroup:
     ) -> None:
         row = {member: index for index, member in enumerate(sizes)}
         self.links = [link for link in links if link.left in row and link.right in row]
+        self.sizes = sizes
         self.members = tuple(sizes)
         self.normalisations = [normalisation(size) for size in sizes.values()]
         self.units_px = [1 / float(matrix[0, 0]) for matrix in self.normalisations]
@@ -154,26 +162,29 @@ class LinkedGroup:
             left, right = row[link.left], row[link.right]
             left_points = apply(self.normalisations[left], link.left_points)
             self._ties.append(Ties(left, right, left_points, apply(self.normalisations[right], link.right_points)))
-        pairs = [(tie.left, tie.right) for tie in self._ties]
-        self._weights = _inlier_matrix(len(sizes), pairs, self.links)
         if reference is None:
-            reference = int(np.argmax((self._weights + self._weights.T).sum(axis=0)))
+            pairs = [(tie.left, tie.right) for tie in self._ties]
+            weights = _inlier_matrix(len(sizes), pairs, self.links)
+            reference = int(np.argmax((weights + weights.T).sum(axis=0)))
         self.reference = reference
 
     @cached_property
     def start(self) -> Array:
-        """Similarities (V, 3, 3) chained from the reference along the links with the most inliers."""
-        by_pair = {(tie.left, tie.right): tie for tie in self._ties}
-        # The spanning tree is that of the least cost, and should run along the strongest links.
-        cost = self._weights.copy()
-        cost.data = 1 / cost.data
+        """Similarities (V, 3, 3) chained from the reference along strong links that loops confirm, then annealed."""
+        if not self._ties:
+            return np.tile(np.eye(3), (len(self.members), 1, 1))
+        motions = [estimate(tie.left_points, tie.right_points, model="similarity") for tie in self._ties]
+        pairs = {(tie.left, tie.right): row for row, tie in enumerate(self._ties)}
+        # The spanning tree is that of the least cost: one false link in it would displace all that hangs on it.
+        strength = np.array([link.inliers for link in self.links]) * trust_by_loops(pairs, motions)
+        cost = csr_array((1 / strength, np.array(list(pairs)).T), shape=(len(self.members),) * 2)
         order, parents = breadth_first_order(minimum_spanning_tree(cost), self.reference, directed=False)
         transforms = np.tile(np.eye(3), (len(self.members), 1, 1))
         for view, parent in zip(order[1:], parents[order[1:]], strict=True):
-            tie = by_pair[min(view, parent), max(view, parent)]
-            source, target = (tie.left_points, tie.right_points)[:: 1 if tie.left == view else -1]
-            transforms[view] = transforms[parent] @ estimate(source, target, model="similarity")
-        return transforms
+            motion = motions[pairs[min(view, parent), max(view, parent)]]
+            transforms[view] = transforms[parent] @ (motion if view < parent else np.linalg.inv(motion))
+        network = self.network(slice(None), ANNEALED_TIES_PER_LINK)
+        return network.adjust(transforms, "similarity", max_steps=ROUGH_STEPS, from_px=WIDEST_SCALE_PX)
 
     def network(self, chosen: slice, max_ties: int | None = MAX_TIES_PER_LINK, distortion: float = 0.0) -> Network:
         """Build the network of every link's ties, or of some of them.
@@ -201,6 +212,39 @@ class LinkedGroup:
         return {member: to_pixels @ transform @ normalised for member, transform, normalised in rows}
 
 
+def trust_by_loops(pairs: Mapping[tuple[int, int], int], motions: Sequence[Array]) -> Array:
+    """How far loops of three links confirm each of them: 0.01 for a link in no loop, 2 where two of two close, (L,).
+
+    Parameters
+    ----------
+    pairs : mapping of (int, int) to int
+        Rows of the links by their two views, the smaller first.
+    motions : sequence of ndarray, shape (3, 3)
+        The similarity of each link, left to right, normalised coordinates.
+    """
+    neighbours: dict[int, set[int]] = {}
+    for left, right in pairs:
+        neighbours.setdefault(left, set()).add(right)
+        neighbours.setdefault(right, set()).add(left)
+    loops = [
+        (row, pairs[right, third], pairs[left, third])
+        for (left, right), row in pairs.items()
+        for third in sorted(neighbours[left] & neighbours[right])
+        if third > right
+    ]
+    closed, count = np.full(len(pairs), 0.1), np.ones(len(pairs))
+    if loops:
+        rows = np.array(loops)
+        there, on, direct = (np.stack(motions)[rows[:, side]] for side in range(3))
+        gap = np.linalg.inv(direct) @ on @ there - np.eye(3)
+        offset = np.linalg.norm(gap[:, :2, :2], axis=(1, 2)) / 2 + np.linalg.norm(gap[:, :2, 2], axis=1)
+        for side in range(3):
+            np.add.at(closed, rows[:, side], 1 / (1 + (offset / OPEN_LOOP) ** 2) ** 2)
+            np.add.at(count, rows[:, side], 1.0)
+    # Few loops close by chance, so one that does says more than several that another false link keeps open.
+    return np.asarray(closed**2 / count)
+
+
 def linked_group(views: Sequence[View], members: Sequence[int], links: Sequence[Link]) -> LinkedGroup:
     """Collect the sizes and ties of some of the views of a flight."""
     return LinkedGroup({member: views[member].working_size for member in members}, links)
@@ -209,6 +253,12 @@ def linked_group(views: Sequence[View], members: Sequence[int], links: Sequence[
 def outline(view: View, transform: Array) -> Array:
     """Corners (4, 2) of a view under a transformation of its working pixels."""
     return apply(transform, Canvas(0, 0, *view.working_size).corners)
+
+
+def _parts(group: LinkedGroup, links: Sequence[Link]) -> list[list[int]]:
+    """The parts of a group that some of its links join."""
+    row = {member: index for index, member in enumerate(group.members)}
+    return groups(len(row), [dataclasses.replace(link, left=row[link.left], right=row[link.right]) for link in links])
 
 
 def overlap(one: Array, other: Array) -> float:
@@ -240,8 +290,25 @@ def _choose_model(group: LinkedGroup) -> tuple[str, str, Array]:
     transforms, errors, fits = group.start, {}, {}
     # Each model starts from the simpler one's result, which lies nearer than the chain of similarities.
     for model in MODELS:
-        transforms = fits[model] = fitted.adjust(transforms, model)
+        from_px = TILTED_SCALE_PX if model == "homography" else 0.0
+        transforms = fits[model] = fitted.adjust(transforms, model, from_px=from_px)
         errors[model] = float(np.median(np.concatenate(held_out.errors_px(transforms))))
     chosen = next(model for model in MODELS if errors[model] <= GOOD_ENOUGH * min(errors.values()))
     measured = ", ".join(f"{model} {error:.2f} px" for model, error in errors.items())
     return chosen, f"median error of held-out ties: {measured}", fits[chosen]
+
+
+def _contradicting(group: LinkedGroup, errors_px: Sequence[Array]) -> list[Link]:
+    """The links that the layout does not explain, without those that alone join parts of the group."""
+    middle_px = {link: float(np.median(error)) for link, error in zip(group.links, errors_px, strict=True)}
+    kept = [link for link in group.links if middle_px[link] <= FALSE_LINK_PX]
+    false = []
+    # Where parts would fall apart, the least wrong links between them stay.
+    parts = len(_parts(group, kept))
+    for link in sorted((link for link in group.links if link not in kept), key=lambda link: middle_px[link]):
+        if parts > 1 and len(_parts(group, [*kept, link])) < parts:
+            kept.append(link)
+            parts -= 1
+        else:
+            false.append(link)
+    return false

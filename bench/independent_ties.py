@@ -1,0 +1,131 @@
+"""Holds what the report of a flight says about its errors against ties that had no part in its layout.
+
+SIFT, at 1600 px and with fixed parameters and seed, matches photographs that follow each other or that the layout lets
+overlap. An epipolar test keeps matches on relief, which no homography explains. The error of a tie is its distance
+under the layout, in px of the right photograph at that width.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import cv2
+import numpy as np
+import typer
+from rich.console import Console
+from rich.progress import track
+
+from bench.pair_sets import public_folder
+from bench.peers import match_words, sift_words
+from bench.report import JsonFile, Row, report
+from golden_model.arrays import Array, Matrix, Points
+from golden_model.pixel.gray import to_gray
+from skymosaic.flight.layout.layout import Layout, outline, overlap
+from skymosaic.flight.survey import Flight
+from skymosaic.geometry.homography import transfer_error
+from skymosaic.imagery.images import reduce_to_width
+from skymosaic.mosaicking.api import open_plan
+from skymosaic.mosaicking.options import MosaicOptions
+
+WIDTH_PX = 1600
+FEATURES = 3000
+EPIPOLAR_PX = 1.5
+MIN_TIES = 30
+PARTNERS = 3
+"""Each photograph is matched with so many that overlap it most, and with the next two wherever they are."""
+WORST = 3
+
+
+@dataclass(frozen=True, eq=False)
+class PairOfTies:
+    """Two photographs, by their indices, and ties in px of the photographs at `WIDTH_PX`."""
+
+    left: int
+    right: int
+    left_points: Points
+    right_points: Points
+
+
+def errors(
+    flights: Annotated[list[str], typer.Argument(help="Folders of photographs.")],
+    cache: Annotated[Path | None, typer.Option(help="Folder of an earlier run's cache.")] = None,
+    json_file: JsonFile = None,
+) -> None:
+    """Errors as the report says them, and as independent ties show them, px at 1600 px wide."""
+    rows = []
+    for folder in map(public_folder, flights):
+        with open_plan([folder], MosaicOptions(cache=cache)) as plan:
+            flight, layout = plan.flight, plan.layouts[0]
+        rows.append(error_row(folder.name, flight, layout, find_ties(flight, layout)))
+    report("errors by independent ties", rows, json_file)
+
+
+def error_row(name: str, flight: Flight, layout: Layout, pairs: Sequence[PairOfTies]) -> Row:
+    """A flight's errors."""
+    by_pair = tie_errors(flight, layout, pairs)
+    middles = np.array([np.median(each) for each in by_pair])
+    worst = np.argsort(-middles)[:WORST].tolist()
+    median, ninety = np.percentile(np.concatenate(by_pair), (50, 90))
+    names = [Path(view.name).stem for view in flight.views]
+    return {
+        "flight": name,
+        "placed": f"{len(layout.members)} of {len(flight.names)}",
+        "contradicting": f"{len(layout.contradicting)} of {len(layout.links) + len(layout.contradicting)}",
+        "independent, median and 90 %": f"{median:.2f} {ninety:.2f}",
+        "pairs above 10 px": f"{np.count_nonzero(middles > 10)} of {len(middles)}",
+        "worst pairs": ", ".join(
+            f"{names[pairs[row].left]}-{names[pairs[row].right]} {middles[row]:.0f}" for row in worst
+        ),
+    }
+
+
+def find_ties(flight: Flight, layout: Layout) -> list[PairOfTies]:
+    """The ties of all pairs that show the same ground by SIFT."""
+    words = {}
+    for member in track(layout.members, "SIFT", console=Console(stderr=True), transient=True):
+        photograph = flight.sources[member].read_photograph(flight.lens)
+        words[member] = sift_words(reduce_to_width(to_gray(photograph.pixels), WIDTH_PX)[0], FEATURES)
+    pairs = []
+    for left, right in track(likely_pairs(flight, layout), "ties", console=Console(stderr=True), transient=True):
+        left_points, right_points = match_words(words[left], words[right])
+        kept = on_epipolar_lines(left_points, right_points)
+        if np.count_nonzero(kept) >= MIN_TIES:
+            pairs.append(PairOfTies(left, right, left_points[kept], right_points[kept]))
+    return pairs
+
+
+def likely_pairs(flight: Flight, layout: Layout) -> list[tuple[int, int]]:
+    """Pairs that follow each other, or that the layout lets overlap."""
+    outlines = {member: outline(flight.views[member], layout.transforms[member]) for member in layout.members}
+    pairs = set()
+    for member in layout.members:
+        shares = {other: overlap(outlines[member], outlines[other]) for other in layout.members if other != member}
+        most = sorted(shares, key=lambda other: -shares[other])[:PARTNERS]
+        near = [other for other in (member + 1, member + 2) if other in shares]
+        pairs |= {(min(member, other), max(member, other)) for other in (*most, *near)}
+    return sorted(pairs)
+
+
+def on_epipolar_lines(left: Points, right: Points) -> Array:
+    """Which matches one fundamental matrix explains, (N,) bool; the same on every run."""
+    if len(left) < MIN_TIES:
+        return np.zeros(len(left), np.bool_)
+    cv2.setRNGSeed(1)
+    F, kept = cv2.findFundamentalMat(left, right, cv2.USAC_MAGSAC, EPIPOLAR_PX, 0.999, 2000)
+    return np.zeros(len(left), np.bool_) if F is None else kept.ravel() > 0
+
+
+def tie_errors(flight: Flight, layout: Layout, pairs: Sequence[PairOfTies]) -> list[Array]:
+    """Error of each tie of each pair under a layout, px."""
+    to_reference = layout.to_reference(flight.views)
+
+    def from_width(member: int) -> Matrix:
+        blank = np.zeros(flight.views[member].size[::-1], np.uint8)
+        return to_reference[member] @ reduce_to_width(blank, WIDTH_PX)[1]
+
+    frames = {member: from_width(member) for member in layout.members}
+    return [
+        transfer_error(np.linalg.inv(frames[pair.right]) @ frames[pair.left], pair.left_points, pair.right_points)
+        for pair in pairs
+    ]
