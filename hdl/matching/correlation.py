@@ -160,7 +160,9 @@ class WindowCorrelation(wiring.Component):
         squares = delayed(m, delayed(m, sums.left_energy + sums.right_energy, 1) - (sums.product << 1), 1)
         # A sum of squares is not negative: drop the sign bit.
         times_nine = delayed(m, (squares << 3) + squares, 1)[: len(self.o.payload.zssd)]
-        m.d.sync += self.o.payload.zssd.eq(times_nine - delayed(m, sums.total * sums.total, 2))
+        # Yosys 0.70 would take the sum's own register into a DSP48E1, and lose an operand (`hdl.pixel.harris`).
+        total = delayed(m, sums.total, 1)
+        m.d.sync += self.o.payload.zssd.eq(times_nine - delayed(m, total * total, 2))
 
     @staticmethod
     def _products(m: Module, start: Value, multiplying: Value, step: Value, sums: _Sums) -> tuple[Signal, Signal]:
