@@ -7,12 +7,13 @@ data: the queue of mutual matches between the walk over the rows and the weighin
 Not predicted are pauses of the streams, the first word of each feature, and
 
 - frames without selection by cells, whose queue may hold pixels back;
-- frames so narrow that a cell row has not left when the next one ends;
+- frames so narrow that a cell row, if its cells are full, has not left when the next one or the frame ends;
 - what follows a frame whose matching delays the features of the next but one.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -20,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from golden_model.config import Config, MatcherConfig
+from golden_model.config import SUPPRESSION_MARGIN_PX, Config, FrontEndConfig, MatcherConfig
 from golden_model.feature.ilbp import DescriptorPattern
 from golden_model.matching import rule_bases
 from golden_model.matching.fuzzy import SugenoSystem
@@ -83,6 +84,9 @@ class Latencies:
 
 
 _READ_CYCLES = 3
+_ROW_CYCLES = 320
+"""At most, from the end of a cell row to its last feature, besides their words: pipeline, and empty cells of the
+largest build."""
 DISTANCE_CYCLES = {8: 4, 16: 5, 24: 5, 32: 5, 128: 5, 256: 8}
 """Operand register and population count, by the length of the descriptor in bits."""
 SAD_CYCLES = 3
@@ -172,6 +176,7 @@ def timelines(works: Sequence[FrameWork], config: Config, *, lanes: int, pixels_
     """
     if not config.front_end.selection:
         return []
+    works = list(itertools.takewhile(lambda work: _leaves_in_time(work, config.front_end, pixels_per_clock), works))
     line_cycles = [-(-work.width_px // pixels_per_clock) for work in works]
     return list(_timelines(works, line_cycles, Latencies.compute(config, lanes=lanes), config.front_end.border_px))
 
@@ -218,6 +223,28 @@ def _timelines(
         # A frame that waits for the matcher holds back the features of the next one, which come after its border.
         if number + 1 < len(works) and accepted > first_pixel + border_px * line_cycles[number + 1]:
             return
+
+
+def _leaves_in_time(work: FrameWork, front_end: FrontEndConfig, pixels_per_clock: int) -> bool:
+    """Whether each level's last two cell rows leave before pixels would wait for them, or the status.
+
+    Only these end a few lines apart. All their cells are taken to be full, of all levels at once.
+    """
+    if front_end.cell_px is None or front_end.per_cell is None:
+        front_end = front_end.for_size(work.width_px, work.height_px)
+    assert front_end.cell_px
+    assert front_end.per_cell
+    pattern, border_px = front_end.pattern, front_end.border_px
+    record = pattern.record
+    features, lines = 0, []
+    for level in range(front_end.levels):
+        features += -(-(work.width_px >> level) // front_end.cell_px) * front_end.per_cell
+        # Of the lines that may have features, those in the last row.
+        lines.append(((work.height_px >> level) - border_px - 1) % front_end.cell_px + 1 << level)
+    lag_px = max(pattern.support_px, front_end.response_support_px + SUPPRESSION_MARGIN_PX)
+    lines.append(border_px - lag_px)
+    leaving_cycles = _ROW_CYCLES + features * record.record_bytes // WORD_BYTES
+    return min(lines) * -(-work.width_px // pixels_per_clock) >= leaving_cycles
 
 
 def _match_clocks(work: FrameWork, latencies: Latencies, accepted: int) -> tuple[int, int, int, list[int]]:

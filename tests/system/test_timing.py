@@ -63,3 +63,6 @@ def test_what_is_not_predicted_is_left_out():
     assert len(timelines([frame] * 5, CONFIG, lanes=4)) == 2
     thesis = Config(front_end=FrontEndConfig(selection=False, levels=1))
     assert timelines([frame], thesis, lanes=4) == []
+    # Full cells of the last rows would not have left in time.
+    narrow = FrameWork(64, 106, good=True, left=0, right=0, rows=np.arange(0))
+    assert timelines([narrow], CONFIG, lanes=4) == []
