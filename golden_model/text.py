@@ -22,6 +22,11 @@ def one_line(text: str) -> str:
     )
 
 
+def encodable(text: str) -> str:
+    """``text`` of several lines, each made safe as `one_line` does: names of files need not be text in UTF-8."""
+    return "\n".join(map(one_line, text.split("\n")))
+
+
 def how_to_install(extra: str) -> str:
     """Command that adds one of the extras of pyproject.toml. The package is on no index, so it names the source.
 

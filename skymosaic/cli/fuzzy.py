@@ -8,7 +8,9 @@ from typing import Annotated, Any
 
 import typer
 from rich.table import Table
+from rich.text import Text
 
+from golden_model.text import one_line
 from skymosaic.cli.options import OverwriteOption, import_plots, output_option
 from skymosaic.cli.session import STDOUT, session
 from skymosaic.errors import InputError
@@ -117,11 +119,11 @@ def _describe_errors(name: str, entries: int, errors: ErrorBounds) -> str:
 
 
 def _table(title: str, inputs: list[str], output: str, rules: list[list[Any]]) -> Table:
-    table = Table(title=title, title_justify="left")
+    table = Table(title=Text(one_line(title)), title_justify="left")
     for heading in ("rule", *inputs, output):
-        table.add_column(heading, justify="right" if heading in ("rule", output) else "left")
+        table.add_column(Text(one_line(heading)), justify="right" if heading in ("rule", output) else "left")
     for index, (*sets, value) in enumerate(rules):
-        table.add_row(str(index), *sets, f"{value:g}")
+        table.add_row(str(index), *(Text(one_line(each)) for each in sets), f"{value:g}")
     return table
 
 

@@ -7,6 +7,7 @@ from xml.etree import ElementTree as XmlTree
 import numpy as np
 
 from golden_model.arrays import Points
+from golden_model.text import one_line
 from skymosaic.flight.picture.composition import Composition
 from skymosaic.flight.picture.output import Delivery
 from skymosaic.geometry.homography import apply
@@ -55,10 +56,10 @@ def _outlines_on_globe(delivery: Delivery) -> dict[str, Points]:
 def _kml(title: str, outlines: dict[str, Points]) -> bytes:
     root = XmlTree.Element("kml", xmlns=_KML)
     document = XmlTree.SubElement(root, "Document")
-    XmlTree.SubElement(document, "name").text = title
+    XmlTree.SubElement(document, "name").text = one_line(title)
     for name, outline in outlines.items():
         place = XmlTree.SubElement(document, "Placemark")
-        XmlTree.SubElement(place, "name").text = name
+        XmlTree.SubElement(place, "name").text = one_line(name)
         ring: XmlTree.Element = place
         for tag in ("Polygon", "outerBoundaryIs", "LinearRing", "coordinates"):
             ring = XmlTree.SubElement(ring, tag)

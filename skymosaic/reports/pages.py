@@ -8,6 +8,7 @@ from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from golden_model.text import encodable
 from skymosaic.errors import InputError
 from skymosaic.imagery.images import save_bytes
 from skymosaic.temporary import PAGE, staged_folder
@@ -15,6 +16,7 @@ from skymosaic.temporary import PAGE, staged_folder
 _TEMPLATES = Environment(
     loader=FileSystemLoader(Path(__file__).parent / "templates"),
     autoescape=True,
+    finalize=lambda value: encodable(value) if isinstance(value, str) else value,
     undefined=StrictUndefined,
     trim_blocks=True,
     lstrip_blocks=True,

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from skymosaic.cli import app
 from skymosaic.errors import InputError
 from skymosaic.fuzzy.fll import SHIPPED, load_system, read_fll
 from skymosaic.fuzzy.golden import measure_errors, quantise
@@ -227,3 +229,14 @@ def test_more_inputs_than_are_supported_are_refused() -> None:
     inputs = "".join(f"InputVariable: x{n}\n  range: 0 6\n  term: low Ramp 6 0\n" for n in range(6))
     with pytest.raises(ValueError, match="has 6 inputs"):
         read_fll(inputs + SMALL[SMALL.index("OutputVariable") :].replace("if x is", "if x0 is"))
+
+
+def test_names_are_no_markup(tmp_path: Path) -> None:
+    path = tmp_path / "rules.fll"
+    marked = SMALL.replace("x", "x[/y]").replace("low", "low[/b]")
+    path.write_text("Engine: [red]a[/blue]\x1b[31m\n" + marked)
+    result = CliRunner().invoke(app, ["fuzzy", str(path)])
+    assert result.exception is None
+    assert "low[/b]" in result.output
+    assert "x[/y]" in result.output
+    assert "\x1b" not in result.output

@@ -1,25 +1,22 @@
-"""Names of files, which may contain anything, are text in the pages of the reports."""
+"""No text of a file ends a report."""
 
-import jinja2
-import pytest
+import json
+from pathlib import Path
+from xml.etree import ElementTree as XmlTree
 
-from skymosaic.reports.pages import render
+import numpy as np
 
-HOSTILE = "<img src=x onerror=alert(1)>'\"&{{ 7 * 7 }}"
+from skymosaic.reports import pages
+from skymosaic.reports.footprints import _kml
 
-
-def test_every_value_is_escaped() -> None:
-    pair = render("pair.html", title=HOSTILE, rows=[(HOSTILE, HOSTILE)], pictures={HOSTILE: HOSTILE}).decode()
-    line = {"x1": 0, "y1": 0, "x2": 1, "y2": 1, "colour": HOSTILE, "width": 1, "title": HOSTILE}
-    graph = {"size": (90, 90), "outlines": [[(0.0, 0.0)]], "lines": [line], "names": [(HOSTILE, 1, 2)]}
-    mosaic = {"rows": [(HOSTILE, HOSTILE)], "graph": graph, "links": [{"left": HOSTILE}]}
-    names = {"title": HOSTILE, "rows": [], "left_out": [HOSTILE], "advice": [HOSTILE], "mosaics": [mosaic]}
-    flight = render("flight.html", **names).decode()
-    for page, times in ((pair, 7), (flight, 10)):
-        assert "<img src=x" not in page
-        assert page.count("&lt;img src=x onerror=alert(1)&gt;&#39;&#34;&amp;{{ 7 * 7 }}") == times
+NAME = "a\udcff\x1b[31m<b>&\x00.jpg"
 
 
-def test_a_value_that_is_missing_is_an_error() -> None:
-    with pytest.raises(jinja2.UndefinedError, match="rows"):
-        render("pair.html", title="pair", pictures={})
+def test_names_that_are_no_text_are_shown_and_written(tmp_path: Path) -> None:
+    page = pages.render("pair.html", title=NAME, rows=[("name", f"{NAME}\nsecond")], pictures={})
+    pages.write_report_files(tmp_path, {"name": NAME}, page)
+    shown = (tmp_path / "index.html").read_text(encoding="utf-8")
+    assert "\\udcff\\x1b[31m&lt;b&gt;&amp;\\x00.jpg" in shown
+    assert json.loads((tmp_path / "report.json").read_bytes())["name"] == NAME
+    kml = XmlTree.fromstring(_kml(NAME, {NAME: np.zeros((5, 2))}))
+    assert [each.text for each in kml.iter() if each.tag.endswith("name")] == ["a\\udcff\\x1b[31m<b>&\\x00.jpg"] * 2
