@@ -20,7 +20,7 @@ from skymosaic.cli.progress import progress_bars
 from skymosaic.cli.session import STDOUT, session
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.features.standing import STANDS_STILL
-from skymosaic.flight.check import check_flight
+from skymosaic.flight.check import check_flight, contradictions
 from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, Delivery, OutputForm
 from skymosaic.flight.survey import Flight
 from skymosaic.imagery.images import check_output, check_output_folder, save_bytes
@@ -162,6 +162,8 @@ def _show_mosaic(delivery: Delivery, path: Path) -> None:
     session.show(f"mosaic {path} ({width_px}x{height_px}), {len(layout.members)} photographs of {len(flight.names)}")
     if flight.pair is None:
         session.show(f"{layout.model}, median reprojection error {layout.median_error_px:.2f} px; {layout.reason}")
+        for line in contradictions(flight, layout):
+            session.warn(line)
     if delivery.tiles:
         session.wrote(delivery.tiles)
         session.show(f"tiles {delivery.tiles / 'index.html'}")

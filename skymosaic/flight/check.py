@@ -1,5 +1,6 @@
 """Checks a flight before the pilot leaves: overlap, blur, exposure, GPS and weak links."""
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,10 @@ CLIPPED = 0.2
 WEAK_TIES = 40
 WEAK_OVERLAP = 0.2
 """A link with fewer ties or less overlap is weak; it matters if no other joins the two sides."""
+
+MAX_CONTRADICTING = 0.02
+"""Share of links that contradict the layout above which it may be wrong: few links of distinct ground are false."""
+WORST_NAMED = 3
 
 
 @dataclass(frozen=True)
@@ -126,10 +131,20 @@ def _problems_of_all(flight: Flight) -> Iterator[str]:
         sizes = ", ".join(str(len(layout.members)) for layout in flight.layouts)
         yield f"{len(flight.layouts)} groups without a link between them ({sizes} photographs): fly again between them"
     for layout in flight.layouts:
+        yield from contradictions(flight, layout)
         yield from _weakly_linked(flight, layout)
     with_gps = sum(view.gps is not None for view in flight.views)
     if 0 < with_gps < len(flight.views):
         yield f"{len(flight.views) - with_gps} of {len(flight.views)} photographs have no GPS"
+
+
+def contradictions(flight: Flight, layout: Layout) -> Iterator[str]:
+    """A line if so many links contradict the layout that it may have followed the wrong ones."""
+    false, count = layout.contradicting, len(layout.links) + len(layout.contradicting)
+    if len(false) > MAX_CONTRADICTING * count:
+        ends = Counter(end for link in false for end in (link.left, link.right))
+        worst = ", ".join(Path(flight.views[view].name).name for view, _ in ends.most_common(WORST_NAMED))
+        yield f"{len(false)} of {count} links contradict the layout (most at {worst}): look at the mosaic there"
 
 
 def _weakly_linked(flight: Flight, layout: Layout) -> Iterator[str]:
