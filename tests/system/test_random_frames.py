@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from golden_model.config import CELL_SIZES_PX, PRESETS
+from golden_model.config import CELL_SIZES_PX, MAX_PER_CELL, PRESETS
 from sim.backends.interface import load_backend
 from sim.simulators import verilator
 from sim.simulators.accelerator_designs import design_accelerator
@@ -31,11 +31,13 @@ def test_clocks_of_narrow_frames_are_predicted_or_left_out() -> None:
     predicted = 0
     for _ in range(RUNS):
         width_px, height_px = rng.integers(64, BUILT_PX + 1, 2).tolist()
+        cell_px = int(rng.choice(CELL_SIZES_PX))
+        fitting = CONFIG.front_end.max_features // CONFIG.front_end.count_cells(width_px, height_px, cell_px)
         front_end = dataclasses.replace(
             CONFIG.front_end,
             threshold=int(10 ** rng.uniform(0, 5)),
-            cell_px=int(rng.choice(CELL_SIZES_PX)),
-            per_cell=int(rng.integers(1, 9)),
+            cell_px=cell_px,
+            per_cell=int(rng.integers(1, min(fitting, MAX_PER_CELL) + 1)),
         )
         config = dataclasses.replace(CONFIG, front_end=front_end)
         x, y = rng.integers(0, 100, 2)
