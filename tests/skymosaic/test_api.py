@@ -3,6 +3,7 @@
 import doctest
 import importlib
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -31,6 +32,7 @@ def test_points_are_in_original_pixels(pair: Pair, kind: str) -> None:
     assert left.dtype == right.dtype == weights.dtype == np.float64
     assert len(weights) == len(rules) == count
     assert left.max() > 400
+    assert pair.homography is not None
     errors_px = np.linalg.norm(apply(pair.homography, left) - right, axis=1)
     # 2 px of the working images are 4 of these; proposals contain wrong ones.
     assert (np.max if kind == "inliers" else np.median)(errors_px) < 4.1
@@ -67,7 +69,8 @@ def test_a_plot_shows_both_photographs_and_the_matches(pair: Pair) -> None:
     pytest.importorskip("matplotlib")
     plot = pair.plot().axes[0]
     assert len(plot.images) == 2
-    lines = plot.collections[0].get_segments()
+    drawn: Any = plot.collections[0]
+    lines = drawn.get_segments()
     assert len(lines) == len(pair.inliers)
     np.testing.assert_allclose([line[0] for line in lines], pair.points().left)
 

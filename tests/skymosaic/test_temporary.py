@@ -1,13 +1,14 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from skymosaic import temporary
 
 
-def test_left_overs_of_killed_processes_are_removed(tmp_path):
+def test_left_overs_of_killed_processes_are_removed(tmp_path: Path) -> None:
     machine = temporary_name(tmp_path).rsplit("-", 2)[0]
     ended = subprocess.Popen([sys.executable, "-c", ""])
     ended.wait()
@@ -19,13 +20,13 @@ def test_left_overs_of_killed_processes_are_removed(tmp_path):
     assert sorted(path.name.rsplit("-")[-1] for path in tmp_path.iterdir()) == ["y", "z"]
 
 
-def temporary_name(folder):
+def temporary_name(folder: Path) -> str:
     with temporary.temporary_file(folder) as path:
         return path.name
 
 
 @pytest.fixture
-def page_folder(tmp_path):
+def page_folder(tmp_path: Path) -> Path:
     folder = tmp_path / "tiles"
     (folder / "7").mkdir(parents=True)
     for name in ("index.html", "7/old.webp", "notes.txt"):
@@ -33,11 +34,11 @@ def page_folder(tmp_path):
     return folder
 
 
-def contents(folder):
+def contents(folder: Path) -> list[str]:
     return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
 
 
-def test_a_staged_folder_leaves_nothing_of_its_old_self_and_all_of_others(page_folder):
+def test_a_staged_folder_leaves_nothing_of_its_old_self_and_all_of_others(page_folder: Path) -> None:
     with temporary.staged_folder(page_folder, r"\d+|index\.html") as staged:
         (staged / "6").mkdir()
         for name in ("index.html", "6/new.webp"):
@@ -50,8 +51,8 @@ def test_a_staged_folder_leaves_nothing_of_its_old_self_and_all_of_others(page_f
 
 
 @pytest.mark.parametrize("name", ["tiles", "new/tiles"])
-def test_a_staged_folder_that_fails_changes_nothing(page_folder, name):
-    def write_half():
+def test_a_staged_folder_that_fails_changes_nothing(page_folder: Path, name: str) -> None:
+    def write_half() -> None:
         with temporary.staged_folder(page_folder.parent / name, ".*") as staged:
             (staged / "index.html").write_text("half")
             raise KeyboardInterrupt

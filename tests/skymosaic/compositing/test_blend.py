@@ -1,6 +1,9 @@
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from skymosaic.compositing.blend import METHODS, blend
 from skymosaic.compositing.warp import TILE_PX, Canvas, enclosing_canvas, footprint, warp_backward
@@ -8,16 +11,16 @@ from skymosaic.compositing.warp import TILE_PX, Canvas, enclosing_canvas, footpr
 TURNED = np.array([[0.96, 0.17, 90.0], [-0.17, 0.98, 70.0], [1e-5, -2e-5, 1]])
 
 
-def shift(x, y):
+def shift(x: int, y: int) -> NDArray[np.float64]:
     return np.array([[1.0, 0, x], [0, 1, y], [0, 0, 1]])
 
 
-def smooth_image(height, width, *channels, seed=0):
+def smooth_image(height: int, width: int, *channels: int, seed: int = 0) -> NDArray[np.uint8]:
     noise = np.random.default_rng(seed).integers(0, 256, (height, width, *channels), dtype=np.uint8)
     return cv2.normalize(cv2.GaussianBlur(noise, (0, 0), 5), None, 20, 180, cv2.NORM_MINMAX)
 
 
-def two_views(*channels):
+def two_views(*channels: int) -> tuple[Any, ...]:
     """Two crops of one scene, 60 px apart, with the canvas that holds both: the scene itself."""
     scene = smooth_image(120, 260, *channels)
     images, transforms = [scene[:, :200], scene[:, 60:]], [np.eye(3), shift(60, 0)]
@@ -26,7 +29,7 @@ def two_views(*channels):
 
 @pytest.mark.parametrize("channels", [(), (3,)], ids=["gray", "bgr"])
 @pytest.mark.parametrize("method", METHODS)
-def test_equal_images_give_the_image(method, channels):
+def test_equal_images_give_the_image(method: str, channels: tuple[Any, ...]) -> None:
     image = smooth_image(100, 140, *channels)
     mosaic = blend([image] * 3, [np.eye(3)] * 3, Canvas(0, 0, 140, 100), method=method)
     np.testing.assert_array_equal(mosaic, image)
@@ -34,7 +37,7 @@ def test_equal_images_give_the_image(method, channels):
 
 @pytest.mark.parametrize("channels", [(), (3,)], ids=["gray", "bgr"])
 @pytest.mark.parametrize("method", METHODS)
-def test_two_crops_give_the_scene(method, channels):
+def test_two_crops_give_the_scene(method: str, channels: tuple[Any, ...]) -> None:
     scene, images, transforms, canvas = two_views(*channels)
     mosaic = blend(images, transforms, canvas, method=method)
     # Near its border a view repeats the border, which the coarsest bands carry some way inwards.
@@ -42,7 +45,7 @@ def test_two_crops_give_the_scene(method, channels):
     assert np.abs(mosaic.astype(int) - scene).mean() < 0.25
 
 
-def test_average_and_distance_by_hand():
+def test_average_and_distance_by_hand() -> None:
     # Two flat 5x5 images, 2 columns apart: columns 2 to 4 overlap.
     images = [np.full((5, 5), value, np.uint8) for value in (100, 200)]
     transforms, canvas = [np.eye(3), shift(2, 0)], Canvas(0, 0, 7, 5)
@@ -55,12 +58,12 @@ def test_average_and_distance_by_hand():
     np.testing.assert_array_equal(distance[1], [100, 100, 100, 150, 200, 200, 200])
 
 
-def largest_step(mosaic):
+def largest_step(mosaic: NDArray[Any]) -> int:
     return max(np.abs(np.diff(mosaic.astype(int), axis=axis)).max() for axis in (0, 1))
 
 
 @pytest.mark.parametrize(("method", "limit"), [("distance", 3), ("multiband", 3)])
-def test_no_seam_between_different_exposures(method, limit):
+def test_no_seam_between_different_exposures(method: str, limit: int) -> None:
     # Two flat images 40 gray levels apart, with their borders crossing inside the mosaic.
     images = [np.full((300, 400), value, np.uint8) for value in (100, 140)]
     transforms = [np.eye(3), shift(150, 0)]
@@ -71,7 +74,7 @@ def test_no_seam_between_different_exposures(method, limit):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_outside_is_black_and_no_border_is_darkened(method):
+def test_outside_is_black_and_no_border_is_darkened(method: str) -> None:
     image = np.full((200, 260), 180, np.uint8)
     canvas = Canvas(-20, -20, 420, 380)
     mosaic = blend([image], [TURNED], canvas, method=method)
@@ -82,7 +85,7 @@ def test_outside_is_black_and_no_border_is_darkened(method):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_tiles_leave_no_trace(method):
+def test_tiles_leave_no_trace(method: str) -> None:
     # Very different images, and a window on the coarsest band's grid that crosses two tiles and the seam.
     images = [smooth_image(700, 1300, seed=1) // 4, smooth_image(700, 1300, seed=2) // 2 + 150]
     transforms = [np.eye(3), TURNED @ shift(600, 300)]
@@ -93,7 +96,7 @@ def test_tiles_leave_no_trace(method):
     assert np.abs(mosaic[window.within(canvas)].astype(int) - part).max() <= 1
 
 
-def test_a_tile_that_shows_one_photograph_takes_no_bands(monkeypatch):
+def test_a_tile_that_shows_one_photograph_takes_no_bands(monkeypatch: pytest.MonkeyPatch) -> None:
     image = smooth_image(700, 800, 3)
     part = Canvas(250, 250, 200, 120)
     by_bands = blend([image, image[:300, :300]], [np.eye(3)] * 2, part, method="multiband")
@@ -103,7 +106,7 @@ def test_a_tile_that_shows_one_photograph_takes_no_bands(monkeypatch):
     np.testing.assert_array_equal(alone, by_bands)
 
 
-def test_gray_becomes_bgr_beside_colour_and_stays_gray_alone():
+def test_gray_becomes_bgr_beside_colour_and_stays_gray_alone() -> None:
     gray, colour = np.full((64, 64), 50, np.uint8), np.full((64, 64, 3), (10, 20, 30), np.uint8)
     mosaic = blend([gray, colour], [np.eye(3), shift(64, 0)], Canvas(0, 0, 128, 64))
     np.testing.assert_array_equal(mosaic[:, :64], np.full((64, 64, 3), 50))
@@ -111,7 +114,7 @@ def test_gray_becomes_bgr_beside_colour_and_stays_gray_alone():
     assert blend([gray], [np.eye(3)], Canvas(0, 0, 64, 64)).ndim == 2
 
 
-def test_a_small_mosaic_is_averaged_not_sampled():
+def test_a_small_mosaic_is_averaged_not_sampled() -> None:
     stripes = np.tile(np.array([0, 255], np.uint8), (256, 128))
     quarter = np.array([[0.25, 0, -0.375], [0, 0.25, -0.375], [0, 0, 1]])
     canvas = enclosing_canvas([(256, 256)], [quarter])
@@ -120,13 +123,13 @@ def test_a_small_mosaic_is_averaged_not_sampled():
     assert (np.abs(mosaic.astype(int) - 127) <= 1).all()
 
 
-def test_images_off_the_canvas_are_skipped():
+def test_images_off_the_canvas_are_skipped() -> None:
     image = np.full((64, 64), 77, np.uint8)
     for method in METHODS:
         mosaic = blend([image, image], [np.eye(3), shift(500, 0)], Canvas(0, 0, 64, 64), method=method)
         np.testing.assert_array_equal(mosaic, image)
 
 
-def test_unknown_method_names_the_valid_ones():
+def test_unknown_method_names_the_valid_ones() -> None:
     with pytest.raises(ValueError, match=r"'feather'.*multiband"):
         blend([np.zeros((64, 64), np.uint8)], [np.eye(3)], footprint((64, 64), np.eye(3)), method="feather")

@@ -1,22 +1,27 @@
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from skymosaic.compositing.exposure import estimate_levels, estimate_tones
 from skymosaic.compositing.layer import Layer
 from skymosaic.compositing.overlaps import compare_overlaps
-from skymosaic.compositing.tone import NEUTRAL, SHOULDER_START
+from skymosaic.compositing.tone import NEUTRAL, SHOULDER_START, Tone
 from skymosaic.compositing.warp import Canvas
 
 SIZE_PX = (320, 240)
 
 
-def scene(width_px=900, height_px=500, seed=1):
+def scene(width_px: int = 900, height_px: int = 500, seed: int = 1) -> NDArray[np.uint8]:
     noise = np.random.default_rng(seed).integers(0, 256, (height_px // 8, width_px // 8, 3), dtype=np.uint8)
     return cv2.normalize(cv2.resize(noise, (width_px, height_px)), None, 40, 190, cv2.NORM_MINMAX)
 
 
-def strip(exposures, falloff=0.0, step_px=90, noise=1.0, seed=2):
+def strip(
+    exposures: NDArray[np.float64], falloff: float = 0.0, step_px: int = 90, noise: float = 1.0, seed: int = 2
+) -> list[Layer]:
     """Photographs along two rows of a scene, each times its exposure and darker towards its corners."""
     ground, layers = scene(), []
     rng = np.random.default_rng(seed)
@@ -31,19 +36,19 @@ def strip(exposures, falloff=0.0, step_px=90, noise=1.0, seed=2):
     return layers
 
 
-def gains(tones):
+def gains(tones: list[Tone]) -> NDArray[np.float64]:
     return np.array([tone.gain for tone in tones])
 
 
-def toned(layer, tone):
+def toned(layer: Layer, tone: Tone) -> NDArray[Any]:
     return tone.apply(layer.image, tone.factors(layer.size, Canvas(0, 0, *layer.size)))
 
 
-def white_share(images):
+def white_share(images: list[NDArray[Any]]) -> float:
     return np.mean([(image.min(axis=2) > 250).mean() for image in images])
 
 
-def test_ratios_of_exposures_are_found_and_the_median_photograph_keeps_its_brightness():
+def test_ratios_of_exposures_are_found_and_the_median_photograph_keeps_its_brightness() -> None:
     exposures = np.array([1.0, 0.8, 1.1, 0.7, 0.9, 1.2, 0.75])
     gain = gains(estimate_tones(strip(exposures[:, None])))
     relative = gain.mean(axis=1) * exposures
@@ -51,14 +56,14 @@ def test_ratios_of_exposures_are_found_and_the_median_photograph_keeps_its_brigh
     assert np.median(gain.mean(axis=1)) == pytest.approx(1, abs=0.02)
 
 
-def test_darkness_is_not_favoured():
+def test_darkness_is_not_favoured() -> None:
     """Every second photograph is 40 % darker: least squares on gains would darken all, logarithms do not."""
     gain = gains(estimate_tones(strip(np.array([1.0, 0.6] * 4)[:, None]))).mean(axis=1)
     assert np.exp(np.log(gain).mean()) == pytest.approx(1, abs=0.3)
     np.testing.assert_allclose(gain[1::2] / gain[::2], 1 / 0.6, rtol=0.03)
 
 
-def test_white_balance_follows_the_overlaps_by_channel():
+def test_white_balance_follows_the_overlaps_by_channel() -> None:
     exposures = np.ones((6, 3))
     exposures[2] = 0.95, 1.0, 1.05
     gain = gains(estimate_tones(strip(exposures)))
@@ -66,18 +71,18 @@ def test_white_balance_follows_the_overlaps_by_channel():
     np.testing.assert_allclose(np.delete(gain, 2, axis=0), 1, atol=0.03)
 
 
-def test_a_common_falloff_of_the_lens_is_found():
+def test_a_common_falloff_of_the_lens_is_found() -> None:
     tones = estimate_tones(strip(np.array([1.0, 0.8, 1.1, 0.9, 1.2, 1.0])[:, None], falloff=0.35))
     first, second = tones[0].falloff
     assert {tone.falloff for tone in tones} == {(first, second)}
     assert first + second == pytest.approx(0.35, abs=0.05)
 
 
-def test_a_lens_without_falloff_gets_none():
+def test_a_lens_without_falloff_gets_none() -> None:
     assert estimate_tones(strip(np.ones((6, 1))))[0].falloff == pytest.approx((0, 0), abs=0.02)
 
 
-def test_moving_things_do_not_count():
+def test_moving_things_do_not_count() -> None:
     layers = strip(np.ones((6, 1)))
     images = [layer.image.copy() for layer in layers]
     images[1][60:140, 100:220] = 45
@@ -85,7 +90,7 @@ def test_moving_things_do_not_count():
     np.testing.assert_allclose(gains(tones), 1, atol=0.02)
 
 
-def test_a_photograph_without_overlap_stays_as_it_is():
+def test_a_photograph_without_overlap_stays_as_it_is() -> None:
     layers = strip(np.array([1.0, 0.7, 1.0, 0.7])[:, None])
     far = Layer(layers[0].image, np.array([[1.0, 0, 5000], [0, 1, 0], [0, 0, 1]]))
     tones = estimate_tones([*layers, far])
@@ -93,7 +98,7 @@ def test_a_photograph_without_overlap_stays_as_it_is():
     assert estimate_tones([far]) == [NEUTRAL]
 
 
-def test_bright_ground_of_an_automatic_exposure_stays_below_white():
+def test_bright_ground_of_an_automatic_exposure_stays_below_white() -> None:
     """Every photograph has the same mean, over ground that is sixteen times as bright at one end of the strip."""
     layers = strip(np.ones((8, 1)))
     ramp = np.geomspace(0.25, 4, 900)
@@ -115,7 +120,7 @@ def test_bright_ground_of_an_automatic_exposure_stays_below_white():
 
 
 @pytest.fixture(scope="module")
-def sunlit():
+def sunlit() -> list[Layer]:
     """Photographs of 16 bits with a black level; every second one has sun in one half, whichever ground that is."""
     x = np.linspace(0, 1, SIZE_PX[0])[None, :, None]
     layers = []
@@ -126,7 +131,7 @@ def sunlit():
     return layers
 
 
-def test_light_that_changes_within_photographs_is_evened_out(sunlit):
+def test_light_that_changes_within_photographs_is_evened_out(sunlit: list[Layer]) -> None:
     black, white = estimate_levels([layer.image for layer in sunlit], [5000.0, None, 5004.0])
     assert (black, white) == (5002, 65_535)
     tones = estimate_tones(sunlit, black=black, white=white)
@@ -139,5 +144,5 @@ def test_light_that_changes_within_photographs_is_evened_out(sunlit):
     assert np.quantile(left, 0.9) < 0.1
 
 
-def test_even_light_gets_no_fields():
+def test_even_light_gets_no_fields() -> None:
     assert all(tone.light is None for tone in estimate_tones(strip(np.ones((8, 1)))))

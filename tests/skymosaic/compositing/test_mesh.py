@@ -1,5 +1,6 @@
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from skymosaic.compositing.mesh import fit_mesh, fit_useful_mesh, held_out_shares
 from skymosaic.geometry.homography import apply
@@ -8,7 +9,9 @@ SIZE = (640, 480)
 HOMOGRAPHY = np.array([[1.0, 0.02, -200], [-0.02, 1, 10], [0, 0, 1]])
 
 
-def matches(count=500, bulge_px=6.0, wrong=0.1, seed=0):
+def matches(
+    count: int = 500, bulge_px: float = 6.0, wrong: float = 0.1, seed: int = 0
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool]]:
     """Matches under a homography, displaced by a smooth hill; a tenth are wrong."""
     rng = np.random.default_rng(seed)
     left = rng.uniform((200, 0), SIZE, (count, 2))
@@ -19,7 +22,7 @@ def matches(count=500, bulge_px=6.0, wrong=0.1, seed=0):
     return left, right, ~stray
 
 
-def test_the_grid_follows_the_relief_and_ignores_wrong_matches():
+def test_the_grid_follows_the_relief_and_ignores_wrong_matches() -> None:
     left, right, correct = matches()
     mesh = fit_mesh(HOMOGRAPHY, left, right, SIZE)
     bent = apply(np.linalg.inv(HOMOGRAPHY), right[correct])
@@ -30,7 +33,7 @@ def test_the_grid_follows_the_relief_and_ignores_wrong_matches():
     assert np.abs(mesh.displacement(np.array([[5.0, 240.0]]))).max() < 1.5  # no matches there
 
 
-def test_held_out_matches_decide():
+def test_held_out_matches_decide() -> None:
     left, right, _ = matches()
     plain, bent = held_out_shares(HOMOGRAPHY, left, right, SIZE)
     assert bent > plain + 0.1
@@ -41,13 +44,13 @@ def test_held_out_matches_decide():
     assert fit_useful_mesh(HOMOGRAPHY, flat_left, flat_right, SIZE) is None
 
 
-def test_few_matches_give_no_grid():
+def test_few_matches_give_no_grid() -> None:
     left, right, _ = matches(count=20)
     assert fit_mesh(HOMOGRAPHY, left, right, SIZE) is None
     assert fit_useful_mesh(HOMOGRAPHY, left, right, SIZE) is None
 
 
-def test_bending_undoes_the_relief_at_any_size():
+def test_bending_undoes_the_relief_at_any_size() -> None:
     left, right, _ = matches()
     mesh = fit_mesh(HOMOGRAPHY, left, right, SIZE)
     noise = np.random.default_rng(1).integers(0, 256, (SIZE[1], SIZE[0]), dtype=np.uint8)

@@ -7,19 +7,19 @@ from skymosaic.compositing.warp import Canvas
 RAMP = np.arange(256, dtype=np.uint8)[None]
 
 
-def test_neutral_tone_returns_the_same_pixels():
+def test_neutral_tone_returns_the_same_pixels() -> None:
     assert NEUTRAL.apply(RAMP) is RAMP
 
 
 @pytest.mark.parametrize("gain", [0.5, 0.8, 1.2, 1.6, 2.5])
-def test_below_the_shoulder_a_gain_is_a_factor(gain):
+def test_below_the_shoulder_a_gain_is_a_factor(gain: float) -> None:
     toned = Tone((gain,)).apply(RAMP)
     straight = gain * RAMP < 255 * SHOULDER_START
     np.testing.assert_allclose(toned[straight], (gain * RAMP)[straight], atol=0.51)
 
 
 @pytest.mark.parametrize("gain", [0.8, 1.2, 1.6, 2.5])
-def test_highlights_rise_to_white_and_nothing_else_becomes_white(gain):
+def test_highlights_rise_to_white_and_nothing_else_becomes_white(gain: float) -> None:
     toned = Tone((gain,)).apply(RAMP)[0].astype(int)
     assert toned[255] == 255
     assert (np.diff(toned) >= 0).all()
@@ -27,23 +27,23 @@ def test_highlights_rise_to_white_and_nothing_else_becomes_white(gain):
     assert toned[240] < 255
 
 
-def test_a_strong_darkening_has_no_highlights():
+def test_a_strong_darkening_has_no_highlights() -> None:
     assert Tone((0.5,)).apply(RAMP)[0, 255] == 128
 
 
-def test_a_gain_of_16_bit_values_leaves_black_and_white_where_they_are():
+def test_a_gain_of_16_bit_values_leaves_black_and_white_where_they_are() -> None:
     values = np.array([[0, 9000, 20_000, 65_535]], np.uint16)
     toned = Tone((2.0,), black=9000).apply(values)
     assert toned.dtype == np.uint16
     np.testing.assert_array_equal(toned, [[0, 9000, 31_000, 65_535]])
 
 
-def test_channels_have_their_own_gains():
+def test_channels_have_their_own_gains() -> None:
     pixels = np.full((4, 5, 3), 100, np.uint8)
     np.testing.assert_array_equal(Tone((0.5, 1.0, 1.5)).apply(pixels)[2, 2], [50, 100, 150])
 
 
-def test_falloff_brightens_the_corners_as_given():
+def test_falloff_brightens_the_corners_as_given() -> None:
     size = (401, 301)
     tone = Tone((1.0,), (0.2, 0.1))
     toned = tone.apply(np.full((301, 401), 100, np.uint8), tone.factors(size, Canvas(0, 0, *size)))
@@ -51,7 +51,7 @@ def test_falloff_brightens_the_corners_as_given():
     assert toned[0, 0] == pytest.approx(100 * np.exp(0.3), abs=1.5)
 
 
-def test_factors_belong_to_places_of_the_source_image():
+def test_factors_belong_to_places_of_the_source_image() -> None:
     turned = np.array([[0.0, -2.0, 900.0], [2.0, 0.0, 40.0], [1e-5, 2e-5, 1.0]])
     part = Canvas(30, 70, 333, 222)
     light = np.zeros((3, 5, 3))

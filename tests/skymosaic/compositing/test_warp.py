@@ -1,6 +1,9 @@
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from skymosaic.compositing.warp import (
     TILE_PX,
@@ -17,19 +20,19 @@ from skymosaic.geometry.homography import apply
 PROJECTIVE = np.array([[0.9, 0.2, 30.0], [-0.15, 1.1, 20.0], [2e-4, -1e-4, 1.0]])
 
 
-def shift(x, y):
+def shift(x: float, y: float) -> NDArray[np.float64]:
     return np.array([[1.0, 0, x], [0, 1, y], [0, 0, 1]])
 
 
-def noise_image(height, width, *channels, seed=0):
+def noise_image(height: int, width: int, *channels: int, seed: int = 0) -> NDArray[np.uint8]:
     return np.random.default_rng(seed).integers(0, 256, (height, width, *channels), dtype=np.uint8)
 
 
-def smooth_image(height, width, *channels, seed=0):
+def smooth_image(height: int, width: int, *channels: int, seed: int = 0) -> NDArray[np.uint8]:
     return cv2.GaussianBlur(noise_image(height, width, *channels, seed=seed), (0, 0), 4)
 
 
-def test_rectangles():
+def test_rectangles() -> None:
     left, right = Canvas(0, 0, 10, 5), Canvas(8, -2, 10, 5)
     assert left.intersection(right) == Canvas(8, 0, 2, 3)
     assert left.intersection(Canvas(10, 0, 3, 3)) is None
@@ -37,7 +40,7 @@ def test_rectangles():
     np.testing.assert_array_equal(apply(right.translation, right.corners[0]), (0, 0))
 
 
-def test_tiles_cover_each_pixel_once():
+def test_tiles_cover_each_pixel_once() -> None:
     canvas = Canvas(-3, 7, 25, 11)
     hits = np.zeros((11, 25), dtype=int)
     for tile in canvas.tiles(8):
@@ -46,19 +49,19 @@ def test_tiles_cover_each_pixel_once():
     assert (hits == 1).all()
 
 
-def test_canvas_holds_all_images_and_no_more():
+def test_canvas_holds_all_images_and_no_more() -> None:
     canvas = enclosing_canvas([(100, 50), (80, 60)], [shift(-20.5, 3), np.eye(3)])
     assert canvas == Canvas(-20, 0, 100, 60)
     assert enclosing_canvas([(100, 50)], [np.eye(3) + 1e-12]) == Canvas(0, 0, 100, 50)
 
 
-def test_canvas_beyond_the_limit_is_refused_with_its_size():
+def test_canvas_beyond_the_limit_is_refused_with_its_size() -> None:
     with pytest.raises(CanvasError, match=r"100100x100 px, 10 megapixels; the limit is 5"):
         enclosing_canvas([(100, 100), (100, 100)], [np.eye(3), shift(100_000, 0)], limit_px=5_000_000)
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_image_that_reaches_behind_the_camera_is_refused(sign):
+def test_image_that_reaches_behind_the_camera_is_refused(sign: int) -> None:
     horizon = np.array([[1.0, 0, 0], [0, 1, 0], [-1 / 90, 0, 1]])
     assert footprint((80, 100), sign * horizon).width_px == 647
     for width in (91, 120):
@@ -67,7 +70,7 @@ def test_image_that_reaches_behind_the_camera_is_refused(sign):
 
 
 @pytest.mark.parametrize("channels", [(), (3,)], ids=["gray", "bgr"])
-def test_whole_pixel_shift_is_exact(channels):
+def test_whole_pixel_shift_is_exact(channels: tuple[Any, ...]) -> None:
     image = noise_image(40, 60, *channels)
     warped = warp_backward(image, shift(7, -5), Canvas(0, -10, 80, 60))
     expected = np.zeros((60, 80, *channels), dtype=np.uint8)
@@ -75,7 +78,7 @@ def test_whole_pixel_shift_is_exact(channels):
     np.testing.assert_array_equal(warped, expected)
 
 
-def test_backward_interpolates_bilinearly():
+def test_backward_interpolates_bilinearly() -> None:
     image = noise_image(40, 60).astype(np.float64)
     warped = warp_backward(image.astype(np.uint8), shift(0.25, 0.5), Canvas(1, 1, 58, 38))
     row, column = image[:-1] + image[1:], np.s_[1:39]
@@ -84,7 +87,7 @@ def test_backward_interpolates_bilinearly():
     np.testing.assert_allclose(warped, expected, atol=0.51)
 
 
-def test_backward_against_a_textbook_loop():
+def test_backward_against_a_textbook_loop() -> None:
     image = smooth_image(50, 70)
     canvas = Canvas(20, 10, 60, 45)
     warped = warp_backward(image, PROJECTIVE, canvas)
@@ -101,7 +104,7 @@ def test_backward_against_a_textbook_loop():
     assert checked > 60
 
 
-def test_tiles_leave_no_trace():
+def test_tiles_leave_no_trace() -> None:
     image = smooth_image(900, 1500, 3)
     large = Canvas(0, 0, 2 * TILE_PX + 100, TILE_PX + 50)
     by_tiles = warp_backward(image, PROJECTIVE @ np.diag([1.4, 1.4, 1]), large)
@@ -110,24 +113,24 @@ def test_tiles_leave_no_trace():
     assert np.abs(by_tiles.astype(int) - at_once).max() <= 1
 
 
-def test_sides_beyond_the_limit_of_opencv():
+def test_sides_beyond_the_limit_of_opencv() -> None:
     wide = noise_image(3, 40_000)
     np.testing.assert_array_equal(warp_backward(wide, shift(5, 0), Canvas(5, 0, 40_000, 3)), wide)
 
 
-def test_a_tile_beyond_the_horizon_still_shows_the_image():
+def test_a_tile_beyond_the_horizon_still_shows_the_image() -> None:
     horizon = np.array([[1.0, 0, 0], [0, 1, 0], [-1 / 90, 0, 1]])
     tile = Canvas(-300, 0, 400, 50)
     assert source_window((80, 100), horizon, tile) == Canvas(0, 0, 80, 100)
     assert (warp_backward(np.full((100, 80), 200, np.uint8), horizon, tile)[:, 310:] == 200).all()
 
 
-def test_source_window_is_the_near_border_where_the_image_is_not():
+def test_source_window_is_the_near_border_where_the_image_is_not() -> None:
     assert source_window((60, 40), np.eye(3), Canvas(200, 0, 10, 10)) == Canvas(59, 0, 1, 15)
     assert source_window((60, 40), np.eye(3), Canvas(50, 30, 100, 100)) == Canvas(45, 25, 15, 15)
 
 
-def test_shrunk_keeps_the_geometry_and_averages():
+def test_shrunk_keeps_the_geometry_and_averages() -> None:
     image = noise_image(120, 180)
     scale = np.array([[0.25, 0, -0.375], [0, 0.25, -0.375], [0, 0, 1]])
     small, transform = shrink(image, scale)

@@ -14,54 +14,54 @@ from skymosaic.evaluation.metrics import (
 SHIFT = np.array([[1.0, 0, 10], [0, 1, 0], [0, 0, 1]])
 
 
-def test_confusion_counts_each_case():
+def test_confusion_counts_each_case() -> None:
     counts = confusion([1, 1, 1, 0, 0, 0, 0, 0], [1, 1, 0, 0, 0, 0, 1, 1])
     assert counts == Confusion(true_positives=2, false_positives=1, true_negatives=3, false_negatives=2)
     assert counts.recall == pytest.approx(2 / 4)
     assert counts.precision == pytest.approx(2 / 3)
 
 
-def test_the_thesis_table_of_ilbp_lengths():
+def test_the_thesis_table_of_ilbp_lengths() -> None:
     # Table IV-3, N = 4: 51 matches, 23 good, 28 false.
     counts = confusion(np.ones(51), np.arange(51) < 23)
     assert (counts.true_positives, counts.false_positives) == (23, 28)
     assert 1 - counts.precision == pytest.approx(28 / 51)
 
 
-def test_nothing_kept_and_nothing_correct_is_zero_not_an_error():
+def test_nothing_kept_and_nothing_correct_is_zero_not_an_error() -> None:
     assert confusion([0, 0], [0, 0]).recall == 0
     assert confusion([0, 0], [1, 0]).precision == 0
 
 
-def test_correct_matches_are_within_the_tolerance():
+def test_correct_matches_are_within_the_tolerance() -> None:
     right = [(10, 3), (10, 3.01), (13, 0), (0, 0)]
     np.testing.assert_array_equal(correct_matches(np.zeros((4, 2)), right, SHIFT), [True, False, True, False])
 
 
-def test_rmse_by_hand():
+def test_rmse_by_hand() -> None:
     assert rmse(SHIFT, [(0, 0), (5, 5)], [(13, 4), (15, 5)]) == pytest.approx(np.sqrt(25 / 2))
 
 
-def test_repeatability_counts_each_feature_once_and_only_the_overlap():
+def test_repeatability_counts_each_feature_once_and_only_the_overlap() -> None:
     # Right image 100x100. Found; found but its only partner is taken by a nearer one; missed; outside.
     left = [(20, 20), (20, 21), (60, 60), (95, 50)]
     right = [(30, 20.2), (10, 90)]
     assert repeatability(left, right, SHIFT, (100, 100)) == pytest.approx(1 / 3)
 
 
-def test_repeatability_without_features_is_zero():
+def test_repeatability_without_features_is_zero() -> None:
     assert repeatability(np.zeros((0, 2)), [(1, 1)], SHIFT, (100, 100)) == 0
     assert repeatability([(1, 1)], np.zeros((0, 2)), SHIFT, (100, 100)) == 0
     assert repeatability([(95, 5)], [(1, 1)], SHIFT, (100, 100)) == 0
 
 
-def test_grid_error_of_a_wrong_shift_is_the_difference():
+def test_grid_error_of_a_wrong_shift_is_the_difference() -> None:
     wrong = SHIFT + np.array([[0, 0, 3], [0, 0, -4], [0, 0, 0]])
     assert grid_error(wrong, SHIFT, (640, 480), (640, 480)) == pytest.approx(5)
     assert grid_error(SHIFT, SHIFT, (640, 480), (640, 480)) == 0
 
 
-def test_grid_error_counts_only_the_overlap():
+def test_grid_error_counts_only_the_overlap() -> None:
     # Half the left image maps into the right one. The error is |x| / 100 there: the grid's right half counts.
     left_of_it = np.array([[1.0, 0, -50], [0, 1, 0], [0, 0, 1]])
     zoomed = left_of_it + np.array([[0.01, 0, 0], [0, 0, 0], [0, 0, 0]])
@@ -70,13 +70,13 @@ def test_grid_error_counts_only_the_overlap():
     assert grid_error(zoomed, left_of_it, (100, 80), (100, 80)) == pytest.approx(expected)
 
 
-def test_grid_error_of_nothing():
+def test_grid_error_of_nothing() -> None:
     assert grid_error(None, SHIFT, (64, 64), (64, 64)) == MISSING_ERROR_PX
     to_infinity = np.array([[1.0, 0, 0], [0, 1, 0], [-1 / 63, 0, 1]])
     assert grid_error(to_infinity, np.eye(3), (64, 64), (64, 64)) == MISSING_ERROR_PX
 
 
-def test_grid_error_needs_an_overlap():
+def test_grid_error_needs_an_overlap() -> None:
     far = np.array([[1.0, 0, 1000], [0, 1, 0], [0, 0, 1]])
     with pytest.raises(ValueError, match="do not overlap"):
         grid_error(np.eye(3), far, (64, 64), (64, 64))

@@ -1,5 +1,7 @@
 import dataclasses
 import itertools
+from collections.abc import Callable
+from typing import Any
 
 import cv2
 import numpy as np
@@ -36,7 +38,7 @@ def gray(images: list[np.ndarray]) -> np.ndarray:
     ("akaze", lambda: cv2.xfeatures2d.AKAZE.create(threshold=1e-4)),
     ("brisk", lambda: cv2.xfeatures2d.BRISK.create(thresh=15)),
 ])  # fmt: skip
-def test_features_are_those_of_opencv(gray: np.ndarray, name: str, opencv) -> None:
+def test_features_are_those_of_opencv(gray: np.ndarray, name: str, opencv: Callable[..., Any]) -> None:
     points, values = opencv().compute(gray, detect(gray, name, 1000)[:1000])
     records = describe(gray, detect(gray, name, 1000)[:1000], name)
     np.testing.assert_array_equal(records["descriptor"], values.astype(np.uint8))

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from golden_model.config import preset_config
 from golden_model.front_end import extract
@@ -14,42 +15,45 @@ SIZE = (320, 240)
 
 
 @pytest.fixture(scope="module")
-def image():
+def image() -> NDArray[np.uint8]:
     return make_pair(seed=1, size=SIZE).images[0][..., 1].copy()
 
 
 @pytest.mark.parametrize("change", [Change(2.0), Change(0.5), Change(1.0, 2**0.5, 60.0)])
-def test_a_changed_frame_matches_its_image_in_place(image, change):
+def test_a_changed_frame_matches_its_image_in_place(image: NDArray[np.uint8], change: Change) -> None:
     frame = make_frame(image, change)
     matches = GoldenBackend().run([image, frame.pixels], CONFIG)[1].matches
     identity = make_frame(image, Change())
+    assert identity
+    assert frame
     left, right = match_points(map_matches_to_images(matches, (identity, frame), (image, image)))
     close = np.linalg.norm(left - right, axis=1) < 1.5
     assert close.sum() >= 12
     assert np.median(np.linalg.norm(left - right, axis=1)[close]) < 0.6
 
 
-def test_frames_outside_the_range_of_the_front_end_are_refused(image):
+def test_frames_outside_the_range_of_the_front_end_are_refused(image: NDArray[np.uint8]) -> None:
     assert make_frame(image, Change(0.2)) is None
     assert make_frame(image, Change(20.0)) is None
 
 
-def test_features_and_matches_lie_where_the_image_has_them(image):
+def test_features_and_matches_lie_where_the_image_has_them(image: NDArray[np.uint8]) -> None:
     frame = make_frame(image, Change(0.5))
     features = extract(frame.pixels, CONFIG.front_end).features
+    assert frame
     moved = map_to_image(features, frame.to_image)
     np.testing.assert_allclose(
         feature_points(moved), apply(frame.to_image, feature_points(features)), atol=0.5 / 16 + 1e-9
     )
 
 
-def test_a_tilt_compresses_along_its_direction(image):
+def test_a_tilt_compresses_along_its_direction(image: NDArray[np.uint8]) -> None:
     frame = make_frame(image, Change(1.0, 2.0, 0.0))
     assert frame.pixels.shape == (SIZE[1], SIZE[0] // 2 + 1)
     np.testing.assert_allclose(frame.to_image[:2, :2], [[2, 0], [0, 1]], atol=1e-12)
 
 
-def test_swapping_twice_changes_nothing(image):
+def test_swapping_twice_changes_nothing(image: NDArray[np.uint8]) -> None:
     matches = GoldenBackend().run([image, image[:200]], CONFIG)[1].matches
     assert len(matches) > 20
     other = swap_sides(matches)

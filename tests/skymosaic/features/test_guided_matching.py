@@ -8,7 +8,7 @@ from skymosaic.features.positions import feature_points
 CONFIG = preset_config("aerial")
 
 
-def test_guided_matches_equal_an_exhaustive_search():
+def test_guided_matches_equal_an_exhaustive_search() -> None:
     """The KD-tree must find the same pairs as the table of all distances."""
     rng = np.random.default_rng(0)
     left = np.zeros(150, extract(np.zeros((64, 64), np.uint8), CONFIG.front_end).features.dtype)

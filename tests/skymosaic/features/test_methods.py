@@ -1,6 +1,9 @@
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from golden_model.config import PRESETS, preset_config
 from golden_model.records import MATCH, feature_record
@@ -27,14 +30,16 @@ def images() -> list[np.ndarray]:
 
 @pytest.mark.parametrize("detector", DETECTORS)
 @pytest.mark.parametrize("descriptor", SOME_DESCRIPTORS)
-def test_every_combination_speaks_the_front_ends_language(images, detector: str, descriptor: str) -> None:
+def test_every_combination_speaks_the_front_ends_language(
+    images: list[NDArray[np.uint8]], detector: str, descriptor: str
+) -> None:
     config = PRESETS["aerial"]
     # Small crops: the language is tested here, not the quality.
     frames = [image[100:260, 100:300] for image in images]
     method, config = choose_method(config, detector, descriptor)
     left, right = load_backend_for(method, "golden").run(frames, config)
     assert right.matches.dtype == MATCH.dtype
-    window_bytes = left.features.dtype["window"].shape[0] if "window" in left.features.dtype.names else 0
+    window_bytes = left.features.dtype["window"].shape[0] if "window" in (left.features.dtype.names or ()) else 0
     record = feature_record(left.features.dtype["descriptor"].shape[0], window_bytes)
     assert left.features.dtype == record.dtype == right.features.dtype
     assert int(left.status["features"]) == len(left.features)
@@ -53,10 +58,12 @@ def test_every_combination_speaks_the_front_ends_language(images, detector: str,
     {"detector": "sift", "estimator": "ransac"}, {"detector": "sift", "estimator": "fuzzy-ransac"},
     {"detector": "sift", "descriptor": "ilbp-128", "estimator": "fuzzy-ransac"},
 ])  # fmt: skip
-def test_a_rendered_pair_is_registered(images, options: dict[str, str]) -> None:
-    pair = register(*images, **options)
+def test_a_rendered_pair_is_registered(images: list[NDArray[np.uint8]], options: dict[str, Any]) -> None:
+    left, right = images
+    pair = register(left, right, **options)
     assert pair.accepted, pair.reason
-    corners = np.array([[200, 100], [500, 100], [200, 400], [500, 400]])
+    assert pair.homography is not None
+    corners = np.array([[200.0, 100], [500, 100], [200, 400], [500, 400]])
     truth = FLIGHT.homography_between(0, 1)
     assert np.linalg.norm(apply(pair.homography, corners) - apply(truth, corners), axis=1).mean() < 2.0
     assert pair.summary()["detector"] == pair.method.detector
@@ -68,19 +75,22 @@ def test_tracking_and_windows_register_a_small_shift() -> None:
     scene = cv2.normalize(scene, None, 0, 255, cv2.NORM_MINMAX)
     left, right = scene[20:340, 20:420], scene[26:346, 29:429]
     expected = np.array([[1.0, 0, -9], [0, 1, -6], [0, 0, 1]])
-    for options in ({"detector": "klt"}, {"detector": "harris", "descriptor": "window-10"}):
+    choices: tuple[dict[str, Any], ...] = ({"detector": "klt"}, {"detector": "harris", "descriptor": "window-10"})
+    for options in choices:
         pair = register(left, right, **options)
         assert pair.accepted, pair.reason
+        assert pair.homography is not None
         np.testing.assert_allclose(pair.homography, expected, atol=0.1)
 
 
-def test_tracking_takes_images_of_different_size(images) -> None:
+def test_tracking_takes_images_of_different_size(images: list[NDArray[np.uint8]]) -> None:
     left, right = images[0], images[0][:400, :560]
     pair = register(left, right, detector="klt")
+    assert pair.homography is not None
     np.testing.assert_allclose(pair.homography, np.eye(3), atol=0.05)
 
 
-def test_frames_are_matched_with_the_first_or_with_the_one_before(images) -> None:
+def test_frames_are_matched_with_the_first_or_with_the_one_before(images: list[NDArray[np.uint8]]) -> None:
     method, config = choose_method(PRESETS["aerial"], "orb")
     frames = [images[0], images[1], images[1]]
     first = HostBackend(method).run(frames, config)
@@ -120,12 +130,14 @@ def test_without_rules_the_configuration_says_so() -> None:
     ({"preset": "thesis", "descriptor": "ilbp-128"}, "needs the gray window"),
     ({"detector": "orb", "refine": True}, "leave one out"),
 ])  # fmt: skip
-def test_what_cannot_be_is_refused_with_the_reason(images, options: dict[str, object], words: str) -> None:
+def test_what_cannot_be_is_refused_with_the_reason(
+    images: list[NDArray[np.uint8]], options: dict[str, Any], words: str
+) -> None:
     with pytest.raises(InputError, match=words):
-        register(*images, **options)
+        register(images[0], images[1], **options)
 
 
-def test_good_matches_of_the_baselines(images) -> None:
+def test_good_matches_of_the_baselines(images: list[NDArray[np.uint8]]) -> None:
     truth = FLIGHT.homography_between(0, 1)
     for detector in set(DETECTORS) - set(FRONT_END_DETECTORS) - {"klt", "surf"}:
         method, config = choose_method(preset_config("aerial"), detector)

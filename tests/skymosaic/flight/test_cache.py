@@ -1,4 +1,5 @@
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -7,7 +8,7 @@ from skymosaic.errors import InputError
 from skymosaic.flight.cache import ResultCache, key_of
 
 
-def test_a_damaged_cache_file_counts_as_missing(tmp_path):
+def test_a_damaged_cache_file_counts_as_missing(tmp_path: Path) -> None:
     cache = ResultCache(tmp_path)
     cache.save("key", {"values": np.arange(1000)})
     path = tmp_path / "key.entry"
@@ -18,19 +19,21 @@ def test_a_damaged_cache_file_counts_as_missing(tmp_path):
     (tmp_path / "other.entry").write_bytes(whole)
     assert cache.load("other") is None
     cache.save("key", {"values": np.arange(1000)})
-    np.testing.assert_array_equal(cache.load("key")["values"], np.arange(1000))
+    loaded = cache.load("key")
+    assert loaded
+    np.testing.assert_array_equal(loaded["values"], np.arange(1000))
 
 
-def test_a_cache_that_cannot_be_written_keeps_nothing(tmp_path, monkeypatch):
+def test_a_cache_that_cannot_be_written_keeps_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").touch()
-    lines = []
+    lines: list[str] = []
     cache = ResultCache(tmp_path / "file" / "cache", tell=lines.append)
     cache.save("key", {"values": np.arange(3)})
     assert cache.load("key") is None
     with pytest.raises(InputError, match="choose another cache"):
         ResultCache(tmp_path / "file" / "cache", required=True)
 
-    def full(_path, _data):
+    def full(_path: Any, _data: Any) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(Path, "write_bytes", full)
@@ -41,6 +44,6 @@ def test_a_cache_that_cannot_be_written_keeps_nothing(tmp_path, monkeypatch):
     assert "No space left" in lines[1]
 
 
-def test_keys_change_with_every_part():
+def test_keys_change_with_every_part() -> None:
     assert key_of("view", 1, "a") == key_of("view", 1, "a")
     assert len({key_of("view", 1, "a"), key_of("view", 1, "b"), key_of("view", "1", "a")}) == 3

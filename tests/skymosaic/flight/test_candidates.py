@@ -1,7 +1,9 @@
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from skymosaic.flight.candidates import MAX_PREDICTED, MIN_GAIN, MIN_OVERLAP, first_candidates, predicted
 from skymosaic.flight.linking.links import Link
@@ -11,7 +13,7 @@ SIZE_PX = (400, 300)
 COLUMNS, ROWS, STEP_PX = 8, 6, (60, 70)
 
 
-def grid():
+def grid() -> tuple[list[Any], dict[int, NDArray[np.float64]]]:
     """Views of a dense survey, each overlapped by dozens of others, flown in rows to and fro, not quite regularly."""
     rng = np.random.default_rng(4)
     transforms = {}
@@ -23,20 +25,20 @@ def grid():
     return [SimpleNamespace(working_size=SIZE_PX)] * len(transforms), transforms
 
 
-def overlap(transforms, left, right):
+def overlap(transforms: dict[int, NDArray[np.float64]], left: int, right: int) -> float:
     """Share of two views, which are rectangles between the centres of their corner pixels."""
     sides = np.array(SIZE_PX) - 1
     return float(np.prod(np.maximum(1 - np.abs(transforms[left] - transforms[right])[:2, 2] / sides, 0)))
 
 
-def link(transforms, left, right):
+def link(transforms: dict[int, NDArray[np.float64]], left: int, right: int) -> Link:
     """A link with as many ties as the overlap allows; it does not hold where there is too little."""
     share = overlap(transforms, left, right)
     ties = np.zeros((int(300 * share) if share > 0.15 else 0, 2))
     return Link(left, right, ties, ties, len(ties), len(ties))
 
 
-def resistances(links):
+def resistances(links: dict[tuple[int, int], Link]) -> NDArray[np.float64]:
     """Resistance between every two views, by the pseudo-inverse of the network's Laplacian matrix."""
     laplacian = np.zeros((COLUMNS * ROWS,) * 2)
     for (left, right), each in links.items():
@@ -46,7 +48,7 @@ def resistances(links):
     return np.diag(inverse)[:, None] + np.diag(inverse) - 2 * inverse
 
 
-def survey(rounds):
+def survey(rounds: int) -> tuple[Any, ...]:
     """The links of the grid: neighbours in the order of the flight, then so many rounds of predicted pairs."""
     views, transforms = grid()
     pairs = [(view, view + step) for step in (1, 2) for view in range(len(views) - step)]
@@ -56,7 +58,7 @@ def survey(rounds):
     return views, transforms, links
 
 
-def test_a_dense_survey_is_tied_by_about_ten_links_per_photograph():
+def test_a_dense_survey_is_tied_by_about_ten_links_per_photograph() -> None:
     views, transforms, links = survey(6)
     degree = np.bincount(np.array([pair for pair, each in links.items() if each.holds]).ravel())
     possible = 2 * sum(link(transforms, i, j).holds for i in range(len(views)) for j in range(i)) / len(views)
@@ -66,7 +68,7 @@ def test_a_dense_survey_is_tied_by_about_ten_links_per_photograph():
 
 
 @pytest.mark.parametrize("rounds", [0, 2])
-def test_each_view_proposes_the_pairs_with_the_largest_gain(rounds):
+def test_each_view_proposes_the_pairs_with_the_largest_gain(rounds: int) -> None:
     views, transforms, links = survey(rounds)
     shares = np.array([[overlap(transforms, left, right) for right in transforms] for left in transforms])
     full = np.median([each.ties / max(shares[pair], MIN_OVERLAP) for pair, each in links.items() if each.holds])
@@ -82,14 +84,14 @@ def test_each_view_proposes_the_pairs_with_the_largest_gain(rounds):
     assert predicted(views, transforms, links) == expected
 
 
-def test_the_first_round_joins_rows():
+def test_the_first_round_joins_rows() -> None:
     _, _, links = survey(1)
     across = [abs(left // COLUMNS - right // COLUMNS) for left, right in links if right - left > 2]
     assert len(across) > 20
     assert min(across) >= 1
 
 
-def test_views_of_another_group_are_not_proposed():
+def test_views_of_another_group_are_not_proposed() -> None:
     views, transforms, links = survey(0)
     inside = {view: transform for view, transform in transforms.items() if view < 2 * COLUMNS}
     links = {pair: each for pair, each in links.items() if (pair[0] in inside) == (pair[1] in inside)}
@@ -98,8 +100,8 @@ def test_views_of_another_group_are_not_proposed():
     assert {view for pair in pairs for view in pair} <= set(inside)
 
 
-def test_first_candidates_are_neighbours_in_order_by_gps_and_by_votes():
-    views = [SimpleNamespace(gps=None) for _ in range(8)]
+def test_first_candidates_are_neighbours_in_order_by_gps_and_by_votes() -> None:
+    views: list[Any] = [SimpleNamespace(gps=None) for _ in range(8)]
     votes = np.zeros((8, 8), dtype=np.int64)
     votes[0, 6] = votes[6, 0] = 9
     votes[0, 7] = votes[7, 0] = 8
@@ -112,8 +114,8 @@ def test_first_candidates_are_neighbours_in_order_by_gps_and_by_votes():
 
 
 @pytest.mark.parametrize(("share", "pairs"), [(0.08, set()), (0.12, {(0, 2)})])
-def test_pairs_of_little_overlap_are_not_proposed(share, pairs):
-    views = [SimpleNamespace(working_size=SIZE_PX)] * 3
+def test_pairs_of_little_overlap_are_not_proposed(share: float, pairs: set[Any]) -> None:
+    views: list[Any] = [SimpleNamespace(working_size=SIZE_PX)] * 3
     step_px = (1 - share) / 2 * (SIZE_PX[0] - 1)
     transforms = {view: np.array([[1.0, 0, step_px * view], [0, 1, 0], [0, 0, 1]]) for view in range(3)}
     ties = np.zeros((50, 2))

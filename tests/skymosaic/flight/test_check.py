@@ -1,9 +1,11 @@
 from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import numpy as np
 
 from golden_model.config import preset_config
+from sim.scene.flight import Flight
 from skymosaic.flight.cache import NO_CACHE
 from skymosaic.flight.check import check_flight, contradictions
 from skymosaic.flight.layout.layout import Layout
@@ -14,7 +16,7 @@ from skymosaic.flight.workers import Workers
 from skymosaic.imagery.photographs import list_sources
 
 
-def test_a_blurred_photograph_is_named(flight):
+def test_a_blurred_photograph_is_named(flight: Flight) -> None:
     images = list(flight.images)
     images[4] = cv2.GaussianBlur(images[4], (0, 0), 1.5)
     with Workers() as workers:
@@ -24,11 +26,11 @@ def test_a_blurred_photograph_is_named(flight):
     assert checked.complete
 
 
-def test_a_layout_with_many_contradicting_links_is_doubted_by_name():
+def test_a_layout_with_many_contradicting_links_is_doubted_by_name() -> None:
     views = [SimpleNamespace(name=f"folder/{index}.jpg") for index in range(60)]
     nothing = np.zeros((0, 2))
     links = tuple(Link(view, view + 1, nothing, nothing, 0, 0) for view in range(59))
-    flight = SimpleNamespace(views=views)
+    flight: Any = SimpleNamespace(views=views)
     few = Layout(tuple(range(60)), 0, {}, links=links[1:], contradicting=links[:1])
     assert list(contradictions(flight, few)) == []
     many = Layout(tuple(range(60)), 0, {}, links=links[2:], contradicting=links[:2])

@@ -1,4 +1,5 @@
 import threading
+from typing import Any
 
 import pytest
 
@@ -6,11 +7,11 @@ from skymosaic.flight import workers as flight_workers
 from skymosaic.flight.workers import Workers
 
 
-def test_results_come_in_order_while_further_calls_run(monkeypatch):
+def test_results_come_in_order_while_further_calls_run(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(flight_workers, "_cores", lambda: 2)
     started, fourth = [], threading.Event()
 
-    def call(number):
+    def call(number: Any) -> Any:
         started.append(number)
         if number == 3:
             fourth.set()
@@ -26,18 +27,18 @@ def test_results_come_in_order_while_further_calls_run(monkeypatch):
     assert steps[-1] == ("stage", 100, 100)
 
 
-def test_calls_run_only_so_far_ahead(monkeypatch):
+def test_calls_run_only_so_far_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(flight_workers, "_cores", lambda: 1)
-    started = []
+    started: list[int] = []
     with Workers() as workers:
-        results = workers.run("stage", started.append, [(number,) for number in range(100)])
+        results: Any = workers.run("stage", started.append, [(number,) for number in range(100)])
         next(results)
         results.close()
     assert len(started) <= flight_workers.CALLS_PER_WORKER
 
 
-def test_an_error_of_a_call_is_raised_where_its_result_is_due():
-    def divided(number):
+def test_an_error_of_a_call_is_raised_where_its_result_is_due() -> None:
+    def divided(number: Any) -> Any:
         return 1 // number
 
     with Workers() as workers, pytest.raises(ZeroDivisionError):

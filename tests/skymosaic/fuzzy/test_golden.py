@@ -1,5 +1,7 @@
 """The integer model of a system from a file, and the thesis's systems as files."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -13,7 +15,7 @@ from skymosaic.fuzzy.terms import Term
 from skymosaic.geometry import fuzzy_ransac
 
 BITS = 32
-SYSTEMS = {
+SYSTEMS: dict[str, Any] = {
     "correlation": (
         rule_bases.correlation,
         (correlation.SAD_PER_PIXEL.one, correlation.ZSSD_PER_PIXEL.one, correlation.NCC.one),

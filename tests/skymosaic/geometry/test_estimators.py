@@ -22,6 +22,7 @@ def test_every_estimator_finds_the_homography_among_wrong_matches(name: str) -> 
     verified = np.ones(len(left), dtype=bool)
     H, inliers = estimate(name, left, right, np.ones(len(left)), verified, rng=np.random.default_rng(0))
     corners = np.array([[0, 0], [600, 0], [0, 600], [600, 600]])
+    assert H is not None
     assert np.linalg.norm(apply(H, corners) - apply(TRUTH, corners), axis=1).max() < 1.0
     assert inliers[good].mean() > 0.95
     assert inliers[~good].mean() < 0.05
@@ -50,7 +51,9 @@ def test_fuzzy_ransac_accepts_what_its_rules_accept() -> None:
     verified = np.arange(len(left)) % 3 > 0
     H, inliers = estimate(FUZZY_RANSAC, left, right, np.ones(len(left)), verified, rng=np.random.default_rng(0))
     _, decision = fuzzy(left, right, verified)
-    expected = fuzzy_ransac.decide(ransac(left, right), left, right, verified)
+    candidate = ransac(left, right)
+    assert candidate is not None
+    expected = fuzzy_ransac.decide(candidate, left, right, verified)
     np.testing.assert_array_equal(decision.rule, expected.rule)
     np.testing.assert_array_equal(inliers, np.isin(expected.rule, fuzzy_ransac.INLIER_RULES))
     assert H is not None

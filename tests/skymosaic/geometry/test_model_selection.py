@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from skymosaic.geometry.homography import apply
 from skymosaic.geometry.model_selection import fit, fit_similarity
@@ -8,7 +9,9 @@ SIMILAR = np.array([[0.9, -0.3, 20.0], [0.3, 0.9, -10.0], [0, 0, 1]])
 TILTED = np.array([[0.9, -0.3, 20.0], [0.3, 0.9, -10.0], [6e-4, -9e-4, 1]])
 
 
-def matches(truth: np.ndarray, right_ones: int, wrong_ones: int, seed: int = 0, noise_px: float = 0.3):
+def matches(
+    truth: np.ndarray, right_ones: int, wrong_ones: int, seed: int = 0, noise_px: float = 0.3
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     rng = np.random.default_rng(seed)
     left = rng.uniform(0, 250, (right_ones + wrong_ones, 2))
     right = apply(truth, left) + rng.normal(0, noise_px, left.shape)
@@ -22,29 +25,29 @@ def error_px(result: np.ndarray, truth: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_eight_right_matches_among_thirty_wrong_ones_are_enough(seed):
+def test_eight_right_matches_among_thirty_wrong_ones_are_enough(seed: int) -> None:
     result = fit_similarity(*matches(SIMILAR, 8, 30, seed), fewest=6)
     assert result.inliers >= 8
     assert error_px(result.matrix, SIMILAR) < 1.5
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_chance_matches_are_refused(seed):
+def test_chance_matches_are_refused(seed: int) -> None:
     assert fit_similarity(*matches(SIMILAR, 0, 40, seed), fewest=6) is None
 
 
-def test_the_matches_decide_between_similarity_and_homography():
+def test_the_matches_decide_between_similarity_and_homography() -> None:
     for truth, model in ((SIMILAR, "similarity"), (TILTED, "projective")):
         result = fit(*matches(truth, 60, 20), fewest=6, rng=np.random.default_rng(1))
         assert result.model == model
         assert error_px(result.matrix, truth) < 1.0
 
 
-def test_few_matches_never_make_a_homography():
+def test_few_matches_never_make_a_homography() -> None:
     result = fit(*matches(TILTED, 9, 0), fewest=4, rng=np.random.default_rng(1))
     assert result is None or result.model == "similarity"
 
 
 @pytest.mark.parametrize("count", [0, 1])
-def test_too_few_matches_are_refused(count):
+def test_too_few_matches_are_refused(count: int) -> None:
     assert fit_similarity(*matches(SIMILAR, count, 0), fewest=1) is None

@@ -1,16 +1,21 @@
+from typing import Any
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from skymosaic.evaluation.metrics import grid_error
 from skymosaic.geometry import prosac
 from skymosaic.geometry.homography import apply
-from skymosaic.geometry.prosac import MAX_SAMPLES, MIN_INLIERS, estimate_homography
+from skymosaic.geometry.prosac import MAX_SAMPLES, MIN_INLIERS, Estimate, estimate_homography
 
 TRUTH = np.array([[0.9, 0.2, 30.0], [-0.15, 1.1, -20.0], [1e-4, -5e-5, 1.0]])
 SIZE = (640, 480)
 
 
-def matches(count, inlier_share, seed, *, noise_px=0.5, truth=TRUTH):
+def matches(
+    count: int, inlier_share: float, seed: int, *, noise_px: float = 0.5, truth: NDArray[np.float64] = TRUTH
+) -> tuple[Any, ...]:
     """Matches in random order; the weights say nothing about which are right."""
     rng = np.random.default_rng(seed)
     left = rng.uniform(0, SIZE, (count, 2))
@@ -20,12 +25,14 @@ def matches(count, inlier_share, seed, *, noise_px=0.5, truth=TRUTH):
     return left, right, rng.uniform(64, 255, count), ~wrong
 
 
-def estimated(left, right, weight, seed=0, **options):
+def estimated(
+    left: NDArray[np.float64], right: NDArray[np.float64], weight: NDArray[np.float64], seed: int = 0, **options: Any
+) -> Estimate:
     return estimate_homography(left, right, weight, rng=np.random.default_rng(seed), **options)
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_finds_the_homography_among_seventy_percent_outliers(seed):
+def test_finds_the_homography_among_seventy_percent_outliers(seed: int) -> None:
     left, right, weight, correct = matches(300, 0.3, seed)
     estimate = estimated(left, right, weight)
     assert estimate.homography is not None
@@ -35,24 +42,27 @@ def test_finds_the_homography_among_seventy_percent_outliers(seed):
     assert (estimate.inliers & ~correct).sum() <= 2
 
 
-def test_exact_matches_give_the_exact_homography():
+def test_exact_matches_give_the_exact_homography() -> None:
     left, right, weight, correct = matches(40, 0.6, seed=1, noise_px=0)
     estimate = estimated(left, right, weight)
+    assert estimate.homography is not None
     np.testing.assert_allclose(estimate.homography, TRUTH, rtol=1e-3)
     np.testing.assert_array_equal(estimate.inliers, correct)
 
 
-def test_same_rng_same_result_and_order_of_matches_is_free():
+def test_same_rng_same_result_and_order_of_matches_is_free() -> None:
     left, right, weight, _ = matches(200, 0.3, seed=2)
     first, second = estimated(left, right, weight, seed=7), estimated(left, right, weight, seed=7)
     np.testing.assert_array_equal(first.homography, second.homography)
     order = np.random.default_rng(3).permutation(200)
     shuffled = estimated(left[order], right[order], weight[order], seed=7)
+    assert first.homography is not None
+    assert shuffled.homography is not None
     np.testing.assert_allclose(shuffled.homography, first.homography, rtol=1e-9)
     np.testing.assert_array_equal(shuffled.inliers, first.inliers[order])
 
 
-def test_easy_pairs_stop_early_and_good_weights_make_hard_ones_easy():
+def test_easy_pairs_stop_early_and_good_weights_make_hard_ones_easy() -> None:
     assert estimated(*matches(200, 0.9, seed=4)[:3]).samples == prosac.RESTARTS * prosac.BATCH
     left, right, weight, correct = matches(400, 0.06, seed=5)
     telling = np.where(correct, weight + 200, weight)
@@ -62,7 +72,7 @@ def test_easy_pairs_stop_early_and_good_weights_make_hard_ones_easy():
     assert grid_error(guided.homography, TRUTH, SIZE, SIZE) < 0.5
 
 
-def test_unrelated_images_are_refused():
+def test_unrelated_images_are_refused() -> None:
     for seed in range(10):
         left, right, weight, _ = matches(400, 0.0, seed)
         estimate = estimated(left, right, weight)
@@ -73,20 +83,20 @@ def test_unrelated_images_are_refused():
 
 
 @pytest.mark.parametrize(("correct", "accepted"), [(11, False), (12, True)])
-def test_twelve_inliers_are_needed(correct, accepted):
+def test_twelve_inliers_are_needed(correct: int, accepted: bool) -> None:
     left, right, weight, _ = matches(correct, 1.0, seed=6, noise_px=0.1)
     estimate = estimated(left, right, weight)
     assert estimate.inliers.sum() == correct
     assert (estimate.homography is not None) is accepted
 
 
-def test_inliers_are_within_two_pixels():
+def test_inliers_are_within_two_pixels() -> None:
     left, right, weight, _ = matches(200, 1.0, seed=15, noise_px=0.01)
     right[:3] += np.array([(1.8, 0), (0, -2.2), (1.5, 1.5)])
     np.testing.assert_array_equal(estimated(left, right, weight).inliers[:4], [True, False, False, True])
 
 
-def test_local_optimisation_pulls_a_rough_homography_in():
+def test_local_optimisation_pulls_a_rough_homography_in() -> None:
     left, right, weight, correct = matches(300, 0.5, seed=16)
     sorted_matches = prosac._Matches(left, right, weight)
     rough = TRUTH + np.array([[0.008, 0, 0], [0, -0.008, 3], [0, 0, 0]])
@@ -96,14 +106,14 @@ def test_local_optimisation_pulls_a_rough_homography_in():
     assert grid_error(improved, TRUTH, SIZE, SIZE) < 0.3 < grid_error(rough, TRUTH, SIZE, SIZE)
 
 
-def test_a_mirrored_view_is_refused():
+def test_a_mirrored_view_is_refused() -> None:
     # Every match fits a homography exactly, but one that turns the ground over.
     mirror = np.array([[-1.0, 0, 639], [0, 1, 0], [0, 0, 1]])
     left, right, weight, _ = matches(100, 1.0, seed=7, truth=mirror)
     assert estimated(left, right, weight).homography is None
 
 
-def test_a_scaled_and_turned_view_is_found():
+def test_a_scaled_and_turned_view_is_found() -> None:
     turned = np.array([[-0.8, 0.1, 600.0], [-0.1, -0.8, 470], [-2e-5, 1e-5, 1]])
     left, right, weight, _ = matches(100, 0.5, seed=8, truth=turned)
     estimate = estimated(left, right, weight)
@@ -126,27 +136,27 @@ LINE = np.column_stack([np.linspace(0, 600, 50), np.linspace(10, 400, 50)])
     ],
     ids=["none", "two", "three", "collinear", "one point", "collapsed", "three points repeated"],
 )
-def test_degenerate_matches_are_refused_quietly(left, right):
+def test_degenerate_matches_are_refused_quietly(left: NDArray[np.float64], right: NDArray[np.float64]) -> None:
     estimate = estimated(left, right, np.ones(len(left)))
     assert estimate.homography is None
     assert estimate.inliers.shape == (len(left),)
 
 
-def test_repeated_matches_do_no_harm():
+def test_repeated_matches_do_no_harm() -> None:
     left, right, weight, _ = matches(60, 0.7, seed=9)
     left, right, weight = (np.repeat(values, 3, axis=0) for values in (left, right, weight))
     assert grid_error(estimated(left, right, weight).homography, TRUTH, SIZE, SIZE) < 0.5
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_values_that_are_not_finite_are_refused(bad):
+def test_values_that_are_not_finite_are_refused(bad: float) -> None:
     left, right, weight, _ = matches(20, 1.0, seed=10)
     left[3, 0] = bad
     with pytest.raises(ValueError, match="finite"):
         estimated(left, right, weight)
 
 
-def test_minimal_solver_agrees_with_the_dlt():
+def test_minimal_solver_agrees_with_the_dlt() -> None:
     left, right, weight, _ = matches(60, 1.0, seed=11, noise_px=0)
     sorted_matches = prosac._Matches(left, right, weight)
     rng = np.random.default_rng(12)
@@ -156,7 +166,7 @@ def test_minimal_solver_agrees_with_the_dlt():
         np.testing.assert_allclose(H / H[2, 2], TRUTH, rtol=1e-6)
 
 
-def test_samples_are_distinct_and_uniform():
+def test_samples_are_distinct_and_uniform() -> None:
     rng = np.random.default_rng(13)
     drawn = prosac._draw(np.full(6000, 7), rng)
     assert (np.diff(np.sort(drawn, axis=1), axis=1) > 0).all()
@@ -167,7 +177,7 @@ def test_samples_are_distinct_and_uniform():
     assert np.abs(counts - 300).max() < 5 * np.sqrt(300)
 
 
-def test_sample_sets_grow_from_the_best_four_to_all():
+def test_sample_sets_grow_from_the_best_four_to_all() -> None:
     sizes = prosac._subset_sizes(200, MAX_SAMPLES)
     assert len(sizes) == MAX_SAMPLES
     assert sizes[0] == 4

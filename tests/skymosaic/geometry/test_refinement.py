@@ -1,4 +1,7 @@
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from skymosaic.geometry.homography import apply, dlt
 from skymosaic.geometry.refinement import refine_robustly
@@ -7,7 +10,7 @@ from skymosaic.thesis.reference.refinement import refine, squared_errors
 TRUTH = np.array([[0.9, 0.2, 30.0], [-0.15, 1.1, -20.0], [1e-4, -5e-5, 1.0]])
 
 
-def noisy_pairs(count, sigma_px, seed):
+def noisy_pairs(count: int, sigma_px: float, seed: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Noise in both images."""
     rng = np.random.default_rng(seed)
     left = rng.uniform(0, 640, (count, 2))
@@ -15,7 +18,7 @@ def noisy_pairs(count, sigma_px, seed):
     return left + rng.normal(0, sigma_px, left.shape), right
 
 
-def test_robust_refinement_ignores_outliers():
+def test_robust_refinement_ignores_outliers() -> None:
     left, right = noisy_pairs(100, 0.3, seed=6)
     clean = refine(dlt(left, right), left, right, error="transfer")
     right[70:] += np.random.default_rng(7).uniform(20, 200, (30, 2))
@@ -25,12 +28,12 @@ def test_robust_refinement_ignores_outliers():
     assert np.linalg.norm(apply(refined, corners) - apply(TRUTH, corners), axis=1).max() < 0.5
 
 
-def test_robust_step_follows_the_geman_mcclure_gradient():
+def test_robust_step_follows_the_geman_mcclure_gradient() -> None:
     # At the end of many steps of one scale the gradient of the sum of e²/(1 + e²/s²) vanishes.
     left, right = noisy_pairs(60, 1.0, seed=8)
     refined = refine_robustly(dlt(left, right), left, right, scales_px=(1.5,) * 40)
 
-    def loss(h):
+    def loss(h: Any) -> Any:
         squared = squared_errors(np.append(h, 1).reshape(3, 3), left, right, error="transfer")
         return (squared / (1 + squared / 1.5**2)).sum()
 

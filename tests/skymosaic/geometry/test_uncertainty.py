@@ -1,5 +1,8 @@
+from typing import Any
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from skymosaic.geometry.homography import DegenerateError, apply, dlt
 from skymosaic.geometry.uncertainty import assess_fit, covariance
@@ -8,12 +11,14 @@ SIZE = (640, 480)
 TRUTH = np.array([[0.98, -0.05, 20], [0.04, 1.01, -15], [1e-5, -2e-5, 1]])
 
 
-def points(count, rng, low=(0, 0), high=SIZE):
+def points(
+    count: int, rng: np.random.Generator, low: Any = (0, 0), high: tuple[int, int] = SIZE
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     left = rng.uniform(low, high, (count, 2))
     return left, apply(TRUTH, left)
 
 
-def test_the_covariance_is_that_of_repeated_fits():
+def test_the_covariance_is_that_of_repeated_fits() -> None:
     """Monte Carlo: the spread of 300 fits to freshly disturbed points."""
     rng = np.random.default_rng(0)
     left, right = points(80, rng)
@@ -24,13 +29,13 @@ def test_the_covariance_is_that_of_repeated_fits():
     assert np.all((ratio > 0.7) & (ratio < 1.4))
 
 
-def test_three_points_determine_nothing():
+def test_three_points_determine_nothing() -> None:
     left, right = points(3, np.random.default_rng(1))
     with pytest.raises((DegenerateError, np.linalg.LinAlgError)):
         covariance(TRUTH, left, right)
 
 
-def test_flat_ground_is_told_from_relief_and_from_a_corner():
+def test_flat_ground_is_told_from_relief_and_from_a_corner() -> None:
     rng = np.random.default_rng(2)
     left, right = points(300, rng)
     right = right + rng.normal(0, 0.3, right.shape)
@@ -48,7 +53,7 @@ def test_flat_ground_is_told_from_relief_and_from_a_corner():
     assert corner.instability_px > 3 * flat.instability_px
 
 
-def test_few_matches_give_the_worst_values_and_no_error():
+def test_few_matches_give_the_worst_values_and_no_error() -> None:
     left, right = points(4, np.random.default_rng(3))
     quality = assess_fit(TRUTH, left, right, SIZE, SIZE)
     assert quality.held_out_share == 0

@@ -1,3 +1,7 @@
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
@@ -17,7 +21,7 @@ def noise(height: int, width: int, *channels: int) -> np.ndarray:
 
 @pytest.mark.parametrize("channels", [(), (3,)], ids=["gray", "bgr"])
 @pytest.mark.parametrize("suffix", [".png", ".tif", ".bmp"])
-def test_bands_read_back_as_the_picture(tmp_path, suffix, channels):
+def test_bands_read_back_as_the_picture(tmp_path: Path, suffix: str, channels: tuple[Any, ...]) -> None:
     picture = noise(150, 67, *channels)
     path = tmp_path / f"picture{suffix}"
     write_bands(path, (67, 150), len(channels) * 2 + 1, bands_of(picture))
@@ -27,8 +31,8 @@ def test_bands_read_back_as_the_picture(tmp_path, suffix, channels):
     np.testing.assert_array_equal(rgb, picture[..., ::-1] if channels else picture)
 
 
-def test_a_full_disk_leaves_one_line_and_no_file(tmp_path):
-    def disk_fills():
+def test_a_full_disk_leaves_one_line_and_no_file(tmp_path: Path) -> None:
+    def disk_fills() -> Iterator[Any]:
         yield noise(64, 67)
         raise OSError(28, "No space left on device")
 

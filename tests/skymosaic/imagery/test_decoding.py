@@ -1,7 +1,9 @@
 import struct
 import tracemalloc
 import zlib
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -57,7 +59,7 @@ def _missing(path: Path) -> None:
         (_missing, "no such file"),
     ],
 )
-def test_a_bad_file_gets_one_line_that_names_it(tmp_path: Path, make, says: str) -> None:
+def test_a_bad_file_gets_one_line_that_names_it(tmp_path: Path, make: Callable[..., Any], says: str) -> None:
     path = tmp_path / "bad.png"
     make(path)
     with pytest.raises(InputError) as caught:
@@ -89,7 +91,9 @@ def test_the_decoded_size_has_a_limit_in_bytes(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("value", ["text", (0, 0), float("nan"), 99])
-def test_an_invalid_orientation_counts_as_upright(tmp_path: Path, value: object, monkeypatch) -> None:
+def test_an_invalid_orientation_counts_as_upright(
+    tmp_path: Path, value: object, monkeypatch: pytest.MonkeyPatch
+) -> None:
     PillowImage.fromarray(photograph()).save(tmp_path / "p.jpg")
     monkeypatch.setattr(PillowImage.Exif, "get", lambda *_: value)
     assert decoding.read_header(tmp_path / "p.jpg").orientation == 1

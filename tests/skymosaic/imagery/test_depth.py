@@ -1,5 +1,6 @@
 import subprocess
 import sys
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -10,7 +11,7 @@ from skymosaic.imagery.depth import ValueRange, measure_common_range, measure_ra
 from skymosaic.imagery.images import load, load_intensities
 
 
-def test_the_range_of_16_bit_pixels_is_the_percentiles():
+def test_the_range_of_16_bit_pixels_is_the_percentiles() -> None:
     for seed in range(20):
         rng = np.random.default_rng(seed)
         deep = rng.integers(0, 1 << 16, (rng.integers(70, 100), 83), dtype=np.uint16)
@@ -18,20 +19,20 @@ def test_the_range_of_16_bit_pixels_is_the_percentiles():
         np.testing.assert_allclose((values.low, values.high), np.percentile(deep, (0.1, 99.9)))
 
 
-def test_a_flight_has_one_range_and_keeps_16_bits():
+def test_a_flight_has_one_range_and_keeps_16_bits() -> None:
     dark, bright = (sample_values(np.full((300, 400), level, np.uint16)) for level in (9000, 50_000))
     assert measure_common_range([dark, bright]) == ValueRange(9000, 50_000, deep=True)
     assert measure_common_range([dark, dark[:0].astype(np.uint8)]) == ValueRange(9000, 9000, deep=False)
     assert measure_common_range([dark[:0]]) is None
 
 
-def test_a_thumbnail_is_shown_in_another_range():
+def test_a_thumbnail_is_shown_in_another_range() -> None:
     own, flight = ValueRange(10_000, 20_000), ValueRange(0, 40_000)
     np.testing.assert_array_equal(own.show_as(np.array([[0, 255]], np.uint8), flight), [[64, 128]])
 
 
 @pytest.mark.parametrize("values", [ValueRange(0, 40_000), ValueRange(0, 40_000, deep=True)])
-def test_the_same_number_is_shown_alike_in_all_photographs(tmp_path, values):
+def test_the_same_number_is_shown_alike_in_all_photographs(tmp_path: Path, values: ValueRange) -> None:
     for name, brightest in (("dark", 20_000), ("bright", 40_000)):
         ramp = np.linspace(0, brightest, 64 * 80).reshape(64, 80).astype(np.uint16)
         ramp[0, 0] = 10_000
@@ -42,7 +43,7 @@ def test_the_same_number_is_shown_alike_in_all_photographs(tmp_path, values):
     assert own[0] != own[1]
 
 
-def test_libtiff_is_silent_about_tags_it_does_not_know(tmp_path):
+def test_libtiff_is_silent_about_tags_it_does_not_know(tmp_path: Path) -> None:
     picture = Image.fromarray(np.zeros((80, 80), np.uint16))
     picture.save(tmp_path / "t.tif", tiffinfo={50_000: "private"})
     code = "import sys; from skymosaic.imagery.images import load; load(sys.argv[1])"

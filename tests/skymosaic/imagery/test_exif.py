@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 from PIL import Image, TiffImagePlugin
@@ -6,7 +8,7 @@ from PIL.ExifTags import IFD
 from skymosaic.imagery.exif import Metadata, Position, read_metadata
 
 
-def test_gps_and_focal_length_are_read_from_exif(tmp_path):
+def test_gps_and_focal_length_are_read_from_exif(tmp_path: Path) -> None:
     exif = Image.Exif()
     exif.get_ifd(IFD.Exif)[0xA405] = 24
     exif.get_ifd(IFD.GPSInfo).update(
@@ -29,13 +31,13 @@ def test_gps_and_focal_length_are_read_from_exif(tmp_path):
         "><drone-dji:RelativeAltitude>+50.30</drone-dji:RelativeAltitude><Camera:Yaw>-12.5</Camera:Yaw",
     ],
 )
-def test_yaw_and_height_are_read_from_xmp(tmp_path, properties):
+def test_yaw_and_height_are_read_from_xmp(tmp_path: Path, properties: str) -> None:
     xmp = f"<x:xmpmeta xmlns:x='adobe:ns:meta/'><rdf:Description {properties}></rdf:Description></x:xmpmeta>"
     Image.new("RGB", (64, 64)).save(tmp_path / "dji.jpg", xmp=xmp.encode())
     assert read_metadata(tmp_path / "dji.jpg") == Metadata(yaw_deg=-12.5, height_m=50.3)
 
 
-def test_the_black_level_of_a_sensor_is_read(tmp_path):
+def test_the_black_level_of_a_sensor_is_read(tmp_path: Path) -> None:
     for name, levels in (("black.tif", (5132, 5132, 5141, 5151)), ("none.tif", (0, 0, 0, 0))):
         tags = TiffImagePlugin.ImageFileDirectory_v2()
         tags[0xC61A] = levels
@@ -45,7 +47,7 @@ def test_the_black_level_of_a_sensor_is_read(tmp_path):
     assert read_metadata(tmp_path / "none.tif").black_level is None
 
 
-def test_metres_between_positions():
+def test_metres_between_positions() -> None:
     east, north = Position(46.0, -91.99).metres_from(Position(45.99, -92.0))
     assert north == pytest.approx(1112, rel=0.005)
     assert east == pytest.approx(1112 * np.cos(np.radians(46)), rel=0.005)

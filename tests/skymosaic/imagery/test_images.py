@@ -1,8 +1,10 @@
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from PIL import Image as PillowImage
 
 from skymosaic.errors import InputError
@@ -36,7 +38,7 @@ def test_exif_rotation_is_applied_once_and_stated(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("dtype", [np.uint16, np.float32])
 def test_deep_pixels_are_mapped_to_8_bit_and_the_mapping_is_stated(tmp_path: Path, dtype: type) -> None:
-    thermal = np.linspace(27_000, 31_000, 96 * 128).reshape(96, 128).astype(dtype)
+    thermal: NDArray[Any] = np.linspace(27_000, 31_000, 96 * 128).reshape(96, 128).astype(dtype)
     cv2.imwrite(str(tmp_path / "t.tiff"), thermal)
     read = images.load(tmp_path / "t.tiff")
     assert read.pixels.dtype == np.uint8

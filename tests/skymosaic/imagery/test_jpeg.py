@@ -70,7 +70,7 @@ def test_what_cameras_write_is_read(tmp_path: Path, name: str) -> None:
     path = tmp_path / "odd.jpg"
     path.write_bytes(ODD[name]())
     read = images.load(path)
-    assert np.array_equal(read.pixels, cv2.imread(str(path)))
+    assert np.array_equal(read.pixels, np.asarray(cv2.imread(str(path))))
     assert read.notes == ()
 
 
@@ -135,7 +135,7 @@ def test_jpeg_pixels_are_those_of_opencv(tmp_path: Path, orientation: int, mode:
     exif[0x0112] = orientation
     path = tmp_path / "p.jpg"
     PillowImage.fromarray(SCENE).convert(mode).save(path, exif=exif, quality=90)
-    assert np.array_equal(images.load(path).pixels, cv2.imread(str(path), cv2.IMREAD_ANYCOLOR))
+    assert np.array_equal(images.load(path).pixels, np.asarray(cv2.imread(str(path), cv2.IMREAD_ANYCOLOR)))
 
 
 def test_a_jpeg_of_many_scans_is_refused_before_decoding(tmp_path: Path) -> None:

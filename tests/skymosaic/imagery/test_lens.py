@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
@@ -15,7 +17,7 @@ k1 = -0.2
 """
 
 
-def test_a_camera_takes_the_distortion_out(tmp_path):
+def test_a_camera_takes_the_distortion_out(tmp_path: Path) -> None:
     (tmp_path / "camera.toml").write_text(CAMERA)
     lens = load_lens(tmp_path / "camera.toml", None)
     # Points of a straight line, distorted as the camera would, end on a line again.
@@ -44,7 +46,7 @@ def test_a_camera_takes_the_distortion_out(tmp_path):
         ("width_px =", "not valid TOML"),
     ],
 )
-def test_bad_camera_files_are_one_line(tmp_path, text, says):
+def test_bad_camera_files_are_one_line(tmp_path: Path, text: str, says: str) -> None:
     (tmp_path / "camera.toml").write_text(text)
     with pytest.raises(InputError, match=says):
         load_lens(tmp_path / "camera.toml", None)

@@ -1,8 +1,10 @@
+from pathlib import Path
+
 from skymosaic.imagery.own_outputs import record_output
 from skymosaic.imagery.photographs import list_sources
 
 
-def test_a_folder_does_not_give_an_earlier_mosaic(tmp_path):
+def test_a_folder_does_not_give_an_earlier_mosaic(tmp_path: Path) -> None:
     for name in ("IMG_1.png", "IMG_2.png", "mosaic.png"):
         (tmp_path / name).write_bytes(name.encode())
     record_output(tmp_path / "mosaic.png", [tmp_path / "IMG_1.png"])
@@ -11,7 +13,7 @@ def test_a_folder_does_not_give_an_earlier_mosaic(tmp_path):
     assert len(list_sources([tmp_path])) == 3
 
 
-def test_other_folders_of_outputs_stay_as_they_are(tmp_path):
+def test_other_folders_of_outputs_stay_as_they_are(tmp_path: Path) -> None:
     (tmp_path / "mosaic.png").write_bytes(b"x")
     record_output(tmp_path / "mosaic.png", [tmp_path / "photographs" / "IMG_1.png"])
     assert [path.name for path in tmp_path.iterdir()] == ["mosaic.png"]

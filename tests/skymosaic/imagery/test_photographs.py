@@ -1,4 +1,5 @@
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import DecodedPhotographs, Source, list_sources
 
 
-def test_a_folder_gives_its_pictures_by_number(tmp_path):
+def test_a_folder_gives_its_pictures_by_number(tmp_path: Path) -> None:
     for name in ("IMG_10.png", "IMG_2.png", "notes.txt", ".IMG_3.png"):
         (tmp_path / name).write_bytes(b"x")
     sources = list_sources([tmp_path, np.zeros((64, 64), np.uint8)])
@@ -16,19 +17,19 @@ def test_a_folder_gives_its_pictures_by_number(tmp_path):
     assert [source.index for source in sources] == [0, 1, 2]
 
 
-def test_an_empty_folder_is_one_line(tmp_path):
+def test_an_empty_folder_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="contains no pictures"):
         list_sources([tmp_path])
 
 
-def test_digests_depend_on_the_content_alone(tmp_path):
+def test_digests_depend_on_the_content_alone(tmp_path: Path) -> None:
     for name, data in (("a.png", b"one"), ("b.png", b"one"), ("c.png", b"two")):
         (tmp_path / name).write_bytes(data)
     a, b, c = list_sources([tmp_path])
     assert a.digest == b.digest != c.digest
 
 
-def test_decoded_photographs_stay_below_their_limit(tmp_path):
+def test_decoded_photographs_stay_below_their_limit(tmp_path: Path) -> None:
     sources = [Source(index, f"image {index}", np.full((64, 64), index, np.uint8)) for index in range(5)]
     photographs = DecodedPhotographs(3 * 64 * 64)
     first = photographs.pixels(sources[0], Lens())
@@ -38,8 +39,8 @@ def test_decoded_photographs_stay_below_their_limit(tmp_path):
     assert photographs.size_bytes <= 3 * 64 * 64
 
 
-def test_an_unreadable_folder_is_one_line(tmp_path, monkeypatch):
-    def refuse(_path):
+def test_an_unreadable_folder_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(_path: Any) -> None:
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr(Path, "iterdir", refuse)

@@ -10,6 +10,7 @@ from PIL import Image as PillowImage
 
 from skymosaic.errors import DamagedError
 from skymosaic.imagery import images
+from skymosaic.imagery.decoding import decode, read_header
 from skymosaic.imagery.tiff import check_tiff
 
 NOISE = np.random.default_rng(3).integers(0, 256, (480, 640, 3), np.uint8)
@@ -74,7 +75,7 @@ def test_whole_files_are_read_as_opencv_reads_them(tmp_path: Path, compression: 
     # Pillow, which reads the header, knows float pixels in gray only.
     pixels = SCENE[..., 0] if dtype == np.float32 else SCENE
     assert cv2.imwrite(str(path), pixels.astype(dtype) * 3, [cv2.IMWRITE_TIFF_COMPRESSION, compression])
-    decoded, damage = images.decode(path, images.read_header(path), keep_damaged=False)
+    decoded, damage = decode(path, read_header(path), keep_damaged=False)
     np.testing.assert_array_equal(decoded, cv2.imread(str(path), cv2.IMREAD_UNCHANGED))
     assert not damage
     if compression == 8 and dtype == np.uint16:

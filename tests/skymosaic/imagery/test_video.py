@@ -1,12 +1,14 @@
 import resource
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import av
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from skymosaic.errors import InputError
 from skymosaic.imagery.video import VideoReader, write_video
@@ -21,7 +23,7 @@ def texture() -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def frames(texture) -> list[np.ndarray]:
+def frames(texture: NDArray[np.uint8]) -> list[np.ndarray]:
     return [np.ascontiguousarray(texture[i : i + 240, 2 * i : 2 * i + 320]) for i in range(30)]
 
 
@@ -50,7 +52,7 @@ def difference(frame: np.ndarray, other: np.ndarray) -> float:
     return float(np.abs(frame.mean(axis=2) - other.mean(axis=2)).mean())
 
 
-def test_what_is_written_is_read_again(tmp_path: Path, frames) -> None:
+def test_what_is_written_is_read_again(tmp_path: Path, frames: list[NDArray[np.uint8]]) -> None:
     odd = [frame[:239, :319] for frame in frames]
     _write(tmp_path / "v.mp4", odd)
     reader = VideoReader(tmp_path / "v.mp4")
@@ -69,7 +71,7 @@ def test_what_is_written_is_read_again(tmp_path: Path, frames) -> None:
 
 
 @pytest.mark.parametrize(("rotation", "quarter_turns"), [(90, 1), (-90, 3), (180, 2)])
-def test_frames_are_upright(tmp_path: Path, frames, rotation: int, quarter_turns: int) -> None:
+def test_frames_are_upright(tmp_path: Path, frames: list[NDArray[np.uint8]], rotation: int, quarter_turns: int) -> None:
     reader = VideoReader(encode(tmp_path / "v.mp4", frames[:3], rotation))
     upright = [np.rot90(frame, quarter_turns) for frame in frames[:3]]
     assert all(difference(*pair) < 3 for pair in zip(reader, upright, strict=True))
@@ -77,7 +79,9 @@ def test_frames_are_upright(tmp_path: Path, frames, rotation: int, quarter_turns
 
 
 @pytest.mark.parametrize("name", ["v.mp4", "v.avi", "v.mkv"])
-def test_a_recording_cut_off_is_used_up_to_its_last_whole_frame(tmp_path: Path, frames, name: str) -> None:
+def test_a_recording_cut_off_is_used_up_to_its_last_whole_frame(
+    tmp_path: Path, frames: list[NDArray[np.uint8]], name: str
+) -> None:
     path = encode(tmp_path / name, frames, movflags="faststart")
     path.write_bytes(path.read_bytes()[: int(0.95 * path.stat().st_size)])
     reader = VideoReader(path)
@@ -89,33 +93,33 @@ def test_a_recording_cut_off_is_used_up_to_its_last_whole_frame(tmp_path: Path, 
         assert reader.notes == [f"{len(read)} of 30 frames can be decoded; the others are left out"]
 
 
-def _missing(path: Path, _frames) -> None:
+def _missing(path: Path, _frames: Any) -> None:
     pass
 
 
-def _empty(path: Path, _frames) -> None:
+def _empty(path: Path, _frames: Any) -> None:
     path.touch()
 
 
-def _folder(path: Path, _frames) -> None:
+def _folder(path: Path, _frames: Any) -> None:
     path.mkdir()
 
 
-def _text(path: Path, _frames) -> None:
+def _text(path: Path, _frames: Any) -> None:
     path.write_text("words, not frames\n" * 100)
 
 
-def _without_index(path: Path, frames) -> None:
+def _without_index(path: Path, frames: Any) -> None:
     data = encode(path, frames).read_bytes()
     path.write_bytes(data[: len(data) // 2])
 
 
-def _within_first_frame(path: Path, frames) -> None:
+def _within_first_frame(path: Path, frames: Any) -> None:
     data = encode(path, frames, movflags="faststart").read_bytes()
     path.write_bytes(data[: data.index(b"mdat") + 200])
 
 
-def _sound(path: Path, _frames) -> None:
+def _sound(path: Path, _frames: Any) -> None:
     with av.open(str(path), "w") as container:
         stream = container.add_stream("aac", rate=8000, layout="mono")
         silence = av.AudioFrame.from_ndarray(np.zeros((1, 1024), np.float32), format="fltp", layout="mono")
@@ -136,7 +140,9 @@ def _sound(path: Path, _frames) -> None:
         (_sound, "without frames"),
     ],
 )
-def test_a_bad_video_gets_one_line_that_names_it(tmp_path: Path, frames, make, says: str) -> None:
+def test_a_bad_video_gets_one_line_that_names_it(
+    tmp_path: Path, frames: list[NDArray[np.uint8]], make: Callable[..., Any], says: str
+) -> None:
     path = tmp_path / "v.mp4"
     make(path, frames)
     with pytest.raises(InputError, match=says) as caught:
@@ -145,7 +151,7 @@ def test_a_bad_video_gets_one_line_that_names_it(tmp_path: Path, frames, make, s
     assert "\n" not in str(caught.value)
 
 
-def test_nothing_is_left_of_a_video_that_could_not_be_finished(tmp_path: Path, frames) -> None:
+def test_nothing_is_left_of_a_video_that_could_not_be_finished(tmp_path: Path, frames: list[NDArray[np.uint8]]) -> None:
     def interrupted() -> Iterator[np.ndarray]:
         yield frames[0]
         raise KeyboardInterrupt

@@ -1,6 +1,7 @@
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from skymosaic.compositing.warp import CanvasError
 from skymosaic.live.growing_canvas import FEATHER_PX, GrowingCanvas
@@ -16,7 +17,7 @@ def ground() -> np.ndarray:
     return cv2.GaussianBlur(grain, (0, 0), 4)
 
 
-def test_two_pictures_of_one_ground_give_the_ground(ground):
+def test_two_pictures_of_one_ground_give_the_ground(ground: NDArray[np.uint8]) -> None:
     canvas = GrowingCanvas()
     canvas.paint(ground[:, :240], shift(-30, 5), 0)
     canvas.paint(ground[:, 160:], shift(130, 5), 1)
@@ -26,7 +27,7 @@ def test_two_pictures_of_one_ground_give_the_ground(ground):
 
 
 @pytest.mark.parametrize("darker_first", [False, True])
-def test_the_brighter_channels_are_darkened_to_match(ground, darker_first):
+def test_the_brighter_channels_are_darkened_to_match(ground: NDArray[np.uint8], darker_first: bool) -> None:
     tint = np.array([0.7, 1.0, 0.8])
     tinted = np.rint(ground * tint).astype(np.uint8)
     left, right = (tinted, ground) if darker_first else (ground, tinted)
@@ -36,7 +37,7 @@ def test_the_brighter_channels_are_darkened_to_match(ground, darker_first):
     assert np.abs(canvas.image.astype(int) - tinted).max() <= 4
 
 
-def test_the_farther_border_shows(ground):
+def test_the_farther_border_shows(ground: NDArray[np.uint8]) -> None:
     canvas = GrowingCanvas()
     canvas.paint(ground, np.eye(3), 0)
     other = 250 - ground
@@ -46,13 +47,13 @@ def test_the_farther_border_shows(ground):
     assert np.abs(near[:, 200:]).max() == 0
 
 
-def test_gray_pictures_are_painted_too(ground):
+def test_gray_pictures_are_painted_too(ground: NDArray[np.uint8]) -> None:
     canvas = GrowingCanvas()
     canvas.paint(ground[..., 0], np.eye(3), 0)
     np.testing.assert_array_equal(canvas.image, np.repeat(ground[..., :1], 3, axis=2))
 
 
-def test_what_photographs_show_moves_with_them(ground):
+def test_what_photographs_show_moves_with_them(ground: NDArray[np.uint8]) -> None:
     """Two halves painted 6 px apart come together; seams stay closed."""
     canvas = GrowingCanvas()
     canvas.paint(ground[:, :240], np.eye(3), 3)
@@ -66,7 +67,7 @@ def test_what_photographs_show_moves_with_them(ground):
     assert (moved.image > 0).all()
 
 
-def test_what_is_not_named_is_not_taken_over(ground):
+def test_what_is_not_named_is_not_taken_over(ground: NDArray[np.uint8]) -> None:
     canvas = GrowingCanvas()
     canvas.paint(ground[:, :100], np.eye(3), 0)
     canvas.paint(ground[:, 300:], shift(300, 0), 1)
@@ -75,7 +76,7 @@ def test_what_is_not_named_is_not_taken_over(ground):
     np.testing.assert_array_equal(taken.image, ground[:, 300:])
 
 
-def test_beyond_the_limit_nothing_changes(ground):
+def test_beyond_the_limit_nothing_changes(ground: NDArray[np.uint8]) -> None:
     canvas = GrowingCanvas(limit_px=100_000)
     canvas.paint(ground, np.eye(3), 0)
     before = canvas.image.copy()

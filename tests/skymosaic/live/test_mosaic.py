@@ -1,9 +1,13 @@
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from golden_model.config import preset_config
 from sim.backends.interface import load_backend
+from sim.scene.flight import Flight
 from skymosaic.errors import InputError
 from skymosaic.geometry.homography import apply, estimate
 from skymosaic.live.mosaic import LiveMosaic
@@ -13,7 +17,7 @@ from tests.skymosaic.live.conftest import pair_errors_px
 CONFIG = preset_config("aerial")
 
 
-def test_every_frame_is_registered_on_arrival(flight, frames) -> None:
+def test_every_frame_is_registered_on_arrival(flight: Flight, frames: list[NDArray[np.uint8]]) -> None:
     live = LiveMosaic(CONFIG)
     updates = [live.add(frame) for frame in frames]
     assert [update.number for update in updates] == list(range(IMAGES))
@@ -35,7 +39,7 @@ def test_every_frame_is_registered_on_arrival(flight, frames) -> None:
         assert np.median(np.abs(shown[inside].astype(int) - live.image[inside])) < 12
 
 
-def test_given_features_make_the_same_mosaic_as_computed_ones(frames) -> None:
+def test_given_features_make_the_same_mosaic_as_computed_ones(frames: list[NDArray[np.uint8]]) -> None:
     results = load_backend("golden").run(frames[:4], CONFIG, reference="previous")
     given, computed = LiveMosaic(CONFIG), LiveMosaic(CONFIG)
     for frame, result in zip(frames, results, strict=False):
@@ -44,7 +48,9 @@ def test_given_features_make_the_same_mosaic_as_computed_ones(frames) -> None:
     np.testing.assert_array_equal(given.image, computed.image)
 
 
-def test_the_final_adjustment_brings_all_frames_within_a_third_of_a_pixel(flight, frames) -> None:
+def test_the_final_adjustment_brings_all_frames_within_a_third_of_a_pixel(
+    flight: Flight, frames: list[NDArray[np.uint8]]
+) -> None:
     """Without it, errors add up from frame to frame to more than a pixel."""
     live = LiveMosaic(CONFIG)
     for frame in frames:
@@ -52,14 +58,16 @@ def test_the_final_adjustment_brings_all_frames_within_a_third_of_a_pixel(flight
     live.finish()
     grid = np.stack(np.meshgrid(np.linspace(0, SIZE[0] - 1, 4), np.linspace(0, SIZE[1] - 1, 4)), -1).reshape(-1, 2)
     found = np.concatenate([apply(live.transforms[index], grid) for index in range(IMAGES)])
-    true = np.concatenate([apply(np.linalg.inv(flight.homographies[index]), grid) for index in range(IMAGES)])
+    true = np.concatenate(
+        [apply(np.asarray(np.linalg.inv(flight.homographies[index]), np.float64), grid) for index in range(IMAGES)]
+    )
     aligned = apply(estimate(found, true, model="similarity"), found)
     assert np.linalg.norm(aligned - true, axis=1).mean() < 0.3
     assert (live.image.any(axis=2)).mean() > 0.8
 
 
 @pytest.mark.slow
-def test_features_of_the_hardware_in_sequence_mode_make_a_live_mosaic(frames) -> None:
+def test_features_of_the_hardware_in_sequence_mode_make_a_live_mosaic(frames: Any) -> None:
     """Compiles the accelerator the first time."""
     results = {name: load_backend(name).run(frames[:3], CONFIG, reference="previous") for name in ("golden", "rtl")}
     for wanted, got in zip(*results.values(), strict=True):
@@ -70,7 +78,7 @@ def test_features_of_the_hardware_in_sequence_mode_make_a_live_mosaic(frames) ->
     assert all(update.placement for update in updates[1:])
 
 
-def test_submaps_join_once_a_frame_overlaps_both(flight, frames) -> None:
+def test_submaps_join_once_a_frame_overlaps_both(flight: Flight, frames: list[NDArray[np.uint8]]) -> None:
     live = LiveMosaic(CONFIG)
     order = [0, 2, 1]  # 0 and 2 share next to nothing; 1 shows both
     submaps = [live.add(frames[index]).submaps for index in order]
@@ -82,7 +90,7 @@ def test_submaps_join_once_a_frame_overlaps_both(flight, frames) -> None:
     assert pair_errors_px(placed, flight).max() < 1.0
 
 
-def test_frames_without_overlap_and_flat_frames_are_left_out(frames) -> None:
+def test_frames_without_overlap_and_flat_frames_are_left_out(frames: list[NDArray[np.uint8]]) -> None:
     grain = cv2.GaussianBlur(np.random.default_rng(1).integers(0, 256, (360, 480, 3), dtype=np.uint8), (0, 0), 2)
     live = LiveMosaic(CONFIG)
     for frame in (*frames[:2], grain, np.full((360, 480, 3), 90, np.uint8)):
@@ -92,7 +100,7 @@ def test_frames_without_overlap_and_flat_frames_are_left_out(frames) -> None:
     assert "too few features" in live.left_out[3]
 
 
-def test_a_frame_beyond_the_canvas_limit_is_left_out_and_the_rest_stays(frames) -> None:
+def test_a_frame_beyond_the_canvas_limit_is_left_out_and_the_rest_stays(frames: list[NDArray[np.uint8]]) -> None:
     live = LiveMosaic(CONFIG, canvas_limit_px=int(1.2 * SIZE[0] * SIZE[1]))
     live.add(frames[0])
     before = live.image.copy()
@@ -100,7 +108,7 @@ def test_a_frame_beyond_the_canvas_limit_is_left_out_and_the_rest_stays(frames) 
     np.testing.assert_array_equal(live.image, before)
 
 
-def test_the_layout_is_recomputed_without_a_frame_that_could_not_be_painted(frames) -> None:
+def test_the_layout_is_recomputed_without_a_frame_that_could_not_be_painted(frames: list[NDArray[np.uint8]]) -> None:
     live = LiveMosaic(CONFIG, canvas_limit_px=int(1.6 * SIZE[0] * SIZE[1]))
     reasons = [live.add(frame).reason for frame in (frames[0], frames[1], frames[2], frames[0], frames[1])]
     assert ["limit" in reason for reason in reasons] == [False, False, True, False, False]

@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,7 @@ pytest.importorskip("rasterio")
 
 
 @pytest.mark.parametrize(("crs", "false_north"), [("EPSG:32615", 5_190_000.0), ("EPSG:32733", 6_240_000.0)])
-def test_a_turned_and_scaled_layout_is_found_on_the_map(crs, false_north):
+def test_a_turned_and_scaled_layout_is_found_on_the_map(crs: str, false_north: float) -> None:
     rng = np.random.default_rng(4)
     places = rng.uniform(0, 4000, (12, 2))
     turn = 0.05 * np.exp(0.6j)  # metres per pixel, and the turn of the flight
@@ -33,12 +35,12 @@ def scattered(count: int, noise_m: float) -> tuple[np.ndarray, np.ndarray]:
     return places, metres + rng.normal(0, noise_m, (count, 2))
 
 
-def test_the_residual_is_the_noise_of_the_positions():
+def test_the_residual_is_the_noise_of_the_positions() -> None:
     place, _ = fit_to_map(*scattered(400, 2.0), "EPSG:32615")
     assert place.residual_m == pytest.approx(2 * np.sqrt(2), rel=0.1)
 
 
-def test_positions_that_are_far_off_are_named_and_do_not_count():
+def test_positions_that_are_far_off_are_named_and_do_not_count() -> None:
     places, metres = scattered(20, 0.5)
     metres[[3, 11, 12]] += [60, -40]
     place, _ = fit_to_map(places, metres, "EPSG:32615")
@@ -60,7 +62,7 @@ NAN = (np.nan, np.nan)
         ([(0, 0), (0, 1000), (0, 0), (100, 0)], "too much"),
     ],
 )
-def test_positions_that_do_not_determine_the_map_are_refused(metres, message):
+def test_positions_that_do_not_determine_the_map_are_refused(metres: list[Any], message: str) -> None:
     places = np.array([[0, 0], [0, 1000], [1000, 1000], [1000, 0]], dtype=np.float64)
     place, reason = fit_to_map(places, np.array(metres, dtype=np.float64), "EPSG:32615")
     assert place is None

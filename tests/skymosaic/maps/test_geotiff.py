@@ -2,10 +2,12 @@ import resource
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from skymosaic.errors import InputError
 from skymosaic.maps.georeference import Georeference
@@ -37,7 +39,7 @@ def written(path: Path, image: np.ndarray, place: Georeference | None = PLACE, c
 
 
 @pytest.mark.parametrize("image", [picture(3), picture(), picture(kind=np.uint16)], ids=["bgr", "gray", "16 bit"])
-def test_a_geotiff_is_valid_and_says_where_it_lies_and_what_it_shows(tmp_path, image):
+def test_a_geotiff_is_valid_and_says_where_it_lies_and_what_it_shows(tmp_path: Path, image: NDArray[Any]) -> None:
     shown = written(tmp_path / "map.tif", image)
     valid, errors, _ = cogeo.cog_validate(tmp_path / "map.tif", strict=True)
     assert (valid, errors) == (True, [])
@@ -53,7 +55,7 @@ def test_a_geotiff_is_valid_and_says_where_it_lies_and_what_it_shows(tmp_path, i
         np.testing.assert_array_equal(alpha, shown * np.iinfo(image.dtype).max)
 
 
-def test_jpeg_is_smaller_and_keeps_the_mask(tmp_path):
+def test_jpeg_is_smaller_and_keeps_the_mask(tmp_path: Path) -> None:
     (tmp_path / "a").mkdir()
     (tmp_path / "b").mkdir()
     image = picture(3)
@@ -65,7 +67,7 @@ def test_jpeg_is_smaller_and_keeps_the_mask(tmp_path):
         assert np.abs(file.read([3, 2, 1]).transpose(1, 2, 0)[shown].astype(int) - image[shown]).mean() < 6
 
 
-def test_a_picture_without_a_place_has_overviews_too(tmp_path, recwarn):
+def test_a_picture_without_a_place_has_overviews_too(tmp_path: Path, recwarn: pytest.WarningsRecorder) -> None:
     written(tmp_path / "plain.tif", picture(3), None)
     assert not recwarn.list
     with pytest.warns(rasterio.errors.NotGeoreferencedWarning):

@@ -32,32 +32,32 @@ def red(tile: np.ndarray) -> np.ndarray:
     return np.argwhere(tile[..., 2].astype(int) - tile[..., 0] > 100).mean(axis=0)[::-1]
 
 
-def test_tiles_lie_where_web_mercator_puts_them(tmp_path):
+def test_tiles_lie_where_web_mercator_puts_them(tmp_path: Path) -> None:
     pyramid = write_tiles(tmp_path, raster(tmp_path / "m.tif", PLACE), "a & b", None)
     longitude, latitude = np.radians(map_to_globe(np.array([[430_000 + 64.0, 5_190_000 - 21.0]]), "EPSG:32615")[0])
     world = np.array([longitude / np.pi + 1, 1 - np.arcsinh(np.tan(latitude)) / np.pi]) / 2
     for zoom in (pyramid.zoom, pyramid.zoom - 1):
         column, row = np.floor(world * 2**zoom).astype(int)
-        tile = cv2.imread(str(tmp_path / str(zoom) / str(column) / f"{row}.webp"), cv2.IMREAD_UNCHANGED)
+        tile = np.asarray(cv2.imread(str(tmp_path / str(zoom) / str(column) / f"{row}.webp"), cv2.IMREAD_UNCHANGED))
         np.testing.assert_allclose(red(tile), (world * 2**zoom % 1) * TILE_PX, atol=2)
     assert len(list((tmp_path / str(pyramid.top)).rglob("*.webp"))) == 1
 
 
-def test_a_mosaic_without_a_place_has_tiles_of_its_own_pixels(tmp_path):
+def test_a_mosaic_without_a_place_has_tiles_of_its_own_pixels(tmp_path: Path) -> None:
     pyramid = write_tiles(tmp_path, raster(tmp_path / "m.tif", None), "plain", None)
     assert (pyramid.zoom, pyramid.top, pyramid.last) == (2, 0, (3, 2))
-    tile = cv2.imread(str(tmp_path / "2" / str(SPOT[0] // TILE_PX) / f"{SPOT[1] // TILE_PX}.webp"))
+    tile = np.asarray(cv2.imread(str(tmp_path / "2" / str(SPOT[0] // TILE_PX) / f"{SPOT[1] // TILE_PX}.webp")))
     np.testing.assert_allclose(red(tile), np.array(SPOT) % TILE_PX, atol=1)
-    whole = cv2.imread(str(tmp_path / "0" / "0" / "0.webp"), cv2.IMREAD_UNCHANGED)
+    whole = np.asarray(cv2.imread(str(tmp_path / "0" / "0" / "0.webp"), cv2.IMREAD_UNCHANGED))
     np.testing.assert_allclose(red(whole), np.array(SPOT) / 4, atol=1)
     assert (whole[:170, :24, 3] == 0).all()
     assert (whole[:170, 26:220, 3] == 255).all()
 
 
-def test_the_page_needs_no_network_and_quotes_its_title(tmp_path):
+def test_the_page_needs_no_network_and_quotes_its_title(tmp_path: Path) -> None:
     write_tiles(tmp_path, raster(tmp_path / "m.tif", None), "</script><b>", None)
     page = (tmp_path / "index.html").read_text()
     assert not re.search(r"https?://|src=|href=", page)
-    facts = json.loads(re.search(r"const facts = (.*);", page)[1])
+    (facts,) = map(json.loads, re.findall(r"const facts = (.*);", page))
     assert facts["title"] == "</script><b>"
     assert page.count("</script>") == 1

@@ -2,7 +2,7 @@
 
 import dataclasses
 from pathlib import Path
-from typing import get_type_hints
+from typing import Any, get_type_hints
 
 import pytest
 
@@ -54,7 +54,7 @@ def test_every_default_is_valid_and_every_sentence_ends() -> None:
         ({"effort": "thorough", "estimator": "magsac"}, "oriented ILBP"),
     ],
 )
-def test_what_is_not_valid_is_refused_with_what_is(changes: dict[str, object], says: str) -> None:
+def test_what_is_not_valid_is_refused_with_what_is(changes: dict[str, Any], says: str) -> None:
     with pytest.raises(InputError) as refused:
         dataclasses.replace(MosaicOptions(), **changes).check_for(2)
     assert says in str(refused.value)
@@ -74,7 +74,7 @@ def test_what_is_not_valid_is_refused_with_what_is(changes: dict[str, object], s
     ],
 )
 def test_what_has_no_effect_on_so_many_photographs_is_refused(
-    photographs: int, changes: dict[str, object], says: str
+    photographs: int, changes: dict[str, Any], says: str
 ) -> None:
     options = dataclasses.replace(MosaicOptions(), **changes)
     with pytest.raises(InputError) as refused:

@@ -23,9 +23,10 @@ def images() -> list[np.ndarray]:
     return list(make_pair(seed=9, size=(320, 240)).images)
 
 
-@pytest.fixture(scope="module", params=METHODS.values(), ids=METHODS)
+@pytest.fixture(scope="module", params=list(METHODS.values()), ids=list(METHODS))
 def view(request: pytest.FixtureRequest, images: list[np.ndarray]) -> PairView:
-    pair = register(*images, **request.param)
+    left, right = images
+    pair = register(left, right, **request.param)
     return PairView.from_pair(pair)
 
 

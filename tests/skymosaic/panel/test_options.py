@@ -7,12 +7,12 @@ import httpx
 import pytest
 
 from skymosaic.errors import InputError
-from skymosaic.panel.options import OPTION_VALUES, SCALES, STRONGEST, Options, fault_of
+from skymosaic.panel.options import OPTION_VALUES, SCALES, STRONGEST, Options, SliderScale, fault_of
 from tools.panel.visit import running_panel
 
 
 @pytest.mark.parametrize("slider", [*SCALES.values(), STRONGEST], ids=lambda slider: slider.title)
-def test_slider_values_rise_and_convert_back_to_positions(slider) -> None:
+def test_slider_values_rise_and_convert_back_to_positions(slider: SliderScale) -> None:
     values = list(slider.values.values())
     assert list(slider.values) == list(range(min(slider.values), max(slider.values) + 1))
     assert values == sorted(values)

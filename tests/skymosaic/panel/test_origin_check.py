@@ -3,6 +3,7 @@
 import base64
 import os
 import socket
+from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
@@ -24,7 +25,7 @@ def status(address: str, method: str, path: str, *, host: object = OWN, origin: 
         return int(connection.recv(64).split()[1])
 
 
-def websocket_status(address: str, **changed: object) -> int:
+def websocket_status(address: str, **changed: Any) -> int:
     key = base64.b64encode(os.urandom(16)).decode()
     headers = {"Upgrade": "websocket", "Sec_WebSocket_Key": key, "Sec_WebSocket_Version": "13"}
     return status(address, "GET", WEBSOCKET_PATH, **changed, **headers, Connection="Upgrade")

@@ -2,14 +2,13 @@
 
 import pytest
 
-from skymosaic.panel import steps
 from skymosaic.panel.steps import Steps
 
 
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     now = [100.0]
-    monkeypatch.setattr(steps.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr("skymosaic.panel.steps.time.monotonic", lambda: now[0])
     return now
 
 

@@ -1,8 +1,12 @@
 """What moves with the camera, an on-screen display or dirt on the lens, is not taken for the ground."""
 
+from collections.abc import Callable
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from sim.scene import make_lawnmower, make_pair
 from skymosaic import mosaics, register
@@ -35,37 +39,37 @@ def sites() -> list[np.ndarray]:
 
 
 @pytest.mark.parametrize("cover", [with_display, with_dirt])
-def test_what_stands_still_joins_no_different_places(sites, cover) -> None:
+def test_what_stands_still_joins_no_different_places(sites: list[NDArray[np.uint8]], cover: Callable[..., Any]) -> None:
     pair = register(cover(sites[0]), cover(sites[1]))
     assert not pair.accepted
     assert "stands still" in pair.reason
 
 
-def test_three_places_with_one_display_are_no_mosaic(sites) -> None:
+def test_three_places_with_one_display_are_no_mosaic(sites: list[NDArray[np.uint8]]) -> None:
     with pytest.raises(RegistrationError, match="could be linked"):
         list(mosaics([with_display(site) for site in sites]))
 
 
 @pytest.mark.parametrize("cover", [with_display, with_dirt])
-def test_the_ground_behind_it_is_registered(cover) -> None:
-    images = make_pair(seed=5, size=SIZE).images
-    plain, covered = register(*images), register(*map(cover, images))
+def test_the_ground_behind_it_is_registered(cover: Callable[..., Any]) -> None:
+    left, right = make_pair(seed=5, size=SIZE).images
+    plain, covered = register(left, right), register(cover(left), cover(right))
     assert covered.accepted
     corners = np.array([(0, 0, 1), (640, 0, 1), (640, 480, 1), (0, 480, 1)], dtype=float).T
     one, other = ((h @ corners)[:2] / (h @ corners)[2] for h in (plain.homography, covered.homography))
     assert np.abs(one - other).max() < 3
 
 
-def test_copies_of_one_photograph_are_told(sites) -> None:
+def test_copies_of_one_photograph_are_told(sites: list[NDArray[np.uint8]]) -> None:
     pair = register(sites[0], sites[0].copy())
     assert pair.accepted
     assert pair.right.notes == ("the same picture as left image",)
 
 
-def test_a_camera_that_hovers_sees_the_ground(sites) -> None:
+def test_a_camera_that_hovers_sees_the_ground(sites: list[NDArray[np.uint8]]) -> None:
     rng = np.random.default_rng(1)
-    noisy = [np.clip(sites[0] + rng.normal(0, 4, sites[0].shape), 0, 255).astype(np.uint8) for _ in range(2)]
-    pair = register(*noisy)
+    left, right = (np.clip(sites[0] + rng.normal(0, 4, sites[0].shape), 0, 255).astype(np.uint8) for _ in range(2))
+    pair = register(left, right)
     assert pair.accepted
     assert not pair.right.notes
 

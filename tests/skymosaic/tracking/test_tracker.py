@@ -1,15 +1,19 @@
 """Tracking a rendered car whose corners are known, through a bridge, by the golden model and by hardware."""
 
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from golden_model.config import preset_config
-from sim.backends.interface import load_backend
+from sim.backends.interface import Reference, load_backend
+from sim.scene.target import Pursuit
 from sim.simulators.scoreboard import find_mismatch
 from skymosaic.errors import InputError, RegistrationError
+from skymosaic.tracking.template import Roi
 from skymosaic.tracking.tracker import track
 from tests.skymosaic.tracking.conftest import true_corners
 
@@ -17,7 +21,9 @@ HIDDEN = 0.05
 """A car of which the bridge leaves no more than this share is not to be found."""
 
 
-def test_a_car_is_tracked_and_found_again_after_a_bridge_hides_it(film, film_frames, roi) -> None:
+def test_a_car_is_tracked_and_found_again_after_a_bridge_hides_it(
+    film: Pursuit, film_frames: list[NDArray[np.uint8]], roi: Roi
+) -> None:
     truth = true_corners(film, roi)
     tracked = list(track(roi, film_frames))
     found = np.array([each.corners is not None for each in tracked])
@@ -35,7 +41,9 @@ def test_a_car_is_tracked_and_found_again_after_a_bridge_hides_it(film, film_fra
     assert (film.visible[hidden[-1] :] >= 1).any()
 
 
-def test_a_template_of_larger_scale_is_found(film, film_frames, roi, tmp_path: Path) -> None:
+def test_a_template_of_larger_scale_is_found(
+    film: Pursuit, film_frames: list[NDArray[np.uint8]], roi: Roi, tmp_path: Path
+) -> None:
     cut = film_frames[0][roi.y_px : roi.y_px + roi.height_px, roi.x_px : roi.x_px + roi.width_px]
     cv2.imwrite(str(tmp_path / "car.png"), cv2.resize(cut, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC))
     truth = true_corners(film, roi)[3:]
@@ -45,7 +53,7 @@ def test_a_template_of_larger_scale_is_found(film, film_frames, roi, tmp_path: P
     assert np.mean(errors) < 2.0
 
 
-def test_a_flat_template_is_refused(film_frames) -> None:
+def test_a_flat_template_is_refused(film_frames: list[NDArray[np.uint8]]) -> None:
     with pytest.raises(RegistrationError, match="features, 12 needed"):
         list(track(np.full((80, 80, 3), 120, np.uint8), film_frames[:1]))
     with pytest.raises(InputError, match="template"):
@@ -59,7 +67,7 @@ class Recorded:
         self._front_end = load_backend(backend)
         self.runs: list[tuple] = []
 
-    def run(self, film_frames, config, *, reference="held"):
+    def run(self, film_frames: Any, config: Any, *, reference: Reference = "held") -> Any:
         results = self._front_end.run(film_frames, config, reference=reference)
         self.runs.append((film_frames, reference, results))
         return results
@@ -67,7 +75,7 @@ class Recorded:
 
 @pytest.mark.slow
 def test_hardware_with_a_held_reference_tracks_the_same_corners(
-    film_frames, roi, monkeypatch: pytest.MonkeyPatch
+    film_frames: Any, roi: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Compiles the accelerator the first time."""
     tracked, recorded = {}, {}

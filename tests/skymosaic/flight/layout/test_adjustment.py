@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -43,7 +45,7 @@ def network(transforms: np.ndarray, rng: np.random.Generator, noise_px: float) -
     return Network(ties, [UNIT_PX] * views, 0)
 
 
-def test_generators_are_the_derivative_of_the_motions():
+def test_generators_are_the_derivative_of_the_motions() -> None:
     points = np.random.default_rng(0).uniform(-0.7, 0.7, (20, 2))
     step = 1e-6
     matrices = {  # one small motion each, as the module's docstring lists them
@@ -62,7 +64,7 @@ def test_generators_are_the_derivative_of_the_motions():
         np.testing.assert_allclose(derivative[:, :, motion], moved, atol=1e-5)
 
 
-def test_shapes_of_a_similarity_are_zero_and_of_a_stretch_its_size():
+def test_shapes_of_a_similarity_are_zero_and_of_a_stretch_its_size() -> None:
     turned = np.array([[0.9, -0.4, 3.0], [0.4, 0.9, -1.0], [0, 0, 1]])
     np.testing.assert_allclose(shapes(turned[None])[0], 0, atol=1e-12)
     stretched = turned @ np.diag([1.003, 0.997, 1.0])
@@ -72,7 +74,7 @@ def test_shapes_of_a_similarity_are_zero_and_of_a_stretch_its_size():
 
 
 @pytest.mark.parametrize(("pitch_deg", "roll_deg"), [(12, 0), (0, -9), (8, 6)])
-def test_a_leaning_camera_stretches_as_its_tilt_tells(pitch_deg, roll_deg):
+def test_a_leaning_camera_stretches_as_its_tilt_tells(pitch_deg: int, roll_deg: int) -> None:
     half_px = FOCAL_HALF_DIAGONALS * 500
     camera = Camera(width_px=801, height_px=601, focal_px=FOCAL_HALF_DIAGONALS * half_px)
     pose = CameraPose(x_px=3, y_px=-8, altitude_px=700, heading_deg=25, pitch_deg=pitch_deg, roll_deg=roll_deg)
@@ -82,7 +84,7 @@ def test_a_leaning_camera_stretches_as_its_tilt_tells(pitch_deg, roll_deg):
     np.testing.assert_allclose(shape[:, :2], stretch_of_tilt(shape[:, 2:]), atol=1e-9)
 
 
-def test_exact_ties_give_the_true_mappings_between_views():
+def test_exact_ties_give_the_true_mappings_between_views() -> None:
     rng = np.random.default_rng(1)
     true = true_transforms(8, rng)
     ties = network(true, rng, noise_px=0.0)
@@ -93,7 +95,7 @@ def test_exact_ties_give_the_true_mappings_between_views():
     assert np.concatenate(ties.errors_px(refined)).max() < 0.02
 
 
-def test_a_tenth_of_wrong_ties_does_no_harm():
+def test_a_tenth_of_wrong_ties_does_no_harm() -> None:
     rng = np.random.default_rng(2)
     true = true_transforms(6, rng)
     links = []
@@ -107,7 +109,7 @@ def test_a_tenth_of_wrong_ties_does_no_harm():
     assert np.median(good) < 0.35
 
 
-def test_the_reference_stays_where_it_is():
+def test_the_reference_stays_where_it_is() -> None:
     rng = np.random.default_rng(3)
     true = true_transforms(5, rng)
     refined = network(true, rng, 0.3).adjust(true, "homography")
@@ -116,7 +118,7 @@ def test_the_reference_stays_where_it_is():
 
 
 @pytest.mark.parametrize("model", ["similarity", "affine"])
-def test_a_model_leaves_what_it_does_not_have_alone(model):
+def test_a_model_leaves_what_it_does_not_have_alone(model: str) -> None:
     rng = np.random.default_rng(4)
     refined = network(true_transforms(5, rng), rng, 0.3).adjust(np.tile(np.eye(3), (5, 1, 1)), model)
     np.testing.assert_allclose(refined[:, 2], [[0, 0, 1]] * 5, atol=1e-12)
@@ -124,8 +126,8 @@ def test_a_model_leaves_what_it_does_not_have_alone(model):
         np.testing.assert_allclose(shapes(refined), 0, atol=1e-9)
 
 
-def test_straightening_undoes_the_bending():
-    def bent(points, distortion):
+def test_straightening_undoes_the_bending() -> None:
+    def bent(points: Any, distortion: Any) -> Any:
         return points * (1 + distortion * (points**2).sum(axis=1, keepdims=True))
 
     points = np.random.default_rng(1).uniform(-0.7, 0.7, (100, 2))

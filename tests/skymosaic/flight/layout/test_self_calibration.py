@@ -1,7 +1,9 @@
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from skymosaic.flight.layout.adjustment import FOCAL_HALF_DIAGONALS
 from skymosaic.flight.layout.layout import lay_out, normalisation
@@ -12,11 +14,13 @@ from skymosaic.geometry.homography import apply
 SIZE_PX = (1280, 960)
 
 
-def bent(points, distortion):
+def bent(points: NDArray[np.float64], distortion: float) -> NDArray[np.float64]:
     return points * (1 + distortion * (points**2).sum(axis=1, keepdims=True))
 
 
-def lawnmower(distortion, rows=3, columns=5, noise_px=0.3, seed=0):
+def lawnmower(
+    distortion: float, rows: int = 3, columns: int = 5, noise_px: float = 0.3, seed: int = 0
+) -> tuple[list[Any], list[Link]]:
     """Views of flat ground by a slightly tilted camera with a bending lens, and the links between neighbours."""
     rng = np.random.default_rng(seed)
     unit = normalisation(SIZE_PX)
@@ -32,11 +36,12 @@ def lawnmower(distortion, rows=3, columns=5, noise_px=0.3, seed=0):
     limits = np.array(SIZE_PX) / 2 / half_px
     projections = []
     for pose in poses:
-        straight = apply(np.linalg.inv(pose), ground)
+        straight = apply(np.asarray(np.linalg.inv(pose), np.float64), ground)
         points = bent(straight, distortion)
         # Far outside, a bending inwards would fold the ground back into the picture.
         inside = (np.abs(points) < limits).all(axis=1) & (np.linalg.norm(straight, axis=1) < 1.3)
-        projections.append((inside, apply(np.linalg.inv(unit), points) + rng.normal(0, noise_px, points.shape)))
+        pixels = apply(np.asarray(np.linalg.inv(unit), np.float64), points)
+        projections.append((inside, pixels + rng.normal(0, noise_px, points.shape)))
     links = []
     for left in range(len(poses)):
         for right in range(left + 1, len(poses)):
@@ -49,7 +54,7 @@ def lawnmower(distortion, rows=3, columns=5, noise_px=0.3, seed=0):
 
 
 @pytest.mark.parametrize("distortion", [-0.08, -0.03, 0.05])
-def test_distortion_is_found_within_five_percent(distortion):
+def test_distortion_is_found_within_five_percent(distortion: float) -> None:
     views, links = lawnmower(distortion)
     calibration = calibrate(views, range(len(views)), links)
     assert calibration.distortion == pytest.approx(distortion, rel=0.05)
@@ -57,12 +62,12 @@ def test_distortion_is_found_within_five_percent(distortion):
     assert calibration.after_px < calibration.before_px
 
 
-def test_a_straight_lens_is_left_alone():
+def test_a_straight_lens_is_left_alone() -> None:
     views, links = lawnmower(0.0)
     assert calibrate(views, range(len(views)), links) is None
 
 
-def test_straightened_links_fit_as_well_as_those_of_a_straight_lens():
+def test_straightened_links_fit_as_well_as_those_of_a_straight_lens() -> None:
     views, links = lawnmower(-0.06)
     _, straight_links = lawnmower(0.0)
     calibration = calibrate(views, range(len(views)), links)
@@ -73,11 +78,9 @@ def test_straightened_links_fit_as_well_as_those_of_a_straight_lens():
     assert after < lay_out(views, members, links).median_error_px
 
 
-def test_different_cameras_and_few_views_are_left_alone():
+def test_different_cameras_and_few_views_are_left_alone() -> None:
     views, links = lawnmower(-0.06)
-    assert (
-        calibrate([*views[:-1], SimpleNamespace(size=(640, 480), working_size=SIZE_PX)], range(len(views)), links)
-        is None
-    )
+    other: Any = SimpleNamespace(size=(640, 480), working_size=SIZE_PX)
+    assert calibrate([*views[:-1], other], range(len(views)), links) is None
     few, few_links = lawnmower(-0.1, rows=1, columns=4)
     assert calibrate(few, range(len(few)), few_links) is None

@@ -1,4 +1,5 @@
 import dataclasses
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -13,7 +14,7 @@ from skymosaic.imagery.lens import load_lens
 from skymosaic.imagery.photographs import Source, list_sources
 
 
-def test_masked_places_have_no_features(tmp_path):
+def test_masked_places_have_no_features(tmp_path: Path) -> None:
     mask = np.full((480, 640), 255, np.uint8)
     mask[300:] = 0
     cv2.imwrite(str(tmp_path / "mask.png"), mask)
@@ -28,13 +29,15 @@ def test_masked_places_have_no_features(tmp_path):
     assert masked.key != free.key
 
 
-def test_a_view_survives_the_cache(tmp_path):
+def test_a_view_survives_the_cache(tmp_path: Path) -> None:
     cache = ResultCache(tmp_path / "cache")
     source = Source(0, "image", make_pair(seed=1).images[0])
     view = describe(source, Settings(preset_config("aerial")))
     assert cache.load(view.key) is None
     cache.save(view.key, view.pack())
-    again = View.unpack(cache.load(view.key), "renamed", view.key)
+    stored = cache.load(view.key)
+    assert stored
+    again = View.unpack(stored, "renamed", view.key)
     np.testing.assert_array_equal(again.features, view.features)
     np.testing.assert_array_equal(again.thumbnail, view.thumbnail)
     assert again.features.dtype == view.features.dtype
@@ -43,19 +46,19 @@ def test_a_view_survives_the_cache(tmp_path):
 
 
 @pytest.mark.parametrize(("size", "width_px"), [((700, 16000), 1280), ((300, 400), 64)])
-def test_a_photograph_that_cannot_be_reduced_is_named(size, width_px):
+def test_a_photograph_that_cannot_be_reduced_is_named(size: tuple[int, int], width_px: int) -> None:
     source = Source(0, "pano", np.zeros(size, np.uint8))
     with pytest.raises(InputError, match=r"pano: .* is reduced to"):
         describe(source, Settings(preset_config("aerial"), working_width_px=width_px))
 
 
-def test_a_tall_photograph_can_be_described():
+def test_a_tall_photograph_can_be_described() -> None:
     rng = np.random.default_rng(1)
     source = Source(0, "tall", rng.integers(0, 256, (4200, 500), dtype=np.uint8))
     assert describe(source, Settings(preset_config("aerial"))).working_size == (305, 2560)
 
 
-def test_a_flight_leaves_a_damaged_photograph_out_unless_it_is_kept(tmp_path):
+def test_a_flight_leaves_a_damaged_photograph_out_unless_it_is_kept(tmp_path: Path) -> None:
     data = bytearray(cv2.imencode(".jpg", make_pair(seed=1).images[0])[1].tobytes())
     data[len(data) // 2 : len(data) // 2 + 400] = bytes(400)
     (tmp_path / "damaged.jpg").write_bytes(data)

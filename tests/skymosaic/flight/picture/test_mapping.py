@@ -1,10 +1,13 @@
+from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 
 from sim.scene import make_lawnmower
+from sim.scene.flight import Flight
 from skymosaic.errors import InputError
 from skymosaic.flight.picture.mapping import camera_positions, place_on_map, scale_for
 from skymosaic.flight.picture.output import OutputForm
@@ -20,30 +23,33 @@ METRES, CORNER = 0.15, np.array([430_000.0, 5_190_000.0])
 
 
 @pytest.fixture(scope="module")
-def flight():
+def flight() -> Flight:
     return make_lawnmower(seed=5, images=4, size=SIZE, forward_overlap=0.6, side_overlap=0.4)
 
 
-def test_cameras_that_lean_are_found_above_where_they_were(flight):
+def test_cameras_that_lean_are_found_above_where_they_were(flight: Flight) -> None:
     half_diagonals = flight.camera.focal_px / (np.hypot(*SIZE) / 2)
     view = SimpleNamespace(size=SIZE, taken=Metadata(focal_half_diagonals=half_diagonals))
     views, members = (view,) * 4, tuple(range(4))
     to_ground = {m: np.linalg.inv(flight.homographies[m]) for m in members}
-    layout = SimpleNamespace(members=members, to_reference=lambda _views: to_ground)
-    found = camera_positions(SimpleNamespace(views=views, settings=SimpleNamespace(lens=Lens())), layout)
+    layout: Any = SimpleNamespace(members=members, to_reference=lambda _views: to_ground)
+    leaning: Any = SimpleNamespace(views=views, settings=SimpleNamespace(lens=Lens()))
+    found = camera_positions(leaning, layout)
     np.testing.assert_allclose(found, [(p.x_px, p.y_px, p.altitude_px) for p in flight.poses], rtol=1e-6, atol=1e-3)
-    middles = np.array([apply(to_ground[m], (np.array(SIZE) - 1) / 2) for m in members])
+    middles = np.array([apply(np.asarray(to_ground[m], np.float64), (np.array(SIZE) - 1) / 2) for m in members])
     assert np.linalg.norm(middles - found[:, :2], axis=1).max() > 3
 
 
-def test_control_points_put_a_mosaic_on_the_map_at_the_wanted_resolution(flight, tmp_path):
+def test_control_points_put_a_mosaic_on_the_map_at_the_wanted_resolution(flight: Flight, tmp_path: Path) -> None:
     rasterio = pytest.importorskip("rasterio")
     lines = ["EPSG:32615"]
     (tmp_path / "flight").mkdir()
     for index, image in enumerate(flight.images):
         cv2.imwrite(str(tmp_path / "flight" / f"{index}.png"), image)
         for pixel in ((60, 50), (400, 80), (230, 300)):
-            east, north = CORNER + METRES * apply(np.linalg.inv(flight.homographies[index]), pixel) * [1, -1]
+            east, north = CORNER + METRES * apply(
+                np.asarray(np.linalg.inv(flight.homographies[index]), np.float64), pixel
+            ) * [1, -1]
             lines.append(f"{east} {north} 0 {pixel[0]} {pixel[1]} {index}.png")
     (tmp_path / "gcp.txt").write_text("\n".join(lines))
     options = MosaicOptions(control=load_control_points(tmp_path / "gcp.txt"), gsd_m=0.4)
@@ -59,8 +65,9 @@ def test_control_points_put_a_mosaic_on_the_map_at_the_wanted_resolution(flight,
     assert made.georeference.residual_m < METRES
     middle = (np.array(SIZE) - 1) / 2
     for transform, homography in zip(made.composition.transforms, flight.homographies, strict=True):
-        truth = CORNER + METRES * apply(np.linalg.inv(homography), middle) * [1, -1]
-        np.testing.assert_allclose(apply(made.georeference.to_map @ transform, middle), truth, atol=METRES)
+        truth = CORNER + METRES * apply(np.asarray(np.linalg.inv(homography), np.float64), middle) * [1, -1]
+        mapped = apply(np.asarray(made.georeference.to_map @ transform, np.float64), middle)
+        assert np.allclose(mapped, truth, rtol=1e-7, atol=METRES)
     with rasterio.open(tmp_path / "m.tif") as file:
         assert (file.transform.a, file.transform.e) == pytest.approx((0.4, -0.4))
     assert (tmp_path / "tiles" / "index.html").exists()
@@ -70,6 +77,6 @@ def test_control_points_put_a_mosaic_on_the_map_at_the_wanted_resolution(flight,
     ("form", "name", "says"),
     [(OutputForm("lzw"), "m.tif", "valid: deflate, jpeg"), (OutputForm("jpeg"), "m.png", "is for .tif")],
 )
-def test_forms_that_cannot_apply_are_refused(form, name, says, tmp_path):
+def test_forms_that_cannot_apply_are_refused(form: OutputForm, name: str, says: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=says):
         form.check(tmp_path / name)

@@ -21,7 +21,7 @@ def picture(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("detector", ["harris", "fast"])
 def test_the_slider_shows_the_corners_of_a_run(picture: Path, detector: str) -> None:
-    pixels, counts = cv2.imread(str(picture)), set()
+    pixels, counts = np.asarray(cv2.imread(str(picture))), set()
     for position in {"harris": (19, 30, 38), "fast": (2, 20, 34)}[detector]:
         options = Options.of_preset("aerial").changed("detector", detector).changed("position", position)
         (shown,) = detect([picture], options)

@@ -67,8 +67,8 @@ def test_tab_reaches_the_controls_of_a_flight(flight: Page) -> None:
 def test_the_command_of_a_flight_repeats_its_mosaic(flight: Page, tmp_path: Path) -> None:
     again = repeat_archive(flight, tmp_path, "mosaic")
     assert (again / "report" / "index.html").exists()
-    mosaics = [cv2.imread(str(folder / "mosaic.png")) for folder in (again, tmp_path / "before")]
-    assert np.array_equal(*mosaics)
+    first, second = (np.asarray(cv2.imread(str(folder / "mosaic.png"))) for folder in (again, tmp_path / "before"))
+    assert np.array_equal(first, second)
 
 
 def test_options_that_a_flight_cannot_have_are_refused_with_a_reason(flight: Page) -> None:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from multiprocessing import forkserver
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 
@@ -136,7 +137,7 @@ def test_a_job_cancelled_while_it_waits_never_starts(tasks: ModuleType, tmp_path
 
 
 def test_jobs_run_again_after_the_helper_process_was_killed(tasks: ModuleType, tmp_path: Path) -> None:
-    os.kill(forkserver._forkserver._forkserver_pid, signal.SIGKILL)
+    os.kill(forkserver._forkserver._forkserver_pid, signal.SIGKILL)  # type: ignore[attr-defined]
 
     def works() -> bool:
         try:
@@ -148,7 +149,7 @@ def test_jobs_run_again_after_the_helper_process_was_killed(tasks: ModuleType, t
 
 
 def test_a_queue_runs_all_its_jobs(tasks: ModuleType, tmp_path: Path) -> None:
-    async def three_in_one_queue() -> list[object]:
+    async def three_in_one_queue() -> list[Any]:
         queue = asyncio.Semaphore(1)
         return await asyncio.gather(*(Job("adding", tasks.add, tmp_path, n, n).run(queue) for n in range(3)))
 

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -18,7 +19,7 @@ from skymosaic.panel.tasks.mosaic_picture import show_mosaic
 MOSAIC = cv2.GaussianBlur(np.random.default_rng(2).integers(0, 256, (700, 1200, 3), np.uint8), (0, 0), 4)
 
 
-def delivery(image: np.ndarray) -> SimpleNamespace:
+def delivery(image: np.ndarray) -> Any:
     """A mosaic whose canvas begins at (-100, 50); one photograph shows in a rectangle of it."""
     mask = np.zeros((40, 60), np.uint8)
     mask[10:20, 30:50] = 255
@@ -39,7 +40,7 @@ def test_tiles_are_parts_of_the_mosaic(tmp_path: Path, monkeypatch: pytest.Monke
         whole = cv2.resize(MOSAIC, None, fx=0.25 / scale, fy=0.25 / scale, interpolation=cv2.INTER_AREA)
         covered = np.zeros(whole.shape[:2], bool)
         for tile in (tile for tile in shown.tiles if tile.scale == scale):
-            pixels = cv2.imread(str(tmp_path / Path(tile.href).name))
+            pixels = np.asarray(cv2.imread(str(tmp_path / Path(tile.href).name)))
             x, y = round(tile.x / scale), round(tile.y / scale)
             part = slice(y, y + len(pixels)), slice(x, x + pixels.shape[1])
             assert (tile.width / scale, tile.height / scale) == (pixels.shape[1], len(pixels))

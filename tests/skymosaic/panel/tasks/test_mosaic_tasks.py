@@ -4,6 +4,7 @@ import math
 import re
 import shlex
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -26,7 +27,7 @@ def silent(_line: str, _done: int = 0, _total: int = 0) -> None:
     """No progress is shown."""
 
 
-OPTIONS = {
+OPTIONS: dict[str, dict[str, Any]] = {
     "preset": {},
     "threshold": {"position": 26, "rule_base": "none", "blending": "average"},
     "fast": {"detector": "fast", "position": 25, "descriptor": "ilbp-256"},
@@ -65,7 +66,7 @@ def test_the_command_of_a_pair_repeats_its_mosaic(
     assert program == "skymosaic"
     result = CliRunner().invoke(app, arguments)
     assert result.exception is None, result.output
-    assert np.array_equal(*(cv2.imread(name) for name in ("mosaic.png", str(before))))
+    assert np.array_equal(np.asarray(cv2.imread("mosaic.png")), np.asarray(cv2.imread(str(before))))
 
 
 def test_every_option_changes_the_mosaic(runs: dict[str, Path]) -> None:

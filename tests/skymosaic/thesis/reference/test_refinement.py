@@ -1,5 +1,9 @@
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.optimize import least_squares, minimize
 
 from skymosaic.geometry.homography import DegenerateError, apply, dlt
@@ -10,7 +14,9 @@ ERRORS = ["transfer", "symmetric", "reprojection", "sampson"]
 TRUTH = np.array([[0.9, 0.2, 30.0], [-0.15, 1.1, -20.0], [1e-4, -5e-5, 1.0]])
 
 
-def noisy_pairs(count, sigma_px, seed, truth=TRUTH):
+def noisy_pairs(
+    count: int, sigma_px: float, seed: int, truth: NDArray[np.float64] = TRUTH
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Noise in both images."""
     rng = np.random.default_rng(seed)
     left = rng.uniform(0, 640, (count, 2))
@@ -18,7 +24,7 @@ def noisy_pairs(count, sigma_px, seed, truth=TRUTH):
     return left + rng.normal(0, sigma_px, left.shape), right
 
 
-def unit_pairs():
+def unit_pairs() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """A strongly projective case in coordinates around 1, far from a minimum."""
     rng = np.random.default_rng(1)
     x = rng.uniform(-1, 1, (30, 2))
@@ -26,12 +32,14 @@ def unit_pairs():
     return h, x, apply(np.append(h, 1).reshape(3, 3), x) + rng.normal(0, 0.05, x.shape)
 
 
-def central_differences(function, h, step=1e-6):
+def central_differences(
+    function: Callable[..., Any], h: NDArray[np.float64], step: float = 1e-6
+) -> NDArray[np.float64]:
     return np.stack([(function(h + d) - function(h - d)) / (2 * step) for d in step * np.eye(8)], axis=-1)
 
 
 @pytest.mark.parametrize("error", ["transfer", "symmetric", "sampson"])
-def test_jacobian_against_finite_differences(error):
+def test_jacobian_against_finite_differences(error: str) -> None:
     h, x, y = unit_pairs()
     function = getattr(refinement, error)
     numeric = central_differences(lambda h: function(h, x, y)[0], h)
@@ -39,7 +47,7 @@ def test_jacobian_against_finite_differences(error):
 
 
 @pytest.mark.parametrize("error", ERRORS)
-def test_gradient_against_finite_differences(error):
+def test_gradient_against_finite_differences(error: str) -> None:
     h, x, y = unit_pairs()
     function = getattr(refinement, error)
     residuals, jacobian = function(h, x, y)
@@ -47,21 +55,21 @@ def test_gradient_against_finite_differences(error):
     np.testing.assert_allclose(np.einsum("nk,nki->i", residuals, jacobian), numeric, atol=1e-9)
 
 
-def test_errors_of_a_shift_by_hand():
+def test_errors_of_a_shift_by_hand() -> None:
     # (3, 4) off under a pure shift: 25 in one image, 25 in each of both; half the way in each is the nearest.
     shift = np.array([[1.0, 0, 10], [0, 1, 0], [0, 0, 1]])
     found = {error: squared_errors(shift, [(5, 5)], [(18, 9)], error=error)[0] for error in ERRORS}
     assert found == pytest.approx({"transfer": 25, "symmetric": 50, "reprojection": 12.5, "sampson": 12.5})
 
 
-def test_errors_of_a_zoom_by_hand():
+def test_errors_of_a_zoom_by_hand() -> None:
     # Under a zoom of 2 an offset of 5 right pixels is 2.5 left ones; the nearest pair is 25 / (1 + 2²) away.
     zoom = np.diag([2.0, 2, 1])
     found = {error: squared_errors(zoom, [(1, 1)], [(5, 6)], error=error)[0] for error in ERRORS}
     assert found == pytest.approx({"transfer": 25, "symmetric": 31.25, "reprojection": 5, "sampson": 5})
 
 
-def test_reprojection_error_against_direct_minimisation():
+def test_reprojection_error_against_direct_minimisation() -> None:
     left, right = noisy_pairs(5, 8.0, seed=2)
     for x, y, error in zip(left, right, squared_errors(TRUTH, left, right, error="reprojection"), strict=True):
         nearest = minimize(
@@ -71,12 +79,12 @@ def test_reprojection_error_against_direct_minimisation():
 
 
 @pytest.mark.parametrize("error", ERRORS)
-def test_refine_reaches_a_minimum_of_its_own_error(error):
+def test_refine_reaches_a_minimum_of_its_own_error(error: str) -> None:
     left, right = noisy_pairs(40, 1.0, seed=3)
     start = dlt(left, right)
     refined = refine(start, left, right, error=error)
 
-    def cost(h):
+    def cost(h: Any) -> Any:
         return squared_errors(np.append(h, 1).reshape(3, 3), left, right, error=error).sum()
 
     h = refined.ravel()[:8]
@@ -86,11 +94,11 @@ def test_refine_reaches_a_minimum_of_its_own_error(error):
         assert cost(h) < min(cost(h + step), cost(h - step))
 
 
-def test_reprojection_refinement_against_the_full_bundle():
+def test_reprojection_refinement_against_the_full_bundle() -> None:
     # Independent: all 8 + 2N unknowns at once with numeric derivatives, in coordinates around 1.
     left, right = (points / 320 - 1 for points in noisy_pairs(12, 2.0, seed=4))
 
-    def residuals(unknowns):
+    def residuals(unknowns: Any) -> Any:
         exact = unknowns[8:].reshape(-1, 2)
         return np.concatenate([exact - left, apply(np.append(unknowns[:8], 1).reshape(3, 3), exact) - right]).ravel()
 
@@ -101,7 +109,7 @@ def test_reprojection_refinement_against_the_full_bundle():
     assert squared_errors(refined, left, right, error="reprojection").sum() == pytest.approx(2 * bundle.cost, rel=1e-9)
 
 
-def mean_distance_to_truth(truth, count, estimators):
+def mean_distance_to_truth(truth: NDArray[np.float64], count: int, estimators: tuple[Any, ...]) -> dict[str, float]:
     """Mean over seeds 0 to 99 of the mean distance over a grid, for noise of 1 px in both images."""
     grid = np.stack(np.meshgrid(np.linspace(0, 640, 9), np.linspace(0, 640, 9)), axis=-1).reshape(-1, 2)
     distance = dict.fromkeys(estimators, 0.0)
@@ -114,13 +122,13 @@ def mean_distance_to_truth(truth, count, estimators):
     return distance
 
 
-def test_better_models_of_the_noise_are_closer_to_the_truth():
+def test_better_models_of_the_noise_are_closer_to_the_truth() -> None:
     truth = np.array([[0.5, 0.1, 20], [-0.1, 0.5, 10], [-6e-4, -4e-4, 1]])
     distance = mean_distance_to_truth(truth, 12, ("reprojection", "symmetric", "dlt"))
     assert distance["reprojection"] < distance["symmetric"] < distance["dlt"]
 
 
-def test_only_reprojection_and_sampson_stand_strong_perspective():
+def test_only_reprojection_and_sampson_stand_strong_perspective() -> None:
     # Points near the horizon have large errors in one image, which the symmetric error trusts all the same.
     truth = np.array([[1, 0.1, 20], [-0.1, 1, 10], [3e-3, 1e-3, 1]])
     distance = mean_distance_to_truth(truth, 16, ("reprojection", "sampson", "symmetric", "dlt"))
@@ -128,7 +136,7 @@ def test_only_reprojection_and_sampson_stand_strong_perspective():
     assert distance["sampson"] == pytest.approx(distance["reprojection"], rel=0.01)
 
 
-def test_weights_count_like_repetition():
+def test_weights_count_like_repetition() -> None:
     left, right = noisy_pairs(15, 1.0, seed=5)
     weight = np.random.default_rng(5).integers(0, 4, 15)
     start = dlt(left, right)
@@ -136,7 +144,7 @@ def test_weights_count_like_repetition():
     np.testing.assert_allclose(refine(start, left, right, weight=weight), repeated, rtol=1e-5, atol=1e-7)
 
 
-def test_bad_input_is_refused():
+def test_bad_input_is_refused() -> None:
     left, right = noisy_pairs(10, 1.0, seed=9)
     with pytest.raises(ValueError, match=r"'huber'.*sampson"):
         refine(TRUTH, left, right, error="huber")

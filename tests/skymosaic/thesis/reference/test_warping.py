@@ -1,3 +1,5 @@
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
@@ -7,7 +9,7 @@ from skymosaic.thesis.reference.warping import project_to_cylinder, warp_forward
 
 
 @pytest.mark.parametrize("channels", [(), (3,)], ids=["gray", "bgr"])
-def test_forward_whole_pixel_shift_is_exact(channels):
+def test_forward_whole_pixel_shift_is_exact(channels: tuple[Any, ...]) -> None:
     image = np.random.default_rng(0).integers(0, 256, (40, 60, *channels), dtype=np.uint8)
     shift = np.array([[1.0, 0, 7], [0, 1, -5], [0, 0, 1]])
     warped = warp_forward(image, shift, Canvas(0, -10, 80, 60))
@@ -16,7 +18,7 @@ def test_forward_whole_pixel_shift_is_exact(channels):
     np.testing.assert_array_equal(warped, expected)
 
 
-def test_forward_leaves_holes_where_it_enlarges_and_backward_none():
+def test_forward_leaves_holes_where_it_enlarges_and_backward_none() -> None:
     image = np.full((20, 20), 9, np.uint8)
     zoom, canvas = np.diag([2.0, 2, 1]), Canvas(0, 0, 39, 39)
     warped = warp_forward(image, zoom, canvas)
@@ -25,7 +27,7 @@ def test_forward_leaves_holes_where_it_enlarges_and_backward_none():
     assert (warp_backward(image, zoom, canvas) == 9).all()
 
 
-def test_forward_agrees_with_backward_on_a_smooth_image():
+def test_forward_agrees_with_backward_on_a_smooth_image() -> None:
     # The nearest pixel is at most half a pixel off along x and y, turned here; the ramp rises by 1 along both.
     ramp = np.add.outer(np.arange(100), np.arange(120)).astype(np.uint8)
     turn = np.array([[0.8, -0.6, 60], [0.6, 0.8, 0], [0, 0, 1]])
@@ -36,7 +38,7 @@ def test_forward_agrees_with_backward_on_a_smooth_image():
     assert np.abs(there[hit].astype(int) - back[hit]).max() <= 2
 
 
-def test_cylinder_turns_a_pan_into_a_shift():
+def test_cylinder_turns_a_pan_into_a_shift() -> None:
     # A dot seen under 0.2 rad lands f * 0.2 px beside the centre, at its elevation's tangent times f.
     focal_px = 500.0
     image = np.zeros((201, 601), dtype=np.uint8)
@@ -49,7 +51,7 @@ def test_cylinder_turns_a_pan_into_a_shift():
     assert rows.mean() == pytest.approx(150, abs=0.3)
 
 
-def test_cylinder_of_a_long_lens_is_the_plane():
+def test_cylinder_of_a_long_lens_is_the_plane() -> None:
     image = cv2.GaussianBlur(np.random.default_rng(0).integers(0, 256, (60, 80), dtype=np.uint8), (0, 0), 4)
     warped = project_to_cylinder(image, 1e6)
     # The arc of 79 px spans 78 whole ones: an even number about the centre.
