@@ -101,7 +101,7 @@ def leaves_in_order(
     """
     inside = Signal(range(most + len(arrivals) + 1))
     follows, followed, ahead = Signal(), Signal(len(item)), Signal.like(inside)
-    after = inside
+    after: Value = inside
     for number, (arrives, arriving) in enumerate(arrivals, start=1):
         with m.If(arrives & (chosen == number) & ~follows):
             m.d.sync += [follows.eq(1), followed.eq(arriving), ahead.eq(after - leaves)]
