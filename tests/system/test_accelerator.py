@@ -37,7 +37,7 @@ def run(*arguments: str) -> str:
         pytest.param("verilator", "thesis", marks=pytest.mark.slow),
     ],
 )
-def test_compare_finds_every_field_equal(photographs, backend: str, preset: str) -> None:
+def test_compare_finds_every_field_equal(photographs: tuple[str, str], backend: str, preset: str) -> None:
     found = json.loads(run("compare", *photographs, "--backend", backend, "--preset", preset, "--json"))
     assert found["equal"], found["mismatch"]
     assert found["notes"] == []
@@ -47,7 +47,7 @@ def test_compare_finds_every_field_equal(photographs, backend: str, preset: str)
     assert found["cycles_per_frame"] == predicted or preset == "thesis"
 
 
-def test_the_mosaic_is_the_same_byte_for_byte(photographs, tmp_path: Path) -> None:
+def test_the_mosaic_is_the_same_byte_for_byte(photographs: tuple[str, str], tmp_path: Path) -> None:
     mosaics = {name: tmp_path / f"{name}.png" for name in ("golden", "rtl")}
     for backend, path in mosaics.items():
         run("mosaic", *photographs, "-o", str(path), "--backend", backend)

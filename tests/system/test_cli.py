@@ -8,9 +8,10 @@ import cv2
 import numpy as np
 import pytest
 
-from sim.scene import make_pair
+from sim.scene import Flight, make_pair
 from skymosaic.cli import COMMANDS, app, main
 from skymosaic.evaluation.metrics import grid_error
+from tests.conftest import Run
 from tests.system.command_line import only_error, skymosaic
 
 SEED = 5
@@ -22,7 +23,7 @@ def one_line_error(result: subprocess.CompletedProcess[str], status: int) -> str
     return only_error(result.stderr)
 
 
-def refusal(run, *words: object) -> str:
+def refusal(run: Run, *words: object) -> str:
     """The line of a command that ends with status 2."""
     status, _, errors = run(*map(str, words))
     assert status == 2, errors
@@ -30,12 +31,12 @@ def refusal(run, *words: object) -> str:
 
 
 @pytest.fixture(scope="module")
-def flight():
+def flight() -> Flight:
     return make_pair(seed=SEED)
 
 
 @pytest.fixture(scope="module")
-def photographs(tmp_path_factory: pytest.TempPathFactory, flight) -> tuple[Path, Path]:
+def photographs(tmp_path_factory: pytest.TempPathFactory, flight: Flight) -> tuple[Path, Path]:
     folder = tmp_path_factory.mktemp("photographs")
     paths = folder / "left.png", folder / "right.png"
     for path, image in zip(paths, flight.images, strict=True):
@@ -43,7 +44,7 @@ def photographs(tmp_path_factory: pytest.TempPathFactory, flight) -> tuple[Path,
     return paths
 
 
-def test_register_prints_the_true_homography(photographs, flight, tmp_path: Path) -> None:
+def test_register_prints_the_true_homography(photographs: tuple[Path, Path], flight: Flight, tmp_path: Path) -> None:
     result = skymosaic("register", *photographs, "--json", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     printed = json.loads(result.stdout)
@@ -55,7 +56,7 @@ def test_register_prints_the_true_homography(photographs, flight, tmp_path: Path
     assert printed["inliers"] <= printed["kept"] <= printed["matches"] <= min(printed["features"])
 
 
-def test_mosaic_writes_picture_and_report(photographs, tmp_path: Path) -> None:
+def test_mosaic_writes_picture_and_report(photographs: tuple[Path, Path], tmp_path: Path) -> None:
     result = skymosaic("mosaic", *photographs, "-o", "m.png", "--report", "r", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     picture = cv2.imread(str(tmp_path / "m.png"))
@@ -75,21 +76,21 @@ def test_demo_measures_itself_against_the_truth(tmp_path: Path) -> None:
         assert (tmp_path / "out" / name).stat().st_size > 0
 
 
-def test_missing_file(photographs, tmp_path: Path) -> None:
+def test_missing_file(photographs: tuple[Path, Path], tmp_path: Path) -> None:
     assert "missing.png" in one_line_error(skymosaic("register", photographs[0], "missing.png", cwd=tmp_path), 2)
 
 
-def test_text_file_named_png(photographs, tmp_path: Path) -> None:
+def test_text_file_named_png(photographs: tuple[Path, Path], tmp_path: Path) -> None:
     (tmp_path / "text.png").write_text("words, not pixels\n")
     assert "text.png" in one_line_error(skymosaic("register", photographs[0], "text.png", cwd=tmp_path), 2)
 
 
-def test_image_too_small(photographs, tmp_path: Path) -> None:
+def test_image_too_small(photographs: tuple[Path, Path], tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "tiny.png"), np.zeros((10, 10), np.uint8))
     assert "10x10" in one_line_error(skymosaic("register", photographs[0], "tiny.png", cwd=tmp_path), 2)
 
 
-def test_unrelated_photographs_say_why_and_write_no_mosaic(photographs, tmp_path: Path) -> None:
+def test_unrelated_photographs_say_why_and_write_no_mosaic(photographs: tuple[Path, Path], tmp_path: Path) -> None:
     other = make_pair(seed=SEED + 100).images[0]
     cv2.imwrite(str(tmp_path / "other.png"), other)
     result = skymosaic("mosaic", photographs[0], "other.png", "-o", "m.png", "--report", "r", cwd=tmp_path)
@@ -100,13 +101,13 @@ def test_unrelated_photographs_say_why_and_write_no_mosaic(photographs, tmp_path
     assert (tmp_path / "r" / "matches.png").exists()
 
 
-def test_flat_image_says_too_few_features(photographs, tmp_path: Path) -> None:
+def test_flat_image_says_too_few_features(photographs: tuple[Path, Path], tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "flat.png"), np.full((480, 640), 128, np.uint8))
     line = one_line_error(skymosaic("register", photographs[0], "flat.png", cwd=tmp_path), 3)
     assert "too few features" in line
 
 
-def test_identical_images_give_the_identity(photographs, tmp_path: Path) -> None:
+def test_identical_images_give_the_identity(photographs: tuple[Path, Path], tmp_path: Path) -> None:
     result = skymosaic("register", photographs[0], photographs[0], "--json", cwd=tmp_path)
     assert np.allclose(json.loads(result.stdout)["homography"], np.eye(3), atol=1e-3)
 
@@ -125,7 +126,9 @@ def test_identical_images_give_the_identity(photographs, tmp_path: Path) -> None
         (("--config", "impossible.toml"), "levels"),
     ],
 )
-def test_bad_options_are_one_line(run, photographs, tmp_path: Path, options: tuple[str, ...], says: str) -> None:
+def test_bad_options_are_one_line(
+    run: Run, photographs: tuple[Path, Path], tmp_path: Path, options: tuple[str, ...], says: str
+) -> None:
     (tmp_path / "unknown.toml").write_text("[front_end]\nthresold = 4\n")
     (tmp_path / "impossible.toml").write_text("[front_end]\nlevels = 7\n")
     output = () if "-o" in options else ("-o", "m.png")
@@ -146,7 +149,7 @@ def test_bad_options_are_one_line(run, photographs, tmp_path: Path, options: tup
     ],
 )
 def test_options_that_cannot_apply_to_two_photographs_are_one_line(
-    run, photographs, tmp_path: Path, options: tuple[str, ...], says: str
+    run: Run, photographs: tuple[Path, Path], tmp_path: Path, options: tuple[str, ...], says: str
 ) -> None:
     assert says in refusal(run, "mosaic", *photographs, "-o", "m.png", *options)
     assert list(tmp_path.iterdir()) == []
@@ -162,19 +165,19 @@ def test_options_that_cannot_apply_to_two_photographs_are_one_line(
     ],
 )
 def test_options_that_cannot_apply_to_a_live_mosaic_are_one_line(
-    run, tmp_path: Path, options: tuple[str, ...], flag: str
+    run: Run, tmp_path: Path, options: tuple[str, ...], flag: str
 ) -> None:
     assert f"{flag}: no effect with --live" in refusal(run, "mosaic", tmp_path, "-o", "m.png", "--live", *options)
 
 
-def test_the_canvas_limit_applies_to_two_photographs(photographs, tmp_path: Path) -> None:
+def test_the_canvas_limit_applies_to_two_photographs(photographs: tuple[Path, Path], tmp_path: Path) -> None:
     large = cv2.resize(cv2.imread(str(photographs[0])), None, fx=2, fy=2)
     cv2.imwrite(str(tmp_path / "large.png"), large)
     result = skymosaic("mosaic", "large.png", "large.png", "-o", "m.png", "--canvas-limit", "1", cwd=tmp_path)
     assert "the limit is 1" in one_line_error(result, 3)
 
 
-def test_every_command_exists_and_is_listed_in_the_help(capsys) -> None:
+def test_every_command_exists_and_is_listed_in_the_help(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         app(["--help"])
     shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
@@ -222,7 +225,7 @@ def test_the_help_of_no_command_imports_amaranth() -> None:
     assert not {name for name in modules_loaded_by(help_of(*COMMANDS)) if name.split(".")[0] == "amaranth"}
 
 
-def test_a_configuration_file_is_obeyed(photographs, tmp_path: Path) -> None:
+def test_a_configuration_file_is_obeyed(photographs: tuple[Path, Path], tmp_path: Path) -> None:
     (tmp_path / "c.toml").write_text('[front_end]\nlevels = 1\ndescriptor = "ilbp-256"\n')
     result = skymosaic("mosaic", *photographs, "-o", "m.png", "--config", "c.toml", "--report", "r", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
@@ -230,7 +233,9 @@ def test_a_configuration_file_is_obeyed(photographs, tmp_path: Path) -> None:
     assert (configured["levels"], configured["descriptor"]) == (1, "ilbp-256")
 
 
-def test_an_opencv_without_contrib_is_an_error_that_names_the_fix(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+def test_an_opencv_without_contrib_is_an_error_that_names_the_fix(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.delattr(cv2, "xfeatures2d")
     monkeypatch.setattr(sys, "argv", ["skymosaic", "register", "left.png", "right.png"])
     with pytest.raises(SystemExit) as stopped:

@@ -14,6 +14,7 @@ import pytest
 
 from sim.scene import make_pair
 from skymosaic.imagery.video import write_video
+from tests.conftest import Run
 from tests.system.command_line import only_error
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "how-to" / "command_line.md"
@@ -52,7 +53,7 @@ def documented(command: str) -> set[str]:
 
 
 @pytest.mark.parametrize("name", WRITES_JSON)
-def test_json_is_one_object_with_the_documented_keys(run, name: str) -> None:
+def test_json_is_one_object_with_the_documented_keys(run: Run, name: str) -> None:
     status, out, errors = run(name, *WRITES_JSON[name], "--json")
     assert status == 0, errors
     found = json.loads(out)
@@ -66,14 +67,14 @@ def test_json_is_one_object_with_the_documented_keys(run, name: str) -> None:
     assert min(seconds.values()) >= 0
 
 
-def test_a_failure_is_an_object_too(run) -> None:
+def test_a_failure_is_an_object_too(run: Run) -> None:
     status, out, errors = run("register", "left.png", "absent.png", "--json")
     found = json.loads(out)
     assert status == found["status"] == 2
     assert only_error(errors) == f"error: {found['error']}"
 
 
-def test_results_go_to_stdout_and_progress_to_stderr(run) -> None:
+def test_results_go_to_stdout_and_progress_to_stderr(run: Run) -> None:
     _, out, errors = run("register", "left.png", "right.png")
     assert b"inliers" in out
     assert out.count(b"e+0") + out.count(b"e-0") == 9
@@ -81,18 +82,18 @@ def test_results_go_to_stdout_and_progress_to_stderr(run) -> None:
     assert "inliers" not in errors
 
 
-def test_quiet_prints_results_only(run) -> None:
+def test_quiet_prints_results_only(run: Run) -> None:
     loud = run("register", "left.png", "right.png")
     for words in (("-q", "register", "left.png", "right.png"), ("register", "left.png", "right.png", "--quiet")):
         assert run(*words) == (0, loud[1], "")
 
 
-def test_verbose_says_which_versions_run(run) -> None:
+def test_verbose_says_which_versions_run(run: Run) -> None:
     _, _, errors = run("fuzzy", "ransac", "-v")
     assert re.match(r"skymosaic \S+, Python 3\.", errors)
 
 
-def test_a_picture_on_stdout_is_nothing_but_the_picture(run) -> None:
+def test_a_picture_on_stdout_is_nothing_but_the_picture(run: Run) -> None:
     status, out, errors = run("mosaic", "left.png", "right.png", "-o", "-")
     assert status == 0
     assert cv2.imdecode(np.frombuffer(out, np.uint8), cv2.IMREAD_COLOR) is not None
@@ -102,10 +103,11 @@ def test_a_picture_on_stdout_is_nothing_but_the_picture(run) -> None:
 
 
 @pytest.mark.parametrize("words", [("mosaic", "left.png", "right.png", "flat.png"), ("live", "cloud.mkv")])
-def test_a_photograph_left_out_is_a_warning_and_with_strict_an_error(run, words: tuple[str, ...]) -> None:
+def test_a_photograph_left_out_is_a_warning_and_with_strict_an_error(run: Run, words: tuple[str, ...]) -> None:
     flat = np.full((240, 320, 3), 90, np.uint8)
     cv2.imwrite("flat.png", flat)
-    film(Path("cloud.mkv"), cv2.imread("left.png"), flat, cv2.imread("right.png"))
+    left, right = (np.asarray(cv2.imread(f"{name}.png")) for name in ("left", "right"))
+    film(Path("cloud.mkv"), left, flat, right)
     status, out, errors = run(*words, "-o", "m.png", "--json")
     assert status == 0, errors
     (warning,) = json.loads(out)["warnings"]
@@ -125,14 +127,14 @@ def test_a_photograph_left_out_is_a_warning_and_with_strict_an_error(run, words:
         (("paint",), "paint"),
     ],
 )
-def test_a_wrong_command_line_is_one_line_that_names_the_help(run, words: tuple[str, ...], says: str) -> None:
+def test_a_wrong_command_line_is_one_line_that_names_the_help(run: Run, words: tuple[str, ...], says: str) -> None:
     status, out, errors = run(*words)
     assert (status, out, errors.count("\n")) == (2, b"", 1)
     assert says in only_error(errors)
     assert errors.rstrip().endswith("--help")
 
 
-def test_version_choices_and_completion(run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_version_choices_and_completion(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     assert re.fullmatch(rb"skymosaic \d+\.\d+\.\d+\S*\n", run("--version")[1])
     monkeypatch.setenv("COLUMNS", "300")
     shown = run("mosaic", "--help")[1].decode()

@@ -82,7 +82,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def fusesoc(folder: Path, core: str) -> subprocess.CompletedProcess[str]:
     """Run a core's simulation in a folder of its own."""
-    command = [Path(sys.executable).with_name("fusesoc"), "--cores-root", ".", "run", "--target", "sim", core]
+    command = [str(Path(sys.executable).with_name("fusesoc")), "--cores-root", ".", "run", "--target", "sim", core]
     return subprocess.run(
         command,
         cwd=folder,
@@ -125,7 +125,7 @@ def test_the_ip_xact_component_tells_buses_ports_and_registers(folder: Path) -> 
     (top,) = re.findall(rf"^module {export.TOP}\((.*?)\);", (folder / "rtl" / "skymosaic.v").read_text(), re.S | re.M)
     assert ports == set(re.findall(r"\w+", top))
     mapped = [port.findtext("x:name", None, name) for port in root.iterfind(".//x:physicalPort", name)]
-    assert sorted(mapped) == sorted(ports)
+    assert sorted(map(str, mapped)) == sorted(map(str, ports))
     told = {
         (register.findtext("x:name", None, name), field.findtext("x:name", None, name))
         for register in root.iterfind(".//x:register", name)

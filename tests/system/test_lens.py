@@ -1,36 +1,48 @@
 """Rendered flights with a bending lens, vignetting, drifting exposure and white balance, over real relief."""
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 
+from golden_model.arrays import Pixels
 from golden_model.config import preset_config
-from sim.scene import make_lawnmower
+from sim.scene import Flight, make_lawnmower
 from skymosaic.compositing.warp import Canvas
 from skymosaic.flight.cache import ResultCache
 from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.picture.composition import compose
+from skymosaic.flight.survey import Flight as SurveyedFlight
 from skymosaic.flight.survey import survey
 from skymosaic.flight.workers import Workers
 from skymosaic.geometry.homography import apply, estimate
 from skymosaic.imagery.lens import Lens, load_lens
 from skymosaic.imagery.photographs import list_sources
+from tests.conftest import Run
 from tests.system.command_line import skymosaic
 
 IMAGES, SIZE, K1 = 12, (640, 480), -0.12
-SURVEY = {"seed": 8, "images": IMAGES, "size": SIZE, "forward_overlap": 0.7, "side_overlap": 0.5, "relief": True}
-LIGHT = {"vignetting": 0.35, "exposure_step": 0.06, "balance_sigma": 0.03}
+SURVEY: dict[str, Any] = {
+    "seed": 8,
+    "images": IMAGES,
+    "size": SIZE,
+    "forward_overlap": 0.7,
+    "side_overlap": 0.5,
+    "relief": True,
+}
+LIGHT: dict[str, Any] = {"vignetting": 0.35, "exposure_step": 0.06, "balance_sigma": 0.03}
 
 
 @pytest.fixture(scope="module")
-def truth():
+def truth() -> Flight:
     return make_lawnmower(**SURVEY, **LIGHT, k1=K1)
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory, truth) -> Path:
+def folder(tmp_path_factory: pytest.TempPathFactory, truth: Flight) -> Path:
     folder = tmp_path_factory.mktemp("bent")
     for index, image in enumerate(truth.images):
         cv2.imwrite(str(folder / f"{index:02}.png"), image)
@@ -38,38 +50,38 @@ def folder(tmp_path_factory: pytest.TempPathFactory, truth) -> Path:
 
 
 @pytest.fixture(scope="module")
-def flight(folder, tmp_path_factory: pytest.TempPathFactory):
+def flight(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> SurveyedFlight:
     return surveyed([folder], cache=tmp_path_factory.mktemp("cache"))
 
 
-def surveyed(images, lens: Lens | None = None, cache: Path | None = None):
+def surveyed(images: Sequence[Path | Pixels], lens: Lens | None = None, cache: Path | None = None) -> SurveyedFlight:
     with Workers() as workers:
         settings = Settings(preset_config("aerial"), lens=lens or Lens())
         return survey(list_sources(images), settings, 0, workers, ResultCache(cache))
 
 
-def mean_position_error_px(flight, truth) -> float:
+def mean_position_error_px(flight: SurveyedFlight, truth: Flight) -> float:
     """On the ground, after the best similarity alignment of all; where the lens is straightened."""
     grid = np.stack(np.meshgrid(np.linspace(0, SIZE[0] - 1, 4), np.linspace(0, SIZE[1] - 1, 4)), -1).reshape(-1, 2)
     layout = flight.layouts[0]
     assert len(layout.members) == IMAGES
     found = np.array([apply(matrix, grid) for matrix in layout.to_reference(flight.views).values()])
-    true = np.array([apply(np.linalg.inv(matrix), grid) for matrix in truth.homographies])
+    true = np.array([apply(np.asarray(np.linalg.inv(matrix), np.float64), grid) for matrix in truth.homographies])
     alignment = estimate(found.reshape(-1, 2), true.reshape(-1, 2), model="similarity")
     return float(np.linalg.norm(apply(alignment, found) - true, axis=-1).mean())
 
 
-def test_the_distortion_is_found_and_does_not_cost_accuracy(flight, truth) -> None:
+def test_the_distortion_is_found_and_does_not_cost_accuracy(flight: SurveyedFlight, truth: Flight) -> None:
     # Both coefficients at the same focal length: what an image shows does not tell it.
     found = flight.calibration.k1 * (truth.camera.focal_px / flight.calibration.focal_px) ** 2
     assert found == pytest.approx(K1, rel=0.05)
     straight = make_lawnmower(**SURVEY, **LIGHT)
-    undistorted = mean_position_error_px(surveyed(list(straight.images)), straight)
+    undistorted = mean_position_error_px(surveyed(straight.images), straight)
     assert mean_position_error_px(flight, truth) < 1.2 * undistorted
     assert mean_position_error_px(flight, truth) < 0.25
 
 
-def test_features_are_found_again_in_straightened_photographs(flight) -> None:
+def test_features_are_found_again_in_straightened_photographs(flight: SurveyedFlight) -> None:
     for link in flight.links:
         for view, points in (
             (flight.views[link.left], link.left_points),
@@ -80,7 +92,7 @@ def test_features_are_found_again_in_straightened_photographs(flight) -> None:
             assert (away_px < 0.2).all()
 
 
-def test_exposures_agree_and_brightness_is_kept(flight, truth) -> None:
+def test_exposures_agree_and_brightness_is_kept(flight: SurveyedFlight, truth: Flight) -> None:
     composition = compose(flight, flight.layouts[0])
     whole, middle = Canvas(0, 0, *SIZE), (np.array(SIZE) - 1) / 2
     y, x = np.indices(SIZE[::-1])
@@ -97,7 +109,9 @@ def test_exposures_agree_and_brightness_is_kept(flight, truth) -> None:
     assert np.median(within) < 0.03
 
 
-def test_the_lens_is_kept_beside_the_links_and_as_a_camera_file(folder, flight, truth, tmp_path, monkeypatch) -> None:
+def test_the_lens_is_kept_beside_the_links_and_as_a_camera_file(
+    folder: Path, flight: SurveyedFlight, truth: Flight, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     camera = tmp_path / "camera.toml"
     made = skymosaic("mosaic", folder, "-o", "m.png", "--save-camera", camera, "--cache", "cache", cwd=tmp_path)
     assert made.returncode == 0, made.stderr
@@ -112,7 +126,7 @@ def test_the_lens_is_kept_beside_the_links_and_as_a_camera_file(folder, flight, 
     assert mean_position_error_px(again, truth) < 1
 
 
-def test_a_camera_file_that_could_not_be_written_is_refused_at_once(folder, tmp_path, run) -> None:
+def test_a_camera_file_that_could_not_be_written_is_refused_at_once(folder: Path, tmp_path: Path, run: Run) -> None:
     (tmp_path / "camera.toml").touch()
     pictures = sorted(folder.iterdir())
     for options, says in (

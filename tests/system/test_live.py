@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from golden_model.config import preset_config
-from sim.scene import make_lawnmower
+from sim.scene import Flight, make_lawnmower
 from skymosaic import mosaic
 from skymosaic.cli.live import grow
 from skymosaic.errors import InputError
@@ -30,12 +30,12 @@ CONFIG = preset_config("aerial")
 
 
 @pytest.fixture(scope="module")
-def frames(flight) -> list[np.ndarray]:
+def frames(flight: Flight) -> list[np.ndarray]:
     return list(flight.images)
 
 
 @pytest.fixture(scope="module")
-def video(tmp_path_factory: pytest.TempPathFactory, frames) -> Path:
+def video(tmp_path_factory: pytest.TempPathFactory, frames: list[np.ndarray]) -> Path:
     """A pan over the first two photographs side by side."""
     path = tmp_path_factory.mktemp("video") / "pan.mp4"
     wide = mosaic(frames[:3]).image
@@ -64,7 +64,9 @@ class FolderClock:
             os.utime(path, ns=(self._now_ns, self._now_ns))
 
 
-def test_a_folder_is_watched_until_no_more_frames_arrive(frames, flight, tmp_path: Path, monkeypatch) -> None:
+def test_a_folder_is_watched_until_no_more_frames_arrive(
+    frames: list[np.ndarray], flight: Flight, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Photographs arrive one by one, each in two halves, the last one damaged."""
     encoded = [cv2.imencode(".png", frame)[1].tobytes() for frame in frames[:4]]
 

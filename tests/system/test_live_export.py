@@ -28,7 +28,14 @@ ACCEPTED = {
 def test_verilator_finds_nothing_but_what_is_allowed(tmp_path: Path) -> None:
     export.export_live(tmp_path, config=SMALL, lanes=2, max_width_px=128, max_height_px=128, video_bits=24)
     root = Path(verilator.__file__).parent
-    command = [root / "bin" / "verilator_bin", "--lint-only", "-Wall", "-Wno-fatal", "--top-module", export.LIVE_TOP]
+    command = [
+        str(root / "bin" / "verilator_bin"),
+        "--lint-only",
+        "-Wall",
+        "-Wno-fatal",
+        "--top-module",
+        export.LIVE_TOP,
+    ]
     result = subprocess.run(
         [*command, f"{export.LIVE_TOP}.v"],
         cwd=tmp_path / "rtl",

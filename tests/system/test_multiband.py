@@ -1,7 +1,9 @@
 """Multi-band sets by command, in the panel and in a live mosaic."""
 
 import shutil
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -17,7 +19,7 @@ from tests.skymosaic.flight.bands.conftest import CAPTURES
 from tests.system.command_line import only_error, skymosaic
 
 
-def test_one_geotiff_shows_the_same_ground_in_all_bands(band_folder, tmp_path):
+def test_one_geotiff_shows_the_same_ground_in_all_bands(band_folder: Path, tmp_path: Path) -> None:
     rasterio = pytest.importorskip("rasterio")
     made = skymosaic("mosaic", band_folder, "-o", "m.tif", "--band", "RED", "--report", "report", cwd=tmp_path)
     assert made.returncode == 0, made.stderr
@@ -37,7 +39,7 @@ def test_one_geotiff_shows_the_same_ground_in_all_bands(band_folder, tmp_path):
     assert np.corrcoef(fine[0][inside], fine[2][inside])[0, 1] < -0.985
 
 
-def test_the_panel_writes_all_bands_of_uploaded_sets(band_folder, tmp_path):
+def test_the_panel_writes_all_bands_of_uploaded_sets(band_folder: Path, tmp_path: Path) -> None:
     rasterio = pytest.importorskip("rasterio")
     run = shutil.copytree(band_folder, tmp_path / "run")
     (tmp_path / "pictures").mkdir()
@@ -50,7 +52,7 @@ def test_the_panel_writes_all_bands_of_uploaded_sets(band_folder, tmp_path):
         assert file.descriptions[:3] == ("green", "red", "nir")
 
 
-def test_a_live_mosaic_shows_one_named_band(band_folder):
+def test_a_live_mosaic_shows_one_named_band(band_folder: Path) -> None:
     def shown(band: str | None, source: str = str(band_folder)) -> list[str]:
         return [
             Path(p.name).name for p in read_live_frames(source, idle_seconds=0.1, tell=lambda _line: None, band=band)
@@ -74,7 +76,9 @@ def test_a_live_mosaic_shows_one_named_band(band_folder):
         (lambda _: None, {"band": "thermal"}, "band thermal: the sets have green, red, nir"),
     ],
 )
-def test_incomplete_sets_are_refused(band_folder, tmp_path, change, arguments, message):
+def test_incomplete_sets_are_refused(
+    band_folder: Path, tmp_path: Path, change: Callable[[Path], object], arguments: dict[str, Any], message: str
+) -> None:
     shutil.copytree(band_folder, tmp_path / "sets")
     change(tmp_path / "sets")
     with pytest.raises(InputError, match=message):
@@ -83,20 +87,20 @@ def test_incomplete_sets_are_refused(band_folder, tmp_path, change, arguments, m
 
 def cut(path: Path) -> None:
     """Remove the lower third of a picture."""
-    cv2.imwrite(str(path), cv2.imread(str(path), cv2.IMREAD_UNCHANGED)[:200])
+    cv2.imwrite(str(path), np.asarray(cv2.imread(str(path), cv2.IMREAD_UNCHANGED))[:200])
 
 
-def test_bands_need_a_tif(band_folder, tmp_path):
+def test_bands_need_a_tif(band_folder: Path, tmp_path: Path) -> None:
     refused = skymosaic("mosaic", band_folder, "-o", "m.png", cwd=tmp_path)
     assert "m.png: a mosaic of 3 bands must be a .tif" in only_error(refused.stderr)
 
 
-def test_damaged_bands_are_kept_where_that_is_wanted(band_folder):
+def test_damaged_bands_are_kept_where_that_is_wanted(band_folder: Path) -> None:
     capture = group_band_sets(list_sources([band_folder]))[0].with_damaged(keep=True)
     assert [source.keep_damaged for source in (capture, *capture.bands.values())] == [True] * 4
 
 
-def test_names_tell_the_bands(tmp_path):
+def test_names_tell_the_bands(tmp_path: Path) -> None:
     def bands(*names: str) -> list[list[str]]:
         folder = tmp_path / names[0]
         folder.mkdir()

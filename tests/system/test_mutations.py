@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -62,7 +63,7 @@ MUTATIONS = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("fault", MUTATIONS)
-def test_a_planted_fault_fails_a_test(tmp_path, fault):
+def test_a_planted_fault_fails_a_test(tmp_path: Path, fault: Any) -> None:
     file, line, faulty, test = MUTATIONS[fault]
     shutil.copytree(ROOT, tmp_path, dirs_exist_ok=True, ignore=shutil.ignore_patterns(".*", "docs", "demo", "build"))
     path = tmp_path / file

@@ -72,7 +72,9 @@ def abort(address: str, cookie: str) -> None:
 
 
 @pytest.mark.slow
-def test_a_crowd_is_served_and_nothing_is_left(panel, tmp_path: Path, temp: Path) -> None:
+def test_a_crowd_is_served_and_nothing_is_left(
+    panel: tuple[subprocess.Popen[str], str], tmp_path: Path, temp: Path
+) -> None:
     process, address = panel
     with ThreadPoolExecutor(VISITORS) as pool:
         statuses = [status for each in pool.map(visit, [address] * VISITORS, range(VISITORS)) for status in each]

@@ -6,31 +6,33 @@ import numpy as np
 import pytest
 
 from golden_model.records import MATCH
-from sim.scene import make_pair
+from sim.scene import Flight, make_pair
 from skymosaic import mosaic, register
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.evaluation.metrics import grid_error
 from skymosaic.imagery.lens import Lens
 from skymosaic.mosaicking.api import mosaic_of_pair
+from skymosaic.registration.pair import Pair
 
 VGA = (640, 480)
 
 
-def error_px(pair, flight, size=VGA) -> float:
+def error_px(pair: Pair, flight: Flight, size: tuple[int, int] = VGA) -> float:
     assert pair.accepted, pair.reason
+    assert pair.homography is not None
     return grid_error(pair.homography, flight.homography_between(0, 1), size, size)
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_rendered_pairs_are_registered_within_half_a_pixel(seed: int) -> None:
     flight = make_pair(seed=seed)
-    assert error_px(register(*flight.images), flight) < 0.5
+    assert error_px(register(flight.images[0], flight.images[1]), flight) < 0.5
 
 
 def test_the_refined_pass_is_closer_to_the_truth() -> None:
     flights = [make_pair(seed=seed) for seed in range(4)]
-    plain = [error_px(register(*flight.images), flight) for flight in flights]
-    refined = [register(*flight.images, refine=True) for flight in flights]
+    plain = [error_px(register(flight.images[0], flight.images[1]), flight) for flight in flights]
+    refined = [register(flight.images[0], flight.images[1], refine=True) for flight in flights]
     assert np.mean([error_px(*both) for both in zip(refined, flights, strict=True)]) < np.mean(plain)
     # Where held-out matches do not gain, the first result stands and no refined inliers are reported.
     assert all(pair.refined_inliers == 0 or pair.refined_inliers > len(pair.inliers) for pair in refined)
@@ -39,13 +41,16 @@ def test_the_refined_pass_is_closer_to_the_truth() -> None:
 
 def test_the_result_is_the_same_on_every_run() -> None:
     flight = make_pair(seed=2)
-    first, second = (register(*flight.images, seed=3) for _ in range(2))
+    first, second = (register(flight.images[0], flight.images[1], seed=3) for _ in range(2))
+    assert first.homography is not None
+    assert second.homography is not None
     assert np.array_equal(first.homography, second.homography)
     assert np.array_equal(first.inliers, second.inliers)
 
 
 def test_sets_of_matches_are_nested_and_typed() -> None:
-    pair = register(*make_pair(seed=1).images)
+    left, right = make_pair(seed=1).images
+    pair = register(left, right)
     assert pair.matches.dtype == MATCH.dtype
     assert np.all(pair.kept["verdict"] == 1)
     assert len(pair.inliers) <= len(pair.kept) <= len(pair.matches)
@@ -55,7 +60,7 @@ def test_sets_of_matches_are_nested_and_typed() -> None:
 def test_colour_and_gray_of_one_photograph_give_the_same_features() -> None:
     left, right = make_pair(seed=1).images
     grays = [((i.astype(int) @ [29, 150, 77] + 128) >> 8).astype(np.uint8) for i in (left, right)]
-    colour, gray = register(left, right), register(*grays)
+    colour, gray = register(left, right), register(grays[0], grays[1])
     assert np.array_equal(colour.matches, gray.matches)
     assert mosaic([left, right]).image.ndim == 3
     assert mosaic(grays).image.ndim == 2
@@ -113,7 +118,7 @@ def test_a_pair_is_a_flight_with_one_link() -> None:
 
 def test_a_registered_pair_is_blended_to_the_same_mosaic() -> None:
     images = list(make_pair(seed=1).images)
-    assert np.array_equal(mosaic_of_pair(register(*images)).image, mosaic(images).image)
+    assert np.array_equal(mosaic_of_pair(register(images[0], images[1])).image, mosaic(images).image)
 
 
 def test_scale_sets_the_size_of_the_mosaic() -> None:
@@ -128,7 +133,7 @@ def test_scale_sets_the_size_of_the_mosaic() -> None:
 def test_unknown_presets_and_one_image_are_refused() -> None:
     images = list(make_pair(seed=1).images)
     with pytest.raises(InputError, match="aerial, thesis"):
-        register(*images, preset="martian")
+        register(images[0], images[1], preset="martian")
     with pytest.raises(InputError):
         mosaic(images[:1])
 
@@ -139,6 +144,7 @@ def test_a_thesis_frame_with_too_many_corners_raises_the_threshold_for_both() ->
     pair = register(noise, noise, preset="thesis")
     assert pair.config.front_end.threshold > 1000
     assert 0 < len(pair.features[0]) <= pair.config.front_end.max_features
+    assert pair.homography is not None
     assert np.allclose(pair.homography, np.eye(3), atol=1e-3)
 
 
@@ -168,7 +174,8 @@ def test_warp_bends_the_left_photograph_only_where_asked() -> None:
 
 
 def test_the_summary_tells_effort_and_confidence() -> None:
-    summary = register(*make_pair(seed=1).images).summary()
+    left, right = make_pair(seed=1).images
+    summary = register(left, right).summary()
     assert summary["effort"] == "normal"
     assert summary["passes"] == 1
     assert summary["confidence"]["verdict"] == "good"

@@ -3,18 +3,23 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from golden_model.config import preset_config
+from sim.scene import Flight
 from skymosaic import mosaic
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.flight import workers as flight_workers
 from skymosaic.flight.cache import ResultCache
 from skymosaic.flight.linking.view import Settings
+from skymosaic.flight.survey import Flight as SurveyedFlight
 from skymosaic.flight.survey import survey
 from skymosaic.flight.workers import Workers
 from skymosaic.geometry.homography import apply, estimate
@@ -30,21 +35,23 @@ def elsewhere(images: int) -> list[np.ndarray]:
     return [ground[:, 90 * index : 90 * index + SIZE[0]] for index in range(images)]
 
 
-def surveyed(images, cache: Path | None = None):
+def surveyed(images: list[Any], cache: Path | None = None) -> SurveyedFlight:
     with Workers() as workers:
         return survey(list_sources(images), Settings(preset_config("aerial")), 0, workers, ResultCache(cache))
 
 
-def position_errors_px(transforms, flight) -> np.ndarray:
+def position_errors_px(transforms: Mapping[int, NDArray[np.float64]], flight: Flight) -> np.ndarray:
     """Mean error of each image on the ground after the best similarity alignment of all."""
     grid = np.stack(np.meshgrid(np.linspace(0, SIZE[0] - 1, 4), np.linspace(0, SIZE[1] - 1, 4)), -1).reshape(-1, 2)
     found = np.array([apply(transforms[index], grid) for index in sorted(transforms)])
-    true = np.array([apply(np.linalg.inv(flight.homographies[index]), grid) for index in sorted(transforms)])
+    true = np.array(
+        [apply(np.asarray(np.linalg.inv(flight.homographies[index]), np.float64), grid) for index in sorted(transforms)]
+    )
     alignment = estimate(found.reshape(-1, 2), true.reshape(-1, 2), model="similarity")
     return np.linalg.norm(apply(alignment, found) - true, axis=-1).mean(axis=1)
 
 
-def test_every_image_of_a_rendered_flight_is_placed_within_a_pixel(folder, flight) -> None:
+def test_every_image_of_a_rendered_flight_is_placed_within_a_pixel(folder: Path, flight: Flight) -> None:
     result = mosaic([folder])
     assert result.placed == tuple(range(IMAGES))
     assert result.left_out == {}
@@ -53,7 +60,7 @@ def test_every_image_of_a_rendered_flight_is_placed_within_a_pixel(folder, fligh
     assert (result.image.any(axis=2)).mean() > 0.5
 
 
-def test_the_order_of_the_images_does_not_matter_for_where_they_lie(flight) -> None:
+def test_the_order_of_the_images_does_not_matter_for_where_they_lie(flight: Flight) -> None:
     images = list(flight.images)
     shuffled = np.random.default_rng(0).permutation(IMAGES)
     result = mosaic([images[index] for index in shuffled])
@@ -62,7 +69,7 @@ def test_the_order_of_the_images_does_not_matter_for_where_they_lie(flight) -> N
     assert position_errors_px(found, flight).mean() < 1.0
 
 
-def test_no_seam_shows_in_a_rendered_flight(folder, flight) -> None:
+def test_no_seam_shows_in_a_rendered_flight(folder: Path, flight: Flight) -> None:
     """Each pixel of the mosaic is close to what some image shows there, gains and seams notwithstanding."""
     result = mosaic([folder])
     height, width = result.image.shape[:2]
@@ -79,7 +86,7 @@ def test_no_seam_shows_in_a_rendered_flight(folder, flight) -> None:
     assert (closest[shown] > 50).mean() < 0.01
 
 
-def test_unusable_photographs_are_left_out_with_their_names(folder, flight, tmp_path: Path) -> None:
+def test_unusable_photographs_are_left_out_with_their_names(folder: Path, flight: Flight, tmp_path: Path) -> None:
     for path in folder.iterdir():
         (tmp_path / path.name).write_bytes(path.read_bytes())
     (tmp_path / "copy.png").write_bytes((folder / "3.png").read_bytes())
@@ -95,7 +102,7 @@ def test_unusable_photographs_are_left_out_with_their_names(folder, flight, tmp_
     assert len(result.placed) == IMAGES
 
 
-def test_sizes_may_differ(flight) -> None:
+def test_sizes_may_differ(flight: Flight) -> None:
     images = list(flight.images)
     images[2] = images[2][:300, :420]
     images[5] = cv2.resize(images[5], (960, 720), interpolation=cv2.INTER_CUBIC)
@@ -106,7 +113,7 @@ def test_sizes_may_differ(flight) -> None:
 
 
 @pytest.mark.slow
-def test_two_flights_make_two_groups(folder, tmp_path: Path) -> None:
+def test_two_flights_make_two_groups(folder: Path, tmp_path: Path) -> None:
     for path in folder.iterdir():
         (tmp_path / f"a{path.name}").write_bytes(path.read_bytes())
     for index, image in enumerate(elsewhere(4)):
@@ -125,7 +132,7 @@ def test_two_flights_make_two_groups(folder, tmp_path: Path) -> None:
     assert "left out" not in both.stderr
 
 
-def test_photographs_without_links_are_one_line(flight, tmp_path: Path) -> None:
+def test_photographs_without_links_are_one_line(flight: Flight, tmp_path: Path) -> None:
     for index, image in enumerate((flight.images[0], *elsewhere(1), flight.images[IMAGES - 1])):
         cv2.imwrite(str(tmp_path / f"{index}.png"), image)
     result = skymosaic("mosaic", tmp_path, "-o", "m.png", "--cache", "cache", cwd=tmp_path)
@@ -134,7 +141,7 @@ def test_photographs_without_links_are_one_line(flight, tmp_path: Path) -> None:
     assert not (tmp_path / "m.png").exists()
 
 
-def test_a_full_disk_is_one_line_and_leaves_no_mosaic(folder, tmp_path: Path) -> None:
+def test_a_full_disk_is_one_line_and_leaves_no_mosaic(folder: Path, tmp_path: Path) -> None:
     first = skymosaic("mosaic", folder, "-o", "m.png", "--cache", "cache", cwd=tmp_path)
     assert first.returncode == 0, first.stderr
     (tmp_path / "m.png").unlink()
@@ -148,7 +155,7 @@ def test_a_full_disk_is_one_line_and_leaves_no_mosaic(folder, tmp_path: Path) ->
     assert [path.name for path in tmp_path.iterdir()] == ["cache"]
 
 
-def test_a_flight_of_16_bits_keeps_its_numbers(flight, tmp_path: Path) -> None:
+def test_a_flight_of_16_bits_keeps_its_numbers(flight: Flight, tmp_path: Path) -> None:
     """Each photograph fills a different part of the range, as automatic exposure makes it; one has a highlight."""
     for index, image in enumerate(flight.images[:4]):
         deep = 9000 + image[..., 1].astype(np.uint16) * (80 + 10 * index)
@@ -170,20 +177,20 @@ def test_a_flight_of_16_bits_keeps_its_numbers(flight, tmp_path: Path) -> None:
         ({"all_groups": True}, "mosaics()"),
     ],
 )
-def test_options_that_cannot_apply_to_a_flight_are_refused(flight, options: dict[str, object], says: str) -> None:
+def test_options_that_cannot_apply_to_a_flight_are_refused(flight: Flight, options: dict[str, Any], says: str) -> None:
     with pytest.raises(InputError) as refused:
         mosaic(list(flight.images), **options)
     assert says in str(refused.value)
     assert "\n" not in str(refused.value)
 
 
-def test_the_detector_applies_to_a_flight(flight) -> None:
+def test_the_detector_applies_to_a_flight(flight: Flight) -> None:
     result = mosaic(list(flight.images)[:3], detector="fast")
     assert result.flight.settings.config.front_end.detector == "fast"
     assert len(result.placed) == 3
 
 
-def test_check_tells_whether_the_flight_is_complete(folder, tmp_path: Path) -> None:
+def test_check_tells_whether_the_flight_is_complete(folder: Path, tmp_path: Path) -> None:
     for path in folder.iterdir():
         (tmp_path / path.name).write_bytes(path.read_bytes())
     whole = skymosaic("check", tmp_path, "--json", "--cache", "cache", cwd=tmp_path)
@@ -206,7 +213,7 @@ def test_check_tells_whether_the_flight_is_complete(folder, tmp_path: Path) -> N
     assert "linked with no other photograph" in found["photographs"][-1]["problems"]
 
 
-def test_a_killed_run_goes_on_and_ends_the_same(folder, tmp_path: Path) -> None:
+def test_a_killed_run_goes_on_and_ends_the_same(folder: Path, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "skymosaic", "mosaic", str(folder), "-o", "m.png", "--cache", "cache"]
     first = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     while len(list(tmp_path.glob("cache/*.entry"))) < 3 and first.poll() is None:
@@ -225,7 +232,7 @@ def test_a_killed_run_goes_on_and_ends_the_same(folder, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_cluster_of_processes_gives_the_same(folder) -> None:
+def test_a_cluster_of_processes_gives_the_same(folder: Path) -> None:
     distributed = pytest.importorskip("distributed")
     options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
     with distributed.LocalCluster(**options) as cluster:
@@ -236,13 +243,13 @@ def test_a_cluster_of_processes_gives_the_same(folder) -> None:
         np.testing.assert_array_equal(spread.transforms[index], here.transforms[index])
 
 
-def test_an_absent_scheduler_is_one_line(folder, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_absent_scheduler_is_one_line(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(flight_workers, "CONNECT_TIMEOUT_S", 1)
     with pytest.raises(InputError, match="no Dask scheduler answers"):
         mosaic([folder], scheduler="tcp://127.0.0.1:9")
 
 
-def test_a_canvas_beyond_the_limit_is_refused_with_its_size(folder) -> None:
+def test_a_canvas_beyond_the_limit_is_refused_with_its_size(folder: Path) -> None:
     with pytest.raises(RegistrationError, match="limit"):
         mosaic([folder], canvas_limit_px=100_000)
 

@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 from PIL.ExifTags import IFD
 
+from sim.scene import Flight
 from skymosaic import mosaic
 from tests.system.command_line import skymosaic
 from tests.system.conftest import IMAGES, SIZE
@@ -26,7 +27,7 @@ def with_gps(path: Path, image: np.ndarray, east_m: float, north_m: float) -> No
     Image.fromarray(image[..., ::-1]).save(path, quality=92, exif=exif)
 
 
-def test_gps_puts_the_mosaic_on_the_map(flight, tmp_path: Path) -> None:
+def test_gps_puts_the_mosaic_on_the_map(flight: Flight, tmp_path: Path) -> None:
     rasterio = pytest.importorskip("rasterio")
     metres_per_pixel = 0.15
     for index, (image, pose) in enumerate(zip(flight.images, flight.poses, strict=True)):
@@ -49,7 +50,7 @@ def test_gps_puts_the_mosaic_on_the_map(flight, tmp_path: Path) -> None:
         assert [file.width, file.height] == found["size"]
 
 
-def test_a_pair_with_gps_becomes_a_geotiff(flight, tmp_path: Path) -> None:
+def test_a_pair_with_gps_becomes_a_geotiff(flight: Flight, tmp_path: Path) -> None:
     rasterio = pytest.importorskip("rasterio")
     for index, east_m in ((0, 0.0), (1, 30.0)):
         with_gps(tmp_path / f"{index}.jpg", flight.images[index], east_m, 0.0)
@@ -63,7 +64,7 @@ def test_a_pair_with_gps_becomes_a_geotiff(flight, tmp_path: Path) -> None:
         np.testing.assert_array_equal(file.read(), again.read())
 
 
-def test_a_tif_without_the_extra_for_maps_is_a_plain_picture(flight, tmp_path: Path) -> None:
+def test_a_tif_without_the_extra_for_maps_is_a_plain_picture(flight: Flight, tmp_path: Path) -> None:
     for index, east_m in ((0, 0.0), (1, 30.0)):
         with_gps(tmp_path / f"{index}.jpg", flight.images[index], east_m, 0.0)
     code = (
@@ -79,7 +80,7 @@ def test_a_tif_without_the_extra_for_maps_is_a_plain_picture(flight, tmp_path: P
     assert picture.any(axis=2).mean() > 0.5
 
 
-def test_report_and_geotiff_and_scale(folder, tmp_path: Path) -> None:
+def test_report_and_geotiff_and_scale(folder: Path, tmp_path: Path) -> None:
     result = skymosaic(
         "mosaic", folder, "-o", "m.tif", "--report", "r", "--scale", "0.5", "--cache", "cache", cwd=tmp_path
     )

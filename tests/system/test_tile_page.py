@@ -1,6 +1,7 @@
 """The page that `mosaic --tiles` writes, opened from a folder in a real browser."""
 
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -25,7 +26,9 @@ def red_area_px(page: Page) -> int:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("place", [PLACE, None], ids=["map", "pixels"])
-def test_the_tile_page_shows_the_mosaic_and_zooms_without_a_network(tmp_path: Path, browser: Browser, place) -> None:
+def test_the_tile_page_shows_the_mosaic_and_zooms_without_a_network(
+    tmp_path: Path, browser: Browser, place: Any
+) -> None:
     picture = np.full((HEIGHT, WIDTH, 3), 90, np.uint8)
     cv2.circle(picture, (450, 350), 60, (0, 0, 255), -1)
     shown = np.ones((HEIGHT, WIDTH), np.bool_)

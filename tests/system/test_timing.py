@@ -1,6 +1,8 @@
 # amaranth: UnusedElaboratable=no
 """The model of time adds up the latencies that the blocks state; whole frames are compared in tests/system."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from amaranth.hdl import Fragment
@@ -21,14 +23,14 @@ LANES = 4
 CONFIG = Config(front_end=FrontEndConfig(max_features=80))
 
 
-def built(component):
+def built(component: Any) -> Any:
     """The component, elaborated: otherwise Amaranth warns that its parts are unused."""
     Fragment.get(component, None)
     return component
 
 
 @pytest.mark.parametrize("pattern", PATTERNS.values(), ids=PATTERNS)
-def test_latencies_are_those_that_the_blocks_state(pattern):
+def test_latencies_are_those_that_the_blocks_state(pattern: Any) -> None:
     config = Config(front_end=FrontEndConfig(descriptor=pattern.name, border_px=20))
     latencies = Latencies.compute(config, lanes=LANES)
     search = built(NearestNeighbours(bits=pattern.bits, lanes=LANES, max_features=80))
@@ -48,7 +50,7 @@ def test_latencies_are_those_that_the_blocks_state(pattern):
         assert latencies.count == timing.sugeno_cycles(rule_bases.aerial_orientation(pattern.bits)) + SQUARE_CYCLES + 2
 
 
-def test_two_pixels_a_clock_take_half_the_clocks():
+def test_two_pixels_a_clock_take_half_the_clocks() -> None:
     """Odd lines take a clock more; what follows the last pixel takes as long as before."""
     frames = [FrameWork(641, 480, good=True, left=50, right=60, rows=np.arange(9)) for _ in range(2)]
     one, two = (timelines(frames, CONFIG, lanes=16, pixels_per_clock=each) for each in (1, 2))
@@ -57,7 +59,7 @@ def test_two_pixels_a_clock_take_half_the_clocks():
         assert slow.delay(-slow.last_pixel).matches == fast.delay(-fast.last_pixel).matches
 
 
-def test_what_is_not_predicted_is_left_out():
+def test_what_is_not_predicted_is_left_out() -> None:
     frame = FrameWork(640, 480, good=True, left=2000, right=2000, rows=np.arange(2000))
     # With four lanes a frame is not matched before the one after the next has features.
     assert len(timelines([frame] * 5, CONFIG, lanes=4)) == 2

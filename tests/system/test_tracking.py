@@ -4,14 +4,17 @@ import csv
 import json
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 
+from sim.scene import Pursuit
 from skymosaic.cli.track import track as track_command
 from skymosaic.errors import InputError
 from skymosaic.imagery.video import VideoReader, write_video
+from skymosaic.tracking.template import Roi
 from tests.skymosaic.tracking.conftest import IMAGES, true_corners
 from tests.system.command_line import skymosaic
 
@@ -19,7 +22,7 @@ RATE = Fraction(25)
 
 
 @pytest.fixture(scope="module")
-def video(tmp_path_factory: pytest.TempPathFactory, film_frames) -> Path:
+def video(tmp_path_factory: pytest.TempPathFactory, film_frames: list[np.ndarray]) -> Path:
     path = tmp_path_factory.mktemp("video") / "car.mp4"
     with write_video(path, RATE) as write:
         for frame in film_frames:
@@ -28,7 +31,7 @@ def video(tmp_path_factory: pytest.TempPathFactory, film_frames) -> Path:
 
 
 @pytest.fixture(scope="module")
-def short_video(tmp_path_factory: pytest.TempPathFactory, film_frames) -> Path:
+def short_video(tmp_path_factory: pytest.TempPathFactory, film_frames: list[np.ndarray]) -> Path:
     path = tmp_path_factory.mktemp("video") / "short.mp4"
     with write_video(path, RATE) as write:
         for frame in film_frames[:3]:
@@ -36,7 +39,7 @@ def short_video(tmp_path_factory: pytest.TempPathFactory, film_frames) -> Path:
     return path
 
 
-def test_the_command_writes_video_and_corners(film, roi, video: Path, tmp_path: Path) -> None:
+def test_the_command_writes_video_and_corners(film: Pursuit, roi: Roi, video: Path, tmp_path: Path) -> None:
     result = skymosaic(
         "track", video, "--roi", ",".join(map(str, roi)), "-o", "out.mp4", "--corners", "c.csv", cwd=tmp_path
     )
@@ -77,13 +80,15 @@ def test_an_object_that_never_appears_exits_with_3(short_video: Path, tmp_path: 
         (None, "TEMPLATE and VIDEO"),
     ],
 )
-def test_bad_requests_are_one_line_and_leave_no_files(short_video: Path, tmp_path: Path, roi_text, says: str) -> None:
+def test_bad_requests_are_one_line_and_leave_no_files(
+    short_video: Path, tmp_path: Path, roi_text: Any, says: str
+) -> None:
     with pytest.raises(InputError, match=says):
         track_command(inputs=[short_video], output=tmp_path / "out.mp4", roi=roi_text)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_corners_are_written_as_json(short_video: Path, roi, tmp_path: Path) -> None:
+def test_corners_are_written_as_json(short_video: Path, roi: Roi, tmp_path: Path) -> None:
     text = ",".join(map(str, roi))
     track_command(inputs=[short_video], output=tmp_path / "out.mkv", roi=text, corners=tmp_path / "c.json")
     assert (tmp_path / "out.mkv").exists()

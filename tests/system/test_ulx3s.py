@@ -67,7 +67,9 @@ def programs() -> Iterator[Any]:
         (b"", "does not answer"),
     ],
 )
-def test_a_port_without_the_accelerator_is_told_in_one_line(programs, monkeypatch, answer: bytes, message: str) -> None:
+def test_a_port_without_the_accelerator_is_told_in_one_line(
+    programs: Any, monkeypatch: pytest.MonkeyPatch, answer: bytes, message: str
+) -> None:
     serial_bus = programs("serial_bus")
     if not answer:
         monkeypatch.setattr(serial_bus, "ANSWER_SECONDS", 0)
@@ -78,7 +80,7 @@ def test_a_port_without_the_accelerator_is_told_in_one_line(programs, monkeypatc
     assert line.sent == b"R\x08\x00"
 
 
-def test_packets_that_mix_with_answers_are_sorted(programs) -> None:
+def test_packets_that_mix_with_answers_are_sorted(programs: Any) -> None:
     line = Line(
         bytes([0x10]) + bytes(range(8)) + b"A\0\x78\x56\x34\x12" + bytes([0x21]) + bytes(8) + bytes([0x11]) + bytes(8)
     )
@@ -138,7 +140,7 @@ def test_open_tools_build_the_bitstream(tmp_path: Path) -> None:
     print(result.stdout)
 
 
-def test_the_export_has_what_its_readme_names(tmp_path: Path, monkeypatch) -> None:
+def test_the_export_has_what_its_readme_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # The Verilog takes long; it is simulated in another test.
     monkeypatch.setattr(export, "ulx3s_top", lambda config, **build: None)
     monkeypatch.setattr(export, "to_verilog", lambda top, **options: str(type(options["platform"]) is Ecp5))
@@ -160,7 +162,9 @@ def test_the_export_has_what_its_readme_names(tmp_path: Path, monkeypatch) -> No
     assert all(f'LOCATE COMP "{port}" SITE' in pins for port in ports)
 
 
-def test_a_bitstream_of_another_board_and_a_missing_tool_are_one_line(tmp_path: Path, monkeypatch) -> None:
+def test_a_bitstream_of_another_board_and_a_missing_tool_are_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     result = skymosaic("export", "--board", "pynq_z2", "--build", "-o", "made", cwd=tmp_path)
     assert result.returncode == 2
     assert "--build makes the bitstream of --board ulx3s" in only_error(result.stderr)

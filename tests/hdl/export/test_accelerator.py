@@ -6,6 +6,7 @@ import subprocess
 import sys
 import tkinter
 from pathlib import Path
+from typing import Any
 
 import pyslang
 import pytest
@@ -20,7 +21,7 @@ from hdl.netlist import FOLDERS
 
 STUB = Path(__file__).with_name("vivado_stub.tcl")
 THESIS = preset_config("thesis")
-SMALL = {
+SMALL: dict[str, Any] = {
     "config": dataclasses.replace(THESIS, front_end=dataclasses.replace(THESIS.front_end, max_features=64)),
     "lanes": 2,
     "max_width_px": 128,

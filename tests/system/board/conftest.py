@@ -3,7 +3,7 @@
 import socket
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from types import ModuleType, SimpleNamespace
 
@@ -35,7 +35,9 @@ class StandIn:
     def check_frame(self, shape: tuple[int, ...]) -> None:
         """Every frame fits a DMA's transfer."""
 
-    def run(self, frames, settings: dict[str, int], hold_reference: bool) -> list[SimpleNamespace]:
+    def run(
+        self, frames: Iterable[np.ndarray], settings: dict[str, int], hold_reference: bool
+    ) -> list[SimpleNamespace]:
         return [self._result(frame) for frame in frames]
 
     def _result(self, frame: np.ndarray) -> SimpleNamespace:

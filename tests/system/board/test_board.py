@@ -20,7 +20,7 @@ import pytest
 from golden_model.config import PRESETS, Config, to_toml
 from hdl.settings import REQUESTED, matched_frame_settings
 from sim.backends import board
-from sim.backends.interface import BUILT_LANES, BackendError, load_backend
+from sim.backends.interface import BUILT_LANES, BackendError, Reference, load_backend
 from sim.benches.exported import host_programs
 from sim.benches.pynq_board import AcceleratorSystem, open_board
 from sim.benches.pynq_package import OLDER, remove_pynq
@@ -46,16 +46,17 @@ def system() -> Iterator[AcceleratorSystem]:
 
 
 @pytest.fixture(scope="module")
-def driver(system: AcceleratorSystem, tmp_path_factory: pytest.TempPathFactory) -> Iterator[object]:
+def driver(system: AcceleratorSystem, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     """The driver's modules as they are exported, and their map."""
     with host_programs("pynq", CONFIG, lanes=BUILT_LANES, max_width_px=BUILT_PX[0], max_height_px=BUILT_PX[1]) as load:
-        load("pynq_overlay").LOCK = tmp_path_factory.mktemp("lock") / "lock"
+        overlay: Any = load("pynq_overlay")
+        overlay.LOCK = tmp_path_factory.mktemp("lock") / "lock"
         load("pynq_bus")
         yield load("skymosaic_server")
 
 
 @pytest.fixture(scope="module")
-def device(driver: object) -> Any:
+def device(driver: Any) -> Any:
     """The driver's `Accelerator` behind its `PynqBus`."""
     return sys.modules["skymosaic_driver"].Accelerator(sys.modules["pynq_bus"].PynqBus("skymosaic.bit"), 60)
 
@@ -67,7 +68,7 @@ def patient(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture(scope="module")
-def address(driver, device: Any) -> Iterator[str]:
+def address(driver: Any, device: Any) -> Iterator[str]:
     with driver.Server(("127.0.0.1", 0), device) as server:
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
@@ -84,16 +85,18 @@ def frames(*, gray: bool) -> list[np.ndarray]:
 @pytest.mark.parametrize("gray", [True, False])
 @pytest.mark.parametrize("reference", ["held", "previous"])
 @pytest.mark.parametrize("config", [CONFIG, FAST], ids=["harris", "fast"])
-def test_the_board_gives_what_the_golden_model_gives(address: str, gray: bool, reference: str, config: Config) -> None:
+def test_the_board_gives_what_the_golden_model_gives(
+    address: str, gray: bool, reference: Reference, config: Config
+) -> None:
     images = [*frames(gray=gray), frames(gray=gray)[0]]
     golden = load_backend("golden").run(images, config, reference=reference)
     found = load_backend(f"board:{address}").run(images, config, reference=reference)
     assert sum(len(frame.features) for frame in golden) > 100
     assert sum(len(frame.matches) for frame in golden) > 20
     for ours, theirs in zip(found, golden, strict=True):
-        for name in set(theirs.features.dtype.names) - {"frame"}:
+        for name in set(theirs.features.dtype.names or ()) - {"frame"}:
             assert np.array_equal(ours.features[name], theirs.features[name]), name
-        for name in theirs.matches.dtype.names:
+        for name in theirs.matches.dtype.names or ():
             assert np.array_equal(ours.matches[name], theirs.matches[name]), name
         assert ours.status["good"]
 
@@ -110,7 +113,9 @@ def command(
 
 
 @pytest.mark.parametrize("name", ["register", "check"])
-def test_a_command_asks_the_board_at_an_address(address: str, name: str, tmp_path: Path, capsys, monkeypatch) -> None:
+def test_a_command_asks_the_board_at_an_address(
+    address: str, name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     paths = [tmp_path / "left.png", tmp_path / "right.png"]
     for path, image in zip(paths, frames(gray=False), strict=True):
         cv2.imwrite(str(path), image)
@@ -136,7 +141,11 @@ def test_a_command_asks_the_board_at_an_address(address: str, name: str, tmp_pat
     ],
 )
 def test_a_wrong_address_is_told_in_one_line(
-    options: tuple[str, ...], says: str, tmp_path: Path, capsys, monkeypatch
+    options: tuple[str, ...],
+    says: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     for number, image in enumerate([*frames(gray=True), frames(gray=True)[0]]):
         cv2.imwrite(str(tmp_path / f"{number}.png"), image)
@@ -190,13 +199,15 @@ def run_failing(device: Any, match: str) -> None:
 
 
 def test_a_frame_passes_pynqs_own_classes(device: Any) -> None:
-    assert "pynq-4_0_0" in sys.modules["pynq.lib.dma"].__file__
+    assert "pynq-4_0_0" in str(sys.modules["pynq.lib.dma"].__file__)
     check_next_frames(device)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("version", OLDER)
-def test_a_frame_passes_the_classes_of_an_older_pynq(version: str, monkeypatch, tmp_path: Path) -> None:
+def test_a_frame_passes_the_classes_of_an_older_pynq(
+    version: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     """In a process of its own, since the package replaces the one under test."""
     program = (
         "import sys; from pathlib import Path; import tests.system.board.test_board as t\n"
@@ -265,7 +276,7 @@ def test_every_wait_has_a_limit(system: AcceleratorSystem, device: Any, monkeypa
     check_next_frames(device)
 
 
-def test_two_processes_do_not_share_an_overlay(driver, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_two_processes_do_not_share_an_overlay(driver: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     module = sys.modules["pynq_overlay"]
     monkeypatch.setattr(module, "LOCK", tmp_path / "lock")
     monkeypatch.setattr(module, "_locks", [])
@@ -283,7 +294,7 @@ def test_two_processes_do_not_share_an_overlay(driver, monkeypatch: pytest.Monke
 
 
 def test_an_overlay_without_the_blocks_is_named(
-    driver, system: AcceleratorSystem, monkeypatch: pytest.MonkeyPatch
+    driver: Any, system: AcceleratorSystem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delitem(system.board.parser.ip_dict, "dma_matches")
     with pytest.raises(sys.modules["skymosaic_registers"].AcceleratorError, match="no block dma_matches"):
@@ -316,13 +327,13 @@ def test_another_build_is_refused(device: Any, monkeypatch: pytest.MonkeyPatch, 
         sys.modules["skymosaic_driver"].Accelerator(device.bus)
 
 
-def test_another_patch_version_is_accepted(driver) -> None:
+def test_another_patch_version_is_accepted(driver: Any) -> None:
     built, fields = sys.modules["skymosaic_map"].BUILT, sys.modules["skymosaic_map"].FIELDS
     assert {"version_major", "version_minor"} <= built.keys()
     assert "version_patch" in fields.keys() - built.keys()
 
 
-def test_frames_fit_the_builds_video_input(driver) -> None:
+def test_frames_fit_the_builds_video_input(driver: Any) -> None:
     as_words, gray = sys.modules["skymosaic_driver"].as_words, np.arange(6, dtype=np.uint8).reshape(2, 3)
     assert as_words(gray, 24).tolist() == gray.ravel().tolist()
     assert as_words(gray, 8).view(np.uint8)[:6].tolist() == as_words(gray, 32).view(np.uint8)[:6].tolist()

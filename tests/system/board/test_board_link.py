@@ -3,6 +3,11 @@
 import json
 import socket
 import time
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,15 +15,15 @@ import pytest
 from golden_model.records import FRAME_STATUS
 from hdl.settings import REQUESTED
 from sim.backends.board import KEY_VARIABLE
-from sim.backends.interface import BackendError, load_backend
-from tests.system.board.conftest import CONFIG, FEATURE
+from sim.backends.interface import BackendError, FrameResult, load_backend
+from tests.system.board.conftest import CONFIG, FEATURE, Serve
 
 FRAME = np.zeros((64, 96), np.uint8)
 KEY = b"a key of more than 16 bytes"
 STATUS_BYTES = FRAME_STATUS.dtype.itemsize
 
 
-def run(address: str, frames: int = 2):
+def run(address: str, frames: int = 2) -> list[FrameResult]:
     return load_backend(f"board:{address}").run([FRAME] * frames, CONFIG)
 
 
@@ -29,14 +34,14 @@ def exchange(address: str, data: bytes) -> dict[str, object]:
         return json.loads(connection.makefile("rb").readline())
 
 
-def request(**changed: object) -> bytes:
+def request(**changed: Any) -> bytes:
     settings = dict.fromkeys(REQUESTED, 0) | {"width_px": 96, "height_px": 64, "cell_log2": 5, "per_cell": 5}
     settings |= changed.pop("settings", {})
     values = {"shape": [64, 96], "frames": 1, "settings": settings, "hold_reference": True} | changed
     return json.dumps(values).encode() + b"\n"
 
 
-def test_frames_are_answered_one_by_one(serve) -> None:
+def test_frames_are_answered_one_by_one(serve: Serve) -> None:
     with serve() as (device, address):
         assert [len(result.features) for result in run(address, 5)] == [3] * 5
         assert int(run(address)[0].status["frame"]) == 5
@@ -64,14 +69,14 @@ def test_frames_are_answered_one_by_one(serve) -> None:
         (request(settings={"width_px": 97}), "differ"),
     ],
 )
-def test_a_bad_request_is_answered_in_one_line(serve, data: bytes, says: str) -> None:
+def test_a_bad_request_is_answered_in_one_line(serve: Serve, data: bytes, says: str) -> None:
     with serve() as (device, address):
         assert says in str(exchange(address, data)["error"])
         assert device.frames == 0
         assert len(run(address)) == 2
 
 
-def test_a_slow_client_does_not_keep_the_board(serve) -> None:
+def test_a_slow_client_does_not_keep_the_board(serve: Serve) -> None:
     with serve(idle_seconds=0.3, request_seconds=1.0) as (_, address):
         host, port = address.split(":")
         with socket.create_connection((host, int(port))):  # sends nothing
@@ -89,14 +94,16 @@ def send_slowly(connection: socket.socket) -> None:
         time.sleep(0.1)
 
 
-def test_an_error_of_the_accelerator_reaches_a_client_that_still_sends(serve) -> None:
+def test_an_error_of_the_accelerator_reaches_a_client_that_still_sends(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
     with serve() as (device, address):
-        device.run = lambda frames, settings, hold_reference: next(iter(frames)) and None
+        monkeypatch.setattr(device, "run", lambda frames, settings, hold_reference: next(iter(frames)) and None)
         with pytest.raises(BackendError, match="reports: The truth value"):
             run(address, 20)
 
 
-def test_a_server_with_a_key_serves_who_knows_it(serve, tmp_path, monkeypatch) -> None:
+def test_a_server_with_a_key_serves_who_knows_it(serve: Serve, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "key").write_bytes(KEY + b"\n")
     (tmp_path / "wrong").write_bytes(b"another key of 16 bytes")
     with serve(key=KEY) as (device, address):
@@ -113,7 +120,7 @@ def test_a_server_with_a_key_serves_who_knows_it(serve, tmp_path, monkeypatch) -
         assert len(run(address)) == 2
 
 
-def test_a_network_needs_a_key(server_module) -> None:
+def test_a_network_needs_a_key(server_module: ModuleType) -> None:
     for host in ("0.0.0.0", "", "192.0.2.1", "board.example"):
         with pytest.raises(ValueError, match="--key"):
             server_module.Server((host, 0), None)
@@ -140,7 +147,9 @@ def test_a_network_needs_a_key(server_module) -> None:
         ),
     ],
 )
-def test_a_broken_peer_is_one_line(answering, answer: bytes, says: str) -> None:
+def test_a_broken_peer_is_one_line(
+    answering: Callable[[bytes], AbstractContextManager[str]], answer: bytes, says: str
+) -> None:
     with answering(answer) as address, pytest.raises(BackendError, match=says) as caught:
         run(address, 1)
     assert "\n" not in str(caught.value)
@@ -157,7 +166,7 @@ def test_a_broken_peer_is_one_line(answering, answer: bytes, says: str) -> None:
         ({"good": 1, "causes": 16}, "a bad frame"),
     ],
 )
-def test_a_wrong_status_is_refused(serve, change: dict[str, int], says: str) -> None:
+def test_a_wrong_status_is_refused(serve: Serve, change: dict[str, int], says: str) -> None:
     with serve() as (device, address):
         device.change = change
         with pytest.raises(BackendError, match=says):

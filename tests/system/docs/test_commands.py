@@ -103,7 +103,7 @@ def wrong_arguments(command: Any, words: list[str]) -> str | None:
 
 
 def test_every_quoted_command_exists() -> None:
-    commands = {}
+    commands: dict[tuple[str, ...], Path] = {}
     for path in [*PAGES, *SOURCES]:
         pattern = f"{SPAN}|{BLOCK_LINE}" if path.suffix == ".md" else SPAN
         found = quoted(path.read_text(encoding="utf-8"), pattern)
