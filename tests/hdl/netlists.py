@@ -140,7 +140,17 @@ def synthesise(folder: Path, name: str, family: str, source: Path) -> Path:
 
 def run_bench(folder: Path, name: str, sources: list[Path]) -> str:
     """Simulate the test bench of a module; what it prints."""
-    compiled = ["iverilog", "-g2012", "-s", f"{name}_tb", "-DNO_INCLUDES", "-o", "bench", f"{name}_tb.v", *sources]
+    compiled = [
+        "iverilog",
+        "-g2012",
+        "-s",
+        f"{name}_tb",
+        "-DNO_INCLUDES",
+        "-o",
+        "bench",
+        f"{name}_tb.v",
+        *map(str, sources),
+    ]
     built = subprocess.run(compiled, cwd=folder, capture_output=True, text=True, check=False)
     assert built.returncode == 0, built.stderr[-3000:]
     return subprocess.run(["vvp", "-n", "bench"], cwd=folder, capture_output=True, text=True, check=False).stdout

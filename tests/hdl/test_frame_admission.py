@@ -1,6 +1,8 @@
 """Frame admission: pixels of good frames get their positions, and bad frames are reported with their causes."""
 
 import random
+from collections.abc import Container
+from typing import Any
 
 import pytest
 
@@ -15,7 +17,9 @@ CLOSING_X, CLOSING_Y = 2, 4
 GAPS_AND_HOLDS = Pauses(gaps=90, stalls=60, seed=3)
 
 
-def frame(seed, *, drop=(), double=(), without_start=False):
+def frame(
+    seed: int, *, drop: Container[int] = (), double: Container[int] = (), without_start: bool = False
+) -> list[tuple[int, int, int]]:
     """Pixels ``(data, first, last)`` of a frame of random colours, some of them dropped or doubled."""
     colours = random.Random(seed)
     pixels = []
@@ -25,18 +29,20 @@ def frame(seed, *, drop=(), double=(), without_start=False):
     return pixels
 
 
-def transfer(seed, pixels=WIDTH_PX * HEIGHT_PX):
+def transfer(seed: int, pixels: int = WIDTH_PX * HEIGHT_PX) -> list[tuple[int, int, int]]:
     """The first pixels of a frame in memory mode: only the last one is marked."""
     return [(data, 0, int(n == pixels - 1)) for n, (data, _, _) in enumerate(frame(seed)[:pixels])]
 
 
-def admit(pixels, pauses=NO_PAUSES, *, width_px=WIDTH_PX, pixels_per_clock=1, **inputs):
+def admit(
+    pixels: list[Any], pauses: Pauses = NO_PAUSES, *, width_px: int = WIDTH_PX, pixels_per_clock: int = 1, **inputs: int
+) -> list[Any]:
     """Frames ``(causes, [(x, y, data), ...])`` that come out; ``pauses.stalls`` hold the admission of pixels."""
     closing_px = CLOSING_PX * pixels_per_clock
     dut = FrameAdmission(closing_lines=CLOSING_LINES, closing_px=closing_px, pixels_per_clock=pixels_per_clock)
     frames, beats = [], []
 
-    async def testbench(ctx):
+    async def testbench(ctx: Any) -> None:
         ctx.set(dut.i_width_px, width_px)
         ctx.set(dut.i_height_px, HEIGHT_PX)
         ctx.set(dut.i_may_start, 1)
@@ -69,17 +75,17 @@ def admit(pixels, pauses=NO_PAUSES, *, width_px=WIDTH_PX, pixels_per_clock=1, **
     return frames
 
 
-def good(pixels):
+def good(pixels: list[tuple[int, int, int]]) -> tuple[Cause, list[tuple[int, int, int]]]:
     return Cause(0), [(n % WIDTH_PX, n // WIDTH_PX, data) for n, (data, _, _) in enumerate(pixels)]
 
 
 @pytest.mark.parametrize("pauses", [NO_PAUSES, GAPS_AND_HOLDS], ids=["back_to_back", "gaps_and_holds"])
-def test_good_frames_get_their_positions(pauses):
+def test_good_frames_get_their_positions(pauses: Pauses) -> None:
     first, second = frame(1), frame(2)
     assert admit(first + second, pauses) == [good(first), good(second)]
 
 
-def early_end(pixels):
+def early_end(pixels: list[tuple[int, int, int]]) -> tuple[Cause, list[tuple[int, int, int]]]:
     """A frame of which only ``pixels`` came: black completes the line, and the ends of the last lines."""
     missing = -len(pixels) % WIDTH_PX
     lines = (len(pixels) + missing) // WIDTH_PX
@@ -88,7 +94,7 @@ def early_end(pixels):
     return Cause.EARLY_END, beats + rest
 
 
-MISSED = (Cause.MISSING_START, [])
+MISSED: tuple[Cause, list[Any]] = (Cause.MISSING_START, [])
 
 
 @pytest.mark.parametrize("pauses", [NO_PAUSES, GAPS_AND_HOLDS], ids=["back_to_back", "gaps_and_holds"])
@@ -105,7 +111,9 @@ MISSED = (Cause.MISSING_START, [])
         (frame(3, drop={0}, without_start=True), Cause.MISSING_START),
     ],
 )
-def test_a_bad_frame_is_reported_once_and_the_next_one_is_clean(bad, cause, pauses):
+def test_a_bad_frame_is_reported_once_and_the_next_one_is_clean(
+    bad: list[tuple[int, int, int]], cause: Cause, pauses: Pauses
+) -> None:
     before, after = frame(1), frame(2)
     first, (reported, beats), last = admit(before + bad + after, pauses)
     assert (first, reported, last) == (good(before), cause, good(after))
@@ -119,14 +127,16 @@ def test_a_bad_frame_is_reported_once_and_the_next_one_is_clean(bad, cause, paus
 
 @pytest.mark.parametrize("pauses", [NO_PAUSES, GAPS_AND_HOLDS], ids=["back_to_back", "gaps_and_holds"])
 @pytest.mark.parametrize("before", [frame(1), frame(1, double={9}), frame(1, drop={9})], ids=["good", "long", "short"])
-def test_each_frame_without_start_is_reported_whatever_came_before(before, pauses):
+def test_each_frame_without_start_is_reported_whatever_came_before(
+    before: list[tuple[int, int, int]], pauses: Pauses
+) -> None:
     """After a bad frame the pixels of the next ones could be its own, which must not hide them."""
     frames = admit(before + 3 * frame(2, without_start=True) + frame(3), pauses)
     assert frames[1:] == [MISSED, MISSED, MISSED, good(frame(3))]
 
 
 @pytest.mark.parametrize("at", [1, 10, 14, 40])
-def test_a_spurious_start_costs_a_line_and_the_closing_lines_at_most(at):
+def test_a_spurious_start_costs_a_line_and_the_closing_lines_at_most(at: int) -> None:
     spoilt = frame(1)
     spoilt[at] = (spoilt[at][0], 1, spoilt[at][2])
     first, second, last = admit(spoilt + frame(2))
@@ -138,7 +148,7 @@ def test_a_spurious_start_costs_a_line_and_the_closing_lines_at_most(at):
 
 
 @pytest.mark.parametrize("pauses", [NO_PAUSES, GAPS_AND_HOLDS], ids=["back_to_back", "gaps_and_holds"])
-def test_memory_mode_counts_frames_and_ends_them_with_their_transfer(pauses):
+def test_memory_mode_counts_frames_and_ends_them_with_their_transfer(pauses: Pauses) -> None:
     """Two frames in one transfer; a transfer that ends early is closed without waiting for the next one."""
     both = [(data, 0, 0) for data, _, _ in frame(1)] + transfer(2)
     frames = admit(both + transfer(3, pixels=11) + transfer(4) + transfer(5, pixels=1), pauses, i_memory_mode=1)
@@ -147,8 +157,8 @@ def test_memory_mode_counts_frames_and_ends_them_with_their_transfer(pauses):
 
 
 @pytest.mark.parametrize("pauses", [NO_PAUSES, GAPS_AND_HOLDS], ids=["back_to_back", "gaps_and_holds"])
-def test_frames_with_impossible_settings_are_refused(pauses):
-    refused = (Cause.INVALID_SETTINGS, [])
+def test_frames_with_impossible_settings_are_refused(pauses: Pauses) -> None:
+    refused: tuple[Cause, list[Any]] = (Cause.INVALID_SETTINGS, [])
     video = frame(1) + frame(2)
     assert admit(video, pauses, i_acceptable=0) == [refused, refused]
     assert admit(transfer(1) + transfer(2), pauses, i_acceptable=0, i_memory_mode=1) == [refused, refused]
@@ -157,12 +167,14 @@ def test_frames_with_impossible_settings_are_refused(pauses):
 PAIRED_PX = 2 * WIDTH_PX
 
 
-def paired(beats):
+def paired(beats: list[tuple[int, int, int]]) -> list[tuple[tuple[int, int], int, int]]:
     """The same beats, each with two pixels."""
     return [((data, data ^ 0xFFFFFF), first, last) for data, first, last in beats]
 
 
-def two_a_clock(frames):
+def two_a_clock(
+    frames: list[tuple[Cause, list[tuple[Any, Any, Any]]]],
+) -> list[tuple[Cause, list[tuple[Any, Any, Any]]]]:
     """Result of the same frames with two pixels per beat."""
     return [
         (cause, [(2 * x, y, (data, data ^ 0xFFFFFF) if data else (0, 0)) for x, y, data in beats])
@@ -172,18 +184,17 @@ def two_a_clock(frames):
 
 @pytest.mark.parametrize("pauses", [NO_PAUSES, GAPS_AND_HOLDS], ids=["back_to_back", "gaps_and_holds"])
 @pytest.mark.parametrize("width_px", [PAIRED_PX, PAIRED_PX - 1], ids=["even", "odd"])
-def test_two_pixels_a_clock_make_half_as_many_beats(width_px, pauses):
+def test_two_pixels_a_clock_make_half_as_many_beats(width_px: int, pauses: Pauses) -> None:
     """Lines of 7 beats as above, whether the last beat holds two pixels or one: good, short, long and cut off."""
     frames = [frame(1), frame(3, drop={9}), frame(4), frame(5, double={9}), frame(6)]
     beats = [pixel for one in frames for pixel in one]
     expected = two_a_clock(admit(beats, pauses))
     assert [cause for cause, _ in expected] == [0, Cause.SHORT_LINE, 0, Cause.LONG_LINE, 0]
-    frames = admit(paired(beats), pauses, width_px=width_px, pixels_per_clock=2)
-    assert frames == expected
+    assert admit(paired(beats), pauses, width_px=width_px, pixels_per_clock=2) == expected
 
 
 @pytest.mark.parametrize(("width_px", "closing_x"), [(PAIRED_PX, 6), (PAIRED_PX - 1, 4)])
-def test_a_frame_of_two_pixels_a_clock_that_ends_early_is_closed(width_px, closing_x):
+def test_a_frame_of_two_pixels_a_clock_that_ends_early_is_closed(width_px: int, closing_x: int) -> None:
     (cause, beats), last = admit(paired(frame(1)[:9] + frame(2)), width_px=width_px, pixels_per_clock=2)
     assert (cause, last) == (Cause.EARLY_END, *two_a_clock([good(frame(2))]))
     closing = [(x, y) for y in range(CLOSING_Y, HEIGHT_PX) for x in range(closing_x, width_px, 2)]

@@ -3,15 +3,19 @@
 
 import contextlib
 import dataclasses
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 from amaranth.hdl import Fragment
+from numpy.typing import NDArray
 
-from golden_model.config import MIN_FRAME_PX, PRESETS
+from golden_model.config import MIN_FRAME_PX, PRESETS, FrontEndConfig
 from golden_model.formats import decode_response
-from golden_model.front_end import extract
+from golden_model.front_end import FrameFeatures, extract
 from golden_model.pixel.threshold import next_code
 from golden_model.records import FRAME_STATUS, WORD_BYTES, Cause
 from hdl.front_end import FrontEnd
@@ -41,12 +45,23 @@ class FrontEndBench:
     input that takes two pixels per clock.
     """
 
-    def __init__(self, bench, config, pair_bits=0):
+    def __init__(self, bench: Bench, config: FrontEndConfig, pair_bits: int = 0) -> None:
         self.bench, self.config, self.pair_bits = bench, config, pair_bits
         self.record = config.pattern.record
         self.frames = 0
 
-    def run(self, beats, size_px, packets, *, config=None, pauses=NO_PAUSES, reset=False, gray_input=True, **settings):
+    def run(
+        self,
+        beats: list[Any],
+        size_px: tuple[int, int],
+        packets: int,
+        *,
+        config: FrontEndConfig | None = None,
+        pauses: Pauses = NO_PAUSES,
+        reset: bool = False,
+        gray_input: bool = True,
+        **settings: int,
+    ) -> tuple[Any, ...]:
         """Stream beats; returns features and status of each packet, and the clocks of the admitted starts of frame."""
         settings = {**frame_settings(config or self.config, *size_px, gray_input=gray_input), **settings}
         data, flags = (np.concatenate(parts) for parts in zip(*beats, strict=True))
@@ -56,12 +71,14 @@ class FrontEndBench:
         self.frames = packets + (0 if reset else self.frames)
         return [self._split(words) for words in recording.outputs[FEATURES].packets], recording.starts
 
-    def _split(self, words):
+    def _split(self, words: Any) -> Any:
         status_words = self.record.record_bytes // WORD_BYTES
         status = words[-status_words:][: FRAME_STATUS.record_bytes // WORD_BYTES].view(FRAME_STATUS.dtype)[0]
         return words[:-status_words].view(self.record.dtype), status
 
-    def check(self, frames, *, config=None, **options):
+    def check(
+        self, frames: list[NDArray[np.uint8]], *, config: FrontEndConfig | None = None, **options: Any
+    ) -> tuple[NDArray[np.uint64], NDArray[np.void]]:
         """Stream whole frames of one size and compare every field; returns the starts and all features."""
         config = config or self.config
         height_px, width_px = frames[0].shape[:2]
@@ -76,31 +93,31 @@ class FrontEndBench:
         return starts, np.concatenate([features for features, _ in packets])
 
 
-def assert_golden(packet, golden):
+def assert_golden(packet: tuple[NDArray[np.void], np.void], golden: FrameFeatures) -> None:
     features, status = packet
     if golden.status["good"]:
         np.testing.assert_array_equal(features, golden.features)
-    for name in set(FRAME_STATUS.dtype.names) - {"cycles"}:
+    for name in set(FRAME_STATUS.dtype.names or ()) - {"cycles"}:
         assert status[name] == golden.status[name], name
 
 
-def compiled(config, size_px=SIZE_PX, **options):
+def compiled(config: FrontEndConfig, size_px: Any = SIZE_PX, **options: Any) -> closing:
     design = design_front_end(config, size_px, **options)
     return contextlib.closing(Bench(verilator.build_library(design), design.ports))
 
 
 @pytest.fixture(scope="module")
-def aerial():
+def aerial() -> Iterator[FrontEndBench]:
     with compiled(AERIAL) as bench:
         yield FrontEndBench(bench, AERIAL)
 
 
 @pytest.fixture(scope="module")
-def scene():
+def scene() -> Callable[..., Any]:
     """``view(number, size_px)``: one of two rendered views at any size, with its own noise."""
     views = make_pair(seed=3).images
 
-    def view(number, size_px):
+    def view(number: Any, size_px: Any) -> Any:
         resized = cv2.resize(views[number % len(views)], size_px)
         noise = np.random.default_rng(number).normal(0, 8, resized.shape)
         return np.clip(resized + noise, 0, 255).astype(np.uint8)
@@ -108,11 +125,11 @@ def scene():
     return view
 
 
-def gray(frame):
+def gray(frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.ascontiguousarray(frame[..., 1])
 
 
-def extremes(size_px):
+def extremes(size_px: tuple[int, int]) -> list[NDArray[np.uint8]]:
     """Black, white, checkerboard, one hot pixel, noise."""
     y, x = np.indices(size_px[::-1])
     hot = (x == size_px[0] // 2) & (y == size_px[1] // 2)
@@ -120,7 +137,7 @@ def extremes(size_px):
     return [plane.astype(np.uint8) for plane in (0 * x, 0 * x + 255, (x + y) % 2 * 255, hot * 255, noise)]
 
 
-def test_whole_frames_are_equal_and_follow_without_a_bubble(scene):
+def test_whole_frames_are_equal_and_follow_without_a_bubble(scene: Callable[..., Any]) -> None:
     with compiled(AERIAL) as opened:
         bench = FrontEndBench(opened, AERIAL)
         starts, small = bench.check([scene(number, (640, 480)) for number in range(3)])
@@ -140,14 +157,16 @@ def test_whole_frames_are_equal_and_follow_without_a_bubble(scene):
         ((641, 479), PAUSES),
     ],
 )
-def test_frames_of_any_size_and_content_equal_the_golden_model(aerial, scene, size_px, pauses):
+def test_frames_of_any_size_and_content_equal_the_golden_model(
+    aerial: FrontEndBench, scene: Callable[..., Any], size_px: tuple[int, int], pauses: Pauses
+) -> None:
     frames = [gray(scene(0, size_px)), *extremes(size_px), gray(scene(1, size_px))]
     _, features = aerial.check(frames, pauses=pauses)
     assert features.size
 
 
 @pytest.mark.slow  # The preset's whole frames are compared in tests/system/test_accelerator.py, too.
-def test_thesis_preset_equals_the_golden_model(scene):
+def test_thesis_preset_equals_the_golden_model(scene: Any) -> None:
     """No smoothing, a 3x3 tensor and no selection; then with corners of FAST instead of Harris."""
     config = dataclasses.replace(THESIS, threshold=200_000)
     with compiled(config) as opened:
@@ -161,7 +180,7 @@ def test_thesis_preset_equals_the_golden_model(scene):
             assert features.size > 200
 
 
-def test_fast_is_a_setting_beside_harris(aerial, scene):
+def test_fast_is_a_setting_beside_harris(aerial: FrontEndBench, scene: Callable[..., Any]) -> None:
     """One build processes whole frames with FAST, then any size and content with FAST and Harris in turn."""
     size_px = (640, 480)
     starts, features = aerial.check([gray(scene(number, size_px)) for number in range(3)], config=FAST)
@@ -177,7 +196,9 @@ def test_fast_is_a_setting_beside_harris(aerial, scene):
 
 
 @pytest.mark.parametrize(("config", "video_bits"), [(AERIAL, 32), (AERIAL, 48), (THESIS, 32)])
-def test_the_last_features_of_the_smallest_frame_are_counted_before_it_ends(config, video_bits):
+def test_the_last_features_of_the_smallest_frame_are_counted_before_it_ends(
+    config: FrontEndConfig, video_bits: int
+) -> None:
     dut = FrontEnd(config=config, max_width_px=64, max_height_px=64, video_bits=video_bits)
     gray = Gray(pixels_per_clock=dut.pixels_per_clock)
     # Amaranth complains, in a later test, of components that were made and not used.
@@ -192,7 +213,7 @@ def test_the_last_features_of_the_smallest_frame_are_counted_before_it_ends(conf
 
 
 @pytest.fixture(scope="module")
-def two_pixels():
+def two_pixels() -> Iterator[Any]:
     """Two pixels per clock, up to 4K."""
     with compiled(AERIAL, (3840, 2160), video_bits=48) as bench:
         yield FrontEndBench(bench, AERIAL, pair_bits=48)
@@ -200,7 +221,9 @@ def two_pixels():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("size_px", [(640, 480), (1920, 1080), (3840, 2160)], ids=str)
-def test_two_pixels_a_clock_give_the_same_features_in_half_the_clocks(two_pixels, scene, size_px):
+def test_two_pixels_a_clock_give_the_same_features_in_half_the_clocks(
+    two_pixels: Any, scene: Any, size_px: Any
+) -> None:
     for config in (AERIAL, FAST):
         starts, features = two_pixels.check([scene(number, size_px) for number in range(3)], config=config)
         np.testing.assert_array_equal(np.diff(starts)[1:], size_px[0] * size_px[1] // 2)
@@ -213,7 +236,9 @@ def test_two_pixels_a_clock_give_the_same_features_in_half_the_clocks(two_pixels
 @pytest.mark.parametrize("config", [AERIAL, FAST], ids=["harris", "fast"])
 @pytest.mark.parametrize("pauses", [NO_PAUSES, PAUSES], ids=["free", "pauses"])
 @pytest.mark.parametrize("size_px", [(64, 64), (65, 67), (127, 85), (641, 479)], ids=str)
-def test_two_pixels_a_clock_at_any_size_and_content(two_pixels, scene, size_px, pauses, config):
+def test_two_pixels_a_clock_at_any_size_and_content(
+    two_pixels: Any, scene: Any, size_px: Any, pauses: Pauses, config: Any
+) -> None:
     frames = [gray(scene(0, size_px)), *extremes(size_px), gray(scene(1, size_px))]
     _, features = two_pixels.check(frames, config=config, pauses=pauses)
     assert features.size
@@ -221,7 +246,7 @@ def test_two_pixels_a_clock_at_any_size_and_content(two_pixels, scene, size_px, 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("admitted", [1, 2500, SMALL_PX[0] * SMALL_PX[1] // 2 - 1])
-def test_two_pixels_a_clock_after_a_reset_in_mid_frame(two_pixels, scene, admitted):
+def test_two_pixels_a_clock_after_a_reset_in_mid_frame(two_pixels: Any, scene: Any, admitted: Any) -> None:
     beats = flatten_frame(gray(scene(0, SMALL_PX)), pair_bits=two_pixels.pair_bits)
     two_pixels.run([[part[:admitted] for part in beats]], SMALL_PX, 0)
     two_pixels.check([gray(scene(number, SMALL_PX)) for number in (1, 2)], reset=True)
@@ -229,7 +254,7 @@ def test_two_pixels_a_clock_after_a_reset_in_mid_frame(two_pixels, scene, admitt
 
 @pytest.mark.slow
 @pytest.mark.parametrize("pauses", [NO_PAUSES, PAUSES], ids=["free", "pauses"])
-def test_two_pixels_a_clock_survive_bad_frames(two_pixels, scene, pauses):
+def test_two_pixels_a_clock_survive_bad_frames(two_pixels: Any, scene: Any, pauses: Pauses) -> None:
     """A line that is too short, one that is too long, a frame that ends early; good frames between them are clean."""
     frames = [gray(scene(number, SMALL_PX)) for number in range(4)]
     first = two_pixels.frames
@@ -244,7 +269,7 @@ def test_two_pixels_a_clock_survive_bad_frames(two_pixels, scene, pauses):
 
 
 @pytest.mark.slow
-def test_the_thesis_preset_at_two_pixels_a_clock(scene):
+def test_the_thesis_preset_at_two_pixels_a_clock(scene: Any) -> None:
     """Without selection, features leave one after the other: FAST's may follow each other in every clock."""
     # Lines take half the clocks, so that one more is needed to end a frame.
     config = dataclasses.replace(THESIS, threshold=200_000, border_px=THESIS.border_px + 1)
@@ -271,7 +296,9 @@ BAD_FRAMES = {
 
 @pytest.mark.parametrize("pauses", [NO_PAUSES, PAUSES], ids=["free", "pauses"])
 @pytest.mark.parametrize(("spoil", "cause"), BAD_FRAMES.values(), ids=BAD_FRAMES)
-def test_a_bad_frame_says_why_and_the_next_ones_are_clean(aerial, scene, spoil, cause, pauses):
+def test_a_bad_frame_says_why_and_the_next_ones_are_clean(
+    aerial: FrontEndBench, scene: Callable[..., Any], spoil: Callable[..., Any], cause: Cause, pauses: Pauses
+) -> None:
     frames = [gray(scene(number, SMALL_PX)) for number in range(3)]
     first = aerial.frames
     before, *after = (flatten_frame(frame) for frame in frames)
@@ -284,17 +311,16 @@ def test_a_bad_frame_says_why_and_the_next_ones_are_clean(aerial, scene, spoil, 
 
 
 @pytest.mark.parametrize("admitted", [1, 5000, SMALL_PX[0] * SMALL_PX[1] - 1])
-def test_reset_in_mid_frame_leaves_nothing(aerial, scene, admitted):
+def test_reset_in_mid_frame_leaves_nothing(aerial: FrontEndBench, scene: Callable[..., Any], admitted: int) -> None:
     broken_off = [part[:admitted] for part in flatten_frame(gray(scene(0, SMALL_PX)))]
     aerial.run([broken_off], SMALL_PX, 0)
     aerial.check([gray(scene(number, SMALL_PX)) for number in (1, 2)], reset=True)
 
 
-def test_too_many_features_make_a_bad_frame(aerial):
+def test_too_many_features_make_a_bad_frame(aerial: FrontEndBench) -> None:
     noise = extremes((640, 480))[-1]
     number = aerial.frames
-    settings = {"cell_log2": 5, "per_cell": 8}
-    ((features, status),), _ = aerial.run([flatten_frame(noise)], (640, 480), 1, **settings)
+    ((features, status),), _ = aerial.run([flatten_frame(noise)], (640, 480), 1, cell_log2=5, per_cell=8)
     assert (status["good"], status["causes"], status["features"]) == (0, Cause.TOO_MANY_FEATURES, 0)
     assert len(features) == AERIAL.max_features
     small = extremes(SMALL_PX)[-1]
@@ -303,7 +329,9 @@ def test_too_many_features_make_a_bad_frame(aerial):
 
 
 @pytest.mark.parametrize("initial", [AERIAL, FAST], ids=["harris", "fast"])
-def test_the_adaptive_threshold_follows_the_golden_model_without_a_bubble(aerial, scene, initial):
+def test_the_adaptive_threshold_follows_the_golden_model_without_a_bubble(
+    aerial: FrontEndBench, scene: Callable[..., Any], initial: FrontEndConfig
+) -> None:
     frames = [gray(scene(number, SMALL_PX)) for number in range(8)]
     target, number = 40, aerial.frames
     code = frame_settings(initial, *SMALL_PX, gray_input=True)["threshold_code"]
@@ -319,6 +347,6 @@ def test_the_adaptive_threshold_follows_the_golden_model_without_a_bubble(aerial
 @pytest.mark.parametrize(
     "size", [{"max_width_px": 63, "max_height_px": 64}, {"max_width_px": 64, "max_height_px": 5000}]
 )
-def test_impossible_sizes_are_named(size):
+def test_impossible_sizes_are_named(size: dict[str, int]) -> None:
     with pytest.raises(ValueError, match=r"max_(width|height)_px is \d+; it must be 64 to 4096"):
         FrontEnd(config=AERIAL, **size)

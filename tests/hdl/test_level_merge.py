@@ -1,8 +1,12 @@
 # amaranth: UnusedElaboratable=no
 """Features leave in the golden model's order with their indices, and a status ends each frame."""
 
+from collections.abc import Callable, Iterator
+from typing import Any
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from golden_model.feature.ilbp import ILBP_128
 from golden_model.records import FRAME_STATUS, Cause, Tag
@@ -16,7 +20,7 @@ MAX_FEATURES = 12
 SIZE_PX = (640, 480)
 
 
-def frame(*levels):
+def frame(*levels: list[Any]) -> list[Any]:
     """Features of a frame; each level is given as the number of features of its cell rows."""
     features = [[np.zeros(count, RECORD.dtype) for count in rows] for rows in levels]
     for level, rows in enumerate(features):
@@ -26,7 +30,7 @@ def frame(*levels):
     return features
 
 
-def expected(frames, causes):
+def expected(frames: Any, causes: Any) -> Any:
     packets = []
     for number, (levels, geometry_cause) in enumerate(zip(frames, causes, strict=True)):
         records = np.concatenate([records for rows in levels for records in rows] or [np.zeros(0, RECORD.dtype)])
@@ -45,18 +49,19 @@ def expected(frames, causes):
 class MergeBench:
     """Stream frames through a merge; the pixels of a frame take 40 clocks, and its features come after its start."""
 
-    def __init__(self, frames, causes, pauses):
+    def __init__(self, frames: list[Any], causes: list[Cause], pauses: Pauses) -> None:
         self.dut = LevelMerge(record=RECORD, levels=len(frames[0]), max_features=MAX_FEATURES)
         self.bench = BlockBench(self.dut, pauses=pauses, cycle_limit=3000)
         self.frames, self.causes = frames, causes
-        self.started, self.packets = [], []
+        self.started: list[Any] = []
+        self.packets: list[Any] = []
 
-    def run(self):
+    def run(self) -> Any:
         self.bench.run(*map(self.source, range(self.dut.levels)), self.pixels, self.sink)
         return [_decoded(packet) for packet in self.packets]
 
-    def source(self, level):
-        async def testbench(ctx):
+    def source(self, level: int) -> Callable[..., Any]:
+        async def testbench(ctx: Any) -> None:
             for number, payload in self._payloads(level):
                 while number not in self.started:
                     await ctx.tick()
@@ -64,14 +69,14 @@ class MergeBench:
 
         return testbench
 
-    def _payloads(self, level):
+    def _payloads(self, level: Any) -> Iterator[Any]:
         for number, (levels, cause) in enumerate(zip(self.frames, self.causes, strict=True)):
             for row, records in enumerate(levels[level]) if cause != Cause.MISSING_START else ():
                 for word in np.frombuffer(records.tobytes(), np.uint64).tolist():
                     yield number, {"data": word, "ends_row": 0, "ends_level": 0}
                 yield number, {"data": 0, "ends_row": 1, "ends_level": row == len(levels[level]) - 1}
 
-    async def pixels(self, ctx):
+    async def pixels(self, ctx: Any) -> None:
         dut = self.dut
         ctx.set(dut.i_settings.width_px, SIZE_PX[0])
         ctx.set(dut.i_settings.height_px, SIZE_PX[1])
@@ -86,7 +91,7 @@ class MergeBench:
             ctx.set(dut.i_threshold_code, 100 + number)
             await self.bench.pulse(ctx, dut.i_ends)
 
-    async def sink(self, ctx):
+    async def sink(self, ctx: Any) -> None:
         words = []
         while len(self.packets) < len(self.frames):
             payload = await self.bench.stream_get(ctx, self.dut.o)
@@ -96,7 +101,7 @@ class MergeBench:
                 words = []
 
 
-def _decoded(packet):
+def _decoded(packet: Any) -> Any:
     data = packet.tobytes()
     features = np.frombuffer(data[: -RECORD.record_bytes], RECORD.dtype)
     return features, np.frombuffer(data[-RECORD.record_bytes :], FRAME_STATUS.dtype_padded_to(RECORD.record_bytes))[0]
@@ -112,7 +117,9 @@ CASES = {
 
 @pytest.mark.parametrize("pauses", [NO_PAUSES, Pauses(gaps=80, stalls=120, seed=5)], ids=["free", "pauses"])
 @pytest.mark.parametrize("frames", CASES.values(), ids=CASES)
-def test_features_are_ordered_and_indexed_and_a_status_ends_each_frame(frames, pauses):
+def test_features_are_ordered_and_indexed_and_a_status_ends_each_frame(
+    frames: list[list[list[NDArray[np.void]]]], pauses: Pauses
+) -> None:
     causes = [Cause(0)] * len(frames)
     for (features, status), (wanted, wanted_status) in zip(
         MergeBench(frames, causes, pauses).run(), expected(frames, causes), strict=True
@@ -123,7 +130,7 @@ def test_features_are_ordered_and_indexed_and_a_status_ends_each_frame(frames, p
             assert status[name] == wanted_status[name], name
 
 
-def test_a_frame_without_start_has_a_status_and_no_features():
+def test_a_frame_without_start_has_a_status_and_no_features() -> None:
     frames = [frame([2], [1]), frame([], []), frame([1, 1], [1])]
     causes = [Cause(0), Cause.MISSING_START, Cause.SHORT_LINE]
     packets = MergeBench(frames, causes, NO_PAUSES).run()
@@ -134,6 +141,6 @@ def test_a_frame_without_start_has_a_status_and_no_features():
     assert packets[1][1]["cycles"] == 0
 
 
-def test_impossible_levels_are_named():
+def test_impossible_levels_are_named() -> None:
     with pytest.raises(ValueError, match="levels is 3"):
         LevelMerge(record=RECORD, levels=3, max_features=MAX_FEATURES)

@@ -8,6 +8,7 @@ import pytest
 
 from hdl.blocks.catalogue import CATALOGUE
 from hdl.blocks.export import export_block
+from tests.conftest import Run
 from tests.system.command_line import only_error
 
 pytestmark = pytest.mark.needs("icarus")
@@ -58,7 +59,7 @@ def test_an_unknown_block_is_refused_with_the_known_ones(tmp_path: Path) -> None
     assert not list(tmp_path.iterdir())
 
 
-def test_the_command_writes_a_block_or_says_what_to_choose(tmp_path: Path, run) -> None:
+def test_the_command_writes_a_block_or_says_what_to_choose(tmp_path: Path, run: Run) -> None:
     status, _, error = run("export", "--block", "sobel", "-o", "sobel")
     assert status == 0, error
     assert (tmp_path / "sobel" / "sobel_tb.v").exists()

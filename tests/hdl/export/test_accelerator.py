@@ -72,7 +72,7 @@ def folder(request: pytest.FixtureRequest, verilog: str, tmp_path_factory: pytes
     return exported(tmp_path_factory.mktemp(request.param), request.param, verilog)
 
 
-def exported(folder: Path, board: str, verilog: str, **build: int) -> Path:
+def exported(folder: Path, board: str, verilog: str, **build: Any) -> Path:
     """An export whose Verilog is already there: only its widths and attributes matter to the scripts."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(export, "top_module", lambda *_: top())
@@ -323,7 +323,7 @@ HWH = """<EDKSYSTEM><MODULES><MODULE MODTYPE="{ps}"><MEMORYMAP>
 def test_the_overlay_has_the_addresses_of_the_block_design(tmp_path: Path, hwh: str, reg: str) -> None:
     (tmp_path / "skymosaic.hwh").write_text(hwh)
     export.write_host(tmp_path, "pynq", preset_config("aerial"), max_width_px=4096, max_height_px=4096)
-    command = [sys.executable, tmp_path / "overlay.py", tmp_path / "skymosaic.hwh"]
+    command = [sys.executable, str(tmp_path / "overlay.py"), str(tmp_path / "skymosaic.hwh")]
     text = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     assert f'"skymosaic";\n            reg = {reg};' in text
     assert text.count("generic-uio") == 4

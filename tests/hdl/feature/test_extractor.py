@@ -1,12 +1,16 @@
 """Ring window and features together equal the golden model, for corners at chosen positions."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from amaranth import Module
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
+from numpy.typing import NDArray
 
 from golden_model.feature import ilbp, subpixel
+from golden_model.feature.ilbp import DescriptorPattern
 from golden_model.matching.correlation import windows
 from hdl.feature.extractor import CandidateFeatures, feature_layout
 from hdl.feature.ring_window import RingWindow
@@ -22,7 +26,7 @@ NEIGHBOURS = {"left": (-1, 0), "right": (1, 0), "up": (0, -1), "down": (0, 1)}
 class Describer(wiring.Component):
     """Takes pixels and candidates of the same scan position as beats, and sends features as beats."""
 
-    def __init__(self, *, pattern, spacing_cycles, level, width_px):
+    def __init__(self, *, pattern: DescriptorPattern, spacing_cycles: int, level: int, width_px: int) -> None:
         self.window = RingWindow(pattern=pattern, width_px=width_px)
         self.features = CandidateFeatures(
             pattern=pattern, spacing_cycles=spacing_cycles, level=level, lag_px=self.window.lag_px
@@ -35,7 +39,7 @@ class Describer(wiring.Component):
             }
         )
 
-    def elaborate(self, platform):
+    def elaborate(self, platform: object) -> Module:
         m = Module()
         m.submodules.window, m.submodules.features = window, features = self.window, self.features
         m.d.comb += window.i.pixel.eq(self.i.pixel)
@@ -54,16 +58,23 @@ class Describer(wiring.Component):
         return m
 
 
-def golden_features(pixels, code, *, pattern, level, at):
+def golden_features(
+    pixels: NDArray[np.uint8],
+    code: NDArray[np.uint16],
+    *,
+    pattern: DescriptorPattern,
+    level: int,
+    at: tuple[NDArray[np.int64], NDArray[np.int64]],
+) -> list[int]:
     """The features at (x, y), as bits of `feature_layout`."""
     x, y = at
     sector, descriptor = ilbp.describe(pixels, pixels, x, y, pattern)
     full_x, full_y = subpixel.refine(code, x, y, level)
-    fields = {"response": code[y, x], "x": full_x, "y": full_y, "sector": sector}
+    fields: dict[str, NDArray[Any]] = {"response": code[y, x], "x": full_x, "y": full_y, "sector": sector}
     octets = {"descriptor": descriptor}
     if pattern.carries_window:
         octets["window"] = windows(pixels, x, y, size_px=3)
-    layout = feature_layout(pattern)
+    layout: Any = feature_layout(pattern)
     return [
         layout.const(
             {name: int(values[n]) for name, values in fields.items()}
@@ -77,7 +88,9 @@ def golden_features(pixels, code, *, pattern, level, at):
     ("name", "spacing_cycles", "level", "gaps", "frame_count"),
     [("ilbp-128", 4, 0, 0, 1), ("ilbp-128", 2, 1, 60, 1), ("thesis-ilbp-4", 2, 0, 60, 3)],
 )
-def test_features_equal_the_golden_model(name, spacing_cycles, level, gaps, frame_count):
+def test_features_equal_the_golden_model(
+    name: str, spacing_cycles: int, level: int, gaps: int, frame_count: int
+) -> None:
     pattern = ilbp.PATTERNS[name]
     lag_px = max(pattern.radii_px)
     shape = height, width = 2 * lag_px + 4, 2 * lag_px + 18

@@ -1,13 +1,16 @@
 # amaranth: UnusedElaboratable=no
 """Ring window, orientation and descriptor equal the golden model."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from amaranth import Module
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
+from numpy.typing import NDArray
 
-from golden_model.feature.ilbp import PATTERNS, describe, gather
+from golden_model.feature.ilbp import PATTERNS, DescriptorPattern, describe, gather
 from hdl.feature.ilbp import RingDescriptor
 from hdl.feature.ring_window import RingWindow
 from hdl.streams import beat, carry_scan
@@ -22,13 +25,13 @@ PATCH_PX = 2 * CENTRE_PX + 1
 class RingBeats(wiring.Component):
     """A ring window that sends its pixels as beats; of two pixels, those of the chosen one in place of both."""
 
-    def __init__(self, *, pattern, width_px, pixels_per_clock, second):
+    def __init__(self, *, pattern: DescriptorPattern, width_px: int, pixels_per_clock: int, second: bool) -> None:
         self.pixels_per_clock, self.second = pixels_per_clock, second
         self.window = RingWindow(pattern=pattern, width_px=width_px, pixels_per_clock=pixels_per_clock)
         rings = data.ArrayLayout(8, len(pattern.radii_px) * pattern.angles)
         super().__init__({"i": In(self.window.i.shape()), "o": Out(beat(pixels=rings))})
 
-    def elaborate(self, platform):
+    def elaborate(self, platform: object) -> Module:
         m = Module()
         m.submodules.window = self.window
         m.d.comb += self.window.i.eq(self.i)
@@ -44,7 +47,9 @@ class RingBeats(wiring.Component):
 @pytest.mark.parametrize(
     ("pixels_per_clock", "second", "gaps"), [(1, False, 0), (1, False, 80), (2, False, 0), (2, True, 80)]
 )
-def test_ring_window_gives_the_pixels_of_the_rings(name, shape, pixels_per_clock, second, gaps):
+def test_ring_window_gives_the_pixels_of_the_rings(
+    name: str, shape: tuple[int, int], pixels_per_clock: int, second: bool, gaps: int
+) -> None:
     height_px, width_px = shape
     pattern = PATTERNS[name]
     frames = np.random.default_rng(5).integers(0, 256, (2, height_px, width_px), dtype=np.uint8)
@@ -63,7 +68,7 @@ def test_ring_window_gives_the_pixels_of_the_rings(name, shape, pixels_per_clock
         np.testing.assert_array_equal(planes[y, x].T, gather(frame, x, y, offsets))
 
 
-def patches(rng):
+def patches(rng: np.random.Generator) -> NDArray[np.uint8]:
     """Slopes in every direction, noise, ties and the extremes, one (H, W) patch for each candidate."""
     y, x = np.mgrid[-CENTRE_PX : CENTRE_PX + 1, -CENTRE_PX : CENTRE_PX + 1]
     turns = np.arange(48)[:, np.newaxis, np.newaxis] * 2 * np.pi / 48
@@ -75,7 +80,9 @@ def patches(rng):
     return np.concatenate([slopes, noise, flat, coarse, halves]).clip(0, 255).astype(np.uint8)
 
 
-def run_descriptor(dut, rings, *, pause_cycles):
+def run_descriptor(
+    dut: RingDescriptor, rings: NDArray[np.uint8], *, pause_cycles: int
+) -> tuple[list[int], list[tuple[int, int, int]]]:
     """Offer (N, rings * angles) pixels, with random ones in between.
 
     Returns the cycles of the candidates, and ``(cycle, sector, descriptor)`` of each answer.
@@ -97,7 +104,7 @@ def run_descriptor(dut, rings, *, pause_cycles):
 
 @pytest.mark.parametrize("name", PATTERNS)
 @pytest.mark.parametrize(("spacing_cycles", "pause_cycles"), [(1, 0), (2, 0), (4, 1)])
-def test_sector_and_descriptor_equal_the_golden_model(name, spacing_cycles, pause_cycles):
+def test_sector_and_descriptor_equal_the_golden_model(name: str, spacing_cycles: int, pause_cycles: int) -> None:
     pattern = PATTERNS[name]
     scene = np.concatenate(list(patches(np.random.default_rng(9))))
     y = np.arange(len(scene) // PATCH_PX) * PATCH_PX + CENTRE_PX
@@ -113,12 +120,12 @@ def test_sector_and_descriptor_equal_the_golden_model(name, spacing_cycles, paus
     assert [value for *_, value in outcomes] == [int.from_bytes(row.tobytes(), "little") for row in descriptors]
 
 
-def test_reset_drops_the_candidates_in_the_pipeline():
+def test_reset_drops_the_candidates_in_the_pipeline() -> None:
     dut = RingDescriptor(pattern=PATTERNS["ilbp-128"], spacing_cycles=4)
     bench = BlockBench(dut)
     valids = []
 
-    async def testbench(ctx):
+    async def testbench(ctx: Any) -> None:
         for cycle in range(3 * dut.latency_cycles):
             ctx.set(dut.i_candidate, cycle % 4 == 0 and cycle <= 2 * dut.latency_cycles)
             ctx.set(bench.reset, cycle == dut.latency_cycles)
@@ -131,6 +138,6 @@ def test_reset_drops_the_candidates_in_the_pipeline():
     assert {cycle for cycle in after if valids[cycle]} == {cycle + dut.latency_cycles for cycle in offered}
 
 
-def test_impossible_spacing_is_refused():
+def test_impossible_spacing_is_refused() -> None:
     with pytest.raises(ValueError, match="spacing_cycles is 3; valid: 1, 2, 4"):
         RingDescriptor(pattern=PATTERNS["ilbp-128"], spacing_cycles=3)

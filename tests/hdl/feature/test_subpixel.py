@@ -1,6 +1,7 @@
 # amaranth: UnusedElaboratable=no
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from golden_model.feature import subpixel
 from golden_model.formats import encode_response
@@ -12,7 +13,7 @@ LAG_PX = 17
 NEIGHBOURS = {"left": (-1, 0), "right": (1, 0), "up": (0, -1), "down": (0, 1)}
 
 
-def neighbourhoods(rng):
+def neighbourhoods(rng: np.random.Generator) -> dict[str, NDArray[np.int64]]:
     """Codes of candidates and of neighbours that are equal, a little smaller, much smaller or 0; and exact halves."""
     largest = int(encode_response(np.array((1 << 30) - 1)))
     centre = rng.integers(1, largest + 1, CANDIDATES)
@@ -26,12 +27,15 @@ def neighbourhoods(rng):
         codes[name][40:48] = centre[40:48]
     # Vertices halfway between two sixteenths: u + v = 32 and |v - u| = 2, 6, 10 ...
     falls = np.arange(1, 32, 2)
-    for name, fall in {"code": 0, "left": falls, "right": 32 - falls, "up": 32 - falls, "down": falls}.items():
+    zeros = np.zeros_like(falls)
+    for name, fall in {"code": zeros, "left": falls, "right": 32 - falls, "up": 32 - falls, "down": falls}.items():
         codes[name][48:64] = 1000 - fall
     return codes
 
 
-def golden_positions(codes, x, y, level):
+def golden_positions(
+    codes: dict[str, NDArray[np.int64]], x: NDArray[np.int64], y: NDArray[np.int64], level: int
+) -> list[tuple[int, int]]:
     """Positions from the golden model, with each candidate alone in its plane."""
     positions = []
     for candidate in range(CANDIDATES):
@@ -40,13 +44,14 @@ def golden_positions(codes, x, y, level):
         for name, (dx, dy) in NEIGHBOURS.items():
             plane[y[candidate] + dy, x[candidate] + dx] = codes[name][candidate]
         at = np.array([x[candidate]]), np.array([y[candidate]])
-        positions.append(tuple(int(position[0]) for position in subpixel.refine(plane, *at, level)))
+        refined_x, refined_y = subpixel.refine(plane, *at, level)
+        positions.append((int(refined_x[0]), int(refined_y[0])))
     return positions
 
 
 @pytest.mark.parametrize("level", [0, 1])
 @pytest.mark.parametrize("spacing_cycles", [1, 2, 3])
-def test_positions_equal_the_golden_model(level, spacing_cycles):
+def test_positions_equal_the_golden_model(level: int, spacing_cycles: int) -> None:
     rng = np.random.default_rng(21 + level)
     codes = neighbourhoods(rng)
     x, y = rng.integers(1, 200, (2, CANDIDATES))
@@ -69,6 +74,6 @@ def test_positions_equal_the_golden_model(level, spacing_cycles):
     assert positions == golden_positions(codes, x, y, level)
 
 
-def test_impossible_level_is_refused():
+def test_impossible_level_is_refused() -> None:
     with pytest.raises(ValueError, match="level is 2; valid: 0, 1"):
         SubPixel(level=2, lag_px=LAG_PX)

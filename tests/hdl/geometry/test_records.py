@@ -1,8 +1,11 @@
 # amaranth: UnusedElaboratable=no
 """Scoring behind records: packets in, packets out; whatever is broken is answered, and never with a score."""
 
+from typing import Any
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from golden_model.geometry.scoring import Cause, Scores, hypothesis_records, quantise, score_records
 from golden_model.geometry.scoring import answers as golden_answers
@@ -19,7 +22,7 @@ HYPOTHESES[0, 1, 2] = HYPOTHESES[0, 1, 2] & ~0xFF | Tag.HYPOTHESIS
 CUT_WORDS = 3
 
 
-def match_records(count=20, seed=2):
+def match_records(count: int = 20, seed: int = 2) -> NDArray[np.void]:
     """Matches near the identity, a third of them rejected."""
     rng = np.random.default_rng(seed)
     records = np.zeros(count, MATCH.dtype)
@@ -32,29 +35,31 @@ def match_records(count=20, seed=2):
     return records
 
 
-def status(good=1, frame=0):
-    record = np.zeros((), FRAME_STATUS.dtype)
+def status(good: int = 1, frame: int = 0) -> NDArray[np.void]:
+    record: Any = np.zeros((), FRAME_STATUS.dtype)
     record["tag"], record["good"], record["frame"] = Tag.FRAME_STATUS, good, frame
     return padded_status(record, MATCH.record_bytes)
 
 
-def expected(records, frame=0):
+def expected(records: NDArray[np.void], frame: int = 0) -> list[dict[str, int]]:
     """The words of the scores by the kept ones of the matches."""
     return packet(golden_answers(HYPOTHESES, records, frame))
 
 
-def refused(cause, frame=0):
+def refused(cause: Cause, frame: int = 0) -> list[dict[str, int]]:
     zeros = np.zeros(len(HYPOTHESES), dtype=np.int64)
     return packet(score_records(Scores(zeros, zeros, zeros + int(cause)), frame))
 
 
-def answers(steps, *, max_matches=32, pauses=NO_PAUSES):
+def answers(
+    steps: list[tuple[str, list[dict[Any, Any]]]], *, max_matches: int = 32, pauses: Pauses = NO_PAUSES
+) -> list[dict[str, int]]:
     """For each step, a port and the words to send to it, after the answers to the step before: all that came back."""
     dut = RecordScoring(max_matches=max_matches)
     bench = BlockBench(dut, pauses=pauses, cycle_limit=20_000)
-    received = []
+    received: list[Any] = []
 
-    async def send(ctx):
+    async def send(ctx: Any) -> None:
         for port, words in steps:
             before = len(received)
             for word in words:
@@ -62,7 +67,7 @@ def answers(steps, *, max_matches=32, pauses=NO_PAUSES):
             while port == "i_hypotheses" and not any(word["last"] for word in received[before:]):
                 await ctx.tick()
 
-    async def receive(ctx):
+    async def receive(ctx: Any) -> None:
         while True:
             word = await bench.stream_get(ctx, dut.o)
             received.append({"data": word.data, "last": word.last})
@@ -72,7 +77,7 @@ def answers(steps, *, max_matches=32, pauses=NO_PAUSES):
 
 
 @pytest.mark.parametrize("pauses", [NO_PAUSES, Pauses(gaps=80, stalls=120, seed=3)], ids=["free", "pauses"])
-def test_kept_matches_score_every_hypothesis(pauses):
+def test_kept_matches_score_every_hypothesis(pauses: Pauses) -> None:
     """Before any set, by one, and by the next."""
     asked = ("i_hypotheses", packet(hypothesis_records(HYPOTHESES)))
     first, second = match_records(), match_records(7, seed=9)
@@ -81,7 +86,7 @@ def test_kept_matches_score_every_hypothesis(pauses):
     assert received == refused(Cause.NO_MATCHES) + expected(first, 5) + expected(second, 1 << 31)
 
 
-def test_hypotheses_wait_for_a_packet_of_matches_that_is_under_way():
+def test_hypotheses_wait_for_a_packet_of_matches_that_is_under_way() -> None:
     records, words = match_records(), packet(hypothesis_records(HYPOTHESES))
     # The first kept match comes late, so that nothing is stored yet when the first hypothesis is complete.
     records["verdict"][:8] = 0
@@ -91,7 +96,7 @@ def test_hypotheses_wait_for_a_packet_of_matches_that_is_under_way():
     assert [{"data": word.data, "last": word.last} for word in received] == expected(records, 3)
 
 
-def test_a_bad_packet_of_matches_leaves_an_empty_set():
+def test_a_bad_packet_of_matches_leaves_an_empty_set() -> None:
     good, asked = packet(match_records(), status()), ("i_hypotheses", packet(hypothesis_records(HYPOTHESES)))
     unknown = match_records()
     unknown["tag"][4] = Tag.FEATURE
@@ -109,7 +114,7 @@ def test_a_bad_packet_of_matches_leaves_an_empty_set():
     assert answers([*steps, ("i_matches", good), asked]) == wanted + expected(match_records())
 
 
-def test_a_broken_hypothesis_is_answered_and_the_next_packet_is_whole():
+def test_a_broken_hypothesis_is_answered_and_the_next_packet_is_whole() -> None:
     words = packet(hypothesis_records(HYPOTHESES))
     wrong = hypothesis_records(HYPOTHESES)
     wrong["tag"][1] = Tag.MATCH
@@ -126,7 +131,7 @@ def test_a_broken_hypothesis_is_answered_and_the_next_packet_is_whole():
     assert received[-len(scores) :] == scores
 
 
-def test_a_memory_that_is_too_small_is_a_cause():
+def test_a_memory_that_is_too_small_is_a_cause() -> None:
     records = match_records()
     small = int(np.count_nonzero(records["verdict"])) - 1
     steps = [("i_matches", packet(records, status())), ("i_hypotheses", packet(hypothesis_records(HYPOTHESES)))]

@@ -1,12 +1,15 @@
 # amaranth: UnusedElaboratable=no
 """The scoring block equals the golden model, and takes exactly the clocks that are predicted."""
 
+from typing import Any
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from golden_model.formats import POSITION
 from golden_model.geometry import scoring as golden
-from golden_model.geometry.scoring import Cause, finish_cycles, quantise, score
+from golden_model.geometry.scoring import Cause, Scores, finish_cycles, quantise, score
 from hdl.geometry.scoring import IN_FLIGHT, HomographyScoring
 from sim.benches.block_bench import BlockBench
 from sim.benches.drivers import run_streams
@@ -18,7 +21,7 @@ TRUTH = np.array([[1.02, 0.05, 30], [-0.04, 0.97, 10], [1e-5, 2e-5, 1]])
 ENTRY = golden.ENTRY
 
 
-def matches(count, seed=1):
+def matches(count: int, seed: int = 1) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """Positions in 1/16 px, some near to where `TRUTH` maps them, some anywhere; and weights."""
     rng = np.random.default_rng(seed)
     left = rng.integers(0, 10_240, (count, 2))
@@ -28,13 +31,13 @@ def matches(count, seed=1):
     return left, np.clip(np.rint(right), 0, POSITION.max_raw).astype(np.int64), rng.integers(0, 256, count)
 
 
-def near_truth(count, seed=2):
+def near_truth(count: int, seed: int = 2) -> NDArray[np.int64]:
     """Hypotheses that fit part of the matches."""
     spread = np.array([[1e-3, 1e-3, 1], [1e-3, 1e-3, 1], [2e-7, 2e-7, 2e-3]])
     return quantise(TRUTH + np.random.default_rng(seed).normal(size=(count, 3, 3)) * spread)
 
 
-def extreme_hypotheses():
+def extreme_hypotheses() -> NDArray[np.int64]:
     """Elements at both ends of the range, behind the camera, at the horizon, singular; and what has no score."""
     rng = np.random.default_rng(3)
     ends = rng.choice([ENTRY.min_raw, ENTRY.max_raw, 0], (10, 3, 3))
@@ -59,7 +62,7 @@ def extreme_hypotheses():
     )
 
 
-def extreme_matches():
+def extreme_matches() -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     corners = np.array([[0, 0], [POSITION.max_raw, 0], [0, POSITION.max_raw], [POSITION.max_raw] * 2])
     left, right = np.repeat(corners, 4, axis=0), np.tile(corners, (4, 1))
     # Under the identity, squared errors of 1, 4, 9 and 16 sixteenths of the tolerance: ties of every comparison.
@@ -69,20 +72,20 @@ def extreme_matches():
     return np.vstack((left, some[0])), np.vstack((right, some[1])), np.concatenate((weight, some[2]))
 
 
-async def answer(ctx, bench, hypothesis):
+async def answer(ctx: Any, bench: BlockBench, hypothesis: NDArray[np.int64]) -> Any:
     """Score, support and causes of one hypothesis."""
     await bench.stream_put(ctx, bench.dut.i_hypotheses, hypothesis_payloads(hypothesis[np.newaxis])[0])
     payload = await bench.stream_get(ctx, bench.dut.o)
     return payload.score, payload.support, payload.causes
 
 
-def assert_equal(results, expected):
+def assert_equal(results: Scores, expected: Scores) -> None:
     for name in ("score", "support", "causes"):
         np.testing.assert_array_equal(getattr(results, name), getattr(expected, name), err_msg=name)
 
 
 @pytest.mark.parametrize("pauses", [NO_PAUSES, PAUSES], ids=["free", "pauses"])
-def test_scores_equal_the_golden_model(pauses):
+def test_scores_equal_the_golden_model(pauses: Pauses) -> None:
     left, right, weight = matches(30)
     hypotheses = near_truth(9)
     expected = score(hypotheses, left, right, weight)
@@ -90,7 +93,7 @@ def test_scores_equal_the_golden_model(pauses):
     assert_equal(simulate_scoring(hypotheses, left, right, weight, max_matches=30, pauses=pauses), expected)
 
 
-def test_extremes_equal_the_golden_model():
+def test_extremes_equal_the_golden_model() -> None:
     hypotheses, given = extreme_hypotheses(), extreme_matches()
     expected = score(hypotheses, *given)
     assert {0, Cause.OUT_OF_RANGE, Cause.NOT_NORMALISED} == set(expected.causes)
@@ -98,7 +101,7 @@ def test_extremes_equal_the_golden_model():
     assert_equal(simulate_scoring(hypotheses, *given, max_matches=32), expected)
 
 
-def test_hypotheses_wait_for_a_set_that_begins_with_them():
+def test_hypotheses_wait_for_a_set_that_begins_with_them() -> None:
     given, hypotheses = matches(5), near_truth(2)
     inputs = {"i_matches": set_of_matches(*given), "i_hypotheses": hypothesis_payloads(hypotheses)}
     results = run_streams(HomographyScoring(max_matches=8), inputs, {"o": 2})["o"]
@@ -106,15 +109,15 @@ def test_hypotheses_wait_for_a_set_that_begins_with_them():
     assert [(each.number, each.last) for each in results] == [(0, 0), (1, 1)]
 
 
-def test_sets_follow_each_other_without_a_trace():
+def test_sets_follow_each_other_without_a_trace() -> None:
     """Of one match, too many, none, and a full memory; each is answered as if it were the first."""
     dut = HomographyScoring(max_matches=12)
     hypotheses = near_truth(3)
     counts = (5, 13, 0, 12, 1, 2)
     sets = [matches(count, seed) for seed, count in enumerate(counts)]
-    results = []
+    results: list[Any] = []
 
-    async def run(ctx):
+    async def run(ctx: Any) -> None:
         results.append([await answer(ctx, bench, h) for h in hypotheses])
         for given in sets:
             for payload in set_of_matches(*given):
@@ -129,13 +132,13 @@ def test_sets_follow_each_other_without_a_trace():
         assert_equal(golden.Scores(*np.array(answers).T), expected)
 
 
-def test_every_score_comes_in_the_predicted_clock():
+def test_every_score_comes_in_the_predicted_clock() -> None:
     """With so many matches that hypotheses overlap, just so many, and with few, one and none."""
     dut = HomographyScoring(max_matches=64)
     counts, hypotheses = (40, 25, 24, 7, 1, 0), 6
-    results = []
+    results: list[Any] = []
 
-    async def run(ctx):
+    async def run(ctx: Any) -> None:
         for count in counts:
             for payload in set_of_matches(*matches(count)):
                 await bench.stream_put(ctx, dut.i_matches, payload)
@@ -147,18 +150,19 @@ def test_every_score_comes_in_the_predicted_clock():
     assert results == [finish_cycles(count, hypotheses).tolist() for count in counts]
 
 
-def test_the_model_of_time_knows_the_block():
+def test_the_model_of_time_knows_the_block() -> None:
     dut = HomographyScoring(max_matches=8)
     assert (dut.latency_cycles, IN_FLIGHT) == (golden.LATENCY_CYCLES, golden.IN_FLIGHT)
 
 
-def test_reset_in_any_phase_leaves_nothing_behind():
+def test_reset_in_any_phase_leaves_nothing_behind() -> None:
     """While a set is loaded or read, or scores are on their way or wait; afterwards there is no set."""
     dut = HomographyScoring(max_matches=16)
     given, hypotheses = matches(9), near_truth(3)
-    phases, results = (1, 5, 9, 11, 13, 20, 33, 40, 46), []
+    phases = (1, 5, 9, 11, 13, 20, 33, 40, 46)
+    results: list[Any] = []
 
-    async def run(ctx):
+    async def run(ctx: Any) -> None:
         for phase in phases:
             await disturb(ctx, phase)
             await bench.pulse(ctx, bench.reset)
@@ -167,7 +171,7 @@ def test_reset_in_any_phase_leaves_nothing_behind():
                 await bench.stream_put(ctx, dut.i_matches, payload)
             results.append(await answers(ctx))
 
-    async def disturb(ctx, phase):
+    async def disturb(ctx: Any, phase: Any) -> None:
         await bench.pulse(ctx, bench.reset)
         sent = set_of_matches(*matches(9, seed=5))
         ctx.set(dut.i_hypotheses.payload, hypothesis_payloads(hypotheses)[0])
@@ -179,7 +183,7 @@ def test_reset_in_any_phase_leaves_nothing_behind():
         ctx.set(dut.i_matches.valid, 0)
         ctx.set(dut.i_hypotheses.valid, 0)
 
-    async def answers(ctx):
+    async def answers(ctx: Any) -> Any:
         return [await answer(ctx, bench, hypothesis) for hypothesis in hypotheses]
 
     bench = BlockBench(dut, cycle_limit=5000)
@@ -190,6 +194,6 @@ def test_reset_in_any_phase_leaves_nothing_behind():
 
 
 @pytest.mark.parametrize("max_matches", [0, golden.MAX_MATCHES + 1])
-def test_an_impossible_memory_is_refused(max_matches):
+def test_an_impossible_memory_is_refused(max_matches: int) -> None:
     with pytest.raises(ValueError, match=f"max_matches is {max_matches}; it must be 1 to 2048"):
         HomographyScoring(max_matches=max_matches)

@@ -1,5 +1,6 @@
 # amaranth: UnusedElaboratable=no
 import itertools
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from sim.benches.drivers import run_clocks
 
 
 @given(st.integers(-(1 << 40), 1 << 40))
-def test_signed_digits_give_the_constant_without_neighbours(constant):
+def test_signed_digits_give_the_constant_without_neighbours(constant: Any) -> None:
     digits = signed_digits(constant)
     shifts = [shift for shift, _ in digits]
     assert sum(sign << shift for shift, sign in digits) == constant
@@ -29,7 +30,7 @@ def test_signed_digits_give_the_constant_without_neighbours(constant):
         ((8,), signed(4), 1),
     ],
 )
-def test_sum_is_exact_at_its_latency(weights, shape, latency_cycles):
+def test_sum_is_exact_at_its_latency(weights: tuple[Any, ...], shape: Any, latency_cycles: int) -> None:
     dut = WeightedSum(weights=weights, shape=shape)
     assert dut.latency_cycles == latency_cycles
     low, high = (-(1 << shape.width - 1), (1 << shape.width - 1) - 1) if shape.signed else (0, (1 << shape.width) - 1)
@@ -51,6 +52,6 @@ def test_sum_is_exact_at_its_latency(weights, shape, latency_cycles):
     assert (dut.low, dut.high) == (sums[1], sums[0])
 
 
-def test_weights_that_are_all_zero_are_refused():
+def test_weights_that_are_all_zero_are_refused() -> None:
     with pytest.raises(ValueError, match=r"weights are \[0, 0\]"):
         WeightedSum(weights=(0, 0), shape=unsigned(8))

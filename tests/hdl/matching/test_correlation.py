@@ -4,9 +4,11 @@
 import dataclasses
 import functools
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from golden_model.config import PRESETS
 from golden_model.front_end import extract
@@ -23,7 +25,7 @@ from sim.simulators.recording import NO_PAUSES, Pauses
 PAUSES = Pauses(gaps=100, stalls=180, seed=4)
 
 
-def windows():
+def windows() -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
     """Pairs of windows: random, similar, the extremes of every score, flat, black, single pixels."""
     rng = np.random.default_rng(5)
     any_pair = rng.integers(0, 256, (2, 40, PIXELS))
@@ -39,7 +41,7 @@ def windows():
     return pairs[0], pairs[1]
 
 
-def graded_windows():
+def graded_windows() -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
     """Pairs of decreasing similarity whose scores cover the rules' sets: bright ones and, for NCC, dark ones."""
     rng = np.random.default_rng(6)
     spread = np.linspace(0, 24, 60)[:, np.newaxis]
@@ -53,7 +55,7 @@ def graded_windows():
 
 
 @functools.cache
-def matched():
+def matched() -> Any:
     """The left and the right feature of every mutual match between two rendered views."""
     config = dataclasses.replace(PRESETS["thesis"].front_end, threshold=60_000)
     left, right = (extract(image, config).features for image in make_pair(seed=3).images)
@@ -62,16 +64,16 @@ def matched():
     return left[at_left], right[at_right]
 
 
-def golden_scores(left, right):
+def golden_scores(left: NDArray[np.uint8], right: NDArray[np.uint8]) -> NDArray[np.int64]:
     return np.stack([score(left, right) for score in (correlation.sad, correlation.zssd, correlation.ncc)], axis=1)
 
 
-def payloads(left, right):
+def payloads(left: NDArray[np.uint8], right: NDArray[np.uint8]) -> list[dict[str, list[int]]]:
     return [{"left": a, "right": b} for a, b in zip(left.tolist(), right.tolist(), strict=True)]
 
 
 @pytest.mark.parametrize("pauses", [NO_PAUSES, PAUSES], ids=["free", "pauses"])
-def test_scores_equal_the_golden_model(pauses):
+def test_scores_equal_the_golden_model(pauses: Pauses) -> None:
     left, right = windows()
     expected = golden_scores(left, right)
     assert expected.min(axis=0).tolist() == [0, 0, 0]
@@ -83,10 +85,10 @@ def test_scores_equal_the_golden_model(pauses):
 
 
 @pytest.mark.parametrize("block", [WindowCorrelation, FuzzyCorrelation])
-def test_a_result_takes_exactly_the_latency(block):
+def test_a_result_takes_exactly_the_latency(block: type[WindowCorrelation] | type[FuzzyCorrelation]) -> None:
     dut = block()
 
-    async def run(ctx):
+    async def run(ctx: Any) -> None:
         ctx.set(dut.i.valid, 1)
         for _ in range(2):
             ctx.set(dut.o.ready, 0)
@@ -100,12 +102,12 @@ def test_a_result_takes_exactly_the_latency(block):
     BlockBench(dut, cycle_limit=4 * dut.latency_cycles).run(run)
 
 
-def golden_weights(left, right):
+def golden_weights(left: NDArray[np.uint8], right: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Weight and rule of each pair of windows."""
     return np.stack(rule_bases.correlation().evaluate(*correlation.fuzzy_inputs(left, right)), axis=1)
 
 
-def weighed(left, right, pauses=NO_PAUSES):
+def weighed(left: NDArray[np.uint8], right: NDArray[np.uint8], pauses: Pauses = NO_PAUSES) -> list[tuple[int, int]]:
     dut = FuzzyCorrelation()
     limit = 4 * len(left) * dut.latency_cycles
     received = run_streams(dut, {"i": payloads(left, right)}, {"o": len(left)}, pauses=pauses, cycle_limit=limit)["o"]
@@ -113,7 +115,7 @@ def weighed(left, right, pauses=NO_PAUSES):
 
 
 @pytest.mark.parametrize("pauses", [NO_PAUSES, PAUSES], ids=["free", "pauses"])
-def test_fuzzy_correlation_equals_the_golden_model(pauses):
+def test_fuzzy_correlation_equals_the_golden_model(pauses: Pauses) -> None:
     left, right = graded_windows()
     expected = golden_weights(left, right)
     assert len(set(expected[:, 1])) >= 10
@@ -121,7 +123,7 @@ def test_fuzzy_correlation_equals_the_golden_model(pauses):
     np.testing.assert_array_equal(weighed(left, right, pauses), expected)
 
 
-def test_fuzzy_correlation_of_matched_corners():
+def test_fuzzy_correlation_of_matched_corners() -> None:
     """On the windows of the mutual matches of two views, true and false matches."""
     left, right = matched()
     left, right = left["window"][::3], right["window"][::3]
@@ -132,7 +134,7 @@ def test_fuzzy_correlation_of_matched_corners():
 
 
 @pytest.mark.parametrize(("variable", "factor"), [(0, Fraction(16, 9)), (1, Fraction(4, 81))], ids=["sad", "zssd"])
-def test_scaling_is_exact_up_to_where_the_tables_end(variable, factor):
+def test_scaling_is_exact_up_to_where_the_tables_end(variable: int, factor: Fraction) -> None:
     """Check every score with the constants by which the hardware multiplies."""
     limit, multiplier, shift = scale_constants(factor)
     scores = np.arange(limit)
@@ -141,7 +143,7 @@ def test_scaling_is_exact_up_to_where_the_tables_end(variable, factor):
     assert rule_bases.correlation().inputs[variable].entries - 1 <= scaled[-1] <= 255
 
 
-def test_fuzzy_ilbp_of_matched_corners():
+def test_fuzzy_ilbp_of_matched_corners() -> None:
     """On distance and SAD of the same matches, the inputs that the fuzzy stage gives the rules."""
     left, right = matched()
     bits = PRESETS["thesis"].front_end.pattern.bits

@@ -1,9 +1,13 @@
 """Roles, contents and counts of the feature banks after each frame."""
 
+from collections.abc import Iterator
+from typing import Any
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from golden_model.feature.ilbp import PATTERNS
+from golden_model.feature.ilbp import PATTERNS, DescriptorPattern
 from golden_model.records import FRAME_STATUS, Tag
 from hdl.matching.feature_banks import READ_CYCLES, FeatureBanks
 from sim.benches.block_bench import BlockBench
@@ -12,7 +16,7 @@ from sim.simulators.recording import NO_PAUSES, Pauses
 MAX_FEATURES = 16
 
 
-def random_frames(rng, sizes, pattern):
+def random_frames(rng: np.random.Generator, sizes: list[int], pattern: DescriptorPattern) -> Iterator[Any]:
     """Records of each frame's features."""
     record = pattern.record
     for size in sizes:
@@ -22,7 +26,7 @@ def random_frames(rng, sizes, pattern):
         yield features
 
 
-def status_of(features, good):
+def status_of(features: Any, good: Any) -> Any:
     status = np.zeros(1, FRAME_STATUS.dtype_padded_to(features.dtype.itemsize))
     status["tag"], status["good"], status["features"] = Tag.FRAME_STATUS, good, len(features)
     return status
@@ -31,22 +35,24 @@ def status_of(features, good):
 class BanksBench:
     """Send frames, take the status of each, and read both sides back while the next frame arrives."""
 
-    def __init__(self, pattern, frames, pauses):
+    def __init__(
+        self, pattern: DescriptorPattern, frames: list[tuple[NDArray[np.void], int, tuple[int, int]]], pauses: Pauses
+    ) -> None:
         self.dut = FeatureBanks(pattern=pattern, max_features=MAX_FEATURES)
         self.bench = BlockBench(self.dut, pauses=pauses)
         self.pattern, self.frames = pattern, frames
-        self.sides = []
+        self.sides: list[Any] = []
 
-    def run(self):
+    def run(self) -> Any:
         self.bench.run(self.sink, background=[self.source])
         return self.sides
 
-    async def source(self, ctx):
+    async def source(self, ctx: Any) -> None:
         for features, good, _ in self.frames:
             for word in np.frombuffer(features.tobytes() + status_of(features, good).tobytes(), np.uint64).tolist():
                 await self.bench.stream_put(ctx, self.dut.i, {"data": word, "last": 0})
 
-    async def sink(self, ctx):
+    async def sink(self, ctx: Any) -> None:
         dut = self.dut
         for _, good, (hold, take) in self.frames:
             ctx.set(dut.i_hold_reference, hold)
@@ -55,7 +61,7 @@ class BanksBench:
             assert status.good == good
             self.sides.append([await self.side(ctx, side) for side in ("left", "right")])
 
-    async def side(self, ctx, side):
+    async def side(self, ctx: Any, side: Any) -> Any:
         address, count = getattr(self.dut, f"i_{side}_address"), getattr(self.dut, f"o_{side}_count")
         feature = getattr(self.dut, f"o_{side}")
         features = []
@@ -66,7 +72,7 @@ class BanksBench:
         return features
 
 
-def contents(features, pattern):
+def contents(features: Any, pattern: Any) -> Any:
     """The entries that the banks should hold for the frame."""
     result = []
     for feature in features:
@@ -85,7 +91,7 @@ PREVIOUS, HELD, TAKE = (0, 0), (1, 0), (0, 1)
 
 @pytest.mark.parametrize("pauses", [NO_PAUSES, Pauses(gaps=120, seed=4)], ids=["free", "gaps"])
 @pytest.mark.parametrize("name", ["ilbp-128", "thesis-ilbp-2"])
-def test_each_frame_takes_the_role_that_its_status_and_settings_give(name, pauses):
+def test_each_frame_takes_the_role_that_its_status_and_settings_give(name: str, pauses: Pauses) -> None:
     """The table says for each frame which frames are left and right after it."""
     pattern = PATTERNS[name]
     steps = [

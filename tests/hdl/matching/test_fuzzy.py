@@ -2,12 +2,15 @@
 """Sugeno systems, the histogram of turns and the sum of absolute differences equal the golden ones."""
 
 import itertools
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from golden_model.feature.orientation import SECTORS
 from golden_model.matching import correlation, fuzzy, rule_bases
+from golden_model.matching.fuzzy import SugenoSystem, Variable
 from golden_model.matching.matcher import common_orientation
 from hdl.matching.correlation import SumOfAbsoluteDifferences
 from hdl.matching.fuzzy import Sugeno
@@ -17,23 +20,23 @@ from sim.benches.drivers import run_clocks, run_streams
 from sim.simulators.recording import Pauses
 
 
-def distinct(variable):
+def distinct(variable: Variable) -> list[int]:
     """The first index of each distinct column of degrees, and one index beyond the tables."""
     columns = np.stack(list(variable.sets.values()))
     return [*np.sort(np.unique(columns, axis=1, return_index=True)[1]).tolist(), variable.entries + 3]
 
 
-def golden(system, inputs):
+def golden(system: SugenoSystem, inputs: list[Any]) -> NDArray[np.uint8]:
     """Weight and rule, one row for each input."""
     return np.stack(system.evaluate(*np.array(inputs).T), axis=1)
 
 
-def evaluated(system, value_bits, inputs):
+def evaluated(system: SugenoSystem, value_bits: int, inputs: list[Any]) -> NDArray[np.int64]:
     """The same from the hardware, which must answer after exactly its latency."""
     dut = Sugeno(system=system, value_bits=value_bits)
     results = []
 
-    async def run(ctx):
+    async def run(ctx: Any) -> None:
         ctx.set(dut.i.valid, 1)
         for values in inputs:
             ctx.set(dut.i.payload, values)
@@ -62,20 +65,20 @@ def evaluated(system, value_bits, inputs):
     ],
     ids=["aerial-128", "aerial-24", "aerial_orientation-128", "aerial_orientation-256"],
 )
-def test_product_systems_equal_the_golden_model_over_their_whole_domain(system, value_bits):
+def test_product_systems_equal_the_golden_model_over_their_whole_domain(system: SugenoSystem, value_bits: int) -> None:
     inputs = list(itertools.product(*(distinct(variable) for variable in system.inputs)))
     np.testing.assert_array_equal(evaluated(system, value_bits, inputs), golden(system, inputs))
 
 
 @pytest.mark.parametrize("bits", [8, 32])
-def test_ilbp_equals_the_golden_model_over_its_whole_domain(bits):
+def test_ilbp_equals_the_golden_model_over_its_whole_domain(bits: int) -> None:
     system = rule_bases.ilbp(bits)
     distances, sads, _ = (distinct(variable) for variable in system.inputs)
     inputs = [(distance, sad, sad) for distance in distances for sad in [*sads, 9 * 255]]
     np.testing.assert_array_equal(evaluated(system, 12, inputs), golden(system, inputs))
 
 
-def test_correlation_equals_the_golden_model_over_a_grid():
+def test_correlation_equals_the_golden_model_over_a_grid() -> None:
     """All combinations of 7 values for each input, from the cores and ramps of its sets to beyond its table."""
     system = rule_bases.correlation()
     grids = [np.array(distinct(variable)) for variable in system.inputs]
@@ -86,7 +89,7 @@ def test_correlation_equals_the_golden_model_over_a_grid():
     np.testing.assert_array_equal(evaluated(system, 9, inputs), expected)
 
 
-def test_results_do_not_depend_on_gaps_and_stalls():
+def test_results_do_not_depend_on_gaps_and_stalls() -> None:
     system = rule_bases.ilbp(8)
     inputs = [(distance, sad, 60) for distance in range(4) for sad in (0, 40, 80, 120)]
     dut = Sugeno(system=system, value_bits=8)
@@ -95,7 +98,7 @@ def test_results_do_not_depend_on_gaps_and_stalls():
     np.testing.assert_array_equal([(result.weight, result.rule) for result in results], golden(system, inputs))
 
 
-def test_a_rule_may_ignore_an_input_and_without_a_firing_rule_the_weight_is_0():
+def test_a_rule_may_ignore_an_input_and_without_a_firing_rule_the_weight_is_0() -> None:
     near = fuzzy.Variable("near", {"yes": np.array([256, 100, 0])})
     rules = (fuzzy.Rule(("yes", None), 0.9), fuzzy.Rule((None, "yes"), 0.3))
     system = fuzzy.SugenoSystem("two", inputs=(near, near), rules=rules, conjunction="minimum")
@@ -105,7 +108,7 @@ def test_a_rule_may_ignore_an_input_and_without_a_firing_rule_the_weight_is_0():
     np.testing.assert_array_equal(evaluated(system, 2, inputs), expected)
 
 
-def test_product_of_too_many_inputs_is_refused():
+def test_product_of_too_many_inputs_is_refused() -> None:
     always = fuzzy.Variable("always", {"yes": np.array([256])})
     rule = fuzzy.Rule(("yes",) * 4, 1.0)
     system = fuzzy.SugenoSystem("four", inputs=(always,) * 4, rules=(rule,), conjunction="product")
@@ -113,22 +116,22 @@ def test_product_of_too_many_inputs_is_refused():
         Sugeno(system=system, value_bits=1)
 
 
-def test_peak_of_the_orientation_histogram_equals_the_golden_model():
+def test_peak_of_the_orientation_histogram_equals_the_golden_model() -> None:
     bits, rng = 128, np.random.default_rng(4)
     system = rule_bases.aerial_orientation(bits)
     frames = []
     for count in (60, 0, 25, 1, 40, 3):
         distance, margin = rng.integers(0, 30, count), rng.integers(0, 20, count)
         turn = rng.integers(0, 16, count) if count % 2 else (rng.normal(count, 1.5, count) % SECTORS).astype(np.int64)
-        frames.append((turn, distance, margin))
+        frames.append((turn.astype(np.uint8), distance.astype(np.uint16), margin.astype(np.uint16)))
     # Two equal maxima: the first one wins.
-    frames.append((np.array([12, 5, 3]), np.zeros(3, np.int64), np.full(3, 18)))
+    frames.append((np.array([12, 5, 3], np.uint8), np.zeros(3, np.uint16), np.full(3, 18, np.uint16)))
 
     dut = OrientationHistogram(max_matches=64)
     bench = BlockBench(dut)
     peaks = []
 
-    async def run(ctx):
+    async def run(ctx: Any) -> None:
         for turns, distance, margin in frames:
             weights, _ = system.evaluate(distance, margin)
             for turn, weight in zip(turns.tolist(), weights.tolist(), strict=True):
@@ -142,7 +145,7 @@ def test_peak_of_the_orientation_histogram_equals_the_golden_model():
     assert len(set(peaks)) > 3
 
 
-def test_sum_of_absolute_differences_equals_the_golden_model():
+def test_sum_of_absolute_differences_equals_the_golden_model() -> None:
     rng = np.random.default_rng(5)
     windows = rng.integers(0, 256, (40, 2, 9), dtype=np.uint8)
     windows[0], windows[1, 0], windows[1, 1] = 255, 255, 0

@@ -1,17 +1,22 @@
 # amaranth: UnusedElaboratable=no
 """Match records of whole sequences equal the golden model word for word."""
 
+from collections.abc import Iterator
+from typing import Any
+
 import numpy as np
 import pytest
 from amaranth.hdl import Fragment
+from numpy.typing import NDArray
 
 from golden_model.config import Config, FrontEndConfig, MatcherConfig
-from golden_model.feature.ilbp import ILBP_128, PATTERNS
+from golden_model.feature.ilbp import ILBP_128, PATTERNS, DescriptorPattern
 from golden_model.records import FRAME_STATUS, MATCH, Cause, Tag
 from hdl.matching.match_weigher import MatchWeigher
 from hdl.matching.matcher import Matcher
 from hdl.matching.nearest_neighbours import NearestNeighbours
 from sim.backends.golden import add_matches
+from sim.backends.interface import FrameResult, Reference
 from sim.benches.block_bench import BlockBench
 from sim.simulators.recording import NO_PAUSES, Pauses
 
@@ -20,12 +25,14 @@ LANES, MAX_FEATURES = 4, 32
 CYCLE_LIMIT = 12_000
 
 
-def feature_dtypes(pattern):
+def feature_dtypes(pattern: DescriptorPattern) -> tuple[np.dtype[np.void], np.dtype[np.void]]:
     record = pattern.record
     return record.dtype, FRAME_STATUS.dtype_padded_to(record.record_bytes)
 
 
-def random_features(rng, number, pattern, descriptors=None):
+def random_features(
+    rng: np.random.Generator, number: int, pattern: DescriptorPattern, descriptors: NDArray[np.uint8] | None = None
+) -> NDArray[np.void]:
     features = np.zeros(number, feature_dtypes(pattern)[0])
     features["tag"], features["index"] = Tag.FEATURE, np.arange(number)
     features["x"], features["y"] = rng.integers(0, 1 << 16, (2, number))
@@ -40,7 +47,9 @@ def random_features(rng, number, pattern, descriptors=None):
     return features
 
 
-def seen_again(rng, features, number, pattern):
+def seen_again(
+    rng: np.random.Generator, features: NDArray[np.void], number: int, pattern: DescriptorPattern
+) -> NDArray[np.void]:
     """Some of the features in another order, rotated, and each with its own amount of noise."""
     again = features[rng.permutation(len(features))[:number]]
     again["index"] = np.arange(number)
@@ -53,7 +62,9 @@ def seen_again(rng, features, number, pattern):
     return again
 
 
-def frame_status(pattern, number, features, causes=0):
+def frame_status(
+    pattern: DescriptorPattern, number: int, features: NDArray[np.void], causes: int | Cause = 0
+) -> NDArray[np.void]:
     status = np.zeros((), feature_dtypes(pattern)[1])
     status["tag"], status["good"], status["causes"], status["frame"] = Tag.FRAME_STATUS, not causes, causes, number
     status["features"] = 0 if causes else len(features)
@@ -61,7 +72,9 @@ def frame_status(pattern, number, features, causes=0):
     return status
 
 
-def sequence(pattern, sizes, bad=(), descriptors=None):
+def sequence(
+    pattern: DescriptorPattern, sizes: tuple[Any, ...], bad: tuple[int, ...] = (), descriptors: Any = None
+) -> list[tuple[NDArray[np.void], Any]]:
     """``(features, status)`` of frames; each frame sees the features of the one before again, if that has enough."""
     rng = np.random.default_rng(sizes)
     frames, features = [], random_features(rng, MAX_FEATURES, pattern, descriptors)
@@ -72,7 +85,7 @@ def sequence(pattern, sizes, bad=(), descriptors=None):
     return frames
 
 
-def packets_of(results):
+def packets_of(results: Iterator[Any]) -> Iterator[Any]:
     """Words of each frame's matches and status."""
     for matches, status in results:
         ending = np.zeros((), FRAME_STATUS.dtype_padded_to(MATCH.record_bytes))
@@ -81,7 +94,12 @@ def packets_of(results):
         yield np.frombuffer(matches.tobytes() + ending.tobytes(), np.uint64).tolist()
 
 
-def expected_packets(frames, pattern, matcher, reference):
+def expected_packets(
+    frames: list[tuple[NDArray[np.void], Any]],
+    pattern: DescriptorPattern,
+    matcher: MatcherConfig,
+    reference: Reference,
+) -> tuple[list[list[int]], list[FrameResult]]:
     config = Config(front_end=FrontEndConfig(descriptor=pattern.name, border_px=20), matcher=matcher)
     results = list(add_matches(((features, status, None) for features, status in frames), config, reference))
     return list(packets_of((result.matches, result.match_status) for result in results)), results
@@ -94,7 +112,16 @@ class MatcherBench:
     to wait after them.
     """
 
-    def __init__(self, pattern, config, frames, settings, *, pauses=NO_PAUSES, interrupted=(0, 0)):
+    def __init__(
+        self,
+        pattern: DescriptorPattern,
+        config: MatcherConfig,
+        frames: list[tuple[NDArray[np.void], Any]],
+        settings: list[dict[str, Any]],
+        *,
+        pauses: Pauses = NO_PAUSES,
+        interrupted: tuple[int, int] = (0, 0),
+    ) -> None:
         self.dut = Matcher(config=config, pattern=pattern, lanes=LANES, max_features=MAX_FEATURES)
         self.bench = BlockBench(self.dut, pauses=pauses, cycle_limit=CYCLE_LIMIT)
         self.interrupted, self.frames = interrupted, len(frames)
@@ -103,14 +130,16 @@ class MatcherBench:
             *words, last = np.frombuffer(features.tobytes() + status.tobytes(), np.uint64).tolist()
             self.words += [*(({"data": word, "last": 0}, {}) for word in words), ({"data": last, "last": 1}, values)]
         self.has_reset, self.cycle = False, 0
-        self.packets, self.ends, self.taken = [], [], []
+        self.packets: list[Any] = []
+        self.ends: list[Any] = []
+        self.taken: list[Any] = []
 
-    def run(self):
+    def run(self) -> Any:
         """Run the simulation; returns the packets of words that leave after the reset."""
         self.bench.run(self.sink, background=[self.source, self.watch])
         return self.packets
 
-    async def source(self, ctx):
+    async def source(self, ctx: Any) -> None:
         words, wait_cycles = self.interrupted
         await self.send(ctx, self.words[:words])
         await ctx.tick().repeat(wait_cycles + 1)
@@ -120,19 +149,19 @@ class MatcherBench:
         self.has_reset = True
         await self.send(ctx, self.words)
 
-    async def send(self, ctx, words):
+    async def send(self, ctx: Any, words: Any) -> None:
         for payload, settings in words:
             for name, value in settings.items():
                 ctx.set(getattr(self.dut, name), value)
             await self.bench.stream_put(ctx, self.dut.i_features, payload)
 
-    async def watch(self, ctx):
+    async def watch(self, ctx: Any) -> None:
         async for *_, taken in ctx.tick().sample(self.dut.o_reference_taken):
             self.cycle += 1
             if taken and self.has_reset:
                 self.taken.append(len(self.packets))
 
-    async def sink(self, ctx):
+    async def sink(self, ctx: Any) -> None:
         words = []
         while len(self.packets) < self.frames:
             payload = await self.bench.stream_get(ctx, self.dut.o_matches)
@@ -145,11 +174,19 @@ class MatcherBench:
                 words = []
 
 
-def settings_for(frames, config, reference):
+def settings_for(
+    frames: list[tuple[NDArray[np.void], Any]], config: MatcherConfig, reference: str
+) -> list[dict[str, Any]]:
     return [{"i_hold_reference": reference == "held", "i_keep_above": config.keep_above}] * len(frames)
 
 
-def assert_equal_to_golden(pattern, config, frames, reference, **bench):
+def assert_equal_to_golden(
+    pattern: DescriptorPattern,
+    config: MatcherConfig,
+    frames: list[tuple[NDArray[np.void], Any]],
+    reference: Reference,
+    **bench: Any,
+) -> Any:
     """Compare all packets; returns the golden results."""
     expected, results = expected_packets(frames, pattern, config, reference)
     assert MatcherBench(pattern, config, frames, settings_for(frames, config, reference), **bench).run() == expected
@@ -159,7 +196,7 @@ def assert_equal_to_golden(pattern, config, frames, reference, **bench):
 @pytest.mark.parametrize(
     ("reference", "pauses"), [("previous", NO_PAUSES), ("held", Pauses(gaps=60, stalls=200, seed=9))]
 )
-def test_records_of_a_sequence_equal_the_golden_model(reference, pauses):
+def test_records_of_a_sequence_equal_the_golden_model(reference: Reference, pauses: Pauses) -> None:
     """With full, empty and bad frames, and frames of one feature."""
     frames = sequence(ILBP_128, (32, 30, 27, 1, 1, 0, 32, 32), bad=(2,))
     results = assert_equal_to_golden(ILBP_128, MatcherConfig(), frames, reference, pauses=pauses)
@@ -168,7 +205,7 @@ def test_records_of_a_sequence_equal_the_golden_model(reference, pauses):
 
 
 @pytest.mark.parametrize("config", [MatcherConfig(rule_base="ilbp", keep_above=127), MatcherConfig(rule_base="none")])
-def test_records_of_other_rule_bases_equal_the_golden_model(config):
+def test_records_of_other_rule_bases_equal_the_golden_model(config: MatcherConfig) -> None:
     frames = sequence(ILBP_32, (32, 29, 31))
     results = assert_equal_to_golden(ILBP_32, config, frames, "previous", pauses=Pauses(stalls=100, seed=1))
     assert len(results[1].matches) > 15
@@ -177,26 +214,26 @@ def test_records_of_other_rule_bases_equal_the_golden_model(config):
 
 @pytest.mark.parametrize("different", [1, 2, 5])
 @pytest.mark.parametrize("sizes", [(32, 32), (5, 32), (32, 3), (1, 1)])
-def test_equal_distances_are_resolved_as_in_the_golden_model(different, sizes):
+def test_equal_distances_are_resolved_as_in_the_golden_model(different: int, sizes: tuple[int, int]) -> None:
     """Few different descriptors, so that most distances are equal; with 1 and 2 they are 0 or all bits."""
     descriptors = np.random.default_rng(7).integers(0, 256, (different, 4), dtype=np.uint8)
     if different == 2:
         descriptors[1] = ~descriptors[0]
     rng = np.random.default_rng(sizes)
-    frames = [random_features(rng, size, ILBP_32, descriptors) for size in (*sizes, *sizes)]
-    frames = [(features, frame_status(ILBP_32, n, features)) for n, features in enumerate(frames)]
+    found = [random_features(rng, size, ILBP_32, descriptors) for size in (*sizes, *sizes)]
+    frames = [(features, frame_status(ILBP_32, n, features)) for n, features in enumerate(found)]
     results = assert_equal_to_golden(ILBP_32, MatcherConfig(), frames, "previous")
     assert all(len(result.matches) > 0 for result in results[1:])
 
 
 @pytest.mark.parametrize("keep_above", [0, 255])
-def test_the_verdict_follows_the_limit_of_the_weight(keep_above):
+def test_the_verdict_follows_the_limit_of_the_weight(keep_above: int) -> None:
     frames = sequence(ILBP_32, (32, 32))
     _, result = assert_equal_to_golden(ILBP_32, MatcherConfig(keep_above=keep_above), frames, "held")
     assert result.matches["verdict"].any() == (keep_above == 0)
 
 
-def test_a_taken_reference_replaces_the_old_one():
+def test_a_taken_reference_replaces_the_old_one() -> None:
     frames = sequence(ILBP_32, (20, 20, 20, 20, 20, 20))
     config = MatcherConfig()
     taken = [0, 0, 1, 0, 0, 0]
@@ -210,7 +247,7 @@ def test_a_taken_reference_replaces_the_old_one():
     assert len(bench.taken) == 1
 
 
-def test_the_choice_of_reference_can_change_between_frames():
+def test_the_choice_of_reference_can_change_between_frames() -> None:
     frames = sequence(ILBP_32, (20, 20, 20, 20, 20))
     config = MatcherConfig()
     settings = settings_for(frames[:3], config, "held") + settings_for(frames[3:], config, "previous")
@@ -220,14 +257,14 @@ def test_the_choice_of_reference_can_change_between_frames():
 
 
 @pytest.mark.parametrize("interrupted", [(2, 0), (150, 0), (194, 40), (194, 300), (194, 700)])
-def test_reset_in_any_phase_leaves_nothing_behind(interrupted):
+def test_reset_in_any_phase_leaves_nothing_behind(interrupted: tuple[int, int]) -> None:
     """In a record, a frame, the search, the count of the turns, and the sending of the matches."""
     frames = sequence(ILBP_128, (24, 23))
     assert_equal_to_golden(ILBP_128, MatcherConfig(), frames, "previous", interrupted=interrupted)
 
 
 @pytest.mark.parametrize("sizes", [(32, 32, 32), (32, 32, 16), (31, 1, 31)])
-def test_a_frame_takes_no_more_cycles_than_specified(sizes):
+def test_a_frame_takes_no_more_cycles_than_specified(sizes: tuple[int, int, int]) -> None:
     """A frame takes left * right / lanes clocks, and a few for each match, feature and pass."""
     frames = sequence(ILBP_128, sizes)
     config = MatcherConfig()
@@ -240,6 +277,6 @@ def test_a_frame_takes_no_more_cycles_than_specified(sizes):
     assert 0 < cycles <= 2 * left + 42 * matches + 90
 
 
-def test_a_rule_base_without_its_window_is_refused():
+def test_a_rule_base_without_its_window_is_refused() -> None:
     with pytest.raises(ValueError, match="rule base 'ilbp' needs the gray window"):
         MatchWeigher(config=MatcherConfig(rule_base="ilbp"), pattern=ILBP_128, max_features=MAX_FEATURES)

@@ -1,15 +1,18 @@
 # amaranth: UnusedElaboratable=no
 """FAST's segment test and score equal the golden model, which equals OpenCV."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from golden_model.pixel import fast
 from hdl.pixel.fast import WINDOW_PX, Fast
 from tests.hdl.pixel.columns import columns
 
 
-def arcs():
+def arcs() -> NDArray[np.uint8]:
     """Touching circles with runs of brighter or darker pixels, around centres of any brightness."""
     rng = np.random.default_rng(3)
     tiles = []
@@ -24,7 +27,9 @@ def arcs():
 
 
 @pytest.mark.parametrize(("threshold", "pixels_per_clock"), [(1, 1), (38, 1), (20, 2)])
-def test_scores_equal_the_golden_model(gray_frames, check_block, threshold, pixels_per_clock):
+def test_scores_equal_the_golden_model(
+    gray_frames: list[NDArray[np.uint8]], check_block: Callable[..., None], threshold: int, pixels_per_clock: int
+) -> None:
     noise, _, checkerboard, *_ = gray_frames
     frames = [noise, checkerboard, arcs()]
     expected = [fast.response_code(frame, threshold) for frame in frames]

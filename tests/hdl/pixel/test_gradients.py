@@ -1,13 +1,17 @@
 """Columns of gradients, or of pixels for FAST, equal the golden model."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from golden_model.config import DETECTORS
 from golden_model.formats import GRADIENT
 from hdl.pixel.fast import WINDOW_PX
 from hdl.pixel.gradients import GradientColumns
 from hdl.pixel.harris import TENSOR_LINES
+from sim.benches.drivers import Beats
 from tests.hdl.pixel.columns import columns, gradients
 
 WIDTH_PX = 24
@@ -15,7 +19,13 @@ WIDTH_PX = 24
 
 @pytest.mark.parametrize("smoothed", [False, True])
 @pytest.mark.parametrize("detector", DETECTORS)
-def test_gradient_columns_equal_the_golden_model(gray_frames, run_block, smoothed, detector, rate):
+def test_gradient_columns_equal_the_golden_model(
+    gray_frames: list[NDArray[np.uint8]],
+    run_block: Callable[..., list[Beats]],
+    smoothed: bool,
+    detector: str,
+    rate: dict[str, int],
+) -> None:
     dut = GradientColumns(smoothed=smoothed, width_px=WIDTH_PX, **rate)
     frames = [gray_frames[0], gray_frames[-1]]
     sent = [{"column": columns(frame, 3)} for frame in frames]

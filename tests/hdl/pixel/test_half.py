@@ -2,16 +2,20 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from golden_model.pixel import half
 from hdl.pixel.half import Half
 from sim.benches.drivers import run_beats
+from sim.simulators.recording import Pauses
 
 WIDTH_PX = 24
 
 
 @pytest.mark.parametrize("shape", [(19, 23), (18, 24), (4, 4)])
-def test_half_equals_the_golden_model(gray_frames, pauses, shape, rate):
+def test_half_equals_the_golden_model(
+    gray_frames: list[NDArray[np.uint8]], pauses: Pauses, shape: tuple[int, int], rate: dict[str, int]
+) -> None:
     dut = Half(width_px=WIDTH_PX, **rate)
     # Two pixels of a beat must both be in the line.
     frames = [

@@ -1,6 +1,8 @@
 # amaranth: UnusedElaboratable=no
 """Non-maximum suppression equals the golden model."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -13,7 +15,9 @@ WIDTH_PX = 24
 
 @pytest.mark.parametrize("radius_px", [1, 3])
 @pytest.mark.parametrize("detector", DETECTORS)
-def test_suppression_equals_the_golden_model(check_block, radius_px, detector, rate):
+def test_suppression_equals_the_golden_model(
+    check_block: Callable[..., None], radius_px: int, detector: str, rate: dict[str, int]
+) -> None:
     rng = np.random.default_rng(6)
     shape = (19, 23)
     twins = np.zeros(shape, int)
@@ -38,6 +42,6 @@ def test_suppression_equals_the_golden_model(check_block, radius_px, detector, r
     check_block(dut, [{"code": frame} for frame in codes], expected, margin_px=radius_px, settings=settings)
 
 
-def test_impossible_parameters_are_named():
+def test_impossible_parameters_are_named() -> None:
     with pytest.raises(ValueError, match="radius_px is 2"):
         Suppression(radius_px=2, width_px=64)

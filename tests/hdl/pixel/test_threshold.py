@@ -2,6 +2,7 @@
 """The adaptive threshold changes exactly as in the golden model."""
 
 import random
+from typing import Any
 
 import pytest
 
@@ -15,7 +16,7 @@ MAX_FEATURES = 300
 
 @pytest.mark.parametrize("detector", DETECTORS)
 @pytest.mark.parametrize("start_code", [1, 200, 32_000])
-def test_threshold_follows_the_golden_model(detector, start_code):
+def test_threshold_follows_the_golden_model(detector: str, start_code: int) -> None:
     dut = AdaptiveThreshold(max_features=MAX_FEATURES)
     start_code = min(start_code, STEPS[detector].max_code)
     rng = random.Random(start_code)
@@ -23,7 +24,7 @@ def test_threshold_follows_the_golden_model(detector, start_code):
     bench = BlockBench(dut)
     codes = []
 
-    async def testbench(ctx):
+    async def testbench(ctx: Any) -> None:
         ctx.set(dut.i_detector, DETECTORS.index(detector))
         ctx.set(dut.i_target, 150)
         ctx.set(dut.i_code, start_code)

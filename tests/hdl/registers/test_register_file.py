@@ -1,6 +1,9 @@
 import random
+from collections.abc import Callable
+from typing import Any
 
 import pytest
+from amaranth.lib.wiring import FlippedInterface
 
 from golden_model.config import FrontEndConfig, MatcherConfig
 from hdl.axi.axi_lite import Response
@@ -20,7 +23,9 @@ def offset_of(field_name: str) -> int:
     return next(r.offset for r in REGISTERS for f in r.fields if f.name == field_name)
 
 
-async def write(ctx, bus, address: int, data: int, *, strobe: int = 15, rng: random.Random | None = None) -> int:
+async def write(
+    ctx: Any, bus: FlippedInterface, address: int, data: int, *, strobe: int = 15, rng: random.Random | None = None
+) -> int:
     """Write a register; ``rng`` chooses the order of address and data and delays the response."""
     waits = [rng.randrange(4) for _ in range(3)] if rng else [0, 0, 0]
     ctx.set(bus.awaddr, address)
@@ -42,7 +47,7 @@ async def write(ctx, bus, address: int, data: int, *, strobe: int = 15, rng: ran
     return await response(ctx, bus, "b", "bresp")
 
 
-async def response(ctx, bus, channel: str, field: str) -> int:
+async def response(ctx: Any, bus: FlippedInterface, channel: str, field: str) -> int:
     ctx.set(getattr(bus, f"{channel}ready"), 1)
     for _ in range(CYCLE_LIMIT):
         valid, value = ctx.get(getattr(bus, f"{channel}valid")), ctx.get(getattr(bus, field))
@@ -53,7 +58,7 @@ async def response(ctx, bus, channel: str, field: str) -> int:
     raise AssertionError(f"no {field} within {CYCLE_LIMIT} clocks")
 
 
-async def read(ctx, bus, address: int) -> tuple[int, int]:
+async def read(ctx: Any, bus: FlippedInterface, address: int) -> tuple[int, int]:
     ctx.set(bus.araddr, address)
     ctx.set(bus.arvalid, 1)
     for _ in range(CYCLE_LIMIT):
@@ -72,10 +77,10 @@ async def read(ctx, bus, address: int) -> tuple[int, int]:
     raise AssertionError(f"no rdata within {CYCLE_LIMIT} clocks")
 
 
-def simulate(testbench) -> None:
+def simulate(testbench: Callable[..., Any]) -> None:
     registers = RegisterFile(constants=CONSTANTS)
 
-    async def bench(ctx) -> None:
+    async def bench(ctx: Any) -> None:
         await testbench(ctx, registers)
 
     BlockBench(registers).run(bench)
@@ -92,7 +97,7 @@ def test_names_and_offsets_are_unique_and_fields_do_not_overlap() -> None:
 
 
 def test_every_constant_is_read_back() -> None:
-    async def testbench(ctx, registers) -> None:
+    async def testbench(ctx: Any, registers: Any) -> None:
         for field in fields(Access.CONSTANT):
             data, resp = await read(ctx, registers.bus, offset_of(field.name))
             assert resp == Response.OKAY
@@ -105,7 +110,7 @@ def test_every_constant_is_read_back() -> None:
 def test_settings_keep_what_was_written_whatever_the_order_of_channels(seed: int) -> None:
     rng = random.Random(seed)
 
-    async def testbench(ctx, registers) -> None:
+    async def testbench(ctx: Any, registers: Any) -> None:
         for field in fields(Access.SETTING):
             assert ctx.get(getattr(registers, f"o_{field.name}")) == field.init
         for register in REGISTERS:
@@ -122,7 +127,7 @@ def test_settings_keep_what_was_written_whatever_the_order_of_channels(seed: int
 
 
 def test_byte_strobes_are_obeyed() -> None:
-    async def testbench(ctx, registers) -> None:
+    async def testbench(ctx: Any, registers: Any) -> None:
         await write(ctx, registers.bus, OFFSETS["SIZE"], 0x03FF_02FF)
         await write(ctx, registers.bus, OFFSETS["SIZE"], 0x0155_0155, strobe=0b0101)
         assert await read(ctx, registers.bus, OFFSETS["SIZE"]) == (0x0355_0255, Response.OKAY)
@@ -132,7 +137,7 @@ def test_byte_strobes_are_obeyed() -> None:
 
 @pytest.mark.parametrize("address", [0x14, 0x3C, 0x68, 0x100, 0xFFC])
 def test_an_unknown_address_is_an_error_and_does_nothing(address: int) -> None:
-    async def testbench(ctx, registers) -> None:
+    async def testbench(ctx: Any, registers: Any) -> None:
         assert await write(ctx, registers.bus, address, 0xFFFF_FFFF) == Response.SLVERR
         assert (await read(ctx, registers.bus, address))[1] == Response.SLVERR
         for field in fields(Access.SETTING):
@@ -142,7 +147,7 @@ def test_an_unknown_address_is_an_error_and_does_nothing(address: int) -> None:
 
 
 def test_a_constant_cannot_be_written() -> None:
-    async def testbench(ctx, registers) -> None:
+    async def testbench(ctx: Any, registers: Any) -> None:
         assert await write(ctx, registers.bus, OFFSETS["ID"], 0) == Response.SLVERR
         assert (await read(ctx, registers.bus, OFFSETS["ID"]))[0] == int.from_bytes(b"SKYM", "big")
 
@@ -150,7 +155,7 @@ def test_a_constant_cannot_be_written() -> None:
 
 
 def test_events_stay_until_cleared_and_interrupt_where_masked_in() -> None:
-    async def testbench(ctx, registers) -> None:
+    async def testbench(ctx: Any, registers: Any) -> None:
         bus = registers.bus
         ctx.set(registers.i_frame_done, 1)
         await ctx.tick()
@@ -169,7 +174,7 @@ def test_events_stay_until_cleared_and_interrupt_where_masked_in() -> None:
 
 
 def test_an_event_in_the_clock_that_clears_it_is_kept() -> None:
-    async def testbench(ctx, registers) -> None:
+    async def testbench(ctx: Any, registers: Any) -> None:
         ctx.set(registers.i_frame_bad, 1)  # in every clock, the clearing one included
         await write(ctx, registers.bus, OFFSETS["IRQ_STATUS"], 0b111)
         ctx.set(registers.i_frame_bad, 0)
@@ -179,7 +184,7 @@ def test_an_event_in_the_clock_that_clears_it_is_kept() -> None:
 
 
 def test_a_request_stands_until_it_is_obeyed_and_a_command_is_one_clock() -> None:
-    async def testbench(ctx, registers) -> None:
+    async def testbench(ctx: Any, registers: Any) -> None:
         await write(ctx, registers.bus, OFFSETS["REFERENCE"], 1)
         assert (await read(ctx, registers.bus, OFFSETS["REFERENCE"]))[0] == 1
         ctx.set(registers.i_take_reference, 1)
@@ -195,11 +200,11 @@ def test_clear_is_a_pulse_of_one_clock() -> None:
     registers = RegisterFile(constants=CONSTANTS)
     clocks: list[int] = []
 
-    async def clear_registers(ctx) -> None:
+    async def clear_registers(ctx: Any) -> None:
         await write(ctx, registers.bus, OFFSETS["CONTROL"], 1 << 8)
         await ctx.tick().repeat(5)
 
-    async def watch(ctx) -> None:
+    async def watch(ctx: Any) -> None:
         async for _, _, clear in ctx.tick().sample(registers.o_clear):
             clocks.append(clear)
 

@@ -1,11 +1,14 @@
 # amaranth: UnusedElaboratable=no
 """Marks of pixels inside the border, and of the ends of cell rows and levels."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 from hdl.selection.level_scan import LevelScan
-from sim.benches.drivers import run_beats
+from sim.benches.drivers import Beats, run_beats
+from sim.simulators.recording import Pauses
 
 LAG_PX, BORDER_PX, CELL_LOG2 = 4, 7, 5
 
@@ -13,7 +16,9 @@ LAG_PX, BORDER_PX, CELL_LOG2 = 4, 7, 5
 @pytest.mark.parametrize("shape", [(75, 33)])
 @pytest.mark.parametrize("cells", [True, False])
 @pytest.mark.parametrize("pixels_per_clock", [1, 2])
-def test_marks_belong_to_the_lagging_pixel(pauses, shape, cells, pixels_per_clock):
+def test_marks_belong_to_the_lagging_pixel(
+    pauses: Pauses, shape: tuple[int, int], cells: bool, pixels_per_clock: int
+) -> None:
     height_px, width_px = shape
     dut = LevelScan(lag_px=LAG_PX, border_px=BORDER_PX, cells=cells, pixels_per_clock=pixels_per_clock)
     settings = {"i_width_px": width_px, "i_height_px": height_px, "i_cell_log2": CELL_LOG2}
@@ -39,7 +44,7 @@ def test_marks_belong_to_the_lagging_pixel(pauses, shape, cells, pixels_per_cloc
             np.testing.assert_array_equal(part.plane(name, shape)[:, ::pixels_per_clock], plane, name)
 
 
-def test_a_border_wider_than_the_smallest_level_still_ends_it(run_block):
+def test_a_border_wider_than_the_smallest_level_still_ends_it(run_block: Callable[..., list[Beats]]) -> None:
     shape = (32, 32)
     dut = LevelScan(lag_px=LAG_PX, border_px=60, cells=True)
     settings = {"i_width_px": 32, "i_height_px": 32, "i_cell_log2": CELL_LOG2}
@@ -48,6 +53,6 @@ def test_a_border_wider_than_the_smallest_level_still_ends_it(run_block):
     assert part.fields["ends_level"].sum() == part.fields["ends_row"].sum() == 1
 
 
-def test_too_small_a_border_is_named():
+def test_too_small_a_border_is_named() -> None:
     with pytest.raises(ValueError, match=r"border_px is 5; .* needs 6"):
         LevelScan(lag_px=LAG_PX, border_px=5, cells=True)

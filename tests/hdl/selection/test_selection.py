@@ -1,8 +1,13 @@
 # amaranth: UnusedElaboratable=no
 """Selection of one level keeps the golden model's features in its order, under any back-pressure."""
 
+from collections.abc import Callable, Iterator
+from typing import Any
+
 import numpy as np
 import pytest
+from amaranth.lib.data import Const
+from numpy.typing import NDArray
 
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.selection import selection
@@ -19,7 +24,7 @@ FLIGHT_CYCLES = 5
 CYCLE_LIMIT = 60_000
 
 
-def candidate_plane(rng, responses):
+def candidate_plane(rng: np.random.Generator, responses: NDArray[np.int64]) -> NDArray[np.uint16]:
     """A (H, W) plane of response codes, candidates of a line at least `SPACING_PX` apart."""
     plane = np.zeros((HEIGHT_PX, WIDTH_PX), np.uint16)
     plane[:, ::SPACING_PX] = responses[:, ::SPACING_PX]
@@ -28,7 +33,7 @@ def candidate_plane(rng, responses):
 
 
 @pytest.fixture
-def planes():
+def planes() -> list[NDArray[np.uint16]]:
     """Planes with few or many different responses, with one candidate, with none, and with equal responses only."""
     rng = np.random.default_rng(31)
     shape = HEIGHT_PX, WIDTH_PX
@@ -46,7 +51,7 @@ def planes():
     ]
 
 
-def events(plane, cell_px):
+def events(plane: NDArray[np.uint16], cell_px: int | None) -> Iterator[Any]:
     """Fields of the beats that the selection gets for a frame, in raster order."""
     height, width = plane.shape
     for y in range(height):
@@ -60,15 +65,16 @@ def events(plane, cell_px):
         yield from beats.values()
 
 
-def feature(plane, x, y):
+def feature(plane: NDArray[np.uint16], x: np.int64, y: int) -> dict[str, int]:
     """A feature that differs from all others."""
     return {"response": int(plane[y, x]), "x": int(x), "y": int(y), "descriptor": int(x * 7 + y * 3) & 0xFF}
 
 
-def golden(plane, cell_px, per_cell):
+def golden(plane: NDArray[np.uint16], cell_px: int | None, per_cell: int | None) -> list[Any]:
     """The expected output: features, and for the end of each row whether it is the last."""
     if cell_px is None:
         return [*(feature(plane, x, y) for x, y in zip(*selection.raster(plane), strict=True)), True]
+    assert per_cell is not None
     x, y = selection.best_of_cells(plane, cell_px, per_cell)
     rows = -(-plane.shape[0] // cell_px)
     leaving = []
@@ -81,19 +87,26 @@ def golden(plane, cell_px, per_cell):
 class SelectionBench:
     """The pipeline in front of a selection with its frame admission, and the stream behind it."""
 
-    def __init__(self, dut, *, pauses, settings=None, spacing_cycles=SPACING_PX):
+    def __init__(
+        self,
+        dut: CellSelection | RasterSelection,
+        *,
+        pauses: Pauses,
+        settings: dict[str, Any] | None = None,
+        spacing_cycles: int = SPACING_PX,
+    ) -> None:
         self.dut = dut
         self.spacing_cycles = spacing_cycles
         self.pauses = pauses
         self.bench = BlockBench(dut, settings=settings, pauses=pauses, cycle_limit=CYCLE_LIMIT)
-        self.received = []
+        self.received: list[Any] = []
         self.added = 0
         self.waited_cycles = 0
 
-    def run(self, play):
+    def run(self, play: Callable[..., Any]) -> None:
         self.bench.run(play, background=[self._take])
 
-    async def send(self, ctx, beats, *, cells):
+    async def send(self, ctx: Any, beats: list[dict[str, Any]] | Iterator[Any], *, cells: bool) -> None:
         for number, beat in enumerate(beats):
             if not cells or "ends_row" in beat:
                 while ctx.get(self.dut.o_busy):
@@ -113,20 +126,20 @@ class SelectionBench:
             for _ in range(wait_cycles + self.pauses.gap(number)):
                 await self._tick(ctx)
 
-    async def drain(self, ctx, ends):
+    async def drain(self, ctx: Any, ends: int) -> None:
         while sum(item is True for item in self.received) < ends:
             await self._tick(ctx)
 
-    async def _tick(self, ctx):
+    async def _tick(self, ctx: Any) -> None:
         *_, added = await ctx.tick().sample(self.dut.o_added)
         self.added += added
 
-    async def _take(self, ctx):
+    async def _take(self, ctx: Any) -> None:
         while True:
             self.received.append(plain(await self.bench.stream_get(ctx, self.dut.o)))
 
 
-def plain(payload):
+def plain(payload: Const) -> bool | dict[str, int]:
     """A feature as `feature` writes it, or the end of a row as `golden` does."""
     if payload.ends_row:
         return bool(payload.ends_level)
@@ -149,12 +162,14 @@ STALLED = Pauses(gaps=60, stalls=240, seed=4)
         (8, 2, FREE, 1),
     ],
 )
-def test_cells_keep_their_best_in_order(planes, cell_log2, per_cell, pauses, spacing_cycles):
+def test_cells_keep_their_best_in_order(
+    planes: list[NDArray[np.uint16]], cell_log2: int, per_cell: int, pauses: Pauses, spacing_cycles: int
+) -> None:
     dut = CellSelection(pattern=PATTERN, width_px=WIDTH_PX, spacing_cycles=spacing_cycles)
     settings = {"i_cell_log2": cell_log2, "i_per_cell": per_cell}
     bench = SelectionBench(dut, pauses=pauses, settings=settings, spacing_cycles=spacing_cycles)
 
-    async def play(ctx):
+    async def play(ctx: Any) -> None:
         for plane in planes:
             await bench.send(ctx, events(plane, 1 << cell_log2), cells=True)
         await bench.drain(ctx, len(planes))
@@ -167,11 +182,11 @@ def test_cells_keep_their_best_in_order(planes, cell_log2, per_cell, pauses, spa
 
 
 @pytest.mark.parametrize("pauses", [FREE, STALLED])
-def test_raster_selection_keeps_everything(planes, pauses):
+def test_raster_selection_keeps_everything(planes: list[NDArray[np.uint16]], pauses: Pauses) -> None:
     planes = [planes[0], planes[2], planes[3]]
     bench = SelectionBench(RasterSelection(pattern=PATTERN, depth=16, in_flight=4), pauses=pauses)
 
-    async def play(ctx):
+    async def play(ctx: Any) -> None:
         for plane in planes:
             await bench.send(ctx, events(plane, None), cells=False)
         await bench.drain(ctx, len(planes))
@@ -184,14 +199,16 @@ def test_raster_selection_keeps_everything(planes, pauses):
 
 
 @pytest.mark.parametrize("cells", [True, False])
-def test_a_feature_leaves_after_exactly_the_latency(cells):
+def test_a_feature_leaves_after_exactly_the_latency(cells: bool) -> None:
+    dut: CellSelection | RasterSelection
+    settings: dict[str, int]
     if cells:
         dut, settings = CellSelection(pattern=PATTERN, width_px=WIDTH_PX), {"i_cell_log2": 5, "i_per_cell": 1}
     else:
         dut, settings = RasterSelection(pattern=PATTERN, depth=16, in_flight=4), {}
     bench = SelectionBench(dut, pauses=FREE, settings=settings)
 
-    async def play(ctx):
+    async def play(ctx: Any) -> None:
         ctx.set(dut.i, {"x": 30, "present": 1, "ends_row": 1, "ends_level": 1, "feature": {"response": 9}})
         await ctx.tick()
         ctx.set(dut.i, {})
@@ -203,12 +220,12 @@ def test_a_feature_leaves_after_exactly_the_latency(cells):
     bench.run(play)
 
 
-def test_reset_in_the_middle_of_a_frame_leaves_nothing_behind(planes):
+def test_reset_in_the_middle_of_a_frame_leaves_nothing_behind(planes: list[NDArray[np.uint16]]) -> None:
     dut = CellSelection(pattern=PATTERN, width_px=WIDTH_PX)
     bench = SelectionBench(dut, pauses=FREE, settings={"i_cell_log2": 5, "i_per_cell": 4})
     broken = list(events(planes[4], 32))
 
-    async def play(ctx):
+    async def play(ctx: Any) -> None:
         await bench.send(ctx, broken[: len(broken) // 2], cells=True)
         await bench.bench.pulse(ctx, bench.bench.reset)
         bench.received.clear()
@@ -219,7 +236,7 @@ def test_reset_in_the_middle_of_a_frame_leaves_nothing_behind(planes):
     assert bench.received == golden(planes[0], 32, 4)
 
 
-def test_impossible_parameters_are_refused():
+def test_impossible_parameters_are_refused() -> None:
     with pytest.raises(ValueError, match="width_px is 0; it must be at least 1"):
         CellSelection(pattern=PATTERN, width_px=0)
     with pytest.raises(ValueError, match="in_flight is 16; it must be less than the depth, 16"):

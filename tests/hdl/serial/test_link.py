@@ -2,6 +2,8 @@
 """The serial port with its commands, at the pins: bits in, bits out, a stub of the accelerator between."""
 
 from collections import deque
+from collections.abc import Sequence
+from typing import Any
 
 import pytest
 from amaranth import Module
@@ -23,7 +25,7 @@ class Board(wiring.Component):
 
     def __init__(self) -> None:
         self.link = SerialLink()
-        super().__init__({"i_pin": In(1, init=1), "o_pin": Out(1)})
+        super().__init__({"i_pin": In(1, init=1), "o_pin": Out(1)})  # type: ignore[call-arg] # not in the stubs
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
@@ -51,14 +53,23 @@ class Board(wiring.Component):
         return m
 
 
-def talk(sent: list[int], *, features=(), matches=(), answers: int = 0, stop_bits: bool = True):
+def talk(
+    sent: list[int],
+    *,
+    features: Sequence[dict[str, int]] = (),
+    matches: Sequence[dict[str, int]] = (),
+    answers: int = 0,
+    stop_bits: bool = True,
+) -> tuple[Any, ...]:
     """Send bytes as bits; returns the bytes that came back as bits, and the pixels that the accelerator got."""
-    board, received, pixels = Board(), [], []
+    board = Board()
+    received: list[Any] = []
+    pixels: list[Any] = []
     wanted = answers + (1 + WORD_BYTES) * (len(features) + len(matches))
     simulator = Simulator(board)
     simulator.add_clock(1e-6)
 
-    async def send(ctx) -> None:
+    async def send(ctx: Any) -> None:
         for number, byte in enumerate(sent):
             for bit in (0, *(byte >> n & 1 for n in range(8)), int(stop_bits or number > 0)):
                 ctx.set(board.i_pin, bit)
@@ -68,7 +79,7 @@ def talk(sent: list[int], *, features=(), matches=(), answers: int = 0, stop_bit
                 await ctx.tick().repeat(CLOCKS_PER_BIT)
         await ctx.tick().repeat(BYTE_CLOCKS)
 
-    async def receive(ctx) -> None:
+    async def receive(ctx: Any) -> None:
         while len(received) < wanted:
             while ctx.get(board.o_pin):
                 await ctx.tick()
@@ -81,8 +92,8 @@ def talk(sent: list[int], *, features=(), matches=(), answers: int = 0, stop_bit
             assert ctx.get(board.o_pin), "no stop bit"
             received.append(byte)
 
-    def offer(port, words):
-        async def testbench(ctx) -> None:
+    def offer(port: Any, words: Any) -> Any:
+        async def testbench(ctx: Any) -> None:
             waiting = deque(words)
             while waiting:
                 ctx.set(port.payload, waiting[0])
@@ -94,7 +105,7 @@ def talk(sent: list[int], *, features=(), matches=(), answers: int = 0, stop_bit
 
         return testbench
 
-    async def take(ctx) -> None:
+    async def take(ctx: Any) -> None:
         ctx.set(board.link.o_video.ready, 1)
         while True:
             *_, valid, beat = await ctx.tick().sample(board.link.o_video.valid, board.link.o_video.payload)

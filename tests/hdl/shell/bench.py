@@ -191,7 +191,8 @@ class ShellBench:
 
     async def _accelerator(self, ctx: Any) -> None:
         """Takes pixels; makes a good frame of whole ones, and a bad one of a frame that the next one cuts off."""
-        video, pixels, under_way, before = self.shell.o_video, [], False, False
+        video, under_way, before = self.shell.o_video, False, False
+        pixels: list[Any] = []
         while True:
             ready = self.random.randrange(256) >= self.busy
             if ready != before:
