@@ -55,7 +55,7 @@ def test_the_panel_writes_all_bands_of_uploaded_sets(band_folder: Path, tmp_path
 def test_a_live_mosaic_shows_one_named_band(band_folder: Path) -> None:
     def shown(band: str | None, source: str = str(band_folder)) -> list[str]:
         return [
-            Path(p.name).name for p in read_live_frames(source, idle_seconds=0.1, tell=lambda _line: None, band=band)
+            Path(p.name).name for p in read_live_frames(source, idle_seconds=1.0, tell=lambda _line: None, band=band)
         ]
 
     assert shown("nir") == [f"IMG_{number:04}_NIR.TIF" for number in range(CAPTURES)]
