@@ -1,4 +1,4 @@
-"""Registers, memory and the scores' DMA of a live build under PYNQ 3.1. Not yet run on a board."""
+"""Registers, memory and the scores' DMA of a live build under PYNQ. Never run, in no test and on no board."""
 
 import time
 
@@ -26,7 +26,7 @@ class LiveBus(OverlayBus):
         super().__init__(MMIO(address, REGISTER_BYTES))
 
     def address(self, buffer):
-        """The memory's address for the accelerator."""
+        """Return the address at which the accelerator finds the memory."""
         return buffer.device_address
 
     def invalidate(self, buffer):
@@ -45,5 +45,5 @@ class LiveBus(OverlayBus):
         return transfers.wait(TIMEOUT_SECONDS)["scores"]
 
     def wait(self, seconds):
-        """Wait for some time."""
+        """Pause the reader of the rings between two looks."""
         time.sleep(seconds)

@@ -1,4 +1,4 @@
-"""Access to the accelerator's registers and DMAs under PYNQ 3.1."""
+"""Accesses the accelerator's registers and DMAs under PYNQ, by `pynq_overlay`."""
 
 import skymosaic_map as register_map
 from pynq import DefaultIP
