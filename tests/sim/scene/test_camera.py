@@ -1,101 +1,25 @@
-"""Synthetic flights: the landscape is reproducible and seamless, and the known homographies are exact."""
+"""Views of the ground: what the camera shows lies where its homography says."""
 
-import time
 from dataclasses import replace
-from itertools import pairwise
 
 import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sim.scene import (
-    Camera,
-    CameraPose,
-    Photometry,
-    ground,
-    layout,
-    make_lawnmower,
-    make_pair,
-    project,
-    render_ground,
-    render_view,
-)
-from sim.scene.flight import Flight
-from sim.scene.noise import make_noise
+from sim.scene import Camera, CameraPose, Photometry, project, render_view
 
 CAMERA = Camera(width_px=321, height_px=240, focal_px=260)
+
+
 POSES = {
     "full scale, tilted": CameraPose(x_px=300.3, y_px=250.7, altitude_px=250, heading_deg=33, pitch_deg=4, roll_deg=-6),
     "reduced": CameraPose(x_px=600.3, y_px=550.7, altitude_px=620, heading_deg=133, pitch_deg=-5, roll_deg=3),
     "magnified": CameraPose(x_px=300.3, y_px=250.7, altitude_px=170, heading_deg=-70, pitch_deg=2, roll_deg=6),
 }
+
+
 UNTOUCHED = Photometry()
-
-
-@pytest.fixture
-def rng() -> np.random.Generator:
-    return np.random.default_rng(20)
-
-
-def clear_caches() -> None:
-    ground._paint_tile.cache_clear()
-    layout._plan_section.cache_clear()
-    layout._make_waves.cache_clear()
-
-
-def gray_view(flight: Flight, index: int) -> NDArray[np.uint8]:
-    return cv2.cvtColor(flight.images[index], cv2.COLOR_BGR2GRAY)
-
-
-def test_images_are_reproducible_and_their_noise_is_their_own() -> None:
-    flight = make_pair(9, size=(160, 120))
-    assert np.array_equal(flight.images[1], make_pair(9, size=(160, 120)).images[-1])
-    flat = np.full((240, 321, 3), 128, np.uint8)
-    first, second = (Photometry(noise_sigma=3).apply(flat, np.random.default_rng([3, number])) for number in (0, 1))
-    assert not np.array_equal(first, second)
-
-
-def test_parts_of_the_plane_agree_across_tile_borders() -> None:
-    whole = render_ground(9, 700, 500, origin=(-400, 800))
-    part = render_ground(9, 301, 203, origin=(-151, 911))
-    assert np.array_equal(part, whole[111 : 111 + 203, 249 : 249 + 301])
-
-
-def test_noise_is_a_function_of_position() -> None:
-    wide = make_noise(5, -40, 1000, 500, 400)
-    inner = make_noise(5, 60, 1057, 111, 77)
-    assert np.array_equal(inner, wide[:, 57 : 57 + 77, 100 : 100 + 111])
-    assert np.abs(wide[:4].mean(axis=(1, 2))).max() < 0.05
-    assert np.all((wide[:6].std(axis=(1, 2)) > 0.6) & (wide[:6].std(axis=(1, 2)) < 1.1))
-    neighbours = wide[0][:, 1:] * wide[0][:, :-1]
-    assert abs(neighbours.mean()) < 4 / np.sqrt(neighbours.size)
-
-
-@pytest.mark.parametrize("seed", [2, 9])
-def test_landscape_has_the_statistics_of_a_photograph(seed: int) -> None:
-    view = gray_view(make_pair(seed), 0)
-    corners = cv2.FastFeatureDetector.create(20).detect(view)
-    assert len(corners) > 2000
-    cells = {(int(corner.pt[0]) // 80, int(corner.pt[1]) // 80) for corner in corners}
-    assert len(cells) == 8 * 6
-    square = view[:, :480].astype(np.float64)
-    window = np.outer(np.hanning(480), np.hanning(480))
-    power = np.abs(np.fft.fft2((square - square.mean()) * window)) ** 2
-    frequency = np.hypot(*np.meshgrid(np.fft.fftfreq(480), np.fft.fftfreq(480)))
-    edges = np.geomspace(4 / 480, 0.45, 16)
-    bands = [power[(frequency >= low) & (frequency < high)].mean() for low, high in pairwise(edges)]
-    slope = np.polyfit(np.log(edges[:-1]), np.log(bands), 1)[0]
-    # Photographs from drones at this resolution: -1.4 to -2.9.
-    assert -3.2 < slope < -1.2
-
-
-def test_nothing_is_stamped_twice(rng: np.random.Generator) -> None:
-    view = cv2.cvtColor(render_ground(9, 1000, 1000), cv2.COLOR_BGR2GRAY)
-    for x, y in rng.integers(0, 960, (12, 2)):
-        score = cv2.matchTemplate(view, view[y : y + 40, x : x + 40], cv2.TM_CCOEFF_NORMED)
-        score[max(y - 4, 0) : y + 5, max(x - 4, 0) : x + 5] = 0
-        assert score.max() < 0.85
 
 
 def planted_dots() -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
@@ -191,77 +115,6 @@ def test_reducing_view_averages_instead_of_aliasing(rng: np.random.Generator) ->
     assert abs(view.mean() - 127.5) < 2
 
 
-@pytest.mark.parametrize("seed", [2, 9])
-def test_pair_shows_the_same_ground(seed: int) -> None:
-    flight = make_pair(seed)
-    left, right = (gray_view(flight, index).astype(np.float32) for index in (0, 1))
-    homography = flight.homography_between(0, 1)
-    warped = cv2.warpPerspective(left, homography, (640, 480))
-    inside = cv2.warpPerspective(np.ones_like(left), homography, (640, 480)) > 0.99
-    assert inside.mean() > 0.4
-    assert np.corrcoef(warped[inside], right[inside])[0, 1] > 0.93
-    shifted = np.roll(warped, 2, axis=1)
-    assert np.corrcoef(shifted[inside], right[inside])[0, 1] < np.corrcoef(warped[inside], right[inside])[0, 1] - 0.05
-
-
-def test_homographies_compose() -> None:
-    flight = make_lawnmower(2, 5, size=(200, 150))
-    direct = flight.homography_between(0, 4)
-    chained = flight.homography_between(1, 4) @ flight.homography_between(0, 1)
-    assert chained / chained[2, 2] == pytest.approx(direct, abs=1e-9)
-    to_ground = np.linalg.inv(flight.homographies[0])
-    on_ground = project(to_ground, flight.camera.corners)
-    assert project(flight.homographies[4], on_ground) == pytest.approx(project(direct, flight.camera.corners))
-
-
-@pytest.mark.parametrize("size", [(640, 480), (65, 97)])
-@pytest.mark.parametrize("overlap", [0.2, 0.6, 0.8])
-def test_pair_overlaps_as_asked(size: tuple[int, int], overlap: float) -> None:
-    for seed in range(10):
-        assert make_pair(seed, size, overlap).overlap_between(0, 1) == pytest.approx(overlap, abs=0.07)
-
-
-@pytest.mark.parametrize("size", [(65, 97), (64, 64), (333, 127)])
-def test_odd_and_small_sizes(size: tuple[int, int]) -> None:
-    flight = make_pair(2, size)
-    assert [image.shape for image in flight.images] == [(size[1], size[0], 3)] * 2
-    assert flight.images[0].dtype == np.uint8
-    assert flight.images[0].std() > 5
-
-
-def test_lawnmower_overlaps_along_and_across_its_legs() -> None:
-    flight = make_lawnmower(7, 60, size=(400, 300), forward_overlap=0.7, side_overlap=0.5)
-    backwards = [abs(pose.heading_deg) > 90 for pose in flight.poses]
-    leg = backwards.index(True)
-    along = [flight.overlap_between(index, index + 1) for index in range(leg - 1)]
-    across = [flight.overlap_between(index, 2 * leg - 1 - index) for index in range(leg)]
-    assert np.mean(along) == pytest.approx(0.7, abs=0.05)
-    assert np.mean(across) == pytest.approx(0.5, abs=0.05)
-    positions = np.array([(pose.x_px, pose.y_px) for pose in flight.poses])
-    width, height = np.ptp(positions, axis=0)
-    assert 0.5 < width / height < 2
-
-
-def test_lawnmower_renders_only_what_is_asked_for() -> None:
-    clear_caches()
-    flight = make_lawnmower(6, 500, size=(641, 479))
-    assert len(flight.images) == 500
-    assert ground._paint_tile.cache_info().misses == 0
-    assert flight.images[499].shape == (479, 641, 3)
-    assert 0 < ground._paint_tile.cache_info().misses <= 4
-    assert ground.CACHED_TILES * ground.TILE_PX**2 * 3 <= 160e6
-    with pytest.raises(IndexError):
-        flight.images[500]
-
-
-def test_a_tile_takes_seconds_at_most() -> None:
-    clear_caches()
-    start = time.process_time()
-    render_ground(11, ground.TILE_PX, ground.TILE_PX)
-    # About 0.4 s on one core; the rest is for busy machines.
-    assert time.process_time() - start < 5
-
-
 def test_photometry(rng: np.random.Generator) -> None:
     flat = np.full((101, 151, 3), 100, np.uint8)
     assert np.array_equal(UNTOUCHED.apply(flat, rng), flat)
@@ -281,12 +134,6 @@ def test_photometry(rng: np.random.Generator) -> None:
 
 def test_bad_input_is_named(rng: np.random.Generator) -> None:
     picture = np.zeros((50, 50, 3), np.uint8)
-    with pytest.raises(ValueError, match="overlap is 1; it must be"):
-        make_pair(0, overlap=1)
-    with pytest.raises(ValueError, match="side_overlap is -1"):
-        make_lawnmower(0, 5, side_overlap=-1)
-    with pytest.raises(ValueError, match="images is 0"):
-        make_lawnmower(0, 0)
     with pytest.raises(ValueError, match="focal_px is 0"):
         Camera(width_px=10, height_px=10, focal_px=0)
     with pytest.raises(ValueError, match="altitude_px is -3"):
@@ -295,21 +142,3 @@ def test_bad_input_is_named(rng: np.random.Generator) -> None:
         CameraPose(x_px=0, y_px=0, altitude_px=100, pitch_deg=75).homography(CAMERA)
     with pytest.raises(ValueError, match="misses the ground"):
         render_view(picture, CameraPose(x_px=5000, y_px=0, altitude_px=100), CAMERA, UNTOUCHED, rng)
-
-
-def test_same_seed_same_bytes() -> None:
-    first = render_ground(3, 300, 200)
-    clear_caches()
-    assert np.array_equal(render_ground(3, 300, 200), first)
-    assert not np.array_equal(render_ground(4, 300, 200), first)
-
-
-def test_tiling_leaves_no_trace(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Another tile size moves every border into the middle of a tile: the picture must stay as it is."""
-    reference = render_ground(9, 120, 1000, origin=(964, 0))
-    clear_caches()
-    monkeypatch.setattr(ground, "TILE_PX", 700)
-    moved = render_ground(9, 120, 1000, origin=(964, 0))
-    clear_caches()
-    # Shadows, crowns and road verges cross the old border alike; only the last bit of a float may round otherwise.
-    assert cv2.absdiff(reference, moved).max() <= 2

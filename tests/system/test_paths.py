@@ -1,0 +1,36 @@
+"""Where tests lie: at the path of the code that they test, or among the tests of several parts."""
+
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+OF_SEVERAL_PARTS = ("tests/system", "tests/formal")
+
+
+def find_misplaced(root: Path) -> list[str]:
+    """Test files whose path, without ``tests/`` and ``test_``, names no file or folder."""
+    misplaced = []
+    for test in sorted((root / "tests").rglob("test_*.py")):
+        path = test.relative_to(root)
+        tested = root / path.relative_to("tests").with_name(test.stem.removeprefix("test_"))
+        if not path.as_posix().startswith(OF_SEVERAL_PARTS) and not [
+            *tested.parent.glob(f"{tested.name}.*"),
+            *tested.parent.glob(tested.name),
+        ]:
+            misplaced.append(path.as_posix())
+    return misplaced
+
+
+def test_tests_lie_at_the_path_of_the_code_that_they_test() -> None:
+    assert find_misplaced(ROOT) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "misplaced"), [("test_harris.py", []), ("test_colour.py", ["tests/hdl/test_colour.py"])]
+)
+def test_a_misplaced_test_is_found(tmp_path: Path, name: str, misplaced: list[str]) -> None:
+    for path in ("hdl/harris.py", f"tests/hdl/{name}", "tests/system/test_colour.py"):
+        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / path).touch()
+    assert find_misplaced(tmp_path) == misplaced
