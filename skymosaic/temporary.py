@@ -50,7 +50,7 @@ def staged_folder(target: Path, own: str) -> Iterator[Path]:
     own : str
         Regular expression of the names that are ours and go; whatever else is in ``target`` is somebody's work.
     """
-    target = target.resolve()
+    target = resolved(target)
     with temporary_folder(existing_parent(target)) as folder:
         staged, old = folder / "new", folder / "old"
         for each in (staged, old):
@@ -66,6 +66,11 @@ def staged_folder(target: Path, own: str) -> Iterator[Path]:
             path.rename(old / path.name)
         for path in sorted(staged.iterdir(), key=lambda path: path.name == PAGE):
             path.rename(target / path.name)
+
+
+def resolved(path: Path) -> Path:
+    """The absolute path without symbolic links, as far as they lead anywhere: `Path.resolve` fails for a loop."""
+    return Path(os.path.realpath(path))
 
 
 def existing_parent(path: Path) -> Path:

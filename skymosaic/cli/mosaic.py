@@ -30,6 +30,7 @@ from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.mosaicking.plan import MosaicPlan
 from skymosaic.options import INPUT, MAP, OUTPUT
 from skymosaic.reports.flight import describe_bands, describe_map, flight_numbers, write_report
+from skymosaic.temporary import resolved
 
 
 @with_options
@@ -92,7 +93,7 @@ def mosaic(
             check_output(save_camera, (str(target), *photographs), (".toml",), overwrite=overwrite)
         if report:
             check_output_folder(report, overwrite=overwrite)
-            if tiles and report.resolve() == tiles.resolve():
+            if tiles and resolved(report) == resolved(tiles):
                 raise InputError(f"{report}: is both --report and --tiles; name two folders")
         deliveries = _write_mosaics(plan, target, form, report, overwrite=overwrite, strict=strict)
     _show(deliveries, output, report)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import importlib
 import math
 import os
@@ -13,7 +14,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, TypeVar
 
-from golden_model.text import how_to_install
+from golden_model.text import how_to_install, one_line
 from skymosaic.errors import InputError
 
 CALLS_PER_WORKER = 8
@@ -109,6 +110,19 @@ def _connect(address: str) -> Any:
     except ImportError:
         raise InputError(f"a cluster needs the package distributed; {how_to_install('cluster')}") from None
     try:
+        # Beforehand: a client that finds no scheduler waits for 20 s when it is removed, and prints a traceback.
+        asyncio.run(_reach(distributed, address))
         return distributed.Client(address, timeout=CONNECT_TIMEOUT_S, set_as_default=False)
-    except (OSError, ValueError) as error:
-        raise InputError(f"{address}: no Dask scheduler answers ({error}); check the address") from None
+    # What is wrong with an address or a protocol decides the kind of error: TypeError, RuntimeError and others.
+    except Exception as error:
+        reason = one_line(str(error)) or f"nothing that speaks its protocol within {CONNECT_TIMEOUT_S} s"
+        raise InputError(f"{address}: no Dask scheduler answers ({reason}); check the address") from None
+
+
+async def _reach(distributed: Any, address: str) -> None:
+    """Connect as a client does; an error of any kind if nothing there speaks Dask's protocol."""
+    options = distributed.Security().get_connection_args("client")
+    # The limit of `connect` does not cover what follows the connection: a web server waits for a request.
+    async with asyncio.timeout(CONNECT_TIMEOUT_S):
+        comm = await distributed.comm.connect(address, timeout=CONNECT_TIMEOUT_S, **options)
+    comm.abort()

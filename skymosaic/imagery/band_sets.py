@@ -177,4 +177,7 @@ def _check_capture(capture: _Capture, files: Mapping[str, Source], bands: Sequen
 
 def _size_px(source: Source) -> tuple[int, int]:
     assert isinstance(source.content, Path)
-    return read_header(source.content).size
+    try:
+        return read_header(source.content).size
+    except InputError as error:
+        raise InputError(f"{error}, or remove all files of this capture") from None

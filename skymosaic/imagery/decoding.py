@@ -241,6 +241,8 @@ def decode(path: Path, header: Header, *, keep_damaged: bool) -> tuple[NDArray[n
         decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH)
         if decoded is not None:
             return decoded, damage
+    if damage:
+        raise InputError(f"{damage}; nothing of it can be decoded")
     raise InputError(f"{path}: damaged or of an unsupported kind; convert it to PNG, JPEG or TIFF")
 
 

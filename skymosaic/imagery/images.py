@@ -17,7 +17,7 @@ from skymosaic.errors import InputError
 from skymosaic.geometry.homography import resize_matrix
 from skymosaic.imagery.decoding import UPRIGHT, check_size, decode, read_header
 from skymosaic.imagery.depth import ValueRange, measure_range, sample_values
-from skymosaic.temporary import existing_parent, temporary_file
+from skymosaic.temporary import existing_parent, resolved, temporary_file
 
 PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
 
@@ -173,7 +173,7 @@ def check_output(
         raise InputError(f"{path}: its folder does not exist; create it first")
     if path.is_dir() or not os.access(path.parent, os.W_OK):
         raise InputError(f"{path}: cannot be written; choose another folder")
-    if any(Path(source).resolve() == path.resolve() for source in inputs):
+    if any(resolved(Path(source)) == resolved(path) for source in inputs):
         raise InputError(f"{path}: is one of the inputs; choose another name")
     check_unused(path, overwrite=overwrite)
 
@@ -186,8 +186,8 @@ def check_output_folder(path: Path, *, overwrite: bool = False) -> None:
     InputError
         For a file, a place where nothing can be written, or a folder with files that must not be overwritten.
     """
-    if path.exists() and not path.is_dir():
-        raise InputError(f"{path}: is a file; name a folder")
+    if os.path.lexists(path) and not path.is_dir():
+        raise InputError(f"{path}: is no folder; name another")
     place = path if path.is_dir() else existing_parent(path)
     if not place.is_dir() or not os.access(place, os.W_OK):
         raise InputError(f"{path}: cannot be made in {place}; choose another folder")

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Pixels
+from skymosaic.imagery.decoding import check_file
 from skymosaic.imagery.images import reduce_to_width, save
 from skymosaic.imagery.photographs import Source, list_sources
 from skymosaic.imagery.video import VIDEO_SUFFIXES, VideoReader
@@ -54,6 +55,9 @@ def flight_sources(
                 sources += _store_key_frames(Path(image), frames, tell)
             else:
                 sources += list_sources([image])
+        if len(sources) == 1 and isinstance(sources[0].content, Path):
+            # A misspelt folder, rather than too few photographs.
+            check_file(sources[0].content, "a folder, a video or at least two photographs")
         yield [dataclasses.replace(source, index=index) for index, source in enumerate(sources)]
 
 

@@ -15,6 +15,7 @@ from skymosaic.imagery.images import Photograph, load
 from skymosaic.imagery.key_frames import select_key_frames
 from skymosaic.imagery.photographs import is_folder, list_folder, list_sources
 from skymosaic.imagery.video import VideoReader
+from skymosaic.temporary import resolved
 
 POLL_SECONDS = 0.2
 SETTLED_SECONDS = 0.5
@@ -58,7 +59,7 @@ def read_live_frames(
     elif is_folder(Path(source)):
         # Only a folder that has been read once may later be away for a while.
         list_folder(Path(source))
-        yield from _watch_folder(Path(source), idle_seconds, tell, {path.resolve() for path in made}, band)
+        yield from _watch_folder(Path(source), idle_seconds, tell, {resolved(path) for path in made}, band)
     else:
         reader = VideoReader(source)
         for frame in select_key_frames(reader):
@@ -79,7 +80,7 @@ def _watch_folder(
     last = time.monotonic()
     while idle_seconds is None or time.monotonic() - last < idle_seconds:
         complete = _complete_pictures(folder, band)
-        new = [version for version in complete if version not in done and version[0].resolve() not in made]
+        new = [version for version in complete if version not in done and resolved(version[0]) not in made]
         for path, changed in new:
             done.add((path, changed))
             try:

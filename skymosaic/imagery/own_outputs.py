@@ -7,6 +7,7 @@ from pathlib import Path
 
 from golden_model.small_files import read_small_file
 from skymosaic.imagery.images import save_bytes
+from skymosaic.temporary import resolved
 
 RECORD_NAME = ".skymosaic-outputs"
 """File in the folder of photographs, with a line per mosaic: its SHA-256 and its name."""
@@ -22,8 +23,8 @@ def record_output(output: Path, inputs: Iterable[Path]) -> None:
     inputs : iterable of Path
         The photographs.
     """
-    folder = output.resolve().parent
-    if not any(path.resolve().parent == folder for path in inputs):
+    folder = resolved(output).parent
+    if not any(resolved(path).parent == folder for path in inputs):
         return
     record = {name: digest for name, digest in _read_record(folder).items() if (folder / name).exists()}
     record[output.name] = _digest(output)

@@ -11,7 +11,7 @@ import numpy as np
 
 from golden_model.arrays import Intensities, Mask
 from skymosaic.compositing.mesh import fit_mesh, fit_useful_mesh
-from skymosaic.errors import InputError, RegistrationError
+from skymosaic.errors import RegistrationError
 from skymosaic.features.positions import match_points
 from skymosaic.flight.bands.spectrum import in_all_bands
 from skymosaic.flight.cache import ResultCache
@@ -85,7 +85,7 @@ class MosaicPlan:
         Raises
         ------
         InputError
-            If the scale leaves less than a pixel.
+            As in `skymosaic.flight.picture.composition.compose`.
         """
         options = self.options
         composition = compose(
@@ -97,8 +97,6 @@ class MosaicPlan:
             place=place_on_map(self.flight, layout, options.control),
             gsd_m=options.gsd_m,
         )
-        if min(composition.size) < 1:
-            raise InputError("the mosaic is smaller than a pixel; raise --scale, or lower --gsd")
         if not self.sources[0].bands:
             return composition
         return in_all_bands(composition, self.flight, layout, self._workers)

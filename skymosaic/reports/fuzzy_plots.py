@@ -6,6 +6,7 @@ Needs matplotlib, which the extra ``plots`` installs.
 import io
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
@@ -25,6 +26,8 @@ CONTOURS = (0.25, 0.5, 0.75)
 DOTS_PER_INCH = 100
 
 
+# Names of an FLL file may hold dollar signs, and not every text between two of them is a formula.
+@rc_context({"text.parse_math": False})
 def draw_system(plotted: PlottedSystem) -> bytes:
     """Draw a PNG with the membership curves above and the rule surface below."""
     system = plotted.system()

@@ -80,6 +80,15 @@ def test_missing_file(photographs: tuple[Path, Path], tmp_path: Path) -> None:
     assert "missing.png" in one_line_error(skymosaic("register", photographs[0], "missing.png", cwd=tmp_path), 2)
 
 
+def test_what_is_named_wrongly_is_one_line_that_fits(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "loop").symlink_to("loop")
+    for words in (["mosaic", "-o", "m.png"], ["check"]):
+        assert refusal(run, *words, "/nonexistent") == "error: /nonexistent: no such file; check the path"
+        assert "loop: cannot be read (Too many levels of symbolic links)" in refusal(run, *words, "loop")
+    assert "loop: cannot be read (Too many levels of symbolic links)" in refusal(run, "live", "loop", "-o", "m.png")
+    assert "loop: is no folder" in refusal(run, "mosaic", "loop", "loop", "-o", "m.png", "--report", "loop")
+
+
 def test_text_file_named_png(photographs: tuple[Path, Path], tmp_path: Path) -> None:
     (tmp_path / "text.png").write_text("words, not pixels\n")
     assert "text.png" in one_line_error(skymosaic("register", photographs[0], "text.png", cwd=tmp_path), 2)

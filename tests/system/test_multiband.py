@@ -71,6 +71,7 @@ def test_a_live_mosaic_shows_one_named_band(band_folder: Path) -> None:
     ("change", "arguments", "message"),
     [
         (lambda folder: (folder / "IMG_0003_NIR.TIF").unlink(), {}, "IMG_0003: band nir is missing"),
+        (lambda folder: (folder / "IMG_0003_NIR.TIF").write_bytes(b"x" * 99), {}, "NIR.TIF: not an image .* this capt"),
         (lambda folder: cut(folder / "IMG_0001_RED.TIF"), {}, "RED.TIF: 400x200 pixels, but band green has 400x300"),
         (lambda folder: shutil.copy(folder / "IMG_0001_RED.TIF", folder / "a.tif"), {}, "a.tif: belongs to no"),
         (lambda _: None, {"band": "thermal"}, "band thermal: the sets have green, red, nir"),

@@ -25,7 +25,7 @@ from skymosaic.compositing.warp import (
     footprint,
     magnification,
 )
-from skymosaic.errors import RegistrationError
+from skymosaic.errors import InputError, RegistrationError
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.linking.view import View
 from skymosaic.flight.picture.mapping import NOWHERE, MapPlace, north_up, scale_for, usual_magnification
@@ -213,7 +213,7 @@ def compose(
     Raises
     ------
     InputError
-        For a ``gsd_m`` without a map, or finer than the photographs.
+        For a ``gsd_m`` without a map, or finer than the photographs; for a scale that leaves no pixel of a photograph.
     RegistrationError
         If the canvas would be too large, or a photograph reaches behind the horizon.
     """
@@ -261,6 +261,8 @@ def _place_on_canvas(
 ) -> Composition:
     """Lay the photographs of a layout on a canvas, without tones and seams; parameters as of `compose`."""
     views = [flight.views[member] for member in layout.members]
+    if scale * max(max(view.size) for view in views) < 1:
+        raise InputError("each photograph would be smaller than a pixel; raise --scale, or lower --gsd")
     scale /= usual_magnification(flight, layout)
     on_map = place.georeference
     if on_map is not None and flight.pair is None:

@@ -27,6 +27,9 @@ def test_the_command_writes_draws_and_measures_a_file(tmp_path: Path, monkeypatc
     run = CliRunner().invoke
     written = run(app, ["fuzzy", "correlation", "--write", "my.fll"])
     assert written.exception is None, written.output
+    text = Path("my.fll").read_text()
+    # No formula of matplotlib, and no markup of Rich.
+    Path("my.fll").write_text(text.replace("Engine: ", r"Engine: $\frac$ [red]x[/blue] ", 1))
     shown = run(app, ["fuzzy", "my.fll", "--plot", "-o", "drawn", "--entries", "17", "--json"])
     assert shown.exception is None, shown.output
     (numbers,) = json.loads(shown.stdout)["systems"]

@@ -1,8 +1,10 @@
+import socket
 import threading
 from typing import Any
 
 import pytest
 
+from skymosaic.errors import InputError
 from skymosaic.flight import workers as flight_workers
 from skymosaic.flight.workers import Workers
 
@@ -43,3 +45,19 @@ def test_an_error_of_a_call_is_raised_where_its_result_is_due() -> None:
 
     with Workers() as workers, pytest.raises(ZeroDivisionError):
         list(workers.run("stage", divided, [(1,), (0,), (1,)]))
+
+
+@pytest.mark.parametrize("address", ["ucx://127.0.0.1:1", "nonsense", "tls://127.0.0.1:1", "foo://127.0.0.1:1"])
+def test_an_address_that_dask_cannot_use_is_one_line(address: str) -> None:
+    pytest.importorskip("distributed")
+    with pytest.raises(InputError, match=rf"^{address}: no Dask scheduler answers \(.+\); check the address$"):
+        Workers(address)
+
+
+def test_what_does_not_speak_its_protocol_is_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(flight_workers, "CONNECT_TIMEOUT_S", 1)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        with pytest.raises(InputError, match="nothing that speaks its protocol within 1 s"):
+            Workers(address)

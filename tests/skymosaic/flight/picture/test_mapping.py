@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -57,6 +58,10 @@ def test_control_points_put_a_mosaic_on_the_map_at_the_wanted_resolution(flight:
     with open_plan([tmp_path / "flight"], options) as plan:
         (made,) = plan.write(tmp_path / "m.tif", form)
         place = place_on_map(plan.flight, plan.layouts[0], options.control)
+        for gsd_m in (1e3, 1e300):
+            plan.options = replace(options, gsd_m=gsd_m)
+            with pytest.raises(InputError, match="smaller than a pixel; raise --scale, or lower --gsd"):
+                plan.composition(plan.layouts[0])
         with pytest.raises(InputError, match="finer than the photographs"):
             scale_for(plan.flight, plan.layouts[0], place.georeference, 0.05)
         with pytest.raises(InputError, match="no place on the map"):
