@@ -21,6 +21,7 @@ from skymosaic.cli.session import STDOUT, session
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.features.standing import STANDS_STILL
 from skymosaic.flight.check import check_flight, contradictions
+from skymosaic.flight.picture.mapping import explain_absence
 from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, Delivery, OutputForm
 from skymosaic.flight.survey import Flight
 from skymosaic.imagery.images import check_output, check_output_folder, save_bytes
@@ -59,6 +60,12 @@ def mosaic(
     ] = "deflate",
     overwrite: OverwriteOption = False,
     strict: StrictOption = False,
+    require_map: Annotated[
+        bool,
+        typer.Option(
+            "--require-map", rich_help_panel=MAP, help="Exit with 3 where the mosaic has no place on the map."
+        ),
+    ] = False,
     tiles: Annotated[
         Path | None,
         typer.Option(rich_help_panel=MAP, help="Folder for map tiles and a page that shows them offline."),
@@ -72,6 +79,7 @@ def mosaic(
             "--save-camera": save_camera is not None,
             "--tiles": tiles is not None,
             "--compress": compress != "deflate",
+            "--require-map": require_map,
         }
         check_live(photographs, options, others)
         write_live_mosaic(photographs[0], output, options, idle_seconds, overwrite=overwrite, strict=strict)
@@ -80,7 +88,7 @@ def mosaic(
         raise InputError("--idle-seconds ends a live mosaic; add --live, or leave it out")
     if save_camera and options.lens and options.lens.matrix is not None:
         raise InputError("--save-camera: the lens is given by --camera, so it is not estimated; leave one out")
-    form = OutputForm(compress, tiles)
+    form = OutputForm(compress, tiles, require_map)
     with (
         session.destination(output, "mosaic.png") as target,
         progress_bars() as progress,
@@ -174,7 +182,8 @@ def _show_mosaic(delivery: Delivery, path: Path) -> None:
         session.show(f"range: {values.description}")
     if delivery.georeference:
         session.show(describe_map(delivery))
-    # Who asks for a picture of two photographs expects no map; who asks for a .tif may.
-    wants_map = flight.pair is None or path.suffix.lower() in GEOTIFF_SUFFIXES
-    if delivery.map_note and (delivery.georeference or wants_map):
+    if not delivery.georeference and delivery.path.suffix.lower() in GEOTIFF_SUFFIXES:
+        session.warn(explain_absence(path, delivery.composition.place))
+    # Who asks for a picture of two photographs expects no map.
+    elif delivery.map_note and (delivery.georeference or flight.pair is None):
         session.tell(f"note: {delivery.map_note}")

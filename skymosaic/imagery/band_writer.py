@@ -30,7 +30,6 @@ def write_bands(path: Path, size: tuple[int, int], channels: int, bands: Iterabl
     channels : {1, 3}
         Gray, or BGR.
     bands : iterable of ndarray of uint8, shape (rows, width) or (rows, width, 3)
-        Or of uint16, for formats other than PNG that have 16 bits.
 
     Raises
     ------

@@ -5,12 +5,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import rasterio.crs
+import rasterio.errors
 
 from golden_model.arrays import Points
 from golden_model.small_files import read_small_file
 from skymosaic.errors import InputError
 from skymosaic.imagery.exif import Position
-from skymosaic.maps.georeference import NO_MAPS, has_maps, import_rasterio, project_to_utm
+from skymosaic.maps.georeference import project_to_utm
 
 MAX_BYTES = 16 << 20
 """Room for a hundred thousand sightings."""
@@ -62,7 +64,7 @@ class ControlPoints:
 
 
 def load_control_points(path: Path) -> ControlPoints:
-    """Read a file in OpenDroneMap's format ``gcp_list.txt``; needs the extra ``geo``.
+    """Read a file in OpenDroneMap's format ``gcp_list.txt``.
 
     The first line names the coordinate system (``EPSG:32615``, ``WGS84 UTM 15N`` or a PROJ string). Each further line
     has the coordinates x, y and z of a point, its pixel x and y in a photograph, the photograph's name and, if wanted,
@@ -73,8 +75,6 @@ def load_control_points(path: Path) -> ControlPoints:
     InputError
         For a file that cannot be read, an unknown coordinate system, or a line of another form.
     """
-    if not has_maps():
-        raise InputError(f"{path}: {NO_MAPS}")
     try:
         text = read_small_file(path, MAX_BYTES).decode()
     except (OSError, UnicodeDecodeError) as error:
@@ -116,7 +116,6 @@ def _parse_line(path: Path, number: int, line: str) -> tuple[tuple[float, float,
 
 def _convert_to_metres(path: Path, name: str, points: Points) -> tuple[str, Points]:
     """Convert points to a coordinate system in metres, which is UTM for degrees; returns its name and the points."""
-    rasterio = import_rasterio()
     if "grids=" in name:
         raise InputError(f"{path}: {name!r} names files of grids, which are not read; give EPSG:32615 or the like")
     zone = _UTM.fullmatch(name)

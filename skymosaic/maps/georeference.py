@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
-import importlib.util
 import math
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
+import rasterio.errors
+import rasterio.warp
 from numpy.typing import NDArray
 
 from golden_model.arrays import Array, Matrix, Points
-from golden_model.text import how_to_install
 from skymosaic.errors import InputError
 from skymosaic.geometry.homography import DegenerateError, estimate, transfer_error
 from skymosaic.imagery.exif import Position
 
-NO_MAPS = f"maps need rasterio; {how_to_install('geo')}"
 MIN_POSITIONS = 3
 """Two positions fit a similarity exactly, so a wrong one would go unnoticed."""
 MAX_RESIDUAL = 0.25
@@ -76,41 +73,27 @@ class Georeference:
         return replace(self, to_map=to_map)
 
 
-def has_maps() -> bool:
-    """Whether rasterio, the package for maps and their files, is installed."""
-    return importlib.util.find_spec("rasterio") is not None
-
-
-def import_rasterio() -> Any:
-    """Import rasterio with the submodules in use; at its first use only, because it comes with the extra ``geo``."""
-    for name in ("crs", "enums", "errors", "shutil", "vrt", "warp", "windows"):
-        importlib.import_module(f"rasterio.{name}")
-    return importlib.import_module("rasterio")
-
-
 @contextlib.contextmanager
-def quiet_rasterio() -> Iterator[Any]:
-    """Context of rasterio without its warnings about files without a georeference."""
-    rasterio = import_rasterio()
+def quiet_rasterio() -> Iterator[None]:
+    """Context without rasterio's warnings about files without a georeference."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
-        yield rasterio
+        yield
 
 
 def map_to_globe(points: Points, crs: str) -> Points:
-    """Longitudes and latitudes (N, 2) on WGS 84 of positions on the map; needs the extra ``geo``."""
+    """Longitudes and latitudes (N, 2) on WGS 84 of positions on the map."""
     return reproject(points, crs, "EPSG:4326")
 
 
 def reproject(points: Points, source: str, target: str) -> Points:
-    """Convert positions (N, 2), x first, from one coordinate system to another; needs the extra ``geo``.
+    """Convert positions (N, 2), x first, from one coordinate system to another.
 
     Raises
     ------
     InputError
         For an unknown system, or positions that it cannot express.
     """
-    rasterio = import_rasterio()
     try:
         x, y = np.asarray(points).reshape(-1, 2).T.tolist()
         return np.column_stack(rasterio.warp.transform(source, target, x, y))

@@ -1,4 +1,4 @@
-"""Writes mosaics as GeoTIFF with rasterio, from the extra ``geo``."""
+"""Writes mosaics as GeoTIFF with rasterio."""
 
 import contextlib
 import errno
@@ -10,11 +10,15 @@ from typing import Any
 
 import cv2
 import numpy as np
+import rasterio.enums
+import rasterio.errors
+import rasterio.shutil
+import rasterio.windows
 
 from golden_model.arrays import Intensities, Mask
 from skymosaic.errors import InputError
 from skymosaic.imagery.images import write_atomically
-from skymosaic.maps.georeference import Georeference, import_rasterio, quiet_rasterio
+from skymosaic.maps.georeference import Georeference, quiet_rasterio
 
 JPEG_QUALITY = 90
 DEFLATE_LEVEL = 3
@@ -57,7 +61,6 @@ def tee_to_raster(
     InputError
         If the file cannot be written.
     """
-    rasterio = import_rasterio()
     with contextlib.ExitStack() as stack:
         file, top = None, 0
         for pixels, shown in bands:
@@ -75,11 +78,11 @@ def tee_to_raster(
 
 
 @contextlib.contextmanager
-def _writing(path: Path, least_bytes: int = 1 << 20) -> Iterator[Any]:
-    """Context of rasterio, whose errors become one line about ``path``; with less free space the disk is full."""
-    with quiet_rasterio() as rasterio:
+def _writing(path: Path, least_bytes: int = 1 << 20) -> Iterator[None]:
+    """Context in which rasterio's errors become one line about ``path``; with less free space the disk is full."""
+    with quiet_rasterio():
         try:
-            yield rasterio
+            yield
         # Copies raise the errors of GDAL itself, which are no RasterioError.
         except (rasterio.errors.RasterioError, rasterio._err.CPLE_BaseError) as error:
             # GDAL keeps the system's reason to itself.
@@ -97,7 +100,6 @@ def _create(
 ) -> Any:
     """Create a file for rows of pixels; ``shape`` is its width, its height and its number of channels."""
     width_px, height_px, planes = shape
-    rasterio = import_rasterio()
     place: dict[str, Any] = {}
     if georeference is not None:
         # Rasterio's pixel coordinates start at the outer corner of the first pixel, ours at its centre.
@@ -135,5 +137,5 @@ def write_cog(path: Path, raster: Path, compress: str = "deflate") -> None:
     # Several threads give the same bytes as one.
     options = {"num_threads": "ALL_CPUS", "overview_resampling": "average"} | _OPTIONS[compress]
     # The errors' context is the inner one: by then what was written still fills the disk, except GDAL's overviews.
-    with write_atomically(path) as finished, _writing(path, raster.stat().st_size) as rasterio:
+    with write_atomically(path) as finished, _writing(path, raster.stat().st_size):
         rasterio.shutil.copy(raster, finished, driver="COG", compress=compress, **options)

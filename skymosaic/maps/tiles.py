@@ -10,11 +10,16 @@ from typing import Any
 
 import cv2
 import numpy as np
+import rasterio.enums
+import rasterio.errors
+import rasterio.vrt
+import rasterio.warp
+import rasterio.windows
 
 from golden_model.arrays import Pixels
 from skymosaic.errors import InputError
 from skymosaic.imagery.depth import ValueRange, show_in_8_bit
-from skymosaic.maps.georeference import import_rasterio, quiet_rasterio
+from skymosaic.maps.georeference import quiet_rasterio
 from skymosaic.temporary import PAGE, staged_folder
 
 TILE_PX = 256
@@ -56,7 +61,7 @@ class Pyramid:
 
 
 def write_tiles(folder: Path, raster: Path, title: str, values: ValueRange | None) -> Pyramid:
-    """Write ``z/x/y.webp`` and ``index.html`` into a folder; needs the extra ``geo``.
+    """Write ``z/x/y.webp`` and ``index.html`` into a folder.
 
     Parameters
     ----------
@@ -73,7 +78,6 @@ def write_tiles(folder: Path, raster: Path, title: str, values: ValueRange | Non
     InputError
         If a file cannot be written or the raster cannot be read.
     """
-    rasterio = import_rasterio()
     try:
         with staged_folder(folder, OWN_NAMES) as staged:
             with quiet_rasterio(), rasterio.open(raster) as file:
@@ -108,7 +112,7 @@ def _plan_pyramid(file: Any) -> Pyramid:
     if file.crs is None:
         columns, rows = (-(-side // TILE_PX) for side in (file.width, file.height))
         return Pyramid(False, (max(columns, rows) - 1).bit_length(), (0, 0), (columns - 1, rows - 1))
-    left, bottom, right, top = import_rasterio().warp.transform_bounds(file.crs, _MERCATOR, *file.bounds)
+    left, bottom, right, top = rasterio.warp.transform_bounds(file.crs, _MERCATOR, *file.bounds)
     finest_m = math.sqrt((right - left) * (top - bottom) / (file.width * file.height))
     # The nearest zoom on a logarithmic scale.
     zoom = min(max(math.ceil(math.log2(_resolution_m(0) / finest_m) - 0.5), 0), MAX_ZOOM)
@@ -120,7 +124,6 @@ def _plan_pyramid(file: Any) -> Pyramid:
 
 def _warp(file: Any, pyramid: Pyramid) -> Any:
     """Open a raster in Web Mercator, on the pixels of the deepest tiles."""
-    rasterio = import_rasterio()
     (west, north), (east, south) = pyramid.first, pyramid.last
     scale_m = _resolution_m(pyramid.zoom)
     left_m, top_m = west * TILE_PX * scale_m - _HALF_WORLD_M, _HALF_WORLD_M - north * TILE_PX * scale_m
@@ -163,7 +166,7 @@ class _Writer:
         x, y = (TILE_PX * (at - first) for at, first in zip((column, row), self.pyramid.first, strict=True))
         # Without a georeference, the last tiles extend beyond the mosaic.
         width, height = min(TILE_PX, self.source.width - x), min(TILE_PX, self.source.height - y)
-        planes = self.source.read(channels, window=import_rasterio().windows.Window(x, y, width, height))
+        planes = self.source.read(channels, window=rasterio.windows.Window(x, y, width, height))
         if not planes[-1].any():
             return None
         tile = np.zeros((TILE_PX, TILE_PX, 4), np.uint8)

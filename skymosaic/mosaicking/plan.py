@@ -17,7 +17,7 @@ from skymosaic.flight.bands.spectrum import in_all_bands
 from skymosaic.flight.cache import ResultCache
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.picture.composition import Composition, compose
-from skymosaic.flight.picture.mapping import place_on_map
+from skymosaic.flight.picture.mapping import explain_absence, place_on_map
 from skymosaic.flight.picture.output import PLAIN, PREVIEW_WIDTH_PX, Delivery, OutputForm, deliver
 from skymosaic.flight.survey import Flight, survey
 from skymosaic.flight.two_photographs import flight_of_pair
@@ -152,12 +152,16 @@ class MosaicPlan:
         InputError
             As in `check_outputs`.
         RegistrationError
-            As in `layouts`.
+            As in `layouts`; for a mosaic without a place on the map where ``form`` requires one.
         """
         self.check_outputs(output, form, overwrite=overwrite)
         layouts = self.layouts if self.options.all_groups else self.layouts[:1]
         # All of them before the first is written: a canvas that is too large leaves no half of the mosaics behind.
         compositions = [self.composition(layout) for layout in layouts]
+        if form.require_map:
+            for composition in compositions:
+                if composition.place.georeference is None:
+                    raise RegistrationError(f"{explain_absence(output, composition.place)}; nothing was written")
         photographs = [source.content for source in self.sources if isinstance(source.content, Path)]
         deliveries = []
         for number, (layout, composition) in enumerate(zip(layouts, compositions, strict=True), start=1):

@@ -63,7 +63,7 @@ class Mosaic:
         return () if self.flight.pair is None else (self.flight.pair,)
 
     def to_geotiff(self, path: str | Path, *, overwrite: bool = False, scheduler: str | None = None) -> Georeference:
-        """Render the mosaic again, and write it as a GeoTIFF; needs the extra ``geo``.
+        """Render the mosaic again, and write it as a GeoTIFF.
 
         Photographs given as files are read again, so they must still be there; key frames of a video are not.
 

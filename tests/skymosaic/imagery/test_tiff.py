@@ -6,6 +6,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import rasterio
+import rasterio.errors
 from PIL import Image as PillowImage
 
 from skymosaic.errors import DamagedError
@@ -26,7 +28,6 @@ def encoded(compression: str, predictor: int = 1, **options: object) -> bytes:
 
 
 def tiled(compression: str, path: Path) -> bytes:
-    rasterio = pytest.importorskip("rasterio")
     shape = {"width": SCENE.shape[1], "height": SCENE.shape[0], "count": 3, "dtype": "uint8"}
     layout = {"tiled": True, "blockxsize": 128, "blockysize": 128, "compress": compression, "bigtiff": "yes"}
     with pytest.warns(rasterio.errors.NotGeoreferencedWarning):

@@ -6,8 +6,6 @@ import pytest
 from skymosaic.errors import InputError
 from skymosaic.maps.control_points import ControlPoints, Sighting, load_control_points
 
-pytest.importorskip("rasterio")
-
 LINES = """
 # surveyed on Monday
 544256.7 5320919.9 5 3044 2622 IMG_0525.jpg corner

@@ -6,8 +6,6 @@ import pytest
 from skymosaic.imagery.exif import Position
 from skymosaic.maps.georeference import fit_to_map, map_to_globe, project_to_utm
 
-pytest.importorskip("rasterio")
-
 
 @pytest.mark.parametrize(("crs", "false_north"), [("EPSG:32615", 5_190_000.0), ("EPSG:32733", 6_240_000.0)])
 def test_a_turned_and_scaled_layout_is_found_on_the_map(crs: str, false_north: float) -> None:

@@ -7,13 +7,15 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+import rasterio
+import rasterio.enums
+import rasterio.errors
 from numpy.typing import NDArray
 
 from skymosaic.errors import InputError
 from skymosaic.maps.georeference import Georeference
 from skymosaic.maps.geotiff import tee_to_raster, write_cog
 
-rasterio = pytest.importorskip("rasterio")
 cogeo = pytest.importorskip("rio_cogeo.cogeo")
 
 PLACE = Georeference("EPSG:32615", np.array([[0.1, 0, 430_000], [0, -0.1, 5_190_000], [0, 0, 1]]), 0.5)

@@ -4,13 +4,11 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import pytest
 
 from skymosaic.maps.georeference import Georeference, map_to_globe
 from skymosaic.maps.geotiff import tee_to_raster
 from skymosaic.maps.tiles import TILE_PX, write_tiles
 
-pytest.importorskip("rasterio")
 WIDTH, HEIGHT, METRES = 900, 700, 0.1
 PLACE = Georeference("EPSG:32615", np.array([[METRES, 0, 430_000], [0, -METRES, 5_190_000], [0, 0, 1]]), 0.5)
 SPOT = (640, 210)

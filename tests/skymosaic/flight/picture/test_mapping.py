@@ -6,6 +6,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+import rasterio
 
 from sim.scene import make_lawnmower
 from sim.scene.flight import Flight
@@ -42,7 +43,6 @@ def test_cameras_that_lean_are_found_above_where_they_were(flight: Flight) -> No
 
 
 def test_control_points_put_a_mosaic_on_the_map_at_the_wanted_resolution(flight: Flight, tmp_path: Path) -> None:
-    rasterio = pytest.importorskip("rasterio")
     lines = ["EPSG:32615"]
     (tmp_path / "flight").mkdir()
     for index, image in enumerate(flight.images):

@@ -97,7 +97,6 @@ def test_a_damaged_photograph_that_is_kept_is_compared_too(tmp_path: Path) -> No
 
 
 def test_photographs_with_gps_become_a_geotiff_and_name_their_place(tmp_path: Path) -> None:
-    pytest.importorskip("rasterio")
     names = write_flight_with_gps(tmp_path)
     (tmp_path / "pictures").mkdir()
     result = make_mosaic(tmp_path, names, Options.of_preset("aerial"), tmp_path / "pictures", progress=silent)
