@@ -6,7 +6,7 @@ import shutil
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 
@@ -24,6 +24,14 @@ MIN_FREE_BYTES = 64 << 20
 def cache_folder() -> Path:
     """The project's folder in the user's cache: on Linux in ``XDG_CACHE_HOME``, or ``~/.cache`` if that is not set."""
     return user_cache_path("skymosaic", appauthor=False)
+
+
+def make_private(folder: Path) -> None:
+    """Create a folder for its owner alone, or make it so: who can write to builds can run code as their owner."""
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    # It may be another user's.
+    with suppress(OSError):
+        folder.chmod(0o700)
 
 
 def digest(*parts: str) -> str:
@@ -68,7 +76,7 @@ def build_once(name: str, build: Callable[[Path], None], *, what: str, progress:
     if _is_intact(folder):
         return folder
     try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
+        make_private(folder.parent)
         with _locked(_lock_path(folder), what, progress):
             if not _is_intact(folder):
                 _build_in_place(folder, build, what, progress)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.small_files import read_small_file
+from sim.simulators.build_cache import make_private
 from skymosaic.errors import InputError
 from skymosaic.imagery.images import save_bytes
 
@@ -39,9 +40,9 @@ class ResultCache:
     Parameters
     ----------
     folder : Path or None
-        Created if it is missing; None keeps nothing.
+        Created for its owner alone if it is missing; None keeps nothing.
     required : bool
-        Whether it is an error if the folder cannot be created: the user asked for it.
+        The user asked for this folder: it is an error if it cannot be created, and if it exists, its permissions stay.
     tell : callable
         Receives a line if nothing can be kept from now on.
 
@@ -59,7 +60,10 @@ class ResultCache:
         self._tell = tell
         if folder is not None:
             try:
-                folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+                if required:
+                    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+                else:
+                    make_private(folder)
             except OSError as error:
                 if required:
                     raise InputError(f"{folder}: cannot be made ({error.strerror}); choose another cache") from None

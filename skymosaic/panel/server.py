@@ -43,8 +43,8 @@ def serve(port: int, boards: tuple[str, ...], announce: Callable[[str], None]) -
     """
     listener = _listen(port)
     port = listener.getsockname()[1]
-    prepare_workers()
     sessions = Sessions(boards)
+    prepare_workers(sessions.folder)
     # Clean up on shutdown, not after `run`: uvicorn raises the signal that stopped it again, so nothing after runs.
     page_app.on_shutdown(sessions.close)
     app = _application(sessions, port)

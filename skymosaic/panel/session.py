@@ -19,12 +19,12 @@ from skymosaic.panel.options import Options
 from skymosaic.panel.results import HardwareResult, MosaicResult, TrackingResult, Upload
 from skymosaic.panel.tasks import mosaic_tasks, tracking_tasks, upload_tasks
 from skymosaic.panel.tasks.jobs import Job, JobCancelledError, JobFailedError, Limits, Task
-from skymosaic.panel.uploads import KINDS, MAX_UPLOADS_AT_ONCE, UploadRefusedError, receive
+from skymosaic.panel.uploads import KINDS, MAX_UPLOADS_AT_ONCE, MIN_FREE_BYTES, UploadRefusedError, receive
 
 MAX_PHOTOGRAPHS = 60
 MAX_BYTES = 4 << 30
 """Size of all files of one session, results included."""
-DECODING_LIMITS = Limits(seconds=120, memory_bytes=2 << 30)
+DECODING_LIMITS = Limits(seconds=120, processor_seconds=60, memory_bytes=2 << 30)
 
 _Arguments = ParamSpec("_Arguments")
 
@@ -43,10 +43,14 @@ def _only_while_idle(
 
 
 class Queues(NamedTuple):
-    """Limits on how many workers run at once; uploads have a queue of their own and never wait for long jobs."""
+    """Limits for all sessions together: workers that run at once, for jobs and for uploads, and uploads under way.
+
+    Uploads have a queue of their own and never wait for long jobs.
+    """
 
     jobs: asyncio.Semaphore
     uploads: asyncio.Semaphore
+    arriving: asyncio.Semaphore
 
 
 class Session:
@@ -155,11 +159,12 @@ class Session:
             raise UploadRefusedError(f"no more than {MAX_PHOTOGRAPHS} photographs can be loaded; remove some", 413)
         if self._uploads_under_way >= MAX_UPLOADS_AT_ONCE:
             raise UploadRefusedError(f"{MAX_UPLOADS_AT_ONCE} files are arriving already; wait for them", 429)
+        if self._queues.arriving.locked():
+            raise UploadRefusedError("too many files are arriving from all visitors; try again", 503)
         self._uploads_under_way += 1
         try:
-            folder, room_bytes = self._folder("uploads"), max(0, MAX_BYTES - _bytes_in(self._root))
-            part = folder / f"{self._new_number()}.part"
-            path = await receive(body, name, KINDS[slot], part, room_bytes=room_bytes)
+            async with self._queues.arriving:
+                path = await self._receive(slot, body, name)
             uploaded = await self._decode(path, slot)
         finally:
             self._uploads_under_way -= 1
@@ -171,6 +176,15 @@ class Session:
         else:
             self._replace_film((self.template, uploaded))
         self.changed.emit()
+
+    async def _receive(self, slot: str, body: AsyncIterator[bytes], name: str) -> Path:
+        """Store an upload as far as this session and the disk have room."""
+        folder, room_bytes = self._folder("uploads"), max(0, MAX_BYTES - _bytes_in(self._root))
+        free_bytes = shutil.disk_usage(folder).free - MIN_FREE_BYTES
+        if free_bytes < min(room_bytes, KINDS[slot].limit_bytes):
+            raise UploadRefusedError("the panel's disk is almost full; make room on it", 507)
+        part = folder / f"{self._new_number()}.part"
+        return await receive(body, name, KINDS[slot], part, room_bytes=room_bytes)
 
     async def _decode(self, path: Path, slot: str) -> Upload:
         """Decode an upload in a worker; it is removed if that fails."""

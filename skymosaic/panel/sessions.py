@@ -7,6 +7,7 @@ from pathlib import Path
 from weakref import WeakValueDictionary
 
 from skymosaic.panel.session import Queues, Session
+from skymosaic.panel.uploads import MAX_UPLOADS_OF_ALL
 from skymosaic.temporary import temporary_folder
 
 MAX_SESSIONS = 64
@@ -24,12 +25,18 @@ class Sessions:
 
     def __init__(self, boards: tuple[str, ...] = ()) -> None:
         self._boards = boards
-        self._queues = Queues(jobs=asyncio.Semaphore(2), uploads=asyncio.Semaphore(2))
+        arriving = asyncio.Semaphore(MAX_UPLOADS_OF_ALL)
+        self._queues = Queues(jobs=asyncio.Semaphore(2), uploads=asyncio.Semaphore(2), arriving=arriving)
         self._stack = ExitStack()
         self._folder = self._stack.enter_context(temporary_folder())
         # A session without files is forgotten when its page is closed.
         self._open: WeakValueDictionary[str, Session] = WeakValueDictionary()
         self._with_files: list[Session] = []
+
+    @property
+    def folder(self) -> Path:
+        """Where all files are; the next start removes it if this process is killed."""
+        return self._folder
 
     def get(self, identifier: str) -> Session:
         """The session with this identifier; a new one if there is none."""

@@ -14,9 +14,14 @@ import anyio
 
 MEBIBYTE = 1 << 20
 STALLED_SECONDS = 20.0
-"""An upload without progress for this long is given up, and what it occupies is freed."""
+PROGRESS_BYTES = 1 << 16
+"""An upload that brings less in `STALLED_SECONDS` is given up: a byte now and then would hold its place for ever."""
 MAX_UPLOADS_AT_ONCE = 16
 """Of one session. A browser sends six at once."""
+MAX_UPLOADS_OF_ALL = 256
+"""Of all sessions together, whose number is not limited."""
+MIN_FREE_BYTES = 1 << 30
+"""Uploads leave this much of the disk free."""
 _HEAD_BYTES = 16
 _MAX_STEM_LENGTH = 40
 _RESERVED_STEMS = ("mosaic", "tracked")
@@ -119,18 +124,22 @@ async def receive(body: AsyncIterator[bytes], name: str, kind: Kind, part: Path,
 
 
 async def _without_stalls(body: AsyncIterator[bytes], stem: str) -> AsyncIterator[bytes]:
-    """Pass on the body; refuse it when nothing arrives for `STALLED_SECONDS`."""
-    chunks = aiter(body)
+    """Pass on the body; refuse it when less than `PROGRESS_BYTES` arrive in `STALLED_SECONDS`."""
+    chunks, awaited_bytes, deadline = aiter(body), 0, 0.0
     while True:
+        if awaited_bytes <= 0:
+            awaited_bytes, deadline = PROGRESS_BYTES, anyio.current_time() + STALLED_SECONDS
         try:
-            with anyio.fail_after(STALLED_SECONDS):
+            with anyio.fail_after(deadline - anyio.current_time()):
                 chunk = await anext(chunks)
         except StopAsyncIteration:
             return
         except TimeoutError:
             raise UploadRefusedError(
-                f"{stem}: nothing arrived for {STALLED_SECONDS:g} s; check the connection and load it again", 408
+                f"{stem}: hardly anything arrived for {STALLED_SECONDS:g} s; check the connection and load it again",
+                408,
             ) from None
+        awaited_bytes -= len(chunk)
         yield chunk
 
 

@@ -10,6 +10,8 @@ import multiprocessing
 import os
 import resource
 import signal
+import tempfile
+import threading
 import time
 import traceback
 from collections.abc import Callable
@@ -27,6 +29,8 @@ from skymosaic.panel.steps import Steps
 # Workers are forked from a helper process that has imported the libraries once and shares nothing else with the server.
 _processes = multiprocessing.get_context("forkserver")
 
+MAX_SOCKET_FOLDER = 72
+"""Bytes: the path of a socket has 104 on some systems, and multiprocessing adds 31."""
 Task = Callable[..., Any]
 """A function of a module, called in the worker as ``task(folder, *arguments, progress=progress)``.
 
@@ -36,9 +40,13 @@ Arguments and result must be picklable. ``progress`` takes a line, and optionall
 
 @dataclass(frozen=True)
 class Limits:
-    """What a worker may use: seconds until its result, and address space beyond what it has at its start."""
+    """What a worker may use: seconds until its result, and address space beyond what it has at its start.
+
+    The wall time also contains waiting for other workers; what a file may cost is ``processor_seconds``.
+    """
 
     seconds: float
+    processor_seconds: int
     memory_bytes: int
 
 
@@ -50,8 +58,11 @@ class JobCancelledError(Exception):
     """The job was cancelled."""
 
 
-def prepare_workers() -> None:
-    """Start the helper process that workers are forked from, so that the first job does not wait for its imports."""
+def prepare_workers(folder: Path | None = None) -> None:
+    """Start the helper process that workers are forked from, so that the first job does not wait for its imports.
+
+    Its socket lies in ``folder``, or in the system's temporary folder, where a killed server would leave it.
+    """
     _processes.set_forkserver_preload(
         [
             "skymosaic.panel.tasks.mosaic_tasks",
@@ -59,7 +70,13 @@ def prepare_workers() -> None:
             "skymosaic.panel.tasks.upload_tasks",
         ]
     )
-    forkserver.ensure_running()
+    usual = tempfile.tempdir
+    if folder is not None and len(os.fsencode(folder)) <= MAX_SOCKET_FOLDER:
+        tempfile.tempdir = str(folder)
+    try:
+        forkserver.ensure_running()
+    finally:
+        tempfile.tempdir = usual
 
 
 class Job:
@@ -153,6 +170,11 @@ class Job:
             raise JobFailedError("no worker could be started (out of memory?); try again") from None
         self._process = process
 
+    async def _was_ended_by(self, number: signal.Signals) -> bool:
+        assert self._process is not None
+        await asyncio.to_thread(self._process.join)
+        return self._process.exitcode == -number
+
     async def _receive_result(self, receiver: Connection) -> Any:
         while True:
             try:
@@ -160,6 +182,10 @@ class Job:
             except EOFError:
                 if self._cancelled.is_set():
                     raise JobCancelledError from None
+                if await self._was_ended_by(signal.SIGXCPU):
+                    assert self._limits is not None
+                    limit = self._limits.processor_seconds
+                    raise JobFailedError(f"took more than {limit} s of processor time; try a smaller file") from None
                 # Without a message: killed from outside, by the system for its memory, or by a fault in a library.
                 raise JobFailedError("the worker died (out of memory?); try smaller photographs") from None
             self._has_result = kind != "progress"
@@ -171,6 +197,14 @@ class Job:
             self.steps.follow(self.line, done, total)
             if total:
                 self.line += f": {done} of {total}"
+
+
+def _end_with_server() -> None:
+    """Wait for the server's death, which a killed one does not announce, and end the worker and all that it started."""
+    server = multiprocessing.parent_process()
+    assert server is not None
+    server.join()
+    os.killpg(0, signal.SIGKILL)
 
 
 def _limit_memory(extra_bytes: int) -> None:
@@ -186,8 +220,10 @@ def _run_in_worker(
     sender: Connection, limits: Limits | None, task: Task, folder: Path, arguments: tuple[object, ...]
 ) -> None:
     os.setsid()
+    threading.Thread(target=_end_with_server, daemon=True).start()
     if limits is not None:
         _limit_memory(limits.memory_bytes)
+        resource.setrlimit(resource.RLIMIT_CPU, (limits.processor_seconds, limits.processor_seconds + 1))
 
     def progress(line: str, done: int = 0, total: int = 0) -> None:
         sender.send(("progress", (line, done, total)))

@@ -3,6 +3,7 @@
 import os
 import re
 import signal
+import stat
 import subprocess
 import sys
 import time
@@ -61,8 +62,10 @@ def refuse(folder: Any) -> None:
 
 def test_builds_once_and_says_how_long_it_took() -> None:
     lines: list[str] = []
+    cache_folder().mkdir(parents=True)
     folder = build_once("thing", write_result, what="the thing", progress=lines.append)
     assert (folder / "result").read_text() == "complete"
+    assert stat.S_IMODE(cache_folder().stat().st_mode) == 0o700, "who can write to it can run code as its owner"
     assert lines[0] == f"building the thing (once; later runs find it in {cache_folder()})"
     assert re.fullmatch(r"built the thing in \d+ s", lines[1])
     assert build_once("thing", refuse, what="the thing", progress=refuse) == folder

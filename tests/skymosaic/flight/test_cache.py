@@ -1,3 +1,4 @@
+import stat
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +43,17 @@ def test_a_cache_that_cannot_be_written_keeps_nothing(tmp_path: Path, monkeypatc
     cache.save("other", {"values": np.arange(3)})
     assert len(lines) == 2
     assert "No space left" in lines[1]
+
+
+def test_the_usual_folder_is_its_owners_alone(tmp_path: Path) -> None:
+    def mode_after(mode: int, *, required: bool) -> int:
+        (tmp_path / "cache").mkdir(exist_ok=True)
+        (tmp_path / "cache").chmod(mode)
+        ResultCache(tmp_path / "cache", required=required)
+        return stat.S_IMODE((tmp_path / "cache").stat().st_mode)
+
+    assert mode_after(0o755, required=False) == 0o700
+    assert mode_after(0o770, required=True) == 0o770, "the user shares it"
 
 
 def test_keys_change_with_every_part() -> None:

@@ -4,6 +4,7 @@ import asyncio
 import errno
 import zipfile
 from collections.abc import AsyncIterator, Callable
+from types import SimpleNamespace
 
 import pytest
 
@@ -170,6 +171,21 @@ def test_the_limit_of_photographs_holds_for_uploads_at_once(
     run_in_loop(scenario)
 
 
+def test_uploads_leave_room_on_the_disk(
+    sessions: Sessions, run_in_loop: Callable[[Scenario], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session = sessions.get("one")
+    monkeypatch.setattr("shutil.disk_usage", lambda _folder: SimpleNamespace(free=1 << 30))
+
+    async def scenario() -> None:
+        with pytest.raises(UploadRefusedError, match="disk is almost full") as refused:
+            await session.upload("photograph", body(picture(1)), "field.png")
+        assert refused.value.status == 507
+        assert not session.is_busy
+
+    run_in_loop(scenario)
+
+
 def test_a_session_has_a_limited_number_of_uploads_under_way(
     sessions: Sessions, run_in_loop: Callable[[Scenario], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -188,6 +204,11 @@ def test_a_session_has_a_limited_number_of_uploads_under_way(
         assert caught.value.status == 429
         await two.upload("photograph", body(noise_png(96, 1)), "field.png")
         assert len(two.photographs) == 1
+        while not two._queues.arriving.locked():
+            await two._queues.arriving.acquire()
+        with pytest.raises(UploadRefusedError, match="from all visitors") as caught:
+            await two.upload("photograph", body(noise_png(96, 2)), "field.png")
+        assert caught.value.status == 503
         stalled.cancel()
         await asyncio.gather(stalled, return_exceptions=True)
 

@@ -4,7 +4,9 @@ import asyncio
 import importlib
 import os
 import signal
+import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from multiprocessing import forkserver
@@ -14,6 +16,7 @@ from typing import Any
 
 import pytest
 
+from skymosaic.panel.sessions import Sessions
 from skymosaic.panel.tasks.jobs import Job, JobCancelledError, JobFailedError, Limits
 from tools.panel.visit import LONG_MS
 
@@ -117,9 +120,10 @@ def test_cancelling_ends_the_task_and_every_process_it_started(tasks: ModuleType
 @pytest.mark.parametrize(
     ("name", "limits", "message"),
     [
-        ("compute", Limits(1, 1 << 30), "more than 1 s"),
-        ("last_long", Limits(0.5, 1 << 30), "more than 0.5 s"),
-        ("fill_memory", Limits(600, 1 << 30), "more memory"),
+        ("compute", Limits(1, 60, 1 << 30), "more than 1 s"),
+        ("last_long", Limits(0.5, 60, 1 << 30), "more than 0.5 s"),
+        ("compute", Limits(600, 1, 1 << 30), "more than 1 s of processor time"),
+        ("fill_memory", Limits(600, 60, 1 << 30), "more memory"),
     ],
 )
 def test_a_worker_beyond_its_limits_is_ended(
@@ -127,6 +131,43 @@ def test_a_worker_beyond_its_limits_is_ended(
 ) -> None:
     with pytest.raises(JobFailedError, match=message):
         run(Job(name, getattr(tasks, name), tmp_path, limits=limits))
+
+
+KILLED_SERVER = """
+import asyncio, os, signal, sys
+from pathlib import Path
+from skymosaic.panel.sessions import Sessions
+from skymosaic.panel.tasks.jobs import Job, prepare_workers
+import tasks_for_the_jobs_test
+
+async def scenario():
+    job = Job("long", tasks_for_the_jobs_test.last_long, Path(sys.argv[1]))
+    running = asyncio.create_task(job.run(asyncio.Semaphore(1)))
+    while job.line != "under way":
+        await asyncio.sleep(0.02)
+    os.kill(os.getpid(), signal.SIGKILL)
+
+sessions = Sessions()
+prepare_workers(sessions.folder)
+asyncio.run(scenario())
+"""
+
+
+def test_a_killed_server_leaves_no_process_and_no_file_after_the_next_start(
+    tasks: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # With a short path, which has room for that of a socket.
+    temporary = Path(tempfile.mkdtemp())
+    path = os.pathsep.join([str(Path(tasks.__file__ or "").parent), str(Path.cwd())])
+    environment = {**os.environ, "TMPDIR": str(temporary), "PYTHONPATH": path}
+    subprocess.run([sys.executable, "-c", KILLED_SERVER, str(tmp_path)], env=environment, check=False)
+    processes = [int(word) for word in (tmp_path / "processes").read_text().split()]
+    assert eventually(lambda: not any(map(alive, processes)))
+    assert list(temporary.iterdir())
+    monkeypatch.setattr("tempfile.tempdir", str(temporary))
+    Sessions().close()
+    # Only an empty folder can be removed.
+    temporary.rmdir()
 
 
 def test_a_job_cancelled_while_it_waits_never_starts(tasks: ModuleType, tmp_path: Path) -> None:
