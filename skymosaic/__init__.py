@@ -7,6 +7,8 @@ import time
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from golden_model.config import Config
+    from skymosaic.live.mosaic import LiveMosaic, LiveUpdate
     from skymosaic.mosaicking.api import mosaic, mosaics
     from skymosaic.mosaicking.options import MosaicOptions
     from skymosaic.mosaicking.result import Mosaic
@@ -14,14 +16,22 @@ if TYPE_CHECKING:
     from skymosaic.registration.options import FeatureOptions, RegistrationOptions
     from skymosaic.registration.pair import Pair
     from skymosaic.registration.register import register
+    from skymosaic.tracking.template import Roi
+    from skymosaic.tracking.tracker import TrackedFrame, Tracker
 
 __all__ = [
+    "Config",
     "FeatureOptions",
     "Features",
+    "LiveMosaic",
+    "LiveUpdate",
     "Mosaic",
     "MosaicOptions",
     "Pair",
     "RegistrationOptions",
+    "Roi",
+    "TrackedFrame",
+    "Tracker",
     "extract",
     "mosaic",
     "mosaics",
@@ -30,16 +40,22 @@ __all__ = [
 IMPORTED_S = time.perf_counter()
 """When the program began, for times that add up to its wall time."""
 _MODULES = {
-    "FeatureOptions": "registration.options",
-    "Features": "registration.extraction",
-    "Mosaic": "mosaicking.result",
-    "MosaicOptions": "mosaicking.options",
-    "Pair": "registration.pair",
-    "RegistrationOptions": "registration.options",
-    "extract": "registration.extraction",
-    "mosaic": "mosaicking.api",
-    "mosaics": "mosaicking.api",
-    "register": "registration.register",
+    "Config": "golden_model.config",
+    "FeatureOptions": "skymosaic.registration.options",
+    "Features": "skymosaic.registration.extraction",
+    "LiveMosaic": "skymosaic.live.mosaic",
+    "LiveUpdate": "skymosaic.live.mosaic",
+    "Mosaic": "skymosaic.mosaicking.result",
+    "MosaicOptions": "skymosaic.mosaicking.options",
+    "Pair": "skymosaic.registration.pair",
+    "RegistrationOptions": "skymosaic.registration.options",
+    "Roi": "skymosaic.tracking.template",
+    "TrackedFrame": "skymosaic.tracking.tracker",
+    "Tracker": "skymosaic.tracking.tracker",
+    "extract": "skymosaic.registration.extraction",
+    "mosaic": "skymosaic.mosaicking.api",
+    "mosaics": "skymosaic.mosaicking.api",
+    "register": "skymosaic.registration.register",
 }
 
 
@@ -47,4 +63,4 @@ def __getattr__(name: str) -> object:
     """Import the public names when they are first used: ``skymosaic --help`` needs neither NumPy nor OpenCV."""
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"skymosaic.{_MODULES[name]}"), name)
+    return getattr(importlib.import_module(_MODULES[name]), name)

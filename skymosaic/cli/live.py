@@ -7,12 +7,13 @@ from typing import Annotated
 
 import typer
 
-from skymosaic.cli.options import OverwriteOption, StrictOption, output_option, with_options
+from skymosaic.cli.options import OverwriteOption, RequireMapOption, StrictOption, output_option, with_options
 from skymosaic.cli.session import session
 from skymosaic.errors import InputError, RegistrationError
+from skymosaic.flight.picture.mapping import explain_absence
+from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, OutputForm
 from skymosaic.imagery import images
-from skymosaic.imagery.images import Photograph
-from skymosaic.imagery.live_frames import read_live_frames
+from skymosaic.imagery.live_frames import LiveFrame, read_live_frames
 from skymosaic.imagery.own_outputs import record_output
 from skymosaic.imagery.photographs import is_folder
 from skymosaic.live.mosaic import LiveMosaic, LiveUpdate
@@ -39,10 +40,12 @@ def live(
     output: Annotated[Path, output_option("The mosaic, written at the end: .png, .tif ...")],
     overwrite: OverwriteOption = False,
     strict: StrictOption = False,
+    require_map: RequireMapOption = False,
     options: Annotated[MosaicOptions, LIVE_OPTIONS],
 ) -> None:
     """Grow a mosaic frame by frame, with a preview beside it; Ctrl-C or SIGTERM stops and writes it."""
-    write_live_mosaic(source, output, options, idle_seconds, overwrite=overwrite, strict=strict)
+    limits = {"overwrite": overwrite, "strict": strict, "require_map": require_map}
+    write_live_mosaic(source, output, options, idle_seconds, **limits)
 
 
 def check_live(photographs: Sequence[str], options: MosaicOptions, others: Mapping[str, bool]) -> None:
@@ -80,6 +83,7 @@ def write_live_mosaic(
     *,
     overwrite: bool,
     strict: bool,
+    require_map: bool,
 ) -> None:
     """Grow a mosaic until its source ends or the user stops it, and write it.
 
@@ -88,24 +92,32 @@ def write_live_mosaic(
     InputError
         For an unusable source or output.
     RegistrationError
-        If no frame could be used, or with ``strict`` if one was left out.
+        If no frame could be used, with ``strict`` if one was left out, with ``require_map`` without a place on the map.
     """
     images.check_output(output, (source,), overwrite=overwrite)
+    OutputForm(require_map=require_map).check(output)
     preview = output.with_suffix(".preview.jpg")
     images.check_unused(preview, overwrite=overwrite)
+    pace = Pace(options.base_config, options.backend_name)
+
+    def report(update: LiveUpdate) -> None:
+        pace.add(update)
+        session.stream(update.summary())
+        session.tell(f"{update.number} {update.name}: {_describe(update)}")
+
     mosaic = LiveMosaic(
         options.base_config,
-        options.backend_name,
+        backend=options.backend_name,
         seed=options.seed,
         working_width_px=options.working_width_px,
         scale=options.scale,
         canvas_limit_px=options.canvas_limit_px,
+        on_frame=report,
     )
     outputs = output, preview
     frames = read_live_frames(source, idle_seconds=idle_seconds, tell=session.tell, made=outputs, band=options.band)
-    pace = Pace(options.base_config, options.backend_name)
     try:
-        grow(mosaic, frames, preview, pace)
+        grow(mosaic, frames, preview)
     # Ctrl-C is how a live mosaic usually ends; `ended_by_signals` turns SIGTERM and a closed terminal into SystemExit.
     # The frames so far are written.
     except (KeyboardInterrupt, SystemExit):
@@ -113,11 +125,16 @@ def write_live_mosaic(
     mosaic.finish()
     if not mosaic.transforms:
         raise RegistrationError(f"{source}: no frame could be used")
-    absent = {number: f"frame {number}: {reason}" for number, reason in mosaic.left_out.items()}
+    absent = mosaic.left_out
     report_absent(absent, strict=strict)
+    place = mosaic.place
+    if place.georeference is None and output.suffix.lower() in GEOTIFF_SUFFIXES:
+        if require_map:
+            raise RegistrationError(f"{explain_absence(output, place)}; nothing was written")
+        session.warn(explain_absence(output, place))
     # Without a moving display, which a closed terminal would not take.
     session.tell("writing")
-    images.save(output, mosaic.image)
+    mosaic.save(output, overwrite=overwrite)
     if is_folder(Path(source)):
         for path in outputs:
             record_output(path, [Path(source) / path.name])
@@ -151,13 +168,11 @@ def report_absent(absent: Mapping[int, str], *, strict: bool) -> None:
         raise RegistrationError(f"{len(absent)} left out, and --strict allows none; nothing was written")
 
 
-def grow(mosaic: LiveMosaic, frames: Iterable[Photograph], preview: Path, pace: Pace) -> None:
-    """Add frames as they come, print a line for each, and update the preview."""
+def grow(mosaic: LiveMosaic, frames: Iterable[LiveFrame], preview: Path) -> None:
+    """Add frames as they come, and update the preview."""
     previewed_s = 0.0
     for frame in frames:
-        update = mosaic.add(frame.pixels)
-        pace.add(update)
-        session.tell(f"{update.number} {frame.name}: {_describe(update)}")
+        update = mosaic.add(frame.pixels, name=frame.name, taken=frame.taken)
         if not update.reason and time.monotonic() - previewed_s >= PREVIEW_SECONDS:
             _write_preview(mosaic, preview)
             previewed_s = time.monotonic()

@@ -10,6 +10,7 @@ from skymosaic.cli.live import IdleOption, check_live, report_absent, write_live
 from skymosaic.cli.options import (
     OverwriteOption,
     PhotographsArgument,
+    RequireMapOption,
     StrictOption,
     choice,
     output_option,
@@ -60,12 +61,7 @@ def mosaic(
     ] = "deflate",
     overwrite: OverwriteOption = False,
     strict: StrictOption = False,
-    require_map: Annotated[
-        bool,
-        typer.Option(
-            "--require-map", rich_help_panel=MAP, help="Exit with 3 where the mosaic has no place on the map."
-        ),
-    ] = False,
+    require_map: RequireMapOption = False,
     tiles: Annotated[
         Path | None,
         typer.Option(rich_help_panel=MAP, help="Folder for map tiles and a page that shows them offline."),
@@ -79,10 +75,10 @@ def mosaic(
             "--save-camera": save_camera is not None,
             "--tiles": tiles is not None,
             "--compress": compress != "deflate",
-            "--require-map": require_map,
         }
         check_live(photographs, options, others)
-        write_live_mosaic(photographs[0], output, options, idle_seconds, overwrite=overwrite, strict=strict)
+        limits = {"overwrite": overwrite, "strict": strict, "require_map": require_map}
+        write_live_mosaic(photographs[0], output, options, idle_seconds, **limits)
         return
     if idle_seconds is not None:
         raise InputError("--idle-seconds ends a live mosaic; add --live, or leave it out")

@@ -21,7 +21,7 @@ from skymosaic.cli.session import session
 from skymosaic.errors import InputError
 from skymosaic.imagery.lens import load_lens
 from skymosaic.maps.control_points import load_control_points
-from skymosaic.options import GROUPS, INPUT, MACHINE, OUTPUT, Option, options_of
+from skymosaic.options import GROUPS, INPUT, MACHINE, MAP, OUTPUT, Option, options_of
 from skymosaic.registration.options import FeatureOptions
 from skymosaic.registration.pair import Pair
 
@@ -57,6 +57,10 @@ StrictOption = Annotated[
         rich_help_panel=OUTPUT,
         help="Write no mosaic and exit with 3 if a photograph is left out, instead of a warning.",
     ),
+]
+RequireMapOption = Annotated[
+    bool,
+    typer.Option("--require-map", rich_help_panel=MAP, help="Exit with 3 where the mosaic has no place on the map."),
 ]
 PhotographsArgument = Annotated[
     list[str],

@@ -94,6 +94,13 @@ class Session:
         # Where both go to one file, results and progress stay in order.
         console.file.flush()
 
+    def stream(self, numbers: Mapping[str, Any]) -> None:
+        """With ``--json``, print an object on a line of its own, ahead of the command's object at the end."""
+        # A reader that has gone must not cost the user the mosaic.
+        with contextlib.suppress(OSError):
+            if self._as_json:
+                print(_to_json(numbers), flush=True)
+
     def wrote(self, path: Path) -> None:
         """Record a file or folder among the outputs."""
         self._outputs.append(str(path))
@@ -148,7 +155,7 @@ class Session:
                 "outputs": self._outputs,
             }
             numbers = {**common, **self.numbers, "seconds": {name: round(value, 4) for name, value in times.items()}}
-            sys.stdout.write(json.dumps(_finite(numbers), allow_nan=False) + "\n")
+            print(_to_json(numbers))
 
     def _times(self) -> dict[str, float]:
         """The stages, what they leave over, and their sum: the wall time since the program began."""
@@ -160,6 +167,10 @@ class Session:
         # A closed standard error must not cost the user the mosaic.
         with contextlib.suppress(OSError):
             self._errors.print(one_line(line), style=style, markup=False, highlight=False, soft_wrap=True)
+
+
+def _to_json(numbers: Mapping[str, Any]) -> str:
+    return json.dumps(_finite(numbers), allow_nan=False)
 
 
 def _finite(value: Any) -> Any:

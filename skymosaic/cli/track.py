@@ -16,7 +16,7 @@ from skymosaic.imagery.video import OUTPUT_SUFFIXES, VideoReader, write_video
 from skymosaic.registration.options import RegistrationOptions
 from skymosaic.tracking.output import TABLE_SUFFIXES, TrackedCorners, draw_outline, make_row, save_corners
 from skymosaic.tracking.template import Roi
-from skymosaic.tracking.tracker import track as track_frames
+from skymosaic.tracking.tracker import Tracker
 
 # Frames between two lines of progress where it is not drawn in place.
 LINE_EVERY_FRAMES = 100
@@ -43,13 +43,16 @@ def track(
     if corners:
         images.check_output(corners, names, TABLE_SUFFIXES, overwrite=overwrite)
     reader = VideoReader(video)
-    frames = track_frames(template, reader, config=options.base_config, backend=options.backend_name, seed=options.seed)
+    tracker = Tracker(template, options.base_config, backend=options.backend_name, seed=options.seed)
     rows: list[TrackedCorners] = []
     start = time.perf_counter()
     with session.working("tracking") as step, write_video(output, reader.frame_rate) as write:
-        for frame in frames:
+        for frame in map(tracker.follow, reader):
             write(draw_outline(frame))
             rows.append(make_row(frame, reader.frame_rate))
+            facts = {"name": f"{video}/frame {frame.number}", "placed": not frame.reason, "reason": frame.reason}
+            pose = None if frame.pose is None else frame.pose.homography.tolist()
+            session.stream({**dataclasses.asdict(rows[-1]), **facts, "pose": pose})
             if session.animated or frame.number % LINE_EVERY_FRAMES == 0:
                 step(f"frame {frame.number}")
         if not any(each.corners for each in rows):

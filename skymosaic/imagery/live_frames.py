@@ -4,6 +4,7 @@ import contextlib
 import time
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -11,7 +12,8 @@ import numpy as np
 from golden_model.arrays import Pixels
 from skymosaic.errors import InputError
 from skymosaic.imagery.band_sets import select_band
-from skymosaic.imagery.images import Photograph, load
+from skymosaic.imagery.exif import Metadata, read_metadata
+from skymosaic.imagery.images import load
 from skymosaic.imagery.key_frames import select_key_frames
 from skymosaic.imagery.photographs import is_folder, list_folder, list_sources
 from skymosaic.imagery.video import VideoReader
@@ -22,6 +24,14 @@ SETTLED_SECONDS = 0.5
 """A file that has not changed for this time is complete."""
 
 
+class LiveFrame(NamedTuple):
+    """A frame, its name (that of its file, or of the video with the frame's number) and what the camera recorded."""
+
+    name: str
+    pixels: Pixels
+    taken: Metadata = Metadata()
+
+
 def read_live_frames(
     source: str,
     *,
@@ -29,7 +39,7 @@ def read_live_frames(
     tell: Callable[[str], None],
     made: Collection[Path] = (),
     band: str | None = None,
-) -> Iterator[Photograph]:
+) -> Iterator[LiveFrame]:
     """Yield frames as they arrive.
 
     Parameters
@@ -55,7 +65,7 @@ def read_live_frames(
         raise InputError(f"band {band}: only a folder can hold multi-band sets; leave out --band")
     if source.isdecimal():
         for frame in select_key_frames(_camera(int(source))):
-            yield Photograph(f"camera {source}, frame {frame.number}", frame.pixels)
+            yield LiveFrame(f"camera {source}/frame {frame.number}", frame.pixels)
     elif is_folder(Path(source)):
         # Only a folder that has been read once may later be away for a while.
         list_folder(Path(source))
@@ -63,7 +73,7 @@ def read_live_frames(
     else:
         reader = VideoReader(source)
         for frame in select_key_frames(reader):
-            yield Photograph(f"{source}, frame {frame.number}", frame.pixels)
+            yield LiveFrame(f"{source}/frame {frame.number}", frame.pixels)
         for note in reader.notes:
             tell(f"{source}: {note}")
 
@@ -74,7 +84,7 @@ def _watch_folder(
     tell: Callable[[str], None],
     made: Collection[Path],
     band: str | None,
-) -> Iterator[Photograph]:
+) -> Iterator[LiveFrame]:
     """Yield the pictures of a folder once they are complete, sorted by name; a picture that changes comes again."""
     done: set[tuple[Path, int]] = set()
     last = time.monotonic()
@@ -84,7 +94,7 @@ def _watch_folder(
         for path, changed in new:
             done.add((path, changed))
             try:
-                yield load(path)
+                yield LiveFrame(str(path), load(path).pixels, read_metadata(path))
             except InputError as error:
                 # A slow copy may have paused. If the file changes again, it is read again.
                 tell(f"left out: {error}")

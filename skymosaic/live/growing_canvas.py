@@ -113,6 +113,13 @@ class GrowingCanvas:
             return self._pixels
         return self._pixels[self.extent.within(self._room)]
 
+    @property
+    def shown(self) -> Mask:
+        """Where `image` shows a photograph, (H, W)."""
+        if self.extent is None:
+            return np.zeros((0, 0), np.bool_)
+        return np.asarray(self._distance[self.extent.within(self._room)] > 0)
+
     def _darken(self, divisor: Float32) -> None:
         """Divide all channels (3,) of the mosaic by ``divisor``."""
         if (divisor > 1).any():

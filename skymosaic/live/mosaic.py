@@ -6,23 +6,32 @@ is recomputed and the painted pixels are moved accordingly. A frame that matches
 is merged with another one when a later frame overlaps both.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+import contextlib
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
 
 import numpy as np
 
-from golden_model.arrays import Array, Pixels, Records
-from golden_model.config import Config
+from golden_model.arrays import Array, Matrix, Pixels, Records
+from golden_model.config import Config, preset_config
 from sim.backends.interface import load_backend
 from skymosaic.compositing.warp import CANVAS_LIMIT_PX, Canvas, CanvasError
-from skymosaic.errors import InputError
+from skymosaic.errors import InputError, RegistrationError
 from skymosaic.flight.candidates import MIN_VOTES, MOST_SIMILAR
 from skymosaic.flight.linking.links import link_views
 from skymosaic.flight.linking.resemblance import count_votes
+from skymosaic.flight.picture.mapping import Camera, MapPlace, place_cameras
+from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES
 from skymosaic.geometry.homography import apply, estimate, resize_matrix
-from skymosaic.imagery.images import reduce_for_front_end
+from skymosaic.imagery.exif import Metadata, read_metadata
+from skymosaic.imagery.images import check_output, load, reduce_for_front_end, save
 from skymosaic.live.submap import Frame, Placement, Submap
+from skymosaic.maps.geotiff import write_geotiff
 from skymosaic.registration.options import WORKING_WIDTH_PX
 from skymosaic.registration.register import extract_within_capacity
 
@@ -40,6 +49,11 @@ class LiveUpdate:
     ----------
     number : int
         The frame's number, from 0.
+    name : str
+    seconds : float
+        When it was placed or left out, since the mosaic was begun.
+    transform : ndarray of float64, shape (3, 3), or None
+        Its original pixels to the reference frame of its submap; None if it was left out. Later frames may refine it.
     placement : Placement or None
         Its registration; None if it started a submap or was left out.
     reason : str
@@ -53,23 +67,41 @@ class LiveUpdate:
     """
 
     number: int
+    name: str
+    seconds: float
+    transform: Matrix | None
     placement: Placement | None
     reason: str
     submaps: int
     size_px: tuple[int, int] = (0, 0)
     features: Records | None = None
 
+    def summary(self) -> dict[str, Any]:
+        """The frame in plain numbers, as ``live --json`` prints it."""
+        return {
+            "frame": self.number,
+            "name": self.name,
+            "seconds": round(self.seconds, 3),
+            "placed": not self.reason,
+            "reason": self.reason,
+            "pose": None if self.transform is None else self.transform.tolist(),
+            "ties": self.placement.ties if self.placement else 0,
+            "error_px": self.placement.error_px if self.placement else None,
+            "parts": self.submaps,
+        }
+
 
 class LiveMosaic:
-    """Registers and paints frames as they arrive.
+    """Registers and paints frames as they arrive; as a context manager it calls `finish` at the end.
 
     The mosaic is the submap with the most frames. Its reference frame is that of its first frame without the tilt,
     with pixel coordinates multiplied by ``scale``.
 
     Parameters
     ----------
-    config : Config
-        Front end and matcher.
+    config : Config, optional
+        Front end and matcher; by default those of ``preset``.
+    preset : str
     backend : str
         Name of the backend that computes the features.
     seed : int
@@ -80,33 +112,59 @@ class LiveMosaic:
         Pixels of the mosaic per pixel of the first frame, more than 0 and at most 1.
     canvas_limit_px : int
         Largest area of the mosaic; a frame that would exceed it is left out.
+    on_frame : callable, optional
+        Receives the `LiveUpdate` of each frame. What it raises leaves `add`; the frame stays in the mosaic.
 
     Raises
     ------
     InputError
         For a scale out of range.
+
+    Examples
+    --------
+    >>> from sim.scene import make_lawnmower
+    >>> with LiveMosaic(on_frame=lambda update: print(update.number, update.reason or "placed")) as live:
+    ...     for image in make_lawnmower(1, 3, (320, 240)).images:
+    ...         _ = live.add(image)
+    0 placed
+    1 placed
+    2 placed
+    >>> sorted(live.transforms)
+    [0, 1, 2]
     """
 
     def __init__(
         self,
-        config: Config,
-        backend: str = "golden",
+        config: Config | None = None,
         *,
+        preset: str = "aerial",
+        backend: str = "golden",
         seed: int = 0,
         working_width_px: int = WORKING_WIDTH_PX,
         scale: float = 1.0,
         canvas_limit_px: int = CANVAS_LIMIT_PX,
+        on_frame: Callable[[LiveUpdate], object] = lambda _update: None,
     ) -> None:
         if not 0 < scale <= 1:
             raise InputError(f"scale is {scale}; it must be more than 0 and at most 1")
-        self._config = config
+        self._config = config or preset_config(preset)
         self._front_end = load_backend(backend)
-        self._link_views = partial(link_views, config=config, seed=seed)
+        self._link_views = partial(link_views, config=self._config, seed=seed)
         self._working_width_px = working_width_px
         self._scale = scale
         self._canvas_limit_px = canvas_limit_px
         self._submaps: list[Submap] = []
-        self._reasons: list[str] = []
+        self._frames: list[tuple[str, str]] = []
+        """Name of each frame, and why it was left out."""
+        self._on_frame = on_frame
+        self._started_s = time.monotonic()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, _: TracebackType | None) -> None:
+        """What has been placed is laid out after an error, too."""
+        self.finish()
 
     @property
     def image(self) -> Pixels:
@@ -125,44 +183,82 @@ class LiveMosaic:
         """Numbers of the frames that are not in the mosaic, with the reasons."""
         inside = self._mosaic.frames
         default = "does not overlap the mosaic"
-        return {number: reason or default for number, reason in enumerate(self._reasons) if number not in inside}
+        outside = [(number, frame) for number, frame in enumerate(self._frames) if number not in inside]
+        return {number: f"{name}: {reason or default}" for number, (name, reason) in outside}
 
-    def add(self, pixels: Pixels, features: Records | None = None) -> LiveUpdate:
+    @property
+    def place(self) -> MapPlace:
+        """Where `image` lies on the map, by the GPS positions of its frames; or why that is not known."""
+        frames = self._mosaic.frames.values()
+        cameras = [Camera(frame.name, frame.size, frame.transform, frame.taken) for frame in frames]
+        place = place_cameras(cameras)
+        if place.georeference is None:
+            return place
+        to_reference = np.asarray(np.linalg.inv(self._mosaic.canvas.to_image), dtype=np.float64)
+        return replace(place, georeference=place.georeference.for_pixels(to_reference))
+
+    def add(
+        self,
+        image: str | Path | Pixels,
+        features: Records | None = None,
+        *,
+        name: str = "",
+        taken: Metadata | None = None,
+    ) -> LiveUpdate:
         """Register and paint the next frame.
 
         Parameters
         ----------
-        pixels : ndarray of uint8, shape (H, W) or (H, W, 3) BGR
+        image : path or ndarray of uint8, shape (H, W) or (H, W, 3) BGR
         features : structured ndarray, optional
             Its features, if a front end has already computed them (such as a camera's, in sequence mode), from the
             frame reduced to the working width.
+        name : str
+            By default that of the file, or "frame N".
+        taken : Metadata, optional
+            What the camera recorded, above all its position; by default what the file says.
 
         Returns
         -------
         LiveUpdate
+            Of a frame that cannot be used, the reason.
         """
+        number, path = len(self._frames), Path(image) if isinstance(image, str | Path) else None
+        name = name or str(path or f"frame {number}")
+        frame, placement, transform, reason = None, None, None, ""
         try:
-            frame = self._describe(pixels, features)
-        except InputError as error:
-            self._reasons.append(str(error))
-            return LiveUpdate(len(self._reasons) - 1, None, str(error), len(self._submaps))
-        placement, reason = None, ""
-        try:
-            submap, placement = self._register(frame, self._submaps)
-            if submap is not None and placement is not None:
-                placed = frame.moved(placement.transform)
-                submap.add(placed, pixels)
-                self._join(submap, placed).settle()
-            elif len(frame.features) >= MIN_FEATURES:
-                submap = self._empty_submap()
-                submap.add(frame, pixels)
-                self._submaps.append(submap)
-            else:
-                reason = f"too few features (flat or blurred?): {len(frame.features)}, {MIN_FEATURES} needed"
-        except CanvasError as error:
-            reason = str(error)
-        self._reasons.append(reason)
-        return LiveUpdate(frame.number, placement, reason, len(self._submaps), frame.size, frame.features)
+            pixels = load(image, "frame").pixels
+            taken = taken or (read_metadata(path) if path else Metadata())
+            frame = self._describe(pixels, features, name, taken)
+            submap, placement = self._place(frame, pixels)
+            transform = submap.frames[number].from_original
+        except (CanvasError, InputError) as error:
+            placement, reason = None, str(error)
+        self._frames.append((name, reason))
+        facts = () if frame is None else (frame.size, frame.features)
+        seconds = time.monotonic() - self._started_s
+        update = LiveUpdate(number, name, seconds, transform, placement, reason, len(self._submaps), *facts)
+        self._on_frame(update)
+        return update
+
+    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
+        """Write `image`; with the place on the map into ``.tif``, where frames have GPS.
+
+        Raises
+        ------
+        InputError
+            For a file that cannot be written, or exists and must not be overwritten.
+        RegistrationError
+            Without a frame.
+        """
+        path = Path(path)
+        check_output(path, overwrite=overwrite)
+        if not self.transforms:
+            raise RegistrationError(f"{path}: no frame could be used")
+        if path.suffix.lower() in GEOTIFF_SUFFIXES:
+            write_geotiff(path, self.image, self._mosaic.canvas.shown, self.place.georeference)
+        else:
+            save(path, self.image)
 
     def finish(self) -> None:
         """Recompute the layout after the last frame."""
@@ -176,14 +272,41 @@ class LiveMosaic:
     def _empty_submap(self) -> Submap:
         return Submap(self._link_views, self._canvas_limit_px)
 
-    def _describe(self, pixels: Pixels, features: Records | None) -> Frame:
+    def _describe(self, pixels: Pixels, features: Records | None, name: str, taken: Metadata) -> Frame:
         """Reduce a frame to the working width, and compute its features unless they are given."""
         working, to_original = reduce_for_front_end(pixels, self._working_width_px, "frame")
         if features is None:
             results, _ = extract_within_capacity(self._front_end, [working], self._config)
             features = results[0].features
         size = working.shape[1], working.shape[0]
-        return Frame(len(self._reasons), size, features, to_original, resize_matrix(self._scale) @ to_original)
+        transform = resize_matrix(self._scale) @ to_original
+        return Frame(len(self._frames), size, features, to_original, transform, name, taken)
+
+    def _place(self, frame: Frame, pixels: Pixels) -> tuple[Submap, Placement | None]:
+        """Add a frame to a submap that it overlaps, or to a new one.
+
+        Raises
+        ------
+        CanvasError
+            As `Submap.add`.
+        InputError
+            For a frame that is no start of a submap.
+        """
+        submap, placement = self._register(frame, self._submaps)
+        if submap is not None and placement is not None:
+            placed = frame.moved(placement.transform)
+            submap.add(placed, pixels)
+            # Parts that do not fit on one canvas stay apart.
+            with contextlib.suppress(CanvasError):
+                submap = self._join(submap, placed)
+            submap.settle()
+        elif len(frame.features) < MIN_FEATURES:
+            raise InputError(f"too few features (flat or blurred?): {len(frame.features)}, {MIN_FEATURES} needed")
+        else:
+            submap = self._empty_submap()
+            submap.add(frame, pixels)
+            self._submaps.append(submap)
+        return submap, placement
 
     def _register(self, frame: Frame, submaps: list[Submap]) -> tuple[Submap, Placement] | tuple[None, None]:
         """Find a submap that the frame overlaps, and place the frame in it."""

@@ -20,6 +20,7 @@ from skymosaic.flight.linking.links import TIE_PX, Candidate, Link
 from skymosaic.flight.linking.resemblance import compact
 from skymosaic.geometry.homography import apply, estimate, rescale
 from skymosaic.geometry.prosac import MIN_INLIERS
+from skymosaic.imagery.exif import Metadata
 from skymosaic.live.growing_canvas import GrowingCanvas
 
 MAX_NEIGHBOURS = 4
@@ -52,6 +53,9 @@ class Frame:
         Working pixels to the frame's original pixels.
     transform : ndarray of float64, shape (3, 3)
         Working pixels to the submap's reference frame.
+    name : str
+    taken : Metadata
+        What the camera recorded.
     """
 
     number: int
@@ -59,6 +63,8 @@ class Frame:
     features: Records
     to_original: Array
     transform: Array
+    name: str
+    taken: Metadata
 
     @cached_property
     def compact(self) -> Records:

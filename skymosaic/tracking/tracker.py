@@ -5,18 +5,21 @@ the expected pose (constant velocity), enlarged. While the template is lost, one
 the nearest parts first.
 """
 
-import itertools
+from __future__ import annotations
+
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from types import TracebackType
+from typing import Self
 
 import cv2
 import numpy as np
 
 from golden_model.arrays import Array, Pixels
 from golden_model.config import MIN_FRAME_PX, Config, preset_config
-from sim.backends.interface import load_backend
+from sim.backends.interface import Backend, load_backend
 from skymosaic.compositing.warp import Canvas
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.geometry.homography import DegenerateError, apply, dlt
@@ -73,58 +76,102 @@ class TrackedFrame:
     corners: Array | None
     pose: TemplatePose | None
 
+    @property
+    def reason(self) -> str:
+        """Why the object was not found; empty where it was."""
+        return "" if self.pose else "lost: too few features of the template agree"
 
-def track(
-    template: str | Path | Pixels | Roi,
-    frames: Iterable[Pixels],
-    *,
-    preset: str = "aerial",
-    config: Config | None = None,
-    backend: str = "golden",
-    seed: int = 0,
-) -> Iterator[TrackedFrame]:
-    """Follow an object through the frames of a video.
+
+class Tracker:
+    """Follows an object from frame to frame; as a context manager it releases the front end at the end.
 
     Parameters
     ----------
     template : path, array or Roi
         A picture of the object, or its rectangle in the first frame.
-    frames : iterable of ndarray of uint8, shape (H, W) or (H, W, 3) BGR
-        All of one size; only one is held in memory at a time.
-    preset, config, backend, seed
+    config : Config, optional
+        Front end and matcher; by default those of ``preset``.
+    preset, backend, seed
         As in `skymosaic.register`.
-
-    Yields
-    ------
-    TrackedFrame
-        One for each frame.
+    on_frame : callable, optional
+        Receives the `TrackedFrame` of each frame. What it raises leaves `follow`; the next frame continues the track.
 
     Raises
     ------
     InputError
-        For a template that cannot be read, or a rectangle that is too small or not inside the frame.
-    RegistrationError
-        For a template with too few features.
+        For a template that cannot be read.
+
+    Examples
+    --------
+    >>> from sim.scene import make_pair
+    >>> first, second = make_pair(seed=5, size=(320, 240)).images
+    >>> with Tracker(Roi(100, 80, 120, 90)) as tracker:
+    ...     [tracker.follow(frame).number for frame in (first, first)]
+    [0, 1]
     """
-    remaining = iter(frames)
-    first = next(remaining, None)
-    if first is None:
-        return
-    if isinstance(template, Roi):
-        _check_roi(template, first)
-        picture, roi = first, template
-    else:
-        picture = load(template, "template").pixels
-        roi = Roi(0, 0, picture.shape[1], picture.shape[0])
-    front_end = load_backend(backend)
-    # Without cell selection, the threshold is raised until the first frame fits; with it, nothing changes.
-    _, config = extract_within_capacity(front_end, [first], config or preset_config(preset))
-    tracker = _Tracker(Template(picture, roi, front_end, config), np.random.default_rng(seed))
-    if isinstance(template, Roi):
-        tracker.begin(tracker.template.in_picture)
-    for number, pixels in enumerate(itertools.chain([first], remaining)):
-        pose = tracker.follow(pixels)
-        yield TrackedFrame(number, pixels, tracker.corners if pose else None, pose)
+
+    def __init__(
+        self,
+        template: str | Path | Pixels | Roi,
+        config: Config | None = None,
+        *,
+        preset: str = "aerial",
+        backend: str = "golden",
+        seed: int = 0,
+        on_frame: Callable[[TrackedFrame], object] = lambda _frame: None,
+    ) -> None:
+        self._template = template if isinstance(template, Roi) else load(template, "template").pixels
+        self._config = config or preset_config(preset)
+        self._front_end: Backend | None = load_backend(backend)
+        self._rng = np.random.default_rng(seed)
+        self._on_frame = on_frame
+        self._track: _Track | None = None
+        self._frames = 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, _: TracebackType | None) -> None:
+        self._track = self._front_end = None
+
+    def follow(self, frame: Pixels) -> TrackedFrame:
+        """Find the object in the next frame.
+
+        Parameters
+        ----------
+        frame : ndarray of uint8, shape (H, W) or (H, W, 3) BGR
+            All frames have one size; none is kept.
+
+        Raises
+        ------
+        InputError
+            For a frame that is no picture; in the first frame, for a rectangle that is too small or not inside it.
+        RegistrationError
+            For a template with too few features.
+        """
+        frame = load(frame, f"frame {self._frames}").pixels
+        if self._track is None:
+            self._track = self._begin(frame)
+        pose = self._track.follow(frame)
+        tracked = TrackedFrame(self._frames, frame, self._track.corners if pose else None, pose)
+        self._frames += 1
+        self._on_frame(tracked)
+        return tracked
+
+    def _begin(self, first: Pixels) -> _Track:
+        if self._front_end is None:
+            raise InputError("the tracker has ended; make another one")
+        if isinstance(self._template, Roi):
+            _check_roi(self._template, first)
+            picture, roi = first, self._template
+        else:
+            picture, roi = self._template, Roi(0, 0, self._template.shape[1], self._template.shape[0])
+        # Without cell selection, the threshold is raised until the first frame fits; with it, nothing changes.
+        _, config = extract_within_capacity(self._front_end, [first], self._config)
+        track = _Track(Template(picture, roi, self._front_end, config), self._rng)
+        if isinstance(self._template, Roi):
+            track.begin(track.template.in_picture)
+        return track
 
 
 def _check_roi(roi: Roi, frame: Pixels) -> None:
@@ -136,7 +183,7 @@ def _check_roi(roi: Roi, frame: Pixels) -> None:
         raise InputError(f"roi {text}: not inside the first frame, {width}x{height} pixels; give x,y,width,height")
 
 
-class _Tracker:
+class _Track:
     """State of a track: the expected position, the trusted features, and the search for a lost template."""
 
     def __init__(self, template: Template, rng: np.random.Generator) -> None:

@@ -84,9 +84,17 @@ def test_a_mosaic_without_gps_has_no_place_on_the_map(pair: Pair, tmp_path: Path
         made.to_geotiff(tmp_path / "m.tif")
 
 
-@pytest.mark.parametrize(
-    "module", ["mosaicking.api", "registration.extraction", "registration.pair", "registration.register"]
+DOCUMENTED = (
+    "live.mosaic",
+    "mosaicking.api",
+    "registration.extraction",
+    "registration.pair",
+    "registration.register",
+    "tracking.tracker",
 )
+
+
+@pytest.mark.parametrize("module", DOCUMENTED)
 def test_the_examples_in_docstrings_run(module: str) -> None:
     results = doctest.testmod(importlib.import_module(f"skymosaic.{module}"))
     assert results.attempted > 0

@@ -1,6 +1,7 @@
 """Mosaics that grow: frames of a rendered flight as they come, from a folder being filled, from videos."""
 
 import itertools
+import json
 import os
 import signal
 import subprocess
@@ -17,7 +18,9 @@ from golden_model.config import preset_config
 from sim.scene import Flight, make_lawnmower
 from skymosaic import mosaic
 from skymosaic.cli.live import grow
-from skymosaic.errors import InputError
+from skymosaic.cli.live import live as live_command
+from skymosaic.errors import InputError, RegistrationError
+from skymosaic.imagery.key_frames import flight_sources
 from skymosaic.imagery.live_frames import read_live_frames
 from skymosaic.imagery.video import write_video
 from skymosaic.live.mosaic import LiveMosaic
@@ -81,10 +84,10 @@ def test_a_folder_is_watched_until_no_more_frames_arrive(
 
     monkeypatch.setattr("skymosaic.imagery.live_frames.time", FolderClock(arriving()))
     told: list[str] = []
-    live, preview = LiveMosaic(CONFIG), tmp_path / "preview.jpg"
+    pace, preview = Pace(CONFIG, "rtl"), tmp_path / "preview.jpg"
+    live = LiveMosaic(CONFIG, on_frame=pace.add)
     # The preview lies among the photographs and is none of them.
-    pace = Pace(CONFIG, "rtl")
-    grow(live, read_live_frames(str(tmp_path), idle_seconds=2.0, tell=told.append, made=[preview]), preview, pace)
+    grow(live, read_live_frames(str(tmp_path), idle_seconds=2.0, tell=told.append, made=[preview]), preview)
     assert preview.exists()
     assert len(live.transforms) == 4
     assert pair_errors_px(live.transforms, flight).max() < 1.0
@@ -123,6 +126,19 @@ def test_a_video_cut_off_in_a_frame_still_makes_a_mosaic(video: Path, tmp_path: 
     empty = skymosaic("mosaic", "cut.avi", "-o", "m2.png", cwd=tmp_path)
     assert empty.returncode == 2
     assert "empty" in empty.stderr
+
+
+def test_every_frame_is_a_line_of_json_and_named_as_in_a_mosaic(video: Path, tmp_path: Path) -> None:
+    result = skymosaic("live", video, "-o", "m.tif", "--json", cwd=tmp_path)
+    *frames, whole = map(json.loads, result.stdout.splitlines())
+    assert whole["frames"] == len(frames)
+    assert all(frame["placed"] and np.shape(frame["pose"]) == (3, 3) for frame in frames)
+    assert "m.tif has no place on the map" in whole["warnings"][0]
+    with flight_sources([video]) as sources:
+        assert [frame["name"] for frame in frames] == [source.name for source in sources]
+    with pytest.raises(RegistrationError, match="nothing was written"):
+        live_command(source=str(video), output=tmp_path / "n.tif", require_map=True)
+    assert not (tmp_path / "n.tif").exists()
 
 
 def test_live_takes_one_source_and_no_report(video: Path, tmp_path: Path) -> None:

@@ -88,6 +88,15 @@ def test_bad_requests_are_one_line_and_leave_no_files(
     assert list(tmp_path.iterdir()) == []
 
 
+def test_every_frame_is_a_line_of_json(short_video: Path, roi: Roi, tmp_path: Path) -> None:
+    text = ",".join(map(str, roi))
+    result = skymosaic("track", short_video, "--roi", text, "-o", "out.mkv", "--json", cwd=tmp_path)
+    *frames, whole = map(json.loads, result.stdout.splitlines())
+    assert [frame["name"] for frame in frames] == [f"{short_video}/frame {number}" for number in range(3)]
+    assert all(frame["placed"] and np.shape(frame["pose"]) == (3, 3) for frame in frames)
+    assert [frame["corners"] for frame in frames] == [row["corners"] for row in whole["corners"]]
+
+
 def test_corners_are_written_as_json(short_video: Path, roi: Roi, tmp_path: Path) -> None:
     text = ",".join(map(str, roi))
     track_command(inputs=[short_video], output=tmp_path / "out.mkv", roi=text, corners=tmp_path / "c.json")

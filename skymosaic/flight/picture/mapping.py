@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,9 @@ from skymosaic.compositing.warp import magnification
 from skymosaic.errors import InputError
 from skymosaic.flight.layout.adjustment import FOCAL_HALF_DIAGONALS
 from skymosaic.flight.layout.layout import Layout
-from skymosaic.flight.linking.view import View
 from skymosaic.flight.survey import Flight
 from skymosaic.geometry.homography import apply
+from skymosaic.imagery.exif import Metadata
 from skymosaic.maps.control_points import ControlPoints
 from skymosaic.maps.georeference import MIN_POSITIONS, Georeference, fit_to_map, project_to_utm
 
@@ -54,6 +55,49 @@ class MapPlace:
 NOWHERE = MapPlace()
 
 
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A camera above its photograph.
+
+    Attributes
+    ----------
+    name : str
+        Name of the photograph.
+    size : (int, int)
+        Width and height, px.
+    to_reference : ndarray of float64, shape (3, 3)
+        Its pixels to the reference frame of the layout.
+    taken : Metadata
+        What the camera recorded.
+    focal_half_diagonals : float or None
+        Focal length, half diagonals of the photograph; None: as recorded, else that of common drones.
+    """
+
+    name: str
+    size: tuple[int, int]
+    to_reference: Matrix
+    taken: Metadata
+    focal_half_diagonals: float | None = None
+
+    @cached_property
+    def position(self) -> Array:
+        """x and y in the reference frame, and height above it (3,), px.
+
+        A camera that leans sees ground beside the place below it: at a height of 100 m, one degree makes 1.7 m. The
+        position follows from the homography, as for a calibrated camera over a plane (Zhang 2000, section 3.1).
+        """
+        width, height = self.size
+        focal = self.focal_half_diagonals or self.taken.focal_half_diagonals or FOCAL_HALF_DIAGONALS
+        focal_px = focal * float(np.hypot(width, height)) / 2
+        camera = np.array([[focal_px, 0, (width - 1) / 2], [0, focal_px, (height - 1) / 2], [0, 0, 1]])
+        pose = np.linalg.inv(self.to_reference @ camera)
+        pose /= (np.linalg.norm(pose[:, 0]) + np.linalg.norm(pose[:, 1])) / 2
+        # The nearest rotation: noise, and ground that is not quite flat, leave the columns not quite orthogonal.
+        left, _, right = np.linalg.svd(np.column_stack((pose[:, 0], pose[:, 1], np.cross(pose[:, 0], pose[:, 1]))))
+        x, y, z = -(left @ right).T @ pose[:, 2]
+        return np.array([x, y, abs(z)])
+
+
 def explain_absence(path: Path, place: MapPlace) -> str:
     """Why a file has no place on the map, and how it gets one."""
     return f"{path} has no place on the map: {place.note}; photographs with GPS, or --gcp FILE, give it one"
@@ -69,30 +113,33 @@ def place_on_map(flight: Flight, layout: Layout, control: ControlPoints | None =
     """
     if control is not None:
         return _fit_to_control_points(control, flight, layout)
-    views = [flight.views[member] for member in layout.members]
-    positions = [view.gps for view in views if view.gps is not None]
+    return place_cameras(_cameras(flight, layout))
+
+
+def place_cameras(cameras: Sequence[Camera]) -> MapPlace:
+    """Fit the cameras of a layout to their GPS positions."""
+    positions = [camera.taken.position for camera in cameras if camera.taken.position is not None]
     if not positions:
-        return MapPlace(note=f"0 of {len(views)} photographs have GPS")
-    transforms = list(layout.to_reference(flight.views).values())
-    # GPS belongs to the camera, not to what is in the middle of its photograph.
-    cameras = camera_positions(flight, layout)
+        return MapPlace(note=f"0 of {len(cameras)} photographs have GPS")
     crs, metres = project_to_utm(positions)
-    targets = np.full((len(views), 2), np.nan)
-    targets[[view.gps is not None for view in views]] = metres
-    names = tuple(Path(view.name).name for view in views)
-    georeference, note = fit_to_map(cameras[:, :2], targets, crs, names)
+    targets = np.full((len(cameras), 2), np.nan)
+    targets[[camera.taken.position is not None for camera in cameras]] = metres
+    names = tuple(Path(camera.name).name for camera in cameras)
+    # GPS belongs to the camera, not to what is in the middle of its photograph.
+    places = np.array([camera.position for camera in cameras])
+    georeference, note = fit_to_map(places[:, :2], targets, crs, names)
     if georeference is None:
         return MapPlace(note=note)
-    turned = _turned_deg(views, transforms, georeference.to_map)
-    if len(views) == 2:
+    turned = _turned_deg(cameras, georeference.to_map)
+    if len(cameras) == 2:
         note = "two GPS positions fit exactly, so that nothing checks them"
         note += "" if turned is None else f" but the cameras' compass, which differs by {abs(turned):.0f} degrees"
     return MapPlace(
         georeference=georeference,
         fitted_to=names,
         note=note,
-        height_m=float(np.median(cameras[:, 2])) * georeference.metres_per_pixel,
-        recorded_height_m=_median([view.taken.height_m for view in views]),
+        height_m=float(np.median(places[:, 2])) * georeference.metres_per_pixel,
+        recorded_height_m=_median([camera.taken.height_m for camera in cameras]),
         turned_deg=turned,
     )
 
@@ -123,47 +170,31 @@ def _fit_to_control_points(control: ControlPoints, flight: Flight, layout: Layou
 
 
 def camera_positions(flight: Flight, layout: Layout) -> Array:
-    """Positions of the cameras of a layout's members (N, 3): x and y in its reference frame, height above it, px."""
+    """Positions of the cameras of a layout's members (N, 3), see `Camera.position`."""
+    return np.array([camera.position for camera in _cameras(flight, layout)])
+
+
+def _cameras(flight: Flight, layout: Layout) -> list[Camera]:
+    """The cameras of a layout's members, with the focal length of the camera file where there is one."""
+    lens, focal = flight.settings.lens, None
+    if lens.matrix is not None and lens.size is not None:
+        focal = float(lens.matrix[0, 0] / (np.hypot(*lens.size) / 2))
     transforms = layout.to_reference(flight.views)
-    return np.array([_camera(flight, flight.views[member], transforms[member]) for member in layout.members])
+    views = [(flight.views[member], transforms[member]) for member in layout.members]
+    return [Camera(view.name, view.size, transform, view.taken, focal) for view, transform in views]
 
 
-def _camera(flight: Flight, view: View, transform: Matrix) -> Array:
-    """Position (3,) of one camera.
-
-    A camera that leans sees ground beside the place below it: at a height of 100 m, one degree makes 1.7 m. The
-    position follows from the homography, as for a calibrated camera over a plane (Zhang 2000, section 3.1).
-    """
-    width, height = view.size
-    focal_px = _focal_half_diagonals(flight, view) * float(np.hypot(width, height)) / 2
-    camera = np.array([[focal_px, 0, (width - 1) / 2], [0, focal_px, (height - 1) / 2], [0, 0, 1]])
-    pose = np.linalg.inv(transform @ camera)
-    pose /= (np.linalg.norm(pose[:, 0]) + np.linalg.norm(pose[:, 1])) / 2
-    # The nearest rotation: noise, and ground that is not quite flat, leave the columns not quite orthogonal.
-    left, _, right = np.linalg.svd(np.column_stack((pose[:, 0], pose[:, 1], np.cross(pose[:, 0], pose[:, 1]))))
-    x, y, z = -(left @ right).T @ pose[:, 2]
-    return np.array([x, y, abs(z)])
-
-
-def _focal_half_diagonals(flight: Flight, view: View) -> float:
-    """Focal length from the camera file, else from the photograph's EXIF data, else that of common drones."""
-    given = flight.settings.lens
-    if given.matrix is not None and given.size is not None:
-        return float(given.matrix[0, 0] / (np.hypot(*given.size) / 2))
-    return view.taken.focal_half_diagonals or FOCAL_HALF_DIAGONALS
-
-
-def _turned_deg(views: Sequence[View], transforms: Sequence[Matrix], to_map: Matrix) -> float | None:
+def _turned_deg(cameras: Sequence[Camera], to_map: Matrix) -> float | None:
     """Median clockwise turn of the photographs on the map against the yaw that the cameras recorded."""
     differences = []
-    for view, transform in zip(views, transforms, strict=True):
-        if view.taken.yaw_deg is None:
+    for camera in cameras:
+        if camera.taken.yaw_deg is None:
             continue
-        middle = (np.array(view.size) - 1) / 2
-        start, top = apply(to_map @ transform, np.array([middle, middle - [0, 1]]))
+        middle = (np.array(camera.size) - 1) / 2
+        start, top = apply(to_map @ camera.to_reference, np.array([middle, middle - [0, 1]]))
         yaw_deg = np.degrees(np.arctan2(*(top - start)))
         # The shorter way round, -180 to 180.
-        differences.append(float((yaw_deg - view.taken.yaw_deg + 180) % 360 - 180))
+        differences.append(float((yaw_deg - camera.taken.yaw_deg + 180) % 360 - 180))
     return _median(differences)
 
 

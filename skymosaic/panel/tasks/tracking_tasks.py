@@ -4,7 +4,6 @@ import shlex
 import time
 from pathlib import Path
 
-from golden_model.config import preset_config
 from skymosaic.errors import RegistrationError
 from skymosaic.imagery.images import save_bytes
 from skymosaic.imagery.video import VideoReader, write_video
@@ -12,7 +11,7 @@ from skymosaic.panel.options import Options
 from skymosaic.panel.results import TrackingResult
 from skymosaic.panel.steps import Progress
 from skymosaic.tracking.output import TrackedCorners, draw_outline, make_row, save_corners
-from skymosaic.tracking.tracker import track
+from skymosaic.tracking.tracker import Tracker
 
 VIDEO, CORNERS = "tracked.mp4", "corners.csv"
 
@@ -32,10 +31,9 @@ def follow(
     reader = VideoReader(folder / video)
     rows: list[TrackedCorners] = []
     started = time.perf_counter()
+    tracker = Tracker(folder / template, preset=options.preset, backend=options.backend_name)
     with write_video(folder / VIDEO, reader.frame_rate) as write:
-        for frame in track(
-            folder / template, reader, config=preset_config(options.preset), backend=options.backend_name
-        ):
+        for frame in map(tracker.follow, reader):
             write(draw_outline(frame))
             rows.append(make_row(frame, reader.frame_rate))
             progress(f"frame {frame.number + 1}")

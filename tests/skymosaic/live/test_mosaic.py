@@ -1,8 +1,10 @@
+from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+import rasterio
 from numpy.typing import NDArray
 
 from golden_model.config import preset_config
@@ -10,7 +12,9 @@ from sim.backends.interface import load_backend
 from sim.scene.flight import Flight
 from skymosaic.errors import InputError
 from skymosaic.geometry.homography import apply, estimate
-from skymosaic.live.mosaic import LiveMosaic
+from skymosaic.imagery.exif import Metadata, Position
+from skymosaic.live.mosaic import LiveMosaic, LiveUpdate
+from skymosaic.maps.georeference import project_to_utm
 from tests.skymosaic.conftest import IMAGES, SIZE
 from tests.skymosaic.live.conftest import pair_errors_px
 
@@ -119,3 +123,51 @@ def test_the_layout_is_recomputed_without_a_frame_that_could_not_be_painted(fram
 def test_a_scale_beyond_one_is_refused() -> None:
     with pytest.raises(InputError, match="scale is 2"):
         LiveMosaic(CONFIG, scale=2)
+
+
+def test_what_a_callback_raises_costs_no_frame(frames: list[NDArray[np.uint8]], tmp_path: Path) -> None:
+    seen: list[str] = []
+
+    def break_at_the_third(update: LiveUpdate) -> None:
+        seen.append(update.name)
+        assert update.number != 2, "broken"
+
+    with LiveMosaic(CONFIG, on_frame=break_at_the_third) as live:
+        live.add(frames[0])
+        live.add(frames[1])
+        with pytest.raises(AssertionError, match="broken"):
+            live.add(frames[2])
+    assert seen == ["frame 0", "frame 1", "frame 2"]
+    assert sorted(live.transforms) == [0, 1, 2]
+    live.save(tmp_path / "m.png")
+    assert cv2.imread(str(tmp_path / "m.png")).shape == live.image.shape
+
+
+def test_a_frame_that_is_no_picture_is_left_out_with_the_reason(
+    frames: list[NDArray[np.uint8]], tmp_path: Path
+) -> None:
+    live = LiveMosaic(CONFIG)
+    update = live.add(tmp_path / "none.jpg")
+    assert "none.jpg" in update.reason
+    assert update.transform is None
+    assert live.add(frames[0], name="first").number == 1
+    (tmp_path / "m.png").touch()
+    with pytest.raises(InputError, match="exists"):
+        live.save(tmp_path / "m.png")
+
+
+def test_frames_with_gps_lie_on_the_map(flight: Flight, frames: list[NDArray[np.uint8]], tmp_path: Path) -> None:
+    metres, focal = 0.15, flight.camera.focal_px / (np.hypot(*SIZE) / 2)
+    live = LiveMosaic(CONFIG)
+    for frame, pose in zip(frames[:4], flight.poses, strict=False):
+        position = Position(46 - metres * pose.y_px / 111_147, 7 + metres * pose.x_px / 77_329)
+        live.add(frame, taken=Metadata(position=position, focal_half_diagonals=focal))
+    live.save(tmp_path / "m.tif")
+    with rasterio.open(tmp_path / "m.tif") as file:
+        assert file.crs.to_epsg() == 32632
+        # What a nearly upright camera has in the middle is below it.
+        x, y = apply(live.transforms[3], (np.array(SIZE) - 1) / 2)
+        _, (below,) = project_to_utm([position])
+        np.testing.assert_allclose(file.xy(y, x), below, atol=5)
+        assert np.hypot(file.transform.a, file.transform.d) == pytest.approx(metres, rel=0.05)
+        assert 0.5 < (file.read(4) > 0).mean() < 1

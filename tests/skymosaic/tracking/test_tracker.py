@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from golden_model.config import preset_config
 from sim.backends.interface import Reference, load_backend
 from sim.scene.target import Pursuit
 from sim.simulators.scoreboard import find_mismatch
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.tracking.template import Roi
-from skymosaic.tracking.tracker import track
+from skymosaic.tracking.tracker import TrackedFrame, Tracker
 from tests.skymosaic.tracking.conftest import true_corners
 
 HIDDEN = 0.05
@@ -25,7 +24,7 @@ def test_a_car_is_tracked_and_found_again_after_a_bridge_hides_it(
     film: Pursuit, film_frames: list[NDArray[np.uint8]], roi: Roi
 ) -> None:
     truth = true_corners(film, roi)
-    tracked = list(track(roi, film_frames))
+    tracked = list(map(Tracker(roi).follow, film_frames))
     found = np.array([each.corners is not None for each in tracked])
     errors = [
         np.linalg.norm(each.corners - truth[each.number], axis=1).mean() for each in tracked if found[each.number]
@@ -47,7 +46,7 @@ def test_a_template_of_larger_scale_is_found(
     cut = film_frames[0][roi.y_px : roi.y_px + roi.height_px, roi.x_px : roi.x_px + roi.width_px]
     cv2.imwrite(str(tmp_path / "car.png"), cv2.resize(cut, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC))
     truth = true_corners(film, roi)[3:]
-    tracked = list(track(tmp_path / "car.png", film_frames[3:15]))
+    tracked = list(map(Tracker(tmp_path / "car.png").follow, film_frames[3:15]))
     errors = [np.linalg.norm(each.corners - truth[each.number], axis=1).mean() for each in tracked if each.pose]
     assert len(errors) >= 6
     assert np.mean(errors) < 2.0
@@ -55,9 +54,9 @@ def test_a_template_of_larger_scale_is_found(
 
 def test_a_flat_template_is_refused(film_frames: list[NDArray[np.uint8]]) -> None:
     with pytest.raises(RegistrationError, match="features, 12 needed"):
-        list(track(np.full((80, 80, 3), 120, np.uint8), film_frames[:1]))
+        list(map(Tracker(np.full((80, 80, 3), 120, np.uint8)).follow, film_frames[:1]))
     with pytest.raises(InputError, match="template"):
-        list(track(np.zeros((10, 10), np.uint16), film_frames[:1]))
+        list(map(Tracker(np.zeros((10, 10), np.uint16)).follow, film_frames[:1]))
 
 
 class Recorded:
@@ -82,10 +81,23 @@ def test_hardware_with_a_held_reference_tracks_the_same_corners(
     for backend in ("golden", "rtl"):
         recorded[backend] = Recorded(backend)
         monkeypatch.setattr("skymosaic.tracking.tracker.load_backend", lambda name: recorded[name])
-        tracked[backend] = list(track(roi, film_frames[:6], backend=backend, config=preset_config("aerial")))
+        tracked[backend] = list(map(Tracker(roi, backend=backend).follow, film_frames[:6]))
     assert {reference for _, reference, _ in recorded["rtl"].runs} == {"held"}
     assert sum(len(results[-1].matches) for *_, results in recorded["rtl"].runs) > 100
     for (*_, wanted), (*_, got) in zip(recorded["golden"].runs, recorded["rtl"].runs, strict=True):
         assert find_mismatch(wanted, got) is None
     for wanted, got in zip(tracked["golden"], tracked["rtl"], strict=True):
         np.testing.assert_array_equal(wanted.corners, got.corners)
+
+
+def test_what_a_callback_raises_does_not_end_the_track(roi: Roi, film_frames: list[NDArray[np.uint8]]) -> None:
+    def break_at_the_second(tracked: TrackedFrame) -> None:
+        assert tracked.number != 1, "broken"
+
+    with Tracker(roi, on_frame=break_at_the_second) as tracker:
+        assert not tracker.follow(film_frames[0]).reason
+        with pytest.raises(AssertionError, match="broken"):
+            tracker.follow(film_frames[1])
+        assert tracker.follow(film_frames[2]).corners is not None
+    with pytest.raises(InputError, match="ended"):
+        tracker.follow(film_frames[3])

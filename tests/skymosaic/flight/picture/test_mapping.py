@@ -31,7 +31,7 @@ def flight() -> Flight:
 
 def test_cameras_that_lean_are_found_above_where_they_were(flight: Flight) -> None:
     half_diagonals = flight.camera.focal_px / (np.hypot(*SIZE) / 2)
-    view = SimpleNamespace(size=SIZE, taken=Metadata(focal_half_diagonals=half_diagonals))
+    view = SimpleNamespace(name="0.jpg", size=SIZE, taken=Metadata(focal_half_diagonals=half_diagonals))
     views, members = (view,) * 4, tuple(range(4))
     to_ground = {m: np.linalg.inv(flight.homographies[m]) for m in members}
     layout: Any = SimpleNamespace(members=members, to_reference=lambda _views: to_ground)
