@@ -61,7 +61,7 @@ def assess_fit(homography: Matrix, left: Points, right: Points, left_size: Size,
     homography : (3, 3) ndarray
         Left to right.
     left, right : (N, 2) ndarray
-        Matches of unguided passes, px.
+        Matches, including wrong ones, px.
     left_size, right_size : (int, int)
         Width and height of the images, px.
     """

@@ -61,6 +61,11 @@ class Confidence:
     correlation: float
     quality: FitQuality
 
+    @property
+    def extrapolates(self) -> bool:
+        """Whether the pair is poor and its inliers cover so little of the overlap that most of it is a guess."""
+        return self.verdict == "poor" and self.quality.hull_share < SMALL_SHARE_OF_OVERLAP
+
     def summary(self) -> dict[str, Any]:
         """All numbers by name, ready for JSON."""
         values = {"predicted_px": self.predicted_px, "correlation": self.correlation, **asdict(self.quality)}
@@ -77,7 +82,7 @@ def assess(images: tuple[Pixels, Pixels], homography: Matrix, left: Points, righ
     homography : (3, 3) ndarray
         Left to right, working px.
     left, right : (N, 2) ndarray
-        The kept matches of unguided passes, including wrong ones, working px.
+        The kept matches, including wrong ones, working px.
     """
     sizes = [(image.shape[1], image.shape[0]) for image in images]
     quality = assess_fit(homography, left, right, sizes[0], sizes[1])

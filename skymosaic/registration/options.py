@@ -126,23 +126,24 @@ class RegistrationOptions(FeatureOptions):
     )
     refine: bool = option(
         False,
-        "Guided pass: about twice the inliers and half the error; it counts only if it fits held-out matches better.",
+        "Refit to the whole overlap by dense flow, if that predicts held-out matches better; otherwise only where the "
+        "verdict is check or poor.",
         not_for_more="the layout of more than two photographs is refined by all links",
+    )
+    accept_poor: bool = option(
+        False,
+        "Deliver a poor pair even where its inliers cover less than a quarter of the overlap.",
+        not_for_more="the layout of more than two photographs judges their links together",
     )
     seed: int = option(0, "Seed of the robust estimator.", minimum=0)
 
     def choose_method(self) -> tuple[Method, Config]:
-        """Choose as `FeatureOptions` does, and check the choice against the estimator and the guided pass."""
+        """Choose as `FeatureOptions` does, for the estimator."""
         config = self.base_config
         if self.estimator == FUZZY_RANSAC:
             # Fuzzy RANSAC has rules of its own, which replace those of the matcher.
             config = dataclasses.replace(config, matcher=dataclasses.replace(config.matcher, rule_base="none"))
-        method, config = choose_method(config, self.detector, self.descriptor)
-        if self.refine and method.descriptor not in PATTERNS:
-            raise InputError(
-                f"refinement describes the images again by ILBP, not by {method.descriptor}; leave one out"
-            )
-        return method, config
+        return choose_method(config, self.detector, self.descriptor)
 
     def choose_effort(self, method: Method) -> str:
         """Choose the effort: the one that is asked for, or the default of the method.
@@ -188,4 +189,5 @@ class RegistrationKeywords(FeatureKeywords, total=False):
     estimator: str
     effort: str | None
     refine: bool
+    accept_poor: bool
     seed: int

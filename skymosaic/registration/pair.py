@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -17,7 +17,8 @@ from golden_model.text import how_to_install, one_line
 from skymosaic.errors import InputError
 from skymosaic.features.methods import Method
 from skymosaic.features.positions import match_points
-from skymosaic.geometry.homography import apply
+from skymosaic.geometry.homography import apply, rescale, transfer_error
+from skymosaic.geometry.prosac import INLIER_PX
 from skymosaic.imagery.images import Photograph
 from skymosaic.registration.confidence import Confidence, assess
 
@@ -70,7 +71,7 @@ class Pair:
         test before it. ``kept`` pass the fuzzy stage, or the mutual check after the ratio test. ``inliers`` lie within
         2 working px of the homography, or are accepted by the rules of fuzzy RANSAC.
     refined_inliers : int
-        Matches of the guided pass within 2 working px; 0 without such a pass, or where it does not fit better.
+        Grid points of the dense flow within 2 working px; 0 without a refit, or where it does not fit better.
     homography : ndarray of float64, shape (3, 3), or None
         Left original pixels to right original pixels, pixel centres at integers; None where not accepted.
     reason : str
@@ -121,6 +122,16 @@ class Pair:
         if self.homography is None:
             return None
         return np.asarray(np.linalg.inv(self.to_original[1]) @ self.homography @ self.to_original[0])
+
+    def with_homography(self, working: Matrix, refined_inliers: int) -> Pair:
+        """This pair with another homography between the working images, whose inliers are counted anew."""
+        inlier = transfer_error(working, *match_points(self.kept)) <= INLIER_PX
+        homography = map_to_originals(working, self.to_original)
+        return replace(self, homography=homography, inliers=self.kept[inlier], refined_inliers=refined_inliers)
+
+    def refused(self, reason: str) -> Pair:
+        """This pair without a homography."""
+        return replace(self, homography=None, refined_inliers=0, reason=reason)
 
     @cached_property
     def confidence(self) -> Confidence | None:
@@ -215,3 +226,8 @@ class Pair:
             "effort": self.effort,
             "passes": self.passes,
         }
+
+
+def map_to_originals(working: Matrix, to_original: tuple[Matrix, Matrix]) -> Matrix:
+    """A homography between working images as one between the original photographs."""
+    return rescale(to_original[1] @ working @ np.linalg.inv(to_original[0]))

@@ -3,7 +3,7 @@
 A pass matches a frame of one image with a frame of the other. The first pass takes the images as they are. A weak
 result gets further passes, in this order: both images √2 times larger (and smaller), one image reduced in steps for
 large zooms, one image compressed as if seen from the side. All go through the same front end and matcher. A homography
-is accepted by the matches of these unguided passes alone.
+is accepted by the matches of these passes alone.
 """
 
 from __future__ import annotations

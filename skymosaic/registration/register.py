@@ -1,27 +1,25 @@
 """Registers a pair of overlapping photographs: features, matches, homography, or why it failed."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Unpack
 
 import numpy as np
 
-from golden_model.arrays import Mask, Matrix, Pixels, Records
+from golden_model.arrays import Mask, Matrix, Pixels, Points, Records
 from golden_model.config import MAX_THRESHOLD, Config
 from golden_model.records import Cause
 from sim.backends.interface import Backend, FrameResult, Progress, silent
-from skymosaic.features.guided_matching import refine_pair
-from skymosaic.features.positions import match_points, select_ground_matches
-from skymosaic.features.standing import STANDS_STILL, remove_still, stands_on_still_parts
+from skymosaic.features.positions import are_on_ground, match_points, select_ground_matches
+from skymosaic.features.standing import STANDS_STILL, are_still, remove_still, stands_on_still_parts
 from skymosaic.geometry.estimators import SCORINGS, estimate
-from skymosaic.geometry.homography import transfer_error
-from skymosaic.geometry.prosac import INLIER_PX
 from skymosaic.imagery.images import Photograph, load, reduce_for_front_end
 from skymosaic.imagery.lens import Lens
+from skymosaic.registration.dense import refit_pair
 from skymosaic.registration.options import RegistrationKeywords, RegistrationOptions
-from skymosaic.registration.pair import Pair
+from skymosaic.registration.pair import Pair, map_to_originals
 from skymosaic.registration.passes import Evidence, Search, SearchState, explain_refusal
 from skymosaic.stopwatch import Stopwatch
 
@@ -114,24 +112,18 @@ def register_photographs(
         first_pass = dataclasses.replace(first_pass, matches=remove_still(first_pass.matches))
         search = make_search(lambda matches: remove_still(remove_masked(matches)))
         state = _search(search, first_pass, options.estimator, effort, rng)
-    clock.lap("homography")
-    homography, refined_inliers, inliers, matches = state.homography, 0, state.inliers, state.evidence.matches
-    if options.refine and homography is not None:
-        homography, refined_inliers = refine_pair(left, right, homography, config)
-        # Without a gain the homography is the same, and so are its inliers.
-        inliers = _select_inliers(matches, homography) if refined_inliers else inliers
-        clock.lap("refinement")
-    return Pair(
+    to_original, homography = (to_left, to_right), state.homography
+    pair = Pair(
         left=photographs[0],
         right=photographs[1],
-        to_original=(to_left, to_right),
+        to_original=to_original,
         working=(left, right),
         features=state.evidence.features,
-        matches=matches,
+        matches=state.evidence.matches,
         kept=state.evidence.kept,
-        inliers=matches[inliers],
-        refined_inliers=refined_inliers,
-        homography=None if homography is None else _map_to_originals(homography, to_left, to_right),
+        inliers=state.evidence.matches[state.inliers],
+        refined_inliers=0,
+        homography=None if homography is None else map_to_originals(homography, to_original),
         reason="" if homography is not None else explain_refusal(state) + (f"; {STANDS_STILL}" if stands_still else ""),
         config=config,
         method=method,
@@ -141,19 +133,31 @@ def register_photographs(
         backend=options.backend_name,
         seconds=clock.seconds,
     )
+    clock.lap("homography")
+
+    def shows_ground(left: Points, right: Points) -> Mask:
+        shown = are_on_ground(left, masks[0]) & are_on_ground(right, masks[1])
+        return shown & ~are_still(left, right) if stands_still else shown
+
+    pair = _settle(pair, options, shows_ground)
+    clock.lap("refinement")
+    return pair
+
+
+def _settle(pair: Pair, options: RegistrationOptions, shows_ground: Callable[[Points, Points], Mask]) -> Pair:
+    """Refit a pair where that is asked for or the verdict is not good, and refuse what is mostly extrapolated."""
+    if options.refine or (pair.effort != "fast" and pair.confidence and pair.confidence.verdict != "good"):
+        pair = refit_pair(pair, shows_ground)
+    confidence = pair.confidence
+    if confidence is None or options.accept_poor or not confidence.extrapolates:
+        return pair
+    return pair.refused(f"{confidence.reason}; --accept-poor delivers it nevertheless")
 
 
 def _search(search: Search, first_pass: Evidence, estimator: str, effort: str, rng: np.random.Generator) -> SearchState:
     """Estimate from the first pass, and search further as far as ``effort`` allows."""
     homography, inliers = _estimate(estimator, first_pass.matches, rng)
     return search.run(effort, search.accept(first_pass, homography, inliers, passes=1))
-
-
-def _select_inliers(matches: Records, homography: Matrix) -> Mask:
-    """Which of the matches are kept and agree with a homography between the working images within `INLIER_PX`."""
-    left, right = match_points(matches)
-    near = transfer_error(homography, left, right) <= INLIER_PX
-    return np.asarray((matches["verdict"] == 1) & near)
 
 
 def _estimate(estimator: str, matches: Records, rng: np.random.Generator) -> tuple[Matrix | None, Mask]:
@@ -178,10 +182,3 @@ def extract_within_capacity(
             return results, config
         raised = dataclasses.replace(config.front_end, threshold=min(2 * threshold, limit))
         config = dataclasses.replace(config, front_end=raised)
-
-
-def _map_to_originals(homography: Matrix, to_left: Matrix, to_right: Matrix) -> Matrix:
-    """A homography between working images as one between the original photographs."""
-    original = to_right @ homography @ np.linalg.inv(to_left)
-    scaled: Matrix = original / original[2, 2]
-    return scaled

@@ -153,7 +153,6 @@ def test_bad_options_are_one_line(
         (("--idle-seconds", "3"), "add --live"),
         (("--live",), "--live takes one folder"),
         (("--address", "192.0.2.7"), "--backend board"),
-        (("--detector", "sift", "--refine"), "refinement"),
         (("--detector", "sift", "--backend", "rtl"), "leave out --backend"),
     ],
 )

@@ -29,16 +29,6 @@ def test_rendered_pairs_are_registered_within_half_a_pixel(seed: int) -> None:
     assert error_px(register(flight.images[0], flight.images[1]), flight) < 0.5
 
 
-def test_the_refined_pass_is_closer_to_the_truth() -> None:
-    flights = [make_pair(seed=seed) for seed in range(4)]
-    plain = [error_px(register(flight.images[0], flight.images[1]), flight) for flight in flights]
-    refined = [register(flight.images[0], flight.images[1], refine=True) for flight in flights]
-    assert np.mean([error_px(*both) for both in zip(refined, flights, strict=True)]) < np.mean(plain)
-    # Where held-out matches do not gain, the first result stands and no refined inliers are reported.
-    assert all(pair.refined_inliers == 0 or pair.refined_inliers > len(pair.inliers) for pair in refined)
-    assert any(pair.refined_inliers for pair in refined)
-
-
 def test_the_result_is_the_same_on_every_run() -> None:
     flight = make_pair(seed=2)
     first, second = (register(flight.images[0], flight.images[1], seed=3) for _ in range(2))

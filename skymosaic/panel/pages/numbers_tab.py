@@ -80,9 +80,9 @@ def _quality(view: PairView) -> str:
         "RMSE of the inliers": f"{math.sqrt(float(np.mean(inliers**2))):.3f} px",
         "recall of the rules": f"{counts.recall:.3f}",
         "1 - precision": f"{1 - counts.precision:.3f}",
-        "refined by": f"{view.numbers['refined_inliers']} more matches"
+        "refined by": f"{view.numbers['refined_inliers']} points of dense flow"
         if view.numbers["refined_inliers"]
-        else "no second pass",
+        else "no dense flow",
         "computed by": view.numbers["backend"],
     }
     if confidence := view.numbers["confidence"]:

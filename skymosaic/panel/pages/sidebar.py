@@ -141,7 +141,7 @@ class OptionsCard:
                 for name in LABELS:
                     self._selects[name] = build_option_select(session, name)
                 self._refine = ui.switch(
-                    "Second pass", on_change=lambda event: session.set_option("refine", event.value)
+                    "Refit to the overlap", on_change=lambda event: session.set_option("refine", event.value)
                 )
                 self._refine.props("dense")
                 self._build_slider()

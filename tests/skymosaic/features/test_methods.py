@@ -128,7 +128,6 @@ def test_without_rules_the_configuration_says_so() -> None:
     ({"detector": "orb", "descriptor": "akaze"}, "scale space"),
     ({"detector": "sift", "backend": "rtl"}, "leave out --backend"),
     ({"preset": "thesis", "descriptor": "ilbp-128"}, "needs the gray window"),
-    ({"detector": "orb", "refine": True}, "leave one out"),
 ])  # fmt: skip
 def test_what_cannot_be_is_refused_with_the_reason(
     images: list[NDArray[np.uint8]], options: dict[str, Any], words: str

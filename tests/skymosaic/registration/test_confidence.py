@@ -65,3 +65,21 @@ def test_confidence_falls_with_relief(left: Pixels) -> None:
     assert [each.verdict for each in hills] == ["good", "good", "good", "check", "poor"]
     assert hills[-1].reason.startswith("relief: ")
     assert hills[-1].quality.held_out_px > 5 > hills[1].quality.held_out_px
+
+
+def test_a_poor_pair_on_little_of_the_overlap_is_refused(left: Pixels, monkeypatch: pytest.MonkeyPatch) -> None:
+    right = view(280, seed=3)
+    monkeypatch.setattr("skymosaic.registration.confidence.POOR_PX", 0.0)
+    monkeypatch.setattr("skymosaic.registration.confidence.GOOD_PX", 0.0)
+    # Poor, but supported by most of the overlap.
+    assert register(left, right).accepted
+    monkeypatch.setattr("skymosaic.registration.confidence.SMALL_SHARE_OF_OVERLAP", 1.0)
+    for effort in ("fast", "normal"):
+        refused = register(left, right, effort=effort)
+        assert not refused.accepted
+        assert "--accept-poor" in refused.reason
+        assert "of the overlap" in refused.reason
+    delivered = register(left, right, accept_poor=True)
+    assert delivered.accepted
+    assert delivered.confidence is not None
+    assert delivered.confidence.verdict == "poor"

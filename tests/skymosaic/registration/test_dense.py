@@ -1,0 +1,98 @@
+"""The refit to dense flow: it finds the plane of the overlap, and held-out matches decide whether it counts."""
+
+import dataclasses
+
+import cv2
+import numpy as np
+import pytest
+
+from golden_model.arrays import Mask, Matrix, Points
+from sim.scene import make_pair
+from skymosaic import register
+from skymosaic.evaluation.metrics import grid_error
+from skymosaic.geometry.homography import apply, transfer_error
+from skymosaic.registration.dense import match_densely, refit_pair
+from skymosaic.registration.pair import Pair
+
+FLIGHT = make_pair(seed=4, size=(480, 360))
+LEFT, RIGHT = FLIGHT.images
+TRUTH = FLIGHT.homography_between(0, 1)
+OFF = np.array([[1.0, 0, 1.2], [0, 1, -0.9], [0, 0, 1]])
+
+
+def everywhere(left: Points, right: Points) -> Mask:
+    return np.ones(len(left), dtype=bool)
+
+
+@pytest.fixture(scope="module")
+def pair() -> Pair:
+    return register(LEFT, RIGHT, effort="fast")
+
+
+def error_px(homography: Matrix | None) -> float:
+    assert homography is not None
+    return grid_error(homography, TRUTH, (480, 360), (480, 360))
+
+
+def test_flow_finds_each_point_from_a_homography_that_is_off() -> None:
+    left, right = (cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in (LEFT, RIGHT))
+    points, moved = match_densely(left, right, OFF @ OFF @ TRUTH)
+    assert len(points) > 200
+    assert np.percentile(transfer_error(TRUTH, points, moved), 90) < 0.5
+    # The overlap's edge, where patches see what only one image shows, is left out.
+    low, high = apply(TRUTH, points).min(axis=0), apply(TRUTH, points).max(axis=0)
+    assert (low > 4).all()
+    assert (high < [475, 355]).all()
+
+
+def test_no_grid_in_an_overlap_that_is_too_narrow() -> None:
+    image = np.zeros((240, 320), np.uint8)
+    shift = np.array([[1.0, 0, 290], [0, 1, 0], [0, 0, 1]])
+    assert [len(points) for points in match_densely(image, image, shift)] == [0, 0]
+
+
+def test_a_homography_that_is_off_is_refitted(pair: Pair) -> None:
+    off = pair.with_homography(OFF @ TRUTH, refined_inliers=0)
+    # All matches together determine the homography as well as the flow does; so few do not.
+    few = dataclasses.replace(off, kept=off.kept[::12])
+    refitted = refit_pair(few, everywhere)
+    assert refitted.refined_inliers > 200
+    assert error_px(refitted.homography) < 0.3 < error_px(off.homography)
+    assert len(refitted.inliers) > 0.8 * len(few.kept)
+
+
+def test_matches_that_the_flow_contradicts_keep_the_homography(pair: Pair) -> None:
+    shifted = np.roll(pair.working[1], (4, 4), axis=(0, 1))
+    contradicted = dataclasses.replace(pair, working=(pair.working[0], shifted))
+    assert refit_pair(contradicted, everywhere) is contradicted
+
+
+def test_what_does_not_show_the_ground_has_no_vote(pair: Pair) -> None:
+    assert refit_pair(pair.with_homography(OFF @ TRUTH, 0), lambda left, right: left[:, 0] < 0).refined_inliers == 0
+
+
+def test_a_refused_pair_stays_refused(pair: Pair) -> None:
+    refused = pair.refused("no overlap")
+    assert refit_pair(refused, everywhere) is refused
+    assert (refused.accepted, refused.reason) == (False, "no overlap")
+
+
+def test_the_refit_of_a_good_pair_must_be_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Pair] = []
+
+    def note(pair: Pair, _: object) -> Pair:
+        asked.append(pair)
+        return pair
+
+    monkeypatch.setattr("skymosaic.registration.register.refit_pair", note)
+    good = register(LEFT, RIGHT).confidence
+    assert good is not None
+    assert (good.verdict, asked) == ("good", [])
+    register(LEFT, RIGHT, refine=True)
+    register(LEFT, RIGHT, refine=True, detector="sift")
+    assert len(asked) == 2
+    monkeypatch.setattr("skymosaic.registration.confidence.GOOD_PX", 0.0)
+    register(LEFT, RIGHT, effort="fast")
+    assert len(asked) == 2
+    register(LEFT, RIGHT)
+    assert len(asked) == 3
