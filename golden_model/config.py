@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from golden_model.feature.ilbp import PATTERNS, DescriptorPattern
+from golden_model.fuzzy.rules import MatchRules, load_rules, shipped_rules
 from golden_model.small_files import read_small_file
 
 DETECTORS = ("harris", "fast")
@@ -186,18 +188,36 @@ class MatcherConfig:
 
     Parameters
     ----------
-    rule_base : {"aerial", "ilbp", "none"}
-        Fuzzy system that gives the mutual matches their weights.
+    rule_base : {"aerial", "ilbp", "none"} or MatchRules
+        Fuzzy system that gives the mutual matches their weights; a file of the configuration names it, names an
+        ``.fll`` file beside itself, or holds the text of one.
     keep_above : int
         A match is kept if its weight (UQ0.8) is larger than this: 64 represents 0.25.
     """
 
-    rule_base: str = "aerial"
+    rule_base: str | MatchRules = "aerial"
     keep_above: int = 64
 
     def __post_init__(self) -> None:
-        _check_choice("rule_base", self.rule_base, RULE_BASES)
+        if not isinstance(self.rule_base, MatchRules):
+            _check_choice("rule_base", self.rule_base, RULE_BASES)
         _check_range("keep_above", self.keep_above, 0, 255)
+
+    @property
+    def rules(self) -> MatchRules | None:
+        """The rules that decide matches; None for "none"."""
+        if isinstance(self.rule_base, MatchRules):
+            return self.rule_base
+        return None if self.rule_base == "none" else shipped_rules(self.rule_base)
+
+    @property
+    def rules_name(self) -> str:
+        """The name of the rules in reports."""
+        return self.rule_base.name if isinstance(self.rule_base, MatchRules) else self.rule_base
+
+    def rules_digest(self, pattern: DescriptorPattern) -> int:
+        """The digest of the rules for a descriptor, 32 bits; 0 for "none"."""
+        return self.rules.tables(pattern.bits).digest if self.rules else 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -207,6 +227,13 @@ class Config:
     preset: str = "aerial"
     front_end: FrontEndConfig = field(default_factory=FrontEndConfig)
     matcher: MatcherConfig = field(default_factory=MatcherConfig)
+
+    def rules_summary(self) -> dict[str, str]:
+        """Name and digest of the rules that decide matches, for reports."""
+        return {
+            "rules": self.matcher.rules_name,
+            "rules_digest": f"{self.matcher.rules_digest(self.front_end.pattern):08x}",
+        }
 
 
 PRESETS = {
@@ -262,6 +289,7 @@ def load_config(path: str | Path, preset: str = "aerial") -> Config:
     """
     try:
         tables = tomllib.loads(read_small_file(path).decode())
+        _read_rules(tables, Path(path))
         return _replace_tables(preset_config(tables.pop("preset", preset)), tables)
     except OSError as error:
         raise ValueError(f"{path}: cannot be read ({error.strerror}); give a TOML file") from error
@@ -277,10 +305,21 @@ def to_toml(config: Config) -> str:
     """TOML text from which `load_config` restores an equal configuration; values that are None are omitted."""
     lines = [f"preset = {_toml_value(config.preset)}"]
     for table in TABLES:
-        values = dataclasses.asdict(getattr(config, table))
+        values = vars(getattr(config, table))
         lines += ["", f"[{table}]"]
         lines += [f"{key} = {_toml_value(value)}" for key, value in values.items() if value is not None]
     return "\n".join(lines) + "\n"
+
+
+def _read_rules(tables: dict[str, Any], path: Path) -> None:
+    """Replace a rule base that is FLL, or an ``.fll`` file beside the configuration, by its rules."""
+    matcher = tables.get("matcher")
+    if type(matcher) is not dict or type(written := matcher.get("rule_base")) is not str:
+        return
+    if "\n" in written:
+        matcher["rule_base"] = MatchRules(written, "matcher.rule_base")
+    elif written.endswith(".fll"):
+        matcher["rule_base"] = load_rules(path.parent / written)
 
 
 def _replace_tables(config: Config, tables: dict[str, Any]) -> Config:
@@ -306,7 +345,11 @@ def _check_keys(prefix: str, values: dict[str, Any], known: tuple[str, ...]) -> 
             raise ValueError(f"unknown key {prefix}{key}; valid: {', '.join(known)}")
 
 
-def _toml_value(value: bool | int | str) -> str:
+def _toml_value(value: bool | int | str | MatchRules) -> str:
+    if isinstance(value, MatchRules):
+        # Escaped are what ends or changes a string of several lines.
+        text = re.sub(r'[\\"\x00-\x08\x0b-\x1f\x7f]', lambda found: f"\\u{ord(found[0]):04x}", value.text)
+        return f'"""\n{text}"""'
     if isinstance(value, bool):
         return str(value).lower()
     return f'"{value}"' if isinstance(value, str) else str(value)

@@ -67,7 +67,7 @@ class Latencies:
     def compute(cls, config: Config, *, lanes: int) -> Latencies:
         """Compute the latencies of a build."""
         pattern, words = config.front_end.pattern, MATCH.record_bytes // WORD_BYTES
-        result = int(config.matcher.rule_base != "none")
+        result = int(config.matcher.rules is not None)
         return cls(
             record_words=pattern.record.record_bytes // WORD_BYTES,
             match_words=words,
@@ -94,11 +94,10 @@ SAD_CYCLES = 3
 
 def weight_cycles(pattern: DescriptorPattern, config: MatcherConfig) -> int:
     """Clocks from the features to their weight: relative orientation or sum of absolute differences, then the rules."""
-    if config.rule_base == "none":
+    if config.rules is None:
         return 1
-    if config.rule_base == "aerial":
-        return 1 + sugeno_cycles(rule_bases.aerial(pattern.bits))
-    return SAD_CYCLES + sugeno_cycles(rule_bases.ilbp(pattern.bits))
+    measuring = SAD_CYCLES if config.rules.compares_windows else 1
+    return measuring + sugeno_cycles(config.rules.tables(pattern.bits))
 
 
 def sugeno_cycles(system: SugenoSystem) -> int:

@@ -120,9 +120,9 @@ class Handler(socketserver.BaseRequestHandler):
 
     def _serve(self):
         line = self.client.line()
-        shape, count, settings, hold_reference = self._parse(line)
+        shape, count, settings, hold_reference, rules = self._parse(line)
         # Before the frames arrive: a client that is still sending would not read the error.
-        self._check(shape, count, settings)
+        self._check(shape, count, settings, rules)
         announced = self._authenticate(line) if self.server.key else None
         self.client.answer({})
         self.frames_left, self.frame_bytes = count, int(np.prod(shape))
@@ -144,12 +144,19 @@ class Handler(socketserver.BaseRequestHandler):
             count = _require_type(request["frames"], int)
             settings = {name: _require_type(request["settings"][name], int) for name in register_map.REQUESTED}
             hold_reference = _require_type(request["hold_reference"], bool)
+            rules = _require_type(request["rules_digest"], int)
         # RecursionError: JSON that is nested thousands of times.
         except (KeyError, TypeError, ValueError, RecursionError) as error:
             raise ValueError(f"the request is malformed: {error}") from None
-        return shape, count, settings, hold_reference
+        return shape, count, settings, hold_reference, rules
 
-    def _check(self, shape, count, settings):
+    def _check(self, shape, count, settings, rules):
+        built = register_map.BUILT["built_rules_digest"]
+        if rules != built:
+            raise ValueError(
+                f"the board decides matches by the rules {built:08x}, the request is for {rules:08x}; "
+                "export again with these --rules"
+            )
         if not 1 <= count <= MAX_FRAMES:
             raise ValueError(f"{count} frames requested; the server takes 1 to {MAX_FRAMES} at a time")
         if len(shape) not in (2, 3) or shape[2:] not in ((), (3,)):

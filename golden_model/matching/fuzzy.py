@@ -6,8 +6,11 @@ rounding, so that hardware may form the products in any order. The systems of th
 `golden_model.matching.rule_bases`.
 """
 
+import hashlib
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,34 +22,6 @@ MAX_RULES = 32
 """The rule field of a match record has 5 bits."""
 
 Table = NDArray[np.int64]
-
-
-def ramp(entries: int, zero_at: float, one_at: float) -> Table:
-    """Table of ``entries`` degrees: 0 up to ``zero_at``, 1 from ``one_at`` on; falling if ``one_at`` is smaller.
-
-    Positions are in units of the index; degrees are UQ1.8, rounded half up.
-    """
-    if zero_at == one_at:
-        raise ValueError(f"a ramp needs two different corners, not {zero_at} twice")
-    return quantise_degrees(np.clip((np.arange(entries) - zero_at) / (one_at - zero_at), 0, 1))
-
-
-def trapezoid(entries: int, corners: NDArray[np.floating | np.integer]) -> Table:
-    """Table that rises from 0 to 1 between the first two of four ``corners`` and falls to 0 between the last two.
-
-    The corners must be in rising or in falling order.
-    """
-    return np.minimum(ramp(entries, corners[0], corners[1]), ramp(entries, corners[3], corners[2]))
-
-
-def sigmoid(entries: int, centre: float, slope: float) -> Table:
-    """Table of 1 / (1 + exp(-slope (index - centre))), UQ1.8."""
-    return quantise_degrees(1 / (1 + np.exp(-slope * (np.arange(entries) - centre))))
-
-
-def quantise_degrees(degree: NDArray[np.float64]) -> Table:
-    """Real degrees 0..1 as UQ1.8, rounded half up."""
-    return np.floor(degree * ONE + 0.5).astype(np.int64)
 
 
 @dataclass(frozen=True)
@@ -158,6 +133,18 @@ class SugenoSystem:
                 f"{self.name}: strengths sum to {total[wrong[0]] / self.strength_one:.4f} at {where}; make the sets "
                 "complementary and the rules cover each combination once, or use conjunction 'minimum'"
             )
+
+    @cached_property
+    def digest(self) -> int:
+        """32 bits that differ, but by chance, between systems that decide differently; names of sets do not count."""
+        tables = [(each.name, [table.tolist() for table in each.sets.values()]) for each in self.inputs]
+        order = [list(each.sets) for each in self.inputs]
+        rules = [
+            ([name and names.index(name) for names, name in zip(order, rule.sets, strict=True)], rule.singleton)
+            for rule in self.rules
+        ]
+        described = json.dumps([self.conjunction, tables, rules]).encode()
+        return int.from_bytes(hashlib.sha256(described).digest()[:4], "big")
 
     def strengths(self, *values: NDArray[np.integer]) -> NDArray[np.int64]:
         """Strength of every rule for (N,) values of each input: (N, rules) int64 in units of 1 / ``strength_one``.

@@ -80,16 +80,17 @@ def match(
         matches["turn"] = (right["sector"] - left["sector"]) % SECTORS
         matches["peak_turn"] = common_orientation(matches["turn"], best, margin, pattern.bits)
 
-    if config.rule_base == "none":
+    rules = config.rules
+    if rules is None:
         matches["weight"], matches["verdict"] = WEIGHT.max_raw, 1
         return matches
-    if config.rule_base == "aerial":
-        inputs = (best, margin, circular_distance(matches["turn"], matches["peak_turn"]))
-        weight, rule = rule_bases.aerial(pattern.bits).evaluate(*inputs)
-    else:
+    off_peak = circular_distance(matches["turn"], matches["peak_turn"])
+    quantities: dict[str, NDArray[np.integer]] = {"distance": best, "margin": margin, "orientation": off_peak}
+    if rules.compares_windows:
         # The SAD is symmetric, so both belongings of the rules follow from it.
-        sad = correlation.sad(left["window"], right["window"])
-        weight, rule = rule_bases.ilbp(pattern.bits).evaluate(best, sad, sad)
+        quantities["SAD_r1"] = quantities["SAD_r2"] = correlation.sad(left["window"], right["window"])
+    tables = rules.tables(pattern.bits)
+    weight, rule = tables.evaluate(*(quantities[variable.name] for variable in tables.inputs))
     matches["weight"], matches["rule"] = weight, rule
     matches["verdict"] = weight > config.keep_above
     return matches
@@ -113,15 +114,15 @@ def pair_features(
 
 def rule_names(pattern: DescriptorPattern, config: MatcherConfig) -> list[str]:
     """Describe the rules of the configured rule base; the ``rule`` field of match records is an index into the list."""
-    if config.rule_base == "none":
-        return ["no rules"]
-    return describe_rules((rule_bases.aerial if config.rule_base == "aerial" else rule_bases.ilbp)(pattern.bits))
+    return describe_rules(config.rules.tables(pattern.bits)) if config.rules else ["no rules"]
 
 
 def describe_rules(system: SugenoSystem) -> list[str]:
-    """Describe the conditions of each rule of a system whose rules name a set for every input."""
+    """Describe the conditions of each rule of a system."""
     return [
-        ", ".join(f"{variable.name} {chosen}" for variable, chosen in zip(system.inputs, rule.sets, strict=True))
+        ", ".join(
+            f"{variable.name} {chosen}" for variable, chosen in zip(system.inputs, rule.sets, strict=True) if chosen
+        )
         for rule in system.rules
     ]
 
@@ -170,9 +171,19 @@ def _check(left: Records, right: Records, pattern: DescriptorPattern, config: Ma
 
 
 def check_rule_base(pattern: DescriptorPattern, config: MatcherConfig) -> None:
-    """Raise ValueError if the rule base needs a gray window that the pattern does not carry."""
-    if config.rule_base == "ilbp" and not pattern.carries_window:
+    """Make the tables of the rules.
+
+    Raises
+    ------
+    ValueError
+        If they cannot be made, or the rules need a gray window that the pattern does not carry.
+    """
+    rules = config.rules
+    if rules is None:
+        return
+    if rules.compares_windows and not pattern.carries_window:
         raise ValueError(
-            f"rule base 'ilbp' needs the gray window around each feature, which {pattern.name} does not carry; "
-            "use a thesis-ilbp descriptor or the rule base 'aerial'"
+            f"rule base {config.rules_name!r} needs the gray window around each feature, which {pattern.name} does not "
+            "carry; use a thesis-ilbp descriptor or the rule base 'aerial'"
         )
+    rules.tables(pattern.bits)

@@ -55,7 +55,7 @@ class MatchWeigher(wiring.Component):
 
     def __init__(self, *, config: MatcherConfig, pattern: DescriptorPattern, max_features: int) -> None:
         check_rule_base(pattern, config)
-        self.rule_base = config.rule_base
+        self.rules = config.rules
         self.pattern = pattern
         self.max_features = max_features
         feature = BankedFeature(pattern=pattern)
@@ -123,24 +123,25 @@ class MatchWeigher(wiring.Component):
 
     def _weigh(self, m: Module, weigh: Value, orientation: Value, peak: Value, weighed: Signal) -> int:
         """Evaluate the rule base. Returns how many clocks after the features its inputs are ready."""
-        distance, margin = self.i.payload.distance, self.i.payload.margin
-        if self.rule_base == "none":
+        if self.rules is None:
             m.d.comb += [
                 self.o.valid.eq(weigh),
                 self.o.payload.weight.eq(WEIGHT.max_raw),
                 weighed.eq(weigh & self.o.ready),
             ]
             return 1
-        if self.rule_base == "aerial":
-            # The shorter way around the circle.
-            ahead, behind = (orientation - peak)[: len(orientation)], (peak - orientation)[: len(orientation)]
-            system, cycles = rule_bases.aerial(self.pattern.bits), 1
-            values = [distance, margin, Mux(ahead < behind, ahead, behind)]
-        else:
+        # The shorter way around the circle.
+        ahead, behind = (orientation - peak)[: len(orientation)], (peak - orientation)[: len(orientation)]
+        quantities = {"distance": self.i.payload.distance, "margin": self.i.payload.margin}
+        quantities["orientation"], cycles = Mux(ahead < behind, ahead, behind), 1
+        if self.rules.compares_windows:
             m.submodules.sad = sad = SumOfAbsoluteDifferences(pixels=self.pattern.window_bytes)
             m.d.comb += [Cat(sad.i_left).eq(self.i_left.window), Cat(sad.i_right).eq(self.i_right.window)]
-            system, cycles = rule_bases.ilbp(self.pattern.bits), sad.latency_cycles
-            values = [distance, sad.o_sum, sad.o_sum]
+            # Both regions have the same, as in the golden model.
+            quantities["SAD_r1"] = quantities["SAD_r2"] = sad.o_sum
+            cycles = sad.latency_cycles
+        system = self.rules.tables(self.pattern.bits)
+        values = [quantities[variable.name] for variable in system.inputs]
         m.submodules.weight = weight = Sugeno(system=system, value_bits=max(map(len, values)))
         m.d.comb += [sink.eq(value) for sink, value in zip(weight.i.payload, values, strict=True)]
         m.d.comb += [

@@ -75,7 +75,7 @@ class Matcher(wiring.Component):
         self._banks = FeatureBanks(pattern=pattern, max_features=max_features)
         self._search = NearestNeighbours(bits=bits, lanes=lanes, max_features=max_features)
         self._pairs = MutualNearestNeighbours(bits=bits, max_features=max_features)
-        self.keeps_all = config.rule_base == "none"
+        self.keeps_all = config.rules is None
         self.counts_orientations = pattern.oriented
         super().__init__()
 

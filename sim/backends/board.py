@@ -64,6 +64,7 @@ class BoardBackend(Backend):
             "frames": len(frames),
             "settings": matched_frame_settings(config, shape[1], shape[0], gray_input=len(shape) == 2),
             "hold_reference": reference == "held",
+            "rules_digest": config.matcher.rules_digest(config.front_end.pattern),
         }
         pattern = config.front_end.pattern
         feature = pattern.record.dtype

@@ -25,8 +25,8 @@ def compare(
         ),
     ] = None,
     overwrite: OverwriteOption = False,
-    options: Annotated[FeatureOptions, ("preset", "config", "backend", "working_width_px", "damaged")] = FeatureOptions(
-        backend="rtl"
+    options: Annotated[FeatureOptions, ("preset", "config", "rules", "backend", "working_width_px", "damaged")] = (
+        FeatureOptions(backend="rtl")
     ),
 ) -> None:
     """Run a pair through the golden model and the hardware; every field of every record has to be equal."""

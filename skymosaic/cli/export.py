@@ -1,5 +1,6 @@
 """The command that exports Verilog, register map and drivers."""
 
+import dataclasses
 import importlib
 from collections.abc import Callable
 from pathlib import Path
@@ -8,11 +9,11 @@ from typing import Annotated, Any
 
 import typer
 
+from golden_model.fuzzy.fll import load_system
 from hdl.export.boards import ALL_BOARDS, SERIAL_BOARD
-from skymosaic.cli.options import OverwriteOption, choice, output_option, with_options
+from skymosaic.cli.options import OverwriteOption, choice, output_option, read_rules, with_options
 from skymosaic.cli.session import session
 from skymosaic.errors import InputError
-from skymosaic.fuzzy.fll import load_system
 from skymosaic.fuzzy.golden import ENTRIES, quantise
 from skymosaic.imagery.images import check_unused
 from skymosaic.registration.options import FeatureOptions
@@ -28,6 +29,13 @@ def export(
     output: Annotated[Path, output_option("Folder to write.")],
     overwrite: OverwriteOption = False,
     options: Annotated[FeatureOptions, ("preset", "config")],
+    rules: Annotated[
+        str | None,
+        typer.Option(
+            help="Fuzzy rules that decide matches: aerial, ilbp, none, or an .fll file; with --block fuzzy "
+            "any system in one."
+        ),
+    ] = None,
     lanes: Annotated[
         int | None, typer.Option(help="Descriptors compared at a time, a power of two: usually 16, on the ulx3s 4.")
     ] = None,
@@ -47,8 +55,7 @@ def export(
     build_it: Annotated[
         bool, typer.Option("--build", help=f"With --board {SERIAL_BOARD}: make the bitstream, too.")
     ] = False,
-    rules: Annotated[Path | None, typer.Option(help="With --block fuzzy: your own system, an .fll file.")] = None,
-    entries: Annotated[int, typer.Option(min=2, help="With --rules: table entries of each input.")] = ENTRIES,
+    entries: Annotated[int, typer.Option(min=2, help="With --block fuzzy: table entries of each input.")] = ENTRIES,
 ) -> None:
     """Write Verilog, register map and more: for a kit with its driver, for a live camera, or of one block."""
     if (board is not None) + (block is not None) + live != 1:
@@ -59,20 +66,28 @@ def export(
         raise InputError(f"--build makes the bitstream of --board {SERIAL_BOARD}; leave it out, or use Vivado")
     if block is not None and (build or options != FeatureOptions()):
         raise InputError("--block takes no option of the whole accelerator (--lanes, --preset, ...); leave it out")
-    _check_rules(block, rules, entries)
+    if rules is not None and block not in (None, "fuzzy"):
+        raise InputError(f"--rules {rules}: of the blocks, only fuzzy has rules; add --block fuzzy, or leave it out")
+    if block != "fuzzy" and entries != ENTRIES:
+        raise InputError("--entries is the length of the tables of --block fuzzy; add it, or leave it out")
+    if rules is not None and block is None:
+        options = dataclasses.replace(options, rules=read_rules(rules))
+        options.check()
     check_unused(output, overwrite=overwrite)
 
     def write(folder: Path) -> None:
-        if rules is not None:
-            _export_rules(folder, rules, entries)
+        if rules is not None and block is not None:
+            _export_rules(folder, Path(rules), entries)
         elif block is not None:
             _import_hdl("blocks.export").export_block(folder, block)
         elif board is None:
             _import_hdl("export.accelerator").export_live(folder, config=options.base_config, **build)
         elif board == SERIAL_BOARD:
             # The board has a configuration of its own, which only an explicit one replaces.
-            own = {} if options == FeatureOptions() else {"config": options.base_config}
-            _export_serial(folder, own | build, build_it=build_it)
+            is_own = options == FeatureOptions(rules=options.rules)
+            own = _import_hdl("export.ulx3s").DEFAULT_CONFIG if is_own else options.config
+            config = dataclasses.replace(options, config=own).base_config
+            _export_serial(folder, {"config": config, **build}, build_it=build_it)
         else:
             _import_hdl("export.accelerator").export(folder, board=board, config=options.base_config, **build)
 
@@ -80,14 +95,6 @@ def export(
         _write_completely(output, write)
     session.wrote(output)
     session.show(f"wrote {output}; its README.md lists the next steps")
-
-
-def _check_rules(block: str | None, rules: Path | None, entries: int) -> None:
-    """Refuse options of the block ``fuzzy`` where it is not exported."""
-    if rules is not None and block != "fuzzy":
-        raise InputError(f"--rules {rules} makes the block fuzzy; add --block fuzzy, or leave it out")
-    if rules is None and entries != ENTRIES:
-        raise InputError("--entries is the length of the tables of --rules; add these, or leave it out")
 
 
 def _write_completely(output: Path, write: Callable[[Path], None]) -> None:
@@ -113,7 +120,10 @@ def _import_hdl(name: str) -> ModuleType:
 
 def _export_rules(folder: Path, rules: Path, entries: int) -> None:
     """Write the block of a system from a file."""
-    system = load_system(rules)
+    try:
+        system = load_system(rules)
+    except ValueError as error:
+        raise InputError(str(error)) from None
     try:
         block = importlib.import_module("skymosaic.fuzzy.verilog").make_block(quantise(system, entries))
     except ValueError as error:

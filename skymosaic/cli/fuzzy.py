@@ -10,11 +10,12 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
+from golden_model.fuzzy.fll import load_system
+from golden_model.fuzzy.rules import SHIPPED
 from golden_model.text import one_line
 from skymosaic.cli.options import OverwriteOption, import_plots, output_option
 from skymosaic.cli.session import STDOUT, session
 from skymosaic.errors import InputError
-from skymosaic.fuzzy.fll import SHIPPED, load_system
 from skymosaic.fuzzy.golden import (
     ENTRIES,
     MIN_FIRING_STRENGTH,
@@ -88,7 +89,10 @@ def _describe_shipped(name: str) -> _Description:
 
 
 def _describe_file(path: Path, entries: int) -> _Description:
-    system = load_system(path)
+    try:
+        system = load_system(path)
+    except ValueError as error:
+        raise InputError(str(error)) from None
     try:
         golden = quantise(system, entries)
     except ValueError as error:

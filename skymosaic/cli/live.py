@@ -23,7 +23,7 @@ from skymosaic.options import INPUT, options_of
 
 PREVIEW_WIDTH_PX = 1280
 PREVIEW_SECONDS = 1.0
-LIVE_OPTIONS = ("preset", "config", "backend", "working_width_px", "seed", "band", "scale", "canvas_limit_px")
+LIVE_OPTIONS = ("preset", "config", "rules", "backend", "working_width_px", "seed", "band", "scale", "canvas_limit_px")
 """The fields of `MosaicOptions` that apply to a live mosaic."""
 
 IdleOption = Annotated[
@@ -144,6 +144,7 @@ def write_live_mosaic(
     height_px, width_px = mosaic.image.shape[:2]
     frame_count = len(mosaic.transforms)
     session.numbers = {"size": [width_px, height_px], "frames": frame_count, "left_out": absent, "pace": pace.numbers}
+    session.numbers |= options.base_config.rules_summary()
     session.show(f"mosaic {output} ({width_px}x{height_px}): {frame_count} frames, {len(absent)} left out")
 
 

@@ -15,6 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from golden_model.config import load_config
+from golden_model.fuzzy.rules import MatchRules, load_rules
 from golden_model.text import how_to_install, one_line
 from sim.simulators.build_cache import cache_folder
 from skymosaic.cli.session import session
@@ -114,7 +115,7 @@ def _parameters(option: Option, usual: FeatureOptions) -> Iterator[tuple[str, in
     """What the user types for one option."""
     annotations: dict[str, Any] = {"camera": CameraOption, "mask": MaskOption}
     if option.name != "lens":
-        of_type = {"backend": str, "config": Path | None, "control": Path | None}.get(option.name)
+        of_type = {"backend": str, "config": Path | None, "rules": str | None, "control": Path | None}.get(option.name)
         of_type = of_type or get_type_hints(type(usual))[option.name]
         annotations = {option.name: Annotated[of_type, _typer_option(option)]}
     if option.name == "backend":
@@ -154,6 +155,8 @@ def _read(usual: FeatureOptions, typed: dict[str, Any]) -> FeatureOptions:
             values["config"] = load_config(values["config"], values["preset"])
         except ValueError as error:
             raise InputError(str(error)) from None
+    if values.get("rules"):
+        values["rules"] = read_rules(values["rules"])
     if values.get("control"):
         values["control"] = load_control_points(values["control"])
     if "cache" in values:
@@ -161,6 +164,20 @@ def _read(usual: FeatureOptions, typed: dict[str, Any]) -> FeatureOptions:
     options = dataclasses.replace(usual, **values)
     options.check()
     return options
+
+
+def read_rules(given: str) -> str | MatchRules:
+    """The rules in an ``.fll`` file; a name stays as it is.
+
+    Raises
+    ------
+    InputError
+        For a file that holds no rules for matches.
+    """
+    try:
+        return load_rules(given) if Path(given).suffix else given
+    except ValueError as error:
+        raise InputError(str(error)) from None
 
 
 def import_plots(name: str) -> ModuleType:

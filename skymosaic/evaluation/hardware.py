@@ -35,6 +35,8 @@ class Comparison:
     timelines : tuple of Timeline
         The predicted clocks of each frame, equal to the simulated ones unless there is a mismatch; empty for a board,
         and for a configuration whose clocks are not predicted.
+    rules : dict of str to str
+        Name and digest of the rules that decided matches.
     """
 
     mismatch: Mismatch | None
@@ -43,6 +45,7 @@ class Comparison:
     seconds: float
     notes: tuple[str, ...]
     timelines: tuple[Timeline, ...]
+    rules: dict[str, str]
 
     @property
     def cycles_per_second(self) -> float:
@@ -61,6 +64,7 @@ class Comparison:
             "cycles_per_second": round(self.cycles_per_second),
             "mismatch": str(self.mismatch) if self.mismatch else None,
             "notes": list(self.notes),
+            **self.rules,
             "timelines": [dict(timeline.steps()) for timeline in self.timelines],
         }
 
@@ -114,4 +118,5 @@ def compare(
         seconds=seconds,
         notes=tuple(Coverage.of(golden).missing(config.front_end)),
         timelines=tuple(timelines),
+        rules=config.rules_summary(),
     )

@@ -117,7 +117,9 @@ def _code() -> str:
     state = hashlib.sha256(repr([version(package) for package in PACKAGES]).encode())
     for name in SOURCES:
         path = root / name
-        for source in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
+        # The numbers of the fuzzy systems are in FLL.
+        sources = (*path.rglob("*.py"), *path.rglob("*.fll")) if path.is_dir() else (path,)
+        for source in sorted(sources):
             state.update(source.relative_to(root).as_posix().encode() + b"\0" + source.read_bytes())
     return state.hexdigest()
 

@@ -1,1 +1,1 @@
-"""User-defined zero-order Sugeno systems: read from FLL files, evaluated, turned into integers and Verilog."""
+"""User-defined fuzzy systems: how far the integer model is from real numbers, and Verilog."""

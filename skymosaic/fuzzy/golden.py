@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from golden_model.arrays import Array
 from golden_model.formats import WEIGHT
-from golden_model.matching.fuzzy import ONE, Rule, SugenoSystem, Variable
-from skymosaic.fuzzy.system import FuzzySystem, Input
+from golden_model.fuzzy.system import FuzzySystem, Input
+from golden_model.fuzzy.tables import make_tables
+from golden_model.matching.fuzzy import SugenoSystem
 
 ENTRIES = 64
 """Default number of entries per table."""
@@ -40,7 +41,7 @@ class GoldenSystem:
 
     def positions(self, variable: Input) -> Array:
         """Values of an input at all indices, in its own unit."""
-        return np.linspace(variable.low, variable.high, self.entries)
+        return _positions(variable, self.entries)
 
     def evaluate(self, *indices: NDArray[np.integer]) -> Array:
         """Compute the output in its own unit for (N,) indices of each input."""
@@ -99,37 +100,12 @@ def quantise(system: FuzzySystem, entries: int) -> GoldenSystem:
     outside = [name for name, value in output.constants.items() if not output.low <= value <= output.high]
     if outside:
         raise ValueError(f"{output.name}: {', '.join(outside)} is outside the range {output.low:g} to {output.high:g}")
-    model = SugenoSystem(
-        system.name,
-        inputs=tuple(Variable(variable.name, _sample_terms(variable, entries)) for variable in system.inputs),
-        rules=tuple(
-            Rule(
-                tuple(rule.conditions.get(variable.name) for variable in system.inputs),
-                (output.constants[rule.conclusion] - output.low) / (output.high - output.low),
-            )
-            for rule in system.rules
-        ),
-        # A single input has nothing to multiply: without a product, its terms need not sum to one.
-        conjunction=system.conjunction if len(system.inputs) > 1 else "minimum",
-    )
+    model = make_tables(system, [_positions(variable, entries) for variable in system.inputs])
     return GoldenSystem(system, model, entries)
 
 
-def _sample_terms(variable: Input, entries: int) -> dict[str, NDArray[np.int64]]:
-    positions = np.linspace(variable.low, variable.high, entries)
-    degrees = np.stack([term.degree(positions) for term in variable.terms.values()])
-    # Halves are rounded up everywhere in the golden model; NumPy would round them to even.
-    tables = np.floor(degrees * ONE + 0.5).astype(np.int64)
-    if np.allclose(degrees.sum(axis=0), 1.0, atol=1e-9):
-        # A product is not divided by the sum of the strengths, so terms that sum to one must do so in integers, too:
-        # the largest takes what rounding left over.
-        np.put_along_axis(
-            tables,
-            tables.argmax(axis=0)[None],
-            tables.max(axis=0)[None] + ONE - tables.sum(axis=0)[None],
-            axis=0,
-        )
-    return dict(zip(variable.terms, tables, strict=True))
+def _positions(variable: Input, entries: int) -> Array:
+    return np.linspace(variable.low, variable.high, entries)
 
 
 def measure_errors(golden: GoldenSystem, seed: int = 0) -> ErrorBounds:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from golden_model.config import RULE_BASES, Config, preset_config
+from golden_model.fuzzy.rules import MatchRules
 from sim.backends.interface import BACKENDS
 from skymosaic.errors import InputError
 from skymosaic.features.detectors import FRONT_END_DETECTORS
@@ -57,7 +58,7 @@ class Options(MosaicOptions):
     """The options of a run; ``position`` is the slider's, ``rule_base`` that of the matcher's configuration."""
 
     position: int
-    rule_base: str
+    rule_base: str | MatchRules
 
     @classmethod
     def of_preset(cls, preset: str) -> Options:

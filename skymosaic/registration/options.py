@@ -4,12 +4,12 @@ Keyword arguments, command line, panel and reference page take names, types, def
 and from `skymosaic.mosaicking.options`.
 """
 
-import dataclasses
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypedDict
 
-from golden_model.config import MAX_FRAME_PX, MIN_FRAME_PX, PRESETS, Config, preset_config
+from golden_model.config import MAX_FRAME_PX, MIN_FRAME_PX, PRESETS, RULE_BASES, Config, preset_config
 from golden_model.feature.ilbp import PATTERNS
+from golden_model.fuzzy.rules import MatchRules
 from sim.backends.interface import BACKENDS, Backend, Progress, silent
 from skymosaic.errors import InputError
 from skymosaic.features.descriptors import DESCRIPTORS
@@ -30,6 +30,12 @@ class FeatureOptions:
 
     preset: str = option("aerial", "The project's own algorithm, or what the thesis describes.", choices=tuple(PRESETS))
     config: Config | None = option(None, "A configuration that overrides the preset, from a TOML file.")
+    rules: str | MatchRules | None = option(
+        None,
+        "Fuzzy rules that decide matches: a name, or an .fll file; by default as configured.",
+        choices=RULE_BASES,
+        checked=False,
+    )
     detector: str | None = option(
         None,
         "Corner detector; by default as configured, or what suits the descriptor.",
@@ -79,8 +85,14 @@ class FeatureOptions:
 
     @property
     def base_config(self) -> Config:
-        """The configuration, or that of the preset."""
-        return self.config or preset_config(self.preset)
+        """The configuration, or that of the preset, with the rules."""
+        config = self.config or preset_config(self.preset)
+        if self.rules is None:
+            return config
+        try:
+            return replace(config, matcher=replace(config.matcher, rule_base=self.rules))
+        except ValueError as error:
+            raise InputError(str(error)) from None
 
     @property
     def backend_name(self) -> str:
@@ -104,7 +116,13 @@ class FeatureOptions:
         InputError
             For an unknown name or an impossible combination.
         """
-        return choose_method(self.base_config, self.detector, self.descriptor)
+        return self._choose_method(self.base_config)
+
+    def _choose_method(self, base: Config) -> tuple[Method, Config]:
+        method, config = choose_method(base, self.detector, self.descriptor)
+        if self.rules is not None and config.matcher.rule_base != self.rules:
+            raise InputError(f"rules decide matches of ILBP descriptors, not of {method.descriptor}; leave one out")
+        return method, config
 
 
 @document_options
@@ -142,8 +160,10 @@ class RegistrationOptions(FeatureOptions):
         config = self.base_config
         if self.estimator == FUZZY_RANSAC:
             # Fuzzy RANSAC has rules of its own, which replace those of the matcher.
-            config = dataclasses.replace(config, matcher=dataclasses.replace(config.matcher, rule_base="none"))
-        return choose_method(config, self.detector, self.descriptor)
+            if self.rules not in (None, "none"):
+                raise InputError(f"{FUZZY_RANSAC} has rules of its own; leave out either")
+            config = replace(config, matcher=replace(config.matcher, rule_base="none"))
+        return self._choose_method(config)
 
     def choose_effort(self, method: Method) -> str:
         """Choose the effort: the one that is asked for, or the default of the method.
@@ -176,6 +196,7 @@ class FeatureKeywords(TypedDict, total=False):
 
     preset: str
     config: Config | None
+    rules: str | MatchRules | None
     detector: str | None
     descriptor: str | None
     backend: str | Backend

@@ -220,6 +220,7 @@ class Pair:
             "seconds": {stage: round(value, 4) for stage, value in self.seconds.items()},
             "backend": self.backend,
             "preset": self.config.preset,
+            **self.config.rules_summary(),
             "detector": self.method.detector,
             "descriptor": self.method.descriptor,
             "estimator": self.estimator,

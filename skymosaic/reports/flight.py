@@ -79,6 +79,7 @@ def flight_numbers(deliveries: Sequence[Delivery], check: FlightCheck) -> dict[s
         "check": dataclasses.asdict(check),
         "backend": flight.settings.backend,
         "working_width_px": flight.settings.working_width_px,
+        **flight.settings.config.rules_summary(),
         "configuration": dataclasses.asdict(flight.settings.config),
     }
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from golden_model.config import load_config
+from golden_model.fuzzy.fll import load_system
 from skymosaic.errors import InputError
 from skymosaic.flight.cache import ResultCache
-from skymosaic.fuzzy.fll import load_system
 from skymosaic.imagery.lens import load_lens
 from skymosaic.imagery.photographs import list_sources
 from skymosaic.maps.control_points import load_control_points

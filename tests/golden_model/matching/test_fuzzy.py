@@ -5,12 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from golden_model.matching import fuzzy
 from golden_model.matching.fuzzy import Rule, SugenoSystem, Variable
 from golden_model.matching.rule_bases import aerial
-
-HALF_STEP = 1 / 512
-"""Largest error of a degree that is rounded to 8 fraction bits."""
 
 
 def crisp(name: str, *tables: list[int]) -> Variable:
@@ -45,19 +41,6 @@ def test_a_rule_may_leave_an_input_out() -> None:
         conjunction="product",
     )
     assert system.evaluate(np.array([0, 1, 1]), np.array([1, 0, 1]))[0].tolist() == [255, 64 + 96, 64]
-
-
-@pytest.mark.parametrize(("zero_at", "one_at"), [(4.5, 20.25), (20.25, 4.5)])
-def test_ramp_is_within_half_a_step_of_the_line(zero_at: float, one_at: float) -> None:
-    line = np.interp(np.arange(30), [4.5, 20.25], [float(zero_at > one_at), float(zero_at < one_at)])
-    assert np.abs(fuzzy.ramp(30, zero_at, one_at) / 256 - line).max() <= HALF_STEP
-
-
-def test_trapezoid_and_sigmoid_are_within_half_a_step() -> None:
-    index = np.arange(50)
-    expected = np.interp(index, [3, 10, 20, 41], [0, 1, 1, 0])
-    assert np.abs(fuzzy.trapezoid(50, np.array([3, 10, 20, 41])) / 256 - expected).max() <= HALF_STEP
-    assert np.abs(fuzzy.sigmoid(50, 20, -0.3) / 256 - 1 / (1 + np.exp(0.3 * (index - 20)))).max() <= HALF_STEP
 
 
 GOOD = crisp("a", [256, 0], [0, 256])
@@ -96,5 +79,3 @@ def test_wrong_inputs_are_refused() -> None:
         system.evaluate(np.array([1]))
     with pytest.raises(ValueError, match="margin: value -2 is negative"):
         system.evaluate(np.array([1]), np.array([-2]), np.array([0]))
-    with pytest.raises(ValueError, match="two different corners"):
-        fuzzy.ramp(4, 2, 2)

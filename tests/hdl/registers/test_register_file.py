@@ -135,7 +135,7 @@ def test_byte_strobes_are_obeyed() -> None:
     simulate(testbench)
 
 
-@pytest.mark.parametrize("address", [0x14, 0x3C, 0x68, 0x100, 0xFFC])
+@pytest.mark.parametrize("address", [0x1C, 0x3C, 0x68, 0x100, 0xFFC])
 def test_an_unknown_address_is_an_error_and_does_nothing(address: int) -> None:
     async def testbench(ctx: Any, registers: Any) -> None:
         assert await write(ctx, registers.bus, address, 0xFFFF_FFFF) == Response.SLVERR

@@ -4,9 +4,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from golden_model.fuzzy.rules import SHIPPED
 from skymosaic.cli import app
 from skymosaic.errors import InputError
-from skymosaic.fuzzy.fll import SHIPPED
 
 
 def test_the_command_prints_rules_and_draws(tmp_path: Path) -> None:
@@ -38,4 +38,5 @@ def test_the_command_writes_draws_and_measures_a_file(tmp_path: Path, monkeypatc
     assert len(numbers["tables"]["SAD"]["good"]) == 17
     assert (tmp_path / "drawn" / "my.png").stat().st_size > 10_000
     assert run(app, ["fuzzy", "ransac", "--write", "-"]).stdout == (SHIPPED / "ransac.fll").read_text()
-    assert isinstance(run(app, ["fuzzy", "aerial", "--write", "a.fll"]).exception, InputError)
+    assert run(app, ["fuzzy", "aerial", "--write", "a.fll"]).exception is None
+    assert isinstance(run(app, ["fuzzy", "valve", "--write", "b.fll"]).exception, InputError)

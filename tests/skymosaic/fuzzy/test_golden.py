@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from golden_model.formats import POSITION, WEIGHT
+from golden_model.fuzzy.fll import load_system
+from golden_model.fuzzy.rules import SHIPPED
+from golden_model.fuzzy.system import FuzzySystem, IfThen, Input, Output
+from golden_model.fuzzy.terms import Term
 from golden_model.matching import correlation, rule_bases
 from golden_model.matching.fuzzy import ONE
-from skymosaic.fuzzy.fll import SHIPPED, load_system
 from skymosaic.fuzzy.golden import measure_errors, quantise
-from skymosaic.fuzzy.system import FuzzySystem, IfThen, Input, Output
-from skymosaic.fuzzy.terms import Term
 from skymosaic.geometry import fuzzy_ransac
 
 BITS = 32

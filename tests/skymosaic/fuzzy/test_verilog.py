@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from golden_model.fuzzy.rules import SHIPPED
 from skymosaic.cli import app
 from skymosaic.errors import InputError
-from skymosaic.fuzzy.fll import SHIPPED
+from tests.golden_model.fuzzy.valve import PRODUCT, VALVE
 from tests.hdl.blocks.test_export import simulate
-from tests.skymosaic.fuzzy.valve import PRODUCT, VALVE
 
 ONE_INPUT = re.sub(
     r"InputVariable: pressure.*?(?=OutputVariable)|  rule: if[^\n]*closed\n| (and|AND) \(?pressure \w+ \w+\)?",

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from golden_model.config import Config, MatcherConfig
+from golden_model.fuzzy.rules import MatchRules, read_shipped
 from golden_model.records import FRAME_STATUS
 from hdl.settings import REQUESTED
 from sim.backends.board import KEY_VARIABLE
@@ -37,8 +39,22 @@ def exchange(address: str, data: bytes) -> dict[str, object]:
 def request(**changed: Any) -> bytes:
     settings = dict.fromkeys(REQUESTED, 0) | {"width_px": 96, "height_px": 64, "cell_log2": 5, "per_cell": 5}
     settings |= changed.pop("settings", {})
-    values = {"shape": [64, 96], "frames": 1, "settings": settings, "hold_reference": True} | changed
+    rules = CONFIG.matcher.rules_digest(CONFIG.front_end.pattern)
+    values = {"shape": [64, 96], "frames": 1, "settings": settings, "hold_reference": True, "rules_digest": rules}
+    values |= changed
     return json.dumps(values).encode() + b"\n"
+
+
+def test_a_board_with_other_rules_is_refused(serve: Serve) -> None:
+    other = Config(front_end=CONFIG.front_end, matcher=MatcherConfig(rule_base="none"))
+    with serve() as (device, address):
+        with pytest.raises(BackendError, match="the request is for 00000000; export again with these --rules"):
+            load_backend(f"board:{address}").run([FRAME, FRAME], other)
+        # Rules that decide as the built ones do, whatever they are called.
+        text = read_shipped("aerial").replace("low", "near")
+        same = Config(front_end=CONFIG.front_end, matcher=MatcherConfig(rule_base=MatchRules(text)))
+        assert len(load_backend(f"board:{address}").run([FRAME, FRAME], same)) == 2
+        assert device.frames == 2
 
 
 def test_frames_are_answered_one_by_one(serve: Serve) -> None:

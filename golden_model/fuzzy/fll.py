@@ -2,23 +2,21 @@
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TypeVar
 
+from golden_model.fuzzy.system import FuzzySystem, IfThen, Input, Output
+from golden_model.fuzzy.terms import Term
 from golden_model.matching.fuzzy import MAX_RULES
 from golden_model.small_files import read_small_file
-from skymosaic.errors import InputError
-from skymosaic.fuzzy.system import FuzzySystem, IfThen, Input, Output
-from skymosaic.fuzzy.terms import Term
 
 AND = {"Minimum": "minimum", "AlgebraicProduct": "product"}
 # The word behind the name changes nothing for rules with constants.
 DEFUZZIFIERS = ("WeightedAverage", "WeightedAverage TakagiSugeno", "WeightedAverage Automatic")
 BLOCKS = ("Engine", "InputVariable", "OutputVariable", "RuleBlock")
-SHIPPED = Path(__file__).parent / "systems"
-"""Folder of the thesis's three systems."""
-MAX_BYTES = 1 << 16
+MAX_BYTES = 1 << 24
+"""Room for far more rules than are supported, so that the line of the first that is too many can be named."""
 MAX_INPUTS, MAX_TERMS, MAX_PARAMETERS = 5, 16, 128
 """With these and 32 rules, checking a system takes less than 1 GB and 5 s."""
 KEYS = {
@@ -56,19 +54,33 @@ def load_system(path: Path) -> FuzzySystem:
 
     Raises
     ------
-    InputError
-        For a file that cannot be read, or describes no zero-order Sugeno system with one output.
+    ValueError
+        For a file that cannot be read, or describes no zero-order Sugeno system with one output; the message is one
+        line that names it.
+    """
+    text = read_file(path)
+    try:
+        return read_fll(text)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def read_file(path: Path) -> str:
+    """Read the text of an ``.fll`` file.
+
+    Raises
+    ------
+    ValueError
+        For a file of another kind, or one that cannot be read; the message is one line that names it.
     """
     if path.suffix.lower() != ".fll":
-        raise InputError(f"{path}: unknown kind of file; fuzzy systems end in .fll")
+        raise ValueError(f"{path}: unknown kind of file; fuzzy systems end in .fll")
     try:
-        return read_fll(read_small_file(path, MAX_BYTES).decode())
+        return read_small_file(path, MAX_BYTES).decode()
     except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from None
+        raise ValueError(f"{path}: cannot be read ({error.strerror}); check the path") from None
     except UnicodeDecodeError:
-        raise InputError(f"{path}: is not text in UTF-8; save it as such") from None
-    except ValueError as error:
-        raise InputError(f"{path}: {error}") from None
+        raise ValueError(f"{path}: is not text in UTF-8; save it as such") from None
 
 
 def read_fll(text: str) -> FuzzySystem:
@@ -101,7 +113,10 @@ def read_fll(text: str) -> FuzzySystem:
         name=engine.name if engine else "",
         inputs=tuple(inputs),
         output=output,
-        rules=tuple(_parse_at(line, _parse_rule, value, output.name) for line, value in rules.find_all("rule")),
+        rules=tuple(
+            replace(_parse_at(line, _parse_rule, value, output.name), line=line)
+            for line, value in rules.find_all("rule")
+        ),
         conjunction=AND[conjunction],
         description=engine.get("description", "") if engine else "",
     )
@@ -185,7 +200,7 @@ def _check_entry(block: _Block, line: int, key: str, value: str) -> None:
 def _parse_input(block: _Block) -> Input:
     low, high = _parse_range(block)
     terms = [_parse_at(line, _parse_term, value) for line, value in block.find_all("term")]
-    return Input(block.name, low, high, {term.name: term for term in terms})
+    return Input(block.name, low, high, {term.name: term for term in terms}, block.line)
 
 
 def _parse_term(text: str) -> Term:
@@ -203,16 +218,19 @@ def _parse_output(block: _Block) -> Output:
     if defuzzifier not in DEFUZZIFIERS:
         raise ValueError(f"line {block.line}: defuzzifier is {defuzzifier}; WeightedAverage is supported")
     low, high = _parse_range(block)
-    constants = dict(_parse_at(line, _parse_constant, value) for line, value in block.find_all("term"))
+    constants = dict(_parse_at(line, _parse_constant, value, low, high) for line, value in block.find_all("term"))
     line, default = next(block.find_all("default"), (block.line, "nan"))
-    return Output(block.name, low, high, constants, _parse_at(line, _parse_number, default))
+    return Output(block.name, low, high, constants, _parse_at(line, _parse_number, default), block.line)
 
 
-def _parse_constant(text: str) -> tuple[str, float]:
+def _parse_constant(text: str, low: float, high: float) -> tuple[str, float]:
     words = text.split()
     if len(words) != 3 or words[1] != "Constant":
         raise ValueError(f"term {text!r}: an output of order zero has terms of the form NAME Constant NUMBER")
-    return words[0], _parse_number(words[2])
+    value = _parse_number(words[2])
+    if not low <= value <= high:
+        raise ValueError(f"term {words[0]} is {value:g}, outside of the range {low:g} to {high:g}")
+    return words[0], value
 
 
 def _parse_range(block: _Block) -> tuple[float, float]:
@@ -238,7 +256,7 @@ def _parse_number(text: str) -> float:
     return float(text)
 
 
-def _parse_at(line: int, parse: Callable[..., Result], *arguments: str) -> Result:
+def _parse_at(line: int, parse: Callable[..., Result], *arguments: str | float) -> Result:
     """Call ``parse``; an error in ``arguments`` is reported with the line number."""
     try:
         return parse(*arguments)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from skymosaic.fuzzy.fll import read_fll
-from tests.skymosaic.fuzzy.valve import PRODUCT, VALVE
+from golden_model.fuzzy.fll import read_fll
+from tests.golden_model.fuzzy.valve import PRODUCT, VALVE
 
 
 @pytest.mark.parametrize(

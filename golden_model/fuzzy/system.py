@@ -7,19 +7,20 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from golden_model.arrays import Array
-from skymosaic.fuzzy.terms import Term
+from golden_model.fuzzy.terms import Term
 
 CONJUNCTIONS = ("minimum", "product")
 
 
 @dataclass(frozen=True)
 class Input:
-    """An input with its range and its fuzzy sets by name."""
+    """An input with its range and its fuzzy sets by name; ``line`` is that of its text, 0 for none."""
 
     name: str
     low: float
     high: float
     terms: Mapping[str, Term]
+    line: int = field(default=0, compare=False)
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,7 @@ class Output:
     high: float
     constants: Mapping[str, float]
     default: float = math.nan
+    line: int = field(default=0, compare=False)
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,7 @@ class IfThen:
 
     conditions: Mapping[str, str]
     conclusion: str
+    line: int = field(default=0, compare=False)
 
 
 @dataclass(frozen=True)
@@ -77,20 +80,24 @@ class FuzzySystem:
         for variable in variables:
             if not (math.isfinite(variable.low) and math.isfinite(variable.high) and variable.low < variable.high):
                 raise ValueError(
-                    f"{variable.name}: range is {variable.low} to {variable.high}; give two finite numbers"
+                    f"{_place(variable)}{variable.name}: range is {variable.low} to {variable.high}; give two finite "
+                    "numbers"
                 )
-        terms = {each.name: each.terms for each in self.inputs}
         for number, rule in enumerate(self.rules, start=1):
-            for name, chosen in rule.conditions.items():
-                if name not in terms:
-                    raise ValueError(f"rule {number}: no input {name}; there are {', '.join(terms)}")
-                if chosen not in terms[name]:
-                    raise ValueError(f"rule {number}: {name} has no term {chosen}; it has {', '.join(terms[name])}")
-            if not rule.conditions:
-                raise ValueError(f"rule {number} has no condition")
-            if rule.conclusion not in self.output.constants:
-                known = ", ".join(self.output.constants)
-                raise ValueError(f"rule {number}: {self.output.name} has no constant {rule.conclusion}; it has {known}")
+            self._check_rule(rule, f"{_place(rule)}rule {number}")
+
+    def _check_rule(self, rule: IfThen, where: str) -> None:
+        terms = {each.name: each.terms for each in self.inputs}
+        for name, chosen in rule.conditions.items():
+            if name not in terms:
+                raise ValueError(f"{where}: no input {name}; there are {', '.join(terms)}")
+            if chosen not in terms[name]:
+                raise ValueError(f"{where}: {name} has no term {chosen}; it has {', '.join(terms[name])}")
+        if not rule.conditions:
+            raise ValueError(f"{where} has no condition")
+        if rule.conclusion not in self.output.constants:
+            known = ", ".join(self.output.constants)
+            raise ValueError(f"{where}: {self.output.name} has no constant {rule.conclusion}; it has {known}")
 
     def strengths(self, *values: Array) -> Array:
         """Compute the firing strength of each rule, (N, rules), for (N,) values of each input."""
@@ -109,3 +116,7 @@ class FuzzySystem:
         constants = np.array([self.output.constants[rule.conclusion] for rule in self.rules])
         with np.errstate(invalid="ignore"):
             return np.asarray(np.where(total > 0, strengths @ constants / total, self.output.default))
+
+
+def _place(part: Input | Output | IfThen) -> str:
+    return f"line {part.line}: " if part.line else ""
