@@ -19,6 +19,8 @@ import amaranth
 from amaranth.back.rtlil import ModuleEmitter, convert
 from amaranth.lib import wiring
 
+from hdl.port_names import name_ports
+
 # Registers of 512 bits and more keep their processes: Yosys would split them where bits have different enables, and a
 # simulator would have to reassemble them in each clock.
 ENABLES = "opt_dff t:* r:WIDTH>=512 %d"
@@ -32,6 +34,8 @@ FLAT = (
     "opt_clean -purge",
 )  # fmt: skip
 UNINITIALISED = re.compile(r"^  reg (?:\[(\d+):0\] )?(\S+) ?\[(\d+):0\];\n(?!  initial begin)", re.MULTILINE)
+SYNCHRONISER = re.compile(r'(?ms)^\(\* src = "amaranth/lib/cdc\.py:\d+" \*\)\nmodule .*?^endmodule')
+"""Modules in which every register is a stage of a synchroniser."""
 MAX_LOOP_WORDS = 4096
 """Words of the largest memory that is cleared. Yosys unrolls the loop in quadratic time, 20 minutes and more for a
 whole frame. Larger memories are queues, which are written before they are read."""
@@ -80,7 +84,7 @@ def to_verilog(
         return _add_attributes(_convert(component, name, platform, sources=not flat), port_attributes or {})
 
     text = _run_yosys(netlist, (*passes, *output))
-    return text if flat else UNINITIALISED.sub(_clear_memory, text)
+    return text if flat else SYNCHRONISER.sub(_mark_stages, UNINITIALISED.sub(_clear_memory, text))
 
 
 def _add_attributes(netlist: str, attributes: Attributes) -> str:
@@ -90,6 +94,11 @@ def _add_attributes(netlist: str, attributes: Attributes) -> str:
         # Substituting everywhere is safe: only the top module has ports of these names.
         netlist = wire.sub(lines.replace("\\", r"\\") + r"\g<0>", netlist)
     return netlist
+
+
+def _mark_stages(synchroniser: re.Match[str]) -> str:
+    """Let Vivado keep the stages side by side; Amaranth marks them on its own platforms only."""
+    return re.sub(r"^  reg ", '  (* ASYNC_REG = "TRUE" *)\n  reg ', synchroniser[0], flags=re.MULTILINE)
 
 
 def _clear_memory(memory: re.Match[str]) -> str:
@@ -107,7 +116,7 @@ def _clear_memory(memory: re.Match[str]) -> str:
 
 
 def _convert(component: wiring.Component, name: str, platform: object, *, sources: bool) -> str:
-    with _pause_collection(), _omit_zeros():
+    with _pause_collection(), _omit_zeros(), name_ports():
         netlist = convert(component, name=name, platform=platform, emit_src=sources)
     return SOURCE.sub(lambda match: f'attribute \\src "{_strip_folder(match[1])}"', netlist)
 

@@ -1,9 +1,12 @@
-"""The exported Verilog: which memories it clears."""
+"""The exported Verilog: which memories it clears, and which registers it marks."""
+
+import re
 
 import pytest
 
 from hdl.lib.line_memory import LineMemory
 from hdl.netlist import MAX_LOOP_WORDS, to_verilog
+from hdl.shell.camera import CameraCrossing
 
 
 @pytest.mark.parametrize(("words", "loops"), [(MAX_LOOP_WORDS, 1), (MAX_LOOP_WORDS + 1, 0)])
@@ -11,3 +14,10 @@ def test_a_memory_is_cleared_by_a_loop_that_tools_can_unroll(words: int, loops: 
     verilog = to_verilog(LineMemory(shape=8, depth=words))
     assert f"[{words - 1}:0];" in verilog
     assert verilog.count("initial begin : clear_") == loops
+
+
+def test_the_stages_of_synchronisers_are_marked_and_nothing_else() -> None:
+    verilog = to_verilog(CameraCrossing(video_bits=8, depth=32))
+    # Two counters and a reset cross, over two stages each.
+    assert len(re.findall(r'\(\* ASYNC_REG = "TRUE" \*\)\n  reg (?:\[\d+:0\] )?stage[01] =', verilog)) == 6
+    assert verilog.count("ASYNC_REG") == 6

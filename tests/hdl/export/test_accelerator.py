@@ -81,6 +81,10 @@ def exported(folder: Path, board: str, verilog: str, **build: Any) -> Path:
     return folder
 
 
+def test_ports_of_modules_have_names_from_the_source(verilog: str) -> None:
+    assert "port$" not in verilog
+
+
 def ports(verilog: str) -> dict[str, str]:
     """Direction of every port of the top module."""
     (top,) = re.findall(rf"^module {export.TOP}\(.*?^endmodule", verilog, re.S | re.M)
