@@ -52,7 +52,7 @@ def write_block(folder: Path, name: str, block: Block) -> None:
 
 
 def core_file(name: str, sources: Sequence[str], bench: Sequence[str]) -> str:
-    """Describe a module for FuseSoC (CAPI2), with a target ``sim`` that runs its test bench in Icarus."""
+    """Describe a module for FuseSoC (CAPI2): ``sim`` runs its test bench in Icarus, ``lint`` checks it in Verilator."""
     files = [f"      - {file}: {{file_type: systemVerilogSource}}" for file in bench if file.endswith(".v")]
     # FuseSoC runs the simulator in another folder, where $readmemh then looks for the vectors.
     files += [
@@ -76,6 +76,12 @@ def core_file(name: str, sources: Sequence[str], bench: Sequence[str]) -> str:
         "    filesets: [rtl, bench]",
         f"    toplevel: {name}_tb",
         "    tools: {icarus: {iverilog_options: [-g2012]}}",
+        "  lint:",
+        "    default_tool: verilator",
+        "    filesets: [rtl]",
+        f"    toplevel: {name}",
+        # Yosys writes Verilog that warns of widths and names.
+        "    tools: {verilator: {mode: lint-only, verilator_options: [-Wno-fatal]}}",
     ]
     return "\n".join(lines) + "\n"
 

