@@ -1,7 +1,7 @@
 """A self-checking Verilog test bench: it sends vectors, compares the answers, and prints one line with the verdict."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from hdl.blocks.vectors import Row
 
@@ -32,12 +32,17 @@ class Channel:
         Whether it can stall.
     rows : sequence of Row
         The rows to send, or the expected ones.
+    clock : str
+    condition : str
+        A Verilog expression; rows are sent only while it is true.
     """
 
     prefix: str
     fields: Mapping[str, int]
     has_ready: bool
     rows: Sequence[Row]
+    clock: str
+    condition: str
 
     @property
     def name(self) -> str:
@@ -93,6 +98,10 @@ class VerilogBench:
         Values of other inputs, which stay.
     spacing_cycles : int
         Minimum number of clocks from one input to the next.
+    clocks : mapping of str to str
+        Clocks of streams that do not have ``clock``, by prefix.
+    conditions : mapping of str to str
+        Verilog expressions for inputs that wait until they are true, by prefix.
     clock, reset : str
     reset_level : {0, 1}
         Active level of ``reset``.
@@ -104,6 +113,8 @@ class VerilogBench:
     outputs: Mapping[str, Sequence[Row]]
     settings: Mapping[str, int]
     spacing_cycles: int = 1
+    clocks: Mapping[str, str] = field(default_factory=dict)
+    conditions: Mapping[str, str] = field(default_factory=dict)
     clock: str = "clk"
     reset: str = "rst"
     reset_level: int = 1
@@ -125,8 +136,10 @@ class VerilogBench:
             f"  wire running = {self.reset} != {self.reset_level};",
             "  integer cycle = 0;",
             "  integer idle = 0;",
-            *(_source(each, self.clock, self.spacing_cycles) for each in sources),
-            *(_sink(each, self.clock) for each in sinks),
+            *(_source(each, self.spacing_cycles) for each in sources),
+            *(_sink(each) for each in sinks),
+            # Their edges meet those of the other clock in all phases.
+            *(f"  always #7.3 {clock} = !{clock};" for clock in set(self.clocks.values())),
             self._control(sinks),
             "endmodule",
         ]
@@ -140,13 +153,17 @@ class VerilogBench:
             {name: self.ports[name].bits for name in names if name not in handshake},
             handshake[1] in names,
             rows,
+            self.clocks.get(prefix, self.clock),
+            self.conditions.get(prefix, "1"),
         )
 
     def _declarations(self) -> list[str]:
         lines = []
+        clocks = dict.fromkeys((self.clock, *self.clocks.values()), 0)
+        starts = {**clocks, self.reset: self.reset_level, **self.settings}
         for name, port in self.ports.items():
             bits = f"[{port.bits - 1}:0] " if port.bits > 1 else ""
-            start = {self.clock: 0, self.reset: self.reset_level, **self.settings}.get(name)
+            start = starts.get(name)
             value = "" if start is None else f" = {port.bits}'d{start}"
             lines.append(f"  {'reg' if port.is_input else 'wire'} {bits}{name}{value};")
         return lines
@@ -171,7 +188,7 @@ class VerilogBench:
   end"""
 
 
-def _source(channel: Channel, clock: str, spacing_cycles: int) -> str:
+def _source(channel: Channel, spacing_cycles: int) -> str:
     """The Verilog that sends the rows, with gaps; fields are unknown (X) in clocks without a row."""
     name, unknown = channel.name, f"{{{channel.bits}{{1'bx}}}}"
     taken = f"{channel.valid} && {channel.ready}" if channel.has_ready else channel.valid
@@ -185,10 +202,10 @@ def _source(channel: Channel, clock: str, spacing_cycles: int) -> str:
     {channel.valid} = 0;
     {channel.data} = {unknown};
   end
-  always @(posedge {clock}) if (running) begin
+  always @(posedge {channel.clock}) if (running) begin
     if ({name}_wait > 0) {name}_wait <= {name}_wait - 1;
     if (!{channel.valid} || ({taken})) begin
-      if ({name}_next < {len(channel.rows)} && {name}_wait == 0 && cycle % 7 != 3) begin
+      if ({name}_next < {len(channel.rows)} && {name}_wait == 0 && cycle % 7 != 3 && {channel.condition}) begin
         {channel.valid} <= 1;
         {channel.data} <= {name}_rows[{name}_next];
         {name}_next <= {name}_next + 1;
@@ -201,7 +218,7 @@ def _source(channel: Channel, clock: str, spacing_cycles: int) -> str:
   end"""
 
 
-def _sink(channel: Channel, clock: str) -> str:
+def _sink(channel: Channel) -> str:
     """The Verilog that accepts answers, with stalls, and compares their specified bits."""
     name, bits, rows = channel.name, channel.bits, len(channel.rows)
     taken, stalls = f"{channel.valid} === 1'b1", ""
@@ -209,7 +226,7 @@ def _sink(channel: Channel, clock: str) -> str:
         taken += f" && {channel.ready}"
         stalls = f"""
   initial {channel.ready} = 0;
-  always @(posedge {clock}) {channel.ready} <= cycle % 5 != 2;"""
+  always @(posedge {channel.clock}) {channel.ready} <= cycle % 5 != 2;"""
     return f"""
   reg [{bits - 1}:0] {name}_rows [0:{rows - 1}];
   reg [{bits - 1}:0] {name}_specified [0:{rows - 1}];
@@ -218,7 +235,7 @@ def _sink(channel: Channel, clock: str) -> str:
     $readmemh("{name}.hex", {name}_rows);
     $readmemh("{name}_specified.hex", {name}_specified);
   end{stalls}
-  always @(posedge {clock}) if (running) begin
+  always @(posedge {channel.clock}) if (running) begin
     if ({channel.valid} === 1'bx) begin
       $display("FAIL: {channel.valid} is unknown in cycle %0d", cycle);
       $fatal(1);

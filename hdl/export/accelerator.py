@@ -19,6 +19,7 @@ from hdl.export import ip_xact, register_docs
 from hdl.export.accelerator_bench import make_accelerator_bench
 from hdl.export.boards import SOURCES, board_facts
 from hdl.export.bus_interfaces import vivado_attributes
+from hdl.export.live_bench import make_live_bench
 from hdl.netlist import to_verilog
 from hdl.registers.live_register_map import LIVE_REGISTERS
 from hdl.registers.register_map import REGISTERS, Access, Field, Register, built_constants, fields
@@ -129,8 +130,17 @@ def export_live(folder: Path, *, config: Config, **build: Unpack[Build]) -> None
         raise ValueError(f"a live build takes video of {' or '.join(map(str, LIVE_VIDEO_BITS))} bits")
     top = LiveTop(LiveAccelerator(config=config, **build))
     verilog = to_verilog(top, name=LIVE_TOP, aliases=False)
-    readme = fill_readme(["live/README.md"], config, build)
-    write_files(folder, {**core_files(LIVE_TOP, verilog, LIVE_REGISTERS), "README.md": readme})
+    bench = make_live_bench(LIVE_TOP, module_ports(top), config, video_bits=build["video_bits"]).files()
+    write_files(
+        folder,
+        {
+            **core_files(LIVE_TOP, verilog, LIVE_REGISTERS),
+            **{f"sim/{name}": text for name, text in bench.items()},
+            f"{LIVE_TOP}.core": core_file(LIVE_TOP, [f"rtl/{LIVE_TOP}.v"], [f"sim/{name}" for name in bench]),
+            f"constraints/{LIVE_TOP}.xdc": (SOURCES / "live" / f"{LIVE_TOP}.xdc").read_text(),
+            "README.md": fill_readme(["live/README.md"], config, build),
+        },
+    )
     write_host(folder / "host", "live", config, **build)
 
 

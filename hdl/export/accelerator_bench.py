@@ -14,14 +14,16 @@ from hdl.axi.video_input import pixels_per_clock
 from hdl.blocks.testbench import Port, VerilogBench
 from hdl.blocks.vectors import Row, packet, padded_status, sample_image
 from hdl.export.bus_interfaces import CLOCK, RESET
+from hdl.registers.live_register_map import LIVE_REGISTERS
 from hdl.registers.register_map import IDENTITY, REGISTERS, register_writes
-from hdl.settings import RUNNING, matched_frame_settings
+from hdl.settings import RINGS, RUNNING, matched_frame_settings
 
 FRAME_PX = MIN_FRAME_PX
 SHIFT_PX = 6
 """Horizontal shift of the second frame."""
 _CONTROL = next(register.offset for register in REGISTERS if register.name == "CONTROL")
 # Not compared: the golden model has no clock.
+_BUS, VIDEO_STREAM = "s_axi_ctrl_", "s_axis_video_t"
 _CYCLES_WORD = next(offset for field, offset in FRAME_STATUS.offsets() if field.name == "cycles") // WORD_BYTES
 
 
@@ -38,35 +40,61 @@ def make_accelerator_bench(module: str, ports: dict[str, Port], config: Config, 
     video_bits : int
         Width of the video input.
     """
-    scene = sample_image(FRAME_PX, FRAME_PX + SHIFT_PX)
-    images = [np.ascontiguousarray(scene[:, shift : shift + FRAME_PX]) for shift in (0, SHIFT_PX)]
-    config, frames = _extract_good_frames(config, images)
-    feature_packets = [_packet(frame.status, frame.features) for frame in frames]
-    matches = match(frames[0].features, frames[1].features, config.front_end.pattern, config.matcher)
-    counts = {"matches": len(matches), "kept": int(np.count_nonzero(matches["verdict"]))}
-    match_packets = [_packet(frames[0].status, matches[:0]), _packet(frames[1].status, matches, **counts)]
-    writes = _list_writes(config)
-    control = "s_axi_ctrl_"
+    frames = SampleFrames(config)
+    writes = list_writes(frames.config)
     return VerilogBench(
         module=module,
         ports=ports,
-        inputs={
-            f"{control}aw": [{f"{control}awaddr": address, f"{control}awprot": 0} for address, _ in writes],
-            f"{control}w": [{f"{control}wdata": word, f"{control}wstrb": 0xF} for _, word in writes],
-            f"{control}ar": [{f"{control}araddr": 0, f"{control}arprot": 0}],
-            "s_axis_video_t": [beat for image in images for beat in _split_into_beats(image, video_bits)],
-        },
+        inputs={**control_inputs(writes), VIDEO_STREAM: frames.beats(video_bits)},
         outputs={
-            f"{control}b": [{f"{control}bresp": 0}] * len(writes),
-            f"{control}r": [{f"{control}rdata": IDENTITY, f"{control}rresp": 0}],
-            "m_axis_features_t": _fill_stream("m_axis_features_t", *feature_packets),
-            "m_axis_matches_t": _fill_stream("m_axis_matches_t", *match_packets),
+            **control_outputs(writes),
+            **{f"m_axis_{ring}_t": fill_stream(f"m_axis_{ring}_t", *frames.packets[ring]) for ring in RINGS},
         },
         settings={},
         clock=CLOCK,
         reset=RESET,
         reset_level=0,
     )
+
+
+class SampleFrames:
+    """Two frames that move by `SHIFT_PX`, and the packets that they make."""
+
+    def __init__(self, config: Config) -> None:
+        scene = sample_image(FRAME_PX, FRAME_PX + SHIFT_PX)
+        self.images = [np.ascontiguousarray(scene[:, shift : shift + FRAME_PX]) for shift in (0, SHIFT_PX)]
+        self.config, frames = _extract_good_frames(config, self.images)
+        self.matches = match(frames[0].features, frames[1].features, self.config.front_end.pattern, self.config.matcher)
+        self.statuses = [frame.status for frame in frames]
+        counts = {"matches": len(self.matches), "kept": int(np.count_nonzero(self.matches["verdict"]))}
+        self.packets = {
+            "features": [_packet(frame.status, frame.features) for frame in frames],
+            "matches": [
+                _packet(self.statuses[0], self.matches[:0]),
+                _packet(self.statuses[1], self.matches, **counts),
+            ],
+        }
+
+    def beats(self, video_bits: int) -> list[Row]:
+        """The pixels of both frames."""
+        return [beat for image in self.images for beat in _split_into_beats(image, video_bits)]
+
+
+def control_inputs(writes: list[tuple[int, int]]) -> dict[str, list[Row]]:
+    """A read of the first register, and the writes."""
+    return {
+        f"{_BUS}aw": [{f"{_BUS}awaddr": address, f"{_BUS}awprot": 0} for address, _ in writes],
+        f"{_BUS}w": [{f"{_BUS}wdata": word, f"{_BUS}wstrb": 0xF} for _, word in writes],
+        f"{_BUS}ar": [{f"{_BUS}araddr": 0, f"{_BUS}arprot": 0}],
+    }
+
+
+def control_outputs(writes: list[tuple[int, int]]) -> dict[str, list[Row]]:
+    """The answers to `control_inputs`."""
+    return {
+        f"{_BUS}b": [{f"{_BUS}bresp": 0}] * len(writes),
+        f"{_BUS}r": [{f"{_BUS}rdata": IDENTITY, f"{_BUS}rresp": 0}],
+    }
 
 
 def _extract_good_frames(config: Config, images: list[NDArray[np.uint8]]) -> tuple[Config, list[FrameFeatures]]:
@@ -84,10 +112,10 @@ def _packet(status: np.void, records: Records, **counts: int) -> list[Row]:
     return packet(records, padded_status(status, records.dtype.itemsize, **counts), unspecified=(_CYCLES_WORD,))
 
 
-def _list_writes(config: Config) -> list[tuple[int, int]]:
-    """List addresses and words of the settings; CONTROL comes last, because it starts everything."""
-    settings = matched_frame_settings(config, FRAME_PX, FRAME_PX, gray_input=True) | RUNNING
-    return sorted(register_writes(settings), key=lambda write: write[0] == _CONTROL)
+def list_writes(config: Config, **others: int) -> list[tuple[int, int]]:
+    """List addresses and words of the settings and of ``others``; CONTROL comes last, because it starts everything."""
+    settings = matched_frame_settings(config, FRAME_PX, FRAME_PX, gray_input=True) | RUNNING | others
+    return sorted(register_writes(settings, registers=LIVE_REGISTERS), key=lambda write: write[0] == _CONTROL)
 
 
 def _split_into_beats(image: NDArray[np.uint8], video_bits: int) -> list[Row]:
@@ -105,7 +133,7 @@ def _split_into_beats(image: NDArray[np.uint8], video_bits: int) -> list[Row]:
     ]
 
 
-def _fill_stream(prefix: str, *packets: list[Row]) -> list[Row]:
+def fill_stream(prefix: str, *packets: list[Row]) -> list[Row]:
     """Turn the words of packets into rows of an AXI4-Stream."""
     return [
         {f"{prefix}keep": 0xFF, **{f"{prefix}{name}": value for name, value in word.items()}}

