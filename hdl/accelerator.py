@@ -175,6 +175,10 @@ class Accelerator(wiring.Component):
         wiring.connect(m, features.o, wiring.flipped(self.o_features))
         wiring.connect(m, matches.o, wiring.flipped(self.o_matches))
         m.d.comb += [features.i_clear.eq(clear), matches.i_clear.eq(clear)]
+        if not self.live:
+            # The shell of a live build says when its rings have written the last packets.
+            closing = features.o_closing | matches.o_closing
+            m.d.comb += self.registers.i_clearing.eq(self.registers.o_clear | clear | closing)
         return m
 
     def _settings(self, m: Module) -> None:

@@ -68,16 +68,6 @@ class Ring:
             raise AcceleratorError(f"the ring of {name} lies at {self.address:#x}, not at a multiple of {PAGE_BYTES}")
         self.read = 0
 
-    def stop(self):
-        """Switch the ring off, and wait until the accelerator no longer writes it."""
-        self.registers.write(**{f"{self.name}_enable": 0})
-        active = f"{self.name}_active"
-        for _ in range(round(TIMEOUT_SECONDS / WAIT_SECONDS)):
-            if not self.registers.read(active):
-                return
-            self.registers.bus.wait(WAIT_SECONDS)
-        raise AcceleratorError(f"{active} does not become 0; the memory does not answer: load the bitstream again")
-
     def start(self):
         """Set the ring up and switch it on; it starts at its first slot."""
         self.read = 0
@@ -158,11 +148,17 @@ class Live:
         self.registers.write(enable=1)
 
     def close(self):
-        """Switch camera and rings off. Only then may the rings' memory be freed, since the accelerator writes it."""
-        # The clear ends packets in progress, without which a ring would not stop.
+        """Switch camera and rings off, and wait until the accelerator has ended its bursts into memory.
+
+        Only then may the rings' memory be freed, the design be reset, or another one be loaded.
+        """
         self.registers.write(enable=0, clear=1)
-        for ring in self._rings.values():
-            ring.stop()
+        for _ in range(round(TIMEOUT_SECONDS / WAIT_SECONDS)):
+            if not self.registers.read("clearing"):
+                self.registers.write(features_enable=0, matches_enable=0)
+                return
+            self.registers.bus.wait(WAIT_SECONDS)
+        raise AcceleratorError("clearing does not become 0; the memory does not answer: restart the board")
 
     def counts(self):
         """Read the shell's counters since its reset, and why the last frame was dropped."""

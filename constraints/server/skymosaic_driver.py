@@ -118,6 +118,8 @@ class Accelerator(Registers):
             if self.read(channel + "_waiting"):
                 self.bus.start_receive(channel, self._received[channel])
                 self.bus.wait(self.timeout_seconds)
+        if self.read("clearing"):
+            raise AcceleratorError("a packet does not end after a clear; load the bitstream again")
         # A DMA takes some words before it is asked to: they may be such a rest.
         self.bus.reset()
 

@@ -53,7 +53,7 @@ class BurstWriter(wiring.Component):
 
     Address and data are offered side by side, since a memory may wait for data before it accepts the address. Up to
     `MAX_OUTSTANDING` bursts may be without a response; ``o_ready`` stays low until one of them has it. A reset drops
-    bursts in progress, so it has to reset the interconnect too.
+    bursts in progress: software clears first, and waits until `clearing` in STATUS is 0.
     """
 
     i_start: In(1)

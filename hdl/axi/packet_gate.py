@@ -39,6 +39,8 @@ class PacketGate(wiring.Component):
     o: Out(stream.Signature(WordPayload))
     o_done: Out(1)
     """One clock after the last word of a packet left or was discarded; not after a packet that was broken off."""
+    o_closing: Out(1)
+    """A packet that was broken off is not complete."""
     o_status: Out(_STATUS)
     """The last packet's status; valid from ``o_done`` on."""
 
@@ -58,7 +60,7 @@ class PacketGate(wiring.Component):
         m = Module()
         passes = Signal()
         under_way = Signal()
-        closing = Signal()
+        closing = self.o_closing
         closing_status = Signal()
         forgets = Signal()
         advances = Signal()

@@ -146,7 +146,11 @@ REGISTERS = (
         setting_field("hold_reference", 5),
         setting_field("adaptive", 6),
         Field(
-            "clear", 8, 1, Access.COMMAND, "Drop frames and reference; settings stay. A packet in progress ends as bad."
+            "clear",
+            8,
+            1,
+            Access.COMMAND,
+            "Drop frames and reference; settings stay. A packet in progress ends as bad: `clearing` says when.",
         ),
     ),
     Register(
@@ -173,6 +177,14 @@ REGISTERS = (
         Field("video_waiting", 0, 1, _STATUS, "A pixel waits at the input."),
         Field("features_waiting", 1, 1, _STATUS, "A word waits for its DMA on the features' stream."),
         Field("matches_waiting", 2, 1, _STATUS, "A word waits for its DMA on the matches' stream."),
+        Field(
+            "clearing",
+            3,
+            1,
+            _STATUS,
+            "A packet that `clear` broke off has not ended, or, in a live build, has not been written to memory. Once "
+            "this is 0, and while `enable` is, no packet and no burst is open: `aresetn` may be asserted.",
+        ),
     ),
     status_word("FRAMES", 0x44, "Frames since clear.", "Good and bad ones."),
     status_word("BAD_FRAMES", 0x48, "Bad frames since clear.", "Their features and matches are not valid."),

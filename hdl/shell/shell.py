@@ -93,6 +93,7 @@ class Shell(wiring.Component):
             # Memory mode cuts a stream by SIZE and ignores the camera's starts of frame.
             refusal.eq(Cat(*refused, registers.o_memory_mode)),
             registers.i_refused.eq(refusal),
+            registers.i_clearing.eq(clearing),
             crossing.i_valid.eq(self.i_camera_valid),
             crossing.i.eq(self.i_camera),
             gate.i_pressed.eq(crossing.o_pressed),

@@ -136,6 +136,15 @@ class LiveBench:
         """Run for a number of clocks."""
         self._library.live_run(self._bench, clocks)
 
+    def reset(self) -> None:
+        """Assert ``aresetn`` for a moment; an offer that is withdrawn by it is a violation."""
+        self._library.live_reset(self._bench)
+
+    @property
+    def open_bursts(self) -> int:
+        """Number of addresses, words and responses of bursts that have begun and not ended."""
+        return int(self._library.live_open_bursts(self._bench))
+
     @property
     def cycle(self) -> int:
         """Clocks since reset."""
@@ -197,17 +206,15 @@ class LiveBench:
                 return int(scores.size)
         raise TimeoutError(f"no scores in {MAX_SCORING_CLOCKS} clocks")
 
-    def send_hypotheses(self, words: NDArray[np.uint64]) -> None:
-        """Send a packet of hypotheses; scores that came before are forgotten."""
-        self._library.live_hypotheses(self._bench, words.ctypes.data, words.size)
+    def send_hypotheses(self, words: NDArray[np.uint64], *, ends: bool = True) -> None:
+        """Send words of hypotheses, the last of which may end their packet."""
+        self._library.live_hypotheses(self._bench, words.ctypes.data, words.size, ends)
 
     def take_scores(self) -> NDArray[np.uint8] | None:
-        """The packet of scores, if it has come."""
-        if not self._library.live_score_packets(self._bench):
-            return None
+        """The oldest packet of scores that has come whole."""
         words = ctypes.POINTER(ctypes.c_uint64)()
         count = self._library.live_scores(self._bench, ctypes.byref(words))
-        return np.ctypeslib.as_array(words, (count,)).view(np.uint8)
+        return np.ctypeslib.as_array(words, (count,)).view(np.uint8).copy() if count else None
 
     def wait(self, seconds: float) -> None:
         """Run for a while, whatever ``seconds`` says: simulated time is not that of the host."""
@@ -226,11 +233,12 @@ _FUNCTIONS = {
     "live_run": (None, _BENCH, _WIDE),
     "live_write": (ctypes.c_int, _BENCH, _WORD, _WORD),
     "live_read": (ctypes.c_int, _BENCH, _WORD, ctypes.POINTER(_WORD)),
-    "live_hypotheses": (None, _BENCH, ctypes.c_void_p, _WIDE),
-    "live_score_packets": (_WIDE, _BENCH),
+    "live_reset": (None, _BENCH),
+    "live_hypotheses": (None, _BENCH, ctypes.c_void_p, _WIDE, ctypes.c_int),
     "live_scores": (_WIDE, _BENCH, _WORDS),
     "live_last_pixels": (_WIDE, _BENCH, _WORDS),
     "live_cycle": (_WIDE, _BENCH),
+    "live_open_bursts": (_WIDE, _BENCH),
     "live_violations": (_WIDE, _BENCH),
     "live_errors": (_WIDE, _BENCH),
 }

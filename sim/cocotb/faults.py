@@ -127,9 +127,11 @@ async def clear_in_mid_frame(dut: Any) -> None:
         await ClockCycles(dut.aclk, WAIT_CYCLES)
     await bench.configure(left, clear=1)
     assert await bench.read("features_waiting")
+    assert await bench.read("clearing")
     assert await bench.read("frames") == 0
     features.pause = False
     broken_off = await bench.receive_packet(FEATURES)
+    assert not await bench.read("clearing")
     assert len(broken_off) % RECORD_WORDS == 0
     assert int(broken_off[-RECORD_WORDS]) == Tag.FRAME_STATUS | Cause.CLEARED << 16
     assert await bench.read("frames") == 0

@@ -53,9 +53,9 @@ struct Channel {
 
 // The DMA of hypotheses and scores: it pauses as often as the memory.
 struct Scoring {
-    std::deque<uint64_t> hypotheses;  // the words of one packet
-    std::vector<uint64_t> scores;     // the words that came back
-    uint64_t packets = 0;             // how many of these ended a packet
+    std::deque<std::pair<uint64_t, bool>> hypotheses;  // words, and whether each ends its packet
+    std::deque<std::vector<uint64_t>> scores{1};       // packets; the last one is on its way
+    std::vector<uint64_t> taken;                       // the packet that the host reads
     Offer offer;
     bool valid = false, ready = false;
 };
@@ -86,13 +86,17 @@ struct Bench {
     Camera camera;
 
     Bench() {
+        reset();
+        cycle = 0;
+    }
+
+    void reset() {
         model.reset(true);
         for (int i = 0; i < RESET_CYCLES; i++) {
             settle();
             edge();
         }
         model.reset(false);
-        cycle = 0;
     }
 
 #define CHANNELS(X) X(features, m_axi_features_) X(matches, m_axi_matches_)
@@ -114,8 +118,8 @@ struct Bench {
         scoring.valid = !scoring.hypotheses.empty() && (scoring.valid || !random.happens(waits));
         scoring.ready = !random.happens(waits);
         SET(s_axis_hypotheses_tvalid, scoring.valid);
-        SET(s_axis_hypotheses_tdata, scoring.valid ? scoring.hypotheses.front() : 0);
-        SET(s_axis_hypotheses_tlast, scoring.hypotheses.size() == 1);
+        SET(s_axis_hypotheses_tdata, scoring.valid ? scoring.hypotheses.front().first : 0);
+        SET(s_axis_hypotheses_tlast, scoring.valid && scoring.hypotheses.front().second);
         SET(m_axis_scores_tready, scoring.ready);
         SET(video_aclk, 0);
         model.settle();
@@ -153,8 +157,8 @@ struct Bench {
         const bool scored = GET(m_axis_scores_tvalid);
         hold(scoring.offer, scored, scoring.ready, GET(m_axis_scores_tdata), GET(m_axis_scores_tlast));
         if (scored && scoring.ready) {
-            scoring.scores.push_back(GET(m_axis_scores_tdata));
-            scoring.packets += GET(m_axis_scores_tlast);
+            scoring.scores.back().push_back(GET(m_axis_scores_tdata));
+            if (GET(m_axis_scores_tlast)) scoring.scores.emplace_back();
         }
         if (scoring.valid && GET(s_axis_hypotheses_tready)) {
             scoring.hypotheses.pop_front();
@@ -191,6 +195,16 @@ struct Bench {
             }
             channel.answers.push_back({cycle + 1 + (latency ? random.next() % latency : 0), fails});
         }
+    }
+
+    // Addresses, words and responses of bursts that have begun and not ended.
+    uint64_t open_bursts() {
+        uint64_t open = 0;
+#define COUNT(channel, port)                                                                            \
+    open += channel.bursts.size() + channel.words.size() + channel.answers.size();                      \
+    open += GET(port##awvalid) + GET(port##wvalid);
+        CHANNELS(COUNT)
+        return open;
     }
 
     // What the camera shows in its next clock: a pixel, or a pause.
@@ -251,17 +265,20 @@ void live_run(Bench *bench, uint64_t clocks) {
 }
 int live_write(Bench *bench, uint32_t address, uint32_t data) { return write_register(*bench, address, data); }
 int live_read(Bench *bench, uint32_t address, uint32_t *data) { return read_register(*bench, address, data); }
-// A packet of hypotheses; what came back before is forgotten.
-void live_hypotheses(Bench *bench, const uint64_t *words, uint64_t count) {
-    bench->scoring.hypotheses.insert(bench->scoring.hypotheses.end(), words, words + count);
-    bench->scoring.scores.clear();
-    bench->scoring.packets = 0;
+void live_reset(Bench *bench) { bench->reset(); }
+void live_hypotheses(Bench *bench, const uint64_t *words, uint64_t count, int ends) {
+    for (uint64_t i = 0; i < count; i++) bench->scoring.hypotheses.push_back({words[i], ends && i == count - 1});
 }
-uint64_t live_score_packets(const Bench *bench) { return bench->scoring.packets; }
-uint64_t live_scores(const Bench *bench, const uint64_t **words) {
-    *words = bench->scoring.scores.data();
-    return bench->scoring.scores.size();
+// The oldest whole packet of scores, or 0 words.
+uint64_t live_scores(Bench *bench, const uint64_t **words) {
+    Scoring &scoring = bench->scoring;
+    if (scoring.scores.size() == 1) return 0;
+    scoring.taken = std::move(scoring.scores.front());
+    scoring.scores.pop_front();
+    *words = scoring.taken.data();
+    return scoring.taken.size();
 }
+uint64_t live_open_bursts(Bench *bench) { return bench->open_bursts(); }
 uint64_t live_cycle(const Bench *bench) { return bench->cycle; }
 uint64_t live_violations(const Bench *bench) { return bench->violations; }
 uint64_t live_errors(const Bench *bench) { return bench->errors; }

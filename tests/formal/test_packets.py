@@ -124,6 +124,8 @@ class _Cleared(Elaboratable):
         with m.If(gate.buffer.o.valid & gate.buffer.o.ready & o.valid):
             m.d.sync += of_side.eq(data[0])
             m.d.comb += Assert(~begun | (data[0] == of_side))
+        with m.If(begun & (of_side != side)):
+            m.d.comb += Assert(gate.o_closing)
         m.d.comb += [
             Cover(given & broken & of_source),
             Cover(given & o.payload.last & of_source & (side != data[0])),

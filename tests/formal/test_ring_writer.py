@@ -94,16 +94,13 @@ class _Bursts(Elaboratable):
 
 
 class _Ring(Elaboratable):
-    """Packets of any length, a ring that is switched off and on, a reader that frees slots or never does.
-
-    What the memory answers has no part in where a burst goes: it may answer anything.
-    """
+    """Packets of any length, a ring that is switched off and on, a reader that frees slots or never does."""
 
     def __init__(self) -> None:
         self.writer = RingWriter(record_words=2, max_words=2, fifo_words=2 * BURST_WORDS)
         self.valid, self.last, self.enable, self.reads = (Signal(name=n) for n in ("valid", "last", "enable", "reads"))
-        bus = self.writer.bus
-        self.ports = [self.valid, self.last, self.enable, self.reads, bus.awready, bus.wready, bus.bvalid, bus.bresp]
+        self.memory = _Memory()
+        self.ports = [self.valid, self.last, self.enable, self.reads, *self.memory.ports]
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
@@ -129,7 +126,10 @@ class _Ring(Elaboratable):
         with m.Elif(self.reads & (unread != 0) & ~ended):
             m.d.sync += unread.eq(unread - 1)
         bus = writer.bus
-        held(m, Assert, bus.awvalid, bus.awready, bus.awaddr)
+        opened = self.memory.connect(m, bus, stable=bus.wstrb)
+        # What a reset waits for.
+        with m.If(writer.o_idle):
+            m.d.comb += Assert((opened == 0) & ~bus.awvalid & ~bus.wvalid)
         page = bus.awaddr[12:]
         with m.If(bus.awvalid):
             m.d.comb += [

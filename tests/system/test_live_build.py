@@ -141,6 +141,45 @@ def test_a_camera_that_breaks_frames_off_and_changes_size(reader: Any) -> None:
     bench.close()
 
 
+def test_no_burst_is_open_when_a_clear_is_complete(reader: Any) -> None:
+    """Whenever it is asked for, and however the memory waits: the reset that follows cuts nothing off."""
+    bench, live = opened(reader, waits=150, latency_clocks=300, seed=2)
+    rng, frames, open_before = np.random.default_rng(3), views(3), 0
+    for number in range(40):
+        bench.show(frames[:2])
+        bench.run(int(rng.integers(50_000)))
+        # Every other time within a burst.
+        for _ in range(100_000 * (number % 2)):
+            bench.run(1)
+            if bench.open_bursts and rng.random() < 0.02:
+                break
+        open_before += bench.open_bursts > 0
+        live.close()
+        assert bench.open_bursts == 0
+        bench.run(int(rng.integers(3000)))
+        assert bench.open_bursts == 0
+        bench.reset()
+        assert bench.violations == 0
+        live.restart()
+    assert open_before > 10
+    bench.show(frames)
+    found = [frame for frame in iter(lambda: _taken(live), None) if frame.good][-1]
+    expected = extract(frames[-1], CONFIG.front_end.for_size(*SIZE_PX), frame=int(found.status["frame"]))
+    np.testing.assert_array_equal(found.features, expected.features)
+    bench.close()
+
+
+def test_a_reset_without_a_clear_leaves_bursts_open(reader: Any) -> None:
+    """What the test before relies on."""
+    bench, _ = opened(reader, waits=150, latency_clocks=300, seed=2)
+    bench.show(views(2))
+    while not bench.open_bursts:
+        bench.run(1)
+    bench.reset()
+    assert bench.open_bursts or bench.violations
+    bench.close()
+
+
 def _taken(live: Any) -> Any:
     frame = live.next_frame(0.05)
     if frame is not None:

@@ -26,7 +26,7 @@ MAX_RECORDS = 40
 SLOTS = 4
 BASES = {"features": 0x9_1000_0000, "matches": 0x9_1000_0000 + SLOTS * PAGE_BYTES}
 SYNC_S = 1e-8
-CHECKED = ("refused", *(f"{ring}_active" for ring in RINGS))
+CHECKED = ("refused", "clearing", *(f"{ring}_active" for ring in RINGS))
 """Fields that only the shell sets."""
 
 Beat = tuple[int, int, int] | dict[str, int] | None

@@ -90,9 +90,10 @@ def test_settings_that_cannot_work_are_refused() -> None:
 def test_a_ring_is_active_until_nothing_of_it_is_being_written(stuck: bool) -> None:
     bench = ShellBench(seed=6)
     bench.memory.stuck = stuck
-    off = {"enable": 0, **{f"{ring}_enable": 0 for ring in RINGS}}
-    told = {f"{ring}_active": int(stuck) for ring in RINGS}
-    bench.simulate([*frame(0), *PAUSE[:8], off, *PAUSE, *PAUSE, *PAUSE, told], clocks_after=1)
+    off = {"enable": 0, "clear": 1, **{f"{ring}_enable": 0 for ring in RINGS}}
+    told = {"clearing": int(stuck), **{f"{ring}_active": int(stuck) for ring in RINGS}}
+    begins = [off, None, None, {"clear": 0, "clearing": 1}]
+    bench.simulate([*frame(0), *PAUSE[:8], *begins, *PAUSE, *PAUSE, *PAUSE, told], clocks_after=1)
     # The first packet is under way, and `written` says nothing of it.
     assert len(bench.run.emitted["features"]) == 1
     assert not bench.run.delivered["features"] or not stuck
