@@ -27,6 +27,7 @@ from golden_model.config import PRESETS
 from golden_model.feature.ilbp import ILBP_128
 from hdl.export.accelerator import write_host
 from hdl.export.boards import SOURCES
+from sim.benches.pynq_package import NEWEST
 from sim.scene import make_pair
 from skymosaic import Pair, mosaic
 from skymosaic.reports import figures
@@ -44,7 +45,7 @@ DRAWN_BYTE = 0
 """The byte of the descriptor whose eight comparisons are drawn."""
 NOTEBOOK = SOURCES / "pynq" / "skymosaic.ipynb"
 NOTEBOOK_SIZE_PX = (320, 240)
-PYNQ = "from sim.benches.pynq_board import open_board\n\nopen_board()\n"
+PYNQ = "from sim.benches.pynq_board import open_board\n\nopen_board(version={!r})\n"
 """A module of the name: importing it puts PYNQ's own package in its place."""
 NOTE = """<!-- Written by `python -m bench.pictures notebook`. -->
 
@@ -123,13 +124,13 @@ def notebook(
     page.write_text(notebook_page(run_notebook(), folder, os.path.relpath(folder, page.parent)), encoding="utf-8")
 
 
-def run_notebook(size_px: tuple[int, int] = NOTEBOOK_SIZE_PX) -> Any:
-    """The notebook with its outputs, for a rendered pair."""
+def run_notebook(size_px: tuple[int, int] = NOTEBOOK_SIZE_PX, pynq: str = NEWEST) -> Any:
+    """The notebook with its outputs, for a rendered pair, on a version of PYNQ."""
     executed = nbformat.read(NOTEBOOK, as_version=4)
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         write_host(folder, "pynq", PRESETS["aerial"])
-        (folder / "pynq.py").write_text(PYNQ)
+        (folder / "pynq.py").write_text(PYNQ.format(pynq))
         for name, image in zip(("left", "right"), make_pair(seed=SEED, size=size_px).images, strict=True):
             np.save(folder / f"{name}.npy", np.ascontiguousarray(image[..., 1]))
         environment = {

@@ -18,7 +18,8 @@ class Scorer:
     def __init__(self, bus):
         self.bus = bus
         self._sent = bus.allocate(MAX_HYPOTHESES * register_map.HYPOTHESIS.itemsize)
-        self._received = bus.allocate(MAX_HYPOTHESES * register_map.SCORE.itemsize)
+        # Room for the answer to a record that ends a broken packet.
+        self._received = bus.allocate((MAX_HYPOTHESES + 1) * register_map.SCORE.itemsize)
 
     def score(self, homographies):
         """Score homographies.

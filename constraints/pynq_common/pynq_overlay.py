@@ -60,7 +60,11 @@ def _lock_overlay():
     """Take a lock, which the system releases when the process ends, however it does."""
     if _locks:
         return
-    lock = os.open(LOCK, os.O_RDWR | os.O_CREAT, 0o600)
+    try:
+        # Everyone can write to the folder, and could put a link there.
+        lock = os.open(LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
+    except OSError as error:
+        raise AcceleratorError(f"{LOCK}: {error.strerror}; remove it") from None
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

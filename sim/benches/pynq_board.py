@@ -169,17 +169,17 @@ class Board:
 
 
 class _Polled:
-    """A DMA's registers; time passes when one is read."""
+    """Registers; time passes when one is read."""
 
-    def __init__(self, dma: Dma, system: AcceleratorSystem | LiveSystem) -> None:
-        self._dma, self._system = dma, system
+    def __init__(self, block: Block, system: AcceleratorSystem | LiveSystem) -> None:
+        self._block, self._system = block, system
 
     def read(self, offset: int) -> int:
         self._system.advance()
-        return self._dma.read(offset)
+        return self._block.read(offset)
 
     def write(self, offset: int, value: int) -> None:
-        self._dma.write(offset, value)
+        self._block.write(offset, value)
 
 
 class AcceleratorSystem:
@@ -241,16 +241,17 @@ class LiveSystem:
         self.bench = bench
         self.board = board = Board(bench.memory, BASE)
         self.scores = Dma(SendChannel(board), ReceiveChannel(board))
-        board.add("skymosaic_live", ACCELERATOR_ADDRESS, "skymosaic:vision:skymosaic_live:1.0", bench, {})
+        registers = _Polled(bench, self)
+        board.add("skymosaic_live", ACCELERATOR_ADDRESS, "skymosaic:vision:skymosaic_live:1.0", registers, {})
         board.add_dma("dma_scores", DMA_ADDRESS, self.scores, _Polled(self.scores, self))
 
     def advance(self) -> None:
-        """Run the simulation for `POLL_CLOCKS`; a packet of hypotheses goes in whole."""
+        """Run the simulation for `POLL_CLOCKS`; what the DMA sends goes in at once."""
         send, receive = self.scores.send, self.scores.receive
         assert send is not None
         assert receive is not None
         if send.outgoing.size:
-            self.bench.send_hypotheses(send.outgoing.view(np.uint64))
+            self.bench.send_hypotheses(send.outgoing.view(np.uint64), ends=send.ends_packet)
             send.sent(send.outgoing.size)
         self.bench.run(POLL_CLOCKS)
         if receive.is_busy and (scores := self.bench.take_scores()) is not None:

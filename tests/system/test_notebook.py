@@ -9,6 +9,7 @@ import pytest
 from bench import pictures
 from golden_model.config import PRESETS
 from sim.backends.interface import load_backend
+from sim.benches.pynq_package import NEWEST, OLDER
 from sim.scene import make_pair
 
 SIZE_PX = (160, 120)
@@ -17,8 +18,9 @@ SOURCES = [cell.source for cell in nbformat.read(pictures.NOTEBOOK, as_version=4
 
 @pytest.mark.needs("pynq")
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of Jupyter's own packages
-def test_the_notebook_runs_and_gives_what_the_golden_model_gives() -> None:
-    made = pictures.run_notebook(SIZE_PX)
+@pytest.mark.parametrize("version", [NEWEST, *(pytest.param(older, marks=pytest.mark.slow) for older in OLDER)])
+def test_the_notebook_runs_and_gives_what_the_golden_model_gives(version: str) -> None:
+    made = pictures.run_notebook(SIZE_PX, version)
     assert [cell.source for cell in made.cells] == SOURCES
     outputs = [output for cell in made.cells for output in cell.get("outputs", [])]
     printed = "".join(output.text for output in outputs if output.output_type == "stream")

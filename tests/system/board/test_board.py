@@ -293,6 +293,19 @@ def test_two_processes_do_not_share_an_overlay(driver: Any, monkeypatch: pytest.
     assert sys.modules["pynq_bus"].PynqBus("skymosaic.bit").read(0) == int.from_bytes(b"SKYM", "big")
 
 
+def test_a_link_in_the_place_of_the_lock_is_not_followed(
+    driver: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    module, target = sys.modules["pynq_overlay"], tmp_path / "target"
+    target.write_text("kept")
+    (tmp_path / "lock").symlink_to(target)
+    monkeypatch.setattr(module, "LOCK", tmp_path / "lock")
+    monkeypatch.setattr(module, "_locks", [])
+    with pytest.raises(sys.modules["skymosaic_registers"].AcceleratorError, match=r"lock: .*; remove it"):
+        sys.modules["pynq_bus"].PynqBus("skymosaic.bit")
+    assert target.read_text() == "kept"
+
+
 def test_an_overlay_without_the_blocks_is_named(
     driver: Any, system: AcceleratorSystem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
