@@ -24,10 +24,11 @@ SEND, RECEIVE = 0x00, 0x30
 CONTROL, STATUS = 0x00, 0x04
 RUN, RESET = 1 << 0, 1 << 2
 HALTED = 1 << 0
+# The most precise first: a write that fails sets the last bit as well.
 ERRORS = {
-    1 << 4: "an internal error: a packet is longer than its buffer, or the memory failed",
-    1 << 5: "a slave error: the memory refuses the buffer's address",
     1 << 6: "a decode error: there is no memory at the buffer's address",
+    1 << 5: "a slave error: the memory refuses the buffer's address",
+    1 << 4: "an internal error: a packet is longer than its buffer, or the memory failed",
 }
 
 _locks = []

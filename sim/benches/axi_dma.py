@@ -193,7 +193,8 @@ class ReceiveChannel(Channel):
         try:
             self.memory.store(self.address + self._received, data[: self.length - self._received])
         except MemoryFaultError as fault:
-            self._fail(fault.status)
+            # "Flagged if any error occurs during Memory write", besides the bit of the error itself.
+            self._fail(fault.status | Status.INTERNAL_ERROR)
             return
         self._received += data.size
         if self._received > self.length or (self._received == self.length and not last):
