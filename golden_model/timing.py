@@ -21,7 +21,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from golden_model.config import SUPPRESSION_MARGIN_PX, Config, FrontEndConfig, MatcherConfig
+from golden_model.config import (
+    CELL_SIZES_PX,
+    MAX_FRAME_PX,
+    SUPPRESSION_MARGIN_PX,
+    Config,
+    FrontEndConfig,
+    MatcherConfig,
+)
 from golden_model.feature.ilbp import DescriptorPattern
 from golden_model.matching import rule_bases
 from golden_model.matching.fuzzy import SugenoSystem
@@ -84,9 +91,9 @@ class Latencies:
 
 
 _READ_CYCLES = 3
-_ROW_CYCLES = 320
-"""At most, from the end of a cell row to its last feature, besides their words: pipeline, and empty cells of the
-largest build."""
+_ROW_CYCLES = 128 + 3 * MAX_FRAME_PX // (2 * CELL_SIZES_PX[0])
+"""At most, from the end of a cell row to its last feature, besides their words: less than 128 clocks of pipeline, and a
+clock for each empty cell, of both levels of the largest build."""
 DISTANCE_CYCLES = {8: 4, 16: 5, 24: 5, 32: 5, 128: 5, 256: 8}
 """Operand register and population count, by the length of the descriptor in bits."""
 SAD_CYCLES = 3
