@@ -10,6 +10,7 @@ import typer
 from skymosaic.cli.options import OverwriteOption, RequireMapOption, StrictOption, output_option, with_options
 from skymosaic.cli.session import session
 from skymosaic.errors import InputError, RegistrationError
+from skymosaic.features.standing import STANDS_STILL
 from skymosaic.flight.picture.mapping import explain_absence
 from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, OutputForm
 from skymosaic.imagery import images
@@ -132,6 +133,8 @@ def write_live_mosaic(
         if require_map:
             raise RegistrationError(f"{explain_absence(output, place)}; nothing was written")
         session.warn(explain_absence(output, place))
+    if mosaic.stands_still:
+        session.warn(STANDS_STILL)
     # Without a moving display, which a closed terminal would not take.
     session.tell("writing")
     mosaic.save(output, overwrite=overwrite)

@@ -145,7 +145,7 @@ def _show(deliveries: Sequence[Delivery], output: Path, report: Path | None) -> 
         if flight.sources[0].bend is not None:
             session.show("warp: a mesh bends the left photograph to follow the relief")
     if any(link.standing for link in flight.links):
-        session.warn(STANDS_STILL)
+        session.warn(f"{STANDS_STILL}; --mask hides it")
     for delivery in deliveries:
         _show_mosaic(delivery, output if output == STDOUT else delivery.path)
     if (lens := flight.calibration) is not None:

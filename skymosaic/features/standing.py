@@ -20,7 +20,7 @@ NEARBY = 0.05
 """Radius around a still match, as a share of the image's longer side."""
 MIN_SHARE_APART = 0.5
 """Share of the features that have no still match nearby, in both images: a scene that is still has them everywhere."""
-STANDS_STILL = "what stands still in both pictures (a display, dirt on the lens) is not counted; --mask hides it"
+STANDS_STILL = "what stands still in both pictures (a display, dirt on the lens) is not counted"
 """Note of a result that leaves such matches out."""
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from golden_model.arrays import Pixels
+from golden_model.arrays import Float32, Pixels
 from skymosaic.imagery.decoding import check_file
 from skymosaic.imagery.images import reduce_to_width, save
 from skymosaic.imagery.photographs import Source, list_sources
@@ -22,8 +22,15 @@ KEY_OVERLAP = 0.65
 with as few frames as possible."""
 FLOW_WIDTH_PX = 320
 """Frames are reduced to this width to compute their optical flow."""
-FLOW_CORNERS = 200
+FLOW_CORNERS = 400
+MIN_QUALITY = 0.001
+"""Strength of the weakest corner, relative to the strongest: white text over soil leaves no others at 0.01."""
 MIN_CORNERS = 12
+STILL_SHARE = 0.25
+"""Corners that have moved less than this share of what the farthest tenth has may move with the camera: an on-screen
+display, dirt on the lens."""
+MIN_SHARE_MOVING = 0.2
+"""If fewer of the corners move, the camera hovers above something that moves."""
 
 
 @contextlib.contextmanager
@@ -113,7 +120,7 @@ class _Flow:
 
     def __init__(self, key: Pixels) -> None:
         self._last = key
-        corners = cv2.goodFeaturesToTrack(key, FLOW_CORNERS, qualityLevel=0.01, minDistance=7)
+        corners = cv2.goodFeaturesToTrack(key, FLOW_CORNERS, qualityLevel=MIN_QUALITY, minDistance=7)
         self._key_points = np.zeros((0, 1, 2), np.float32) if corners is None else corners
         self._points = self._key_points
 
@@ -126,14 +133,28 @@ class _Flow:
         self._last, self._points, self._key_points = gray, points[tracked], self._key_points[tracked]
         if len(self._points) < MIN_CORNERS:
             return 0.0
-        motion, inliers = cv2.estimateAffinePartial2D(self._key_points, self._points, ransacReprojThreshold=2.0)
-        if motion is None or inliers.sum() < MIN_CORNERS:
+        motion = _motion(self._key_points, self._points)
+        if motion is None:
             return 0.0
         # The area of the key frame's outline, clipped to the new frame. The determinant undoes the change of scale.
         height, width = gray.shape
         frame = np.array([[0, 0], [width, 0], [width, height], [0, height]], np.float32)
         common, _ = cv2.intersectConvexConvex(frame, cv2.transform(frame[None], motion)[0])
         return float(common / (np.linalg.det(motion[:, :2]) * width * height))
+
+
+def _motion(key_points: Float32, points: Float32) -> Float32 | None:
+    """The similarity (2, 3) that most of the moving corners follow; None if too few do.
+
+    The corners of an on-screen display stay, but for a drift by what passes behind them, and all others that stay with
+    them fit the motion as well as those that move.
+    """
+    distance_px = np.linalg.norm(points - key_points, axis=(1, 2))
+    moves = distance_px > STILL_SHARE * np.percentile(distance_px, 90)
+    if np.count_nonzero(moves) < MIN_SHARE_MOVING * len(moves):
+        moves[:] = True
+    motion, inliers = cv2.estimateAffinePartial2D(key_points[moves], points[moves], ransacReprojThreshold=2.0)
+    return None if motion is None or inliers.sum() < MIN_CORNERS else np.asarray(motion, dtype=np.float32)
 
 
 def _small_gray(pixels: Pixels) -> Pixels:

@@ -10,7 +10,6 @@ import contextlib
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -23,7 +22,7 @@ from sim.backends.interface import load_backend
 from skymosaic.compositing.warp import CANVAS_LIMIT_PX, Canvas, CanvasError
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.flight.candidates import MIN_VOTES, MOST_SIMILAR
-from skymosaic.flight.linking.links import link_views
+from skymosaic.flight.linking.links import Candidate, Link, link_views
 from skymosaic.flight.linking.resemblance import count_votes
 from skymosaic.flight.picture.mapping import Camera, MapPlace, place_cameras
 from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES
@@ -115,6 +114,11 @@ class LiveMosaic:
     on_frame : callable, optional
         Receives the `LiveUpdate` of each frame. What it raises leaves `add`; the frame stays in the mosaic.
 
+    Attributes
+    ----------
+    stands_still : bool
+        Whether frames showed what moves with the camera, such as a display, which was not counted.
+
     Raises
     ------
     InputError
@@ -149,7 +153,8 @@ class LiveMosaic:
             raise InputError(f"scale is {scale}; it must be more than 0 and at most 1")
         self._config = config or preset_config(preset)
         self._front_end = load_backend(backend)
-        self._link_views = partial(link_views, config=self._config, seed=seed)
+        self._seed = seed
+        self.stands_still = False
         self._working_width_px = working_width_px
         self._scale = scale
         self._canvas_limit_px = canvas_limit_px
@@ -270,7 +275,12 @@ class LiveMosaic:
         return max(self._submaps, key=lambda submap: len(submap.frames), default=self._empty_submap())
 
     def _empty_submap(self) -> Submap:
-        return Submap(self._link_views, self._canvas_limit_px)
+        return Submap(self._link, self._canvas_limit_px)
+
+    def _link(self, pair: Candidate, left: Records, right: Records) -> Link:
+        link = link_views(pair, left, right, config=self._config, seed=self._seed)
+        self.stands_still |= link.standing
+        return link
 
     def _describe(self, pixels: Pixels, features: Records | None, name: str, taken: Metadata) -> Frame:
         """Reduce a frame to the working width, and compute its features unless they are given."""

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from golden_model.config import preset_config
-from sim.scene import Flight, make_lawnmower
+from sim.scene import Flight
 from skymosaic import mosaic
 from skymosaic.cli.live import grow
 from skymosaic.cli.live import live as live_command
@@ -157,9 +157,9 @@ def test_a_folder_that_cannot_be_read_is_refused_at_once(tmp_path: Path, monkeyp
         next(frames)
 
 
-def start_live(tmp_path: Path, *before: str) -> subprocess.Popen[str]:
+def start_live(tmp_path: Path, frames: list[np.ndarray], *before: str) -> subprocess.Popen[str]:
     """A live mosaic of a folder that never ends by itself, which has placed its second frame."""
-    for index, image in enumerate(make_lawnmower(1, 2, SIZE).images):
+    for index, image in enumerate(frames[:2]):
         cv2.imwrite(str(tmp_path / f"{index}.png"), image)
     command = [*before, "-m", "skymosaic", "live", str(tmp_path), "-o", str(tmp_path / "grown.jpg")]
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
@@ -185,8 +185,8 @@ os.waitpid(child, 0)
 
 
 @pytest.mark.parametrize("end", ["SIGTERM", "SIGHUP", "closed terminal"])
-def test_the_mosaic_is_written_when_the_system_ends_it(tmp_path: Path, end: str) -> None:
-    process = start_live(tmp_path, *(["-c", HANG_UP] if end == "closed terminal" else []))
+def test_the_mosaic_is_written_when_the_system_ends_it(tmp_path: Path, frames: list[np.ndarray], end: str) -> None:
+    process = start_live(tmp_path, frames, *(["-c", HANG_UP] if end == "closed terminal" else []))
     if end != "closed terminal":
         process.send_signal(getattr(signal, end))
     errors = process.communicate(timeout=60)[1]

@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sim.scene import make_lawnmower, make_pair
 from skymosaic import mosaics, register
 from skymosaic.errors import RegistrationError
+from skymosaic.imagery.key_frames import select_key_frames
+from skymosaic.live.mosaic import LiveMosaic
+from skymosaic.tracking.template import Roi
+from skymosaic.tracking.tracker import Tracker
 
 SIZE = (640, 480)
 
@@ -32,10 +35,27 @@ def with_dirt(image: np.ndarray) -> np.ndarray:
     return shown
 
 
+def ground(seed: int) -> np.ndarray:
+    """A place from above: noise of four sizes, which costs a hundredth of a rendered scene."""
+    rng, (width, height) = np.random.default_rng(seed), SIZE
+    layers = [
+        cv2.resize(rng.normal(0, 1, (height // size, width // size, 3)), (2 * width, 2 * height)) * np.sqrt(size)
+        for size in (2, 5, 14, 40)
+    ]
+    return np.asarray(cv2.normalize(np.sum(layers, axis=0), None, 0, 255, cv2.NORM_MINMAX), dtype=np.uint8)
+
+
+def seen(place: np.ndarray, x_px: float, y_px: float, degrees: float = 0.0) -> np.ndarray:
+    """A photograph of a place, turned about its middle."""
+    to_place = cv2.getRotationMatrix2D((SIZE[0] / 2, SIZE[1] / 2), degrees, 1.0)
+    to_place[:, 2] += x_px, y_px
+    return np.asarray(cv2.warpAffine(place, to_place, SIZE, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP))
+
+
 @pytest.fixture(scope="module")
 def sites() -> list[np.ndarray]:
     """Photographs of three places that have nothing in common."""
-    return [make_pair(seed=seed, size=SIZE).images[0] for seed in (5, 6, 7)]
+    return [seen(ground(seed), 300, 200) for seed in (5, 6, 7)]
 
 
 @pytest.mark.parametrize("cover", [with_display, with_dirt])
@@ -52,7 +72,8 @@ def test_three_places_with_one_display_are_no_mosaic(sites: list[NDArray[np.uint
 
 @pytest.mark.parametrize("cover", [with_display, with_dirt])
 def test_the_ground_behind_it_is_registered(cover: Callable[..., Any]) -> None:
-    left, right = make_pair(seed=5, size=SIZE).images
+    place = ground(5)
+    left, right = seen(place, 200, 150), seen(place, 330, 190, degrees=4)
     plain, covered = register(left, right), register(cover(left), cover(right))
     assert covered.accepted
     corners = np.array([(0, 0, 1), (640, 0, 1), (640, 480, 1), (0, 480, 1)], dtype=float).T
@@ -75,6 +96,39 @@ def test_a_camera_that_hovers_sees_the_ground(sites: list[NDArray[np.uint8]]) ->
 
 
 def test_a_flight_behind_a_display_is_whole() -> None:
-    images = [with_display(image) for image in make_lawnmower(1, 4, SIZE).images]
+    place = ground(8)
+    corners = ((50, 40), (300, 70), (330, 300), (60, 280))
+    images = [with_display(seen(place, *corner, degrees=3 * turn)) for turn, corner in enumerate(corners)]
     (whole,) = mosaics(images)
     assert len(whole.placed) == 4
+
+
+def test_a_live_mosaic_joins_no_different_places_and_says_why(sites: list[NDArray[np.uint8]]) -> None:
+    live = LiveMosaic()
+    assert [live.add(with_display(site)).submaps for site in sites] == [1, 2, 3]
+    assert live.stands_still
+
+
+@pytest.mark.parametrize("cover", [with_display, with_dirt])
+def test_a_film_has_the_same_key_frames_behind_it(cover: Callable[..., Any]) -> None:
+    place = ground(9)
+    film = [np.ascontiguousarray(place[200:680, x : x + SIZE[0]]) for x in range(0, 600, 15)]
+    numbers = [frame.number for frame in select_key_frames(film)]
+    assert len(numbers) > 3
+    assert [frame.number for frame in select_key_frames(map(cover, film))] == numbers
+
+
+def test_a_track_does_not_stay_with_a_cross_that_the_object_leaves() -> None:
+    place, car = ground(10), ground(11)[:60, :90]
+
+    def frame(x_px: int) -> np.ndarray:
+        shown = place[: SIZE[1], 2 * x_px : 2 * x_px + SIZE[0]].copy()
+        shown[210:270, 275 + x_px : 365 + x_px] = car
+        return with_display(shown)
+
+    with Tracker(Roi(275, 210, 90, 60)) as tracker:
+        tracked = [tracker.follow(frame(x_px)) for x_px in range(0, 60, 4)]
+    assert sum(each.pose is not None for each in tracked) >= 10
+    for number, each in enumerate(tracked):
+        if each.corners is not None:
+            np.testing.assert_allclose(each.corners[0], (274.5 + 4 * number, 209.5), atol=1.5)
