@@ -17,6 +17,12 @@ def zero_run(data: bytes, rng: np.random.Generator) -> bytes:
     return data[:start] + bytes(len(data[start : start + length])) + data[start + length :]
 
 
+def damage_block(data: bytes, rng: np.random.Generator) -> bytes:
+    """Zero 400 bytes in the middle half, away from headers and directories."""
+    start = int(rng.integers(len(data) // 4, 3 * len(data) // 4))
+    return data[:start] + bytes(400) + data[start + 400 :]
+
+
 def truncate(data: bytes, rng: np.random.Generator) -> bytes:
     return data[: int(rng.integers(len(data)))]
 
@@ -59,14 +65,14 @@ def mutated(data: bytes, rng: np.random.Generator) -> bytes:
 WORDS = ("nan", "-1", "0", "1e999", "true", "'text'", "[]", "{}", "99999999999999999999", "2024-01-01", '"\\u0000"')
 
 
-def mutated_text(text: str, rng: np.random.Generator) -> bytes:
-    """A TOML file with values replaced, lines removed, repeated or put in another order, or with damaged bytes."""
+def mutated_text(text: str, rng: np.random.Generator, separator: str = "=") -> bytes:
+    """Replace values of a file of keys and values; repeat or shuffle its lines, or damage its bytes."""
     lines = text.splitlines()
     for _ in range(rng.integers(1, 4)):
         place, choice = int(rng.integers(len(lines))), int(rng.integers(5))
-        key = lines[place].partition("=")[0]
+        key = lines[place].partition(separator)[0]
         if choice == 0:
-            lines[place] = f"{key}= {rng.choice(WORDS)}"
+            lines[place] = f"{key}{separator} {rng.choice(WORDS)}"
         elif choice == 1:
             lines.insert(place, lines[place])
         elif choice == 2:
@@ -74,6 +80,6 @@ def mutated_text(text: str, rng: np.random.Generator) -> bytes:
         elif choice == 3:
             rng.shuffle(lines)
         else:
-            lines[place] = f"{key}= {'[' * int(rng.integers(1, 5000))}"
+            lines[place] = f"{key}{separator} {'[' * int(rng.integers(1, 5000))}"
     data = "\n".join(lines).encode()
     return mutated(data, rng) if rng.random() < 0.3 else data

@@ -123,7 +123,8 @@ def _convert_to_metres(path: Path, name: str, points: Points) -> tuple[str, Poin
         name = f"EPSG:{326 if zone[2].upper() == 'N' else 327}{int(zone[1]):02}"
     try:
         crs = rasterio.crs.CRS.from_user_input(name)
-    except (rasterio.errors.RasterioError, rasterio.errors.CRSError):
+    # ValueError: "EPSG:" without a number.
+    except (rasterio.errors.RasterioError, rasterio.errors.CRSError, ValueError):
         raise InputError(f"{path}: {name!r} is no coordinate system; begin with a line such as EPSG:32615") from None
     if crs.is_geographic:
         return project_to_utm([Position(latitude, longitude) for longitude, latitude in points.tolist()])

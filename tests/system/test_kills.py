@@ -1,9 +1,11 @@
-"""A flight that is killed again and again ends with the same bytes, and leaves nothing."""
+"""Commands that are killed again and again: each output is whole or absent, and the last run leaves nothing else."""
 
+import json
 import os
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -13,41 +15,91 @@ import pytest
 from sim.scene import make_lawnmower
 
 KILLS = 30
-MAX_SECONDS = 6.0
+MAX_SECONDS = 8.0
+pytestmark = pytest.mark.slow
 
 
-def command(folder: Path, output: Path, cache: Path) -> list[str]:
-    words = ("mosaic", folder, "-o", output, "--overwrite", "--cache", cache)
-    return [sys.executable, "-m", "skymosaic", *map(str, words)]
-
-
-@pytest.mark.slow
-def test_thirty_kills_at_random_moments(tmp_path: Path) -> None:
-    folders = {name: tmp_path / name for name in ("photographs", "out", "temp")}
-    for folder in folders.values():
-        folder.mkdir()
+@pytest.fixture
+def folders(tmp_path: Path) -> Path:
+    """Photographs, and places for outputs and temporary files."""
+    for name in ("photographs", "out", "temp", "fresh"):
+        (tmp_path / name).mkdir()
     for number, image in enumerate(make_lawnmower(3, 9, (400, 300)).images):
-        cv2.imwrite(str(folders["photographs"] / f"IMG_{number}.png"), image)
-    environment = {**os.environ, "TMPDIR": str(folders["temp"]), "PYTHONPATH": str(Path(__file__).parents[2])}
+        cv2.imwrite(str(tmp_path / "photographs" / f"IMG_{number}.png"), image)
+    return tmp_path
 
-    def run(output: Path, cache: str) -> subprocess.Popen[str]:
-        words = command(folders["photographs"], output, tmp_path / cache)
-        return subprocess.Popen(words, stderr=subprocess.PIPE, text=True, env=environment)
 
-    whole = run(tmp_path / "whole.png", "fresh")
-    assert whole.communicate()[1] is not None
-    expected = (tmp_path / "whole.png").read_bytes()
-    rng = np.random.default_rng(16)
-    output = folders["out"] / "mosaic.png"
-    for seconds in rng.uniform(0.1, MAX_SECONDS, KILLS):
-        process = run(output, "killed")
+def start(folders: Path, *words: object) -> subprocess.Popen[str]:
+    environment = {**os.environ, "TMPDIR": str(folders / "temp"), "PYTHONPATH": str(Path(__file__).parents[2])}
+    command = [sys.executable, "-m", "skymosaic", *map(str, words), "--overwrite"]
+    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment)
+
+
+def kill_again_and_again(run: Callable[[], subprocess.Popen[str]], check: Callable[[], None]) -> None:
+    """Kill runs at random moments and check what is there; the last one must end by itself."""
+    for seconds in np.random.default_rng(16).uniform(0.1, MAX_SECONDS, KILLS):
+        process = run()
         time.sleep(seconds)
         process.kill()
         process.communicate()
-        assert not output.exists() or output.read_bytes() == expected
-    last = run(output, "killed")
+        check()
+    last = run()
     errors = last.communicate()[1]
     assert last.returncode == 0, errors
-    assert output.read_bytes() == expected
-    assert [path.name for path in folders["out"].iterdir()] == ["mosaic.png"]
-    assert not list(folders["temp"].iterdir())
+    check()
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def check_report(folder: Path, names: set[str]) -> None:
+    """A report with its page is complete; times make its bytes differ from those of another run."""
+    if (folder / "index.html").exists():
+        found = contents(folder)
+        assert set(found) == names
+        assert json.loads(found["report.json"])
+        assert found["index.html"].rstrip().endswith(b"</html>")
+        assert cv2.imread(str(folder / "mosaic.jpg")) is not None
+
+
+def test_thirty_kills_of_a_mosaic_with_tiles_and_report(folders: Path) -> None:
+    pytest.importorskip("rasterio")
+    photographs = folders / "photographs"
+
+    def run(output: Path, cache: str) -> subprocess.Popen[str]:
+        more = ("--tiles", output / "tiles", "--report", output / "report", "--cache", folders / cache)
+        return start(folders, "mosaic", photographs, "-o", output / "mosaic.png", *more)
+
+    assert "error" not in run(folders / "fresh", "cache of the fresh one").communicate()[1]
+    fresh, out = folders / "fresh", folders / "out"
+    picture, tiles = (fresh / "mosaic.png").read_bytes(), contents(fresh / "tiles")
+
+    def check() -> None:
+        assert not (out / "mosaic.png").exists() or (out / "mosaic.png").read_bytes() == picture
+        # A page comes last, and goes first.
+        assert not (out / "tiles" / "index.html").exists() or contents(out / "tiles") == tiles
+        check_report(out / "report", set(contents(fresh / "report")))
+
+    kill_again_and_again(lambda: run(out, "cache"), check)
+    assert {path.name for path in out.iterdir()} == {"mosaic.png", "tiles", "report"}
+    assert contents(out / "tiles") == tiles
+    assert not list((folders / "temp").iterdir())
+
+
+def test_thirty_kills_of_a_live_mosaic(folders: Path) -> None:
+    def run(output: Path) -> subprocess.Popen[str]:
+        return start(folders, "live", folders / "photographs", "-o", output / "grown.png", "--idle-seconds", 1)
+
+    assert "error" not in run(folders / "fresh").communicate()[1]
+    fresh, out = contents(folders / "fresh"), folders / "out"
+
+    def check() -> None:
+        # The preview is replaced once a second; each one is a whole picture.
+        assert not (out / "grown.png").exists() or (out / "grown.png").read_bytes() == fresh["grown.png"]
+        if (out / "grown.preview.jpg").exists():
+            assert (out / "grown.preview.jpg").read_bytes().endswith(b"\xff\xd9")
+
+    kill_again_and_again(lambda: run(out), check)
+    assert set(contents(out)) == set(fresh)
+    assert not list((folders / "temp").iterdir())

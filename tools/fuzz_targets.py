@@ -1,0 +1,274 @@
+"""What the fuzzer feeds: each target damages one kind of input, and reads it as the program does.
+
+A target returns "read" or "refused", or raises the error of its reader; what it reads must be what was written, where
+the kind of file can tell.
+"""
+
+import contextlib
+import functools
+import io
+import json
+import tempfile
+from collections.abc import Callable
+from fractions import Fraction
+from pathlib import Path
+
+import cv2
+import numpy as np
+from PIL import Image as PillowImage
+from PIL.ExifTags import IFD
+
+from golden_model.config import load_config, preset_config, to_toml
+from golden_model.fuzzy.fll import load_system
+from golden_model.fuzzy.rules import SHIPPED
+from golden_model.records import FRAME_STATUS, MATCH, Tag
+from sim.backends import board
+from sim.backends.interface import silent
+from sim.simulators.build_cache import build_once
+from skymosaic.flight.cache import ResultCache
+from skymosaic.fuzzy.golden import quantise
+from skymosaic.imagery import images
+from skymosaic.imagery.exif import read_metadata
+from skymosaic.imagery.lens import load_lens
+from skymosaic.imagery.photographs import list_sources
+from skymosaic.imagery.video import VideoReader, write_video
+from skymosaic.maps.control_points import load_control_points
+from tools.mutators import damage_block, mutated, mutated_text
+
+MAX_WRONG_SHARE = 0.01
+"""Share of the pixels that may be wrong in a damaged photograph that is read all the same."""
+MAX_FRAMES = 30
+CAMERA = """width_px = 640
+height_px = 480
+focal_x_px = 500
+focal_y_px = 500
+centre_x_px = 319.5
+centre_y_px = 239.5
+k1 = -0.2
+"""
+CONTROL_POINTS = """EPSG:32615
+430000.5 5190000.25 311 60.5 50 a.jpg post
+430020.5 5190000.25 312 400 80 a.jpg
+# a comment
+430000.5 5190000.25 311 160.5 150 b.jpg post
+"""
+Target = Callable[[Path, np.random.Generator], str]
+
+
+def _scene() -> np.ndarray:
+    rng = np.random.default_rng(3)
+    return cv2.GaussianBlur(rng.integers(0, 256, (96, 128, 3), dtype=np.uint8), (0, 0), 1.5)
+
+
+@functools.cache
+def _encoded() -> list[tuple[str, bytes]]:
+    """One small photograph in every format and depth that is read."""
+    scene = _scene()
+    deep = scene.astype(np.uint16) * 257
+    pictures = [(suffix, scene) for suffix in (".jpg", ".png", ".tif", ".webp", ".bmp", ".ppm")]
+    pictures += [(".png", deep), (".tif", deep), (".tif", scene[..., 0].astype(np.float32)), (".pgm", deep[..., 0])]
+    found = [(suffix, cv2.imencode(suffix, pixels)[1].tobytes()) for suffix, pixels in pictures]
+    for options in ({"progressive": True}, {"subsampling": 0}, {"comment": b"x" * 300}):
+        file = io.BytesIO()
+        PillowImage.fromarray(scene).save(file, "JPEG", **options)
+        found.append((".jpg", file.getvalue()))
+    file = io.BytesIO()
+    PillowImage.fromarray(scene).save(file, "PNG", icc_profile=b"profile" * 20, exif=_exif())
+    return [*found, (".png", file.getvalue())]
+
+
+def _exif() -> PillowImage.Exif:
+    exif = PillowImage.Exif()
+    exif[0x0112], exif[0x010F], exif[0x829A] = 6, "maker", (1, 500)
+    exif.get_ifd(IFD.GPSInfo).update({1: "N", 2: (46.0, 30.0, 36.0), 3: "E", 4: (7.0, 15.0, 0.0), 6: 520.5})
+    return exif
+
+
+@functools.cache
+def _photograph_with_exif() -> bytes:
+    file = io.BytesIO()
+    PillowImage.fromarray(_scene()).save(file, "JPEG", exif=_exif())
+    return file.getvalue()
+
+
+def _read_photograph(path: Path, rng: np.random.Generator) -> str:
+    read_metadata(path)
+    photograph = images.load(path, keep_damaged=bool(rng.integers(2)))
+    assert photograph.pixels.dtype == np.uint8
+    images.reduce_for_front_end(photograph.pixels, 640, photograph.name)
+    return "read"
+
+
+def _photographs(folder: Path, rng: np.random.Generator) -> str:
+    encoded = _encoded()
+    suffix, data = encoded[rng.integers(len(encoded))]
+    path = folder / f"photograph{suffix}"
+    path.write_bytes(mutated(data, rng))
+    return _read_photograph(path, rng)
+
+
+def _exif_of_a_photograph(folder: Path, rng: np.random.Generator) -> str:
+    whole = _photograph_with_exif()
+    start, end = whole.index(b"Exif\0\0") + 6, whole.index(b"\xff\xdb")
+    changed = mutated(whole[start:end], rng)[: end - start].ljust(end - start, b"\0")
+    path = folder / "exif.jpg"
+    path.write_bytes(whole[:start] + changed + whole[end:])
+    return _read_photograph(path, rng)
+
+
+def _refused(error: ValueError, path: Path) -> str:
+    text = str(error)
+    return "refused" if text.startswith(str(path)) and "\n" not in text else f"refused with {text!r}"
+
+
+def _toml(folder: Path, rng: np.random.Generator) -> str:
+    path = folder / "file.toml"
+    if rng.random() < 0.5:
+        path.write_bytes(mutated_text(CAMERA, rng))
+        load_lens(path, None)
+        return "read"
+    path.write_bytes(mutated_text(to_toml(preset_config("aerial")), rng))
+    try:
+        load_config(path)
+    except ValueError as error:
+        return _refused(error, path)
+    return "read"
+
+
+def _cache_entries(folder: Path, rng: np.random.Generator) -> str:
+    cache = ResultCache(folder / "cache")
+    arrays = {"values": np.arange(300.0), "facts": np.array("text")}
+    cache.save("entry", arrays)
+    path = folder / "cache" / "entry.entry"
+    whole = path.read_bytes()
+    path.write_bytes(mutated(whole, rng))
+    found = cache.load("entry")
+    if found is None:
+        return "refused"
+    assert path.read_bytes() == whole or all(np.array_equal(found[name], arrays[name]) for name in arrays)
+    return "read"
+
+
+def _builds(_folder: Path, rng: np.random.Generator) -> str:
+    def build(made: Path) -> None:
+        (made / "library").write_bytes(b"compiled " * 100)
+
+    made = build_once("thing", build, what="the thing", progress=silent)
+    path = made / str(rng.choice(["library", "checksums"]))
+    path.write_bytes(mutated(path.read_bytes(), rng))
+    made = build_once("thing", build, what="the thing", progress=silent)
+    assert (made / "library").read_bytes() == b"compiled " * 100
+    return "read"
+
+
+def _records(_folder: Path, rng: np.random.Generator) -> str:
+    """The answer of a board, after the server has accepted the request."""
+    config = preset_config("aerial").front_end
+    feature = config.pattern.record.dtype
+    status = np.zeros((), FRAME_STATUS.dtype)
+    status["tag"], status["good"], status["width"], status["height"] = Tag.FRAME_STATUS, 1, 96, 64
+    parts = [np.zeros(3, feature).tobytes(), status.tobytes(), np.zeros(2, MATCH.dtype).tobytes(), status.tobytes()]
+    header, body = json.dumps({"lengths": [*map(len, parts)]}).encode() + b"\n", b"".join(parts)
+    answer = mutated(header, rng) + body if rng.random() < 0.5 else header + mutated(body, rng)
+    limits = board._limit_packets(config.max_features, feature)
+    packets = board._read_packets(io.BytesIO(answer), "board", limits)
+    result = board._decode_packets(tuple(packets), feature)
+    board._check_status(result, 0, (64, 96), "board")
+    return "read"
+
+
+@functools.cache
+def _telling() -> list[tuple[str, bytes]]:
+    """One photograph in every format that can tell damage; a small JPEG may decode to just as many blocks."""
+    scene = _scene()
+    found = [(".png", cv2.imencode(".png", scene)[1].tobytes())]
+    for compression in ("tiff_lzw", "tiff_deflate", "jpeg"):
+        file = io.BytesIO()
+        PillowImage.fromarray(scene).save(file, "TIFF", compression=compression)
+        found.append((".tif", file.getvalue()))
+    return found
+
+
+def _damaged_photographs(folder: Path, rng: np.random.Generator) -> str:
+    """400 zeroed bytes, which must not be accepted for a photograph."""
+    suffix, whole = _telling()[rng.integers(len(_telling()))]
+    path = folder / f"damaged{suffix}"
+    path.write_bytes(whole)
+    expected = images.load(path).pixels
+    path.write_bytes(damage_block(whole, rng))
+    found = images.load(path).pixels
+    assert found.shape == expected.shape
+    assert (found != expected).any(axis=2).mean() <= MAX_WRONG_SHARE
+    return "read"
+
+
+@functools.cache
+def _films() -> list[tuple[str, bytes]]:
+    """A short film in every container that is written, as bytes."""
+    scene, films = _scene(), []
+    for suffix in (".mp4", ".mkv"):
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / f"film{suffix}"
+            with write_video(path, Fraction(25)) as write:
+                for shift in range(8):
+                    write(np.roll(scene, shift, axis=1))
+            films.append((suffix, path.read_bytes()))
+    return films
+
+
+def _videos(folder: Path, rng: np.random.Generator) -> str:
+    suffix, whole = _films()[rng.integers(len(_films()))]
+    path = folder / f"film{suffix}"
+    path.write_bytes(mutated(whole, rng))
+    for number, frame in enumerate(VideoReader(path)):
+        assert frame.dtype == np.uint8
+        if number == MAX_FRAMES:
+            break
+    return "read"
+
+
+def _fuzzy_systems(folder: Path, rng: np.random.Generator) -> str:
+    path = folder / "rules.fll"
+    shipped = sorted(SHIPPED.glob("*.fll"))
+    path.write_bytes(mutated_text(shipped[rng.integers(len(shipped))].read_text(encoding="utf-8"), rng, ":"))
+    try:
+        system = load_system(path)
+    except ValueError as error:
+        return _refused(error, path)
+    # Not every system has an integer model.
+    with contextlib.suppress(ValueError):
+        quantise(system, 17)
+    return "read"
+
+
+def _control_points(folder: Path, rng: np.random.Generator) -> str:
+    path = folder / "gcp_list.txt"
+    path.write_bytes(mutated_text(CONTROL_POINTS, rng, " "))
+    assert np.isfinite(load_control_points(path).metres).all()
+    return "read"
+
+
+def _records_of_outputs(folder: Path, rng: np.random.Generator) -> str:
+    """The list of a folder's own mosaics, which are no photographs."""
+    inside = folder / "flight"
+    inside.mkdir(exist_ok=True)
+    for name in ("a.png", "b.png"):
+        (inside / name).write_bytes(b"picture")
+    (inside / ".skymosaic-outputs").write_bytes(mutated(b"0" * 64 + b" a.png\n" + b"1" * 64 + b" b.png\n", rng))
+    assert len(list_sources([inside])) == 2
+    return "read"
+
+
+TARGETS: dict[str, Target] = {
+    "photographs": _photographs,
+    "EXIF": _exif_of_a_photograph,
+    "TOML": _toml,
+    "cache entries": _cache_entries,
+    "builds": _builds,
+    "records": _records,
+    "damaged photographs": _damaged_photographs,
+    "videos": _videos,
+    "fuzzy systems": _fuzzy_systems,
+    "control points": _control_points,
+    "records of outputs": _records_of_outputs,
+}
