@@ -10,7 +10,6 @@ import multiprocessing
 import os
 import resource
 import signal
-import tempfile
 import threading
 import time
 import traceback
@@ -29,8 +28,8 @@ from skymosaic.panel.steps import Steps
 # Workers are forked from a helper process that has imported the libraries once and shares nothing else with the server.
 _processes = multiprocessing.get_context("forkserver")
 
-MAX_SOCKET_FOLDER = 72
-"""Bytes: the path of a socket has 104 on some systems, and multiprocessing adds 31."""
+MAX_SOCKET_FOLDER = 86
+"""Bytes: the path of a socket has 104 on some systems, and multiprocessing adds 17."""
 Task = Callable[..., Any]
 """A function of a module, called in the worker as ``task(folder, *arguments, progress=progress)``.
 
@@ -70,13 +69,10 @@ def prepare_workers(folder: Path | None = None) -> None:
             "skymosaic.panel.tasks.upload_tasks",
         ]
     )
-    usual = tempfile.tempdir
     if folder is not None and len(os.fsencode(folder)) <= MAX_SOCKET_FOLDER:
-        tempfile.tempdir = str(folder)
-    try:
-        forkserver.ensure_running()
-    finally:
-        tempfile.tempdir = usual
+        # There is no public way. A folder that multiprocessing makes itself it also removes, after ours has gone.
+        multiprocessing.current_process()._config["tempdir"] = str(folder)  # type: ignore[attr-defined]
+    forkserver.ensure_running()
 
 
 class Job:

@@ -1,4 +1,6 @@
 import stat
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +56,33 @@ def test_the_usual_folder_is_its_owners_alone(tmp_path: Path) -> None:
 
     assert mode_after(0o755, required=False) == 0o700
     assert mode_after(0o770, required=True) == 0o770, "the user shares it"
+
+
+SHARED = """
+import sys
+from pathlib import Path
+import numpy as np
+from skymosaic.flight.cache import ResultCache
+cache, found = ResultCache(Path(sys.argv[1])), 0
+for turn in range(300):
+    key = turn % 7
+    cache.save(str(key), {"values": np.full(2000, key)})
+    loaded = cache.load(str((key + 3) % 7))
+    if loaded is not None:
+        assert (loaded["values"] == (key + 3) % 7).all()
+        found += 1
+print(found)
+"""
+
+
+def test_two_processes_share_a_cache(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", SHARED, str(tmp_path / "cache")]
+    both = [subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) for _ in range(2)]
+    for process in both:
+        printed, errors = process.communicate()
+        assert process.returncode == 0, errors
+        assert int(printed) > 250, "an entry that is being replaced is there all the time"
+    assert len(list((tmp_path / "cache").iterdir())) == 7
 
 
 def test_keys_change_with_every_part() -> None:
