@@ -22,6 +22,7 @@ class Tag(enum.IntEnum):
     FRAME_STATUS = 3
     HYPOTHESIS = 4
     SCORE = 5
+    HOMOGRAPHY = 6
 
 
 class Cause(enum.IntFlag):
@@ -173,3 +174,19 @@ SCORE = Record(
     (Field("causes", 8), Field("number", 16), Field("support", 32), Field("score", 32), Field("frame", 32)),
 )
 """How well a hypothesis fits (`golden_model.geometry.scoring.Scores`) the matches of ``frame``."""
+
+HOMOGRAPHY = Record(
+    Tag.HOMOGRAPHY,
+    (
+        Field("causes", 8),
+        Field("inliers", 16),
+        Field("frame", 32),
+        Field("score", 32),
+        Field("support", 32),
+        Field("cycles", 32),
+        Field("cells", 16),
+        Field("reserved", 16),
+        *(Field(f"h{row}{column}", 32) for row, column in np.ndindex(3, 3)),
+    ),
+)
+"""What the matches of ``frame`` give (`golden_model.geometry.estimator.Estimate`); elements in two's complement."""

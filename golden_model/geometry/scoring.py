@@ -149,11 +149,11 @@ def score(
     if not (POSITION.holds(x) and POSITION.holds(y) and WEIGHT.holds(w)):
         raise ValueError(f"positions must be {POSITION} and weights {WEIGHT}, as match records hold them")
     causes = _causes(h, len(x), max_matches)
-    gain = np.zeros((len(h), len(x)), dtype=np.int64)
+    gains = np.zeros((len(h), len(x)), dtype=np.int64)
     # Only for these are the widths bounded.
     scored = causes == 0
-    gain[scored] = _gain(h[scored], x, y)
-    return Scores(gain @ w, (gain > 0) @ w, causes)
+    gains[scored] = gain(h[scored], x, y)
+    return Scores(gains @ w, (gains > 0) @ w, causes)
 
 
 def hypothesis_records(hypotheses: NDArray[np.integer]) -> Records:
@@ -194,7 +194,7 @@ def _causes(h: NDArray[np.int64], matches: int, max_matches: int) -> NDArray[np.
     return causes
 
 
-def _gain(h: NDArray[np.int64], left: NDArray[np.int64], right: NDArray[np.int64]) -> NDArray[np.int64]:
+def gain(h: NDArray[np.int64], left: NDArray[np.int64], right: NDArray[np.int64]) -> NDArray[np.int64]:
     """Gain (M, N) of every match under every hypothesis, 0 to `LEVELS`."""
     x, y = left.T
     sums = h[:, :, :1] * x + h[:, :, 1:2] * y + (h[:, :, 2:] << POSITION.bits)
@@ -205,11 +205,11 @@ def _gain(h: NDArray[np.int64], left: NDArray[np.int64], right: NDArray[np.int64
     depth = np.maximum(w[:, 0] >> DEPTH_SHIFT, 0)
     squared_error = ERROR_FACTOR * (error**2).sum(axis=1)
     squared_depth = DEPTH_FACTOR * depth**2
-    gain = np.zeros(depth.shape, dtype=np.int64)
+    gains = np.zeros(depth.shape, dtype=np.int64)
     near = squared_error < squared_depth
     # Rounded up to a whole step, so that a match at the edge of the tolerance still counts.
-    gain[near] = LEVELS - (LEVELS * squared_error[near]) // squared_depth[near]
-    return gain
+    gains[near] = LEVELS - (LEVELS * squared_error[near]) // squared_depth[near]
+    return gains
 
 
 def finish_cycles(matches: int, hypotheses: int) -> NDArray[np.int64]:

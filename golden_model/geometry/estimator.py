@@ -1,0 +1,312 @@
+"""From the matches of a frame to a homography, on the chip alone; `hdl.geometry.estimator` equals it bit for bit.
+
+The kept matches are ordered by weight. Samples of four are drawn in PROSAC's order, solved, and scored by all matches;
+the best homography is kept. Four rounds of weighted least squares over its inliers, in ever narrower bands, refine it:
+each is scored, the better one stays. It is accepted if enough matches agree closely, in enough places of the frame.
+
+A pass solves two samples while the scores of those before are computed, and takes the time of the longer of both. Each
+of the 16 steps ends after a number of passes or at its share of `SEARCH_CYCLES`, so that even with the most matches the
+homography comes within `MAX_CYCLES` after the last match.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.arrays import Records
+from golden_model.geometry import ordering, programs, sampling, scoring
+from golden_model.geometry.acceptance import INLIER_GAIN, count_cells
+from golden_model.geometry.floating import MANTISSA_BITS, Floats
+from golden_model.geometry.program import LANES
+from golden_model.geometry.refit import BANDS, MAX_INLIERS, SUMS, factors, solve_sums
+from golden_model.geometry.solving import MIN_CHECKED_EXPONENT, solve
+from golden_model.records import HOMOGRAPHY, Tag
+
+Integers = NDArray[np.int64]
+
+SEARCH_CYCLES = 172_800
+"""At most for the samples; what is left covers sorting, refit and acceptance of any set of matches."""
+MAX_CYCLES = 300_000
+
+
+class Cause(enum.IntFlag):
+    """Why a homography is not accepted (bits of ``Estimate.causes``); 0: it is."""
+
+    BAD_FRAME = 1
+    TOO_FEW_MATCHES = 2
+    TOO_MANY_MATCHES = 4
+    INVALID_SETTINGS = 8
+    NO_HYPOTHESIS = 16
+    """No sample keeps the orientation of its triangles, or none has a score."""
+    TOO_FEW_INLIERS = 32
+    TOO_FEW_CELLS = 64
+
+
+@dataclass(frozen=True, kw_only=True)
+class EstimatorSettings:
+    """What registers set."""
+
+    passes: int = 32
+    """At most so many in each of the 16 steps, two samples each; 1 to 255."""
+    seed: int = 0x9E3779B9
+    """First state of the generator of random numbers, 32 bits; not 0."""
+    min_inliers: int = 12
+    """12 bits."""
+    min_cells: int = 5
+    """7 bits."""
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Result of `estimate`."""
+
+    homography: Integers
+    """Elements (3, 3), left to right, as `golden_model.geometry.scoring.quantise` gives them; 0 where there is none."""
+    score: int
+    support: int
+    """Sum of the weights of the matches with an error below 4.2 px."""
+    inliers: int
+    """Matches with an error below 1.98 px, positions in the right frame."""
+    cells: int
+    """Cells of the right frame, of 64, in which they lie."""
+    causes: int
+    cycles: int
+    """Clocks from the end of the matches to the result."""
+
+
+@dataclass(frozen=True)
+class EstimatorCycles:
+    """Clocks of the parts of `hdl.geometry.estimator`, beside those that a count of matches or a program gives."""
+
+    accept: int = 2
+    """From the end of the matches to the sorting, and the result."""
+    sort: int = 258
+    """Sums of the counts of matches by weight."""
+    place: int = 5
+    """Per match: it is moved to its rank."""
+    turn: int = 27
+    """Between two passes: solutions become hypotheses, samples are drawn."""
+    solve: int = 3
+    """From a turn to the next, beside the program."""
+    sweep: int = 25
+    """Beside one clock per match."""
+    gather: int = 12
+    """Per group of inliers, beside the program."""
+    round: int = 32
+    """Per round of the refit, beside programs and sweep."""
+    check: int = 2
+    """After the refit."""
+
+
+CYCLES = EstimatorCycles()
+
+
+class FrameMatches(NamedTuple):
+    """The kept matches of a frame, in the order of their records."""
+
+    left: NDArray[np.integer]
+    """Positions x, y (N, 2), `golden_model.formats.POSITION`."""
+    right: NDArray[np.integer]
+    weight: NDArray[np.integer]
+    """(N,), `golden_model.formats.WEIGHT`."""
+    size: tuple[int, int]
+    """Width and height of the right frame, px."""
+    good: bool = True
+    """Whether the frame is good, and its matches are complete."""
+
+    @classmethod
+    def from_records(cls, matches: Records, status: np.void) -> FrameMatches:
+        """Take the kept ones of Match records, and the frame's status."""
+        kept = matches[matches["verdict"] == 1]
+        left, right = (np.stack((kept[f"{side}_x"], kept[f"{side}_y"]), axis=1) for side in ("left", "right"))
+        return cls(left, right, kept["weight"], (int(status["width"]), int(status["height"])), bool(status["good"]))
+
+
+def estimate(
+    frame: FrameMatches,
+    settings: EstimatorSettings = EstimatorSettings(),
+    *,
+    max_matches: int = scoring.MAX_MATCHES,
+) -> Estimate:
+    """Estimate the homography of a frame's kept matches; the memory holds ``max_matches``."""
+    count = len(frame.weight)
+    refused = _refusal(count, settings, max_matches, good=frame.good)
+    if refused:
+        return _none(refused, CYCLES.accept)
+    matches = _Matches.sort(frame)
+    best, score, cycles = _search(matches, settings)
+    cycles += CYCLES.accept + CYCLES.sort + CYCLES.place * count
+    if score == 0:
+        return _none(Cause.NO_HYPOTHESIS, cycles)
+    best, score, refit_cycles = _refit(matches, best, score)
+    gains = matches.gain(best)
+    inliers = gains >= INLIER_GAIN
+    cells = count_cells(matches.right[inliers], frame.size)
+    few = (inliers.sum() < settings.min_inliers) * Cause.TOO_FEW_INLIERS
+    narrow = (cells < settings.min_cells) * Cause.TOO_FEW_CELLS
+    support = int(matches.weight[gains > 0].sum())
+    return Estimate(best, score, support, int(inliers.sum()), cells, int(few | narrow), cycles + refit_cycles)
+
+
+@dataclass(frozen=True, eq=False)
+class _Matches:
+    """Matches in falling order of their weights."""
+
+    left: Integers
+    right: Integers
+    weight: Integers
+    size: tuple[int, int]
+
+    @classmethod
+    def sort(cls, frame: FrameMatches) -> _Matches:
+        """The matches of a frame in their order."""
+        order = ordering.order(frame.weight)
+        left, right, weight = (np.asarray(each, dtype=np.int64)[order] for each in frame[:3])
+        return cls(left, right, weight, frame.size)
+
+    def gain(self, homography: Integers) -> Integers:
+        gains: Integers = scoring.gain(homography[np.newaxis], self.left, self.right)[0]
+        return gains
+
+    def score(self, homography: Integers) -> int:
+        return int(self.gain(homography) @ self.weight)
+
+
+def homography_record(result: Estimate, frame: int = 0) -> Records:
+    """Make the record (`golden_model.records.HOMOGRAPHY`) of a frame's estimate, (1,)."""
+    record = np.zeros(1, HOMOGRAPHY.dtype)
+    record["tag"], record["frame"] = Tag.HOMOGRAPHY, frame
+    for name in ("causes", "inliers", "score", "support", "cycles", "cells"):
+        record[name] = getattr(result, name)
+    for row, column in np.ndindex(3, 3):
+        record[f"h{row}{column}"] = result.homography[row, column] & 0xFFFF_FFFF
+    return record
+
+
+def _refusal(matches: int, settings: EstimatorSettings, max_matches: int, *, good: bool) -> Cause:
+    causes = Cause(0) if good else Cause.BAD_FRAME
+    if settings.seed == 0 or settings.passes == 0:
+        causes |= Cause.INVALID_SETTINGS
+    if good and matches < sampling.SAMPLE:
+        causes |= Cause.TOO_FEW_MATCHES
+    if good and matches > max_matches:
+        causes |= Cause.TOO_MANY_MATCHES
+    return causes
+
+
+def _none(causes: Cause, cycles: int) -> Estimate:
+    return Estimate(np.zeros((3, 3), dtype=np.int64), 0, 0, 0, 0, int(causes), cycles)
+
+
+def _search(matches: _Matches, settings: EstimatorSettings) -> tuple[Integers, int, int]:
+    """Best homography of all samples, its score, and the clocks."""
+    best, best_score = np.zeros((3, 3), dtype=np.int64), 0
+    state, cycles, scoring_cycles = settings.seed, 0, 0
+    count = len(matches.weight)
+    solving_cycles = programs.SOLVE.cycles + CYCLES.solve
+    for step in range(sampling.STEPS):
+        ranks, states = _draw(state, sampling.subset_size(count, step), settings.passes)
+        hypotheses, valid = _solve(matches, ranks)
+        for number, after in enumerate(states):
+            state = after
+            # The scores of the pass before are computed meanwhile.
+            cycles += CYCLES.turn + max(solving_cycles, scoring_cycles)
+            lanes = slice(LANES * number, LANES * (number + 1))
+            scoring_cycles = int(valid[lanes].sum()) * (count + CYCLES.sweep)
+            for homography in hypotheses[lanes][valid[lanes]]:
+                score = matches.score(homography)
+                if score > best_score:
+                    best, best_score = homography, score
+            if cycles > (step + 1) * (SEARCH_CYCLES // sampling.STEPS):
+                break
+    return best, best_score, cycles + CYCLES.turn + scoring_cycles
+
+
+def _draw(state: int, size: int, passes: int) -> tuple[Integers, list[int]]:
+    """Ranks (2 passes, 4) of the samples, and the generator's state after each pass."""
+    ranks, states = [], []
+    for _ in range(passes):
+        for _ in range(LANES):
+            sample, state = sampling.draw(state, size)
+            ranks.append(sample)
+        states.append(state)
+    return np.array(ranks), states
+
+
+def _solve(matches: _Matches, ranks: Integers) -> tuple[Integers, NDArray[np.bool_]]:
+    """Homographies (M, 3, 3) of samples (M, 4), and which of them are valid."""
+    zero, one = _constants()
+    left, right = (
+        [[Floats.from_integers(side[ranks[:, k], axis], 16) for axis in range(2)] for k in range(sampling.SAMPLE)]
+        for side in (matches.left, matches.right)
+    )
+    rows, checks = solve(zero, one, left, right)
+    return quantise(rows), np.all([passes(each) for each in checks], axis=0)
+
+
+def _constants() -> tuple[Floats, Floats]:
+    return Floats.from_real(np.zeros(1)), Floats.from_real(np.ones(1))
+
+
+def passes(checked: Floats) -> NDArray[np.bool_]:
+    """Whether checked numbers are positive and large enough."""
+    return np.asarray(~checked.negative & (checked.exponent >= MIN_CHECKED_EXPONENT))
+
+
+def quantise(rows: list[list[Floats]]) -> Integers:
+    """Scale homographies to the format of hypotheses: the largest element gets 24 bits, all are truncated.
+
+    Returns
+    -------
+    (M, 3, 3) int64 ndarray
+        `golden_model.geometry.scoring.ENTRY`.
+    """
+    numbers = Floats.stack([each for row in rows for each in row])
+    largest = numbers.exponent.max(axis=-1, keepdims=True)
+    dropped = MANTISSA_BITS - (scoring.ENTRY.bits - 1) + largest - numbers.exponent
+    elements = numbers.mantissa >> np.minimum(dropped, MANTISSA_BITS)
+    return np.asarray(np.where(numbers.negative, -elements, elements).reshape(-1, 3, 3))
+
+
+def _refit(matches: _Matches, best: Integers, score: int) -> tuple[Integers, int, int]:
+    """The better of a homography and its refits, its score, and the clocks."""
+    newest = best
+    # Of the first list of inliers, and of the last look at the best one.
+    sweep_cycles = len(matches.weight) + CYCLES.sweep
+    cycles = 2 * sweep_cycles + CYCLES.check
+    for band in BANDS:
+        inliers = np.flatnonzero(matches.gain(newest) >= band)[:MAX_INLIERS]
+        newest, valid = _fit(matches, inliers)
+        groups = -(-len(inliers) // programs.GROUP)
+        cycles += programs.CLEAR.cycles + groups * (programs.ADD.cycles + CYCLES.gather) + programs.FIT.cycles
+        cycles += CYCLES.round + sweep_cycles
+        newest_score = matches.score(newest)
+        if valid and newest_score > score:
+            best, score = newest, newest_score
+    return best, score, cycles
+
+
+def _fit(matches: _Matches, inliers: Integers) -> tuple[Integers, bool]:
+    """Least squares over inliers; whether the result preserves orientation."""
+    zero, one = _constants()
+    centre = [zero.plus(one, Floats.from_integers(np.array([side << 3]), 16)) for side in matches.size]
+    match = [
+        Floats.from_integers(side[inliers, axis], 16) for side in (matches.left, matches.right) for axis in range(2)
+    ]
+    sums = Floats.from_real(np.zeros(SUMS))
+    for first, second in _added(factors(zero, one, centre, match, Floats.from_integers(matches.weight[inliers], 8))):
+        sums = sums.plus(first, second)
+    rows, determinant = solve_sums(zero, one, centre, [sums[n : n + 1] for n in range(SUMS)])
+    return quantise(rows)[0], bool(passes(determinant)[0])
+
+
+def _added(pairs: list[tuple[Floats, Floats]]) -> Iterator[tuple[Floats, Floats]]:
+    """The factors of all sums, match by match."""
+    first, second = (Floats.stack([pair[n] for pair in pairs]) for n in range(2))
+    return ((first[n], second[n]) for n in range(len(first.mantissa)))

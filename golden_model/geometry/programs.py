@@ -1,0 +1,78 @@
+"""The programs of the estimator, as the hardware's read-only memory holds them."""
+
+from golden_model.geometry.program import (
+    LANES,
+    Coordinate,
+    Program,
+    Value,
+    constants,
+    held,
+    loaded,
+    schedule,
+)
+from golden_model.geometry.refit import SUMS, factors, solve_sums
+from golden_model.geometry.solving import solve
+
+LEFT = (Coordinate.LEFT_X, Coordinate.LEFT_Y)
+RIGHT = (Coordinate.RIGHT_X, Coordinate.RIGHT_Y)
+CENTRE = (Coordinate.CENTRE_X, Coordinate.CENTRE_Y)
+SAMPLE = 4
+GROUP = 4
+"""Matches that `ADD` takes, in slots 0 to 3."""
+ELEMENTS = 9
+FIRST_SUM = 2
+FIRST_ELEMENT, LANE_REGISTERS = 32, 16
+"""Where each lane's homography is left; leading bits of the address select the lane."""
+FIRST_FREE = FIRST_ELEMENT + LANE_REGISTERS * LANES
+
+
+def _solve() -> Program:
+    results: list[tuple[int, Value]] = []
+    checks: list[tuple[int, Value]] = []
+    for lane in range(LANES):
+        slots = range(SAMPLE * lane, SAMPLE * (lane + 1))
+        left, right = ([[loaded(slot, each) for each in side] for slot in slots] for side in (LEFT, RIGHT))
+        rows, checked = solve(*constants(), left, right)
+        results += _elements(rows, lane)
+        checks += [(lane, each) for each in checked]
+    return schedule(results, checks, first=FIRST_FREE)
+
+
+def _clear() -> Program:
+    zero, _ = constants()
+    return schedule([(FIRST_SUM + n, zero.plus(zero, zero)) for n in range(SUMS)], first=FIRST_FREE)
+
+
+def _add() -> Program:
+    zero, one = constants()
+    sums, centre = _sums(), _centre()
+    for slot in range(GROUP):
+        match = [loaded(slot, each) for each in (*LEFT, *RIGHT)]
+        pairs = factors(zero, one, centre, match, loaded(slot, Coordinate.WEIGHT))
+        sums = [total.plus(*pair) for total, pair in zip(sums, pairs, strict=True)]
+    return schedule([(FIRST_SUM + n, total) for n, total in enumerate(sums)], first=FIRST_FREE)
+
+
+def _fit() -> Program:
+    rows, determinant = solve_sums(*constants(), _centre(), _sums())
+    return schedule(_elements(rows, lane=0), [(0, determinant)], first=FIRST_FREE)
+
+
+def _sums() -> list[Value]:
+    return [held(FIRST_SUM + n) for n in range(SUMS)]
+
+
+def _centre() -> list[Value]:
+    zero, one = constants()
+    return [zero.plus(one, loaded(0, each)) for each in CENTRE]
+
+
+def _elements(rows: list[list[Value]], lane: int) -> list[tuple[int, Value]]:
+    elements = [each for row in rows for each in row]
+    return [(FIRST_ELEMENT + LANE_REGISTERS * lane + n, each) for n, each in enumerate(elements)]
+
+
+SOLVE, CLEAR, ADD, FIT = _solve(), _clear(), _add(), _fit()
+PROGRAMS = (SOLVE, CLEAR, ADD, FIT)
+
+"""In the order in which the hardware's memory holds them."""

@@ -1,0 +1,139 @@
+"""The estimator on the demo pair and on made-up matches: right homographies, causes, and clocks within the limit."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from golden_model.geometry import programs
+from golden_model.geometry.estimator import (
+    CYCLES,
+    MAX_CYCLES,
+    SEARCH_CYCLES,
+    Cause,
+    Estimate,
+    EstimatorSettings,
+    FrameMatches,
+    estimate,
+)
+from golden_model.geometry.program import LANES
+from golden_model.geometry.refit import BANDS, MAX_INLIERS
+from golden_model.geometry.sampling import STEPS
+from golden_model.geometry.scoring import MAX_MATCHES
+from sim.scene import make_pair
+from skymosaic import register
+from skymosaic.evaluation.metrics import grid_error
+from skymosaic.geometry.homography import apply
+
+SIZE = (640, 480)
+TRUTH = np.array([[1.02, 0.05, 30.0], [-0.04, 0.97, 10.0], [5e-5, 2e-5, 1.0]])
+FEW = EstimatorSettings(passes=8)
+
+
+def matches(count: int, wrong: float, seed: int = 1) -> FrameMatches:
+    """Matches near the truth, and wrong ones; these have lower weights on average."""
+    rng = np.random.default_rng(seed)
+    left = rng.integers(1000, [16 * side - 1000 for side in SIZE], (count, 2))
+    right = np.rint(16 * (apply(TRUTH, left / 16) + rng.normal(0, 0.4, left.shape))).astype(np.int64).clip(0)
+    is_wrong = rng.random(count) < wrong
+    right[is_wrong] = rng.integers(0, [16 * side for side in SIZE], (is_wrong.sum(), 2))
+    weight = np.where(is_wrong, rng.integers(60, 200, count), rng.integers(80, 256, count))
+    return FrameMatches(left, right, weight, SIZE)
+
+
+def in_pixels(result: Estimate) -> np.ndarray:
+    units = np.array([4096.0, 4096, 1])
+    return result.homography * units[:, np.newaxis] / units
+
+
+def test_the_demo_pair_is_estimated_as_by_the_host() -> None:
+    left_image, right_image = make_pair(seed=5, size=(320, 240)).images
+    pair = register(left_image, right_image, effort="fast")
+    assert pair.homography is not None
+    status = np.array([(320, 240, 1)], [("width", int), ("height", int), ("good", int)])[0]
+    frame = FrameMatches.from_records(pair.matches, status)
+    result = estimate(frame, FEW)
+    assert result.causes == 0
+    assert result.inliers > 30
+    assert grid_error(in_pixels(result), pair.homography, (320, 240), (320, 240)) < 0.3
+
+
+@pytest.mark.parametrize(("count", "wrong", "limit_px"), [(40, 0.3, 1.0), (300, 0.6, 0.3), (MAX_MATCHES, 0.2, 0.1)])
+def test_the_homography_is_found_among_wrong_matches(count: int, wrong: float, limit_px: float) -> None:
+    result = estimate(matches(count, wrong), FEW)
+    assert result.causes == 0
+    assert grid_error(in_pixels(result), TRUTH, SIZE, SIZE) < limit_px
+    assert result.inliers > 0.8 * (1 - wrong) * count
+    assert result.cells > 15
+    assert result.cycles <= MAX_CYCLES
+
+
+def bad_input(name: str) -> FrameMatches:
+    frame = matches(60, 0.0)
+    left, right, weight, size, _ = frame
+    changes: dict[str, dict[str, Any]] = {
+        "none": {"left": left[:0], "right": right[:0], "weight": weight[:0]},
+        "three": {"left": left[:3], "right": right[:3], "weight": weight[:3]},
+        "line": {"left": np.repeat(left[:, :1], 2, axis=1), "right": np.repeat(right[:, :1], 2, axis=1)},
+        "point": {"left": left * 0 + 99, "right": right * 0 + 77},
+        "mirrored": {"right": (16 * size[0] - right) * (1, 0) + right * (0, 1)},
+        "unlike": matches(60, 1.0, seed=4)._asdict(),
+        "crowded": {"left": left // 12 + 3000, "right": left // 12 + 3100},
+        "bad": {"good": False},
+    }
+    return frame._replace(**changes.get(name, {}))
+
+
+@pytest.mark.parametrize(
+    ("name", "cause"),
+    [
+        ("none", Cause.TOO_FEW_MATCHES),
+        ("three", Cause.TOO_FEW_MATCHES),
+        ("line", Cause.NO_HYPOTHESIS),
+        ("point", Cause.NO_HYPOTHESIS),
+        ("mirrored", Cause.TOO_FEW_INLIERS | Cause.TOO_FEW_CELLS),
+        ("unlike", Cause.TOO_FEW_INLIERS),
+        ("crowded", Cause.TOO_FEW_CELLS),
+        ("memory", Cause.TOO_MANY_MATCHES),
+        ("bad", Cause.BAD_FRAME),
+        ("seed", Cause.INVALID_SETTINGS),
+        ("passes", Cause.INVALID_SETTINGS),
+    ],
+)
+def test_bad_input_has_its_cause_and_is_never_accepted(name: str, cause: Cause) -> None:
+    settings = {"seed": EstimatorSettings(seed=0), "passes": EstimatorSettings(passes=0)}
+    max_matches = 59 if name == "memory" else MAX_MATCHES
+    result = estimate(bad_input(name), settings.get(name, EstimatorSettings(passes=2)), max_matches=max_matches)
+    assert result.causes
+    assert result.causes & cause or result.causes == Cause.NO_HYPOTHESIS
+    assert result.cycles < MAX_CYCLES
+    if cause < Cause.TOO_FEW_INLIERS:
+        assert (result.score, result.inliers, int(result.homography.any())) == (0, 0, 0)
+
+
+def test_one_weight_for_all_is_as_good() -> None:
+    frame = matches(200, 0.4)
+    result = estimate(frame._replace(weight=np.full(200, 255)), FEW)
+    assert result.causes == 0
+    assert grid_error(in_pixels(result), TRUTH, SIZE, SIZE) < 0.3
+
+
+def test_an_estimate_depends_on_its_seed_alone() -> None:
+    given = matches(150, 0.6)
+    one, again, other = (estimate(given, EstimatorSettings(passes=2, seed=seed)) for seed in (7, 7, 8))
+    np.testing.assert_array_equal(one.homography, again.homography)
+    assert (one.score, one.cycles) == (again.score, again.cycles)
+    assert other.cycles != one.cycles
+
+
+def test_no_set_of_matches_takes_longer_than_the_limit() -> None:
+    """The search overruns its share by one pass at most; all else is bounded by the numbers of matches and inliers."""
+    sweep = MAX_MATCHES + CYCLES.sweep
+    longest_pass = CYCLES.turn + max(programs.SOLVE.cycles + CYCLES.solve, LANES * sweep)
+    # Each step ends with the first pass beyond its share, even one that begins late, since a pass is shorter than that.
+    assert longest_pass < SEARCH_CYCLES // STEPS
+    search = SEARCH_CYCLES + 2 * longest_pass
+    rounds = programs.CLEAR.cycles + programs.FIT.cycles + CYCLES.round + sweep
+    rounds += MAX_INLIERS // programs.GROUP * (programs.ADD.cycles + CYCLES.gather)
+    before = CYCLES.accept + CYCLES.sort + CYCLES.place * MAX_MATCHES
+    assert before + search + len(BANDS) * rounds + 2 * sweep + CYCLES.check <= MAX_CYCLES
