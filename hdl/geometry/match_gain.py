@@ -5,7 +5,7 @@ from amaranth import Cat, Const, Module, Mux, Shape, Signal, Value, signed
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
-from golden_model.formats import POSITION
+from golden_model.formats import POSITION, WEIGHT
 from golden_model.geometry.scoring import (
     DEPTH_SHIFT,
     ENTRY,
@@ -25,6 +25,7 @@ from hdl.lib.delay import delayed, port_register
 
 PAIR = data.StructLayout(dict.fromkeys(("left_x", "left_y", "right_x", "right_y"), POSITION.bits))
 """Positions of a match, as match records have them."""
+WEIGHED_PAIR = data.StructLayout({"pair": PAIR, "weight": WEIGHT.bits})
 HYPOTHESIS = data.ArrayLayout(signed(ENTRY.bits), 9)
 """A homography row by row, see `golden_model.geometry.scoring.quantise`."""
 ELEMENTS = tuple(f"h{row}{column}" for row in range(3) for column in range(3))

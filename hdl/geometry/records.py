@@ -1,16 +1,20 @@
-"""Homography scoring behind streams of 64-bit words: the matcher's packets and hypotheses in, scores out."""
+"""Homography scoring and estimation behind streams of 64-bit words: the matcher's packets in, records out."""
 
 # Annotations are evaluated here: a component takes its ports from them.
-from amaranth import Cat, Module, Mux, Signal
+from amaranth import Cat, Module, Mux, Signal, Value
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.geometry.scoring import MAX_MATCHES
-from golden_model.records import FRAME_STATUS, HYPOTHESIS, MATCH, SCORE, WORD_BYTES, Record, Tag
+from golden_model.records import FRAME_STATUS, HOMOGRAPHY, HYPOTHESIS, MATCH, SCORE, WORD_BYTES, Record, Tag
+from hdl.geometry.estimator import SETTINGS, HomographyEstimator
 from hdl.geometry.match_gain import ELEMENTS, PAIR
+from hdl.geometry.ordering import FRAME_MATCH
 from hdl.geometry.scoring import HomographyScoring
 from hdl.lib.views import view_signal
 from hdl.streams import WordPayload, record_layout, words
+
+RECORD_WORDS = HOMOGRAPHY.record_bytes // WORD_BYTES
 
 
 class RecordScoring(wiring.Component):
@@ -58,35 +62,25 @@ class RecordScoring(wiring.Component):
         return m
 
     def _take_matches(self, m: Module) -> None:
-        m.submodules.match_record = record = RecordCollector(record=MATCH)
-        wiring.connect(m, wiring.flipped(self.i_matches), record.i)
-        taken, stored = record.o.payload, self._scoring.i_matches
-        match = data.View(record_layout(MATCH), taken.record)
-        status = data.View(record_layout(FRAME_STATUS, MATCH.record_bytes), taken.record)
-        is_match = ~taken.cut & (match.tag == Tag.MATCH)
-        is_kept = is_match & match.verdict & ~taken.last
-        # Whether anything but matches came before the end.
-        spoilt = Signal()
-        is_good = ~taken.cut & (status.tag == Tag.FRAME_STATUS) & status.good & ~spoilt
+        m.submodules.kept = kept = KeptMatches()
+        wiring.connect(m, wiring.flipped(self.i_matches), kept.i)
+        taken, stored = kept.o.payload, self._scoring.i_matches
         # A bad packet ends twice; the second end is that of an empty set.
         ends_again = Signal()
         m.d.comb += [
-            stored.valid.eq(record.o.valid & (is_kept | taken.last)),
-            stored.payload.ends.eq(taken.last),
-            stored.payload.frame.eq(Mux(is_good, status.frame, 0)),
-            stored.payload.match.weight.eq(match.weight),
-            *(stored.payload.match.pair[name].eq(match[name]) for name in PAIR.members),
-            record.o.ready.eq(Mux(taken.last, stored.ready & (is_good | ends_again), stored.ready | ~is_kept)),
+            stored.valid.eq(kept.o.valid),
+            stored.payload.ends.eq(taken.ends),
+            stored.payload.frame.eq(Mux(taken.frame.good, taken.frame.frame, 0)),
+            stored.payload.match.eq(taken.match),
+            kept.o.ready.eq(stored.ready & (~taken.ends | taken.frame.good | ends_again)),
         ]
-        with m.If(record.o.valid & taken.last & stored.ready):
-            m.d.sync += ends_again.eq(~is_good & ~ends_again)
-        with m.If(record.o.valid & record.o.ready):
-            m.d.sync += spoilt.eq(~taken.last & (spoilt | ~is_match))
+        with m.If(kept.o.valid & taken.ends & stored.ready):
+            m.d.sync += ends_again.eq(~taken.frame.good & ~ends_again)
         # From the first word of a packet to its last record.
         under_way = Signal()
         with m.If(self.i_matches.valid & self.i_matches.ready):
             m.d.sync += under_way.eq(1)
-        with m.Elif(record.o.valid & record.o.ready & taken.last):
+        with m.Elif(kept.o.valid & kept.o.ready & taken.ends):
             m.d.sync += under_way.eq(0)
         m.d.comb += self._scoring.i_hold.eq(under_way | self.i_matches.valid)
 
@@ -121,6 +115,99 @@ class RecordScoring(wiring.Component):
         ]
         with m.If(self.o.valid & self.o.ready):
             m.d.sync += is_high.eq(~is_high)
+
+
+class RecordEstimator(wiring.Component):
+    """`HomographyEstimator` with records in and out.
+
+    Every packet of matches is answered by a packet of one record, also where there is no homography. While nobody takes
+    the first word of a record, the following ones are dropped: a host that does not read stops nothing.
+
+    Parameters
+    ----------
+    max_matches : int
+        See `HomographyEstimator`.
+    """
+
+    i_matches: In(stream.Signature(WordPayload))
+    """Match records and a FrameStatus: the matcher's output."""
+    i_settings: In(SETTINGS)
+    """Taken at the end of a packet of matches."""
+    o: Out(stream.Signature(WordPayload))
+    """`golden_model.records.HOMOGRAPHY`."""
+    o_drops: Out(1)
+    """A record is dropped in this clock."""
+
+    def __init__(self, *, max_matches: int = MAX_MATCHES) -> None:
+        self._estimator = HomographyEstimator(max_matches=max_matches)
+        super().__init__()
+
+    def elaborate(self, platform: object) -> Module:
+        """Words to matches, the estimator, its result to words."""
+        m = Module()
+        m.submodules.estimator = estimator = self._estimator
+        m.submodules.kept = kept = KeptMatches()
+        wiring.connect(m, wiring.flipped(self.i_matches), kept.i)
+        wiring.connect(m, kept.o, estimator.i)
+        record = view_signal(record_layout(HOMOGRAPHY))
+        result = estimator.o.payload
+        names = ("causes", "inliers", "frame", "score", "support", "cycles", "cells")
+        m.d.comb += [
+            estimator.i_settings.eq(self.i_settings),
+            record.tag.eq(Tag.HOMOGRAPHY),
+            *(record[name].eq(result[name]) for name in names),
+            *(record[name].eq(result.homography[n]) for n, name in enumerate(ELEMENTS)),
+        ]
+        waiting = Signal(Value.cast(record).shape(), reset_less=True)
+        left = Signal(range(RECORD_WORDS + 1))
+        m.d.comb += [
+            self.o.valid.eq(left != 0),
+            self.o.payload.data.eq(waiting[: 8 * WORD_BYTES]),
+            self.o.payload.last.eq(left == 1),
+            self.o_drops.eq(estimator.o.valid & (left == RECORD_WORDS)),
+            estimator.o.ready.eq((left == 0) | self.o_drops),
+        ]
+        with m.If(left == 0), m.If(estimator.o.valid):
+            m.d.sync += [waiting.eq(record), left.eq(RECORD_WORDS)]
+        with m.Elif(self.o.ready):
+            m.d.sync += [waiting.eq(waiting >> 8 * WORD_BYTES), left.eq(left - 1)]
+        return m
+
+
+class KeptMatches(wiring.Component):
+    """The kept matches of each packet, and at its end what its status says of the frame.
+
+    A packet that is cut, holds anything else or ends with a bad status ends a frame that is not good.
+    """
+
+    i: In(stream.Signature(WordPayload))
+    """Match records and a FrameStatus."""
+    o: Out(stream.Signature(FRAME_MATCH))
+
+    def elaborate(self, platform: object) -> Module:
+        """Collect records, and pass on those that count."""
+        m = Module()
+        m.submodules.record = record = RecordCollector(record=MATCH)
+        wiring.connect(m, wiring.flipped(self.i), record.i)
+        taken, sent = record.o.payload, self.o.payload
+        match = data.View(record_layout(MATCH), taken.record)
+        status = data.View(record_layout(FRAME_STATUS, MATCH.record_bytes), taken.record)
+        is_match = ~taken.cut & (match.tag == Tag.MATCH)
+        is_kept = is_match & match.verdict & ~taken.last
+        # Whether anything but matches came before the end.
+        spoilt = Signal()
+        m.d.comb += [
+            self.o.valid.eq(record.o.valid & (is_kept | taken.last)),
+            sent.ends.eq(taken.last),
+            *(sent.frame[name].eq(status[name]) for name in ("frame", "width", "height")),
+            sent.frame.good.eq(~taken.cut & (status.tag == Tag.FRAME_STATUS) & status.good & ~spoilt),
+            sent.match.weight.eq(match.weight),
+            *(sent.match.pair[name].eq(match[name]) for name in PAIR.members),
+            record.o.ready.eq(self.o.ready | ~(is_kept | taken.last)),
+        ]
+        with m.If(record.o.valid & record.o.ready):
+            m.d.sync += spoilt.eq(~taken.last & (spoilt | ~is_match))
+        return m
 
 
 class RecordCollector(wiring.Component):

@@ -9,7 +9,7 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.formats import WEIGHT
 from golden_model.geometry.scoring import ENTRY, IN_FLIGHT, LEVELS, MAX_MATCHES, Cause
-from hdl.geometry.match_gain import HYPOTHESIS, PAIR, PRODUCT_CYCLES, MatchGain
+from hdl.geometry.match_gain import HYPOTHESIS, PRODUCT_CYCLES, WEIGHED_PAIR, MatchGain
 from hdl.lib.delay import delayed
 from hdl.lib.skid_buffer import SkidBuffer
 from hdl.lib.views import view_signal
@@ -19,7 +19,6 @@ SENT_HYPOTHESIS = data.StructLayout(
 )
 """A hypothesis as a host sends it, row by row. ``number`` and ``last`` come back with its score; with ``invalid`` the
 elements mean nothing, and it is answered with `Cause.INVALID_RECORD`."""
-WEIGHED_PAIR = data.StructLayout({"pair": PAIR, "weight": WEIGHT.bits})
 FRAME_BITS = 32
 SENT_MATCH = data.StructLayout({"match": WEIGHED_PAIR, "ends": 1, "frame": FRAME_BITS})
 """A match; or, with ``ends``, no match but the end of the set and the set's frame."""

@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from golden_model.geometry import estimator
+from golden_model.geometry.estimator import EstimatorSettings, FrameMatches, estimate, homography_record
 from golden_model.geometry.scoring import Cause, Scores, hypothesis_records, quantise, score_records
 from golden_model.geometry.scoring import answers as golden_answers
-from golden_model.records import FRAME_STATUS, MATCH, SCORE, Tag
+from golden_model.records import FRAME_STATUS, HOMOGRAPHY, MATCH, SCORE, Tag
 from hdl.blocks.vectors import packet, padded_status
-from hdl.geometry.records import RecordScoring
+from hdl.geometry.records import RecordEstimator, RecordScoring
 from sim.benches.block_bench import BlockBench
 from sim.benches.drivers import run_streams
 from sim.simulators.recording import NO_PAUSES, Pauses
@@ -137,3 +139,63 @@ def test_a_memory_that_is_too_small_is_a_cause() -> None:
     steps = [("i_matches", packet(records, status())), ("i_hypotheses", packet(hypothesis_records(HYPOTHESES)))]
     assert answers(steps, max_matches=small) == refused(Cause.TOO_MANY_MATCHES)
     assert answers(steps, max_matches=small + 1) == expected(records)
+
+
+SETTINGS = EstimatorSettings(passes=1)
+
+
+def estimates(packets: list[list[dict[str, int]]], *, reads: bool = True) -> tuple[NDArray[np.void], int]:
+    """Send packets to the estimator: the records that come back, and how many are dropped.
+
+    Without ``reads`` nothing is taken before all has been sent and computed.
+    """
+    dut = RecordEstimator(max_matches=32)
+    bench = BlockBench(dut, settings={"i_settings": vars(SETTINGS)}, cycle_limit=60_000)
+    received: list[Any] = []
+    drops = [0]
+
+    async def send(ctx: Any) -> None:
+        for words in packets:
+            for word in words:
+                await bench.stream_put(ctx, dut.i_matches, word)
+        for _ in range(3000 if not reads else 0):
+            await ctx.tick()
+
+    async def count(ctx: Any) -> None:
+        while True:
+            drops[0] += ctx.get(dut.o_drops)
+            await ctx.tick()
+
+    async def receive(ctx: Any) -> None:
+        if not reads:
+            await send(ctx)
+        for _ in range(len(packets) if reads else 1):
+            last = 0
+            while not last:
+                word = await bench.stream_get(ctx, dut.o)
+                last = word.last
+                received.append(word.data)
+
+    bench.run(*((send, receive) if reads else (receive,)), background=(count,))
+    return np.array(received, dtype=np.uint64).view(HOMOGRAPHY.dtype), drops[0]
+
+
+def test_every_packet_of_matches_is_answered_by_its_homography() -> None:
+    matches, good = match_records(30), status(frame=7)
+    good_view: Any = good.view(FRAME_STATUS.dtype_padded_to(MATCH.record_bytes))
+    good_view["width"], good_view["height"] = 320, 240
+    unknown = match_records()
+    unknown["tag"][4] = Tag.FEATURE
+    bad = [packet(matches, status(good=0, frame=1)), packet(matches), packet(unknown, status(frame=2))]
+    records, drops = estimates([*bad, packet(matches, good), packet(matches[:3], status(frame=9))])
+    assert records["causes"].tolist()[:3] == [estimator.Cause.BAD_FRAME] * 3
+    expected = estimate(FrameMatches.from_records(matches, good_view.reshape(1)[0]), SETTINGS)
+    np.testing.assert_array_equal(records[3:4], homography_record(expected, frame=7))
+    assert records["score"][3] > 0
+    assert (records["causes"][4], records["frame"][4]) == (estimator.Cause.TOO_FEW_MATCHES, 9)
+    assert drops == 0
+
+
+def test_a_host_that_does_not_read_stops_nothing() -> None:
+    records, drops = estimates([packet(match_records(3), status(frame=n)) for n in range(4)], reads=False)
+    assert (records["frame"].tolist(), drops) == ([0], 3)
