@@ -7,6 +7,7 @@ from nearer the ground looks as the others do.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,8 +88,5 @@ def link_across_heights(
 
 def _in_working_px(link: Link, mixed: Sequence[View], views: Sequence[View]) -> Link:
     """Convert the points of a link from working px of the ``mixed`` views to those of ``views``."""
-    left, right = (
-        apply(np.linalg.inv(views[index].to_original) @ mixed[index].to_original, points)
-        for index, points in ((link.left, link.left_points), (link.right, link.right_points))
-    )
-    return replace(link, left_points=left, right_points=right)
+    to_views = (np.linalg.inv(views[end].to_original) @ mixed[end].to_original for end in (link.left, link.right))
+    return link.move(*(partial(apply, matrix) for matrix in to_views))

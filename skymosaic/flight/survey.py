@@ -146,16 +146,15 @@ def survey(sources: Sequence[Source], settings: Settings, seed: int, workers: Wo
             surveyor, usable, views, links, members=parts[0], calibration=calibration
         )
     clock.lap("lens")
-    layouts = tuple(lay_out(views, members, valid_links(links)) for members in parts if len(members) > 1)
+    layouts, alone = _lay_out_all(views, parts, valid_links(links))
     clock.lap("layout")
-    alone = (members[0] for members in parts if len(members) == 1)
     left_out |= {usable[view].index: _why_alone(view, views, links.values()) for view in alone}
     return Flight(
         names=tuple(source.name for source in sources),
         sources=usable,
         views=views,
         links=tuple(links.values()),
-        layouts=layouts,
+        layouts=tuple(layouts),
         left_out=left_out,
         settings=settings,
         seconds=clock.seconds,
@@ -238,6 +237,26 @@ def _straighten(
     return straight_views, {**links, **straight}, calibration.with_remaining(remaining)
 
 
+def _lay_out_all(
+    views: Sequence[View], parts: Sequence[list[int]], links: Sequence[Link]
+) -> tuple[list[Layout], list[int]]:
+    """The layouts of all parts of a flight, and the views that are in none of them."""
+    layouts: list[Layout] = []
+    alone: list[int] = []
+    todo = list(parts)
+    while todo:
+        members = todo.pop(0)
+        if len(members) == 1:
+            alone += members
+            continue
+        layouts.append(lay_out(views, members, links))
+        # Views whose place is in doubt may still belong together.
+        doubtful = [member for member in members if member not in layouts[-1].transforms]
+        inside = [link for link in links if link.left in doubtful and link.right in doubtful]
+        todo += [part for part in groups(len(views), inside) if part[0] in doubtful]
+    return sorted(layouts, key=lambda layout: -len(layout.members)), alone
+
+
 def _why_alone(view: int, views: Sequence[View], links: Iterable[Link]) -> str:
     """Why no link joins a view to the others, with its best match."""
     features = len(views[view].features)
@@ -246,6 +265,8 @@ def _why_alone(view: int, views: Sequence[View], links: Iterable[Link]) -> str:
     tried = [link for link in links if view in (link.left, link.right)]
     if not tried:
         return f"{views[view].name}: no other photograph can be used"
+    if held := sum(link.holds for link in tried):
+        return f"{views[view].name}: {held} links contradict each other or the layout, so its place is unknown"
     best = max(tried, key=lambda link: link.inliers)
     other = views[best.left + best.right - view].name
     best_match = f"at best {best.inliers} matches agree, with {other}; {MIN_INLIERS} are needed"

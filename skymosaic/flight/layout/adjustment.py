@@ -29,6 +29,8 @@ FOCAL_HALF_DIAGONALS = 1.2
 """Focal length in half diagonals of the view: common drones have 1.1 to 1.3."""
 STRETCH_SIGMA = 1e-3
 """Expected stretch beside what the tilt explains."""
+STRETCH_ERROR = 0.2
+"""Standard deviation of the stretch that the tilt explains, as a share of it: the focal length is hardly known."""
 TILT_SIGMA = 0.05
 """Expected perspective: the tangent of the tilt over the focal length in half diagonals; about 3 degrees."""
 MIN_SCALE_PX = 1.5
@@ -164,9 +166,12 @@ class Network:
         system = _BlockSystem(self._views, self._pairs, jacobian.reshape(links, -1, 2 * free), targets)
         if free > MODELS["similarity"]:
             shape = shapes(transforms)
-            shape[:, :2] -= stretch_of_tilt(shape[:, 2:])
-            sigma = np.array([STRETCH_SIGMA, STRETCH_SIGMA, TILT_SIGMA, TILT_SIGMA])[: free - 4]
-            system.add_prior(shape[:, : free - 4], 1 / sigma**2)
+            expected = stretch_of_tilt(shape[:, 2:])
+            shape[:, :2] -= expected
+            sigma = np.empty_like(shape)
+            sigma[:, :2] = np.hypot(STRETCH_SIGMA, STRETCH_ERROR * np.linalg.norm(expected, axis=1))[:, None]
+            sigma[:, 2:] = np.maximum(TILT_SIGMA, np.abs(shape[:, 2:]))
+            system.add_prior(shape[:, : free - 4], 1 / sigma[:, : free - 4] ** 2)
         motion = np.zeros((self._views, 8))
         still, per_change = system.solve(self._reference)
         change = _distortion_change(residual, bending, system.target[..., 1], still, per_change) if lens else 0.0
@@ -248,9 +253,9 @@ class _BlockSystem:
         self._across = normal[:, :free, free:]
 
     def add_prior(self, values: Array, weights: Array) -> None:
-        """Pull the last unknowns of every view so that ``values`` (V, k) become 0."""
+        """Pull the last unknowns of every view so that ``values`` (V, k) become 0, by ``weights`` (V, k)."""
         k = values.shape[1]
-        self._diagonal[:, -k:, -k:] += np.diag(weights)
+        self._diagonal[:, -k:, -k:] += weights[:, :, None] * np.eye(k)
         self.target[:, -k:, 0] += values * weights
 
     def solve(self, reference: int) -> tuple[Array, Array]:

@@ -8,10 +8,11 @@ from functools import cached_property
 import cv2
 import numpy as np
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
+from scipy.sparse.csgraph import breadth_first_order, connected_components, maximum_flow, minimum_spanning_tree
 
 from golden_model.arrays import Array
 from skymosaic.compositing.warp import Canvas
+from skymosaic.flight.layout.accuracy import Accuracy, measure_accuracy
 from skymosaic.flight.layout.adjustment import MODELS, WIDEST_SCALE_PX, Network, Ties
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.linking.view import View
@@ -66,9 +67,14 @@ class Layout:
     model: str = "similarity"
     reason: str = "a single view"
 
+    @cached_property
+    def accuracy(self) -> Accuracy | None:
+        """Errors of the matches that the layout did not use; None where none were kept aside, as of a pair."""
+        return measure_accuracy(self.transforms, (*self.links, *self.contradicting))
+
     @property
     def median_error_px(self) -> float:
-        """Median error of all ties; 0 for a single view."""
+        """Median error of all ties, which says how well the layout fits them; 0 for a single view."""
         return float(np.median(np.concatenate(self.errors_px))) if self.errors_px else 0.0
 
     def to_reference(self, views: Sequence[View]) -> dict[int, Array]:
@@ -94,6 +100,8 @@ def groups(count: int, links: Sequence[Link]) -> list[list[int]]:
 def lay_out(views: Sequence[View], members: Sequence[int], links: Sequence[Link]) -> Layout:
     """Lay out one group of linked views; the model is chosen by its error on held-out ties.
 
+    Views that a single link joins to the others while another link contradicts it are left out: either may be false.
+
     Parameters
     ----------
     views : sequence of View
@@ -117,6 +125,11 @@ def lay_out(views: Sequence[View], members: Sequence[int], links: Sequence[Link]
         network = group.network(slice(None))
         # What contradicts weighed next to nothing, so this goes on from where it is.
         refined = network.adjust(refined, model)
+    if doubtful := _doubtful_part(group, false):
+        sure = [member for member in members if member not in doubtful]
+        layout = lay_out(views, sure, group.links)
+        known = [link for link in false if link.left in sure and link.right in sure]
+        return dataclasses.replace(layout, contradicting=(*known, *layout.contradicting))
     return Layout(
         members=tuple(members),
         reference=members[group.reference],
@@ -312,3 +325,21 @@ def _contradicting(group: LinkedGroup, errors_px: Sequence[Array]) -> list[Link]
         else:
             false.append(link)
     return false
+
+
+def _doubtful_part(group: LinkedGroup, false: Sequence[Link]) -> set[int]:
+    """The smaller one of two parts of a group that a single link joins and another contradicts; empty without such."""
+    row = {member: index for index, member in enumerate(group.members)}
+    pairs = np.array([(row[link.left], row[link.right]) for link in group.links])
+    ones = np.ones(len(pairs), dtype=np.int32)
+    joined = csr_array((ones, pairs.T), shape=(len(row),) * 2)
+    joined = csr_array(joined + joined.T)
+    for link in false:
+        if maximum_flow(joined, row[link.left], row[link.right]).flow_value > 1:
+            continue
+        # Nothing joins the two sides once the one link between them is gone.
+        for bridge in group.links:
+            parts = _parts(group, [other for other in group.links if other is not bridge])
+            if len(parts) > 1 and (row[link.left] in parts[1]) != (row[link.right] in parts[1]):
+                return {group.members[index] for index in parts[1]}
+    return set()

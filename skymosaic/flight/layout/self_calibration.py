@@ -14,6 +14,7 @@ import dataclasses
 import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -189,16 +190,15 @@ def _fit(network: Network, start: Array, *, lens: bool) -> Array:
 def straighten_links(links: Sequence[Link], views: Sequence[View], distortion: float) -> dict[Candidate, Link]:
     """Move the ties to where a lens without distortion would have shown them; the links by their pairs."""
     return {
-        (link.left, link.right): dataclasses.replace(
-            link,
-            left_points=_straighten_pixels(link.left_points, views[link.left], distortion),
-            right_points=_straighten_pixels(link.right_points, views[link.right], distortion),
+        (link.left, link.right): link.move(
+            partial(_straighten_pixels, view=views[link.left], distortion=distortion),
+            partial(_straighten_pixels, view=views[link.right], distortion=distortion),
         )
         for link in links
     }
 
 
-def _straighten_pixels(points: Array, view: View, distortion: float) -> Array:
+def _straighten_pixels(points: Array, *, view: View, distortion: float) -> Array:
     matrix = normalisation(view.working_size)
     return apply(np.linalg.inv(matrix).astype(np.float64), straighten(apply(matrix, points), distortion))
 

@@ -52,6 +52,52 @@ def test_without_false_links_none_contradicts() -> None:
     assert position_errors_px(flight, layout).max() < 0.5
 
 
+def test_a_camera_that_looks_far_ahead_keeps_its_perspective() -> None:
+    flight = make_lawnmower(2, PICTURES, SIZE_PX)
+    size, steep = np.array(SIZE_PX), PICTURES // 2
+    # The focal length is a tenth less than the layout expects.
+    focal_px = 0.9 * 1.2 * np.hypot(*SIZE_PX) / 2
+    camera = np.array([[focal_px, 0, size[0] / 2], [0, focal_px, size[1] / 2], [0, 0, 1]])
+    leaning = np.radians(30)
+    turned = np.array(
+        [[1, 0, 0], [0, np.cos(leaning), np.sin(leaning)], [0, -np.sin(leaning), np.cos(leaning)]], dtype=np.float64
+    )
+    ahead = np.asarray(camera @ turned @ np.linalg.inv(camera), dtype=np.float64)
+    links = []
+    for tied in tie_pictures(flight, 2, 0, 0):
+        points = {tied.left: tied.left_points, tied.right: tied.right_points}
+        kept: Any = np.ones(len(tied.left_points), np.bool_)
+        if steep in points:
+            points[steep] = apply(ahead, points[steep])
+            kept = ((points[steep] >= 0) & (points[steep] < size)).all(axis=1)
+        if kept.sum() >= 12:
+            left, right = (points[side][kept] for side in (tied.left, tied.right))
+            links.append(Link(tied.left, tied.right, left, right, len(left), len(left)))
+    views: list[Any] = [SimpleNamespace(size=SIZE_PX, working_size=SIZE_PX)] * PICTURES
+    layout = lay_out(views, range(PICTURES), links)
+    assert sum(steep in (link.left, link.right) for link in links) >= 3
+    assert layout.contradicting == ()
+    assert max(float(np.median(errors)) for errors in layout.errors_px) < 1
+
+
+def test_a_photograph_without_a_true_link_is_left_out() -> None:
+    flight = make_lawnmower(2, PICTURES, SIZE_PX)
+    tied = tie_pictures(flight, 2, 0, 0)
+    links = [Link(t.left, t.right, t.left_points, t.right_points, 60, 60) for t in tied if 7 not in (t.left, t.right)]
+    rng = np.random.default_rng(0)
+    points = rng.uniform(100, 900, (60, 2))
+    # Each of its links puts it somewhere else.
+    links += [Link(7, other, points, points + rng.uniform(-80, 80, 2), 60, 60) for other in (9, 15, 24)]
+    views: list[Any] = [SimpleNamespace(size=SIZE_PX, working_size=SIZE_PX)] * PICTURES
+    layout = lay_out(views, range(PICTURES), sorted(links, key=lambda link: (link.left, link.right)))
+    assert set(range(PICTURES)).difference(layout.members) == {7}
+    assert layout.contradicting == ()
+    assert position_errors_px(flight, layout).max() < 0.5
+    # One link alone contradicts nothing, as at the end of a strip.
+    layout = lay_out(views, range(PICTURES), sorted(links[:-2], key=lambda link: (link.left, link.right)))
+    assert len(layout.members) == PICTURES
+
+
 def test_a_loop_that_does_not_close_takes_trust_from_its_links() -> None:
     def shifted(x: Any) -> Any:
         return np.array([[1.0, 0, x], [0, 1, 0], [0, 0, 1]])

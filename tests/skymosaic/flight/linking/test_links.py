@@ -1,0 +1,40 @@
+import numpy as np
+
+from golden_model.config import preset_config
+from golden_model.front_end import extract
+from sim.scene import make_lawnmower
+from skymosaic.flight.linking.links import are_right, link_views
+from skymosaic.geometry.homography import transfer_error
+
+
+def test_matches_on_relief_are_right_and_others_are_not() -> None:
+    rng = np.random.default_rng(0)
+    plane = np.array([[1.0, 0, 200], [0, 1, 10], [0, 0, 1]])
+    left = rng.uniform(0, 1000, (300, 2))
+    right = left + np.array([200, 10]) + rng.normal(0, 0.2, left.shape)
+    on_relief, false, near_but_false = slice(0, 60), slice(60, 120), slice(120, 140)
+    # Parallax moves along the baseline, here to the right and a little down.
+    right[on_relief] += rng.uniform(5, 50, (60, 1)) * [1, 0.05]
+    right[false] = rng.uniform(0, 1000, (60, 2))
+    right[near_but_false] += rng.uniform(5, 50, (20, 1)) * [0.2, 1]
+    kept = are_right(left, right, plane)
+    assert kept[on_relief].mean() > 0.95
+    assert kept[140:].mean() > 0.95
+    assert kept[false].mean() < 0.05
+    assert kept[near_but_false].mean() < 0.1
+    np.testing.assert_array_equal(are_right(left, right, plane), kept)
+
+
+def test_checks_are_no_ties_and_lie_on_relief_too() -> None:
+    config = preset_config("aerial")
+    flight = make_lawnmower(3, 4, (640, 480), relief=True)
+    features = [extract(image, config.front_end).features for image in flight.images[:2]]
+    link = link_views((0, 1), *features, config=config, seed=0)
+    assert link.ties > 2 * len(link.left_checks) > 50
+    ties = {tuple(point) for point in link.left_points.tolist()}
+    assert ties.isdisjoint(tuple(point) for point in link.left_checks.tolist())
+    on_plane = flight.homography_between(0, 1)
+    off_px = transfer_error(on_plane, link.left_checks, link.right_checks)
+    assert off_px.max() > 3
+    again = type(link).unpack(link.pack(), 0, 1)
+    np.testing.assert_array_equal(again.right_checks, link.right_checks)
