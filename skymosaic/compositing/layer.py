@@ -9,7 +9,7 @@ import numpy as np
 
 from golden_model.arrays import Array, Float32, Intensities, Mask, Pixels
 from skymosaic.compositing.tone import NEUTRAL, Tone
-from skymosaic.compositing.warp import Canvas, footprint, source_window, warp_backward, warp_tile
+from skymosaic.compositing.warp import Canvas, footprint, nearest_corner, source_window, warp_backward, warp_tile
 from skymosaic.geometry.homography import apply, resize_matrix
 
 MIN_WEIGHT = 1e-3
@@ -73,7 +73,9 @@ class Layer:
     favour : float
         Factor on the claim, below 1 for a photograph that should show only where others do not.
     seam : SeamMask or None
-        The pixels that seams assign to it; None: each pixel belongs to the photograph whose border is farthest.
+        The pixels that seams assign to it; None: each pixel belongs to the photograph with the largest `claim`.
+    least_nearness : float
+        What is farther from the camera is not shown, see `skymosaic.compositing.warp.nearness`; 0 shows all.
     """
 
     image: Intensities
@@ -82,15 +84,21 @@ class Layer:
     visible: Pixels | None = None
     favour: float = 1.0
     seam: SeamMask | None = None
+    least_nearness: float = 0.0
 
     @property
     def size(self) -> tuple[int, int]:
         """Width and height of the image, px."""
         return self.image.shape[1], self.image.shape[0]
 
+    @property
+    def footprint(self) -> Canvas:
+        """The rectangle of the reference frame that the image may cover."""
+        return footprint(self.size, self.transform, self.least_nearness)
+
     def covered_part(self, canvas: Canvas) -> Canvas | None:
         """The part of the canvas that the image may cover; None if there is none."""
-        return footprint(self.size, self.transform).intersection(canvas)
+        return self.footprint.intersection(canvas)
 
     def shown_part(self, canvas: Canvas) -> Canvas | None:
         """As `covered_part`, but also None if the seams leave nothing of the image there."""
@@ -130,23 +138,43 @@ class Layer:
         # Warping interpolates. With 1 added to the distance, values below 1 are mixtures with the outside.
         source = source_window(self.size, self.transform, part)
         plus_one = warp_tile(self._plus_one(source), self.transform, source, part, border=cv2.BORDER_CONSTANT)
-        inside = plus_one > 1 - MIN_WEIGHT
+        inside = (plus_one > 1 - MIN_WEIGHT) & self._is_near(part)
         return np.where(inside, np.maximum(plus_one - 1, MIN_WEIGHT), 0).astype(np.float32)
 
     def claim(self, part: Canvas) -> Float32:
-        """Claim to each pixel, by the seams or else by the distance from the border; 0 outside.
+        """Claim to each pixel, by the seams or else by detail and the distance from the border; 0 outside.
 
-        The layer with the largest claim shows the pixel.
+        The layer with the largest claim shows the pixel. Where an image shows the ground with twice the resolution of
+        another one, it needs a quarter of the distance.
         """
         if self.seam is None:
-            return self.border_distance(part) * np.float32(self.favour)
+            return self.border_distance(part) * self._detail(part) * np.float32(self.favour)
         # Pixels between two masks and beyond the last one have no owner, so any image that covers them may show them.
         share = np.maximum(self.seam.share(part), 1)
         return np.where(self._covers(part), share, 0).astype(np.float32)
 
     def _covers(self, part: Canvas) -> Mask:
         whole = np.full(self.image.shape[:2], 255, np.uint8) if self.visible is None else self.visible
-        return np.asarray(warp_backward(whole, self.transform, part) == 255)
+        return np.asarray(warp_backward(whole, self.transform, part) == 255) & self._is_near(part)
+
+    def _is_near(self, part: Canvas) -> Mask:
+        """Where the ground is near enough to be shown."""
+        if self.least_nearness <= 0:
+            return np.ones((part.height_px, part.width_px), dtype=np.bool_)
+        remoteness = self._remoteness(part)
+        return np.asarray((remoteness > 0) & (remoteness <= 1 / self.least_nearness))
+
+    def _detail(self, part: Canvas) -> Float32:
+        """Image pixels for each reference pixel, by area; any number where the image cannot reach."""
+        nearest = abs(nearest_corner(self.size, self.transform)) ** 3 / abs(float(np.linalg.det(self.transform)))
+        return np.asarray(nearest / np.maximum(self._remoteness(part), MIN_WEIGHT) ** 3, dtype=np.float32)
+
+    def _remoteness(self, part: Canvas) -> Array:
+        """The reciprocal of `skymosaic.compositing.warp.nearness` at pixels of the reference frame."""
+        # The inverse maps a pixel to the reciprocal of the third coordinate that the transformation gave it.
+        inverse = np.linalg.inv(self.transform) * nearest_corner(self.size, self.transform)
+        x, y = np.arange(part.width_px) + part.x_px, np.arange(part.height_px) + part.y_px
+        return np.asarray(inverse[2, 0] * x + (inverse[2, 1] * y + inverse[2, 2])[:, None])
 
     def _plus_one(self, source: Canvas) -> Float32:
         """The distance plus 1, in a window of the image."""

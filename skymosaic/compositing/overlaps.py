@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from golden_model.arrays import Array, Float32
 from skymosaic.compositing.layer import Layer
 from skymosaic.compositing.tone import squared_radius
-from skymosaic.compositing.warp import Canvas, footprint
+from skymosaic.compositing.warp import Canvas
 from skymosaic.geometry.homography import apply
 
 CELL_PX = 8
@@ -93,7 +93,7 @@ def compare_overlaps(thumbnails: Sequence[Layer], black: float, white: float) ->
 
 def _measure_cells(layer: Layer, black: float, white: float) -> _Cells:
     """Average a photograph over the cells of a grid that all photographs share."""
-    part = footprint(layer.size, layer.transform)
+    part = layer.footprint
     x, y = -(-part.x_px // CELL_PX), -(-part.y_px // CELL_PX)
     width, height = (part.x_px + part.width_px) // CELL_PX - x, (part.y_px + part.height_px) // CELL_PX - y
     window = Canvas(x, y, max(width, 1), max(height, 1))

@@ -1,7 +1,8 @@
 """Finds seams: lines between the photographs of a mosaic along which neighbours look alike.
 
-Seams are found on thumbnails. A photograph may show the pixels that are nearly as far from its own border as from any
-other's. Within the overlaps that are left, OpenCV's seam finder cuts where the colours differ least.
+Seams are found on thumbnails. A photograph may show the pixels to which its claim is nearly as strong as any other's:
+by its detail there, and by their distance from its border. Within the overlaps that are left, OpenCV's seam finder cuts
+where the colours differ least.
 """
 
 from collections.abc import Sequence
@@ -12,7 +13,7 @@ import numpy as np
 
 from golden_model.arrays import Mask
 from skymosaic.compositing.layer import Layer, SeamMask
-from skymosaic.compositing.warp import Canvas, enclosing_canvas, footprint
+from skymosaic.compositing.warp import Canvas, enclosing
 from skymosaic.imagery.depth import ValueRange, show_in_8_bit
 
 NEARLY_FARTHEST = 0.6
@@ -38,9 +39,9 @@ def find_seams(thumbnails: Sequence[Layer], scale: float, values: ValueRange | N
     list of SeamMask
         One per thumbnail.
     """
-    canvases = [footprint(layer.size, layer.transform) for layer in thumbnails]
+    canvases = [layer.footprint for layer in thumbnails]
     claims = [layer.claim(canvas) for layer, canvas in zip(thumbnails, canvases, strict=True)]
-    whole = enclosing_canvas([layer.size for layer in thumbnails], [layer.transform for layer in thumbnails])
+    whole = enclosing(canvases)
     strongest = np.zeros((whole.height_px, whole.width_px), dtype=np.float32)
     for canvas, claim in zip(canvases, claims, strict=True):
         where = canvas.within(whole)

@@ -49,6 +49,11 @@ class Canvas:
     height_px: int
 
     @property
+    def area_px(self) -> int:
+        """Number of its pixels."""
+        return self.width_px * self.height_px
+
+    @property
     def translation(self) -> Array:
         """(3, 3): reference pixels to pixels of this rectangle."""
         return np.array([[1.0, 0, -self.x_px], [0, 1.0, -self.y_px], [0, 0, 1.0]])
@@ -96,7 +101,11 @@ class Canvas:
 
 
 def enclosing_canvas(
-    sizes: Sequence[tuple[int, int]], transforms: Sequence[Array], *, limit_px: int = CANVAS_LIMIT_PX
+    sizes: Sequence[tuple[int, int]],
+    transforms: Sequence[Array],
+    least_nearness: Sequence[float] | None = None,
+    *,
+    limit_px: float = CANVAS_LIMIT_PX,
 ) -> Canvas:
     """The smallest canvas that contains all images.
 
@@ -106,7 +115,9 @@ def enclosing_canvas(
         Width and height of each image, px.
     transforms : sequence of (3, 3) float64 ndarray
         Image pixels to reference pixels.
-    limit_px : int
+    least_nearness : sequence of float or None
+        As in `outline`, of each image; None: all of it.
+    limit_px : float
         Maximum area.
 
     Raises
@@ -115,35 +126,88 @@ def enclosing_canvas(
         If a corner of an image maps to a point behind the camera, or the area exceeds the limit; nothing is allocated
         before.
     """
-    parts = [footprint(size, transform) for size, transform in zip(sizes, transforms, strict=True)]
-    x, y = min(part.x_px for part in parts), min(part.y_px for part in parts)
-    width = max(part.x_px + part.width_px for part in parts) - x
-    height = max(part.y_px + part.height_px for part in parts) - y
-    if width * height > limit_px:
+    least_nearness = least_nearness or [0.0] * len(sizes)
+    whole = enclosing([footprint(*image) for image in zip(sizes, transforms, least_nearness, strict=True)])
+    if whole.area_px > limit_px:
         raise CanvasError(
-            f"the canvas would be {width}x{height} px, {width * height / 1e6:.0f} megapixels; "
+            f"the canvas would be {whole.width_px}x{whole.height_px} px, {whole.area_px / 1e6:.0f} megapixels; "
             f"the limit is {limit_px / 1e6:.0f}"
         )
-    return Canvas(x, y, width, height)
+    return whole
 
 
-def footprint(size: tuple[int, int], transform: Array) -> Canvas:
+def enclosing(parts: Sequence[Canvas]) -> Canvas:
+    """The smallest rectangle that contains all of some."""
+    x, y = min(part.x_px for part in parts), min(part.y_px for part in parts)
+    width = max(part.x_px + part.width_px for part in parts) - x
+    return Canvas(x, y, width, max(part.y_px + part.height_px for part in parts) - y)
+
+
+def footprint(size: tuple[int, int], transform: Array, least_nearness: float = 0.0) -> Canvas:
     """The bounding rectangle of the reference pixels whose centres an image of ``size`` (width, height) may cover.
+
+    Parameters
+    ----------
+    size, transform
+        Of the image.
+    least_nearness : float
+        As in `outline`.
 
     Raises
     ------
     CanvasError
         If a corner of the image maps to a point behind the camera.
     """
-    corners = Canvas(0, 0, *size).corners
-    # The third homogeneous coordinate changes its sign at the horizon; the overall sign of a homography is arbitrary.
-    depth = corners @ transform[2, :2] + transform[2, 2]
-    if not (depth * depth[0] > 0).all():
-        raise CanvasError(f"a corner of an image of {size[0]}x{size[1]} px would lie behind the camera")
-    mapped = apply(transform, corners)
+    mapped = apply(transform, outline(size, transform, least_nearness))
     first = np.ceil(mapped.min(axis=0) - ROUNDING_PX)
     last = np.floor(mapped.max(axis=0) + ROUNDING_PX)
     return Canvas(int(first[0]), int(first[1]), int(last[0] - first[0]) + 1, int(last[1] - first[1]) + 1)
+
+
+def outline(size: tuple[int, int], transform: Array, least_nearness: float = 0.0) -> Array:
+    """Corners (N, 2), image pixels, of the part of an image that is near enough; four where that is all of it.
+
+    Parameters
+    ----------
+    size : (int, int)
+        Width and height, px.
+    transform : ndarray of float64, shape (3, 3)
+        Image pixels to reference pixels.
+    least_nearness : float
+        See `nearness`; 0 takes the whole image.
+
+    Raises
+    ------
+    CanvasError
+        If all of it should be taken, and a corner maps to a point behind the camera.
+    """
+    corners = Canvas(0, 0, *size).corners
+    near = nearness(size, transform, corners)
+    if least_nearness <= 0:
+        if near.min() <= 0:
+            raise CanvasError(f"a corner of an image of {size[0]}x{size[1]} px would lie behind the camera")
+        return corners
+    kept = []
+    for start, end, first, last in zip(np.roll(corners, 1, axis=0), corners, np.roll(near, 1), near, strict=True):
+        if (first < least_nearness) != (last < least_nearness):
+            kept.append(start + (end - start) * (least_nearness - first) / (last - first))
+        if last >= least_nearness:
+            kept.append(end)
+    return np.array(kept)
+
+
+def nearness(size: tuple[int, int], transform: Array, points: Array) -> Array:
+    """How near to the camera the ground at image points (N, 2) is: 1 at the nearest corner, 0 at the horizon, (N,).
+
+    It is the third homogeneous coordinate. The ground that a pixel covers grows with its third power.
+    """
+    return np.asarray((points @ transform[2, :2] + transform[2, 2]) / nearest_corner(size, transform))
+
+
+def nearest_corner(size: tuple[int, int], transform: Array) -> float:
+    """The third homogeneous coordinate of the corner that is nearest to the camera; its sign is arbitrary."""
+    third = Canvas(0, 0, *size).corners @ transform[2, :2] + transform[2, 2]
+    return float(third[np.argmax(np.abs(third))])
 
 
 def magnification(size: tuple[int, int], transform: Array) -> float:

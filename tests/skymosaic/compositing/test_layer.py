@@ -1,0 +1,57 @@
+import numpy as np
+import pytest
+
+from golden_model.arrays import Array
+from skymosaic.compositing.layer import Layer
+from skymosaic.compositing.warp import CanvasError, footprint, nearness, outline
+from skymosaic.geometry.homography import apply
+
+IMAGE = np.full((300, 400), 90, np.uint8)
+# Looks along y: rows above 60 show the sky.
+HORIZON = np.array([[1.0, 0, 0], [0, 0.5, 0], [0, 1 / 60, -1]])
+
+
+def enlarged(factor: float, x: float = 0, y: float = 0) -> Array:
+    return np.array([[factor, 0, x], [0, factor, y], [0, 0, 1]])
+
+
+def test_the_finer_of_two_photographs_shows_all_but_its_margin() -> None:
+    coarse, fine = Layer(IMAGE, enlarged(4)), Layer(IMAGE, enlarged(1, 600, 450))
+    part = fine.footprint
+    finer = fine.claim(part) > coarse.claim(part)
+    assert finer[20:-20, 20:-20].all()
+    assert not finer[0].any()
+    alike = Layer(IMAGE, enlarged(1.0, 610, 450)).claim(part)
+    # Of photographs with the same detail, the one whose border is farther shows the ground, as ever.
+    assert ((fine.claim(part) >= alike) == (fine.border_distance(part) >= alike)).all()
+
+
+def test_detail_falls_towards_the_horizon() -> None:
+    tilted = np.array([[1.0, 0, 0], [0, 1, 0], [0, 1 / 600, 1]])
+    layer = Layer(IMAGE, tilted)
+    detail = layer.claim(layer.footprint) / np.maximum(layer.border_distance(layer.footprint), 1e-9)
+    for x, y in ((200.0, 50.0), (200.0, 250.0)):
+        steps = apply(tilted, [(x, y), (x + 0.01, y), (x, y + 0.01)])
+        area = abs(np.linalg.det((steps[1:] - steps[0]) / 0.01))
+        column, row = np.rint(steps[0]).astype(int) - (layer.footprint.x_px, layer.footprint.y_px)
+        assert detail[row, column] == pytest.approx(1 / area, rel=0.02)
+
+
+def test_nothing_is_shown_that_is_too_far_from_the_camera() -> None:
+    size = (400, 300)
+    with pytest.raises(CanvasError, match="behind the camera"):
+        footprint(size, HORIZON)
+    near = nearness(size, HORIZON, np.array([[0.0, 299], [0, 60], [0, 0]]))
+    np.testing.assert_allclose(near, [1, 0, -60 / 239], atol=1e-12)
+    layer = Layer(IMAGE, HORIZON, least_nearness=0.25)
+    corners = outline(size, HORIZON, 0.25)
+    assert corners[:, 1].min() == pytest.approx(60 + 0.25 * 239)
+    assert len(corners) == 4
+    around = layer.footprint.grown(50)
+    columns, rows = np.meshgrid(
+        *(np.arange(n) + start for n, start in ((around.width_px, around.x_px), (around.height_px, around.y_px)))
+    )
+    seen = apply(np.linalg.inv(HORIZON), np.stack([columns, rows], axis=-1))
+    expected = (seen[..., 1] > corners[:, 1].min()) & (seen[..., 1] <= 299) & (np.abs(seen[..., 0] - 199.5) <= 199.5)
+    shown = layer.claim(around) > 0
+    assert (shown != expected).mean() < 0.01
