@@ -68,11 +68,16 @@ def error_row(name: str, flight: Flight, layout: Layout, pairs: Sequence[PairOfT
     worst = np.argsort(-middles)[:WORST].tolist()
     median, ninety = np.percentile(np.concatenate(by_pair), (50, 90))
     names = [Path(view.name).stem for view in flight.views]
+    # Ours are in px of the working image.
+    wide = WIDTH_PX / max(flight.views[member].working_size[0] for member in layout.members)
+    ours = () if layout.accuracy is None else (layout.accuracy.whole.median_px, layout.accuracy.whole.ninety_px)
     return {
         "flight": name,
         "placed": f"{len(layout.members)} of {len(flight.names)}",
         "contradicting": f"{len(layout.contradicting)} of {len(layout.links) + len(layout.contradicting)}",
-        "independent, median and 90 %": f"{median:.2f} {ninety:.2f}",
+        "reported, median and 90 %": " ".join(f"{wide * error:.2f}" for error in ours),
+        "independent": f"{median:.2f} {ninety:.2f}",
+        "ratio": " ".join(f"{wide * error / truth:.2f}" for error, truth in zip(ours, (median, ninety), strict=False)),
         "pairs above 10 px": f"{np.count_nonzero(middles > 10)} of {len(middles)}",
         "worst pairs": ", ".join(
             f"{names[pairs[row].left]}-{names[pairs[row].right]} {middles[row]:.0f}" for row in worst

@@ -51,12 +51,16 @@ def check(
 
 
 def _print_check(flight: Flight, report: FlightCheck) -> None:
-    table = Table("photograph", "links", "overlap", "sharpness", "clipped", "GPS", "problems", box=None)
+    titles = "photograph", "links", "overlap", "error", "sharpness", "clipped", "GPS", "problems"
+    table = Table(*titles, box=None)
     for photo in report.photographs:
-        numbers = str(photo.links), f"{photo.overlap:.0%}", f"{photo.sharpness:.2f}", f"{photo.clipped:.0%}"
+        error = "" if photo.error_px is None else f"{photo.error_px:.1f} px"
+        numbers = str(photo.links), f"{photo.overlap:.0%}", error, f"{photo.sharpness:.2f}", f"{photo.clipped:.0%}"
         name = Text(one_line(Path(photo.name).name))
         table.add_row(name, *numbers, "yes" if photo.gps else "no", ", ".join(photo.problems))
     session.show(table)
+    for errors in report.errors:
+        session.show(f"error: {errors.description}")
     for problem in (*flight.left_out.values(), *report.problems):
         session.warn(problem)
     if report.complete and not report.problems:

@@ -9,6 +9,7 @@ import typer
 
 from skymosaic.cli.options import OverwriteOption, RequireMapOption, StrictOption, output_option, with_options
 from skymosaic.cli.session import session
+from skymosaic.compositing.warp import CANVAS_LIMIT_PX
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.features.standing import STANDS_STILL
 from skymosaic.flight.picture.mapping import explain_absence
@@ -112,7 +113,7 @@ def write_live_mosaic(
         seed=options.seed,
         working_width_px=options.working_width_px,
         scale=options.scale,
-        canvas_limit_px=options.canvas_limit_px,
+        canvas_limit_px=options.canvas_limit_px or CANVAS_LIMIT_PX,
         on_frame=report,
     )
     outputs = output, preview

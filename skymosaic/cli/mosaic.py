@@ -21,7 +21,7 @@ from skymosaic.cli.progress import progress_bars
 from skymosaic.cli.session import STDOUT, session
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.features.standing import STANDS_STILL
-from skymosaic.flight.check import check_flight, contradictions
+from skymosaic.flight.check import check_flight, doubts, layout_errors
 from skymosaic.flight.picture.mapping import explain_absence
 from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, Delivery, OutputForm
 from skymosaic.flight.survey import Flight
@@ -31,7 +31,7 @@ from skymosaic.mosaicking.api import open_plan
 from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.mosaicking.plan import MosaicPlan
 from skymosaic.options import INPUT, MAP, OUTPUT
-from skymosaic.reports.flight import describe_bands, describe_map, flight_numbers, write_report
+from skymosaic.reports.flight import describe_bands, describe_cuts, describe_map, flight_numbers, write_report
 from skymosaic.temporary import resolved
 
 
@@ -166,12 +166,18 @@ def _show_mosaic(delivery: Delivery, path: Path) -> None:
     session.seconds["writing" if flight.pair else "blending and writing"] = writing
     session.show(f"mosaic {path} ({width_px}x{height_px}), {len(layout.members)} photographs of {len(flight.names)}")
     if flight.pair is None:
-        session.show(f"{layout.model}, median reprojection error {layout.median_error_px:.2f} px; {layout.reason}")
-        for line in contradictions(flight, layout):
+        session.show(f"{layout.model}; {layout.reason}")
+        if (errors := layout_errors(flight, layout)) is not None:
+            session.show(f"error: {errors.description}")
+        for line in doubts(flight, layout):
             session.warn(line)
     if delivery.tiles:
         session.wrote(delivery.tiles)
         session.show(f"tiles {delivery.tiles / 'index.html'}")
+    if delivery.composition.reduced:
+        session.warn(f"{path}: {delivery.composition.reduced}")
+    if delivery.composition.cut_off:
+        session.show(f"cut off: {describe_cuts(delivery.composition)}")
     if delivery.composition.band_names:
         session.show(f"bands: {describe_bands(delivery.composition)}")
     if values := delivery.composition.values:

@@ -17,7 +17,6 @@ from rich.text import Text
 from golden_model.config import load_config
 from golden_model.fuzzy.rules import MatchRules, load_rules
 from golden_model.text import how_to_install, one_line
-from sim.simulators.build_cache import cache_folder
 from skymosaic.cli.session import session
 from skymosaic.errors import InputError
 from skymosaic.imagery.lens import load_lens
@@ -122,7 +121,7 @@ def _parameters(option: Option, usual: FeatureOptions) -> Iterator[tuple[str, in
         annotations["address"] = AddressOption
     for name, annotation in annotations.items():
         default: Any = getattr(usual, name, None)
-        typed = default // option.flag_unit if option.flag_unit > 1 else default
+        typed = default // option.flag_unit if option.flag_unit > 1 and default is not None else default
         yield name, inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=typed, annotation=annotation)
 
 
@@ -142,7 +141,10 @@ def _read(usual: FeatureOptions, typed: dict[str, Any]) -> FeatureOptions:
         For an unusable file, an unknown name, an impossible value or combination.
     """
     units = {each.name: each.flag_unit for each in options_of(type(usual))}
-    values = {name: value * units[name] if units.get(name, 1) > 1 else value for name, value in typed.items()}
+    values = {
+        name: value * units[name] if units.get(name, 1) > 1 and value is not None else value
+        for name, value in typed.items()
+    }
     camera, mask, address = (values.pop(name, None) for name in ("camera", "mask", "address"))
     if camera or mask:
         values["lens"] = load_lens(camera, mask)
@@ -159,8 +161,6 @@ def _read(usual: FeatureOptions, typed: dict[str, Any]) -> FeatureOptions:
         values["rules"] = read_rules(values["rules"])
     if values.get("control"):
         values["control"] = load_control_points(values["control"])
-    if "cache" in values:
-        values["default_cache"] = cache_folder() / "flights"
     options = dataclasses.replace(usual, **values)
     options.check()
     return options

@@ -1,8 +1,10 @@
 """Results on disk under a key of all their inputs, so that an interrupted run continues where it stopped."""
 
+import contextlib
 import functools
 import hashlib
 import io
+import os
 import zipfile
 from collections.abc import Callable
 from importlib.metadata import version
@@ -45,6 +47,8 @@ class ResultCache:
         The user asked for this folder: it is an error if it cannot be created, and if it exists, its permissions stay.
     tell : callable
         Receives a line if nothing can be kept from now on.
+    limit_bytes : int or None
+        Entries that were not used for longest are removed when the cache is opened, until the rest fits.
 
     Raises
     ------
@@ -53,7 +57,12 @@ class ResultCache:
     """
 
     def __init__(
-        self, folder: Path | None, *, required: bool = False, tell: Callable[[str], None] = lambda _line: None
+        self,
+        folder: Path | None,
+        *,
+        required: bool = False,
+        tell: Callable[[str], None] = lambda _line: None,
+        limit_bytes: int | None = None,
     ) -> None:
         self._folder = folder
         self._writable = folder is not None
@@ -68,21 +77,28 @@ class ResultCache:
                 if required:
                     raise InputError(f"{folder}: cannot be made ({error.strerror}); choose another cache") from None
                 self._give_up(f"{folder}: cannot be made ({error.strerror})")
+            if limit_bytes is not None:
+                _remove_oldest(folder, limit_bytes)
 
     def load(self, key: str) -> Arrays | None:
         """What was saved under ``key``; None if nothing was, or the entry is damaged."""
         if self._folder is None:
             return None
+        path = self._folder / f"{key}.entry"
         try:
-            entry = read_small_file(self._folder / f"{key}.entry", MAX_ENTRY_BYTES)
+            entry = read_small_file(path, MAX_ENTRY_BYTES)
             checksum, data = entry[:CHECKSUM_BYTES], entry[CHECKSUM_BYTES:]
             if checksum != _checksum(key, data):
                 return None
             # Pickles would run code from the folder, which may be shared.
             with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
-                return dict(arrays)
+                loaded = dict(arrays)
         except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile):
             return None
+        # In a folder of somebody else, its owner sees to what is old.
+        with contextlib.suppress(OSError):
+            os.utime(path)
+        return loaded
 
     def save(self, key: str, arrays: Arrays) -> None:
         """Keep ``arrays`` under ``key``, whole or not at all."""
@@ -103,6 +119,19 @@ class ResultCache:
 
 NO_CACHE = ResultCache(None)
 """Keeps nothing."""
+
+
+def _remove_oldest(folder: Path, limit_bytes: int) -> None:
+    """Remove the entries that were not used for longest, until the rest takes at most ``limit_bytes``."""
+    with contextlib.suppress(OSError):
+        entries = sorted(
+            ((path.stat(), path) for path in folder.glob("*.entry")), key=lambda entry: -entry[0].st_mtime_ns
+        )
+        total = 0
+        for status, path in entries:
+            total += status.st_size
+            if total > limit_bytes:
+                path.unlink()
 
 
 def _checksum(key: str, data: bytes) -> bytes:

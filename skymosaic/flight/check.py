@@ -20,6 +20,8 @@ WEAK_OVERLAP = 0.2
 
 MAX_CONTRADICTING = 0.02
 """Share of links that contradict the layout above which it may be wrong: few links of distinct ground are false."""
+MAX_ERROR_PX = 10.0
+"""Median error beyond which a photograph lies wrong, or shows ground too far from flat for its place in the mosaic."""
 WORST_NAMED = 3
 
 
@@ -40,6 +42,9 @@ class PhotographCheck:
         Share of its pixels that are black or white.
     gps : bool
     problems : tuple of str
+    error_px, error_90_px : float or None
+        Median and 90th percentile of the errors of its matches that the layout did not use, working px; None where
+        these are too few.
     """
 
     name: str
@@ -49,6 +54,43 @@ class PhotographCheck:
     clipped: float
     gps: bool
     problems: tuple[str, ...]
+    error_px: float | None = None
+    error_90_px: float | None = None
+
+
+@dataclass(frozen=True)
+class LayoutErrors:
+    """Errors of the matches that a layout did not use, by name.
+
+    Attributes
+    ----------
+    matches : int
+    median_px, ninety_px : float
+        The second is the 90th percentile; working px.
+    width_px : int
+        Width of the working images.
+    worst_photographs, worst_pairs : dict of str to float
+        Median errors of those that are farthest off, px.
+    """
+
+    matches: int
+    median_px: float
+    ninety_px: float
+    width_px: int
+    worst_photographs: dict[str, float]
+    worst_pairs: dict[str, float]
+
+    @property
+    def description(self) -> str:
+        """All of it in one line."""
+        photographs, pairs = (
+            ", ".join(f"{name} {error_px:.1f}" for name, error_px in worst.items())
+            for worst in (self.worst_photographs, self.worst_pairs)
+        )
+        return (
+            f"median {self.median_px:.2f} px, 90 % below {self.ninety_px:.2f} px at {self.width_px} px wide "
+            f"({self.matches} matches that the layout did not use); worst: {photographs}; pairs: {pairs}"
+        )
 
 
 @dataclass(frozen=True)
@@ -63,21 +105,27 @@ class FlightCheck:
         In the order of the flight, without those that cannot be read.
     problems : tuple of str
         Problems of the whole flight, each with the remedy.
+    errors : tuple of LayoutErrors
+        Of each layout, the largest first, where matches were kept aside.
     """
 
     complete: bool
     photographs: tuple[PhotographCheck, ...]
     problems: tuple[str, ...]
+    errors: tuple[LayoutErrors, ...] = ()
 
 
 def check_flight(flight: Flight) -> FlightCheck:
     """Find the problems of a flight that was laid out."""
     overlaps = _best_overlaps(flight)
     sharpness = flight.relative_sharpness.tolist()
+    measured = [layout.accuracy.photographs for layout in flight.layouts if layout.accuracy is not None]
+    errors = {view: each for photographs in measured for view, each in photographs.items()}
     photographs = []
     for index, view in enumerate(flight.views):
         links = sum(link.holds and index in (link.left, link.right) for link in flight.links)
         problems = _problems(links, overlaps[index], sharpness[index], view.clipped)
+        error = errors.get(index)
         photographs.append(
             PhotographCheck(
                 name=view.name,
@@ -87,10 +135,29 @@ def check_flight(flight: Flight) -> FlightCheck:
                 clipped=view.clipped,
                 gps=view.gps is not None,
                 problems=problems,
+                error_px=None if error is None else error.median_px,
+                error_90_px=None if error is None else error.ninety_px,
             )
         )
     whole = len(flight.layouts) == 1 and len(flight.layouts[0].members) == len(flight.views)
-    return FlightCheck(whole, tuple(photographs), tuple(_problems_of_all(flight)))
+    by_layout = tuple(each for layout in flight.layouts if (each := layout_errors(flight, layout)) is not None)
+    return FlightCheck(whole, tuple(photographs), tuple(_problems_of_all(flight)), by_layout)
+
+
+def layout_errors(flight: Flight, layout: Layout) -> LayoutErrors | None:
+    """Errors of the matches that a layout did not use; None where none were kept aside."""
+    if (accuracy := layout.accuracy) is None:
+        return None
+    names = [Path(view.name).name for view in flight.views]
+    photographs, pairs = list(accuracy.photographs.items()), list(accuracy.pairs.items())
+    return LayoutErrors(
+        matches=accuracy.whole.matches,
+        median_px=accuracy.whole.median_px,
+        ninety_px=accuracy.whole.ninety_px,
+        width_px=max(flight.views[member].working_size[0] for member in layout.members),
+        worst_photographs={names[view]: error.median_px for view, error in photographs[:WORST_NAMED]},
+        worst_pairs={f"{names[left]}-{names[right]}": error.median_px for (left, right), error in pairs[:WORST_NAMED]},
+    )
 
 
 def _overlaps(flight: Flight, layout: Layout) -> dict[Link, float]:
@@ -131,20 +198,28 @@ def _problems_of_all(flight: Flight) -> Iterator[str]:
         sizes = ", ".join(str(len(layout.members)) for layout in flight.layouts)
         yield f"{len(flight.layouts)} groups without a link between them ({sizes} photographs): fly again between them"
     for layout in flight.layouts:
-        yield from contradictions(flight, layout)
+        yield from doubts(flight, layout)
         yield from _weakly_linked(flight, layout)
     with_gps = sum(view.gps is not None for view in flight.views)
     if 0 < with_gps < len(flight.views):
         yield f"{len(flight.views) - with_gps} of {len(flight.views)} photographs have no GPS"
 
 
-def contradictions(flight: Flight, layout: Layout) -> Iterator[str]:
-    """A line if so many links contradict the layout that it may have followed the wrong ones."""
+def doubts(flight: Flight, layout: Layout) -> Iterator[str]:
+    """A line if so many links contradict the layout that it may be wrong, and a line if photographs are far off."""
+    names = [Path(view.name).name for view in flight.views]
     false, count = layout.contradicting, len(layout.links) + len(layout.contradicting)
     if len(false) > MAX_CONTRADICTING * count:
         ends = Counter(end for link in false for end in (link.left, link.right))
-        worst = ", ".join(Path(flight.views[view].name).name for view, _ in ends.most_common(WORST_NAMED))
+        worst = ", ".join(names[view] for view, _ in ends.most_common(WORST_NAMED))
         yield f"{len(false)} of {count} links contradict the layout (most at {worst}): look at the mosaic there"
+    errors = {} if layout.accuracy is None else layout.accuracy.photographs
+    far_off = [
+        f"{names[view]} by {each.median_px:.0f} px" for view, each in errors.items() if each.median_px > MAX_ERROR_PX
+    ]
+    if far_off:
+        more = f" and {len(far_off) - WORST_NAMED} more" if len(far_off) > WORST_NAMED else ""
+        yield f"photographs are off: {', '.join(far_off[:WORST_NAMED])}{more}: look at the mosaic there"
 
 
 def _weakly_linked(flight: Flight, layout: Layout) -> Iterator[str]:
@@ -153,9 +228,14 @@ def _weakly_linked(flight: Flight, layout: Layout) -> Iterator[str]:
     strong = [link for link in layout.links if link.ties >= WEAK_TIES and overlaps[link] >= WEAK_OVERLAP]
     inside = set(layout.members)
     parts = [part for part in groups(len(flight.views), strong) if inside.issuperset(part)]
+    named: set[Link] = set()
     for part in parts[1:]:
         across = [link for link in layout.links if (link.left in part) != (link.right in part)]
         best = max(across, key=lambda link: link.ties)
+        # Two parts may hang on the same link.
+        if best in named:
+            continue
+        named.add(best)
         left, right = (Path(flight.views[end].name).name for end in (best.left, best.right))
         shared = f"{best.ties} matches and {overlaps[best]:.0%} overlap"
         yield f"{len(part)} photographs are joined only by {left} and {right} with {shared}: fly again there"

@@ -50,6 +50,8 @@ class Georeference:
         Distance of each position from its place on the map, NaN without a position.
     disagreeing : tuple of int
         Indices of positions too far off, which the fit leaves out.
+    scale_sigma : float
+        Standard deviation of the scale, as a share of it, if the errors of the positions are independent; NaN for two.
     """
 
     crs: str
@@ -57,6 +59,12 @@ class Georeference:
     residual_m: float
     offsets_m: tuple[float, ...] = ()
     disagreeing: tuple[int, ...] = ()
+    scale_sigma: float = math.nan
+
+    @property
+    def residual_of_all_m(self) -> float:
+        """Root mean square distance of all positions from their places on the map, those left out included."""
+        return float(np.sqrt(np.nanmean(np.square(self.offsets_m))))
 
     @property
     def metres_per_pixel(self) -> float:
@@ -156,7 +164,10 @@ def fit_to_map(
     all_offsets[known] = offsets
     to_map = similarity @ np.diag([1.0, -1.0, 1.0])
     disagreeing = tuple(known[~agreeing].tolist())
-    return Georeference(crs, to_map, residual, tuple(all_offsets.tolist()), disagreeing), ""
+    # Of the 2 n coordinates, four go into the similarity; the spread, times the root of n, is what fixes the scale.
+    free = 2 * int(agreeing.sum()) - 4
+    sigma = residual / spread / math.sqrt(free) if free else math.nan
+    return Georeference(crs, to_map, residual, tuple(all_offsets.tolist()), disagreeing, sigma), ""
 
 
 def _spread(points: Points) -> float:

@@ -145,7 +145,7 @@ def write_cog(path: Path, raster: Path, compress: str = "deflate") -> None:
         If the file cannot be written.
     """
     # Several threads give the same bytes as one.
-    options = {"num_threads": "ALL_CPUS", "overview_resampling": "average"} | _OPTIONS[compress]
+    options = {"num_threads": "ALL_CPUS", "overview_resampling": "average", "bigtiff": "if_safer"} | _OPTIONS[compress]
     # The errors' context is the inner one: by then what was written still fills the disk, except GDAL's overviews.
     with write_atomically(path) as finished, _writing(path, raster.stat().st_size):
         rasterio.shutil.copy(raster, finished, driver="COG", compress=compress, **options)

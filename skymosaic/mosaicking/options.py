@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from skymosaic.compositing.blend import METHODS
-from skymosaic.compositing.warp import CANVAS_LIMIT_PX
 from skymosaic.errors import InputError
 from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.picture.composition import MEMORY_BYTES
@@ -25,7 +24,7 @@ class MosaicOptions(RegistrationOptions):
     ``lens`` comes from `skymosaic.imagery.lens.load_lens`, ``control`` from
     `skymosaic.maps.control_points.load_control_points`. The reference photograph of ``scale`` is the right one of two;
     of more it is the most connected one, without its tilt. With a ``scheduler``, two photographs are registered here
-    and blended there. ``default_cache`` is the folder of ``cache`` where that is None, and ignored for two photographs.
+    and blended there.
     """
 
     lens: Lens | None = option(
@@ -49,9 +48,9 @@ class MosaicOptions(RegistrationOptions):
         choices=("homography", "mesh", "auto"),
         not_for_more="more than two photographs are laid out by homographies",
     )
-    canvas_limit_px: int = option(
-        CANVAS_LIMIT_PX,
-        "Maximum canvas size: pixels, on the command line megapixels.",
+    canvas_limit_px: int | None = option(
+        None,
+        "Maximum canvas size, by default what the file can hold: pixels, on the command line megapixels.",
         PICTURE,
         flag_unit=MEGAPIXEL,
         minimum=1,
@@ -78,11 +77,10 @@ class MosaicOptions(RegistrationOptions):
     scheduler: str | None = option(None, "Address of a Dask scheduler, tcp://HOST:PORT, instead of threads.", MACHINE)
     cache: Path | None = option(
         None,
-        "Folder that keeps features and links of flights for the next run.",
+        "Folder that keeps features and links of flights for the next run; by default in the user's cache, up to 2 GB.",
         MACHINE,
         not_for_two="two photographs are registered anew each time",
     )
-    default_cache: Path | None = None
 
     def check_for(self, photographs: int) -> None:
         """`check`, and refuse what has no effect on this number of photographs, before the long work begins.
@@ -129,11 +127,10 @@ class MosaicKeywords(RegistrationKeywords, total=False):
     blending: str | None
     scale: float
     warp: str
-    canvas_limit_px: int
+    canvas_limit_px: int | None
     all_groups: bool
     gsd_m: float | None
     control: ControlPoints | None
     memory_bytes: int
     scheduler: str | None
     cache: Path | None
-    default_cache: Path | None

@@ -10,15 +10,16 @@ from pathlib import Path
 import numpy as np
 
 from golden_model.arrays import Intensities, Mask
+from sim.simulators.build_cache import cache_folder
 from skymosaic.compositing.mesh import fit_mesh, fit_useful_mesh
 from skymosaic.errors import RegistrationError
 from skymosaic.features.positions import match_points
 from skymosaic.flight.bands.spectrum import in_all_bands
 from skymosaic.flight.cache import ResultCache
 from skymosaic.flight.layout.layout import Layout
-from skymosaic.flight.picture.composition import Composition, compose
+from skymosaic.flight.picture.composition import Composition, Room, compose
 from skymosaic.flight.picture.mapping import explain_absence, place_on_map
-from skymosaic.flight.picture.output import PLAIN, PREVIEW_WIDTH_PX, Delivery, OutputForm, deliver
+from skymosaic.flight.picture.output import PLAIN, PREVIEW_WIDTH_PX, Delivery, OutputForm, deliver, room_for
 from skymosaic.flight.survey import Flight, survey
 from skymosaic.flight.two_photographs import flight_of_pair
 from skymosaic.flight.workers import Workers
@@ -26,11 +27,14 @@ from skymosaic.imagery import images as pictures
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.own_outputs import record_output
 from skymosaic.imagery.photographs import Source, decoded_photographs
-from skymosaic.mosaicking.options import MosaicOptions
+from skymosaic.mosaicking.options import MEGAPIXEL, MosaicOptions
 from skymosaic.mosaicking.result import Mosaic
 from skymosaic.registration.pair import Pair
 from skymosaic.registration.register import register_photographs
 from skymosaic.stopwatch import Stopwatch
+
+DEFAULT_CACHE_BYTES = 2 << 30
+"""About 5,000 photographs of 1280 working px; a folder that the user named has no limit."""
 
 
 class MosaicPlan:
@@ -79,8 +83,17 @@ class MosaicPlan:
             raise RegistrationError(f"none of the photographs could be linked with another: {reasons}")
         return self.flight.layouts
 
-    def composition(self, layout: Layout) -> Composition:
-        """Canvas, exposure and seams of one group.
+    def room(self, path: Path | None) -> Room:
+        """How large a mosaic in this file may become; None: in memory."""
+        if self.options.canvas_limit_px is not None:
+            limit_px = self.options.canvas_limit_px
+            return Room(limit_px, reason=f"--canvas-limit is {limit_px / MEGAPIXEL:g} megapixels")
+        if path is None or len(self.sources) == 2:
+            return Room()
+        return room_for(path, 1 + max(3, len(self.sources[0].bands)))
+
+    def composition(self, layout: Layout, path: Path | None = None) -> Composition:
+        """Canvas, exposure and seams of one group, for a file or for the memory.
 
         Raises
         ------
@@ -93,7 +106,7 @@ class MosaicPlan:
             layout,
             blending=options.blending,
             scale=options.scale,
-            canvas_limit_px=options.canvas_limit_px,
+            room=self.room(path),
             place=place_on_map(self.flight, layout, options.control),
             gsd_m=options.gsd_m,
         )
@@ -156,8 +169,8 @@ class MosaicPlan:
         """
         self.check_outputs(output, form, overwrite=overwrite)
         layouts = self.layouts if self.options.all_groups else self.layouts[:1]
-        # All of them before the first is written: a canvas that is too large leaves no half of the mosaics behind.
-        compositions = [self.composition(layout) for layout in layouts]
+        # All of them before the first is written: one that cannot be made leaves no half of the mosaics behind.
+        compositions = [self.composition(layout, output) for layout in layouts]
         if form.require_map:
             for composition in compositions:
                 if composition.place.georeference is None:
@@ -202,7 +215,10 @@ def survey_sources(
     sources: Sequence[Source], options: MosaicOptions, workers: Workers, tell: Callable[[str], None]
 ) -> Flight:
     """Link and lay out a flight's photographs; features and links come from the cache where it has them."""
-    cache = ResultCache(options.cache or options.default_cache, required=options.cache is not None, tell=tell)
+    if options.cache is not None:
+        cache = ResultCache(options.cache, required=True, tell=tell)
+    else:
+        cache = ResultCache(cache_folder() / "flights", tell=tell, limit_bytes=DEFAULT_CACHE_BYTES)
     return survey(sources, options.flight_settings(), options.seed, workers, cache)
 
 

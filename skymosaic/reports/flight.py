@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from skymosaic.compositing.warp import magnification
-from skymosaic.flight.check import FlightCheck, check_flight
+from skymosaic.flight.check import FlightCheck, check_flight, layout_errors
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.picture.composition import Composition
 from skymosaic.flight.picture.output import PREVIEW_WIDTH_PX, Delivery
@@ -99,7 +99,7 @@ def _lens_numbers(flight: Flight) -> dict[str, float] | None:
 
 def _mosaic_numbers(delivery: Delivery) -> dict[str, Any]:
     layout, flight, composition = delivery.layout, delivery.flight, delivery.composition
-    errors = np.concatenate(layout.errors_px)
+    fitted, errors = np.concatenate(layout.errors_px), layout_errors(flight, layout)
     return {
         "file": str(delivery.path),
         "size": list(composition.size),
@@ -109,11 +109,14 @@ def _mosaic_numbers(delivery: Delivery) -> dict[str, Any]:
         "model_reason": layout.reason,
         "relief": round(layout.relief, 4),
         "median_error_px": round(layout.median_error_px, 4),
-        "error_90_percent_px": round(float(np.percentile(errors, 90)), 4),
+        "error_90_percent_px": round(float(np.percentile(fitted, 90)), 4),
+        "independent_errors": None if errors is None else dataclasses.asdict(errors),
         "transforms": {
             placement.source.name: transform.tolist()
             for placement, transform in zip(composition.placements, composition.transforms, strict=True)
         },
+        "reduced": composition.reduced,
+        "cut_off": {name: round(share, 4) for name, share in composition.cut_off.items()},
         "links": [_link_numbers(flight, layout, row) for row in range(len(layout.links))],
         "contradicting": [[flight.views[end].name for end in (x.left, x.right)] for x in layout.contradicting],
         **_map_numbers(delivery),
@@ -131,9 +134,12 @@ def describe_map(delivery: Delivery) -> str:
     assert on_map is not None
     parts = [f"{on_map.crs}, {on_map.metres_per_pixel:.3g} m per pixel"]
     if delivery.flight.pair is None:
-        parts.append(f"{place.by} residual {on_map.residual_m:.2f} m")
+        of_all = f" ({on_map.residual_of_all_m:.2f} m of all)" if on_map.disagreeing else ""
+        parts.append(f"{place.by} residual {on_map.residual_m:.2f} m{of_all}")
+    if np.isfinite(on_map.scale_sigma):
+        parts.append(f"scale ± {on_map.scale_sigma:.2%}")
     if delivery.layout.median_error_px:
-        parts.append(f"layout residual {_ground_error_m(delivery):.2g} m")
+        parts.append(f"layout off by {_ground_error_m(delivery):.2g} m in the median")
     if place.height_m is not None and place.recorded_height_m is not None:
         parts.append(f"flown at {place.height_m:.0f} m (recorded: {place.recorded_height_m:.0f} m)")
     if place.turned_deg is not None:
@@ -144,6 +150,12 @@ def describe_map(delivery: Delivery) -> str:
     return "; ".join(parts)
 
 
+def describe_cuts(composition: Composition) -> str:
+    """Name the photographs that show less than they contain, and how much is cut off, in one line."""
+    shares = ", ".join(f"{Path(name).name} {share:.0%}" for name, share in composition.cut_off.items())
+    return f"{shares}: ground far beyond their matches, towards the horizon"
+
+
 def describe_bands(composition: Composition) -> str:
     """Name the bands of a multi-band mosaic and their errors in one line."""
     registering = next(name for name in composition.band_names if name not in composition.aligned_px)
@@ -152,12 +164,13 @@ def describe_bands(composition: Composition) -> str:
 
 
 def _ground_error_m(delivery: Delivery) -> float:
-    """Median reprojection error on the ground, m."""
+    """Median error of the layout on the ground, m."""
     layout, views, composition = delivery.layout, delivery.flight.views, delivery.composition
     assert delivery.georeference is not None
     reference = layout.members.index(layout.reference)
     working_px = np.asarray(composition.transforms[reference] @ views[layout.reference].to_original)
-    canvas_px = layout.median_error_px * magnification(views[layout.reference].working_size, working_px)
+    error_px = layout.median_error_px if layout.accuracy is None else layout.accuracy.whole.median_px
+    canvas_px = error_px * magnification(views[layout.reference].working_size, working_px)
     return canvas_px * delivery.georeference.metres_per_pixel
 
 
@@ -181,6 +194,8 @@ def _map_numbers(delivery: Delivery) -> dict[str, Any]:
         "metres_a_pixel": on_map.metres_per_pixel,
         "fitted_to": place.by,
         "residual_m": round(on_map.residual_m, 3),
+        "residual_of_all_m": round(on_map.residual_of_all_m, 3),
+        "scale_sigma": None if np.isnan(on_map.scale_sigma) else round(on_map.scale_sigma, 6),
         "offsets_m": offsets,
         "left_out": [name for name, _ in _disagreeing(delivery)],
         "median_error_m": round(_ground_error_m(delivery), 4),
@@ -228,20 +243,23 @@ def _render_page(deliveries: Sequence[Delivery], check: FlightCheck, numbers: di
 
 
 def _mosaic_rows(delivery: Delivery) -> list[tuple[str, str]]:
-    layout, views = delivery.layout, delivery.flight.views
-    errors = np.concatenate(layout.errors_px)
-    width_px = max(views[member].working_size[0] for member in layout.members)
+    layout, flight = delivery.layout, delivery.flight
+    errors = layout_errors(flight, layout)
     ground = "flat" if layout.relief < MAX_FLAT_RELIEF else "with relief: expect breaks at objects above the ground"
-    ninety = f"90 % below {np.percentile(errors, 90):.2f} px,"
     rows = [
         ("file", f"{delivery.path}, {delivery.composition.size[0]}x{delivery.composition.size[1]}"),
         ("photographs", str(len(layout.members))),
-        ("frame", f"{views[layout.reference].name}, without its tilt"),
+        ("frame", f"{flight.views[layout.reference].name}, without its tilt"),
         ("model", f"{layout.model} ({layout.reason})"),
         ("ground", f"{ground} ({layout.relief:.0%} of the matches lie 3 to 12 px off the plane)"),
-        ("reprojection error", f"median {layout.median_error_px:.2f} px, {ninety} at {width_px} px wide"),
+        ("error", "unknown: no matches were kept aside" if errors is None else errors.description),
+        ("residual of the fit", f"median {layout.median_error_px:.2f} px, without the links that contradict it"),
         ("blending and writing", f"{delivery.seconds:.1f} s"),
     ]
+    if delivery.composition.reduced:
+        rows.append(("size", delivery.composition.reduced))
+    if delivery.composition.cut_off:
+        rows.append(("cut off", describe_cuts(delivery.composition)))
     if delivery.composition.band_names:
         rows.append(("bands", describe_bands(delivery.composition)))
     if values := delivery.composition.values:

@@ -34,21 +34,23 @@ def write_footprints(path: Path, delivery: Delivery) -> None:
 
 
 def outline_photographs(composition: Composition) -> list[Points]:
-    """Find the corners (4, 2) of each placed photograph on the canvas, clockwise from the top left."""
+    """Find the corners (N, 2) of what each placed photograph may show on the canvas, clockwise from the top left."""
     outlines = []
     for placement, transform in zip(composition.placements, composition.transforms, strict=True):
-        width, height = placement.size
-        frame = np.array([(0, 0), (width, 0), (width, height), (0, height)]) - 0.5
-        outlines.append(apply(transform, frame))
+        # Corners of the photograph lie half a pixel outside the centres of its corner pixels.
+        centre = (np.array(placement.size) - 1) / 2
+        corners = (placement.outline - centre) * (np.array(placement.size) / (2 * centre)) + centre
+        outlines.append(apply(transform, corners))
     return outlines
 
 
 def _outlines_on_globe(delivery: Delivery) -> dict[str, Points]:
-    """Longitudes and latitudes (5, 2) of each photograph's corners; the last repeats the first."""
+    """Longitudes and latitudes (N, 2) of the corners of each photograph; the last repeats the first."""
     on_map, composition = delivery.georeference, delivery.composition
     assert on_map is not None
     # GeoJSON asks for counter-clockwise rings.
-    rings = [apply(on_map.to_map, corners[[0, 3, 2, 1, 0]]) for corners in outline_photographs(composition)]
+    closed = (np.concatenate([corners, corners[:1]])[::-1] for corners in outline_photographs(composition))
+    rings = [apply(on_map.to_map, corners) for corners in closed]
     names = [Path(placement.source.name).name for placement in composition.placements]
     return {name: map_to_globe(ring, on_map.crs) for name, ring in zip(names, rings, strict=True)}
 

@@ -1,4 +1,5 @@
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from golden_model.config import preset_config
 from sim.scene import Flight
 from skymosaic import mosaic
-from skymosaic.errors import InputError, RegistrationError
+from skymosaic.errors import InputError
 from skymosaic.flight import workers as flight_workers
 from skymosaic.flight.cache import ResultCache
 from skymosaic.flight.linking.view import Settings
@@ -249,9 +250,12 @@ def test_an_absent_scheduler_is_one_line(folder: Path, monkeypatch: pytest.Monke
         mosaic([folder], scheduler="tcp://127.0.0.1:9")
 
 
-def test_a_canvas_beyond_the_limit_is_refused_with_its_size(folder: Path) -> None:
-    with pytest.raises(RegistrationError, match="limit"):
-        mosaic([folder], canvas_limit_px=100_000)
+def test_a_canvas_beyond_the_limit_is_reduced_to_it_and_says_so(folder: Path) -> None:
+    result = mosaic([folder], canvas_limit_px=100_000)
+    height_px, width_px = result.image.shape[:2]
+    assert 95_000 < height_px * width_px <= 100_000
+    assert re.search(r"reduced from \d+x\d+ to .*--canvas-limit is 0.1 megapixels.*--scale", result.composition.reduced)
+    assert result.image.any(axis=2).mean() > 0.5
 
 
 @pytest.mark.slow

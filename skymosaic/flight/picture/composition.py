@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
@@ -24,6 +25,8 @@ from skymosaic.compositing.warp import (
     enclosing_canvas,
     footprint,
     magnification,
+    nearness,
+    outline,
 )
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.flight.layout.layout import Layout
@@ -40,8 +43,35 @@ MEMORY_BYTES = 1 << 30
 """Default limit of the decoded photographs a process keeps."""
 BAND_REACH_PX = 160
 """Photographs farther than this from a tile do not change it: the margin of the widest band."""
+FARTHEST_TIES = 5
+"""Percentile of the nearness of a photograph's ties that counts as its farthest; single ones may be false."""
+BEYOND_TIES = 0.63
+"""Ground is shown if it is at least this near, relative to the farthest ties: there, pixels are twice as large."""
 BLURRED_FAVOUR = 1e-3
 """Weight of a blurred photograph: it loses almost every pixel to a sharp one, and still shows where it is alone."""
+
+
+@dataclass(frozen=True)
+class Room:
+    """How large the canvas of a flight may become; a larger one is reduced.
+
+    Attributes
+    ----------
+    area_px : float
+    side_px : int
+    reason : str
+        What has no more room.
+    """
+
+    area_px: float = CANVAS_LIMIT_PX
+    side_px: int = 1 << 30
+    reason: str = "the whole picture is in memory"
+
+    def share_of(self, canvas: Canvas) -> float:
+        """By how much a canvas has to be reduced along its sides, at most 1."""
+        longest = max(canvas.width_px, canvas.height_px)
+        # Rounding to whole pixels may add one on each side.
+        return min(1.0, 0.999 * math.sqrt(self.area_px / canvas.area_px), 0.999 * self.side_px / longest)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +91,8 @@ class Placement:
         Below 1 for a blurred photograph, which shows only where no other does.
     seam : SeamMask or None
         Part that it may fill.
+    least_nearness : float
+        Ground farther from the camera is not shown, see `skymosaic.compositing.warp.nearness`; 0 shows all.
     """
 
     source: Source
@@ -69,10 +101,22 @@ class Placement:
     tone: Tone = NEUTRAL
     favour: float = 1.0
     seam: SeamMask | None = None
+    least_nearness: float = 0.0
+
+    @property
+    def outline(self) -> Array:
+        """Corners (N, 2) of what may be shown of it, its pixels."""
+        return outline(self.size, self.transform, self.least_nearness)
+
+    @property
+    def cut_off(self) -> float:
+        """Share of it that is too far from the camera to be shown."""
+        width, height = self.size
+        return 1 - cv2.contourArea(self.outline.astype(np.float32)) / ((width - 1) * (height - 1))
 
     def shows_in(self, part: Canvas) -> bool:
         """Whether it shows in a part of the reference frame."""
-        shown = footprint(self.size, self.transform).intersection(part)
+        shown = footprint(self.size, self.transform, self.least_nearness).intersection(part)
         return shown is not None and (self.seam is None or self.seam.touches(shown))
 
 
@@ -99,6 +143,8 @@ class Composition:
         Of a multi-band mosaic; else empty.
     aligned_px : dict of str to float
         The median error of the alignment of each band with the registering one, px.
+    reduced : str
+        Why it is smaller than asked for, and what to do; else empty.
     """
 
     placements: tuple[Placement, ...]
@@ -110,11 +156,18 @@ class Composition:
     place: MapPlace = NOWHERE
     band_names: tuple[str, ...] = ()
     aligned_px: dict[str, float] = field(default_factory=dict)
+    reduced: str = ""
 
     @property
     def size(self) -> tuple[int, int]:
         """Width and height of the canvas, px."""
         return self.canvas.width_px, self.canvas.height_px
+
+    @property
+    def cut_off(self) -> dict[str, float]:
+        """Share of each photograph that is not shown, far beyond its ties, by name; the largest first."""
+        shares = {placement.source.name: placement.cut_off for placement in self.placements if placement.least_nearness}
+        return dict(sorted(shares.items(), key=lambda item: -item[1]))
 
     @property
     def transforms(self) -> list[Array]:
@@ -144,7 +197,13 @@ class Composition:
         tones = [placement.tone for placement in self.placements]
         plain = prepare_layers(images, [p.transform for p in self.placements], tones, coloured=self.coloured)
         layers = [
-            replace(layer, favour=p.favour, seam=p.seam, visible=self.lens.visible_mask(layer.size))
+            replace(
+                layer,
+                favour=p.favour,
+                seam=p.seam,
+                visible=self.lens.visible_mask(layer.size),
+                least_nearness=p.least_nearness,
+            )
             for layer, p in zip(plain, self.placements, strict=True)
         ]
         return blend_layers(layers, tile, method=self.blending)
@@ -183,7 +242,7 @@ def compose(
     *,
     blending: str | None = None,
     scale: float = 1.0,
-    canvas_limit_px: int = CANVAS_LIMIT_PX,
+    room: Room | None = None,
     place: MapPlace = NOWHERE,
     gsd_m: float | None = None,
 ) -> Composition:
@@ -203,8 +262,8 @@ def compose(
         averages of the ten photographs that may show the same ground are blurred.
     scale : float
         Canvas pixels per pixel of the median photograph; for two photographs, per pixel of the right one.
-    canvas_limit_px : int
-        Largest canvas area that is accepted.
+    room : Room
+        What the canvas may become. That of a flight is reduced to it; of two photographs, a larger one is refused.
     place : MapPlace
         Place on the map; its georeference is that of the layout's reference frame.
     gsd_m : float or None
@@ -215,12 +274,12 @@ def compose(
     InputError
         For a ``gsd_m`` without a map, or finer than the photographs; for a scale that leaves no pixel of a photograph.
     RegistrationError
-        If the canvas would be too large, or a photograph reaches behind the horizon.
+        For two photographs, if the canvas would be too large, or one reaches behind the horizon.
     """
     blending = blending or ("multiband" if flight.pair is None else "distance")
     if gsd_m is not None:
         scale = scale_for(flight, layout, place.georeference, gsd_m)
-    composition = _place_on_canvas(flight, layout, blending, scale=scale, canvas_limit_px=canvas_limit_px, place=place)
+    composition = _place_on_canvas(flight, layout, blending, scale=scale, room=room or Room(), place=place)
     if flight.pair is not None:
         return composition
     sharpness = flight.relative_sharpness[list(layout.members)]
@@ -257,23 +316,37 @@ def equalise(composition: Composition, views: Sequence[View], thumbnails: Sequen
 
 
 def _place_on_canvas(
-    flight: Flight, layout: Layout, blending: str, *, scale: float, canvas_limit_px: int, place: MapPlace
+    flight: Flight, layout: Layout, blending: str, *, scale: float, room: Room, place: MapPlace
 ) -> Composition:
     """Lay the photographs of a layout on a canvas, without tones and seams; parameters as of `compose`."""
     views = [flight.views[member] for member in layout.members]
     if scale * max(max(view.size) for view in views) < 1:
         raise InputError("each photograph would be smaller than a pixel; raise --scale, or lower --gsd")
-    scale /= usual_magnification(flight, layout)
-    on_map = place.georeference
-    if on_map is not None and flight.pair is None:
-        to_canvas = north_up(on_map, on_map.metres_per_pixel / scale)
-    else:
-        to_canvas = resize_matrix(scale)
-    transforms = [to_canvas @ transform for transform in layout.to_reference(flight.views).values()]
+    to_reference = layout.to_reference(flight.views).values()
+    is_pair, on_map, usual = flight.pair is not None, place.georeference, usual_magnification(flight, layout)
+    least = [0.0] * len(views) if is_pair else least_nearness(flight.views, layout)
+
+    def lay(scale: float) -> tuple[Array, list[Array], Canvas]:
+        if on_map is not None and not is_pair:
+            to_canvas = north_up(on_map, on_map.metres_per_pixel * usual / scale)
+        else:
+            to_canvas = resize_matrix(scale / usual)
+        transforms = [to_canvas @ transform for transform in to_reference]
+        limit_px = room.area_px if is_pair else math.inf
+        return to_canvas, transforms, enclosing_canvas([v.size for v in views], transforms, least, limit_px=limit_px)
+
     try:
-        canvas = enclosing_canvas([view.size for view in views], transforms, limit_px=canvas_limit_px)
+        to_canvas, transforms, canvas = lay(scale)
     except CanvasError as error:
         raise RegistrationError(f"{len(views)} photographs, the first {views[0].name}: {error}") from None
+    reduced = ""
+    if not is_pair and (share := room.share_of(canvas)) < 1:
+        full = canvas
+        to_canvas, transforms, canvas = lay(scale * share)
+        reduced = (
+            f"reduced from {full.width_px}x{full.height_px} to {canvas.width_px}x{canvas.height_px} px, because "
+            f"{room.reason}; a .tif has room for more, --scale or --canvas-limit choose the size"
+        )
     if on_map is not None:
         to_layout = np.asarray(np.linalg.inv(canvas.translation @ to_canvas))
         place = replace(place, georeference=on_map.for_pixels(to_layout))
@@ -281,12 +354,31 @@ def _place_on_canvas(
         transforms = [canvas.translation @ transform for transform in transforms]
         canvas = Canvas(0, 0, canvas.width_px, canvas.height_px)
     placements = tuple(
-        Placement(flight.sources[member], view.size, transform)
-        for member, view, transform in zip(layout.members, views, transforms, strict=True)
+        Placement(flight.sources[member], view.size, transform, least_nearness=nearest)
+        for member, view, transform, nearest in zip(layout.members, views, transforms, least, strict=True)
     )
     coloured = any(view.thumbnail.ndim == 3 for view in views)
     values = measure_common_range([view.sample for view in views])
-    return Composition(placements, canvas, coloured, blending, flight.lens, values, place)
+    return Composition(placements, canvas, coloured, blending, flight.lens, values, place, reduced=reduced)
+
+
+def least_nearness(views: Sequence[View], layout: Layout) -> list[float]:
+    """How near ground has to be that each member of a layout shows, see `skymosaic.compositing.warp.nearness`.
+
+    A photograph that looks to the horizon would cover a village with what it shows of the fields behind. Far beyond
+    its ties it is coarse, and nothing says whether the ground there is where the layout puts it.
+    """
+    tied: dict[int, list[Array]] = {member: [] for member in layout.members}
+    for link in layout.links:
+        tied[link.left].append(link.left_points)
+        tied[link.right].append(link.right_points)
+    least = []
+    for member, points in tied.items():
+        size, transform = views[member].working_size, layout.transforms[member]
+        tied_from = float(np.percentile(nearness(size, transform, np.concatenate(points)), FARTHEST_TIES))
+        whole = float(nearness(size, transform, Canvas(0, 0, *size).corners).min())
+        least.append(0.0 if whole >= BEYOND_TIES * tied_from else BEYOND_TIES * tied_from)
+    return least
 
 
 def thumbnail_layers(composition: Composition, views: Sequence[View]) -> tuple[list[Layer], float]:
@@ -310,7 +402,9 @@ def thumbnail_layers(composition: Composition, views: Sequence[View]) -> tuple[l
                 image=_coloured_thumbnail(view, composition.values),
                 transform=resize_matrix(reduction) @ placement.transform @ from_thumbnail,
                 visible=composition.lens.visible_mask((view.thumbnail.shape[1], view.thumbnail.shape[0])),
-                favour=placement.favour,
+                # Thumbnails have the same size, whatever detail their photographs show.
+                favour=placement.favour * (view.size[0] / view.thumbnail.shape[1]) ** 2,
+                least_nearness=placement.least_nearness,
             )
         )
     return layers, reduction

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -13,7 +14,7 @@ import numpy as np
 from golden_model.arrays import Intensities, Mask, Pixels
 from skymosaic.errors import InputError
 from skymosaic.flight.layout.layout import Layout
-from skymosaic.flight.picture.composition import Composition
+from skymosaic.flight.picture.composition import Composition, Room
 from skymosaic.flight.survey import Flight
 from skymosaic.imagery.band_writer import write_bands
 from skymosaic.imagery.images import save
@@ -24,6 +25,9 @@ from skymosaic.temporary import temporary_folder
 
 PREVIEW_WIDTH_PX = 1600
 GEOTIFF_SUFFIXES = (".tif", ".tiff")
+MAX_SIDES_PX = {".jpg": 65_500, ".jpeg": 65_500, ".webp": 16_383}
+BYTES_PER_SAMPLE = 6
+"""Two bytes in the plain raster, its overviews, and as much again in the finished file."""
 
 
 @dataclass(frozen=True)
@@ -112,6 +116,24 @@ class Delivery:
     def georeference(self) -> Georeference | None:
         """Position of the mosaic on the map; a GeoTIFF contains it."""
         return self.composition.place.georeference
+
+
+def room_for(path: Path, planes: int) -> Room:
+    """How large the mosaic of a flight may become in a file of this name.
+
+    Parameters
+    ----------
+    path : Path
+    planes : int
+        Bands of the mosaic, with the alpha band.
+    """
+    suffix = path.suffix.lower()
+    if suffix == ".png" or _is_tiff(path):
+        free_bytes = shutil.disk_usage(path.parent).free
+        return Room(free_bytes / (BYTES_PER_SAMPLE * planes), reason=f"the disk has {free_bytes >> 20} MB left")
+    if suffix in MAX_SIDES_PX:
+        return Room(side_px=MAX_SIDES_PX[suffix], reason=f"{suffix} files have limits and the picture is in memory")
+    return Room()
 
 
 def deliver(

@@ -18,7 +18,7 @@ from golden_model.config import to_toml
 from golden_model.formats import POSITION, decode_response
 from skymosaic.errors import RegistrationError
 from skymosaic.evaluation.hardware import compare
-from skymosaic.flight.check import check_flight
+from skymosaic.flight.check import check_flight, layout_errors
 from skymosaic.flight.picture.output import Delivery
 from skymosaic.flight.survey import Flight
 from skymosaic.imagery.band_sets import group_band_sets
@@ -128,7 +128,7 @@ def _choose_pair(flight: Flight, folder: Path, options: Options, progress: Progr
 
 def _add_flight(result: MosaicResult, flight: Flight, delivery: Delivery, unused: list[str]) -> MosaicResult:
     """Add what only a flight has: links, problems and numbers."""
-    layout, links = delivery.layout, _links(flight)
+    layout, links, errors = delivery.layout, _links(flight), layout_errors(flight, delivery.layout)
     return dataclasses.replace(
         result,
         seconds=flight.seconds | {"blending and writing": delivery.seconds},
@@ -138,7 +138,7 @@ def _add_flight(result: MosaicResult, flight: Flight, delivery: Delivery, unused
         | {
             "photographs placed": f"{len(layout.members)} of {len(flight.names)}",
             "pairs linked": f"{len(links)} of {len(flight.links)} tried",
-            "median error of the ties": f"{layout.median_error_px:.2f} px",
+            "error": "unknown" if errors is None else errors.description,
             "model": f"{layout.model}: {layout.reason}",
         }
         | ({"not used": "; ".join(unused)} if unused else {}),

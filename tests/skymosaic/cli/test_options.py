@@ -74,7 +74,6 @@ def test_what_is_typed_becomes_the_object(tmp_path: Path) -> None:
     assert isinstance(defaults, MosaicOptions)
     assert all(getattr(defaults, each.name) == each.default for each in options_of(MosaicOptions))
     assert defaults.base_config == preset_config("aerial")
-    assert defaults.default_cache is not None
 
 
 def test_a_board_is_typed_with_its_address() -> None:

@@ -1,3 +1,4 @@
+import os
 import stat
 import subprocess
 import sys
@@ -88,3 +89,14 @@ def test_two_processes_share_a_cache(tmp_path: Path) -> None:
 def test_keys_change_with_every_part() -> None:
     assert key_of("view", 1, "a") == key_of("view", 1, "a")
     assert len({key_of("view", 1, "a"), key_of("view", 1, "b"), key_of("view", "1", "a")}) == 3
+
+
+def test_what_was_not_used_for_longest_goes_first(tmp_path: Path) -> None:
+    cache = ResultCache(tmp_path)
+    for age, key in enumerate(("newest", "used", "old", "oldest")):
+        cache.save(key, {"values": np.arange(1000)})
+        os.utime(tmp_path / f"{key}.entry", (1e9 - age, 1e9 - age))
+    assert cache.load("oldest")
+    size = (tmp_path / "used.entry").stat().st_size
+    again = ResultCache(tmp_path, limit_bytes=3 * size)
+    assert [key for key in ("oldest", "newest", "used", "old") if again.load(key)] == ["oldest", "newest", "used"]

@@ -7,7 +7,7 @@ import numpy as np
 from golden_model.config import preset_config
 from sim.scene.flight import Flight
 from skymosaic.flight.cache import NO_CACHE
-from skymosaic.flight.check import check_flight, contradictions
+from skymosaic.flight.check import check_flight, doubts, layout_errors
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.linking.view import Settings
@@ -24,6 +24,10 @@ def test_a_blurred_photograph_is_named(flight: Flight) -> None:
     checked = check_flight(surveyed)
     assert [photo.name for photo in checked.photographs if "blurred" in photo.problems] == ["image 4"]
     assert checked.complete
+    (errors,) = checked.errors
+    assert errors.matches > 100
+    assert 0.05 < errors.median_px < 1 < 3 * errors.ninety_px
+    assert all(photo.error_px is not None and photo.error_px < 2 for photo in checked.photographs)
 
 
 def test_a_layout_with_many_contradicting_links_is_doubted_by_name() -> None:
@@ -32,7 +36,29 @@ def test_a_layout_with_many_contradicting_links_is_doubted_by_name() -> None:
     links = tuple(Link(view, view + 1, nothing, nothing, 0, 0) for view in range(59))
     flight: Any = SimpleNamespace(views=views)
     few = Layout(tuple(range(60)), 0, {}, links=links[1:], contradicting=links[:1])
-    assert list(contradictions(flight, few)) == []
+    assert list(doubts(flight, few)) == []
     many = Layout(tuple(range(60)), 0, {}, links=links[2:], contradicting=links[:2])
-    (line,) = contradictions(flight, many)
+    (line,) = doubts(flight, many)
     assert line.startswith("2 of 59 links contradict the layout (most at 1.jpg, ")
+
+
+def test_a_photograph_that_lies_wrong_is_named_with_its_error() -> None:
+    points = np.random.default_rng(0).uniform(0, 500, (20, 2))
+    nothing = points[:0]
+    links = tuple(
+        Link(left, right, nothing, nothing, 20, 20, left_checks=points, right_checks=points + np.array([off_px, 0]))
+        for left, right, off_px in ((0, 1, 1), (0, 2, 1), (1, 2, 1), (0, 3, 50), (2, 3, 40))
+    )
+    flight: Any = SimpleNamespace(
+        views=[SimpleNamespace(name=f"folder/{view}.jpg", working_size=(1280, 960)) for view in range(4)]
+    )
+    # The links that place the photograph falsely contradict, so the fit itself knows nothing of them.
+    layout = Layout((0, 1, 2, 3), 0, dict.fromkeys(range(4), np.eye(3)), links=links[:3], contradicting=links[3:])
+    assert [line for line in doubts(flight, layout) if "3.jpg by 45 px" in line]
+    errors = layout_errors(flight, layout)
+    assert errors is not None
+    assert (errors.matches, round(errors.median_px, 6), errors.width_px) == (100, 1, 1280)
+    assert round(errors.ninety_px, 6) == 50
+    assert next((name, round(error, 6)) for name, error in errors.worst_photographs.items()) == ("3.jpg", 45)
+    pairs = [(name, round(error, 6)) for name, error in errors.worst_pairs.items()]
+    assert pairs[:2] == [("0.jpg-3.jpg", 50), ("2.jpg-3.jpg", 40)]
