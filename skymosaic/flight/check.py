@@ -3,12 +3,12 @@
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 from skymosaic.features.standing import STANDS_STILL
 from skymosaic.flight.layout.layout import Layout, groups, outline, overlap
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.survey import BLURRED, Flight
+from skymosaic.imagery.photographs import short_names
 
 MIN_BEST_OVERLAP = 0.3
 """Best overlap with any other photograph below which a photograph is poorly tied."""
@@ -148,7 +148,7 @@ def layout_errors(flight: Flight, layout: Layout) -> LayoutErrors | None:
     """Errors of the matches that a layout did not use; None where none were kept aside."""
     if (accuracy := layout.accuracy) is None:
         return None
-    names = [Path(view.name).name for view in flight.views]
+    names = short_names([view.name for view in flight.views])
     photographs, pairs = list(accuracy.photographs.items()), list(accuracy.pairs.items())
     return LayoutErrors(
         matches=accuracy.whole.matches,
@@ -207,7 +207,7 @@ def _problems_of_all(flight: Flight) -> Iterator[str]:
 
 def doubts(flight: Flight, layout: Layout) -> Iterator[str]:
     """A line if so many links contradict the layout that it may be wrong, and a line if photographs are far off."""
-    names = [Path(view.name).name for view in flight.views]
+    names = short_names([view.name for view in flight.views])
     false, count = layout.contradicting, len(layout.links) + len(layout.contradicting)
     if len(false) > MAX_CONTRADICTING * count:
         ends = Counter(end for link in false for end in (link.left, link.right))
@@ -228,6 +228,7 @@ def _weakly_linked(flight: Flight, layout: Layout) -> Iterator[str]:
     strong = [link for link in layout.links if link.ties >= WEAK_TIES and overlaps[link] >= WEAK_OVERLAP]
     inside = set(layout.members)
     parts = [part for part in groups(len(flight.views), strong) if inside.issuperset(part)]
+    names = short_names([view.name for view in flight.views])
     named: set[Link] = set()
     for part in parts[1:]:
         across = [link for link in layout.links if (link.left in part) != (link.right in part)]
@@ -236,6 +237,6 @@ def _weakly_linked(flight: Flight, layout: Layout) -> Iterator[str]:
         if best in named:
             continue
         named.add(best)
-        left, right = (Path(flight.views[end].name).name for end in (best.left, best.right))
+        left, right = names[best.left], names[best.right]
         shared = f"{best.ties} matches and {overlaps[best]:.0%} overlap"
         yield f"{len(part)} photographs are joined only by {left} and {right} with {shared}: fly again there"

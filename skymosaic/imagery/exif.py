@@ -95,9 +95,9 @@ def _black(levels: Any) -> float | None:
 
 def _position(gps: Mapping[int, Any]) -> Position | None:
     try:
-        latitude = _degrees(gps[GPS.GPSLatitude], gps.get(GPS.GPSLatitudeRef), negative="S")
-        longitude = _degrees(gps[GPS.GPSLongitude], gps.get(GPS.GPSLongitudeRef), negative="W")
-    # Missing, text, 0/0: none of it is a position.
+        latitude = _degrees(gps[GPS.GPSLatitude], gps[GPS.GPSLatitudeRef], {"N": 1, "S": -1})
+        longitude = _degrees(gps[GPS.GPSLongitude], gps[GPS.GPSLongitudeRef], {"E": 1, "W": -1})
+    # Missing, text, 0/0, no hemisphere: none of it is a position.
     except Exception:
         return None
     # Cameras without GPS reception write zeros, NaN or values out of range.
@@ -105,10 +105,10 @@ def _position(gps: Mapping[int, Any]) -> Position | None:
     return Position(latitude, longitude) if known else None
 
 
-def _degrees(parts: tuple[Any, Any, Any], sign: object, *, negative: str) -> float:
+def _degrees(parts: tuple[Any, Any, Any], hemisphere: str, signs: Mapping[str, int]) -> float:
     degrees, minutes, seconds = map(float, parts)
-    value = degrees + minutes / 60 + seconds / 3600
-    return -value if sign == negative else value
+    # Cameras write lower case, the whole word, or a zero byte behind it.
+    return signs[hemisphere.strip()[0].upper()] * (degrees + minutes / 60 + seconds / 3600)
 
 
 def _focal(details: Mapping[int, Any]) -> float | None:

@@ -120,6 +120,16 @@ def list_sources(images: Sequence[str | Path | Pixels]) -> list[Source]:
     ]
 
 
+def short_names(names: Sequence[str]) -> list[str]:
+    """Names of files without their folders, or with as many of them as tell all files apart."""
+    parts = [Path(name).parts for name in names]
+    for depth in range(1, max(map(len, parts), default=0) + 1):
+        short = ["/".join(each[-depth:]) for each in parts]
+        if len(set(short)) == len(short):
+            return short
+    return list(names)
+
+
 def is_folder(path: Path) -> bool:
     """Whether a path names a folder; False for a name that the file system cannot have."""
     try:

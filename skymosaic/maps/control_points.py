@@ -12,8 +12,9 @@ from golden_model.arrays import Points
 from golden_model.small_files import read_small_file
 from skymosaic.errors import InputError
 from skymosaic.imagery.exif import Position
-from skymosaic.maps.georeference import project_to_utm
+from skymosaic.maps.georeference import map_to_globe, project_to_utm
 
+WEB_MERCATOR = (3857, 3785, 900913)
 MAX_BYTES = 16 << 20
 """Room for a hundred thousand sightings."""
 _UTM = re.compile(r"(?:WGS ?84 )?UTM (?:zone )?(\d{1,2})([NS])", re.IGNORECASE)
@@ -29,7 +30,7 @@ class Sighting:
     point : int
         Index of the control point.
     photograph : str
-        Name of the file, without its folder.
+        Name of the file, with as many of its folders as the file of control points has.
     x_px, y_px : float
         Its place in the file's pixels, centres at integers.
     """
@@ -115,7 +116,7 @@ def _parse_line(path: Path, number: int, line: str) -> tuple[tuple[float, float,
 
 
 def _convert_to_metres(path: Path, name: str, points: Points) -> tuple[str, Points]:
-    """Convert points to a coordinate system in metres, which is UTM for degrees; returns its name and the points."""
+    """Convert points to a system in metres: UTM for degrees, feet and Web Mercator; returns its name and the points."""
     if "grids=" in name:
         raise InputError(f"{path}: {name!r} names files of grids, which are not read; give EPSG:32615 or the like")
     zone = _UTM.fullmatch(name)
@@ -126,6 +127,12 @@ def _convert_to_metres(path: Path, name: str, points: Points) -> tuple[str, Poin
     # ValueError: "EPSG:" without a number.
     except (rasterio.errors.RasterioError, rasterio.errors.CRSError, ValueError):
         raise InputError(f"{path}: {name!r} is no coordinate system; begin with a line such as EPSG:32615") from None
-    if crs.is_geographic:
-        return project_to_utm([Position(latitude, longitude) for longitude, latitude in points.tolist()])
-    return crs.to_string(), points
+    if not crs.is_geographic and not crs.is_projected:
+        raise InputError(f"{path}: {name!r} has no map coordinates; begin with a line such as EPSG:32615")
+    # Metres on this map are metres on the ground, up to the 0.04 % of UTM: neither feet, nor stretched as for the web.
+    if crs.is_projected and crs.linear_units_factor[1] == 1 and crs.to_epsg() not in WEB_MERCATOR:
+        return crs.to_string(), points
+    degrees = points if crs.is_geographic else map_to_globe(points, crs.to_string())
+    if np.abs(degrees[:, 1]).max() > 90 or np.abs(degrees[:, 0]).max() > 180:
+        raise InputError(f"{path}: a latitude beyond 90 degrees; x is the longitude and comes first")
+    return project_to_utm([Position(latitude, longitude) for longitude, latitude in degrees.tolist()])

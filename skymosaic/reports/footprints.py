@@ -12,6 +12,7 @@ from skymosaic.flight.picture.composition import Composition
 from skymosaic.flight.picture.output import Delivery
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.images import save_bytes
+from skymosaic.imagery.photographs import short_names
 from skymosaic.maps.georeference import map_to_globe
 
 _KML = "http://www.opengis.net/kml/2.2"
@@ -51,7 +52,7 @@ def _outlines_on_globe(delivery: Delivery) -> dict[str, Points]:
     # GeoJSON asks for counter-clockwise rings.
     closed = (np.concatenate([corners, corners[:1]])[::-1] for corners in outline_photographs(composition))
     rings = [apply(on_map.to_map, corners) for corners in closed]
-    names = [Path(placement.source.name).name for placement in composition.placements]
+    names = short_names([placement.source.name for placement in composition.placements])
     return {name: map_to_globe(ring, on_map.crs) for name, ring in zip(names, rings, strict=True)}
 
 

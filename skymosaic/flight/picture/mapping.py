@@ -15,9 +15,12 @@ from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.survey import Flight
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.exif import Metadata
+from skymosaic.imagery.photographs import short_names
 from skymosaic.maps.control_points import ControlPoints
-from skymosaic.maps.georeference import MIN_POSITIONS, Georeference, fit_to_map, project_to_utm
+from skymosaic.maps.georeference import MIN_POSITIONS, Georeference, fit_to_map, project_to_utm, reproject
 
+MAX_AWAY_M = 10_000.0
+"""Control points farther from the photographs are of another site, or their axes are swapped."""
 MIN_GSD = 0.99
 """A ground resolution is refused below this share of the photographs' own: enlarging them shows nothing new."""
 
@@ -124,7 +127,7 @@ def place_cameras(cameras: Sequence[Camera]) -> MapPlace:
     crs, metres = project_to_utm(positions)
     targets = np.full((len(cameras), 2), np.nan)
     targets[[camera.taken.position is not None for camera in cameras]] = metres
-    names = tuple(Path(camera.name).name for camera in cameras)
+    names = tuple(short_names([camera.name for camera in cameras]))
     # GPS belongs to the camera, not to what is in the middle of its photograph.
     places = np.array([camera.position for camera in cameras])
     georeference, note = fit_to_map(places[:, :2], targets, crs, names)
@@ -147,11 +150,12 @@ def place_cameras(cameras: Sequence[Camera]) -> MapPlace:
 def _fit_to_control_points(control: ControlPoints, flight: Flight, layout: Layout) -> MapPlace:
     """Fit a layout to the control points that its photographs show, each at the mean of its sightings."""
     transforms = layout.to_reference(flight.views)
-    members = {Path(flight.views[member].name).name.lower(): member for member in layout.members}
     places: dict[int, list[Points]] = {}
     for sighting in control.sightings:
-        member = members.get(Path(sighting.photograph).name.lower())
-        if member is not None:
+        members = [member for member in layout.members if _is_named(flight.views[member].name, sighting.photograph)]
+        if len(members) > 1:
+            raise InputError(f"{control.name}: {sighting.photograph} is {len(members)} photographs; add their folders")
+        for member in members:
             pixel = np.array([[sighting.x_px, sighting.y_px]])
             straight = flight.lens.straighten_points(pixel, flight.views[member].size)
             places.setdefault(sighting.point, []).append(apply(transforms[member], straight)[0])
@@ -160,6 +164,7 @@ def _fit_to_control_points(control: ControlPoints, flight: Flight, layout: Layou
             f"{control.name}: the mosaic shows {len(places)} of its {len(control.names)} points; "
             f"{MIN_POSITIONS} are needed: check the names of the photographs"
         )
+    _check_site(control, flight, layout)
     points = sorted(places)
     means = np.array([np.mean(places[point], axis=0) for point in points])
     names = tuple(control.names[point] for point in points)
@@ -167,6 +172,33 @@ def _fit_to_control_points(control: ControlPoints, flight: Flight, layout: Layou
     if georeference is None:
         raise InputError(f"{control.name}: {reason}; check the coordinates and pixels")
     return MapPlace(georeference=georeference, fitted_to=names, by="control points")
+
+
+def _is_named(photograph: str, name: str) -> bool:
+    """Whether a photograph's path ends in a name, which may have folders; upper and lower case are the same."""
+    wanted = Path(name.lower().replace("\\", "/")).parts
+    return Path(photograph.lower()).parts[-len(wanted) :] == wanted
+
+
+def _check_site(control: ControlPoints, flight: Flight, layout: Layout) -> None:
+    """Refuse control points far from where the photographs were taken, if that is known.
+
+    Raises
+    ------
+    InputError
+        With the distance; swapped axes and another site look like this.
+    """
+    positions = [gps for member in layout.members if (gps := flight.views[member].gps) is not None]
+    if not positions:
+        return
+    degrees = np.array([(gps.longitude_deg, gps.latitude_deg) for gps in positions])
+    flown = np.median(reproject(degrees, "EPSG:4326", control.crs), axis=0)
+    away_m = float(np.linalg.norm(np.median(control.metres, axis=0) - flown))
+    if not away_m < MAX_AWAY_M:
+        raise InputError(
+            f"{control.name}: its points lie {away_m / 1000:.0f} km from the photographs' GPS; check the coordinate "
+            "system, the order of the axes (east comes first) and the site"
+        )
 
 
 def camera_positions(flight: Flight, layout: Layout) -> Array:

@@ -25,6 +25,22 @@ def test_gps_and_focal_length_are_read_from_exif(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("references", "expected"),
+    [(("s", "w"), Position(-33.5, -70.25)), (("South\0", "E "), Position(-33.5, 70.25)), (("", "W"), None)],
+)
+def test_the_hemisphere_is_read_in_any_case_and_not_guessed(
+    tmp_path: Path, references: tuple[str, str], expected: Position | None
+) -> None:
+    exif = Image.Exif()
+    exif.get_ifd(IFD.GPSInfo).update({1: references[0], 2: (33.0, 30.0, 0.0), 3: references[1], 4: (70.0, 15.0, 0.0)})
+    Image.new("RGB", (64, 64)).save(tmp_path / "gps.jpg", exif=exif)
+    assert read_metadata(tmp_path / "gps.jpg").position == expected
+    exif.get_ifd(IFD.GPSInfo).pop(3)
+    Image.new("RGB", (64, 64)).save(tmp_path / "gps.jpg", exif=exif)
+    assert read_metadata(tmp_path / "gps.jpg").position is None
+
+
+@pytest.mark.parametrize(
     "properties",
     [
         'drone-dji:RelativeAltitude="+50.30" drone-dji:GimbalYawDegree="-12.5" drone-dji:FlightYawDegree="3"',

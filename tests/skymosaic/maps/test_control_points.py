@@ -2,9 +2,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rasterio.crs import CRS
 
 from skymosaic.errors import InputError
 from skymosaic.maps.control_points import ControlPoints, Sighting, load_control_points
+from skymosaic.maps.georeference import reproject
 
 LINES = """
 # surveyed on Monday
@@ -39,6 +41,9 @@ def test_degrees_become_metres(tmp_path: Path) -> None:
     [
         ("EPSG:32610", "", "no control points"),
         ("somewhere", LINES, "'somewhere' is no coordinate system"),
+        ("EPSG:4978", LINES, "has no map coordinates"),
+        ("EPSG:5703", LINES, "has no map coordinates"),
+        ("EPSG:4326", "\n46.8 -92 200 10 20 a.jpg\n46.8 -91.9 200 10 20 b.jpg", "a latitude beyond 90 degrees"),
         ("EPSG:32610", "\n1 2 3 4 5", "line 2 is '1 2 3 4 5'"),
         ("EPSG:32610", "\n1 2 3 4 nan a.jpg", "line 2"),
     ],
@@ -49,3 +54,12 @@ def test_a_file_of_another_form_is_one_line(tmp_path: Path, header: str, lines: 
     assert says in str(refused.value)
     assert "gcp_list.txt" in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("header", ["EPSG:3857", "EPSG:2264", "+proj=utm +zone=17 +datum=WGS84 +units=us-ft +no_defs"])
+def test_feet_and_stretched_metres_become_metres_on_the_ground(tmp_path: Path, header: str) -> None:
+    degrees = np.array([(-80.0, 35.5), (-79.99, 35.5)])
+    (x1, y1), (x2, y2) = reproject(degrees, "EPSG:4326", CRS.from_user_input(header).to_wkt())
+    points = loaded(tmp_path, header, f"\n{x1} {y1} 200 10 20 a.jpg\n{x2} {y2} 200 10 20 b.jpg\n")
+    assert points.crs == "EPSG:32617"
+    assert np.hypot(*(points.metres[1] - points.metres[0])) == pytest.approx(907, abs=2)

@@ -14,7 +14,7 @@ from skymosaic.errors import InputError
 from skymosaic.flight.picture.mapping import camera_positions, place_on_map, scale_for
 from skymosaic.flight.picture.output import OutputForm
 from skymosaic.geometry.homography import apply
-from skymosaic.imagery.exif import Metadata
+from skymosaic.imagery.exif import Metadata, Position
 from skymosaic.imagery.lens import Lens
 from skymosaic.maps.control_points import load_control_points
 from skymosaic.mosaicking.api import open_plan
@@ -76,6 +76,41 @@ def test_control_points_put_a_mosaic_on_the_map_at_the_wanted_resolution(flight:
     with rasterio.open(tmp_path / "m.tif") as file:
         assert (file.transform.a, file.transform.e) == pytest.approx((0.4, -0.4))
     assert (tmp_path / "tiles" / "index.html").exists()
+
+
+def flown(folders: tuple[str, ...], position: Position | None = None) -> tuple[Any, Any]:
+    """Photographs of one name in several folders, side by side on the ground, each 100 px wide."""
+    views = [SimpleNamespace(name=f"{folder}/1.jpg", size=(100, 100), gps=position) for folder in folders]
+    shifts = {view: np.array([[1.0, 0, 100 * view], [0, 1, 0], [0, 0, 1]]) for view in range(len(views))}
+    layout = SimpleNamespace(members=tuple(shifts), to_reference=lambda _views: shifts)
+    return SimpleNamespace(views=views, lens=Lens()), layout
+
+
+def test_photographs_of_one_name_in_two_folders_are_told_apart(tmp_path: Path) -> None:
+    flight, layout = flown(("east/a", "east/b"))
+    lines = [
+        f"{500_000 + 100 * n + x} {5_000_000 - y} 0 {x} {y} {folder}/1.JPG"
+        for n, folder in enumerate("ab")
+        for x, y in ((10, 10), (90, 20), (40, 80))
+    ]
+    (tmp_path / "gcp.txt").write_text("\n".join(["EPSG:32615", *lines]))
+    place = place_on_map(flight, layout, load_control_points(tmp_path / "gcp.txt"))
+    assert place.georeference is not None
+    assert place.georeference.residual_m < 1e-6
+    assert place.georeference.metres_per_pixel == pytest.approx(1)
+    (tmp_path / "gcp.txt").write_text("\n".join(["EPSG:32615", *lines]).replace("a/1", "1").replace("b/1", "1"))
+    with pytest.raises(InputError, match=r"gcp.txt: 1.JPG is 2 photographs; add their folders"):
+        place_on_map(flight, layout, load_control_points(tmp_path / "gcp.txt"))
+
+
+def test_control_points_of_another_site_are_refused(tmp_path: Path) -> None:
+    flight, layout = flown(("a",), Position(45.1, -93.0))
+    lines = [f"{500_000 + x} {5_000_000 - y} 0 {x} {y} 1.jpg" for x, y in ((10, 10), (90, 20), (40, 80))]
+    (tmp_path / "gcp.txt").write_text("\n".join(["EPSG:32615", *lines]))
+    assert place_on_map(flight, layout, load_control_points(tmp_path / "gcp.txt")).georeference is not None
+    (tmp_path / "gcp.txt").write_text("\n".join(["EPSG:32616", *lines]))
+    with pytest.raises(InputError, match=r"lie \d+ km from the photographs' GPS; check the coordinate system"):
+        place_on_map(flight, layout, load_control_points(tmp_path / "gcp.txt"))
 
 
 @pytest.mark.parametrize(
