@@ -43,7 +43,7 @@ MEMORY_BYTES = 1 << 30
 """Default limit of the decoded photographs a process keeps."""
 BAND_REACH_PX = 160
 """Photographs farther than this from a tile do not change it: the margin of the widest band."""
-FARTHEST_TIES = 5
+REMOTE_PERCENTILE = 5
 """Percentile of the nearness of a photograph's ties that counts as its farthest; single ones may be false."""
 BEYOND_TIES = 0.63
 """Ground is shown if it is at least this near, relative to the farthest ties: there, pixels are twice as large."""
@@ -375,7 +375,7 @@ def least_nearness(views: Sequence[View], layout: Layout) -> list[float]:
     least = []
     for member, points in tied.items():
         size, transform = views[member].working_size, layout.transforms[member]
-        tied_from = float(np.percentile(nearness(size, transform, np.concatenate(points)), FARTHEST_TIES))
+        tied_from = float(np.percentile(nearness(size, transform, np.concatenate(points)), REMOTE_PERCENTILE))
         whole = float(nearness(size, transform, Canvas(0, 0, *size).corners).min())
         least.append(0.0 if whole >= BEYOND_TIES * tied_from else BEYOND_TIES * tied_from)
     return least
