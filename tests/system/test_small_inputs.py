@@ -14,6 +14,7 @@ from skymosaic.errors import InputError
 from skymosaic.flight.cache import ResultCache
 from skymosaic.imagery.lens import load_lens
 from skymosaic.imagery.photographs import list_sources
+from skymosaic.imagery.video import VideoReader
 from skymosaic.maps.control_points import load_control_points
 
 READERS: dict[str, Callable[[Path], object]] = {
@@ -22,6 +23,8 @@ READERS: dict[str, Callable[[Path], object]] = {
     "gcp_list.txt": load_control_points,
     "rules.fll": load_system,
     "photograph.jpg": lambda path: list_sources([path])[0].digest,
+    "mask.png": lambda path: load_lens(None, path),
+    "film.mp4": VideoReader,
 }
 
 
@@ -54,7 +57,9 @@ def no_hang() -> Iterator[None]:
 @pytest.mark.parametrize("name", READERS)
 def test_what_is_no_small_file_is_one_line(tmp_path: Path, name: str, make: Callable[[Path], None]) -> None:
     make(tmp_path / name)
-    with pytest.raises((InputError, ValueError), match=r"not a regular file|not a file|larger than") as caught:
+    with pytest.raises(
+        (InputError, ValueError), match=r"not a regular file|not a file|larger than|not an image|not a readable video"
+    ) as caught:
         READERS[name](tmp_path / name)
     assert str(caught.value).startswith(f"{tmp_path / name}: ")
     assert "\n" not in str(caught.value)
