@@ -37,7 +37,7 @@ def check(
     with (
         progress_bars() as progress,
         flight_sources(photographs, session.tell) as sources,
-        Workers(options.scheduler, progress=progress) as workers,
+        Workers(options.scheduler, progress=progress, sources=sources) as workers,
     ):
         captures = group_band_sets(sources, tell=session.tell)
         captures = [source.with_damaged(keep=options.keeps_damaged) for source in captures]

@@ -1,6 +1,7 @@
 """Keeps libraries' messages off the terminal, and removes temporary files when a signal ends the program."""
 
 import contextlib
+import logging
 import os
 import signal
 import sys
@@ -14,8 +15,8 @@ from typing import TextIO
 def without_library_messages() -> Iterator[None]:
     """Keep messages that libraries write to standard error from the terminal.
 
-    libpng, libtiff and others print a line for each fault of a file, Pillow and NumPy warn; our own line names it.
-    Python's ``sys.stderr`` goes on to the terminal. Does nothing where ``sys.stderr`` has been replaced.
+    libpng, libtiff and others print a line for each fault of a file, Pillow and NumPy warn, Dask logs; our own line
+    names it. Python's ``sys.stderr`` goes on to the terminal. Does nothing where ``sys.stderr`` has been replaced.
     """
     if not _is_descriptor(sys.stderr, 2):
         yield
@@ -28,10 +29,13 @@ def without_library_messages() -> Iterator[None]:
     os.close(nowhere)
     try:
         sys.stderr = os.fdopen(terminal, "w", 1, ours.encoding, "backslashreplace", closefd=False)
+        # Dask logs lost connections with tracebacks.
+        logging.disable(logging.CRITICAL)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             yield
     finally:
+        logging.disable(logging.NOTSET)
         with contextlib.suppress(OSError):
             sys.stderr.close()
         sys.stderr = ours

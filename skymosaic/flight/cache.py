@@ -140,7 +140,7 @@ def _checksum(key: str, data: bytes) -> bytes:
 
 
 @functools.cache
-def _code() -> str:
+def code_digest() -> str:
     """A digest of the code that computes results, and of the packages it uses."""
     root = Path(__file__).parents[2]
     state = hashlib.sha256(repr([version(package) for package in PACKAGES]).encode())
@@ -155,4 +155,4 @@ def _code() -> str:
 
 def key_of(*parts: object) -> str:
     """A file name for what this code computes from ``parts`` (by their ``repr``)."""
-    return hashlib.sha256(repr((_code(), *parts)).encode()).hexdigest()[:32]
+    return hashlib.sha256(repr((code_digest(), *parts)).encode()).hexdigest()[:32]

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-import asyncio
-import importlib
 import math
 import os
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from functools import partial
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import TracebackType
 from typing import Any, TypeVar
 
-from golden_model.text import how_to_install, one_line
-from skymosaic.errors import InputError
+from skymosaic.flight.cluster import Cluster
+from skymosaic.imagery.photographs import Source
 
 CALLS_PER_WORKER = 8
 """Calls ahead of the one whose result is awaited: enough to keep all workers busy while the caller writes what is done,
 few enough to bound the memory of finished results."""
-CONNECT_TIMEOUT_S = 10
 CPU_SHARE = Path("/sys/fs/cgroup/cpu.max")
 """A container's share of the processors: microseconds of processor time, or max, per how many microseconds."""
 
@@ -41,56 +37,82 @@ class Workers:
     Parameters
     ----------
     address : str or None
-        Address of a Dask scheduler (``tcp://host:8786``), whose workers see the photographs under the same paths and
-        have skymosaic installed; None: threads.
+        Of a Dask scheduler, see `skymosaic.flight.cluster.Cluster`; None: threads.
     progress : callable
         Called after each call.
+    sources, memory_bytes
+        What the workers of a cluster must be able to read and keep.
 
     Raises
     ------
     InputError
-        If the cluster cannot be reached, or the package for it is missing.
+        If the cluster cannot be reached or used, or the package for it is missing.
     """
 
-    def __init__(self, address: str | None = None, *, progress: Progress = silent) -> None:
-        self._client = _connect(address) if address else None
-        self._executor: Executor = (
-            self._client.get_executor(pure=False) if self._client is not None else ThreadPoolExecutor(_cores())
-        )
+    def __init__(
+        self,
+        address: str | None = None,
+        *,
+        progress: Progress = silent,
+        sources: Sequence[Source] = (),
+        memory_bytes: int = 0,
+    ) -> None:
         self.progress = progress
+        self._cluster: Cluster | None = None
+        self._executor: ThreadPoolExecutor | None = None
+        if address:
+            self._cluster = Cluster(address, lambda line: progress(line, 0, 0), sources, memory_bytes)
+        else:
+            self._executor = ThreadPoolExecutor(_cores())
 
     def __enter__(self) -> Workers:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, _: TracebackType | None) -> None:
-        self._executor.shutdown()
-        if self._client is not None:
-            self._client.close()
+        if self._cluster is not None:
+            self._cluster.close()
+        if self._executor is not None:
+            self._executor.shutdown()
+
+    @property
+    def are_elsewhere(self) -> bool:
+        """Whether they may see other files than this process."""
+        return self._cluster is not None
 
     def run(
         self, stage: str, function: Callable[..., Result], arguments: Sequence[tuple[Any, ...]]
     ) -> Iterator[Result]:
         """Call ``function(*each)`` for each of ``arguments``; results come in order, while workers go on."""
-        pending: deque[Future[Result]] = deque()
-        ahead = CALLS_PER_WORKER * self._count()
+        pending: deque[Any] = deque()
+        submitted = 0
         try:
-            for each in arguments[:ahead]:
-                pending.append(self._submit(function, each))
-            for done in range(1, len(arguments) + 1):
-                yield pending.popleft().result()
-                if ahead + done <= len(arguments):
-                    pending.append(self._submit(function, arguments[ahead + done - 1]))
+            for done, each in enumerate(arguments, start=1):
+                # Counted again: workers of a cluster come and go.
+                if done % CALLS_PER_WORKER == 1:
+                    ahead = CALLS_PER_WORKER * max(self._count(), 1)
+                for later in arguments[submitted : done - 1 + ahead]:
+                    pending.append(self._submit(function, later))
+                submitted = max(submitted, min(done - 1 + ahead, len(arguments)))
+                yield self._result(pending.popleft(), stage, each)
                 self.progress(stage, done, len(arguments))
         finally:
             for future in pending:
                 future.cancel()
 
-    def _submit(self, function: Callable[..., Result], arguments: tuple[Any, ...]) -> Future[Result]:
-        # Bound beforehand: Dask searches the arguments of a call for its own objects, which takes long.
-        return self._executor.submit(partial(function, *arguments))
+    def _submit(self, function: Callable[..., Result], arguments: tuple[Any, ...]) -> Any:
+        if self._cluster is not None:
+            return self._cluster.submit(function, arguments)
+        assert self._executor is not None
+        return self._executor.submit(function, *arguments)
+
+    def _result(self, future: Any, stage: str, arguments: tuple[Any, ...]) -> Any:
+        if self._cluster is None:
+            return future.result()
+        names = [str(each.name) for each in arguments if hasattr(each, "name")]
+        return self._cluster.result(future, f"{stage} of {', '.join(names)}" if names else stage)
 
     def _count(self) -> int:
-        return sum(self._client.nthreads().values()) if self._client is not None else _cores()
+        return self._cluster.threads if self._cluster is not None else _cores()
 
 
 def _cores() -> int:
@@ -101,28 +123,3 @@ def _cores() -> int:
         return cores if quota == "max" else min(cores, math.ceil(int(quota) / int(period)))
     except (OSError, ValueError):
         return cores
-
-
-def _connect(address: str) -> Any:
-    try:
-        # An extra, and slow to import.
-        distributed = importlib.import_module("distributed")
-    except ImportError:
-        raise InputError(f"a cluster needs the package distributed; {how_to_install('cluster')}") from None
-    try:
-        # Beforehand: a client that finds no scheduler waits for 20 s when it is removed, and prints a traceback.
-        asyncio.run(_reach(distributed, address))
-        return distributed.Client(address, timeout=CONNECT_TIMEOUT_S, set_as_default=False)
-    # What is wrong with an address or a protocol decides the kind of error: TypeError, RuntimeError and others.
-    except Exception as error:
-        reason = one_line(str(error)) or f"nothing that speaks its protocol within {CONNECT_TIMEOUT_S} s"
-        raise InputError(f"{address}: no Dask scheduler answers ({reason}); check the address") from None
-
-
-async def _reach(distributed: Any, address: str) -> None:
-    """Connect as a client does; an error of any kind if nothing there speaks Dask's protocol."""
-    options = distributed.Security().get_connection_args("client")
-    # The limit of `connect` does not cover what follows the connection: a web server waits for a request.
-    async with asyncio.timeout(CONNECT_TIMEOUT_S):
-        comm = await distributed.comm.connect(address, timeout=CONNECT_TIMEOUT_S, **options)
-    comm.abort()

@@ -138,7 +138,9 @@ def open_plan_of_sources(
     options.check_for(len(sources))
     sources = [source.with_damaged(keep=options.keeps_damaged) for source in sources]
     try:
-        with Workers(options.scheduler, progress=progress) as workers:
+        with Workers(
+            options.scheduler, progress=progress, sources=sources, memory_bytes=options.memory_bytes
+        ) as workers:
             yield MosaicPlan(sources, options, workers, tell)
     finally:
         forget_decoded()

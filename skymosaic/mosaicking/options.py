@@ -74,7 +74,7 @@ class MosaicOptions(RegistrationOptions):
         flag_unit=MEGABYTE,
         minimum=64 * MEGABYTE,
     )
-    scheduler: str | None = option(None, "Address of a Dask scheduler, tcp://HOST:PORT, instead of threads.", MACHINE)
+    scheduler: str | None = option(None, "Dask scheduler, tcp://HOST:PORT or a scheduler file.", MACHINE)
     cache: Path | None = option(
         None,
         "Folder that keeps features and links of flights for the next run; by default in the user's cache, up to 2 GB.",

@@ -17,7 +17,6 @@ from golden_model.config import preset_config
 from sim.scene import Flight
 from skymosaic import mosaic
 from skymosaic.errors import InputError
-from skymosaic.flight import workers as flight_workers
 from skymosaic.flight.cache import ResultCache
 from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.survey import Flight as SurveyedFlight
@@ -245,7 +244,7 @@ def test_a_cluster_of_processes_gives_the_same(folder: Path) -> None:
 
 
 def test_an_absent_scheduler_is_one_line(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(flight_workers, "CONNECT_TIMEOUT_S", 1)
+    monkeypatch.setattr("skymosaic.flight.cluster.CONNECT_TIMEOUT_S", 1)
     with pytest.raises(InputError, match="no Dask scheduler answers"):
         mosaic([folder], scheduler="tcp://127.0.0.1:9")
 

@@ -46,8 +46,10 @@ class Surveyor:
                 views[index] = View.unpack(arrays, source.name, key)
         missing = [index for index in range(len(sources)) if index not in views]
         calls = [(sources[index], self.settings) for index in missing]
-        for index, view in zip(missing, self.workers.run("features", _describe, calls), strict=True):
-            views[index] = view
+        for index, call, described in zip(missing, calls, self.workers.run("features", _describe, calls), strict=True):
+            # A worker that has joined meanwhile may not see the file.
+            retried = isinstance(described, str) and self.workers.are_elsewhere
+            view = views[index] = _describe(*call) if retried else described
             if isinstance(view, View):
                 self.cache.save(view.key, view.pack())
         return [views[index] for index in range(len(sources))]

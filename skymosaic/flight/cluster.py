@@ -1,0 +1,239 @@
+"""Runs calls on a Dask cluster: checks its workers first, and says what is wrong with those that are lost."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import importlib
+import importlib.metadata
+import json
+import os
+import platform
+import time
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from golden_model.small_files import read_small_file
+from golden_model.text import how_to_install, one_line
+from skymosaic.errors import InputError, RegistrationError
+from skymosaic.flight.cache import PACKAGES, code_digest
+from skymosaic.imagery.decoding import read_header
+from skymosaic.imagery.photographs import Source
+
+LIMIT = "distributed.comm.timeouts.connect"
+"""Dask's own setting for how long to wait, also for a first worker and for the return of lost ones."""
+CONNECT_TIMEOUT_S = 10
+POLL_SECONDS = 1.0
+PROCESS_BYTES = 150 << 20
+"""A worker with all its libraries, measured."""
+CALL_BYTES, COPIES = 100 << 20, 2
+"""A call works on the reduced photograph; decoding it, at 16 bits, takes twice its size (docs/measured/photographs)."""
+
+
+class Cluster:
+    """A connection to a Dask scheduler.
+
+    Parameters
+    ----------
+    address : str
+        Of the scheduler (``tcp://host:8786``), or a scheduler file.
+    tell : callable
+        Receives a line when workers have to be waited for.
+    sources : sequence of Source
+        Photographs that every worker must be able to read, and have memory for.
+    memory_bytes : int
+        Limit of the decoded photographs that a worker keeps.
+
+    Raises
+    ------
+    InputError
+        If no scheduler answers, no worker comes, or a worker does not fit, with its address and the cause.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        tell: Callable[[str], None],
+        sources: Sequence[Source] = (),
+        memory_bytes: int = 0,
+    ) -> None:
+        self._name, self._tell = address, tell
+        self._client = _connect(address)
+        try:
+            self._limit_s = _limit_seconds()
+            self._await_workers(InputError, "start a worker")
+            self._check_environments()
+            self._check_files(sources)
+            self._check_memory(sources, memory_bytes)
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def threads(self) -> int:
+        """Threads of all workers now; 0 if there is none, or no scheduler."""
+        if self._client.status != "running":
+            return 0
+        try:
+            return sum(self._client.nthreads().values())
+        # The scheduler may vanish meanwhile.
+        except Exception:
+            return 0
+
+    def submit(self, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
+        """Start a call; returns Dask's future."""
+        # Bound beforehand: Dask searches the arguments of a call for its own objects, which takes long.
+        return self._client.submit(partial(function, *arguments), pure=False)
+
+    def result(self, future: Any, what: str) -> Any:
+        """Wait for the result of a call, as long as there are workers.
+
+        Raises
+        ------
+        RegistrationError
+            If scheduler or workers are gone for too long, or if the call ends its workers; ``what`` names the call.
+        """
+        while True:
+            try:
+                return future.result(timeout=POLL_SECONDS)
+            except TimeoutError:
+                if not self.threads:
+                    self._await_workers(RegistrationError, "restart it; what was computed is in the cache")
+            except asyncio.CancelledError:
+                raise self._gone() from None
+            except Exception as error:
+                if _kind(error) == "KilledWorker":
+                    raise RegistrationError(f"{what}: {_describe_death(error)}") from None
+                if _kind(error) in ("FutureCancelledError", "CancelledError"):
+                    raise self._gone() from None
+                raise
+
+    def close(self) -> None:
+        """Cancel what runs, and disconnect."""
+        with contextlib.suppress(Exception):
+            self._client.close(timeout=2)
+
+    def _gone(self) -> RegistrationError:
+        return RegistrationError(
+            f"{self._name}: the scheduler is gone; start it and run again: what was computed is in the cache"
+        )
+
+    def _await_workers(self, kind: type[Exception], advice: str) -> None:
+        """Wait for a worker as long as Dask's setting allows, and say so."""
+        deadline = time.monotonic() + self._limit_s
+        told = False
+        while not self.threads:
+            if not told:
+                self._tell(f"{self._name} has no worker; waiting {self._limit_s:g} s for one")
+                told = True
+            if time.monotonic() > deadline:
+                raise kind(f"{self._name}: no worker within {self._limit_s:g} s; {advice}")
+            time.sleep(POLL_SECONDS / 5)
+
+    def _check_environments(self) -> None:
+        """Compare the packages and libraries of every worker with those of this process."""
+        mine = describe_environment()
+        for worker, found in self._ask(describe_environment).items():
+            if not isinstance(found, Mapping):
+                raise InputError(f"{worker}: skymosaic cannot be imported ({one_line(repr(found))}); install it there")
+            for name, version in mine.items():
+                if found.get(name) != version:
+                    raise InputError(
+                        f"{worker}: has {name} {found.get(name)} and this process {version}; install the same there"
+                    )
+
+    def _check_files(self, sources: Sequence[Source]) -> None:
+        """Check that every worker can read a photograph of each folder."""
+        paths = {each.content.parent: each.content for each in _files(sources) if isinstance(each.content, Path)}
+        for worker, unreadable in self._ask(find_unreadable, [str(path) for path in paths.values()]).items():
+            if unreadable:
+                raise InputError(f"{worker}: cannot read {unreadable[0]}; mount the folder there under the same path")
+
+    def _check_memory(self, sources: Sequence[Source], memory_bytes: int) -> None:
+        """Check that every worker has memory for the largest step: photographs that it keeps, and those in work."""
+        sizes = [_decoded_bytes(each) for each in _files(sources)] or [0]
+        kept_bytes, in_work_bytes = min(memory_bytes, sum(sizes)), CALL_BYTES + COPIES * max(sizes)
+        for worker, facts in self._client.scheduler_info(n_workers=-1)["workers"].items():
+            limit = facts.get("memory_limit") or 0
+            needed = PROCESS_BYTES + kept_bytes + facts["nthreads"] * in_work_bytes
+            if 0 < limit < needed:
+                raise InputError(
+                    f"{worker}: has {limit >> 20} MB of memory for {facts['nthreads']} threads, and the largest step "
+                    f"needs {needed >> 20}; give it more, or lower --memory"
+                )
+
+    def _ask(self, function: Callable[..., Any], *arguments: Any) -> Mapping[str, Any]:
+        """What each worker answers; an exception where it cannot."""
+        answers: Mapping[str, Any] = self._client.run(function, *arguments, on_error="return")
+        return answers
+
+
+def _files(sources: Sequence[Source]) -> list[Source]:
+    return [each for source in sources for each in (source.bands.values() or (source,))]
+
+
+def _decoded_bytes(source: Source) -> int:
+    """Size of a photograph's pixels; 0 for one that cannot be read, which is left out later."""
+    if not isinstance(source.content, Path):
+        return source.content.nbytes
+    with contextlib.suppress(InputError):
+        return read_header(source.content).decoded_bytes
+    return 0
+
+
+def describe_environment() -> dict[str, str]:
+    """What must be the same in every process for the same result; called on the workers."""
+    versions = {package: importlib.metadata.version(package) for package in PACKAGES}
+    return {"Python": platform.python_version(), **versions, "code": code_digest()[:12]}
+
+
+def find_unreadable(paths: Sequence[str]) -> list[str]:
+    """Which of the files this process cannot read; called on the workers."""
+    return [path for path in paths if not os.access(path, os.R_OK)]
+
+
+def _limit_seconds() -> float:
+    dask = importlib.import_module("dask")
+    return float(importlib.import_module("dask.utils").parse_timedelta(dask.config.get(LIMIT)))
+
+
+def _kind(error: Exception) -> str:
+    """Name of an error's class; the package that defines it is an extra."""
+    return type(error).__name__
+
+
+def _describe_death(error: Any) -> str:
+    limit = getattr(error.last_worker, "memory_limit", 0)
+    return (
+        f"ended {error.allowed_failures + 1} workers, the last one {error.last_worker.address} with "
+        f"{limit >> 20} MB of memory; give the workers more, or reduce the photographs"
+    )
+
+
+def _connect(address: str) -> Any:
+    try:
+        # An extra, and slow to import.
+        distributed = importlib.import_module("distributed")
+    except ImportError:
+        raise InputError(f"a cluster needs the package distributed; {how_to_install('cluster')}") from None
+    try:
+        if Path(address).is_file():
+            address = json.loads(read_small_file(address))["address"]
+        # Beforehand: a client that finds no scheduler waits for 20 s when it is removed, and prints a traceback.
+        asyncio.run(_reach(distributed, address))
+        return distributed.Client(address, timeout=CONNECT_TIMEOUT_S, set_as_default=False)
+    # What is wrong with an address or a protocol decides the kind of error: TypeError, RuntimeError and others.
+    except Exception as error:
+        reason = one_line(str(error)) or f"nothing that speaks its protocol within {CONNECT_TIMEOUT_S} s"
+        raise InputError(f"{address}: no Dask scheduler answers ({reason}); check the address") from None
+
+
+async def _reach(distributed: Any, address: str) -> None:
+    """Connect as a client does; an error of any kind if nothing there speaks Dask's protocol."""
+    options = distributed.Security().get_connection_args("client")
+    # The limit of `connect` does not cover what follows the connection: a web server waits for a request.
+    async with asyncio.timeout(CONNECT_TIMEOUT_S):
+        comm = await distributed.comm.connect(address, timeout=CONNECT_TIMEOUT_S, **options)
+    comm.abort()

@@ -1,0 +1,158 @@
+"""Faults of a cluster, with a real scheduler and real workers, which are processes on this machine."""
+
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from skymosaic.errors import InputError, RegistrationError
+from skymosaic.flight.cluster import LIMIT
+from skymosaic.flight.workers import Workers
+from skymosaic.imagery.photographs import list_sources
+
+dask = pytest.importorskip("dask")
+psutil = pytest.importorskip("psutil")
+pytest.importorskip("distributed")
+ROOT = Path(__file__).parents[3]
+
+
+class Processes:
+    """A scheduler and its workers."""
+
+    def __init__(self, folder: Path, allowed_failures: int) -> None:
+        self.folder = folder
+        self.started: list[subprocess.Popen[bytes]] = []
+        self.file = folder / "scheduler.json"
+        settings = {"DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": str(allowed_failures)}
+        self.scheduler = self.start("scheduler", "--port", "0", "--scheduler-file", self.file, **settings)
+        while not self.file.exists():
+            time.sleep(0.05)
+
+    def start(self, kind: str, *options: object, **environment: str) -> subprocess.Popen[bytes]:
+        command = [sys.executable, "-m", f"distributed.cli.dask_{kind}", *map(str, options), "--host", "127.0.0.1"]
+        with (self.folder / "log").open("ab") as log:
+            process = subprocess.Popen(
+                [*command, "--no-dashboard"],
+                cwd=self.folder,
+                stdout=log,
+                stderr=log,
+                env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
+            )
+        self.started.append(process)
+        return process
+
+    def worker(self, *options: object, **environment: str) -> subprocess.Popen[bytes]:
+        usual = ("--scheduler-file", self.file, "--nthreads", 1, "--no-nanny")
+        return self.start("worker", *usual, *options, **environment)
+
+
+@pytest.fixture
+def cluster(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Processes]:
+    processes = Processes(tmp_path, getattr(request, "param", 3))
+    with dask.config.set({LIMIT: "30s"}):
+        yield processes
+    for process in processes.started:
+        process.kill()
+        process.wait()
+
+
+def connect(cluster: Processes, lines: list[str] | None = None, **options: Any) -> Workers:
+    def progress(line: str, _done: int, total: int) -> None:
+        if lines is not None and not total:
+            lines.append(line)
+
+    return Workers(str(cluster.file), progress=progress, **options)
+
+
+def connect_until_refused(cluster: Processes) -> None:
+    """A worker that was started may take a while to come."""
+    while True:
+        connect(cluster).__exit__(None, None, None)
+
+
+def end_worker(_path: Path) -> None:
+    os._exit(1)
+
+
+def when(condition: Callable[[], bool], then: Callable[[], object]) -> threading.Thread:
+    def wait() -> None:
+        while not condition():
+            time.sleep(0.05)
+        then()
+
+    thread = threading.Thread(target=wait)
+    thread.start()
+    return thread
+
+
+def test_a_scheduler_without_workers_is_waited_for_and_said(cluster: Processes) -> None:
+    lines: list[str] = []
+    with dask.config.set({LIMIT: "1s"}), pytest.raises(InputError, match="no worker within 1 s; start a worker"):
+        connect(cluster, lines)
+    assert "has no worker; waiting 1 s" in lines[0]
+    # One that comes while it is waited for is used, and this process listens on nothing.
+    late = when(lambda: len(lines) > 1, cluster.worker)
+    with connect(cluster, lines) as workers:
+        assert list(workers.run("powers", pow, [(2, n) for n in range(30)])) == [2**n for n in range(30)]
+        assert not [each for each in psutil.Process().net_connections() if each.status == psutil.CONN_LISTEN]
+    late.join()
+
+
+def test_a_worker_that_does_not_fit_is_named_with_the_cause(cluster: Processes, tmp_path: Path) -> None:
+    cluster.worker("--memory-limit", "300MB")
+    with pytest.raises(InputError, match=r"^tcp://\S+: has 286 MB of memory for 1 threads, and .* needs 1408"):
+        connect(cluster, sources=list_sources([np.zeros((9000, 9000, 3), np.uint8)] * 3), memory_bytes=1 << 30)
+    with pytest.raises(InputError, match=r"^tcp://\S+: cannot read /nowhere/a.jpg; mount"):
+        connect(cluster, sources=list_sources([__file__, "/nowhere/a.jpg"]))
+    (tmp_path / "other" / "skymosaic").mkdir(parents=True)
+    (tmp_path / "other" / "skymosaic" / "__init__.py").touch()
+    cluster.worker(PYTHONPATH=str(tmp_path / "other"))
+    with pytest.raises(InputError, match=r"^tcp://\S+: skymosaic cannot be imported \(.*\); install it there$"):
+        connect_until_refused(cluster)
+
+
+def test_lost_workers_cost_their_calls_and_all_of_them_end_the_run(cluster: Processes) -> None:
+    lines: list[str] = []
+    both = [cluster.worker() for _ in range(2)]
+    with dask.config.set({LIMIT: "3s"}), connect(cluster, lines) as workers:
+        while workers._count() < 2:
+            time.sleep(0.1)
+        results: Any = workers.run("sleeping", time.sleep, [(0.05,) for _ in range(60)])
+        next(results)
+        both[0].kill()
+        assert len(list(results)) == 59
+        both[1].kill()
+        started = time.monotonic()
+        with pytest.raises(RegistrationError, match=r"no worker within 3 s; .* is in the cache$"):
+            list(workers.run("powers", pow, [(2, 3)]))
+        assert time.monotonic() - started < 30
+    assert "has no worker; waiting 3 s" in lines[-1]
+
+
+def test_a_scheduler_that_dies_is_one_line(cluster: Processes) -> None:
+    cluster.worker()
+    with dask.config.set({LIMIT: "3s"}), connect(cluster) as workers:
+        results: Any = workers.run("sleeping", time.sleep, [(0.05,) for _ in range(100)])
+        next(results)
+        cluster.scheduler.kill()
+        started = time.monotonic()
+        with pytest.raises(RegistrationError, match=r"^\S+scheduler.json: .* in the cache$"):
+            list(results)
+    assert time.monotonic() - started < 30
+
+
+@pytest.mark.parametrize("cluster", [0], indirect=True)
+def test_a_call_that_ends_its_worker_is_named(cluster: Processes) -> None:
+    cluster.worker("--memory-limit", "300MB")
+    with (
+        connect(cluster) as workers,
+        pytest.raises(RegistrationError, match=r"^features of a\.jpg: ended 1 workers, .* 286 MB of memory"),
+    ):
+        list(workers.run("features", end_worker, [(Path("folder/a.jpg"),)]))
