@@ -24,7 +24,8 @@ from amaranth.lib import wiring
 from rich.console import Console
 
 from bench.report import MEASURED, JsonFile, Row, program, report, write
-from golden_model.config import PRESETS, FrontEndConfig
+from bench.rules import largest_minimum
+from golden_model.config import PRESETS, Config, FrontEndConfig, MatcherConfig
 from hdl.accelerator import Accelerator, AcceleratorTop
 from hdl.feature.extractor import CandidateFeatures
 from hdl.feature.ring_window import RingWindow
@@ -96,6 +97,14 @@ def block(component: type[wiring.Component], **parameters: Any) -> Design:
     return Design(lambda: component(**parameters))
 
 
+def accelerator(config: Config) -> Design:
+    """The whole accelerator with two levels."""
+    return Design(
+        lambda: AcceleratorTop(Accelerator(config=config, max_width_px=WIDTH_PX, max_height_px=HEIGHT_PX)),
+        front_end(config.front_end, WIDTH_PX, 2).memory_bits,
+    )
+
+
 def designs() -> dict[str, Design]:
     """Every design by name."""
     config, wide = AERIAL.front_end, {"width_px": WIDTH_PX}
@@ -135,9 +144,9 @@ def designs() -> dict[str, Design]:
         "camera crossing": block(CameraCrossing, video_bits=24, depth=4096),
         "camera gate": block(CameraGate),
         "ring writer": block(RingWriter, record_words=6, max_words=6 * (config.max_features + 2)),
-        "accelerator": Design(
-            lambda: AcceleratorTop(Accelerator(config=AERIAL, max_width_px=WIDTH_PX, max_height_px=HEIGHT_PX)),
-            front_end(config, WIDTH_PX, 2).memory_bits,
+        "accelerator": accelerator(AERIAL),
+        "accelerator, largest rules": accelerator(
+            dataclasses.replace(AERIAL, matcher=MatcherConfig(rule_base=largest_minimum()))
         ),
     }
 

@@ -124,11 +124,22 @@ class SugenoSystem:
         distinct = [
             np.unique(np.stack(list(variable.sets.values())), axis=1, return_index=True)[1] for variable in self.inputs
         ]
-        values = [grid.ravel() for grid in np.meshgrid(*distinct, indexing="ij")]
-        total = self.strengths(*values).sum(axis=1)
+        # In floating point, whose products are fast, and here exact: sums of strengths are below 2**53.
+        strengths = np.ones((1, len(self.rules)))
+        for number, (variable, entries) in enumerate(zip(self.inputs, distinct, strict=True)):
+            chosen = [
+                np.full(variable.entries, ONE) if (name := rule.sets[number]) is None else variable.sets[name]
+                for rule in self.rules
+            ]
+            degrees = np.stack(chosen, axis=1)[entries]
+            if number < len(self.inputs) - 1:
+                strengths = (strengths[:, np.newaxis] * degrees).reshape(-1, len(self.rules))
+        total = (strengths @ degrees.T).ravel()
         wrong = np.flatnonzero(total != self.strength_one)
         if wrong.size:
-            where = ", ".join(f"{v.name} {value[wrong[0]]}" for v, value in zip(self.inputs, values, strict=True))
+            at = np.unravel_index(wrong[0], [len(entries) for entries in distinct])
+            values = [entries[index] for entries, index in zip(distinct, at, strict=True)]
+            where = ", ".join(f"{v.name} {value}" for v, value in zip(self.inputs, values, strict=True))
             raise ValueError(
                 f"{self.name}: strengths sum to {total[wrong[0]] / self.strength_one:.4f} at {where}; make the sets "
                 "complementary and the rules cover each combination once, or use conjunction 'minimum'"

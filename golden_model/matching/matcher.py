@@ -80,20 +80,35 @@ def match(
         matches["turn"] = (right["sector"] - left["sector"]) % SECTORS
         matches["peak_turn"] = common_orientation(matches["turn"], best, margin, pattern.bits)
 
-    rules = config.rules
+    return weigh(matches, left_features, right_features, pattern, config)
+
+
+def weigh(
+    matches: Records, left_features: Records, right_features: Records, pattern: DescriptorPattern, config: MatcherConfig
+) -> Records:
+    """The same matches with the weight, rule and verdict that ``config`` gives them."""
+    weighed, rules = matches.copy(), config.rules
     if rules is None:
-        matches["weight"], matches["verdict"] = WEIGHT.max_raw, 1
-        return matches
+        weighed["weight"], weighed["rule"], weighed["verdict"] = WEIGHT.max_raw, 0, 1
+        return weighed
+    tables = rules.tables(pattern.bits)
+    weight, rule = tables.evaluate(*measure(matches, left_features, right_features, tables))
+    weighed["weight"], weighed["rule"], weighed["verdict"] = weight, rule, weight > config.keep_above
+    return weighed
+
+
+def measure(
+    matches: Records, left_features: Records, right_features: Records, tables: SugenoSystem
+) -> list[NDArray[np.integer]]:
+    """What the inputs of the rules are for each match: (M,) indices into the tables of every input."""
     off_peak = circular_distance(matches["turn"], matches["peak_turn"])
-    quantities: dict[str, NDArray[np.integer]] = {"distance": best, "margin": margin, "orientation": off_peak}
-    if rules.compares_windows:
+    quantities = {"distance": matches["distance"], "margin": matches["margin"], "orientation": off_peak}
+    names = [variable.name for variable in tables.inputs]
+    if "SAD_r1" in names:
+        left, right = left_features[matches["left_index"]], right_features[matches["right_index"]]
         # The SAD is symmetric, so both belongings of the rules follow from it.
         quantities["SAD_r1"] = quantities["SAD_r2"] = correlation.sad(left["window"], right["window"])
-    tables = rules.tables(pattern.bits)
-    weight, rule = tables.evaluate(*(quantities[variable.name] for variable in tables.inputs))
-    matches["weight"], matches["rule"] = weight, rule
-    matches["verdict"] = weight > config.keep_above
-    return matches
+    return [quantities[name] for name in names]
 
 
 def pair_features(

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from golden_model import front_end as golden_front_end
-from golden_model.config import PRESETS
+from golden_model.config import PRESETS, MatcherConfig
 from golden_model.feature import ilbp
 from golden_model.formats import encode_response
 from golden_model.geometry import scoring
@@ -224,8 +224,9 @@ def _frames() -> list[golden_front_end.FrameFeatures]:
     return [golden_front_end.extract(view, config, frame=number) for number, view in enumerate(views)]
 
 
-def _matcher() -> Block:
-    config, pattern, frames = PRESETS["aerial"].matcher, CONFIG.pattern, _frames()
+def matcher(config: MatcherConfig = PRESETS["aerial"].matcher) -> Block:
+    """Make a block of the matcher, with two frames whose matches are decided by the rules of ``config``."""
+    pattern, frames = CONFIG.pattern, _frames()
     matches = match(frames[0].features, frames[1].features, pattern, config)
     counts = {"matches": len(matches), "kept": int(np.count_nonzero(matches["verdict"]))}
     sent: list[Any] = []
@@ -284,7 +285,7 @@ CATALOGUE: dict[str, Callable[[], Block]] = {
     "ilbp": _ilbp,
     "fuzzy": _fuzzy,
     "correlation": _correlation,
-    "matcher": _matcher,
+    "matcher": matcher,
     "scoring": _scoring,
 }
 """For each block's name, the function that builds it."""

@@ -114,7 +114,10 @@ class Sugeno(wiring.Component):
 
     def _degree(self, m: Module, n: int, index: Value, rule: Value) -> Value:
         """Look up the degree of input n in the set that the rule names; 1 where the rule ignores the input."""
-        sets = self.system.inputs[n].sets
+        named = {each.sets[n] for each in self.system.rules}
+        sets = {name: table for name, table in self.system.inputs[n].sets.items() if name in named}
+        if not sets:
+            return Const(MEMBERSHIP.one)
         shape = data.ArrayLayout(MEMBERSHIP.bits, len(sets))
         table = [list(map(int, degrees)) for degrees in zip(*sets.values(), strict=True)]
         degrees = dict(zip(sets, _rom(m, f"memberships{n}", shape, table, index), strict=True))

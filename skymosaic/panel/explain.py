@@ -12,7 +12,7 @@ from golden_model.feature.orientation import SECTORS
 from golden_model.formats import POSITION
 from golden_model.matching import correlation, rule_bases
 from golden_model.matching.fuzzy import ONE, SugenoSystem, Variable
-from golden_model.matching.matcher import circular_distance
+from golden_model.matching.matcher import measure
 from skymosaic.features.descriptors import WINDOWS_PX
 from skymosaic.geometry.prosac import INLIER_PX
 from skymosaic.panel.pair_view import PairView
@@ -111,15 +111,12 @@ def _find_weighing(view: PairView, index: int) -> tuple[SugenoSystem, tuple[int,
     if view.method.descriptor in WINDOWS_PX:
         scores = correlation.fuzzy_inputs(left["descriptor"][np.newaxis], right["descriptor"][np.newaxis])
         return rule_bases.correlation(), tuple(int(score[0]) for score in scores)
-    rule_base = view.config.matcher.rule_base
-    if view.method.descriptor not in PATTERNS or rule_base == "none":
+    rules = view.config.matcher.rules
+    if view.method.descriptor not in PATTERNS or rules is None:
         return None
-    bits = PATTERNS[view.method.descriptor].bits
-    if rule_base == "aerial":
-        off_peak = int(circular_distance(match["turn"], match["peak_turn"]))
-        return rule_bases.aerial(bits), (int(match["distance"]), int(match["margin"]), off_peak)
-    sad = int(correlation.sad(left["window"][np.newaxis], right["window"][np.newaxis])[0])
-    return rule_bases.ilbp(bits), (int(match["distance"]), sad, sad)
+    tables = rules.tables(PATTERNS[view.method.descriptor].bits)
+    values = measure(view.matches[index : index + 1], *view.features, tables)
+    return tables, tuple(int(value[0]) for value in values)
 
 
 def _list_facts(view: PairView, index: int) -> tuple[tuple[str, str], ...]:

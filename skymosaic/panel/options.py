@@ -16,8 +16,8 @@ from skymosaic.features.methods import choose_method
 from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.options import options_of
 
-AUTOMATIC = "automatic"
-"""What the page shows for the library's default blending, which is None."""
+AUTOMATIC, OWN = "automatic", "own"
+"""What the page shows for the library's default blending, which is None, and for rules that are none of the names."""
 # "verilator" is left out because "rtl" is another name for it.
 HARDWARE = tuple(name for name in BACKENDS if name not in ("golden", "verilator"))
 OPTION_VALUES = {each.name: each.choices for each in options_of(MosaicOptions) if each.choices}
@@ -77,6 +77,9 @@ class Options(MosaicOptions):
         """A copy with one option changed; a new preset resets all others, a new detector the slider."""
         if name == "preset":
             return Options.of_preset(value)
+        if value == OWN:
+            # Only an edit makes rules of one's own; the page shows their name.
+            return self
         change: dict[str, Any] = {name: None if value == AUTOMATIC else value}
         changed = dataclasses.replace(self, **change)
         if name == "detector":
@@ -86,6 +89,8 @@ class Options(MosaicOptions):
     def shown(self, name: str) -> Any:
         """The value of an option as the page shows it."""
         value = getattr(self, name)
+        if isinstance(value, MatchRules):
+            return OWN
         return AUTOMATIC if name == "blending" and value is None else value
 
     @property

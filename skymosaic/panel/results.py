@@ -10,8 +10,11 @@ from skymosaic.panel.options import Options
 from skymosaic.panel.pair_view import PairView, Size
 from skymosaic.tracking.output import TrackedCorners
 
+RULES, EDITED_RULES = "rules.fll", "edited_rules.fll"
+"""The rules of a run, and those that were tried afterwards."""
 SINGLE_FILES = (
-    "mosaic.png", "mosaic.tif", "tracked.mp4", "matches.csv", "corners.csv", "hardware.json", "config.toml",
+    "mosaic.png", "mosaic.tif", "tracked.mp4", "matches.csv", "corners.csv", "hardware.json", "config.toml", RULES,
+    EDITED_RULES,
 )  # fmt: skip
 """Files of a run that are offered singly; the archive contains these and all others."""
 

@@ -17,6 +17,7 @@ from nicegui.binding import BindableProperty
 
 from skymosaic.panel.options import Options
 from skymosaic.panel.results import HardwareResult, MosaicResult, TrackingResult, Upload
+from skymosaic.panel.rules_edit import RulesEdit
 from skymosaic.panel.tasks import mosaic_tasks, tracking_tasks, upload_tasks
 from skymosaic.panel.tasks.jobs import Job, JobCancelledError, JobFailedError, Limits, Task
 from skymosaic.panel.uploads import KINDS, MAX_UPLOADS_AT_ONCE, MIN_FREE_BYTES, UploadRefusedError, receive
@@ -73,6 +74,8 @@ class Session:
     options : Options
     mosaic_result, hardware_result, tracking_result
         The latest of each kind; None before the first.
+    rules_edit : RulesEdit or None
+        Other rules for the pair that is shown; None where no rules decide.
     template, video : Upload or None
         The object and the video to track it in.
     job : Job or None
@@ -98,6 +101,7 @@ class Session:
         self.options = Options.of_preset("aerial")
         self.mosaic_result: MosaicResult | None = None
         self.hardware_result: HardwareResult | None = None
+        self.rules_edit: RulesEdit | None = None
         self.template: Upload | None = None
         self.video: Upload | None = None
         self.tracking_result: TrackingResult | None = None
@@ -241,7 +245,8 @@ class Session:
         run, pictures = self._new_run(self.photographs)
 
         def accept(result: MosaicResult) -> None:
-            self.mosaic_result, self.hardware_result, self._mosaic_inputs = result, None, inputs
+            self._mosaic_inputs = inputs
+            self._show_result(result)
 
         names = [upload.name for upload in self.photographs]
         self._start("Making the mosaic", accept, mosaic_tasks.make_mosaic, run, names, self.options, pictures)
@@ -251,11 +256,8 @@ class Session:
         """Register one pair of a flight again, to show its matches."""
         assert self.mosaic_result is not None
 
-        def accept(result: MosaicResult) -> None:
-            self.mosaic_result, self.hardware_result = result, None
-
         folder, task = self.mosaic_result.folder, mosaic_tasks.look_at_pair
-        self._start("Matching the pair", accept, task, folder, self.mosaic_result, names)
+        self._start("Matching the pair", self._show_result, task, folder, self.mosaic_result, names)
 
     @_only_while_idle
     def compare_hardware(self, backend: str) -> None:
@@ -293,7 +295,7 @@ class Session:
         if self._root is not None:
             shutil.rmtree(self._root, ignore_errors=True)
             self._root, self.photographs, self.template, self.video = None, [], None, None
-            self.mosaic_result = self.hardware_result = self.tracking_result = None
+            self.mosaic_result = self.hardware_result = self.tracking_result = self.rules_edit = None
             self.changed.emit()
 
     def _start(self, title: str, accept: Callable[[Any], None], task: Task, folder: Path, *arguments: object) -> None:
@@ -312,6 +314,10 @@ class Session:
         finally:
             self.job, self.last_active = None, time.monotonic()
             self.changed.emit()
+
+    def _show_result(self, result: MosaicResult) -> None:
+        self.mosaic_result, self.hardware_result = result, None
+        self.rules_edit = RulesEdit(result) if RulesEdit.applies_to(result) else None
 
     def _replace_film(self, film: tuple[Upload | None, Upload | None]) -> None:
         before, (self.template, self.video) = (self.template, self.video), film

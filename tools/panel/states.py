@@ -17,6 +17,12 @@ def matches(page: Page) -> None:
     expect(page.locator(".explanation table.rules")).to_be_visible()
 
 
+def rules_editor(page: Page) -> None:
+    page.get_by_role("button", name="Edit the rules").click()
+    page.get_by_role("slider", name="Corner 2 of distance: low, high").press("ArrowLeft")
+    expect(page.get_by_role("button", name="Undo")).to_be_enabled()
+
+
 def filled_window(page: Page) -> None:
     open_tab(page, "Mosaic")
     page.get_by_role("tabpanel", name="Mosaic").get_by_role("button", name="Fill the window").click()
@@ -46,6 +52,7 @@ STATES: dict[str, Callable[[Page], None]] = {
     "corners": load_built_in_pair,
     "mosaic": make_mosaic,
     "matches": matches,
+    "rules editor": rules_editor,
     "filled window": filled_window,
     "numbers": numbers,
     "hardware": lambda page: open_tab(page, "Hardware"),

@@ -26,9 +26,7 @@ class MatchesTab:
     """
 
     def __init__(self, view: PairView, addresses: tuple[str, str]) -> None:
-        self._view = view
-        self._lines = drawings.locate_matches(view)
-        self._verdicts = classify_matches(view)
+        self._take(view)
         self._shown = dict.fromkeys(KINDS, False) | {"inlier": True}
         # Without a homography there are no inliers: show what there is.
         if "inlier" not in self._verdicts:
@@ -37,8 +35,7 @@ class MatchesTab:
         self._chosen: int | None = None
         self._pinned = False
         with ui.element("div").classes("bar"):
-            for kind, words in KINDS.items():
-                self._build_filter(kind, f"{self._verdicts.count(kind)} {words}")
+            self._filters = {kind: self._build_filter(kind) for kind in KINDS}
             self._build_density()
             ui.element("div").classes("grow")
             with ui.element("div").classes("stepper"):
@@ -57,14 +54,29 @@ class MatchesTab:
         self._draw()
         self._choose(None)
 
-    def _build_filter(self, kind: str, words: str) -> None:
+    def show(self, view: PairView) -> None:
+        """Show the same pair with other verdicts; the chosen match stays."""
+        self._take(view)
+        for kind, checkbox in self._filters.items():
+            checkbox.set_text(self._words(kind))
+        self._draw()
+        self._choose(self._chosen if self._chosen is not None and self._chosen < len(self._verdicts) else None)
+
+    def _take(self, view: PairView) -> None:
+        self._view = view
+        self._lines = drawings.locate_matches(view)
+        self._verdicts = classify_matches(view)
+
+    def _words(self, kind: str) -> str:
+        return f"{self._verdicts.count(kind)} {KINDS[kind]}"
+
+    def _build_filter(self, kind: str) -> ui.checkbox:
         def toggle(shown: bool) -> None:
             self._shown[kind] = shown
             self._draw()
 
-        ui.checkbox(words, value=self._shown[kind], on_change=lambda event: toggle(event.value)).props("dense").classes(
-            f"kind {kind}"
-        )
+        checkbox = ui.checkbox(self._words(kind), value=self._shown[kind], on_change=lambda event: toggle(event.value))
+        return checkbox.props("dense").classes(f"kind {kind}")
 
     def _build_density(self) -> None:
         with ui.element("div").classes("density"):

@@ -9,6 +9,7 @@ from skymosaic.panel.pages.matches_tab import MatchesTab
 from skymosaic.panel.pages.mosaic_tab import build_mosaic_tab
 from skymosaic.panel.pages.numbers_tab import build_numbers_tab
 from skymosaic.panel.pages.page_layout import page_layout
+from skymosaic.panel.pages.rules_editor import RulesEditor
 from skymosaic.panel.pages.sidebar import OptionsCard, PhotographsCard, RunCard, enable_while_idle
 from skymosaic.panel.results import MosaicResult, picture_address
 from skymosaic.panel.session import Session
@@ -53,6 +54,7 @@ class ResultTabs:
         self._session = session
         self._result: MosaicResult | None = None
         self._hardware: HardwareTab | None = None
+        self._editor: RulesEditor | None = None
         self._welcome = ui.element("div").classes("card welcome")
         with self._welcome:
             self._build_welcome()
@@ -90,6 +92,8 @@ class ResultTabs:
                 self._panels.set_value("Mosaic")
         if self._hardware is not None:
             self._hardware.update()
+        if self._editor is not None:
+            self._editor.update()
         self._outdated.set_visibility(session.is_outdated)
 
     def _fill(self) -> None:
@@ -104,7 +108,9 @@ class ResultTabs:
         left, right = (picture_address(result.pictures / f"{name}.png") for name in result.pair.names)
         with self._result_panels["Matches"]:
             self._build_pair_select(result)
-            MatchesTab(result.pair, (left, right))
+            shown = self._session.rules_edit.view if self._session.rules_edit else result.pair
+            matches = MatchesTab(shown, (left, right))
+            self._editor = RulesEditor(self._session, matches) if self._session.rules_edit else None
         with self._result_panels["Mosaic"]:
             build_mosaic_tab(result)
         with self._result_panels["Numbers"]:

@@ -6,7 +6,7 @@ from functools import partial
 from nicegui import ui
 from nicegui.elements.mixins.disableable_element import DisableableElement
 
-from skymosaic.panel.options import OPTION_VALUES, fault_of
+from skymosaic.panel.options import OPTION_VALUES, OWN, fault_of
 from skymosaic.panel.results import Upload, picture_address
 from skymosaic.panel.session import Session
 from skymosaic.panel.uploads import MEBIBYTE, PHOTOGRAPH
@@ -150,6 +150,8 @@ class OptionsCard:
     def update(self) -> None:
         """Show the session's options, which another tab or a preset may have changed."""
         options = self._session.options
+        rules = self._selects["rule_base"]
+        rules.set_options([*OPTION_VALUES["rule_base"], *([OWN] if options.shown("rule_base") == OWN else [])])
         for name, select in self._selects.items():
             select.set_value(options.shown(name))
         self._refine.set_value(options.refine)

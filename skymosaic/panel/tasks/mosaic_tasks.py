@@ -30,7 +30,7 @@ from skymosaic.mosaicking.plan import MosaicPlan
 from skymosaic.panel.explain import classify_matches
 from skymosaic.panel.options import Options
 from skymosaic.panel.pair_view import PairView
-from skymosaic.panel.results import HardwareResult, Link, MosaicResult
+from skymosaic.panel.results import RULES, HardwareResult, Link, MosaicResult
 from skymosaic.panel.steps import Progress
 from skymosaic.panel.tasks.mosaic_picture import PREVIEW_WIDTH_PX, show_mosaic
 from skymosaic.registration.options import FeatureOptions
@@ -79,7 +79,10 @@ def make_mosaic(
     # The report is read from the unpacked archive, where the mosaic lies beside it.
     write_report(folder / REPORT, plan.flight, [dataclasses.replace(d, path=Path(output)) for d in deliveries])
     command = write_command(names, options, output)
-    _write(folder, {CONFIG: to_toml(plan.flight.settings.config), "command.txt": command + "\n"})
+    config = plan.flight.settings.config
+    _write(folder, {CONFIG: to_toml(config), "command.txt": command + "\n"})
+    if config.matcher.rules:
+        _write(folder, {RULES: config.matcher.rules.text})
     result = MosaicResult(
         folder=folder,
         pictures=pictures,

@@ -9,8 +9,10 @@ import pytest
 from amaranth.hdl import Fragment
 from numpy.typing import NDArray
 
+from bench.rules import largest_minimum, largest_product
 from golden_model.config import Config, FrontEndConfig, MatcherConfig
 from golden_model.feature.ilbp import ILBP_128, PATTERNS, DescriptorPattern
+from golden_model.fuzzy.rules import MatchRules, read_shipped
 from golden_model.records import FRAME_STATUS, MATCH, Cause, Tag
 from hdl.matching.match_weigher import MatchWeigher
 from hdl.matching.matcher import Matcher
@@ -210,6 +212,31 @@ def test_records_of_other_rule_bases_equal_the_golden_model(config: MatcherConfi
     results = assert_equal_to_golden(ILBP_32, config, frames, "previous", pauses=Pauses(stalls=100, seed=1))
     assert len(results[1].matches) > 15
     assert len(set(results[1].matches["verdict"])) == (1 if config.rule_base == "none" else 2)
+
+
+OWN_RULES = {
+    "ignored inputs": MatchRules(
+        read_shipped("aerial").replace(" and margin is small", "").replace("AlgebraicProduct", "Minimum")
+    ),
+    "32 rules, minimum": largest_minimum(),
+    "32 rules, product": largest_product(),
+}
+
+
+@pytest.mark.parametrize("name", OWN_RULES)
+def test_records_of_own_rules_equal_the_golden_model(name: str) -> None:
+    frames = sequence(ILBP_128, (32, 30, 31))
+    results = assert_equal_to_golden(ILBP_128, MatcherConfig(rule_base=OWN_RULES[name]), frames, "previous")
+    matches = np.concatenate([result.matches for result in results])
+    assert len(set(matches["weight"])) > 10
+    assert len(set(matches["rule"])) > 3
+
+
+def test_own_rules_over_windows_equal_the_golden_model() -> None:
+    rules = MatchRules(read_shipped("ilbp").replace("yes Constant 1", "yes Constant 0.7"))
+    frames = sequence(ILBP_32, (32, 29))
+    results = assert_equal_to_golden(ILBP_32, MatcherConfig(rule_base=rules), frames, "previous")
+    assert len(set(results[1].matches["weight"])) > 1
 
 
 @pytest.mark.parametrize("different", [1, 2, 5])

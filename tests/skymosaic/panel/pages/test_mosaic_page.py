@@ -31,7 +31,7 @@ from tools.panel.visit import (
     threshold_to_corners_ms,
 )
 
-LATENCY_LIMIT_MS = 300
+LATENCY_LIMIT_MS, RECOLOUR_LIMIT_MS = 300, 1000
 LATENCY_KEYS = ("ArrowRight", "ArrowLeft") * 10
 
 
@@ -96,6 +96,82 @@ def test_some_inliers_are_drawn_first_and_a_slider_draws_more(made: Page) -> Non
     slider.press("Home")
     expect(slider).to_have_attribute("aria-valuetext", "25 lines")
     expect(lines).to_have_count(25)
+
+
+def test_a_dragged_corner_recolours_the_matches(made: Page, tmp_path: Path) -> None:
+    open_tab(made, "Matches")
+    made.get_by_role("button", name="Edit the rules").click()
+    rejected = made.get_by_role("checkbox", name="rejected by the rules")
+    at_first = rejected.text_content() or ""
+    corner = made.get_by_role("slider", name="Corner 1 of distance: low, high")
+    undo = made.get_by_role("button", name="Undo")
+    expect(undo).to_be_disabled()
+    corner.scroll_into_view_if_needed()
+    box = corner.bounding_box()
+    assert box
+    made.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    made.mouse.down()
+    made.mouse.move(box["x"] - 20, box["y"], steps=5)
+    made.mouse.up()
+    expect(rejected).not_to_have_text(at_first)
+    effect = made.get_by_role("status", name="Effect of the rules")
+    expect(effect).to_contain_text("predicted error")
+    text = made.get_by_role("textbox", name="Rules, in FLL")
+    assert "low Ramp 0.34 0.1" not in text.input_value()
+    # One drag is one version.
+    undo.click()
+    expect(rejected).to_have_text(at_first)
+    expect(undo).to_be_disabled()
+    text.fill(text.input_value().replace("then weight is sure", "then weight is"))
+    expect(made.get_by_text("line 45: rule")).to_be_visible()
+    expect(rejected).to_have_text(at_first)
+    made.get_by_role("button", name="Reset").click()
+    expect(made.get_by_text("line 45: rule")).to_be_hidden()
+    text.fill(text.input_value().replace("then weight is sure", "then weight is never"))
+    expect(rejected).not_to_have_text(at_first)
+    made.get_by_role("button", name="Use for the next run").click()
+    expect(made.get_by_role("combobox", name="Fuzzy rules")).to_have_value("own")
+    with made.expect_download() as download:
+        made.get_by_role("button", name="Download everything").or_(
+            made.get_by_role("link", name="Download everything")
+        ).click()
+    download.value.save_as(tmp_path / "all.zip")
+    with zipfile.ZipFile(tmp_path / "all.zip") as archive:
+        assert "then weight is never" in archive.read("mosaic/edited_rules.fll").decode()
+        assert "then weight is sure" in archive.read("mosaic/rules.fll").decode()
+    with made.expect_download() as download:
+        made.get_by_role("button", name="Save as FLL").click()
+    assert "then weight is never" in download.value.path().read_text()
+    choose(made, "Fuzzy rules", "aerial")
+    made.get_by_role("button", name="Reset").click()
+    expect(rejected).to_have_text(at_first)
+    made.get_by_role("button", name="Edit the rules").click()
+
+
+@pytest.mark.slow  # On an idle machine only.
+def test_a_moved_corner_recolours_the_matches_within_a_second(made: Page) -> None:
+    """From the key press to the next frame the browser paints, for two photographs of 640x480."""
+    open_tab(made, "Matches")
+    made.get_by_role("button", name="Edit the rules").click()
+    made.evaluate(
+        """() => {
+            const drawing = document.querySelector('[aria-label="Matches between the photographs"] > svg g');
+            addEventListener("keydown", () => (window.pressed = performance.now()), true);
+            new MutationObserver(() => requestAnimationFrame(() => (window.painted = performance.now())))
+                .observe(drawing, { childList: true });
+        }"""
+    )
+    corner = made.get_by_role("slider", name="Corner 1 of distance: low, high")
+    corner.focus()
+    milliseconds = []
+    for key in LATENCY_KEYS:
+        made.evaluate("window.painted = 0")
+        for _ in range(8):
+            made.keyboard.press(key)
+        made.wait_for_function("window.painted > window.pressed")
+        milliseconds.append(made.evaluate("window.painted - window.pressed"))
+    print(f"rule to matches: median {statistics.median(milliseconds):.0f} ms, worst {max(milliseconds):.0f} ms")
+    assert max(milliseconds) < RECOLOUR_LIMIT_MS
 
 
 def test_the_viewer_fills_the_window(made: Page) -> None:

@@ -1,0 +1,120 @@
+"""The editor of the fuzzy rules: curves with corners to drag, the text, and what a change does to the pair shown."""
+
+from functools import partial
+
+import numpy as np
+from nicegui import run, ui
+
+from skymosaic.panel.pages.matches_tab import MatchesTab
+from skymosaic.panel.pair_view import PairView
+from skymosaic.panel.results import EDITED_RULES
+from skymosaic.panel.rules_edit import find_corners, move_corner
+from skymosaic.panel.session import Session
+from skymosaic.panel.widgets.curves import Curves
+
+CURVE_POINTS = 129
+TYPING_PAUSE_S = 0.5
+
+
+class RulesEditor:
+    """Changes the rules of the pair that is shown; the tab's matches follow."""
+
+    def __init__(self, session: Session, matches: MatchesTab) -> None:
+        assert session.rules_edit is not None
+        self._session, self._edit, self._matches = session, session.rules_edit, matches
+        self._first = self._edit.view
+        self._wanted: tuple[str, int | None] | None = None
+        self._is_busy = False
+        # The rules and their version when a drag began: each of its steps moves the corner of these.
+        self._dragged: tuple[str, int] | None = None
+        with ui.expansion("Edit the rules", icon="tune").classes("rules-editor"):
+            with ui.element("div").classes("bar"):
+                for title, icon, action in (
+                    ("Undo", "undo", self._undo),
+                    ("Reset", "restart_alt", self._reset),
+                    ("Save as FLL", "save", lambda: ui.download.content(self._edit.rules.text, EDITED_RULES)),
+                    ("Use for the next run", "check", self._use),
+                ):
+                    button = ui.button(title, icon=icon, on_click=action).props("outline dense no-caps size=sm")
+                    if title == "Undo":
+                        self._undo_button = button
+            self._effect = ui.label().classes("hint").props('role="status" aria-label="Effect of the rules"')
+            self._fault = ui.label().classes("fault").props('role="alert"')
+            with ui.element("div").classes("rules-columns"):
+                with ui.element("div").classes("rules-curves"):
+                    count = len(self._edit.rules.system.inputs)
+                    self._curves = [(ui.label().classes("name"), self._build_curves(n)) for n in range(count)]
+                self._text = ui.textarea("Rules, in FLL", on_change=lambda event: self._type(event.value))
+                self._text.props(f"outlined autogrow debounce={1000 * TYPING_PAUSE_S:.0f} spellcheck=false")
+                self._text.classes("rules-text")
+        self._shown: PairView | None = None
+        self.update()
+
+    def update(self) -> None:
+        """Show rules, matches and counts as they are now."""
+        edit = self._edit
+        self._fault.set_text(edit.fault)
+        self._undo_button.set_enabled(edit.versions > 1 or bool(edit.fault))
+        if edit.view is self._shown:
+            return
+        self._shown = edit.view
+        self._effect.set_text(f"{_describe(edit.view)} (at first {_describe(self._first)})")
+        self._matches.show(edit.view)
+        self._text.set_value(edit.rules.text)
+        system, shares = edit.rules.system, np.linspace(0, 1, CURVE_POINTS)
+        for number, ((title, curves), variable) in enumerate(zip(self._curves, system.inputs, strict=True)):
+            title.set_text(variable.name)
+            drawn = []
+            for name, term in variable.terms.items():
+                degrees = term.degree(shares * variable.high)
+                drawn.append((name, " ".join(f"{x:.4g},{y:.4g}" for x, y in zip(shares, degrees, strict=True))))
+            corners = find_corners(system, number)
+            terms = [", ".join(dict(corner.members)) for corner in corners]
+            names = [f"Corner {at} of {variable.name}: {each}" for at, each in enumerate(terms, 1)]
+            placed = [(corner.x, corner.y, name) for corner, name in zip(corners, names, strict=True)]
+            curves.show(variable.name, variable.high, drawn, placed)
+
+    def _build_curves(self, number: int) -> Curves:
+        return Curves(partial(self._move, number), self._drop)
+
+    async def _move(self, number: int, corner: int, x: float, y: float) -> None:
+        self._dragged = self._dragged or (self._edit.rules.text, self._edit.versions)
+        text, version = self._dragged
+        await self._change(move_corner(text, number, corner, x, y), after=version)
+
+    def _drop(self) -> None:
+        self._dragged = None
+
+    async def _type(self, text: str) -> None:
+        if text != self._edit.rules.text:
+            await self._change(text)
+
+    async def _undo(self) -> None:
+        await run.io_bound(self._edit.undo)
+        self._session.changed.emit()
+
+    async def _reset(self) -> None:
+        await run.io_bound(self._edit.reset)
+        self._session.changed.emit()
+
+    def _use(self) -> None:
+        self._session.set_option("rule_base", self._edit.rules)
+
+    async def _change(self, text: str, *, after: int | None = None) -> None:
+        """Try the rules that were wanted last; steps of a drag that come meanwhile are left out."""
+        self._wanted = text, after
+        if self._is_busy:
+            return
+        self._is_busy = True
+        while self._wanted is not None:
+            (text, after), self._wanted = self._wanted, None
+            await run.io_bound(self._edit.change, text, after=after)
+            self._session.changed.emit()
+        self._is_busy = False
+
+
+def _describe(view: PairView) -> str:
+    kept = int(view.kept.sum())
+    confidence = view.numbers["confidence"]
+    error = f"predicted error {confidence['predicted_px']:.2f} px" if confidence else "no homography"
+    return f"{kept} kept, {len(view.matches) - kept} rejected, {error}"

@@ -1,0 +1,178 @@
+"""Other rules for the pair that is shown: tried at once, on features and distances that are kept."""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.config import Config
+from golden_model.feature.ilbp import PATTERNS
+from golden_model.fuzzy.rules import MatchRules
+from golden_model.fuzzy.system import FuzzySystem
+from golden_model.matching.matcher import weigh
+from sim.backends.interface import Backend, FrameResult, Reference, load_backend
+from skymosaic.errors import InputError
+from skymosaic.imagery.images import save_bytes
+from skymosaic.panel.pair_view import PairView
+from skymosaic.panel.results import EDITED_RULES, MosaicResult
+from skymosaic.registration.register import register
+
+DEGREES = {"Ramp": (0.0, 1.0), "Triangle": (0.0, 1.0, 0.0), "Trapezoid": (0.0, 1.0, 1.0, 0.0), "Rectangle": (1.0, 1.0),
+           "Sigmoid": (0.5,)}  # fmt: skip
+"""Degree at each parameter that is a position, by the shape of a term; of a Discrete one, it is the next parameter."""
+X_STEPS, Y_STEPS = 200, 100
+"""Corners move in these shares of the range."""
+MAX_CORNERS = 24
+"""An input with more corners is edited as text."""
+
+
+@dataclass(frozen=True)
+class Corner:
+    """A corner of an input's terms.
+
+    Attributes
+    ----------
+    x, y : float
+        Position in the input's unit, and degree.
+    members : tuple of (str, int)
+        Terms, and their parameters that are this position. Terms of a product sum to one, so what meets in a corner
+        moves together.
+    """
+
+    x: float
+    y: float
+    members: tuple[tuple[str, int], ...]
+
+
+def find_corners(system: FuzzySystem, number: int) -> list[Corner]:
+    """The corners of an input's terms, in the order of the text; none where they are too many to show."""
+    corners: dict[object, Corner] = {}
+    for term in system.inputs[number].terms.values():
+        is_discrete = term.shape == "Discrete"
+        positions = range(0, len(term.parameters), 2) if is_discrete else range(len(DEGREES[term.shape]))
+        for index in positions:
+            x = term.parameters[index]
+            y = term.parameters[index + 1] if is_discrete else DEGREES[term.shape][index]
+            key = x if system.conjunction == "product" else (term.name, index)
+            if np.isfinite(x):
+                before = corners.setdefault(key, Corner(x, y, ()))
+                corners[key] = replace(before, members=(*before.members, (term.name, index)))
+    return list(corners.values()) if len(corners) <= MAX_CORNERS else []
+
+
+def move_corner(text: str, number: int, corner: int, x: float, y: float) -> str:
+    """The rules with a corner of an input at another place; the degree changes only of points that have one."""
+    system = MatchRules(text).system
+    variable, members = system.inputs[number], find_corners(system, number)[corner].members
+    changed = {name: list(term.parameters) for name, term in variable.terms.items()}
+    for order, (name, index) in enumerate(members):
+        changed[name][index] = round(x * X_STEPS / variable.high) * variable.high / X_STEPS
+        if variable.terms[name].shape == "Discrete" and len(members) <= 2:
+            degree = round(y * Y_STEPS) / Y_STEPS
+            changed[name][index + 1] = 1 - degree if order else degree
+    lines, inside = text.splitlines(), False
+    for line, row in enumerate(lines):
+        key, _, value = (part.strip() for part in row.partition(":"))
+        inside = value == variable.name if key.endswith("Variable") else inside
+        if inside and key == "term" and (words := value.split())[0] in dict(members):
+            parameters = " ".join(f"{parameter:.6g}" for parameter in changed[words[0]])
+            lines[line] = f"  term: {words[0]} {words[1]} {parameters}"
+    return "\n".join(lines) + "\n"
+
+
+class RecallingBackend(Backend):
+    """The golden model, which computes features and distances of the same frames once; then only the rules decide."""
+
+    def __init__(self) -> None:
+        self._kept: dict[object, list[FrameResult]] = {}
+
+    def run(
+        self, frames: Sequence[NDArray[np.uint8]], config: Config, *, reference: Reference = "held"
+    ) -> list[FrameResult]:
+        """See `sim.backends.interface.Backend.run`; frames are matched with the first one."""
+        contents = tuple((frame.shape, hashlib.sha256(frame.tobytes()).digest()) for frame in frames)
+        key = contents, config.front_end
+        if key not in self._kept:
+            self._kept[key] = load_backend("golden").run(frames, config, reference=reference)
+        results = self._kept[key]
+        return [
+            FrameResult.count_matches(
+                result.features,
+                weigh(result.matches, results[0].features, result.features, config.front_end.pattern, config.matcher),
+                result.status,
+            )
+            for result in results
+        ]
+
+
+class RulesEdit:
+    """Rules for the pair of a result, as they are changed: every version until now, and the pair as the last decides.
+
+    Parameters
+    ----------
+    result : MosaicResult
+        One for which `RulesEdit.applies_to`.
+
+    Attributes
+    ----------
+    view : PairView
+    fault : str
+        Why the last change was refused; empty if it was not.
+    """
+
+    def __init__(self, result: MosaicResult) -> None:
+        rules = result.pair.config.matcher.rules
+        assert rules is not None
+        self._result, self._texts = result, [rules.text]
+        self._backend = RecallingBackend()
+        self.view, self.fault = result.pair, ""
+
+    @staticmethod
+    def applies_to(result: MosaicResult) -> bool:
+        """Whether rules decide the matches of a result."""
+        pair = result.pair
+        return pair.method.descriptor in PATTERNS and pair.config.matcher.rules is not None
+
+    @property
+    def rules(self) -> MatchRules:
+        """The rules as they are."""
+        return MatchRules(self._texts[-1])
+
+    @property
+    def versions(self) -> int:
+        """How many versions there are, the first included."""
+        return len(self._texts)
+
+    def change(self, text: str, *, after: int | None = None) -> None:
+        """Try other rules; they follow the version ``after``, and replace the later ones, or follow the last."""
+        self.fault = ""
+        try:
+            self._try(MatchRules(text))
+        except (ValueError, InputError) as error:
+            self.fault = str(error)
+            return
+        del self._texts[after or self.versions :]
+        if text != self._texts[-1]:
+            self._texts.append(text)
+
+    def undo(self) -> None:
+        """Go back to the version before, or from a text that was refused to the last version."""
+        if not self.fault and self.versions > 1:
+            self._texts.pop()
+        self.change(self._texts[-1])
+
+    def reset(self) -> None:
+        """Go back to the rules of the result; this can be undone, too."""
+        self.change(self._texts[0])
+
+    def _try(self, rules: MatchRules) -> None:
+        """Register the pair's working pictures with other rules, and write these into the result's folder."""
+        names, pictures = self.view.names, self._result.pictures
+        options = replace(self._result.options, rule_base=rules, backend=self._backend)
+        left, right = (pictures / f"{name}.png" for name in names)
+        # Their names are those of the photographs, without the folder.
+        self.view = replace(PairView.from_pair(register(left, right, options)), names=names)
+        save_bytes(Path(self._result.folder / EDITED_RULES), rules.text.encode())

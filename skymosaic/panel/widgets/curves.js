@@ -1,0 +1,56 @@
+// Membership curves with corners to drag; a corner is a slider, so that keys move it and screen readers name it.
+const WIDTH = 240, HEIGHT = 76, LEFT = 14, RIGHT = 10, TOP = 8, BOTTOM = 16;
+const STEPS = 200;
+
+export default {
+  template: `
+    <svg class="curves-plot" ref="svg" viewBox="0 0 240 76" role="group" :aria-label="label">
+      <line class="axis" :x1="x(0)" :x2="x(high)" :y1="y(0)" :y2="y(0)" />
+      <text class="axis-name" :x="x(0)" :y="74" text-anchor="middle">0</text>
+      <text class="axis-name" :x="x(high)" :y="74" text-anchor="middle">{{ high }}</text>
+      <polyline v-for="([name, points], n) in curves" :key="name" class="set" :class="kind(n)"
+        :transform="'translate(14 60) scale(216 -52)'" vector-effect="non-scaling-stroke" :points="points" />
+      <circle v-for="([at, degree, name], n) in corners" :key="n" class="corner" r="5" tabindex="0" role="slider"
+        :cx="x(held === n ? place[0] : at)" :cy="y(held === n ? place[1] : degree)" :aria-label="name"
+        aria-valuemin="0" :aria-valuemax="high" :aria-valuenow="at"
+        @pointerdown.prevent="take(n, $event)" @pointermove="drag($event)" @pointerup="drop" @pointercancel="drop"
+        @keydown="key(n, $event)" @keyup="drop" @blur="drop" />
+    </svg>`,
+  props: { label: String, high: Number, curves: Array, corners: Array },
+  data() {
+    return { held: -1, place: [0, 0] };
+  },
+  methods: {
+    x(value) { return LEFT + (WIDTH - LEFT - RIGHT) * value / this.high; },
+    y(degree) { return TOP + (HEIGHT - TOP - BOTTOM) * (1 - degree); },
+    kind(n) { return ["first", "second", "third"][n % 3]; },
+    move(at, degree) {
+      this.place = [Math.min(Math.max(at, 0), this.high), Math.min(Math.max(degree, 0), 1)];
+      this.$emit("move", [this.held, ...this.place]);
+    },
+    take(n, event) {
+      this.held = n;
+      this.place = this.corners[n].slice(0, 2);
+      event.target.focus();
+      event.target.setPointerCapture(event.pointerId);
+    },
+    drag(event) {
+      if (this.held < 0) return;
+      const at = new DOMPoint(event.clientX, event.clientY).matrixTransform(this.$refs.svg.getScreenCTM().inverse());
+      this.move((at.x - LEFT) / (WIDTH - LEFT - RIGHT) * this.high, 1 - (at.y - TOP) / (HEIGHT - TOP - BOTTOM));
+    },
+    key(n, event) {
+      const step = { ArrowRight: [1, 0], ArrowLeft: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
+      if (!step) return;
+      event.preventDefault();
+      if (this.held !== n) this.place = this.corners[n].slice(0, 2);
+      this.held = n;
+      this.move(this.place[0] + step[0] * this.high / STEPS, this.place[1] + step[1] / 100);
+    },
+    drop() {
+      if (this.held < 0) return;
+      this.held = -1;
+      this.$emit("drop");
+    },
+  },
+};
