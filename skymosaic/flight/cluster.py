@@ -62,7 +62,6 @@ class Cluster:
         self._name, self._tell = address, tell
         self._client = _connect(address)
         try:
-            self._limit_s = _limit_seconds()
             self._await_workers(InputError, "start a worker")
             self._check_environments()
             self._check_files(sources)
@@ -72,13 +71,19 @@ class Cluster:
             raise
 
     @property
+    def _limit_s(self) -> float:
+        """Seconds by Dask's setting, `LIMIT`."""
+        dask = importlib.import_module("dask")
+        return float(importlib.import_module("dask.utils").parse_timedelta(dask.config.get(LIMIT)))
+
+    @property
     def threads(self) -> int:
         """Threads of all workers now; 0 if there is none, or no scheduler."""
         if self._client.status != "running":
             return 0
         try:
-            return sum(self._client.nthreads().values())
-        # The scheduler may vanish meanwhile.
+            return sum(self._within_limit(self._client.nthreads).values())
+        # The scheduler may vanish or hang meanwhile.
         except Exception:
             return 0
 
@@ -166,8 +171,19 @@ class Cluster:
 
     def _ask(self, function: Callable[..., Any], *arguments: Any) -> Mapping[str, Any]:
         """What each worker answers; an exception where it cannot."""
-        answers: Mapping[str, Any] = self._client.run(function, *arguments, on_error="return")
+        try:
+            answers: Mapping[str, Any] = self._within_limit(self._client.run, function, *arguments, on_error="return")
+        except TimeoutError:
+            raise InputError(f"{self._name}: a worker does not answer within {self._limit_s:g} s; end it") from None
         return answers
+
+    def _within_limit(self, method: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
+        """Call a method of the client, most of which would wait for a process that hangs for ever."""
+
+        async def call() -> Any:
+            return await method(*arguments, **options)
+
+        return self._client.sync(call, callback_timeout=self._limit_s)
 
 
 def _files(sources: Sequence[Source]) -> list[Source]:
@@ -192,11 +208,6 @@ def describe_environment() -> dict[str, str]:
 def find_unreadable(paths: Sequence[str]) -> list[str]:
     """Which of the files this process cannot read; called on the workers."""
     return [path for path in paths if not os.access(path, os.R_OK)]
-
-
-def _limit_seconds() -> float:
-    dask = importlib.import_module("dask")
-    return float(importlib.import_module("dask.utils").parse_timedelta(dask.config.get(LIMIT)))
 
 
 def _kind(error: Exception) -> str:

@@ -1,6 +1,7 @@
 """Faults of a cluster, with a real scheduler and real workers, which are processes on this machine."""
 
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -118,10 +119,20 @@ def test_a_worker_that_does_not_fit_is_named_with_the_cause(cluster: Processes, 
         connect_until_refused(cluster)
 
 
+def test_a_worker_that_hangs_is_one_line(cluster: Processes) -> None:
+    worker = cluster.worker()
+    connect(cluster).__exit__(None, None, None)
+    worker.send_signal(signal.SIGSTOP)
+    started = time.monotonic()
+    with dask.config.set({LIMIT: "1s"}), pytest.raises(InputError, match="a worker does not answer within 1 s"):
+        connect(cluster)
+    assert time.monotonic() - started < 30
+
+
 def test_lost_workers_cost_their_calls_and_all_of_them_end_the_run(cluster: Processes) -> None:
     lines: list[str] = []
     both = [cluster.worker() for _ in range(2)]
-    with dask.config.set({LIMIT: "3s"}), connect(cluster, lines) as workers:
+    with connect(cluster, lines) as workers:
         while workers._count() < 2:
             time.sleep(0.1)
         results: Any = workers.run("sleeping", time.sleep, [(0.05,) for _ in range(60)])
@@ -130,20 +141,23 @@ def test_lost_workers_cost_their_calls_and_all_of_them_end_the_run(cluster: Proc
         assert len(list(results)) == 59
         both[1].kill()
         started = time.monotonic()
-        with pytest.raises(RegistrationError, match=r"no worker within 3 s; .* is in the cache$"):
+        with dask.config.set({LIMIT: "2s"}), pytest.raises(RegistrationError, match=r"no worker within 2 s; .* cache$"):
             list(workers.run("powers", pow, [(2, 3)]))
         assert time.monotonic() - started < 30
-    assert "has no worker; waiting 3 s" in lines[-1]
+    assert "has no worker; waiting 2 s" in lines[-1]
 
 
 def test_a_scheduler_that_dies_is_one_line(cluster: Processes) -> None:
     cluster.worker()
-    with dask.config.set({LIMIT: "3s"}), connect(cluster) as workers:
+    with connect(cluster) as workers:
         results: Any = workers.run("sleeping", time.sleep, [(0.05,) for _ in range(100)])
         next(results)
         cluster.scheduler.kill()
         started = time.monotonic()
-        with pytest.raises(RegistrationError, match=r"^\S+scheduler.json: .* in the cache$"):
+        with (
+            dask.config.set({LIMIT: "2s"}),
+            pytest.raises(RegistrationError, match=r"scheduler.json: .* the cache$"),
+        ):
             list(results)
     assert time.monotonic() - started < 30
 
