@@ -230,7 +230,9 @@ def decode(path: Path, header: Header, *, keep_damaged: bool) -> tuple[NDArray[n
             damage, data = str(error), data + END
     if header.kind == "TIFF":
         try:
-            check_tiff(data, path, area_px=header.size[0] * header.size[1], max_bytes=2 * MAX_DECODED_BYTES)
+            area_px = header.size[0] * header.size[1]
+            if (pixels := check_tiff(data, path, area_px=area_px, max_bytes=2 * MAX_DECODED_BYTES)) is not None:
+                return pixels, ""
         except DamagedError as error:
             if not keep_damaged:
                 raise

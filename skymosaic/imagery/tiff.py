@@ -7,6 +7,8 @@ import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
 from PIL import Image as PillowImage
 from PIL.TiffTags import TAGS_V2
 
@@ -19,8 +21,10 @@ _LZW, _JPEG, _DEFLATE = 5, 7, (8, 32946)
 _CHUNK_BYTES = 1 << 20
 
 
-def check_tiff(data: bytes, path: Path, *, area_px: int, max_bytes: int) -> None:
+def check_tiff(data: bytes, path: Path, *, area_px: int, max_bytes: int) -> NDArray[np.uint8] | None:
     """Check the data of a TIFF's first picture, as far as its compression can tell damage.
+
+    Returns its pixels, (H, W, 3) BGR, upright, if the check has decoded them and OpenCV would return the same.
 
     Parameters
     ----------
@@ -43,6 +47,10 @@ def check_tiff(data: bytes, path: Path, *, area_px: int, max_bytes: int) -> None
             if compression == _LZW:
                 # LZW has no checksum, but libtiff misses data, and Pillow makes that an error.
                 picture.load()
+                # Pillow reduces 16 bits to 8.
+                bits = picture.tag_v2.get(_TAGS["BitsPerSample"])  # type: ignore[attr-defined]
+                if picture.mode == "RGB" and bits == (8, 8, 8):
+                    return np.ascontiguousarray(np.asarray(picture, dtype=np.uint8)[..., ::-1])
             elif compression in _DEFLATE:
                 _check_deflate(_segments(data, picture), max_bytes)
             elif compression == _JPEG:
@@ -55,6 +63,7 @@ def check_tiff(data: bytes, path: Path, *, area_px: int, max_bytes: int) -> None
         raise
     except (OSError, ValueError, zlib.error) as error:
         raise DamagedError(f"{path}: the TIFF is damaged ({error}); copy it again from the camera") from None
+    return None
 
 
 def _segments(data: bytes, picture: PillowImage.Image) -> Iterator[bytes]:

@@ -85,6 +85,17 @@ def test_whole_files_are_read_as_opencv_reads_them(tmp_path: Path, compression: 
             images.load(path)
 
 
+@pytest.mark.parametrize("gray", [True, False])
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_lzw_is_turned_upright_as_opencv_turns_it(tmp_path: Path, orientation: int, *, gray: bool) -> None:
+    path = tmp_path / "p.tif"
+    pixels = SCENE[:70, :100, 0] if gray else SCENE[:70, :100]
+    PillowImage.fromarray(pixels).save(path, compression="tiff_lzw", tiffinfo={274: orientation, 317: 2})
+    decoded, _ = decode(path, read_header(path), keep_damaged=False)
+    expected = cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_ANYCOLOR)
+    np.testing.assert_array_equal(decoded, expected)
+
+
 def test_a_decompression_bomb_in_a_strip_is_refused() -> None:
     data, limits = encoded("tiff_deflate"), {"area_px": SCENE.size // 3}
     check_tiff(data, Path("p.tif"), max_bytes=SCENE.nbytes, **limits)
