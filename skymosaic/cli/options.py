@@ -21,6 +21,7 @@ from skymosaic.cli.session import session
 from skymosaic.errors import InputError
 from skymosaic.imagery.lens import load_lens
 from skymosaic.maps.control_points import load_control_points
+from skymosaic.maps.positions import load_positions
 from skymosaic.options import GROUPS, INPUT, MACHINE, MAP, OUTPUT, Option, options_of
 from skymosaic.registration.options import FeatureOptions
 from skymosaic.registration.pair import Pair
@@ -114,7 +115,13 @@ def _parameters(option: Option, usual: FeatureOptions) -> Iterator[tuple[str, in
     """What the user types for one option."""
     annotations: dict[str, Any] = {"camera": CameraOption, "mask": MaskOption}
     if option.name != "lens":
-        of_type = {"backend": str, "config": Path | None, "rules": str | None, "control": Path | None}.get(option.name)
+        of_type = {
+            "backend": str,
+            "config": Path | None,
+            "rules": str | None,
+            "control": Path | None,
+            "positions": Path | None,
+        }.get(option.name)
         of_type = of_type or get_type_hints(type(usual))[option.name]
         annotations = {option.name: Annotated[of_type, _typer_option(option)]}
     if option.name == "backend":
@@ -161,6 +168,8 @@ def _read(usual: FeatureOptions, typed: dict[str, Any]) -> FeatureOptions:
         values["rules"] = read_rules(values["rules"])
     if values.get("control"):
         values["control"] = load_control_points(values["control"])
+    if values.get("positions"):
+        values["positions"] = load_positions(values["positions"])
     options = dataclasses.replace(usual, **values)
     options.check()
     return options

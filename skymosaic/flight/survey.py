@@ -25,6 +25,7 @@ from skymosaic.flight.workers import Workers
 from skymosaic.geometry.prosac import MIN_INLIERS
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
+from skymosaic.maps.positions import Positions
 from skymosaic.registration.pair import Pair
 from skymosaic.stopwatch import Stopwatch
 
@@ -102,7 +103,15 @@ class Flight:
         return dict(sorted(absent.items()))
 
 
-def survey(sources: Sequence[Source], settings: Settings, seed: int, workers: Workers, cache: ResultCache) -> Flight:
+def survey(
+    sources: Sequence[Source],
+    settings: Settings,
+    seed: int,
+    workers: Workers,
+    cache: ResultCache,
+    *,
+    positions: Positions | None = None,
+) -> Flight:
     """Compute the layouts of a flight.
 
     Parameters
@@ -116,6 +125,8 @@ def survey(sources: Sequence[Source], settings: Settings, seed: int, workers: Wo
         What computes features and pairs.
     cache : ResultCache
         Keeps both for the next run.
+    positions : Positions or None
+        Where the cameras were, instead of what the photographs contain.
 
     Returns
     -------
@@ -125,13 +136,16 @@ def survey(sources: Sequence[Source], settings: Settings, seed: int, workers: Wo
     Raises
     ------
     InputError
-        For fewer than two photographs, or if none of them can be used.
+        For fewer than two photographs, if none of them can be used, or for positions of other photographs.
     """
+    fixes = None if positions is None else positions.find([source.name for source in sources])
     if len(sources) < 2:
         raise InputError(f"a mosaic takes at least two photographs, not {len(sources)}")
     clock = Stopwatch()
     surveyor = Surveyor(settings, seed, workers, cache)
     view_of, left_out = _describe(surveyor, sources)
+    if fixes is not None:
+        view_of = {source: view.with_fix(fixes[source.index]) for source, view in view_of.items()}
     usable, views = tuple(view_of), tuple(view_of.values())
     clock.lap("features")
     links = _link(surveyor, usable, views)
@@ -228,7 +242,12 @@ def _straighten(
     described = surveyor.describe(sources)
     if (reason := next((view for view in described if isinstance(view, str)), None)) is not None:
         raise InputError(reason)
-    straight_views = tuple(view for view in described if isinstance(view, View))
+    # Positions may come from a file instead of the photographs.
+    straight_views = tuple(
+        replace(straight, taken=bent.taken)
+        for straight, bent in zip(described, views, strict=True)
+        if isinstance(straight, View)
+    )
     straight = straighten_links(valid_links(links), views, calibration.distortion)
     straight |= {pair: link for pair, link in surveyor.link(straight_views, straight).items() if link.holds}
     # Features of bent photographs made the coefficient 0.1 to 0.3 % too small.

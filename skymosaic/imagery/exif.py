@@ -22,6 +22,7 @@ MAX_ROUNDING = 0.1
 # The gimbal's yaw is the camera's; the aircraft's own is the last resort.
 _YAW = ("drone-dji:GimbalYawDegree", "Camera:Yaw", "drone-dji:FlightYawDegree")
 _HEIGHT = ("drone-dji:RelativeAltitude", "Camera:AboveGroundAltitude")
+_ACCURACY = ("drone-dji:RtkStdLon", "drone-dji:RtkStdLat")
 _EARTH_RADIUS_M = 6_371_000
 
 
@@ -37,6 +38,11 @@ class Position:
 
     latitude_deg: float
     longitude_deg: float
+
+    @property
+    def degrees(self) -> tuple[float, float]:
+        """Longitude and latitude, as coordinates x and y."""
+        return self.longitude_deg, self.latitude_deg
 
     def metres_from(self, origin: Position) -> tuple[float, float]:
         """Metres to the east and to the north of ``origin``, on a sphere; within 0.5 % over a few kilometres."""
@@ -62,6 +68,8 @@ class Metadata:
         Height above the place of take-off.
     black_level : float or None
         The sensor's count without light, in the file's own numbers.
+    accuracy_m : float or None
+        Horizontal standard deviation of the position, from RTK.
     """
 
     position: Position | None = None
@@ -69,6 +77,7 @@ class Metadata:
     yaw_deg: float | None = None
     height_m: float | None = None
     black_level: float | None = None
+    accuracy_m: float | None = None
 
 
 def read_metadata(path: Path) -> Metadata:
@@ -84,7 +93,15 @@ def read_metadata(path: Path) -> Metadata:
     text = xmp.decode("utf-8", "replace") if isinstance(xmp, bytes) else str(xmp)
     # DNG's tag, which multi-band cameras write into TIFF.
     black = _black(exif.get(Base.BlackLevel))
-    return Metadata(_position(gps), _focal(details), _from_xmp(text, _YAW), _from_xmp(text, _HEIGHT), black)
+    accuracy = [_from_xmp(text, (name,)) or 0.0 for name in _ACCURACY]
+    return Metadata(
+        _position(gps),
+        _focal(details),
+        _from_xmp(text, _YAW),
+        _from_xmp(text, _HEIGHT),
+        black,
+        max(accuracy) if min(accuracy) > 0 else None,
+    )
 
 
 def _black(levels: Any) -> float | None:

@@ -130,6 +130,12 @@ def short_names(names: Sequence[str]) -> list[str]:
     return list(names)
 
 
+def is_named(photograph: str, name: str) -> bool:
+    """Whether a photograph's path ends in a name, which may have folders; upper and lower case are the same."""
+    wanted = Path(name.lower().replace("\\", "/")).parts
+    return Path(photograph.lower()).parts[-len(wanted) :] == wanted
+
+
 def is_folder(path: Path) -> bool:
     """Whether a path names a folder; False for a name that the file system cannot have."""
     try:

@@ -3,6 +3,7 @@
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import rasterio.crs
@@ -14,6 +15,7 @@ from skymosaic.errors import InputError
 from skymosaic.imagery.exif import Position
 from skymosaic.maps.georeference import map_to_globe, project_to_utm
 
+CHECK_PREFIX = "CHK-"
 WEB_MERCATOR = (3857, 3785, 900913)
 MAX_BYTES = 16 << 20
 """Room for a hundred thousand sightings."""
@@ -63,28 +65,24 @@ class ControlPoints:
     names: tuple[str, ...]
     sightings: tuple[Sighting, ...]
 
+    def checks(self, point: int) -> bool:
+        """Whether a point has no part in the layout and shows how exact it is."""
+        return self.names[point].startswith(CHECK_PREFIX)
+
 
 def load_control_points(path: Path) -> ControlPoints:
     """Read a file in OpenDroneMap's format ``gcp_list.txt``.
 
     The first line names the coordinate system (``EPSG:32615``, ``WGS84 UTM 15N`` or a PROJ string). Each further line
     has the coordinates x, y and z of a point, its pixel x and y in a photograph, the photograph's name and, if wanted,
-    the point's name. Lines that start with # are comments.
+    the point's name. Names that begin with CHK- make check points. Lines that start with # are comments.
 
     Raises
     ------
     InputError
         For a file that cannot be read, an unknown coordinate system, or a line of another form.
     """
-    try:
-        text = read_small_file(path, MAX_BYTES).decode()
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise InputError(f"{path}: cannot be read ({reason}); give a text file of control points") from None
-    lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), start=1)]
-    lines = [(number, line) for number, line in lines if line and not line.startswith("#")]
-    if len(lines) < 2:
-        raise InputError(f"{path}: no control points; the first line names the coordinate system, each further a point")
+    lines = read_lines(path, "control points")
     index: dict[tuple[float, float, float], int] = {}
     names: list[str] = []
     sightings = []
@@ -115,8 +113,34 @@ def _parse_line(path: Path, number: int, line: str) -> tuple[tuple[float, float,
     return (x, y, z), (column, row), photograph, " ".join(parts[6:7])
 
 
-def _convert_to_metres(path: Path, name: str, points: Points) -> tuple[str, Points]:
-    """Convert points to a system in metres: UTM for degrees, feet and Web Mercator; returns its name and the points."""
+def read_lines(path: Path, what: str) -> list[tuple[int, str]]:
+    """Read the lines of a text file with their numbers, without comments; the first names the coordinate system.
+
+    Raises
+    ------
+    InputError
+        For a file that cannot be read, or has fewer than two lines.
+    """
+    try:
+        text = read_small_file(path, MAX_BYTES).decode()
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{path}: cannot be read ({reason}); give a text file of {what}") from None
+    lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), start=1)]
+    lines = [(number, line) for number, line in lines if line and not line.startswith("#")]
+    if len(lines) < 2:
+        raise InputError(f"{path}: no {what}; the first line names the coordinate system, each further a point")
+    return lines
+
+
+def read_system(path: Path, name: str) -> Any:
+    """The coordinate system that a file names, as rasterio has it, in degrees or on a map.
+
+    Raises
+    ------
+    InputError
+        For an unknown system, or one without map coordinates: geocentric, vertical.
+    """
     if "grids=" in name:
         raise InputError(f"{path}: {name!r} names files of grids, which are not read; give EPSG:32615 or the like")
     zone = _UTM.fullmatch(name)
@@ -129,6 +153,12 @@ def _convert_to_metres(path: Path, name: str, points: Points) -> tuple[str, Poin
         raise InputError(f"{path}: {name!r} is no coordinate system; begin with a line such as EPSG:32615") from None
     if not crs.is_geographic and not crs.is_projected:
         raise InputError(f"{path}: {name!r} has no map coordinates; begin with a line such as EPSG:32615")
+    return crs
+
+
+def _convert_to_metres(path: Path, name: str, points: Points) -> tuple[str, Points]:
+    """Convert points to a system in metres: UTM for degrees, feet and Web Mercator; returns its name and the points."""
+    crs = read_system(path, name)
     # Metres on this map are metres on the ground, up to the 0.04 % of UTM: neither feet, nor stretched as for the web.
     if crs.is_projected and crs.linear_units_factor[1] == 1 and crs.to_epsg() not in WEB_MERCATOR:
         return crs.to_string(), points

@@ -9,6 +9,7 @@ from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.picture.composition import MEMORY_BYTES
 from skymosaic.imagery.lens import Lens
 from skymosaic.maps.control_points import ControlPoints
+from skymosaic.maps.positions import Positions
 from skymosaic.options import INPUT, MACHINE, MAP, PICTURE, document_options, option, options_of
 from skymosaic.registration.options import RegistrationKeywords, RegistrationOptions
 
@@ -22,9 +23,9 @@ class MosaicOptions(RegistrationOptions):
     """How photographs become a mosaic. Each option applies, or `check_for` refuses it with the reason.
 
     ``lens`` comes from `skymosaic.imagery.lens.load_lens`, ``control`` from
-    `skymosaic.maps.control_points.load_control_points`. The reference photograph of ``scale`` is the right one of two;
-    of more it is the most connected one, without its tilt. With a ``scheduler``, two photographs are registered here
-    and blended there.
+    `skymosaic.maps.control_points.load_control_points`, ``positions`` from `skymosaic.maps.positions.load_positions`.
+    The reference photograph of ``scale`` is the right one of two; of more it is the most connected one, without its
+    tilt. With a ``scheduler``, two photographs are registered here and blended there.
     """
 
     lens: Lens | None = option(
@@ -66,6 +67,13 @@ class MosaicOptions(RegistrationOptions):
     )
     control: ControlPoints | None = option(
         None, "Ground control points instead of GPS, from OpenDroneMap's gcp_list.txt.", MAP, flag="--gcp"
+    )
+    positions: Positions | None = option(
+        None,
+        "Positions of the cameras instead of GPS, from OpenDroneMap's geo.txt.",
+        MAP,
+        flag="--geo",
+        not_for_two="two photographs stay in the frame of the right one",
     )
     memory_bytes: int = option(
         MEMORY_BYTES,
@@ -131,6 +139,7 @@ class MosaicKeywords(RegistrationKeywords, total=False):
     all_groups: bool
     gsd_m: float | None
     control: ControlPoints | None
+    positions: Positions | None
     memory_bytes: int
     scheduler: str | None
     cache: Path | None

@@ -18,7 +18,7 @@ from skymosaic.flight.bands.spectrum import in_all_bands
 from skymosaic.flight.cache import ResultCache
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.picture.composition import Composition, Room, compose
-from skymosaic.flight.picture.mapping import explain_absence, place_on_map
+from skymosaic.flight.picture.mapping import explain_absence, fit_layout, place_on_map
 from skymosaic.flight.picture.output import PLAIN, PREVIEW_WIDTH_PX, Delivery, OutputForm, deliver, room_for
 from skymosaic.flight.survey import Flight, survey
 from skymosaic.flight.two_photographs import flight_of_pair
@@ -219,7 +219,9 @@ def survey_sources(
         cache = ResultCache(options.cache, required=True, tell=tell)
     else:
         cache = ResultCache(cache_folder() / "flights", tell=tell, limit_bytes=DEFAULT_CACHE_BYTES)
-    return survey(sources, options.flight_settings(), options.seed, workers, cache)
+    flight = survey(sources, options.flight_settings(), options.seed, workers, cache, positions=options.positions)
+    layouts = tuple(fit_layout(flight, layout, options.control) for layout in flight.layouts)
+    return dataclasses.replace(flight, layouts=layouts)
 
 
 def fit_bend(pair: Pair, warp: str) -> Callable[[Intensities], Intensities] | None:

@@ -136,6 +136,9 @@ def describe_map(delivery: Delivery) -> str:
     if delivery.flight.pair is None:
         of_all = f" ({on_map.residual_of_all_m:.2f} m of all)" if on_map.disagreeing else ""
         parts.append(f"{place.by} residual {on_map.residual_m:.2f} m{of_all}")
+    if place.checked_m:
+        rms_m = float(np.sqrt(np.mean(np.square(list(place.checked_m.values())))))
+        parts.append(f"{len(place.checked_m)} check points off by {rms_m:.2f} m (root mean square)")
     if np.isfinite(on_map.scale_sigma):
         parts.append(f"scale ± {on_map.scale_sigma:.2%}")
     if delivery.layout.median_error_px:
@@ -197,6 +200,7 @@ def _map_numbers(delivery: Delivery) -> dict[str, Any]:
         "residual_of_all_m": round(on_map.residual_of_all_m, 3),
         "scale_sigma": None if np.isnan(on_map.scale_sigma) else round(on_map.scale_sigma, 6),
         "offsets_m": offsets,
+        "check_points_m": {name: round(m, 3) for name, m in place.checked_m.items()},
         "left_out": [name for name, _ in _disagreeing(delivery)],
         "median_error_m": round(_ground_error_m(delivery), 4),
         "height_m": place.height_m,
@@ -236,7 +240,12 @@ def _render_page(deliveries: Sequence[Delivery], check: FlightCheck, numbers: di
         left_out=list(flight.left_out.values()),
         advice=_problems(check),
         mosaics=[
-            {"rows": _mosaic_rows(delivery), "graph": _graph_drawing(delivery), "links": _links_worst_first(delivery)}
+            {
+                "rows": _mosaic_rows(delivery),
+                "graph": _graph_drawing(delivery),
+                "links": _links_worst_first(delivery),
+                "residuals": _residuals_worst_first(delivery),
+            }
             for delivery in deliveries
         ],
     )
@@ -289,6 +298,20 @@ def _graph_drawing(delivery: Delivery) -> dict[str, Any]:
         lines.append({**ends, "colour": colour, "width": f"{1 + 4 * strength:.1f}", "title": title})
     names = [(Path(views[member].name).stem, x, y) for member, (x, y) in centres.items()]
     return {"size": composition.size, "outlines": list(outlines.values()), "lines": lines, "names": names}
+
+
+def _residuals_worst_first(delivery: Delivery) -> list[tuple[str, str, float]]:
+    """Name, part in the fit, and distance in metres of each position or control point."""
+    on_map, place = delivery.georeference, delivery.composition.place
+    if on_map is None:
+        return []
+    rows = [
+        (name, "left out" if index in on_map.disagreeing else "fitted", offset_m)
+        for index, (name, offset_m) in enumerate(zip(place.fitted_to, on_map.offsets_m, strict=True))
+        if np.isfinite(offset_m)
+    ]
+    rows += [(name, "check point", offset_m) for name, offset_m in place.checked_m.items()]
+    return sorted(rows, key=lambda row: -row[2])
 
 
 def _links_worst_first(delivery: Delivery) -> list[dict[str, Any]]:

@@ -39,6 +39,8 @@ WIDEST_SCALE_PX = 200.0
 """Scale from which the robust loss is annealed: a link that the first guess placed this badly still counts."""
 COOLING = 0.5
 """Factor of the annealed scale from one step to the next."""
+ANCHOR_SCALE = 4.0
+"""Scale of the robust loss of anchors, in their standard deviations."""
 MAX_STEPS = 15
 CONVERGED_PX = 0.01
 MAX_DISTORTION = 0.25
@@ -63,6 +65,26 @@ class Ties:
     right: int
     left_points: Array
     right_points: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Anchors:
+    """Points of views whose places are known otherwise: where cameras were, or surveyed points.
+
+    Attributes
+    ----------
+    views : ndarray of int, shape (N,)
+        Rows of the views.
+    points, places : ndarray of float64, shape (N, 2)
+        In normalised coordinates of the view and of the ground.
+    sigma : ndarray of float64, shape (N,)
+        Standard deviation of the places, as they are given.
+    """
+
+    views: NDArray[np.intp]
+    points: Array
+    places: Array
+    sigma: Array
 
 
 class Network:
@@ -110,7 +132,14 @@ class Network:
         return [row[:count] for row, count in zip(error_px, self._counts, strict=True)]
 
     def adjust(
-        self, start: Array, model: str, *, max_steps: int = MAX_STEPS, lens: bool = False, from_px: float = 0.0
+        self,
+        start: Array,
+        model: str,
+        *,
+        max_steps: int = MAX_STEPS,
+        lens: bool = False,
+        from_px: float = 0.0,
+        anchors: Anchors | None = None,
     ) -> Array:
         """Refine the transformations (V, 3, 3), view to ground, by reweighted Gauss-Newton steps.
 
@@ -127,12 +156,14 @@ class Network:
         from_px : float
             Scale s of the first step, at least; it is annealed before the ``max_steps`` begin. Near the final scale
             alone, links that the first guess placed badly would hardly count, whether they are true or not.
+        anchors : Anchors or None
+            More observations, each weighed by its accuracy and robustly, as ties are: an outlier hardly counts.
         """
         transforms = start
         annealed = max(0, math.ceil(math.log(MIN_SCALE_PX / from_px, COOLING))) if from_px else 0
         for step in range(annealed + max_steps):
             least_px = max(MIN_SCALE_PX, from_px * COOLING**step)
-            motion, change = self._step(transforms, MODELS[model], least_px, lens=lens)
+            motion, change = self._step(transforms, MODELS[model], least_px, lens=lens, anchors=anchors)
             # Motions are of the view's own pixels, so they come first: a tilt is the same wherever the view lies.
             transforms = transforms @ _motions(motion)
             transforms = transforms / transforms[:, 2:, 2:]
@@ -151,7 +182,9 @@ class Network:
         derivative = between[:, None, :2, :2] - predicted[..., None] * between[:, None, 2:, :2]
         return (predicted, derivative / mapped[..., 2, None, None]), predicted - self._right
 
-    def _step(self, transforms: Array, free: int, least_px: float, *, lens: bool) -> tuple[Array, float]:
+    def _step(
+        self, transforms: Array, free: int, least_px: float, *, lens: bool, anchors: Anchors | None
+    ) -> tuple[Array, float]:
         """Compute the motions (V, 8) of one Gauss-Newton step, and the change of the distortion."""
         (predicted, derivative), residual = self._residuals(transforms)
         root = self._root_weights(residual, least_px)
@@ -164,6 +197,8 @@ class Network:
         links = len(self._pairs)
         targets = np.stack([residual, bending], axis=-1).reshape(links, -1, 2)
         system = _BlockSystem(self._views, self._pairs, jacobian.reshape(links, -1, 2 * free), targets)
+        if anchors is not None:
+            system.add_observations(anchors.views, *_anchor_rows(transforms, anchors, free))
         if free > MODELS["similarity"]:
             shape = shapes(transforms)
             expected = stretch_of_tilt(shape[:, 2:])
@@ -252,6 +287,11 @@ class _BlockSystem:
             np.add.at(self.target, pairs[:, side], target[:, own])
         self._across = normal[:, :free, free:]
 
+    def add_observations(self, views: NDArray[np.intp], rows: Array, residual: Array) -> None:
+        """Add observations of one view each: weighted derivatives (N, 2, free) and weighted residuals (N, 2)."""
+        np.add.at(self._diagonal, views, rows.transpose(0, 2, 1) @ rows)
+        np.add.at(self.target[..., 0], views, (rows * residual[..., None]).sum(axis=1))
+
     def add_prior(self, values: Array, weights: Array) -> None:
         """Pull the last unknowns of every view so that ``values`` (V, k) become 0, by ``weights`` (V, k)."""
         k = values.shape[1]
@@ -277,6 +317,18 @@ class _BlockSystem:
         solution[kept] = -splu(matrix[kept][:, kept]).solve(self.target.reshape(side, 2)[kept])
         both = solution.reshape(views, free, 2)
         return both[..., 0], both[..., 1]
+
+
+def _anchor_rows(transforms: Array, anchors: Anchors, free: int) -> tuple[Array, Array]:
+    """Derivatives (N, 2, free) and residuals (N, 2) of anchors, in their standard deviations and robustly weighted."""
+    matrix = transforms[anchors.views]
+    mapped = (matrix[:, :, :2] @ anchors.points[..., None])[..., 0] + matrix[..., 2]
+    place = mapped[:, :2] / mapped[:, 2:]
+    derivative = (matrix[:, :2, :2] - place[..., None] * matrix[:, 2:, :2]) / mapped[:, 2, None, None]
+    residual = (place - anchors.places) / anchors.sigma[:, None]
+    root = 1 / (1 + (residual**2).sum(axis=1) / ANCHOR_SCALE**2)
+    rows = _times(derivative, generators(anchors.points, free)) * (root / anchors.sigma)[:, None, None]
+    return rows, residual * root[:, None]
 
 
 def generators(points: Array, count: int) -> Array:

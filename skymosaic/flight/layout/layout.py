@@ -258,9 +258,12 @@ def trust_by_loops(pairs: Mapping[tuple[int, int], int], motions: Sequence[Array
     return np.asarray(closed**2 / count)
 
 
-def linked_group(views: Sequence[View], members: Sequence[int], links: Sequence[Link]) -> LinkedGroup:
-    """Collect the sizes and ties of some of the views of a flight."""
-    return LinkedGroup({member: views[member].working_size for member in members}, links)
+def linked_group(
+    views: Sequence[View], members: Sequence[int], links: Sequence[Link], reference: int | None = None
+) -> LinkedGroup:
+    """Collect the sizes and ties of some of the views of a flight; ``reference`` is the view that stays, None: any."""
+    row = None if reference is None else list(members).index(reference)
+    return LinkedGroup({member: views[member].working_size for member in members}, links, row)
 
 
 def outline(view: View, transform: Array) -> Array:

@@ -24,6 +24,7 @@ from skymosaic.imagery.exif import Metadata, Position, read_metadata
 from skymosaic.imagery.images import Photograph, reduce_for_front_end, reduce_to_width
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
+from skymosaic.maps.positions import Fix
 from skymosaic.registration.options import WORKING_WIDTH_PX
 from skymosaic.registration.register import extract_within_capacity
 
@@ -97,6 +98,13 @@ class View:
         facts["value_range"] = None if facts["value_range"] is None else ValueRange(*facts["value_range"])
         values: dict[str, Any] = {array: arrays[array] for array in _ARRAYS} | facts
         return cls(name=name, key=key, **values)
+
+    def with_fix(self, fix: Fix | None) -> View:
+        """The same view with a position from a file; None takes away the camera's own."""
+        position, accuracy_m = (None, None) if fix is None else (fix.position, fix.accuracy_m)
+        return dataclasses.replace(
+            self, taken=dataclasses.replace(self.taken, position=position, accuracy_m=accuracy_m)
+        )
 
     @property
     def gps(self) -> Position | None:

@@ -1,7 +1,7 @@
 """Puts a layout on the map: by the GPS positions of its cameras, or by ground control points."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -11,14 +11,20 @@ from golden_model.arrays import Array, Matrix, Points
 from skymosaic.compositing.warp import magnification
 from skymosaic.errors import InputError
 from skymosaic.flight.layout.adjustment import FOCAL_HALF_DIAGONALS
+from skymosaic.flight.layout.anchoring import Observation, anchor
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.survey import Flight
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.exif import Metadata
-from skymosaic.imagery.photographs import short_names
+from skymosaic.imagery.photographs import is_named, short_names
 from skymosaic.maps.control_points import ControlPoints
 from skymosaic.maps.georeference import MIN_POSITIONS, Georeference, fit_to_map, project_to_utm, reproject
 
+ROUNDS = 3
+"""How often the layout is adjusted to its place on the map, and the place to the layout."""
+CONTROL_M, CLICK_PX = 0.02, 1.0
+"""Standard deviations of a surveyed point and of its place in a photograph."""
+MIN_GPS_M = 0.01
 MAX_AWAY_M = 10_000.0
 """Control points farther from the photographs are of another site, or their axes are swapped."""
 MIN_GSD = 0.99
@@ -44,6 +50,8 @@ class MapPlace:
         Median of the heights that the cameras recorded, above where they started.
     turned_deg : float or None
         Median difference of the directions of the photographs from those that the cameras recorded, clockwise.
+    checked_m : dict of str to float
+        Distance of each check point from its place on the map. They had no part in the layout or its place.
     """
 
     georeference: Georeference | None = None
@@ -53,6 +61,7 @@ class MapPlace:
     height_m: float | None = None
     recorded_height_m: float | None = None
     turned_deg: float | None = None
+    checked_m: dict[str, float] = field(default_factory=dict)
 
 
 NOWHERE = MapPlace()
@@ -151,33 +160,82 @@ def _fit_to_control_points(control: ControlPoints, flight: Flight, layout: Layou
     """Fit a layout to the control points that its photographs show, each at the mean of its sightings."""
     transforms = layout.to_reference(flight.views)
     places: dict[int, list[Points]] = {}
+    for member, point, pixel in _sightings(control, flight, layout):
+        places.setdefault(point, []).append(apply(transforms[member], pixel))
+    points = [point for point in sorted(places) if not control.checks(point)]
+    if len(points) < MIN_POSITIONS:
+        raise InputError(
+            f"{control.name}: the mosaic shows {len(points)} of its {len(control.names)} points; "
+            f"{MIN_POSITIONS} are needed: check the names of the photographs"
+        )
+    _check_site(control, flight, layout)
+    means = {point: np.mean(each, axis=0) for point, each in places.items()}
+    names = tuple(control.names[point] for point in points)
+    georeference, reason = fit_to_map(
+        np.array([means[point] for point in points]), control.metres[points], control.crs, names
+    )
+    if georeference is None:
+        raise InputError(f"{control.name}: {reason}; check the coordinates and pixels")
+    checked_m = {
+        control.names[point]: float(np.linalg.norm(apply(georeference.to_map, mean) - control.metres[point]))
+        for point, mean in means.items()
+        if control.checks(point)
+    }
+    return MapPlace(georeference=georeference, fitted_to=names, by="control points", checked_m=checked_m)
+
+
+def _sightings(control: ControlPoints, flight: Flight, layout: Layout) -> Iterator[tuple[int, int, Points]]:
+    """The view, the point and the straightened pixel (2,) of each sighting in a layout's photographs."""
     for sighting in control.sightings:
-        members = [member for member in layout.members if _is_named(flight.views[member].name, sighting.photograph)]
+        members = [member for member in layout.members if is_named(flight.views[member].name, sighting.photograph)]
         if len(members) > 1:
             raise InputError(f"{control.name}: {sighting.photograph} is {len(members)} photographs; add their folders")
         for member in members:
             pixel = np.array([[sighting.x_px, sighting.y_px]])
-            straight = flight.lens.straighten_points(pixel, flight.views[member].size)
-            places.setdefault(sighting.point, []).append(apply(transforms[member], straight)[0])
-    if len(places) < MIN_POSITIONS:
-        raise InputError(
-            f"{control.name}: the mosaic shows {len(places)} of its {len(control.names)} points; "
-            f"{MIN_POSITIONS} are needed: check the names of the photographs"
-        )
-    _check_site(control, flight, layout)
-    points = sorted(places)
-    means = np.array([np.mean(places[point], axis=0) for point in points])
-    names = tuple(control.names[point] for point in points)
-    georeference, reason = fit_to_map(means, control.metres[points], control.crs, names)
-    if georeference is None:
-        raise InputError(f"{control.name}: {reason}; check the coordinates and pixels")
-    return MapPlace(georeference=georeference, fitted_to=names, by="control points")
+            yield member, sighting.point, flight.lens.straighten_points(pixel, flight.views[member].size)[0]
 
 
-def _is_named(photograph: str, name: str) -> bool:
-    """Whether a photograph's path ends in a name, which may have folders; upper and lower case are the same."""
-    wanted = Path(name.lower().replace("\\", "/")).parts
-    return Path(photograph.lower()).parts[-len(wanted) :] == wanted
+def fit_layout(flight: Flight, layout: Layout, control: ControlPoints | None = None) -> Layout:
+    """Adjust a layout to ties and to control points or GPS at once; as it is where it has no place on the map.
+
+    Check points have no part in it.
+    """
+    for _ in range(ROUNDS):
+        try:
+            observations = list(_observe(flight, layout, control))
+        except InputError:
+            # `place_on_map` says why, if a mosaic of this layout is wanted.
+            return layout
+        if not observations:
+            return layout
+        # The place on the map and the positions below the cameras follow from the layout, so both change with it.
+        layout = anchor(layout, flight.views, observations)
+    return layout
+
+
+def _observe(flight: Flight, layout: Layout, control: ControlPoints | None) -> Iterator[Observation]:
+    """What is known of places in a layout."""
+    place = place_on_map(flight, layout, control)
+    if (on_map := place.georeference) is None:
+        return
+    to_ground = np.asarray(np.linalg.inv(on_map.to_map @ flight.views[layout.reference].to_original), np.float64)
+    px_per_m = magnification(flight.views[layout.reference].size, to_ground @ on_map.to_map) / on_map.metres_per_pixel
+    if control is not None:
+        scales = {m: magnification(flight.views[m].size, each) for m, each in layout.to_reference(flight.views).items()}
+        for member, point, pixel in _sightings(control, flight, layout):
+            if not control.checks(point):
+                seen = apply(np.asarray(np.linalg.inv(flight.views[member].to_original), np.float64), pixel)
+                sigma_m = np.hypot(CONTROL_M, CLICK_PX * scales[member] * on_map.metres_per_pixel)
+                yield Observation(member, seen, apply(to_ground, control.metres[point]), float(sigma_m) * px_per_m)
+        return
+    for member, camera in zip(layout.members, _cameras(flight, layout), strict=True):
+        if camera.taken.position is not None:
+            metres = reproject(np.array([camera.taken.position.degrees]), "EPSG:4326", on_map.crs)[0]
+            below = apply(to_ground @ on_map.to_map, camera.position[:2])
+            # Without a recorded accuracy, the misfit is the best estimate of it.
+            sigma_m = max(camera.taken.accuracy_m or on_map.residual_m, MIN_GPS_M)
+            seen = apply(np.asarray(np.linalg.inv(layout.transforms[member]), np.float64), below)
+            yield Observation(member, seen, apply(to_ground, metres), sigma_m * px_per_m)
 
 
 def _check_site(control: ControlPoints, flight: Flight, layout: Layout) -> None:
@@ -191,7 +249,7 @@ def _check_site(control: ControlPoints, flight: Flight, layout: Layout) -> None:
     positions = [gps for member in layout.members if (gps := flight.views[member].gps) is not None]
     if not positions:
         return
-    degrees = np.array([(gps.longitude_deg, gps.latitude_deg) for gps in positions])
+    degrees = np.array([gps.degrees for gps in positions])
     flown = np.median(reproject(degrees, "EPSG:4326", control.crs), axis=0)
     away_m = float(np.linalg.norm(np.median(control.metres, axis=0) - flown))
     if not away_m < MAX_AWAY_M:

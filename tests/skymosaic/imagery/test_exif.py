@@ -53,6 +53,14 @@ def test_yaw_and_height_are_read_from_xmp(tmp_path: Path, properties: str) -> No
     assert read_metadata(tmp_path / "dji.jpg") == Metadata(yaw_deg=-12.5, height_m=50.3)
 
 
+def test_the_accuracy_of_rtk_is_the_worse_of_its_axes(tmp_path: Path) -> None:
+    for stds, expected in (("0.012", 0.02), ("0", None)):
+        properties = f'drone-dji:RtkStdLon="0.020" drone-dji:RtkStdLat="{stds}"'
+        xmp = f"<x:xmpmeta xmlns:x='adobe:ns:meta/'><rdf:Description {properties}/></x:xmpmeta>"
+        Image.new("RGB", (64, 64)).save(tmp_path / "rtk.jpg", xmp=xmp.encode())
+        assert read_metadata(tmp_path / "rtk.jpg").accuracy_m == expected
+
+
 def test_the_black_level_of_a_sensor_is_read(tmp_path: Path) -> None:
     for name, levels in (("black.tif", (5132, 5132, 5141, 5151)), ("none.tif", (0, 0, 0, 0))):
         tags = TiffImagePlugin.ImageFileDirectory_v2()

@@ -17,6 +17,7 @@ from skymosaic.geometry.homography import apply
 from skymosaic.imagery.exif import Metadata, Position
 from skymosaic.imagery.lens import Lens
 from skymosaic.maps.control_points import load_control_points
+from skymosaic.maps.positions import load_positions
 from skymosaic.mosaicking.api import open_plan
 from skymosaic.mosaicking.options import MosaicOptions
 
@@ -51,7 +52,9 @@ def test_control_points_put_a_mosaic_on_the_map_at_the_wanted_resolution(flight:
             east, north = CORNER + METRES * apply(
                 np.asarray(np.linalg.inv(flight.homographies[index]), np.float64), pixel
             ) * [1, -1]
-            lines.append(f"{east} {north} 0 {pixel[0]} {pixel[1]} {index}.png")
+            # One point of each photograph shows how exact the map is; the others put the mosaic there.
+            name = f"CHK-{index}" if pixel == (230, 300) else f"point{len(lines)}"
+            lines.append(f"{east} {north} 0 {pixel[0]} {pixel[1]} {index}.png {name}")
     (tmp_path / "gcp.txt").write_text("\n".join(lines))
     options = MosaicOptions(control=load_control_points(tmp_path / "gcp.txt"), gsd_m=0.4)
     form = OutputForm("jpeg", tmp_path / "tiles")
@@ -68,6 +71,9 @@ def test_control_points_put_a_mosaic_on_the_map_at_the_wanted_resolution(flight:
             scale_for(plan.flight, plan.layouts[0], None, 0.4)
     assert made.composition.place.by == "control points"
     assert made.georeference.residual_m < METRES
+    assert len(made.composition.place.fitted_to) == 8
+    assert list(made.composition.place.checked_m) == ["CHK-0", "CHK-1", "CHK-2", "CHK-3"]
+    assert max(made.composition.place.checked_m.values()) < 2 * METRES
     middle = (np.array(SIZE) - 1) / 2
     for transform, homography in zip(made.composition.transforms, flight.homographies, strict=True):
         truth = CORNER + METRES * apply(np.asarray(np.linalg.inv(homography), np.float64), middle) * [1, -1]
@@ -76,6 +82,22 @@ def test_control_points_put_a_mosaic_on_the_map_at_the_wanted_resolution(flight:
     with rasterio.open(tmp_path / "m.tif") as file:
         assert (file.transform.a, file.transform.e) == pytest.approx((0.4, -0.4))
     assert (tmp_path / "tiles" / "index.html").exists()
+
+
+def test_a_file_of_positions_puts_a_flight_without_gps_on_the_map(flight: Flight, tmp_path: Path) -> None:
+    lines = ["EPSG:32615"]
+    for index, (image, pose) in enumerate(zip(flight.images, flight.poses, strict=True)):
+        cv2.imwrite(str(tmp_path / f"{index}.png"), image)
+        east, north = CORNER + METRES * np.array([pose.x_px, -pose.y_px])
+        lines.append(f"{index}.png {east} {north} 30 0 0 0 0.02 0.02")
+    (tmp_path / "geo.txt").write_text("\n".join(lines))
+    with open_plan([tmp_path], MosaicOptions(positions=load_positions(tmp_path / "geo.txt"))) as plan:
+        layout = plan.layouts[0]
+        place = place_on_map(plan.flight, layout)
+    assert plan.flight.views[0].taken.accuracy_m == 0.02
+    assert place.georeference is not None
+    assert place.georeference.metres_per_pixel == pytest.approx(METRES, rel=0.01)
+    assert place.georeference.residual_m < 3 * METRES
 
 
 def flown(folders: tuple[str, ...], position: Position | None = None) -> tuple[Any, Any]:

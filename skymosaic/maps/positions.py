@@ -1,0 +1,104 @@
+"""Positions of cameras from a file, instead of those that the photographs contain."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from skymosaic.errors import InputError
+from skymosaic.imagery.exif import Position
+from skymosaic.imagery.photographs import is_named
+from skymosaic.maps.control_points import read_lines, read_system
+from skymosaic.maps.georeference import map_to_globe
+
+ACCURACY_COLUMN = 6
+"""Column of the horizontal accuracy, after the coordinates x, y and z and three angles."""
+
+
+@dataclass(frozen=True)
+class Fix:
+    """Where a camera was.
+
+    Attributes
+    ----------
+    photograph : str
+        Name of the file, with as many of its folders as the file of positions has.
+    position : Position
+    accuracy_m : float or None
+        Horizontal standard deviation.
+    """
+
+    photograph: str
+    position: Position
+    accuracy_m: float | None
+
+
+@dataclass(frozen=True)
+class Positions:
+    """The positions of a file; ``name`` is the file's, for messages."""
+
+    name: str
+    fixes: tuple[Fix, ...]
+
+    def find(self, photographs: Sequence[str]) -> list[Fix | None]:
+        """The fix of each photograph, None without one.
+
+        Raises
+        ------
+        InputError
+            For a name that is no photograph's, or that of several.
+        """
+        found: list[Fix | None] = [None] * len(photographs)
+        for fix in self.fixes:
+            indices = [index for index, name in enumerate(photographs) if is_named(name, fix.photograph)]
+            if len(indices) != 1:
+                count = "no photograph" if not indices else f"{len(indices)} photographs; add their folders"
+                raise InputError(f"{self.name}: {fix.photograph} is {count}")
+            if found[indices[0]] is not None:
+                raise InputError(f"{self.name}: {fix.photograph} has two positions; leave one out")
+            found[indices[0]] = fix
+        return found
+
+
+def load_positions(path: Path) -> Positions:
+    """Read a file in OpenDroneMap's format ``geo.txt``.
+
+    The first line names the coordinate system, as in `skymosaic.maps.control_points.load_control_points`. Each further
+    line has the photograph's name, x, y and perhaps z, then perhaps three angles, which are not used, and the
+    horizontal accuracy in metres.
+
+    Raises
+    ------
+    InputError
+        For a file that cannot be read, an unknown coordinate system, or a line of another form.
+    """
+    lines = read_lines(path, "positions")
+    crs = read_system(path, lines[0][1])
+    rows = [_parse_line(path, number, line) for number, line in lines[1:]]
+    places = np.array([place for _, place, _ in rows])
+    degrees = places if crs.is_geographic else map_to_globe(places, crs.to_string())
+    if not (np.abs(degrees) <= (180, 90)).all():
+        raise InputError(f"{path}: a latitude beyond 90 degrees; x is the longitude and comes first")
+    return Positions(
+        str(path),
+        tuple(
+            Fix(name, Position(latitude, longitude), accuracy_m)
+            for (name, _, accuracy_m), (longitude, latitude) in zip(rows, degrees.tolist(), strict=True)
+        ),
+    )
+
+
+def _parse_line(path: Path, number: int, line: str) -> tuple[str, tuple[float, float], float | None]:
+    """The photograph's name, its x and y, and the accuracy, which may be missing."""
+    name, *rest = line.split()
+    try:
+        numbers = [float(each) for each in rest[: ACCURACY_COLUMN + 1]]
+        x, y = numbers[:2]
+        accuracy_m = numbers[ACCURACY_COLUMN] if len(numbers) > ACCURACY_COLUMN else None
+        valid = bool(np.isfinite(numbers).all()) and (accuracy_m is None or accuracy_m >= 0)
+    except ValueError:
+        valid = False
+    if not valid:
+        raise InputError(f"{path}: line {number} is {line!r}; it must be: photograph, x, y, and perhaps more numbers")
+    return name, (x, y), accuracy_m or None
