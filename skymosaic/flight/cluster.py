@@ -63,8 +63,7 @@ class Cluster:
         self._client = _connect(address)
         try:
             self._await_workers(InputError, "start a worker")
-            self._check_environments()
-            self._check_files(sources)
+            self._check_workers(sources)
             self._check_memory(sources, memory_bytes)
         except BaseException:
             self.close()
@@ -137,22 +136,21 @@ class Cluster:
                 raise kind(f"{self._name}: no worker within {self._limit_s:g} s; {advice}")
             time.sleep(POLL_SECONDS / 5)
 
-    def _check_environments(self) -> None:
-        """Compare the packages and libraries of every worker with those of this process."""
+    def _check_workers(self, sources: Sequence[Source]) -> None:
+        """Check that every worker has the packages of this process, and can read a photograph of each folder."""
+        contents = [each.content for each in _files(sources) if isinstance(each.content, Path)]
+        # What this process cannot read either is left out later.
+        paths = {content.parent: str(content) for content in contents if os.access(content, os.R_OK)}
         mine = describe_environment()
-        for worker, found in self._ask(describe_environment).items():
-            if not isinstance(found, Mapping):
+        for worker, found in self._ask(inspect_worker, list(paths.values())).items():
+            if isinstance(found, BaseException):
                 raise InputError(f"{worker}: skymosaic cannot be imported ({one_line(repr(found))}); install it there")
-            for name, version in mine.items():
-                if found.get(name) != version:
-                    raise InputError(
-                        f"{worker}: has {name} {found.get(name)} and this process {version}; install the same there"
-                    )
-
-    def _check_files(self, sources: Sequence[Source]) -> None:
-        """Check that every worker can read a photograph of each folder."""
-        paths = {each.content.parent: each.content for each in _files(sources) if isinstance(each.content, Path)}
-        for worker, unreadable in self._ask(find_unreadable, [str(path) for path in paths.values()]).items():
+            theirs, unreadable = found
+            other = next((name for name in mine if theirs.get(name) != mine[name]), None)
+            if other:
+                raise InputError(
+                    f"{worker}: has {other} {theirs.get(other)} and this process {mine[other]}; install the same there"
+                )
             if unreadable:
                 raise InputError(f"{worker}: cannot read {unreadable[0]}; mount the folder there under the same path")
 
@@ -200,14 +198,14 @@ def _decoded_bytes(source: Source) -> int:
 
 
 def describe_environment() -> dict[str, str]:
-    """What must be the same in every process for the same result; called on the workers."""
+    """What must be the same in every process for the same result."""
     versions = {package: importlib.metadata.version(package) for package in PACKAGES}
     return {"Python": platform.python_version(), **versions, "code": code_digest()[:12]}
 
 
-def find_unreadable(paths: Sequence[str]) -> list[str]:
-    """Which of the files this process cannot read; called on the workers."""
-    return [path for path in paths if not os.access(path, os.R_OK)]
+def inspect_worker(paths: Sequence[str]) -> tuple[dict[str, str], list[str]]:
+    """The environment of this process, and which of the files it cannot read; called on the workers."""
+    return describe_environment(), [path for path in paths if not os.access(path, os.R_OK)]
 
 
 def _kind(error: Exception) -> str:

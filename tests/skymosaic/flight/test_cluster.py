@@ -6,15 +6,20 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
+from golden_model.config import preset_config
 from skymosaic.errors import InputError, RegistrationError
+from skymosaic.flight.cache import NO_CACHE
 from skymosaic.flight.cluster import LIMIT
+from skymosaic.flight.linking.surveyor import Surveyor
+from skymosaic.flight.linking.view import Settings, View
 from skymosaic.flight.workers import Workers
 from skymosaic.imagery.photographs import list_sources
 
@@ -36,8 +41,18 @@ class Processes:
         while not self.file.exists():
             time.sleep(0.05)
 
-    def start(self, kind: str, *options: object, **environment: str) -> subprocess.Popen[bytes]:
-        command = [sys.executable, "-m", f"distributed.cli.dask_{kind}", *map(str, options), "--host", "127.0.0.1"]
+    def start(
+        self, kind: str, *options: object, before: Sequence[object] = (), **environment: str
+    ) -> subprocess.Popen[bytes]:
+        command = [
+            *map(str, before),
+            sys.executable,
+            "-m",
+            f"distributed.cli.dask_{kind}",
+            *map(str, options),
+            "--host",
+            "127.0.0.1",
+        ]
         with (self.folder / "log").open("ab") as log:
             process = subprocess.Popen(
                 [*command, "--no-dashboard"],
@@ -49,9 +64,9 @@ class Processes:
         self.started.append(process)
         return process
 
-    def worker(self, *options: object, **environment: str) -> subprocess.Popen[bytes]:
+    def worker(self, *options: object, before: Sequence[object] = (), **environment: str) -> subprocess.Popen[bytes]:
         usual = ("--scheduler-file", self.file, "--nthreads", 1, "--no-nanny")
-        return self.start("worker", *usual, *options, **environment)
+        return self.start("worker", *usual, *options, before=before, **environment)
 
 
 @pytest.fixture
@@ -106,17 +121,52 @@ def test_a_scheduler_without_workers_is_waited_for_and_said(cluster: Processes) 
     late.join()
 
 
+def test_a_signal_ends_the_wait_for_a_worker(cluster: Processes) -> None:
+    for name in ("a.png", "b.png", "c.png"):
+        cv2.imwrite(str(cluster.folder / name), np.zeros((100, 100), np.uint8))
+    command = [sys.executable, "-m", "skymosaic", "mosaic", "a.png", "b.png", "c.png", "-o", "m.png"]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    run = subprocess.Popen(
+        [*command, "--scheduler", cluster.file], cwd=cluster.folder, stderr=subprocess.PIPE, text=True, env=environment
+    )
+    assert run.stderr is not None
+    while "waiting 30 s" not in run.stderr.readline():
+        assert run.poll() is None
+    run.terminate()
+    assert "Traceback" not in run.communicate(timeout=20)[1]
+    assert run.returncode == 128 + signal.SIGTERM
+    assert not (cluster.folder / "m.png").exists()
+
+
 def test_a_worker_that_does_not_fit_is_named_with_the_cause(cluster: Processes, tmp_path: Path) -> None:
     cluster.worker("--memory-limit", "300MB")
     with pytest.raises(InputError, match=r"^tcp://\S+: has 286 MB of memory for 1 threads, and .* needs 1408"):
         connect(cluster, sources=list_sources([np.zeros((9000, 9000, 3), np.uint8)] * 3), memory_bytes=1 << 30)
-    with pytest.raises(InputError, match=r"^tcp://\S+: cannot read /nowhere/a.jpg; mount"):
-        connect(cluster, sources=list_sources([__file__, "/nowhere/a.jpg"]))
     (tmp_path / "other" / "skymosaic").mkdir(parents=True)
     (tmp_path / "other" / "skymosaic" / "__init__.py").touch()
     cluster.worker(PYTHONPATH=str(tmp_path / "other"))
     with pytest.raises(InputError, match=r"^tcp://\S+: skymosaic cannot be imported \(.*\); install it there$"):
         connect_until_refused(cluster)
+
+
+HIDES = ("unshare", "-rm", "sh", "-c", 'mount -t tmpfs none "$0" && exec "$@"')
+"""Starts a command that sees another folder in the place of one: the command's name is the folder, then it follows."""
+
+
+def test_a_worker_that_does_not_see_the_photographs_is_named(cluster: Processes, tmp_path: Path) -> None:
+    folder = tmp_path / "photographs"
+    folder.mkdir()
+    if subprocess.run([*HIDES, folder, "true"], capture_output=True, check=False).returncode:
+        pytest.skip("no mount name spaces here")
+    cv2.imwrite(str(folder / "a.png"), np.random.default_rng(0).integers(0, 256, (100, 100), np.uint8))
+    sources = list_sources([folder])
+    cluster.worker(before=(*HIDES, folder))
+    with pytest.raises(InputError, match=rf"^tcp://\S+: cannot read {folder}/a.png; mount the folder there"):
+        connect(cluster, sources=sources)
+    # One that joins later is not asked; what it cannot read is tried here.
+    with connect(cluster) as workers:
+        surveyor = Surveyor(Settings(preset_config("aerial")), 0, workers, NO_CACHE)
+        assert [type(view) for view in surveyor.describe(sources)] == [View]
 
 
 def test_a_worker_that_hangs_is_one_line(cluster: Processes) -> None:
@@ -139,7 +189,11 @@ def test_lost_workers_cost_their_calls_and_all_of_them_end_the_run(cluster: Proc
         next(results)
         both[0].kill()
         assert len(list(results)) == 59
-        both[1].kill()
+        both.append(cluster.worker())
+        while len(set(workers.run("processes", os.getpid, [()] * 20))) < 2:
+            pass  # until the one that joins gets work
+        for worker in both:
+            worker.kill()
         started = time.monotonic()
         with dask.config.set({LIMIT: "2s"}), pytest.raises(RegistrationError, match=r"no worker within 2 s; .* cache$"):
             list(workers.run("powers", pow, [(2, 3)]))
