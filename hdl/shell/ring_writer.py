@@ -95,13 +95,14 @@ class RingWriter(wiring.Component):
         self.record_words = record_words
         self.needed_pages = slot_pages(max_words)
         self.fifo_words = fifo_words
+        self.bursts = BurstWriter()
         super().__init__()
 
     def elaborate(self, platform: object) -> Module:
         """A queue of words, and a state machine that takes them packet by packet."""
         m = Module()
         m.submodules.waiting = waiting = fifo.SyncFIFOBuffered(width=8 * WORD_BYTES + 1, depth=self.fifo_words)
-        m.submodules.bursts = bursts = BurstWriter()
+        m.submodules.bursts = bursts = self.bursts
         wiring.connect(m, bursts.bus, wiring.flipped(self.bus))
         packet = _Packet(self.needed_pages, self.record_words)
         word, is_last = waiting.r_data[:-1], waiting.r_data[-1]

@@ -96,14 +96,15 @@ class _Bursts(Elaboratable):
 class _Ring(Elaboratable):
     """Packets of any length, a ring that is switched off and on, a reader that frees slots or never does.
 
-    What the memory answers has no part in where a burst goes: it may answer anything.
+    What the memory answers has no part in where a burst goes: it may answer anything, at any time while bursts are
+    open.
     """
 
     def __init__(self) -> None:
         self.writer = RingWriter(record_words=2, max_words=2, fifo_words=2 * BURST_WORDS)
         self.valid, self.last, self.enable, self.reads = (Signal(name=n) for n in ("valid", "last", "enable", "reads"))
-        bus = self.writer.bus
-        self.ports = [self.valid, self.last, self.enable, self.reads, bus.awready, bus.wready, bus.bvalid, bus.bresp]
+        bus, self.answers = self.writer.bus, Signal()
+        self.ports = [self.valid, self.last, self.enable, self.reads, bus.awready, bus.wready, self.answers, bus.bresp]
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
@@ -138,11 +139,9 @@ class _Ring(Elaboratable):
                 Assert(unread < SLOTS),
             ]
         m.d.comb += [Assert(unread <= SLOTS), Cover(bus.wvalid & bus.wready & bus.wlast)]
-        # What a reset waits for: as many responses as bursts.
-        waits, opened = Signal(), Signal(range(MAX_OUTSTANDING + 1))
-        m.d.sync += [waits.eq(bus.awvalid & ~bus.awready), opened.eq(opened + (bus.awvalid & ~waits) - bus.bvalid)]
-        with m.If(writer.o_idle):
-            m.d.comb += Assert((opened == 0) & ~bus.awvalid & ~bus.wvalid)
+        # What a reset waits for; `_Bursts` shows that nothing is open then.
+        answered = writer.bursts.o_all_answered
+        m.d.comb += [bus.bvalid.eq(self.answers & ~answered), Assert(~writer.o_idle | answered)]
         return m
 
 
