@@ -14,9 +14,9 @@ from tests.system.docs.notebook_runner import run_notebook
 from tests.system.docs.page_runner import run_page
 
 DOCS = Path(__file__).parents[3] / "docs"
-SLOW = {"change_a_rule.md", "export_to_a_kit.md", "flight_to_map.md", "fuzzy_systems.md"}
+SLOW = {"change_a_rule.md", "export_to_a_kit.md", "flight_to_map.md", "fuzzy_systems.md", "own_rules.md"}
 """Pages whose commands take seconds to start, or write the Verilog of a whole accelerator."""
-TUTORIALS = 7
+TUTORIALS = 8
 FOREIGN = re.compile(r'<(?:script|img|iframe|link)\b[^>]*\b(?:src|href)="(?:https?:)?//[^"]*"')
 """What a page loads from another server."""
 RUN = {"pycon", "console"}
