@@ -21,6 +21,11 @@ class Sessions:
     ----------
     boards : tuple of str
         Backends that are boards, ``board:HOST``, offered in every session.
+
+    Attributes
+    ----------
+    folder : Path
+        Where all files are; the next start removes it if this process is killed.
     """
 
     def __init__(self, boards: tuple[str, ...] = ()) -> None:
@@ -28,15 +33,10 @@ class Sessions:
         arriving = asyncio.Semaphore(MAX_UPLOADS_OF_ALL)
         self._queues = Queues(jobs=asyncio.Semaphore(2), uploads=asyncio.Semaphore(2), arriving=arriving)
         self._stack = ExitStack()
-        self._folder = self._stack.enter_context(temporary_folder())
+        self.folder = self._stack.enter_context(temporary_folder())
         # A session without files is forgotten when its page is closed.
         self._open: WeakValueDictionary[str, Session] = WeakValueDictionary()
         self._with_files: list[Session] = []
-
-    @property
-    def folder(self) -> Path:
-        """Where all files are; the next start removes it if this process is killed."""
-        return self._folder
 
     def get(self, identifier: str) -> Session:
         """The session with this identifier; a new one if there is none."""
@@ -53,7 +53,7 @@ class Sessions:
             longest_idle.close()
             self._with_files.remove(longest_idle)
         self._with_files.append(session)
-        return Path(tempfile.mkdtemp(dir=self._folder))
+        return Path(tempfile.mkdtemp(dir=self.folder))
 
     def close(self) -> None:
         """Cancel every job and remove every file."""

@@ -166,11 +166,6 @@ class Job:
             raise JobFailedError("no worker could be started (out of memory?); try again") from None
         self._process = process
 
-    async def _was_ended_by(self, number: signal.Signals) -> bool:
-        assert self._process is not None
-        await asyncio.to_thread(self._process.join)
-        return self._process.exitcode == -number
-
     async def _receive_result(self, receiver: Connection) -> Any:
         while True:
             try:
@@ -178,8 +173,9 @@ class Job:
             except EOFError:
                 if self._cancelled.is_set():
                     raise JobCancelledError from None
-                if await self._was_ended_by(signal.SIGXCPU):
-                    assert self._limits is not None
+                assert self._process is not None
+                await asyncio.to_thread(self._process.join)
+                if self._limits is not None and self._process.exitcode == -signal.SIGXCPU:
                     limit = self._limits.processor_seconds
                     raise JobFailedError(f"took more than {limit} s of processor time; try a smaller file") from None
                 # Without a message: killed from outside, by the system for its memory, or by a fault in a library.
