@@ -12,12 +12,16 @@ from skymosaic.cli.session import session
 from skymosaic.compositing.warp import CANVAS_LIMIT_PX
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.features.standing import STANDS_STILL
-from skymosaic.flight.picture.mapping import explain_absence
-from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, OutputForm
+from skymosaic.flight.picture.composition import Room, compose
+from skymosaic.flight.picture.mapping import explain_absence, place_on_map
+from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, OutputForm, deliver, room_for
+from skymosaic.flight.workers import Workers
 from skymosaic.imagery import images
+from skymosaic.imagery.key_frames import flight_sources
 from skymosaic.imagery.live_frames import LiveFrame, read_live_frames
 from skymosaic.imagery.own_outputs import record_output
-from skymosaic.imagery.photographs import is_folder
+from skymosaic.imagery.photographs import forget_decoded, is_folder
+from skymosaic.live.composing import flight_of_frames
 from skymosaic.live.mosaic import LiveMosaic, LiveUpdate
 from skymosaic.live.pace import Pace
 from skymosaic.mosaicking.options import MosaicOptions
@@ -138,18 +142,46 @@ def write_live_mosaic(
         session.warn(STANDS_STILL)
     # Without a moving display, which a closed terminal would not take.
     session.tell("writing")
-    mosaic.save(output, overwrite=overwrite)
+    size = _write_composed(mosaic, source, output, options)
+    if size is None:
+        mosaic.save(output, overwrite=overwrite)
+        size = mosaic.image.shape[1], mosaic.image.shape[0]
     if is_folder(Path(source)):
         for path in outputs:
             record_output(path, [Path(source) / path.name])
     for path in outputs:
         session.wrote(path)
     session.tell(str(pace))
-    height_px, width_px = mosaic.image.shape[:2]
+    width_px, height_px = size
     frame_count = len(mosaic.transforms)
     session.numbers = {"size": [width_px, height_px], "frames": frame_count, "left_out": absent, "pace": pace.numbers}
     session.numbers |= options.base_config.rules_summary()
     session.show(f"mosaic {output} ({width_px}x{height_px}): {frame_count} frames, {len(absent)} left out")
+
+
+def _write_composed(mosaic: LiveMosaic, source: str, output: Path, options: MosaicOptions) -> tuple[int, int] | None:
+    """Write the mosaic composed from its frames, where they still exist; returns its width and height, else None."""
+    is_video = Path(source).is_file()
+    if options.band is not None or not (is_video or is_folder(Path(source))):
+        return None
+    try:
+        with flight_sources([source], lambda _line: None) as sources, Workers() as workers:
+            by_name = {each.name: each for each in sources}
+            flight = flight_of_frames(mosaic.frames, by_name, options.flight_settings(), options.scale, workers)
+            if flight is None:
+                return None
+            (layout,) = flight.layouts
+            room = room_for(output, planes=4) if options.canvas_limit_px is None else Room(options.canvas_limit_px)
+            place = place_on_map(flight, layout)
+            composition = compose(flight, layout, scale=options.scale, room=room, place=place)
+            deliver(output, flight, layout, composition, composition.bands(workers))
+            return composition.size
+    # What was painted is better than nothing.
+    except (InputError, RegistrationError) as error:
+        session.tell(f"note: written as it was painted, because the frames cannot be composed: {error}")
+        return None
+    finally:
+        forget_decoded()
 
 
 def report_absent(absent: Mapping[int, str], *, strict: bool) -> None:

@@ -177,6 +177,11 @@ class LiveMosaic:
         return self._mosaic.canvas.image
 
     @property
+    def frames(self) -> tuple[Frame, ...]:
+        """The frames in the mosaic."""
+        return tuple(self._mosaic.frames.values())
+
+    @property
     def transforms(self) -> dict[int, Array]:
         """For each frame's number, the transformation (3, 3) from its original pixels to those of `image`."""
         return {

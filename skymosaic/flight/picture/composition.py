@@ -374,6 +374,9 @@ def least_nearness(views: Sequence[View], layout: Layout) -> list[float]:
         tied[link.right].append(link.right_points)
     least = []
     for member, points in tied.items():
+        if not points:
+            least.append(0.0)
+            continue
         size, transform = views[member].working_size, layout.transforms[member]
         tied_from = float(np.percentile(nearness(size, transform, np.concatenate(points)), REMOTE_PERCENTILE))
         whole = float(nearness(size, transform, Canvas(0, 0, *size).corners).min())
